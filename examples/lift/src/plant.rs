@@ -22,7 +22,7 @@ pub const TRAVEL: f64 = 1100.0;
 
 /// Where the feeder's marker is, degrees since power-on in any turn. It is found backwards: the pockets
 /// stand at its upper end.
-pub const INDEX: [f64; 2] = [-96.0, -90.0];
+pub const INDEX: [f64; 2] = [-110.0, -104.0];
 
 /// At the output shaft; our estimates.
 #[must_use]
