@@ -379,6 +379,20 @@ mod tests {
         let turned = TotalAngle::from_degrees(1000).minus(ideal.1.angle);
         assert_eq!(CONFIG.pieces_in(turned), 3);
         assert!(turned.minus(CONFIG.angle_of(3)).microdegrees().abs() <= 1, "{turned:?}");
+        // In the middle of a piece.
+        ideal.0.feed(2);
+        while ideal.0.fed() < 6 {
+            ideal.run(1);
+        }
+        ideal.run(3);
+        assert!(ideal.0.setpoint > CONFIG.angle_of(6), "{:?}", ideal.0);
+        ideal.1.angle = TotalAngle::ZERO;
+        ideal.0.align(&CONFIG, TotalAngle::ZERO);
+        ideal.run(100);
+        assert_eq!(
+            (ideal.0.fed(), ideal.1.angle),
+            (7, CONFIG.angle_of(7).minus(CONFIG.angle_of(6)).reversed())
+        );
         // One that has fed nothing yet.
         let mut fresh = Ideal(Feeder::new(), Measured::default());
         fresh.0.feed(1);

@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 
-use lift::table::{FEEDER, INDEXING};
+use lift::table::FEEDER;
 use lift::{Name, Stage};
 use rc10_motor::{Motion, Target};
 
@@ -98,14 +98,14 @@ fn a_marker_that_is_never_seen_ends_homing_and_the_lift_goes_on() {
         bench.arm();
         let took = bench.until(8, |bench| bench.feeder() == Stage::Failed);
         println!("given up after {took} ms");
-        assert!(took <= 1000 * INDEXING.phase_timeout.get() as u64, "{took}");
+        // A turn and a bit, at half a turn a second.
+        assert!((2000..2500).contains(&took), "{took}");
         feed(bench, 1);
         bench.run(300);
         // It coasts.
         let state = bench.motor(Name::Feeder).state();
         assert!(state.current.abs() < 0.05, "{} A", state.current);
-        let travel = f64::from(INDEXING.travel.get());
-        assert!(bench.turned().abs() < travel + POCKET, "{}", bench.turned());
+        assert!(bench.turned().abs() < 400.0 + POCKET, "{}", bench.turned());
         bench.home();
         ride(bench);
         assert_eq!((bench.feeder(), bench.fed()), (Stage::Failed, 0));
