@@ -1,8 +1,8 @@
-use rc10_app::Seconds;
-use rc10_app::mechanism::{Command, Feeder, Homing, HomingStatus, Measured};
+use rc10_app::mechanism::{Command, Feeder, Homing, HomingStatus, Measured, Phase};
+use rc10_app::{Seconds, TotalAngle};
 
 use crate::Stage;
-use crate::table::{FEEDER, INDEXING};
+use crate::table::{FEEDER, INDEXING, INDEXING_FORWARD};
 
 /// A feeder whose pockets stand where its index says.
 ///
@@ -20,9 +20,11 @@ pub struct IndexedFeeder {
 enum State {
     #[default]
     Idle,
-    Homing(Homing),
+    /// The motor was there before it backed off.
+    Homing(Homing, TotalAngle),
     /// With so many gaps in its turns.
     Ready(u32),
+    Failed,
 }
 
 impl IndexedFeeder {
@@ -31,7 +33,7 @@ impl IndexedFeeder {
         self.feeder.reset();
         self.feeder.stop();
         if !self.is_ready(motor) {
-            self.state = State::Homing(Homing::new());
+            self.state = State::Homing(Homing::new(), motor.angle);
         }
     }
 
@@ -45,17 +47,26 @@ impl IndexedFeeder {
             return self.feeder.update(&FEEDER, motor, dt);
         }
         if let State::Ready(_) = self.state {
-            self.state = State::Homing(Homing::new());
+            self.state = State::Homing(Homing::new(), motor.angle);
         }
-        let State::Homing(homing) = &mut self.state else { return Command::Coast };
+        let State::Homing(homing, from) = &mut self.state else { return Command::Coast };
         let command = homing.update(&INDEXING, motor, closed, dt);
+        // A contact that stays closed, as that of a pinched wire, must not feed a turn of pieces.
+        let feeds = motor.angle.minus(*from) > INDEXING_FORWARD;
         match homing.status() {
-            HomingStatus::Running(_) => command,
-            HomingStatus::Failed(_) => Command::Coast,
+            HomingStatus::Running(Phase::First) => {
+                *from = motor.angle;
+                command
+            }
+            HomingStatus::Running(_) if !feeds => command,
             HomingStatus::Done { zero } => {
                 self.feeder.align(&FEEDER, zero);
                 self.state = State::Ready(motor.gaps);
                 command
+            }
+            HomingStatus::Running(_) | HomingStatus::Failed(_) => {
+                self.state = State::Failed;
+                Command::Coast
             }
         }
     }
@@ -64,11 +75,9 @@ impl IndexedFeeder {
     pub const fn stage(&self) -> Stage {
         match &self.state {
             State::Idle => Stage::Idle,
-            State::Homing(homing) if matches!(homing.status(), HomingStatus::Failed(_)) => {
-                Stage::Failed
-            }
-            State::Homing(_) => Stage::Homing,
+            State::Homing(..) => Stage::Homing,
             State::Ready(_) => Stage::Ready,
+            State::Failed => Stage::Failed,
         }
     }
 }

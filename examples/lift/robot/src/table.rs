@@ -115,9 +115,9 @@ pub const TOGETHER: AxesConfig = AxesConfig {
 pub const INDEXING: HomingConfig = HomingConfig {
     reference: Reference::Contact { debounce: Seconds::new(0.01) },
     direction: Direction::Reversed,
-    fast: Rpm::new(30.0),
+    fast: Rpm::new(20.0),
     slow: Rpm::new(6.0),
-    back_off: Degrees::new(20.0),
+    back_off: Degrees::new(10.0),
     // How much later it is seen at the fast speed.
     tolerance: Degrees::new(3.0),
     touch_at: TotalAngle::ZERO,
@@ -127,6 +127,10 @@ pub const INDEXING: HomingConfig = HomingConfig {
     phase_timeout: Seconds::new(4.0),
     timeout: Seconds::new(8.0),
 };
+
+/// It backs off no further than this, or homing has failed: more than the marker, backing off and coming to a stand
+/// take, and with what it then coasts less than a pocket.
+pub const INDEXING_FORWARD: TotalAngle = TotalAngle::from_degrees(25);
 
 /// A wheel of eight pockets, four pieces a second.
 pub const FEEDER: FeederConfig = FeederConfig {
