@@ -14,10 +14,15 @@ use super::{is_clean, keeps_its_period, log, program, setup};
 
 /// Runs it for a time, in milliseconds.
 fn record(length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
+    record_on("lift-firmware", length, judge);
+}
+
+/// The same by a program, on the board that it is for.
+fn record_on(name: &str, length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let robot = simulation::robot(&shared, &mut motors).unwrap();
-    let emulation = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).unwrap();
+    let emulation = Emulation::new(&program(name), robot, &setup(&[])).unwrap();
     let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
     judge(&mut emulation, recording);
 }
@@ -72,12 +77,13 @@ fn pieces(emulation: &Emulation<'_>) -> f64 {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn its_feeder_finds_its_index_by_a_pin_and_feeds_from_there() {
     let tolerance = f64::from(FEEDER.tolerance.get()) / 45.0;
-    // The script feeds from 3.6 s on, and from 4.2 s.
-    for (until, fed) in [(3500, 0.0), (4700, 2.0)] {
-        record(until, |emulation, recording| {
+    // The script feeds from 3.6 s on, and from 4.2 s. Each board has its own pin.
+    let [ours, other] = ["lift-firmware", "lift-firmware-dm-mc02"];
+    for (name, until, fed) in [(ours, 3500, 0.0), (ours, 4700, 2.0), (other, 4700, 2.0)] {
+        record_on(name, until, |emulation, recording| {
             is_clean(&emulation.rig, &Figures::of(&emulation.rig));
             let pieces = pieces(emulation);
-            println!("{pieces:.4} pieces");
+            println!("{name}: {pieces:.4} pieces");
             assert!((pieces - fed).abs() < tolerance, "{pieces} pieces after {until} ms");
             // Back to the marker, forth, and slowly back again.
             let samples = &recording.motors[Name::Feeder.index()].samples;
