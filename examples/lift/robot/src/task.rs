@@ -3,9 +3,11 @@
 //! | control | the robot |
 //! |---|---|
 //! | right switch | down: disarmed; else armed: lift and feeder home, and then obey |
-//! | left switch | to up: feeds one piece, after homing if the feeder homes; down: emergency stop |
+//! | left switch | to up: feeds one piece; down: emergency stop |
 //! | left stick | away and back: raises and lowers the lift |
 //! | right stick | back, to the right, away: the lift goes to its lowest, middle, highest height |
+//!
+//! Pieces that are asked for while the feeder homes are fed afterwards. Armed again, what was not fed is forgotten.
 //!
 //! [`rc10_tasks::arming`] says how it is armed, and what happens when the remote is lost.
 

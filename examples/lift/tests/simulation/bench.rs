@@ -229,7 +229,8 @@ impl Bench<'_> {
     }
 }
 
-fn stage(signal: &Signal) -> Stage {
+/// The stage that a signal tells.
+pub fn stage(signal: &Signal) -> Stage {
     let stages = [Stage::Idle, Stage::Homing, Stage::Ready, Stage::Failed];
     stages.into_iter().find(|stage| u64::from(*stage as u8) == number(signal)).unwrap()
 }

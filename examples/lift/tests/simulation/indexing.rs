@@ -2,11 +2,15 @@
 
 use core::cell::Cell;
 
+use embedded_hal::digital::{ErrorKind, ErrorType, InputPin};
 use lift::table::FEEDER;
-use lift::{Name, Stage};
-use rc10_motor::{Motion, Target};
+use lift::{Motors, Name, Ports, Shared, Stage, simulation, task};
+use rc10_can::Micros;
+use rc10_cli::environment::Environment;
+use rc10_cli::{Description, Robot};
+use rc10_motor::{Motion, Names, Target};
 
-use crate::bench::{ARMED, Bench, DISARMED, FEED, indexed};
+use crate::bench::{ARMED, Bench, DISARMED, FEED, indexed, stage};
 use crate::{feed, ride};
 
 const MARKER: f64 = 6.0;
@@ -172,4 +176,36 @@ fn armed_again_it_knows_its_index_unless_turns_were_estimated() {
         assert_eq!(bench.fed(), 4);
         assert!(off(bench, -90.0) < 1.0, "{}", off(bench, -90.0));
     });
+}
+
+/// An input that cannot be read.
+struct Broken;
+
+impl ErrorType for Broken {
+    type Error = ErrorKind;
+}
+
+impl InputPin for Broken {
+    fn is_high(&mut self) -> Result<bool, ErrorKind> {
+        Err(ErrorKind::Other)
+    }
+
+    fn is_low(&mut self) -> Result<bool, ErrorKind> {
+        Err(ErrorKind::Other)
+    }
+}
+
+#[test]
+fn an_input_that_cannot_be_read_is_an_open_contact() {
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let description = Description { contacts: Vec::new(), ..simulation::description() };
+    let mut around = Environment::new(&description, 1).unwrap();
+    let robot = Robot::of(description, motors.start(&shared.switch).unwrap(), &shared.common);
+    let mut tasks = robot.task(task::run(&shared, Broken)).tasks(&around).unwrap();
+    around.run(&mut tasks, Micros::from_millis(5000));
+    assert_eq!(stage(&shared.live.feeder), Stage::Failed);
+    // It has looked all round, backwards.
+    let turned = around.motors[Name::Feeder.index()].state().load_degrees;
+    assert!(turned < -360.0, "{turned}");
 }
