@@ -1,10 +1,12 @@
-//! The firmware of `examples/lift`: two motors that find the bottom together, and a feeder.
+//! The firmware of `examples/lift`: two motors that find the bottom together, and a feeder that finds its
+//! index.
 
-use lift::table::{HEIGHTS, LIFT};
+use lift::table::{FEEDER, HEIGHTS, LIFT};
 use lift::{Motors, Name, Ports, Shared, plant, simulation};
 use rc10_can::Micros;
 use rc10_cli::emulate::Emulation;
 use rc10_cli::recording::Recording;
+use rc10_cli::{ContactPart, Robot};
 use rc10_emu::Figures;
 use rc10_motor::Names;
 
@@ -12,10 +14,15 @@ use super::{is_clean, keeps_its_period, log, program, setup};
 
 /// Runs it for a time, in milliseconds.
 fn record(length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
+    record_on("lift-firmware", length, judge);
+}
+
+/// The same by a program, on the board that it is for.
+fn record_on(name: &str, length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let robot = simulation::robot(&shared, &mut motors).unwrap();
-    let emulation = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).unwrap();
+    let emulation = Emulation::new(&program(name), robot, &setup(&[])).unwrap();
     let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
     judge(&mut emulation, recording);
 }
@@ -58,4 +65,44 @@ fn then_it_goes_to_a_height_and_is_level() {
         assert!(heights.iter().all(|height| (height - middle).abs() < 1.0), "{heights:?}");
         assert!((heights[0] - heights[1]).abs() < 0.5, "{heights:?}");
     });
+}
+
+/// Pieces that the feeder's shaft has fed since a pocket stood at the marker.
+fn pieces(emulation: &Emulation<'_>) -> f64 {
+    let turned = emulation.motors[Name::Feeder.index()].state().load_degrees;
+    (turned - plant::INDEX[1]) / 45.0
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn its_feeder_finds_its_index_by_a_pin_and_feeds_from_there() {
+    let tolerance = f64::from(FEEDER.tolerance.get()) / 45.0;
+    // The script feeds from 3.6 s on, and from 4.2 s. Each board has its own pin.
+    let [ours, other] = ["lift-firmware", "lift-firmware-dm-mc02"];
+    for (name, until, fed) in [(ours, 3500, 0.0), (ours, 4700, 2.0), (other, 4700, 2.0)] {
+        record_on(name, until, |emulation, recording| {
+            is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+            let pieces = pieces(emulation);
+            println!("{name}: {pieces:.4} pieces");
+            assert!((pieces - fed).abs() < tolerance, "{pieces} pieces after {until} ms");
+            // Back to the marker, forth, and slowly back again.
+            let samples = &recording.motors[Name::Feeder.index()].samples;
+            let rpm = samples.iter().map(|sample| sample.rpm);
+            let [least, most] = [f64::min, f64::max].map(|of| rpm.clone().fold(0.0, of));
+            assert!(least < -15.0 && most > 15.0, "{least} to {most} rpm");
+        });
+    }
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn more_contacts_than_the_board_has_inputs_are_refused() {
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let mut description = simulation::description();
+    description.contacts = vec![ContactPart::new(Name::Feeder, plant::INDEX); 3];
+    let started = motors.start(&shared.switch).unwrap();
+    let robot = Robot::of(description, started, &shared.common).contacts(|[_, _, _]| async {});
+    let error = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).err().unwrap();
+    assert_eq!(error.to_string(), "h723zg has 2 inputs for switches, the robot 3 contacts");
 }

@@ -16,7 +16,7 @@ pub const EXAMPLES: [&str; 5] =
     ["lift-firmware", "mixed-firmware", "omni-firmware", "starter-firmware", "swerve-firmware"];
 /// The board that is not the default one, and the programs that are run on it.
 pub const DM_MC02: &str = "dm-mc02";
-pub const ON_DM_MC02: [&str; 2] = [TEAM, "omni-firmware"];
+pub const ON_DM_MC02: [&str; 3] = [TEAM, "lift-firmware", "omni-firmware"];
 
 /// Builds a program of the workspace `firmware/` for release, for its default board or another one; says where
 /// its ELF file is.

@@ -33,6 +33,8 @@ pub struct Description {
     pub remote: Option<RemoteControl>,
     /// The other parts on its UARTs.
     pub serials: Vec<SerialPart>,
+    /// The switches and markers on its motors' shafts: the first is at the board's first input for them.
+    pub contacts: Vec<ContactPart>,
     /// Bits a second of its firmware's console, if not 921,600.
     pub console: Option<u32>,
     /// Its script, for reports.
@@ -64,6 +66,24 @@ pub struct SerialPart {
     pub uart: u8,
     /// Puts its simulated twin at the end of a link.
     pub twin: fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial>,
+}
+
+/// A switch or marker on a motor's shaft: [`rc10_sim::Contact`].
+#[derive(Clone, Copy, Debug)]
+pub struct ContactPart {
+    /// The motor: a line of [`Description::motors`].
+    pub(crate) motor: usize,
+    /// Where in a turn of its output shaft it is closed: degrees since the start, as the motor itself
+    /// counts, the lower angle first.
+    pub closed: [f64; 2],
+}
+
+impl ContactPart {
+    /// On the shaft of a motor, closed between these angles, whichever the turn.
+    #[must_use]
+    pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
+        Self { motor: motor.index(), closed }
+    }
 }
 
 /// Labels of three signals that are a pose together: m forward and m to the left of where the robot began

@@ -153,7 +153,7 @@ impl<'r> Emulation<'r> {
         if let Some(baud) = setup.console {
             around = around.with_console(baud);
         }
-        let Environment { world, wires, lines: ends, motors, base, serials, .. } = around;
+        let Environment { world, wires, lines: ends, motors, base, serials, contacts, .. } = around;
         let (remote, operator, console) = (around.remote, around.operator, around.console);
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         let board = board::of(program, setup)?;
@@ -167,6 +167,17 @@ impl<'r> Emulation<'r> {
         }
         for (part, link) in description.serials.iter().zip(&serials) {
             machine.connect_serial(part.uart, link, false).context(part.label)?;
+        }
+        let inputs = board.switches;
+        ensure!(
+            contacts.len() <= inputs.len(),
+            "{} has {} inputs for switches, the robot {} contacts",
+            board.name,
+            inputs.len(),
+            contacts.len()
+        );
+        for (contact, pin) in contacts.iter().zip(inputs) {
+            machine.connect_contact(pin, contact).context("contacts")?;
         }
         if let Some(line) = &console {
             machine.connect_serial(CONSOLE, line.serial(), false).context("console")?;

@@ -7,7 +7,9 @@ use anyhow::{Context, Result, ensure};
 use rc10_can::Micros;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
-use rc10_sim::{Base, BusConfig, Esc, LineConfig, Mounting, Serial, Tasks, WheelMotors, World};
+use rc10_sim::{
+    Base, BusConfig, Contact, Esc, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
+};
 
 use crate::built::Built;
 use crate::description::Description;
@@ -28,6 +30,8 @@ pub struct Environment {
     pub base: Option<Base>,
     /// The parts on its UARTs, in the order of [`Description::serials`].
     pub serials: Vec<Serial>,
+    /// The switches and markers on its motors' shafts, in the order of [`Description::contacts`].
+    pub contacts: Vec<Contact>,
     /// Its remote with the receiver, if it has one.
     pub remote: Option<RemoteLink>,
     /// The operator of that remote.
@@ -52,7 +56,8 @@ impl Environment {
     ///
     /// # Errors
     /// If a mistake cannot be made; if a motor has no simulated ESC, or is on a bus that the robot
-    /// does not have; or if the wheels of the base are not as many motors, one each.
+    /// does not have; if the wheels of the base are not as many motors, one each; or if a contact is on
+    /// no motor, or would never be closed or never open.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
         let mut world = World::new(seed);
         let wires: Vec<_> =
@@ -101,6 +106,14 @@ impl Environment {
             let twin = (part.twin)(&mut world, base.as_ref());
             serials.push(twin.with_context(|| format!("parts on UARTs, {}", part.label))?);
         }
+        let mut contacts = Vec::new();
+        for part in &description.contacts {
+            let line = part.motor;
+            let (motor, esc) = (built.motors.get(line).zip(motors.get(line)))
+                .with_context(|| format!("contacts: there is no motor in line {line}"))?;
+            let contact = Contact::new(esc, part.closed);
+            contacts.push(contact.with_context(|| format!("contacts, {}", motor.label))?);
+        }
         let (mut remote, mut operator) = (None, None);
         if let Some(control) = &description.remote {
             let hands = Remote::new();
@@ -110,7 +123,7 @@ impl Environment {
             remote = Some(RemoteLink { remote: hands, receiver, wire });
         }
         let console = None;
-        Ok(Self { world, wires, lines, motors, base, serials, remote, operator, console })
+        Ok(Self { world, wires, lines, motors, base, serials, contacts, remote, operator, console })
     }
 
     /// With a PC at its console.
@@ -159,7 +172,7 @@ mod tests {
     use rc10_motor::dji;
 
     use super::*;
-    use crate::description::Base;
+    use crate::description::{Base, ContactPart};
     use crate::motor::{Motor, Place};
 
     #[test]
@@ -202,6 +215,24 @@ mod tests {
             ),
         ] {
             assert_eq!(complaint(motor, wheels).as_deref(), Some(words));
+        }
+        for (motor, closed, words) in [
+            (0, [350.0, 370.0], None),
+            (4, [350.0, 370.0], Some("contacts: there is no motor in line 4")),
+            (
+                1,
+                [20.0, 20.0],
+                Some(
+                    "contacts, arm: closed from 20 to 20 degrees is no part of a turn: less than all \
+                     of it, the lower angle first",
+                ),
+            ),
+        ] {
+            let contacts = vec![ContactPart { motor, closed }];
+            let motors = vec![arm.clone(); 4];
+            let description = Description { motors, buses: 2, contacts, ..<_>::default() };
+            let said = Environment::new(&description, 1).err().map(|error| format!("{error:#}"));
+            assert_eq!(said.as_deref(), words);
         }
         assert!(complaint(Motor::dji_on("arm", 2, &dji::M2006, 9), None).is_some());
         assert!(complaint(arm, Some(&[0, 1, 2, 2])).is_some());

@@ -75,7 +75,7 @@ use pty::PtyArgs;
 use record::{CsvArgs, ReportArgs};
 use run::RunArgs;
 
-pub use description::{Base, Description, LinePart, SerialPart};
+pub use description::{Base, ContactPart, Description, LinePart, SerialPart};
 pub use mistake::Mistake;
 pub use motor::{Device, Motor, Place, Plant};
 pub use recording::Recording;

@@ -4,7 +4,7 @@ use std::iter::zip;
 use std::pin::Pin;
 use std::rc::Rc;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use embassy_time::Instant;
 use rc10_can::Micros;
 use rc10_module::Reception;
@@ -12,7 +12,7 @@ use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
 use rc10_sim::fault::Kind;
-use rc10_sim::{Fault, Faults, Tasks, UartPort};
+use rc10_sim::{Contact, Fault, Faults, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 
@@ -40,11 +40,15 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
+    /// A task that reads the contacts, and how many.
+    contacts: Option<(usize, ReadContacts<'r>)>,
     /// Serves a PC at its console.
     console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
     /// It runs even if motors do not fit on a bus.
     is_forced: bool,
 }
+
+type ReadContacts<'r> = Box<dyn FnOnce(&[Contact]) -> Option<Task<'r>> + 'r>;
 
 type Task<'r> = Pin<Box<dyn Future<Output = ()> + 'r>>;
 
@@ -75,6 +79,7 @@ impl<'r> Robot<'r> {
             tasks: Vec::new(),
             listen: None,
             serials: Vec::new(),
+            contacts: None,
             console: None,
             is_forced: false,
         }
@@ -125,6 +130,26 @@ impl<'r> Robot<'r> {
     #[must_use]
     pub fn task<T>(mut self, task: impl Future<Output = T> + 'r) -> Self {
         self.tasks.push(boxed(task));
+        self
+    }
+
+    /// Adds the task that reads its contacts, the switches and markers on its motors' shafts: they are
+    /// inputs, low while they are closed, in the order in which they are described.
+    ///
+    /// ```
+    /// # use rc10_cli::{Description, Robot};
+    /// # async fn run(index: impl embedded_hal::digital::InputPin) {}
+    /// # let robot = Robot::new(Description::default());
+    /// let robot = robot.contacts(|[index]| run(index));
+    /// ```
+    #[must_use]
+    pub fn contacts<const N: usize, F: Future + 'r>(
+        mut self,
+        read: impl FnOnce([Contact; N]) -> F + 'r,
+    ) -> Self {
+        let read: ReadContacts<'r> =
+            Box::new(|contacts| Some(boxed(read(contacts.to_vec().try_into().ok()?))));
+        self.contacts = Some((N, read));
         self
     }
 
@@ -364,6 +389,12 @@ impl<'r> Robot<'r> {
         if let (Some(serve), Some(line)) = (self.console, &around.console) {
             tasks.add(serve(line.port()));
         }
+        if let Some((described, read)) = self.contacts {
+            let count = around.contacts.len();
+            tasks.add(read(&around.contacts).with_context(|| {
+                format!("{described} contacts are read, but {count} are around it")
+            })?);
+        }
         for (speak, link) in self.serials.into_iter().zip(&around.serials) {
             tasks.add(speak(link.port()));
         }
@@ -393,6 +424,9 @@ impl<'r> Robot<'r> {
         }
         let (serials, described) = (self.serials.len(), self.description.serials.len());
         ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
+        let read = self.contacts.as_ref().map_or(0, |(count, _)| *count);
+        let described = self.description.contacts.len();
+        ensure!(read == described, "{read} contacts are read, but {described} described");
         let signals = &self.ports.signals;
         for (index, Signal { label, .. }) in signals.iter().enumerate() {
             let is_new = signals[..index].iter().all(|other| other.label != *label);
@@ -500,6 +534,9 @@ mod tests {
             .fold(robot, |robot, label| robot.signal(label, "", |_| None));
         let error = robot.into_buses().err().map(|error| error.to_string());
         assert_eq!(error.as_deref(), Some("two signals are called `wall`"));
+        let robot = Robot::new(Description::default()).contacts(|[_]| async {});
+        let error = robot.into_buses().err().map(|error| error.to_string());
+        assert_eq!(error.as_deref(), Some("1 contacts are read, but 0 described"));
         let robot = Robot::new(Description::default()).signal("x", "m", |_| None);
         let error = robot.estimate(["x", "y", "yaw"]).into_buses().err().map(|it| it.to_string());
         let missing = "its pose is said by a signal `y`, which there is not";

@@ -66,6 +66,8 @@ pub struct Board {
     pub heater: Option<Heater>,
     /// Its key, which connects the pin to ground; a pull-up is beside it.
     pub key: Option<(char, usize)>,
+    /// Its inputs for switches to ground, without a pull-up.
+    pub switches: [(char, usize); 2],
 }
 
 /// Where a BMI088 is.
@@ -110,6 +112,7 @@ impl Board {
         imu: None,
         heater: None,
         key: None,
+        switches: [('G', 2), ('G', 3)],
     };
     /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
     pub const DM_MC02: Self = Self {
@@ -125,6 +128,7 @@ impl Board {
         // Ten of 470 ohms in parallel.
         heater: Some(Heater { pin: ('B', 1), ohms: 47 }),
         key: Some(('A', 15)),
+        switches: [('E', 14), ('E', 0)],
     };
     /// All boards.
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];
@@ -161,5 +165,8 @@ mod tests {
             pins.filter(|&(port, pin)| package.bonds(port, pin)).count()
         };
         assert_eq!((count(Package::Lqfp100), count(Package::Lqfp144)), (82, 114));
+        for board in Board::ALL {
+            assert!(board.switches.iter().all(|(port, pin)| board.package.bonds(*port, *pin)));
+        }
     }
 }

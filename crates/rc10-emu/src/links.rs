@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-use rc10_sim::{Line, Nanos, PulseEnd, Serial, SerialEnd, UartFault};
+use rc10_sim::{Contact, Line, Nanos, PulseEnd, Serial, SerialEnd, UartFault};
 
 use crate::peripherals::{Character, Format, Outgoing, Sampling, Soc, Wire};
 
@@ -129,16 +129,24 @@ struct PulseLink {
     ear: Rc<RefCell<PulseEar>>,
 }
 
+/// A pin at a contact to ground.
+struct ContactLink {
+    pin: (char, usize),
+    contact: Contact,
+    was_closed: bool,
+}
+
 /// All lines of a chip.
 #[derive(Default)]
 pub(crate) struct Links {
     serials: Vec<SerialLink>,
     pulses: Vec<PulseLink>,
+    contacts: Vec<ContactLink>,
 }
 
 impl Links {
     pub fn is_empty(&self) -> bool {
-        self.serials.is_empty() && self.pulses.is_empty()
+        self.serials.is_empty() && self.pulses.is_empty() && self.contacts.is_empty()
     }
 
     /// Puts a UART on a serial link. `false`: there is no such UART, or it knows no characters of
@@ -206,12 +214,35 @@ impl Links {
         true
     }
 
-    /// Moves data of the world to the chip, which stands at an earlier time or at this.
-    pub fn hear(&self, soc: &mut Soc) {
+    /// Puts a pin at a contact to ground. `false`: there is no such pin.
+    pub fn connect_contact(
+        &mut self,
+        soc: &mut Soc,
+        pin: (char, usize),
+        contact: &Contact,
+        now: Nanos,
+    ) -> bool {
+        let was_closed = contact.is_closed();
+        let connected = soc.drive_pin(pin.0, pin.1, level(was_closed), now);
+        if connected {
+            self.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
+        }
+        connected
+    }
+
+    /// Moves data of the world, which stands at `now`, to the chip, which stands at an earlier time or
+    /// at this.
+    pub fn hear(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter().for_each(|link| link.hear(soc));
         for PulseLink { pin: (port, pin), ear } in &self.pulses {
             for (high, at) in ear.borrow_mut().0.drain(..) {
                 soc.drive_pin(*port, *pin, Some(high), at);
+            }
+        }
+        for ContactLink { pin: (port, pin), contact, was_closed } in &mut self.contacts {
+            let closed = contact.is_closed();
+            if std::mem::replace(was_closed, closed) != closed {
+                soc.drive_pin(*port, *pin, level(closed), now);
             }
         }
     }
@@ -225,4 +256,9 @@ impl Links {
     pub fn garbled(&self, uart: u8) -> u64 {
         self.serials.iter().filter(|link| link.uart == uart).map(|link| link.garbled).sum()
     }
+}
+
+/// What a contact to ground drives its pin to: open, nothing.
+fn level(closed: bool) -> Option<bool> {
+    closed.then_some(false)
 }

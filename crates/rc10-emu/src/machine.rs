@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result, ensure};
-use rc10_sim::{Line, Nanos, Pulses, Serial, World};
+use rc10_sim::{Contact, Line, Nanos, Pulses, Serial, World};
 
 use crate::board::Board;
 use crate::core::{Core, Interpreter, Step, Wiring};
@@ -301,6 +301,19 @@ impl Machine {
         let now = self.now();
         let connected = self.links.connect_pulses(&mut self.wiring.soc(), pin, pulses, now);
         ensure!(connected, "there is no pin P{}{}", pin.0, pin.1);
+        Ok(())
+    }
+
+    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
+    ///
+    /// # Errors
+    /// If the pin does not lead outside.
+    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
+        let now = self.now();
+        let mut soc = self.wiring.soc();
+        let connected = soc.board().package.bonds(pin.0, pin.1)
+            && self.links.connect_contact(&mut soc, pin, contact, now);
+        ensure!(connected, "no pin P{}{} leads outside", pin.0, pin.1);
         Ok(())
     }
 
@@ -599,7 +612,7 @@ impl Machine {
         loop {
             let next = soc.next_event().map_or(next_of_world, |event| event.min(next_of_world));
             world.advance_to(next.min(now));
-            self.links.hear(&mut soc);
+            self.links.hear(&mut soc, next.min(now));
             soc.advance(next.min(now));
             self.links.speak(&mut soc);
             if next >= now {

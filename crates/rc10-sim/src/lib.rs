@@ -11,6 +11,7 @@
 //! * [`Line`] and its [`SerialPort`]: an RS-485 line.
 //! * [`Serial`] and its [`UartPort`]: a serial link in full duplex to one [`SerialDevice`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
+//! * [`Contact`]: a switch or marker that a motor's shaft closes, and the input that it pulls low.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
 //! * [`Base`]: motors under a body that rolls and slides, on wheels of any kind ([`Chassis`]).
@@ -66,6 +67,7 @@
 #![forbid(unsafe_code)]
 
 mod base;
+mod contact;
 mod controller;
 pub mod cybergear;
 pub mod damiao;
@@ -98,6 +100,7 @@ mod wire;
 mod world;
 
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
+pub use contact::{Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome};
 pub use device::{Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};

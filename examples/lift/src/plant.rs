@@ -20,6 +20,10 @@ pub const fn bottom(name: Name) -> f64 {
 /// Between the bottom and the upper stop, degrees.
 pub const TRAVEL: f64 = 1100.0;
 
+/// Where the feeder's marker is, degrees since power-on in any turn. It is found backwards: the pockets
+/// stand at its upper end.
+pub const INDEX: [f64; 2] = [-110.0, -104.0];
+
 /// At the output shaft; our estimates.
 #[must_use]
 pub fn plant(name: Name) -> Plant {

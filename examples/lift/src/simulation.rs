@@ -1,18 +1,19 @@
 //! The robot as the tools see it, and with its tasks in a simulated world.
 
 use rc10_cli::emulate::build_firmware_of;
-use rc10_cli::{Description, RemoteControl, Robot};
+use rc10_cli::{ContactPart, Description, RemoteControl, Robot};
 use rc10_tasks::status;
 
-use crate::plant::{SCRIPT, plant};
+use crate::plant::{INDEX, SCRIPT, plant};
 use crate::table::RECEIVER;
-use crate::{Motors, Shared, task};
+use crate::{Motors, Name, Shared, task};
 
 /// Its description.
 #[must_use]
 pub fn description() -> Description {
     Description {
         remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, None)),
+        contacts: vec![ContactPart::new(Name::Feeder, INDEX)],
         firmware: Some(|board| build_firmware_of("lift-firmware", board)),
         ..Description::of(plant)
     }
@@ -24,6 +25,7 @@ pub fn description() -> Description {
 /// None that this declaration has.
 pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
     let robot = Robot::of(description(), motors.start(&shared.switch)?, &shared.common);
-    let robot = robot.task(task::run(shared)).task(status::run(&shared.common));
+    let robot = robot.contacts(|[index]| task::run(shared, index));
+    let robot = robot.task(status::run(&shared.common));
     Ok(robot.live(&shared.common, &shared.live))
 }

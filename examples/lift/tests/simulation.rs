@@ -3,6 +3,8 @@
 
 #[path = "simulation/bench.rs"]
 mod bench;
+#[path = "simulation/indexing.rs"]
+mod indexing;
 
 use bench::{ARMED, Bench, DISARMED, FEED, HIGHEST, LOWEST, MIDDLE, STOPPED, armed, moved};
 use lift::table::{FEEDER, HEIGHTS, LIFT, RANGE};
@@ -269,17 +271,13 @@ fn feed(bench: &mut Bench<'_>, pieces: u32) {
     }
 }
 
-fn turned(bench: &Bench<'_>) -> f64 {
-    bench.motor(Name::Feeder).state().load_degrees
-}
-
 #[test]
 fn ten_pieces_are_ten_pieces_with_a_jam_in_between() {
     for seed in 1..=5 {
         for jammed_at in [120.0, 135.5, 160.0, 449.0] {
             armed(seed, [30.0, 20.0], |bench| {
-                bench.run(200);
-                let began = turned(bench);
+                bench.index();
+                let began = bench.turned();
                 // It cannot pass, until it has gone back.
                 let at = began + jammed_at;
                 bench.motor(Name::Feeder).set_travel(Some([-1e6, at]));
@@ -287,11 +285,11 @@ fn ten_pieces_are_ten_pieces_with_a_jam_in_between() {
                 let is_jammed = |bench: &Bench<'_>| bench.jams() > 0;
                 if jammed_at < 448.0 {
                     bench.until(6, is_jammed);
-                    bench.until(1, |bench| turned(bench) < at - 10.0);
+                    bench.until(1, |bench| bench.turned() < at - 10.0);
                     bench.motor(Name::Feeder).set_travel(None);
                 }
                 bench.run(4000);
-                let pieces = (turned(bench) - began) / 45.0;
+                let pieces = (bench.turned() - began) / 45.0;
                 let tolerance = f64::from(FEEDER.tolerance.get()) / 45.0;
                 assert_eq!(bench.fed(), 10);
                 assert!((pieces - 10.0).abs() < tolerance, "{pieces} by its shaft");
@@ -305,7 +303,8 @@ fn ten_pieces_are_ten_pieces_with_a_jam_in_between() {
 fn a_jam_that_does_not_clear_is_given_up_and_the_lift_goes_on() {
     armed(1, [30.0, 20.0], |bench| {
         bench.home();
-        let at = turned(bench) + 100.0;
+        bench.index();
+        let at = bench.turned() + 100.0;
         bench.motor(Name::Feeder).set_travel(Some([-1e6, at]));
         feed(bench, 3);
         bench.run(5000);

@@ -8,10 +8,10 @@ mod soldered;
 
 use embassy_stm32::peripherals::{
     ADC1, DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
-    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, EXTI15, FDCAN1, FDCAN2, FDCAN3, IWDG1, PA0,
-    PA2, PA7, PA11, PA12, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13, PC14, PC15, PE9,
-    PE13, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7, USART1, USART2, USART3, USART10,
-    USB_OTG_HS,
+    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, EXTI0, EXTI14, EXTI15, FDCAN1, FDCAN2,
+    FDCAN3, IWDG1, PA0, PA2, PA7, PA11, PA12, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13,
+    PC14, PC15, PE0, PE9, PE13, PE14, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7,
+    USART1, USART2, USART3, USART10, USB_OTG_HS,
 };
 use embassy_stm32::{Peri, Peripherals, pac};
 use rc10_bsp::Crystal;
@@ -54,6 +54,8 @@ pub struct Board {
     pub uart_10: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,
     /// Servos, with the switched 5 V.
     pub servos: ServoParts,
+    /// Two switches to ground, at the expansion header.
+    pub switches: SwitchParts,
     /// USB, as a device of full speed.
     pub usb: UsbParts,
     /// What is soldered on, for [`serve`].
@@ -79,6 +81,14 @@ pub struct ServoParts {
     pub third: Peri<'static, PA0>,
     /// Channel 3.
     pub fourth: Peri<'static, PA2>,
+}
+
+/// Two pins, and the interrupt line of each. PE0 would be UART8's, whose interrupt an executor has.
+pub struct SwitchParts {
+    /// The first switch.
+    pub first: (Peri<'static, PE14>, Peri<'static, EXTI14>),
+    /// The second switch.
+    pub second: (Peri<'static, PE0>, Peri<'static, EXTI0>),
 }
 
 /// USB OTG HS with its own full-speed transceiver.
@@ -144,6 +154,7 @@ impl Board {
                 third: p.PA0,
                 fourth: p.PA2,
             },
+            switches: SwitchParts { first: (p.PE14, p.EXTI14), second: (p.PE0, p.EXTI0) },
             usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
             soldered: Soldered {
                 outputs: (p.PC14, p.PC13, p.PC15),

@@ -16,6 +16,9 @@
 /// Of a board with outputs of supply that are switched, all are switched on when everything else runs; or these only:
 /// `outputs: [First];` behind the console. A board without such outputs takes no notice of it.
 ///
+/// Switches to ground, at the board's part `switches`, are further arguments of the tasks, one or two:
+/// `tasks: |shared, index| task::run(shared, index);`. Each is an `InputPin` with a pull-up, low while it is closed.
+///
 /// The IMU is on the serial port that the board has for it. A board with an IMU soldered on takes no notice of it.
 ///
 /// An RS-485 line, the board's part `rs485`, stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
@@ -45,12 +48,12 @@ macro_rules! robot {
         $(imu: $imu:ident;)?
         $(outputs: [$($output:ident),*];)?
         $(live: |$of:ident| $live:expr;)?
-        tasks: |$shared:ident| $tasks:expr;
+        tasks: |$shared:ident $(, $switch:ident)*| $tasks:expr;
     ) => {
         $crate::rc10_bsp::crash_handlers!();
 
         mod program {
-            use $crate::board::Soldered;
+            use $crate::board::{Soldered, SwitchParts};
             use $crate::embassy_futures::join::join4;
             use $crate::rc10_bsp::serial::{self, Serial, SerialReceiver};
             use $crate::rc10_bsp::{can::Bus, supervisor};
@@ -125,8 +128,9 @@ macro_rules! robot {
                 let text = $crate::robot::console_port(board.text, Irqs, Priority::P7, $console)?;
                 $($crate::start_imu!(shared, spawner, board, $imu);)?
                 let remote = $crate::robot::remote(board.remote, Irqs, RECEIVER, Priority::P7)?;
-                let soldered = board.soldered;
-                spawner.spawn(others(shared, board.watchdog, text, started, remote, soldered)?);
+                let (soldered, switches) = (board.soldered, board.switches);
+                let others = others(shared, board.watchdog, text, started, remote, soldered, switches)?;
+                spawner.spawn(others);
                 Ok(())
             }
 
@@ -138,11 +142,13 @@ macro_rules! robot {
                 quiet: Instant,
                 receiver: SerialReceiver,
                 soldered: Soldered,
+                switches: SwitchParts,
             ) {
                 let own: &dyn Live = $crate::own!($shared $(, |$of| $live)?);
                 let tend = $crate::robot::tend($shared, own, watchdog, text, quiet);
                 let outputs = $crate::outputs!($([$($output),*])?);
                 let serve = $crate::board::serve($shared, soldered, outputs);
+                $crate::switches!(switches $(, $switch)*);
                 join4($tasks, remote::listen($shared, RECEIVER, receiver), tend, serve).await;
             }
         }
@@ -241,6 +247,25 @@ macro_rules! outputs {
     };
     ([$($output:ident),*]) => {
         &[$($crate::Output::$output),*]
+    };
+}
+
+/// The switches that the robot's tasks read: the others' pins are left alone.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! switches {
+    ($parts:ident) => {
+        let _ = $parts;
+    };
+    ($parts:ident, $first:ident) => {
+        let $first = $crate::robot::switch($parts.first.0);
+    };
+    ($parts:ident, $first:ident, $second:ident) => {
+        let $first = $crate::robot::switch($parts.first.0);
+        let $second = $crate::robot::switch($parts.second.0);
+    };
+    ($parts:ident, $($more:ident),+) => {
+        compile_error!("the boards have two inputs for switches");
     };
 }
 

@@ -8,6 +8,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_executor::SpawnError;
 use embassy_futures::join::{join, join3};
 use embassy_stm32::Peri;
+use embassy_stm32::gpio::{Input, Pin, Pull};
 use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::{self, Binding};
 use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, DMA1_CH2, IWDG1, UART5, USART1};
@@ -325,6 +326,12 @@ async fn lines<N: Names, const BUSES: usize, const LINES: usize>(
         let _ = line.push_str("\r\n");
         link.say(line.as_bytes()).await;
     }
+}
+
+/// A switch to ground: low while it is closed.
+#[must_use]
+pub fn switch(pin: Peri<'static, impl Pin>) -> Input<'static> {
+    Input::new(pin, Pull::Up)
 }
 
 /// Reasons why the robot cannot start: mistakes in the program, not on the board.

@@ -64,7 +64,8 @@ impl FeederConfig {
     }
 }
 
-/// State of a feeder. It begins where its motor is first measured: a pocket has arrived there.
+/// State of a feeder. It begins where its motor is first measured: a pocket has arrived there, unless
+/// [`align`](Self::align) says where one has.
 ///
 /// Pieces are counted by the angle of the motor, forward only: reversing out of a jam takes none away,
 /// and going the same way again adds none.
@@ -199,6 +200,14 @@ impl Feeder {
         self.jam.reset();
     }
 
+    /// From now on a pocket has arrived where the motor is at `pocket`: by [`Homing`](super::Homing). What
+    /// was fed, and what was asked for and is not, stays so.
+    pub fn align(&mut self, config: &FeederConfig, pocket: TotalAngle) {
+        self.setpoint = config.angle_of(self.fed);
+        self.speed = Rpm::ZERO;
+        self.began = Some(pocket.minus(forward(config.direction, self.setpoint)));
+    }
+
     /// One step.
     ///
     /// A `dt` that is not finite and positive changes nothing, and the last command is returned again.
@@ -215,11 +224,7 @@ impl Feeder {
 
     fn step(&mut self, config: &FeederConfig, measured: &Measured, dt: Seconds) -> Command {
         let began = *self.began.get_or_insert(measured.angle);
-        let forward = |angle: TotalAngle| match config.direction {
-            Direction::Forward => angle,
-            Direction::Reversed => angle.reversed(),
-        };
-        let at = forward(measured.angle.minus(began));
+        let at = forward(config.direction, measured.angle.minus(began));
         let tolerance = small_angle(config.tolerance.get());
         let arrived = config.pieces_in(at.plus(tolerance));
         self.fed = self.fed.max(arrived);
@@ -240,7 +245,7 @@ impl Feeder {
         self.speed = Rpm::new(moved / (DEGREES_PER_SECOND * dt.get()));
         self.setpoint = next;
         let sign = f32::from(config.direction.sign());
-        let angle = began.plus(forward(self.setpoint));
+        let angle = began.plus(forward(config.direction, self.setpoint));
         let speed = self.speed * sign;
         let wanted = Command::Angle(AngleSetpoint { speed, ..AngleSetpoint::at(angle) });
         self.jam.update(&config.jam, wanted, measured, dt)
@@ -264,6 +269,14 @@ impl Feeder {
             Order::Rate(rate) => (rate, TotalAngle::from_microdegrees(i64::MAX)),
             Order::Total(total) | Order::Whole(total) => (config.rate, config.angle_of(total)),
         }
+    }
+}
+
+/// An angle of the motor as an angle where it feeds, and the other way round.
+const fn forward(direction: Direction, angle: TotalAngle) -> TotalAngle {
+    match direction {
+        Direction::Forward => angle,
+        Direction::Reversed => angle.reversed(),
     }
 }
 
@@ -348,6 +361,45 @@ mod tests {
         assert_eq!(ideal.0.left(), 2);
         ideal.run(100);
         assert_eq!(ideal.0.fed(), 7);
+    }
+
+    #[test]
+    fn an_aligned_feeder_keeps_its_count_and_what_it_was_asked_for() {
+        let mut ideal = Ideal(Feeder::new(), Measured::default());
+        ideal.0.feed(2);
+        ideal.run(1);
+        ideal.run(100);
+        // Asked for before it knows where its pockets are, and while it is elsewhere.
+        ideal.0.feed(3);
+        ideal.1.angle = TotalAngle::from_degrees(1003);
+        ideal.0.align(&CONFIG, TotalAngle::from_degrees(1000));
+        assert_eq!((ideal.0.fed(), ideal.0.left()), (2, 3));
+        ideal.run(100);
+        assert_eq!((ideal.0.fed(), ideal.0.left()), (5, 0));
+        let turned = TotalAngle::from_degrees(1000).minus(ideal.1.angle);
+        assert_eq!(CONFIG.pieces_in(turned), 3);
+        assert!(turned.minus(CONFIG.angle_of(3)).microdegrees().abs() <= 1, "{turned:?}");
+        // In the middle of a piece.
+        ideal.0.feed(2);
+        while ideal.0.fed() < 6 {
+            ideal.run(1);
+        }
+        ideal.run(3);
+        assert!(ideal.0.setpoint > CONFIG.angle_of(6), "{:?}", ideal.0);
+        ideal.1.angle = TotalAngle::ZERO;
+        ideal.0.align(&CONFIG, TotalAngle::ZERO);
+        ideal.run(100);
+        assert_eq!(
+            (ideal.0.fed(), ideal.1.angle),
+            (7, CONFIG.angle_of(7).minus(CONFIG.angle_of(6)).reversed())
+        );
+        // One that has fed nothing yet.
+        let mut fresh = Ideal(Feeder::new(), Measured::default());
+        fresh.0.feed(1);
+        fresh.0.align(&CONFIG, TotalAngle::from_degrees(10));
+        fresh.run(100);
+        let end = TotalAngle::from_degrees(10).minus(CONFIG.angle_of(1));
+        assert_eq!((fresh.0.fed(), fresh.1.angle), (1, end));
     }
 
     #[test]

@@ -10,5 +10,5 @@ rc10_board::robot! {
     buses: two_buses(bus_1, bus_2);
     console: 921_600;
     live: |shared| &shared.live;
-    tasks: |shared| task::run(shared);
+    tasks: |shared, index| task::run(shared, index);
 }

@@ -1,12 +1,14 @@
-//! A lift on two motors that finds its bottom and does not tilt, and a feeder that counts, driven by a
-//! DR16. The same on a PC and on the chip.
+//! A lift on two motors that finds its bottom and does not tilt, and a feeder that finds its index and
+//! counts, driven by a DR16. The same on a PC and on the chip.
 //!
 //! * [`table`]: its motors, and its measures.
 //! * [`Lift`]: homes both motors together, and then moves them together.
+//! * `indexed`: a feeder whose pockets stand where its index says.
 //! * [`task`]: what the remote control makes of it.
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod indexed;
 mod lift;
 pub mod table;
 pub mod task;
@@ -29,7 +31,7 @@ pub struct Shared<'p> {
 }
 
 rc10_tasks::live! {
-    /// What a PC may watch beside the motors. The stage of the lift is the number of a
+    /// What a PC may watch beside the motors. The stages of lift and feeder are numbers of a
     /// [`Stage`].
     pub struct Live {
         signals {
@@ -37,6 +39,7 @@ rc10_tasks::live! {
             blamed: "lift blames motor", "";
             height: "lift height", "deg";
             tilt: "lift tilt", "deg";
+            feeder: "feeder stage", "";
             fed: "pieces fed", "";
             jams: "feeder jams", "";
         }

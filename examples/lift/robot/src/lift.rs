@@ -21,16 +21,16 @@ pub enum Goal {
     Height(TotalAngle),
 }
 
-/// What the lift does.
+/// What the lift does, or the feeder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Nothing yet.
     Idle = 0,
-    /// It looks for its bottom.
+    /// It looks for its bottom, or its index.
     Homing = 1,
-    /// It goes where it is told to.
+    /// It does what it is told to.
     Ready = 2,
-    /// It stands until it is begun again: [`Lift::blamed`].
+    /// It stands until it is begun again ([`Lift::blamed`]); the feeder coasts.
     Failed = 3,
 }
 

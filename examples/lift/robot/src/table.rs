@@ -110,6 +110,28 @@ pub const TOGETHER: AxesConfig = AxesConfig {
     correction: Degrees::new(5.0),
 };
 
+/// The index is found backwards, so that no piece is fed on the way; by less than a pocket it goes forward
+/// again. A pocket stands where the marker begins.
+pub const INDEXING: HomingConfig = HomingConfig {
+    reference: Reference::Contact { debounce: Seconds::new(0.01) },
+    direction: Direction::Reversed,
+    fast: Rpm::new(20.0),
+    slow: Rpm::new(6.0),
+    back_off: Degrees::new(10.0),
+    // How much later it is seen at the fast speed.
+    tolerance: Degrees::new(3.0),
+    touch_at: TotalAngle::ZERO,
+    // A turn, the marker, and the way to a stand.
+    travel: Degrees::new(400.0),
+    braking: BRAKING,
+    phase_timeout: Seconds::new(4.0),
+    timeout: Seconds::new(8.0),
+};
+
+/// It backs off no further than this, or homing has failed: more than the marker, backing off and coming to a stand
+/// take, and with what it then coasts less than a pocket.
+pub const INDEXING_FORWARD: TotalAngle = TotalAngle::from_degrees(25);
+
 /// A wheel of eight pockets, four pieces a second.
 pub const FEEDER: FeederConfig = FeederConfig {
     pieces: CountsPerTurn::new(8, 1),
@@ -129,6 +151,7 @@ pub const FEEDER: FeederConfig = FeederConfig {
 
 const _: () = assert!(
     HOMING.validate().is_ok()
+        && INDEXING.validate().is_ok()
         && RANGE.validate().is_ok()
         && LIFT_LIMITS.validate().is_ok()
         && TOGETHER.validate().is_ok()

@@ -2,22 +2,26 @@
 //!
 //! | control | the robot |
 //! |---|---|
-//! | right switch | down: disarmed; else armed: the lift homes, and then obeys |
+//! | right switch | down: disarmed; else armed: lift and feeder home, and then obey |
 //! | left switch | to up: feeds one piece; down: emergency stop |
 //! | left stick | away and back: raises and lowers the lift |
 //! | right stick | back, to the right, away: the lift goes to its lowest, middle, highest height |
 //!
+//! Pieces that are asked for while the feeder homes are fed afterwards. Armed again, what was not fed is forgotten.
+//!
 //! [`rc10_tasks::arming`] says how it is armed, and what happens when the remote is lost.
 
 use embassy_time::{Duration, Ticker};
+use embedded_hal::digital::InputPin;
 use rc10_app::Seconds;
-use rc10_app::mechanism::{Feeder, Measured};
+use rc10_app::mechanism::Measured;
 use rc10_module::remote::{Remote, Switch};
 use rc10_motor::{ArmState, Target};
 use rc10_tasks::Arming;
 
+use crate::indexed::IndexedFeeder;
 use crate::lift::{Goal, Lift};
-use crate::table::{ARMING, FEEDER, HEIGHTS, LIFT, Name};
+use crate::table::{ARMING, HEIGHTS, LIFT, Name};
 use crate::{Live, Shared};
 
 /// Period of the task, ms.
@@ -29,8 +33,8 @@ const REST: f32 = 0.1;
 /// A stick that is out by more chooses a height.
 const CHOICE: f32 = 0.7;
 
-/// Arms the robot, and drives it, every 5 ms.
-pub async fn run(shared: &Shared<'_>) -> ! {
+/// Arms the robot, and drives it, every 5 ms. `index` is low while the feeder's marker is there.
+pub async fn run(shared: &Shared<'_>, mut index: impl InputPin) -> ! {
     let mut arming = Arming::new(ARMING);
     let mut machine = Machine::default();
     let mut ticker = Ticker::every(Duration::from_millis(PERIOD));
@@ -41,12 +45,17 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
         shared.remote_link.set(arming.link(), now);
         let motors = LIFT.map(|name| shared.motor(name).status().measured());
+        let feeder = shared.motor(Name::Feeder).status().measured();
         // Without a remote no motor is commanded: 50 ms later each is safe.
         if let Some(remote) = obeyed {
             if before != ArmState::Armed {
-                machine.begin(&motors, &remote);
+                machine.begin(&motors, &feeder, &remote);
             }
             machine.follow(&remote, &motors, shared);
+            // What cannot be read is open: homing ends without it.
+            let closed = index.is_low().unwrap_or(false);
+            let command = machine.feeder.step(&feeder, closed, DT);
+            shared.command(Name::Feeder, Target::from(command));
         }
         machine.tell(&motors, &shared.live);
     }
@@ -57,19 +66,17 @@ pub async fn run(shared: &Shared<'_>) -> ! {
 struct Machine {
     lift: Lift,
     goal: Goal,
-    feeder: Feeder,
+    feeder: IndexedFeeder,
     /// The left switch was up already.
     feeds: bool,
 }
 
 impl Machine {
-    /// After a pause: the lift stays where it is. A piece that was begun is finished, and no other is
-    /// fed that was asked for before.
-    fn begin(&mut self, motors: &[Measured; 2], remote: &Remote) {
+    /// After a pause: the lift stays where it is.
+    fn begin(&mut self, motors: &[Measured; 2], feeder: &Measured, remote: &Remote) {
         self.lift.begin(motors);
         self.goal = Goal::Stand;
-        self.feeder.reset();
-        self.feeder.stop();
+        self.feeder.begin(feeder);
         self.feeds = remote.left_switch == Switch::Up;
     }
 
@@ -81,12 +88,9 @@ impl Machine {
         }
         let feeds = remote.left_switch == Switch::Up;
         if feeds && !core::mem::replace(&mut self.feeds, feeds) {
-            self.feeder.feed(1);
+            self.feeder.feeder.feed(1);
         }
         self.feeds = feeds;
-        let feeder = shared.motor(Name::Feeder).status().measured();
-        let command = self.feeder.update(&FEEDER, &feeder, DT);
-        shared.command(Name::Feeder, Target::from(command));
     }
 
     fn tell(&self, motors: &[Measured; 2], live: &Live) {
@@ -96,8 +100,9 @@ impl Machine {
         let [height, tilt] = self.lift.place(motors).unwrap_or([f32::NAN; 2]);
         live.height.set(height);
         live.tilt.set(tilt);
-        live.fed.set(self.feeder.fed() as f32);
-        live.jams.set(self.feeder.jam().count() as f32);
+        live.feeder.set(f32::from(self.feeder.stage() as u8));
+        live.fed.set(self.feeder.feeder.fed() as f32);
+        live.jams.set(self.feeder.feeder.jam().count() as f32);
     }
 }
 

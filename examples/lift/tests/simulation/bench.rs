@@ -1,6 +1,6 @@
 //! The robot in its world, with hands on its remote and on its motors.
 
-use lift::plant::TRAVEL;
+use lift::plant::{INDEX, TRAVEL};
 use lift::table::{LIFT, WEIGHT};
 use lift::{Motors, Name, Ports, Shared, Stage, simulation};
 use rc10_can::Micros;
@@ -45,10 +45,22 @@ const UP: [f64; 2] = [1.0, -1.0];
 /// Runs a scenario with a robot that has just got its power. Its lift is held by hand this many degrees
 /// above the bottom.
 pub fn bench<R>(seed: u64, heights: [f64; 2], scenario: impl FnOnce(&mut Bench<'_>) -> R) -> R {
+    indexed(seed, heights, INDEX, scenario)
+}
+
+/// The same with its feeder's marker elsewhere.
+pub fn indexed<R>(
+    seed: u64,
+    heights: [f64; 2],
+    index: [f64; 2],
+    scenario: impl FnOnce(&mut Bench<'_>) -> R,
+) -> R {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let robot = simulation::robot(&shared, &mut motors).unwrap();
-    let mut around = Environment::new(robot.description(), seed).unwrap();
+    let mut description = robot.description().clone();
+    description.contacts[0].closed = index;
+    let mut around = Environment::new(&description, seed).unwrap();
     around.operator = None;
     let tasks = robot.tasks(&around).unwrap();
     let mut bench = Bench {
@@ -73,9 +85,7 @@ pub fn bench<R>(seed: u64, heights: [f64; 2], scenario: impl FnOnce(&mut Bench<'
 /// The same, armed: then the hands let go.
 pub fn armed<R>(seed: u64, heights: [f64; 2], scenario: impl FnOnce(&mut Bench<'_>) -> R) -> R {
     bench(seed, heights, |bench| {
-        bench.hands(DISARMED, 100);
-        bench.hands(ARMED, 20);
-        (0..2).for_each(|motor| bench.set_weight(motor, 1.0));
+        bench.arm();
         scenario(bench)
     })
 }
@@ -83,6 +93,13 @@ pub fn armed<R>(seed: u64, heights: [f64; 2], scenario: impl FnOnce(&mut Bench<'
 impl Bench<'_> {
     pub fn motor(&self, name: Name) -> &rc10_sim::Esc {
         &self.around.motors[name.index()]
+    }
+
+    /// Then the hands let go.
+    pub fn arm(&mut self) {
+        self.hands(DISARMED, 100);
+        self.hands(ARMED, 20);
+        (0..2).for_each(|motor| self.set_weight(motor, 1.0));
     }
 
     /// Hands do something for a time, in ms.
@@ -116,6 +133,18 @@ impl Bench<'_> {
         self.run(200);
     }
 
+    /// Until the feeder knows its index and stands there; how many ms that took.
+    pub fn index(&mut self) -> u64 {
+        let took = self.until(8, |bench| bench.feeder() == Stage::Ready);
+        self.run(200);
+        took
+    }
+
+    /// True angle of the feeder's shaft since power-on.
+    pub fn turned(&self) -> f64 {
+        self.motor(Name::Feeder).state().load_degrees
+    }
+
     /// True angles of the shafts above their bottoms.
     pub fn heights(&self) -> [f64; 2] {
         [0, 1].map(|motor| {
@@ -130,10 +159,14 @@ impl Bench<'_> {
         [height + tilt / 2.0, height - tilt / 2.0]
     }
 
+    /// Of the lift.
     pub fn stage(&self) -> Stage {
-        let stages = [Stage::Idle, Stage::Homing, Stage::Ready, Stage::Failed];
-        let told = number(&self.shared.live.stage);
-        stages.into_iter().find(|stage| u64::from(*stage as u8) == told).unwrap()
+        stage(&self.shared.live.stage)
+    }
+
+    /// The same of the feeder.
+    pub fn feeder(&self) -> Stage {
+        stage(&self.shared.live.feeder)
     }
 
     /// The motor of the lift that it blames, if it does.
@@ -194,6 +227,12 @@ impl Bench<'_> {
         self.squares += before.map(|at| (profile - at).powi(2)).iter().sum::<f64>();
         self.looks += 2.0;
     }
+}
+
+/// The stage that a signal tells.
+pub fn stage(signal: &Signal) -> Stage {
+    let stages = [Stage::Idle, Stage::Homing, Stage::Ready, Stage::Failed];
+    stages.into_iter().find(|stage| u64::from(*stage as u8) == number(signal)).unwrap()
 }
 
 /// A signal that counts; 0 before it has been set.

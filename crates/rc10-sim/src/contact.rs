@@ -1,0 +1,134 @@
+//! Switches and markers on the shafts of motors.
+
+use std::convert::Infallible;
+use std::error::Error;
+use std::fmt;
+
+use embedded_hal::digital::{ErrorType, InputPin};
+
+use crate::handles::Esc;
+
+/// One turn, degrees.
+const TURN: f64 = 360.0;
+
+/// A contact that a motor's shaft closes in a part of its turn: a switch at a cam, a marker that passes
+/// a photo interrupter. It is also the input that it pulls low while it is closed, and that a resistor
+/// pulls up.
+///
+/// It does not bounce.
+///
+/// ```
+/// use embedded_hal::digital::InputPin;
+/// use rc10_sim::{BusConfig, Contact, EscConfig, Model, World};
+/// let mut world = World::new(1);
+/// let esc = world.add_bus(BusConfig::default()).add_esc(EscConfig::new(Model::C610, 1))?;
+/// let (mut here, mut elsewhere) = (Contact::new(&esc, [-3.0, 3.0])?, Contact::new(&esc, [3.0, 9.0])?);
+/// assert_eq!((here.is_low(), elsewhere.is_low()), (Ok(true), Ok(false)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone)]
+pub struct Contact {
+    shaft: Esc,
+    from: f64,
+    width: f64,
+}
+
+impl Contact {
+    /// On the output shaft of a motor, closed between two of its angles: degrees since the start, in any
+    /// turn, the lower one first.
+    ///
+    /// # Errors
+    /// If it would never be closed, or never open.
+    pub fn new(shaft: &Esc, closed: [f64; 2]) -> Result<Self, NoRange> {
+        let [from, to] = closed;
+        let width = to - from;
+        if from.is_finite() && width > 0.0 && width < TURN {
+            Ok(Self { shaft: shaft.clone(), from, width })
+        } else {
+            Err(NoRange { closed })
+        }
+    }
+
+    /// Whether it is closed now: where the shaft truly is.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        (self.shaft.state().load_degrees - self.from).rem_euclid(TURN) < self.width
+    }
+}
+
+impl ErrorType for Contact {
+    type Error = Infallible;
+}
+
+impl InputPin for Contact {
+    fn is_high(&mut self) -> Result<bool, Infallible> {
+        Ok(!self.is_closed())
+    }
+
+    fn is_low(&mut self) -> Result<bool, Infallible> {
+        Ok(self.is_closed())
+    }
+}
+
+/// A contact that would never be closed, or never open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoRange {
+    /// Where it was to be closed.
+    pub closed: [f64; 2],
+}
+
+impl fmt::Display for NoRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [from, to] = self.closed;
+        write!(
+            f,
+            "closed from {from} to {to} degrees is no part of a turn: less than all of it, the lower angle first"
+        )
+    }
+}
+
+impl Error for NoRange {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BusConfig, EscConfig, Model, World};
+
+    #[test]
+    fn it_is_closed_once_a_turn() {
+        let mut world = World::new(1);
+        let bus = world.add_bus(BusConfig::default());
+        let esc = bus.add_esc(EscConfig::new(Model::C610, 1)).unwrap();
+        let mut contact = Contact::new(&esc, [-370.0, -350.0]).unwrap();
+        esc.set_load(1.0);
+        let (mut edges, mut was_closed) = (Vec::new(), true);
+        for millis in 1..=2000 {
+            world.advance(rc10_can::Micros::from_millis(millis));
+            let closed = contact.is_low().unwrap();
+            assert_eq!(contact.is_high(), Ok(!closed));
+            if std::mem::replace(&mut was_closed, closed) != closed {
+                edges.push(esc.state().load_degrees);
+            }
+        }
+        assert!(edges.len() > 4, "{edges:?}");
+        for (edge, turn) in edges.chunks(2).zip(0..) {
+            let at = 360.0 * f64::from(turn);
+            // It opens at 10 degrees, and closes at 350.
+            assert!((edge[0] - at - 10.0).abs() < 9.0, "{edges:?}");
+            assert!(edge.get(1).is_none_or(|edge| (edge - at - 350.0).abs() < 9.0), "{edges:?}");
+        }
+    }
+
+    #[test]
+    fn a_range_that_is_none_is_refused() {
+        let mut world = World::new(1);
+        let esc =
+            world.add_bus(BusConfig::default()).add_esc(EscConfig::new(Model::C610, 1)).unwrap();
+        for closed in
+            [[3.0, 3.0], [9.0, 3.0], [0.0, 360.0], [0.0, f64::NAN], [f64::NEG_INFINITY, 0.0]]
+        {
+            let error = Contact::new(&esc, closed).err().unwrap();
+            assert!(error.to_string().contains("is no part of a turn"), "{error}");
+        }
+    }
+}
