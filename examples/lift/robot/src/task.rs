@@ -40,10 +40,8 @@ pub async fn run(shared: &Shared<'_>, mut index: impl InputPin) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(PERIOD));
     loop {
         ticker.next().await;
-        let now = rc10_message::now();
         let before = shared.switch.state();
-        let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
-        shared.remote_link.set(arming.link(), now);
+        let obeyed = shared.obey(&mut arming);
         let motors = LIFT.map(|name| shared.motor(name).status().measured());
         let feeder = shared.motor(Name::Feeder).status().measured();
         // Without a remote no motor is commanded: 50 ms later each is safe.
