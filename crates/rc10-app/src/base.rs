@@ -338,7 +338,7 @@ fn limited<const N: usize>(
     speeds: &mut [Rpm; N],
 ) -> Option<f32> {
     let wanted = rows.map(|row| product(row, twist));
-    // Sizes are ordered as their bits are, and what is not finite is above all others.
+    // Sizes are ordered as their bits are; infinity and NaN are above all finite ones.
     let mut fastest = 0;
     for size in wanted.map(|speed| speed.abs().to_bits()) {
         fastest = if size > fastest { size } else { fastest };

@@ -98,3 +98,21 @@ fn what_is_not_known_switches_it_off_and_is_forgotten() {
     assert!(learned > 50 && after == 0, "{learned}, then {after}");
     assert_eq!(heater.update(Some(46.0), Some(24.0), STEP), 0);
 }
+
+#[test]
+fn a_board_that_was_too_hot_is_warmed_again_as_soon_as_it_cools() {
+    for hot in [46.0, 48.0, 50.0, 55.0, 70.0] {
+        let (mut heater, mut die) = (Heater::new(CONFIG), Die::new(hot, 20.0, 60.0));
+        run(&mut heater, &mut die, 24.0, 20);
+        die.air = 20.0;
+        let mut lowest = f32::MAX;
+        for _ in 0..10 * 600 {
+            let share = heater.update(Some(die.told[0]), Some(24.0), STEP);
+            die.heat(f32::from(share) / 1000.0 * 24.0 * 24.0 / CONFIG.resistance);
+            lowest = lowest.min(die.now);
+        }
+        println!("after {hot} °C: down to {lowest}, then {}", die.now);
+        assert!(lowest > CONFIG.target - 3.0, "after {hot} °C: down to {lowest}");
+        assert!((die.now - CONFIG.target).abs() < 0.5, "after {hot} °C: {}", die.now);
+    }
+}

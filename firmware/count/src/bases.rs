@@ -73,7 +73,7 @@ fn swerve(
     state.update(base, *twist, *measured)
 }
 
-/// Arcs, with a gyro and without, with slip and over the seam of the circle.
+/// Arcs, with a gyro and without, with slip and without.
 fn odometries() {
     let mut odometry = Odometry::new(Pose::IDENTITY);
     for step in 0..3_000_i32 {

@@ -63,9 +63,14 @@ impl Heater {
         let share = f32::from(most) / 1000.0;
         let bound = most_power.min(full * share);
         // The integral makes up for what the proportional part does not see of the setpoint.
-        let integral_limit = bound + LOOP.kp * (1.0 - LOOP.setpoint_weight) * target;
-        let bounded = PidConfig { output_limit: bound, integral_limit, ..LOOP };
-        let power = self.power.update(&bounded, target, temperature, 0.0, step).max(0.0);
+        let unseen = LOOP.kp * (1.0 - LOOP.setpoint_weight) * target;
+        let bounded = PidConfig { output_limit: bound, integral_limit: bound + unseen, ..LOOP };
+        let wanted = self.power.update(&bounded, target, temperature, 0.0, step);
+        // It cannot cool: what it lacks while the board is too hot is not remembered.
+        if wanted < 0.0 && self.power.integral() < unseen {
+            self.power.preset(unseen);
+        }
+        let power = wanted.max(0.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= 1000")]
         let share = (power / full * 1000.0) as u16;
         share.min(most)

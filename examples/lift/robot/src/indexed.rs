@@ -22,7 +22,7 @@ enum State {
     Idle,
     /// The motor was there before it backed off.
     Homing(Homing, TotalAngle),
-    /// With so many gaps in its turns.
+    /// The number of gaps in the motor's turns when its zero was found.
     Ready(u32),
     Failed,
 }

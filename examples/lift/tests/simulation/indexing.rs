@@ -97,7 +97,7 @@ fn what_is_asked_for_while_it_homes_is_fed_afterwards() {
 
 #[test]
 fn a_marker_that_is_never_seen_ends_homing_and_the_lift_goes_on() {
-    // Narrower than what is made between two looks.
+    // Narrower than its way between two samples.
     indexed(1, [30.0, 20.0], [-90.001, -90.0], |bench| {
         bench.arm();
         let took = bench.until(8, |bench| bench.feeder() == Stage::Failed);
@@ -158,7 +158,7 @@ fn armed_again_it_knows_its_index_unless_turns_were_estimated() {
         let before = bench.turned();
         turn(bench);
         assert!(bench.turned() > before + 100.0, "{}", bench.turned() - before);
-        // It homes by itself, and what is asked for meanwhile is fed.
+        // It homes by itself, and feeds the pieces that are asked for meanwhile.
         bench.until(1, |bench| bench.feeder() == Stage::Homing);
         bench.hands(FEED, 50);
         bench.hands(ARMED, 50);
