@@ -86,7 +86,7 @@ fn play(receiver: Receiver, config: ArmingConfig, seed: u64) {
     };
 
     // A position that arms, and one of the stop switch that does not stop.
-    let ArmingConfig { disarm, stop } = config;
+    let ArmingConfig { disarm, stop, .. } = config;
     let is_free = |at: &SwitchAt| *at != disarm && Some(*at) != stop;
     let position =
         |switch| [Switch::Middle, Switch::Up, Switch::Down].map(|to| SwitchAt::new(switch, to));

@@ -1,5 +1,5 @@
 use core::fmt;
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::sync::atomic::{AtomicU32, Ordering};
 
 /// Whether the motors of a robot may move.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,7 +45,12 @@ impl fmt::Display for ArmState {
 /// # Ok::<(), rc10_motor::ArmError>(())
 /// ```
 #[derive(Debug, Default)]
-pub struct ArmSwitch(AtomicU8);
+pub struct ArmSwitch(AtomicU32);
+
+/// The low byte of the switch is its state, all above counts the stops: so a stop that comes between a
+/// look and what follows from it is seen.
+const STATE: u32 = 0xFF;
+const ONE_STOP: u32 = 0x100;
 
 const DISARMED: u8 = 0;
 const ARMED: u8 = 1;
@@ -104,13 +109,18 @@ impl core::error::Error for ArmError {}
 impl ArmSwitch {
     /// A switch in state [`ArmState::Disarmed`].
     pub const fn new() -> Self {
-        Self(AtomicU8::new(DISARMED))
+        Self(AtomicU32::new(DISARMED as u32))
+    }
+
+    #[inline]
+    fn load(&self) -> u8 {
+        state_of(self.0.load(Ordering::Acquire))
     }
 
     /// The state now.
     #[inline]
     pub fn state(&self) -> ArmState {
-        match self.0.load(Ordering::Acquire) {
+        match self.load() {
             ARMED => ArmState::Armed,
             DISARMED | OVERLOAD | CLOCK | CHIP => ArmState::Disarmed,
             SUSPENDED => ArmState::Suspended,
@@ -145,7 +155,7 @@ impl ArmSwitch {
 
     /// Why the robot cannot be armed, if it cannot.
     pub fn unfit(&self) -> Option<Unfit> {
-        match self.0.load(Ordering::Acquire) {
+        match self.load() {
             OVERLOAD => Some(Unfit::Overload),
             CLOCK => Some(Unfit::Clock),
             CHIP => Some(Unfit::Chip),
@@ -177,37 +187,70 @@ impl ArmSwitch {
     /// Sends every motor to its safe state in the next tick of its bus, until
     /// [`reset`](Self::reset). Motors of a robot that is not armed stay without torque.
     pub fn emergency_stop(&self) {
-        self.always(|state| {
-            if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF }
+        self.update(|word| {
+            let state = state_of(word);
+            let stopped =
+                if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF };
+            (state < OVERLOAD).then(|| with(word.wrapping_add(ONE_STOP), stopped))
         });
     }
 
     /// Ends an emergency stop; the robot is disarmed then. Changes nothing if there is none.
     pub fn reset(&self) {
-        self.always(|state| if matches!(state, STOPPED | STOPPED_OFF) { DISARMED } else { state });
+        self.reset_after(self.stops());
+    }
+
+    /// The number of emergency stops so far, counted anew after 2^24: for
+    /// [`reset_after`](Self::reset_after).
+    pub fn stops(&self) -> u32 {
+        self.0.load(Ordering::Acquire) / ONE_STOP
+    }
+
+    /// Ends an emergency stop, unless another one came since [`stops`](Self::stops) said this.
+    pub fn reset_after(&self, stops: u32) {
+        self.update(|word| {
+            let is_known = word / ONE_STOP == stops;
+            let is_stopped = matches!(state_of(word), STOPPED | STOPPED_OFF);
+            (is_known && is_stopped).then(|| with(word, DISARMED))
+        });
     }
 
     /// The arm state as the motors see it: disarmed also while stopped without torque, stopped also
     /// while suspended.
     #[inline]
     pub(crate) fn for_motors(&self) -> ArmState {
-        let state = self.0.load(Ordering::Acquire);
+        let state = self.load();
         if state == ARMED { ArmState::Armed } else { for_idle_motors(state) }
     }
 
     /// One step from the state there is, in one piece: no other step comes in between. An unfit
     /// robot stays what it is.
     fn always(&self, step: impl Fn(u8) -> u8) {
-        // `Err`: unfit already.
-        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, |state| {
-            (state < OVERLOAD).then(|| step(state))
+        self.update(|word| {
+            let state = state_of(word);
+            (state < OVERLOAD).then(|| with(word, step(state)))
         });
     }
 
     /// One step of the state machine; an emergency stop in between wins.
     fn change(&self, from: u8, to: u8) {
-        let _ = self.0.compare_exchange(from, to, Ordering::AcqRel, Ordering::Acquire);
+        self.update(|word| (state_of(word) == from).then(|| with(word, to)));
     }
+
+    fn update(&self, step: impl Fn(u32) -> Option<u32>) {
+        // `Err`: there is nothing to do.
+        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, step);
+    }
+}
+
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "the low byte is what is wanted")]
+const fn state_of(word: u32) -> u8 {
+    (word & STATE) as u8
+}
+
+const fn with(word: u32, state: u8) -> u32 {
+    word & !STATE | state as u32
 }
 
 /// Out of line: the ticks of an armed robot are counted by the instruction.
@@ -287,6 +330,28 @@ mod tests {
             switch.emergency_stop();
             let both = (switch.state(), switch.for_motors());
             assert_eq!(both, (ArmState::EStopped, ArmState::Disarmed));
+        }
+    }
+
+    /// A stop between the look at the switches and the reset that follows from it.
+    #[test]
+    fn a_reset_ends_no_stop_that_it_does_not_know() {
+        let switch = ArmSwitch::new();
+        switch.emergency_stop();
+        let stops = switch.stops();
+        switch.emergency_stop();
+        switch.reset_after(stops);
+        assert_eq!(switch.state(), ArmState::EStopped);
+        switch.reset_after(switch.stops());
+        assert_eq!(switch.state(), ArmState::Disarmed);
+        // It counts on, whatever else is done, and no count leaks into the state.
+        for count in 0..1000 {
+            assert_eq!(switch.stops(), 2 + count);
+            switch.arm().unwrap();
+            switch.emergency_stop();
+            switch.disarm();
+            switch.reset();
+            assert_eq!(switch.state(), ArmState::Disarmed);
         }
     }
 

@@ -18,9 +18,8 @@ use embassy_time::{Duration, Ticker};
 use rc10_app::angle::shortest_way_degrees;
 use rc10_app::{Rpm, TotalAngle, Twist};
 use rc10_can::Micros;
-use rc10_message::Stamped;
-use rc10_module::remote::{Remote, RemoteLink, Switch};
-use rc10_motor::{ArmState, ArmSwitch};
+use rc10_module::remote::{Remote, Switch};
+use rc10_motor::ArmState;
 use rc10_tasks::Arming;
 
 use crate::robot::{BaseCommand, Goal, MechanismCommand, Shared};
@@ -33,15 +32,13 @@ pub const PERIOD: Micros = Micros::from_millis(10);
 
 /// The driver's task.
 pub async fn run(shared: &Shared<'_>) -> ! {
-    let mut driver = Driver::new();
+    let (mut arming, mut driver) = (Arming::new(ARMING), Driver::new());
     let mut ticker = Ticker::every(Duration::from_micros(PERIOD.get()));
     loop {
         ticker.next().await;
-        let now = rc10_message::now();
         let before = shared.switch.state();
-        let wish = driver.step(shared.remote.read(), &shared.switch, now);
-        shared.remote_link.set(driver.remote_link(), now);
-        let Some(motion) = wish else { continue };
+        let Some(motion) = driver.step(shared.obey(&mut arming)) else { continue };
+        let now = rc10_message::now();
         if before == ArmState::Disarmed {
             let angle = |motor| shared.motor(motor).status().feedback.total_angle;
             driver.begin([angle(Name::Yaw), angle(Name::Pitch)], lift_height(shared));
@@ -58,10 +55,9 @@ fn lift_height(shared: &Shared<'_>) -> TotalAngle {
     TotalAngle::from_microdegrees(heights.iter().sum::<i64>() / heights.len() as i64)
 }
 
-/// State of the driver: its inputs, and its memory.
+/// Memory of the driver.
 #[derive(Debug)]
 pub struct Driver {
-    arming: Arming,
     mechanisms: MechanismCommand,
 }
 
@@ -69,13 +65,7 @@ impl Driver {
     /// One that has heard nothing.
     #[must_use]
     pub const fn new() -> Self {
-        Self { arming: Arming::new(ARMING), mechanisms: HOME }
-    }
-
-    /// Whether the remote is heard, as of the last step.
-    #[must_use]
-    pub const fn remote_link(&self) -> RemoteLink {
-        self.arming.link()
+        Self { mechanisms: HOME }
     }
 
     /// Command of the mechanisms, as of the last step.
@@ -94,15 +84,9 @@ impl Driver {
         self.mechanisms = MechanismCommand { yaw, pitch, lift: stands(lift), ..HOME };
     }
 
-    /// Decides every [`PERIOD`], from the newest that the remote said; how the base shall move, if
-    /// the robot is armed.
-    pub fn step(
-        &mut self,
-        remote: Option<Stamped<Remote>>,
-        switch: &ArmSwitch,
-        now: Micros,
-    ) -> Option<BaseCommand> {
-        let obeyed = self.arming.step(remote, switch, now);
+    /// Decides every [`PERIOD`], from the remote that the robot obeys: how the base shall move, if there
+    /// is one.
+    pub fn step(&mut self, obeyed: Option<Remote>) -> Option<BaseCommand> {
         if obeyed.is_none() {
             self.rest();
         }
@@ -175,34 +159,15 @@ mod tests {
 
     use super::*;
 
-    /// A driver, and a remote whose frames come with every step.
+    /// A driver of an armed robot, and the remote.
     struct Scene {
         driver: Driver,
-        switch: ArmSwitch,
-        now: Micros,
         remote: Remote,
     }
 
     impl Scene {
-        fn armed() -> Self {
-            let remote = Remote { right_switch: Switch::Down, ..Remote::default() };
-            let (driver, switch) = (Driver::new(), ArmSwitch::new());
-            let mut scene = Self { driver, switch, now: Micros::from_millis(1000), remote };
-            assert_eq!(scene.step(2), None);
-            scene.remote.right_switch = Switch::Middle;
-            scene.step(1);
-            assert_eq!(scene.switch.state(), ArmState::Armed);
-            scene
-        }
-
         fn step(&mut self, times: u32) -> Option<BaseCommand> {
-            let mut wish = None;
-            for _ in 0..times {
-                self.now += PERIOD;
-                let newest = Stamped { value: self.remote, at: self.now };
-                wish = self.driver.step(Some(newest), &self.switch, self.now);
-            }
-            wish
+            (0..times).fold(None, |_, _| self.driver.step(Some(self.remote)))
         }
     }
 
@@ -217,7 +182,7 @@ mod tests {
 
     #[test]
     fn sticks_move_the_base_or_the_mechanisms() {
-        let mut scene = Scene::armed();
+        let mut scene = Scene { driver: Driver::new(), remote: Remote::default() };
         scene.remote.left = Stick { x: 0.5, y: 1.0 };
         scene.remote.right = Stick { x: -1.0, y: 0.0 };
         let (vx, vy, wz) = (FULL_STICK.vx, -0.5 * FULL_STICK.vy, FULL_STICK.wz);

@@ -8,8 +8,17 @@
 //!
 //! **It arms only by hand**: the switch must have been seen in its disarming position since
 //! power-on, since a stop, and since the remote was lost. So a switch that was left in another position
-//! arms nothing by itself. An emergency stop ends when no switch stops any more and the switch
-//! of `disarm` disarms.
+//! arms nothing by itself. Each of [`ArmingConfig::at_rest`] must be at rest in that moment: with a
+//! throttle that stays where it is left the robot would drive at once. [`Arming::refused`] names the one
+//! that is not, and the switch is to be moved back and forth again.
+//!
+//! **An emergency stop ends only by hand**, whoever stopped: a switch, a PC, a bus, a task. A hand must
+//! have brought the switches into the position that disarms since the stop. If they lie in it, they are
+//! to be moved out of it and back.
+//!
+//! **One frame is no position** where something begins: to arm, and to end a stop, a position must stand
+//! in [`FRAMES`] frames, [`STEADY`] apart from first to last. What stops, disarms or suspends is done by
+//! the first frame.
 //!
 //! **It never believes in a lost remote.** Without a good frame for 100 ms, or when the receiver
 //! itself says that it hears nothing, every motor takes its safe state; if frames come back within a
@@ -24,15 +33,18 @@
 //!
 //! const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(Receiver::Dr16);
 //! let (switch, mut arming) = (ArmSwitch::new(), Arming::new(ARMING));
-//! let mut hear = |right_switch, millis| {
-//!     let now = Micros::from_millis(millis);
-//!     let value = Remote { right_switch, ..Remote::default() };
-//!     let _ = arming.step(Some(Stamped { value, at: now }), &switch, now);
+//! let mut now = Micros::ZERO;
+//! let mut hear = |right_switch| {
+//!     for _ in 0..5 {
+//!         now += Micros::from_millis(10);
+//!         let value = Remote { right_switch, ..Remote::default() };
+//!         let _ = arming.step(Some(Stamped { value, at: now }), &switch, now);
+//!     }
 //!     switch.state()
 //! };
-//! assert_eq!(hear(Switch::Up, 10), ArmState::Disarmed);
-//! assert_eq!(hear(Switch::Down, 20), ArmState::Disarmed);
-//! assert_eq!(hear(Switch::Up, 30), ArmState::Armed);
+//! assert_eq!(hear(Switch::Up), ArmState::Disarmed);
+//! assert_eq!(hear(Switch::Down), ArmState::Disarmed);
+//! assert_eq!(hear(Switch::Up), ArmState::Armed);
 //! ```
 
 use core::fmt;
@@ -50,7 +62,72 @@ pub struct ArmingConfig {
     pub disarm: SwitchAt,
     /// Stops, if a switch is to do so.
     pub stop: Option<SwitchAt>,
+    /// What must be at rest for the robot to be armed: each stick and dial that moves something.
+    pub at_rest: &'static [Axis],
 }
+
+/// A direction of a stick, or the dial, of a [`Remote`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Axis {
+    /// The left stick to the sides.
+    LeftX,
+    /// The left stick to and fro.
+    LeftY,
+    /// The right stick to the sides.
+    RightX,
+    /// The right stick to and fro.
+    RightY,
+    /// [`Remote::dial`].
+    Dial,
+}
+
+impl Axis {
+    /// Both sticks.
+    pub const STICKS: &'static [Self] = &[Self::LeftX, Self::LeftY, Self::RightX, Self::RightY];
+
+    /// Where it is, -1 ..= 1.
+    #[must_use]
+    pub const fn of(self, remote: &Remote) -> f32 {
+        match self {
+            Self::LeftX => remote.left.x,
+            Self::LeftY => remote.left.y,
+            Self::RightX => remote.right.x,
+            Self::RightY => remote.right.y,
+            Self::Dial => remote.dial,
+        }
+    }
+
+    /// Not a number is not at rest.
+    fn is_at_rest(self, remote: &Remote) -> bool {
+        self.of(remote).abs() <= AT_REST
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::LeftX => "left stick (left and right)",
+            Self::LeftY => "left stick (up and down)",
+            Self::RightX => "right stick (left and right)",
+            Self::RightY => "right stick (up and down)",
+            Self::Dial => "dial",
+        }
+    }
+}
+
+impl fmt::Display for Axis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Up to here a stick is at rest: springs of a worn remote bring it back to within a few hundredths.
+pub const AT_REST: f32 = 0.05;
+/// Frames in which a position must stand to arm, or to end a stop.
+pub const FRAMES: u8 = 3;
+/// Time from the first to the last of them, at least.
+pub const STEADY: Micros = Micros::from_millis(40);
 
 /// A switch in a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,11 +205,22 @@ impl SwitchAt {
 }
 
 impl ArmingConfig {
-    /// Right switch down: disarmed. Left switch down: emergency stop.
+    /// Right switch down: disarmed. Left switch down: emergency stop. Both sticks move something.
     pub const DEFAULT: Self = Self {
         disarm: SwitchAt::new(SwitchName::Right, Switch::Down),
         stop: Some(SwitchAt::new(SwitchName::Left, Switch::Down)),
+        at_rest: Axis::STICKS,
     };
+
+    fn zone(&self, remote: &Remote) -> Zone {
+        if self.stop.is_some_and(|stop| stop.is_on(remote)) {
+            Zone::Stops
+        } else if self.disarm.is_on(remote) {
+            Zone::Disarms
+        } else {
+            Zone::Arms
+        }
+    }
 
     /// Whether it can be used with a receiver.
     ///
@@ -206,6 +294,53 @@ impl fmt::Display for ArmingError {
 
 impl core::error::Error for ArmingError {}
 
+/// What the switches of a remote ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Zone {
+    Stops,
+    Disarms,
+    Arms,
+}
+
+/// The hand at the switches.
+#[derive(Clone, Copy, Debug)]
+struct Hand {
+    /// In the newest frame, in this many frames since that time.
+    zone: Zone,
+    frames: u8,
+    since: Micros,
+    /// The last zone that was steady; `None` while none is known to have been before.
+    steady: Option<Zone>,
+    /// It went from one steady zone to another since the last stop.
+    has_moved: bool,
+}
+
+impl Hand {
+    const UNSEEN: Self =
+        Self { zone: Zone::Arms, frames: 0, since: Micros::ZERO, steady: None, has_moved: false };
+
+    fn see(&mut self, zone: Zone, at: Micros) {
+        if zone != self.zone || self.frames == 0 {
+            (self.zone, self.frames, self.since) = (zone, 0, at);
+        }
+        self.frames = self.frames.saturating_add(1);
+        if self.frames >= FRAMES && at.since(self.since) >= STEADY {
+            let before = self.steady.replace(zone);
+            self.has_moved |= before.is_some_and(|before| before != zone);
+        }
+    }
+
+    /// The robot was stopped. A move that has begun began before.
+    fn forget_moves(&mut self) {
+        self.has_moved = false;
+        self.steady = self.steady.filter(|steady| *steady == self.zone);
+    }
+
+    fn is_steady(&self) -> bool {
+        self.steady == Some(self.zone)
+    }
+}
+
 /// Arms, suspends, disarms and stops a robot as its remote says.
 #[derive(Clone, Copy, Debug)]
 pub struct Arming {
@@ -214,22 +349,40 @@ pub struct Arming {
     link: RemoteLink,
     /// Time of the newest frame that was looked at.
     heard: Option<Micros>,
+    hand: Hand,
+    /// The stops that are known.
+    stops: u32,
     /// The switch disarmed since the robot was last stopped or its remote lost: it may be armed.
     may_arm: bool,
+    refused: Option<Axis>,
 }
 
 impl Arming {
     /// One that has heard nothing.
     #[must_use]
     pub const fn new(config: ArmingConfig) -> Self {
-        let (watch, link) = (Watch::new(), RemoteLink::Lost);
-        Self { config, watch, link, heard: None, may_arm: false }
+        Self {
+            config,
+            watch: Watch::new(),
+            link: RemoteLink::Lost,
+            heard: None,
+            hand: Hand::UNSEEN,
+            stops: 0,
+            may_arm: false,
+            refused: None,
+        }
     }
 
     /// Whether the remote is heard, as of the last step.
     #[must_use]
     pub const fn link(&self) -> RemoteLink {
         self.link
+    }
+
+    /// What was not at rest when the switch was to arm, until the switch disarms.
+    #[must_use]
+    pub const fn refused(&self) -> Option<Axis> {
+        self.refused
     }
 
     /// Decides, from the newest frame of the remote, at least every 20 ms. The remote, if the robot
@@ -245,8 +398,15 @@ impl Arming {
         {
             self.watch.heard(value, *at);
             self.heard = Some(*at);
+            if !value.failsafe {
+                self.hand.see(self.config.zone(value), *at);
+            }
         }
         self.link = self.watch.link(now);
+        let stops = switch.stops();
+        if self.stops != stops {
+            self.know_stop(stops);
+        }
         match (self.link, newest) {
             (RemoteLink::Online, Some(Stamped { value, .. })) => {
                 self.follow(&value, switch);
@@ -258,26 +418,47 @@ impl Arming {
             }
             _ => {
                 switch.disarm();
-                self.may_arm = false;
+                (self.hand, self.may_arm, self.refused) = (Hand::UNSEEN, false, None);
                 None
             }
         }
     }
 
+    fn know_stop(&mut self, stops: u32) {
+        (self.stops, self.may_arm) = (stops, false);
+        self.hand.forget_moves();
+    }
+
     fn follow(&mut self, remote: &Remote, switch: &ArmSwitch) {
-        if self.config.stop.is_some_and(|stop| stop.is_on(remote)) {
-            switch.emergency_stop();
-            self.may_arm = false;
-        } else if self.config.disarm.is_on(remote) {
-            switch.reset();
-            switch.disarm();
-            self.may_arm = true;
-        } else {
-            switch.resume();
-            if core::mem::take(&mut self.may_arm) {
-                // Refused while the robot is stopped, or unfit: the status says which.
-                let _ = switch.arm();
+        match self.hand.zone {
+            Zone::Stops => {
+                switch.emergency_stop();
+                self.know_stop(switch.stops());
             }
+            Zone::Disarms => {
+                switch.disarm();
+                self.refused = None;
+                if self.hand.is_steady() {
+                    if self.hand.has_moved {
+                        switch.reset_after(self.stops);
+                    }
+                    self.may_arm = switch.state() != ArmState::EStopped;
+                }
+            }
+            Zone::Arms => {
+                switch.resume();
+                if self.hand.is_steady() && core::mem::take(&mut self.may_arm) {
+                    self.arm(remote, switch);
+                }
+            }
+        }
+    }
+
+    fn arm(&mut self, remote: &Remote, switch: &ArmSwitch) {
+        self.refused = self.config.at_rest.iter().copied().find(|axis| !axis.is_at_rest(remote));
+        if self.refused.is_none() {
+            // Refused while the robot is stopped, or unfit: the status says which.
+            let _ = switch.arm();
         }
     }
 }

@@ -12,7 +12,7 @@ use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{MotorPort, Ports};
 use rc10_motor::{ArmSwitch, Names, Target, TargetError};
 
-use crate::Arming;
+use crate::arming::{Arming, Axis};
 use crate::status::RobotStatus;
 use crate::supply::Supply;
 
@@ -31,6 +31,8 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     pub remote_reception: Reception,
     /// State of the link to the remote control.
     pub remote_link: Latest<RemoteLink, 1>,
+    /// What was not at rest when the remote was to arm the robot.
+    pub not_at_rest: Latest<Option<Axis>, 1>,
     /// The newest target that a motor refused: which motor, and why.
     pub refused: Latest<(N, TargetError), 1>,
     /// Status of the robot, ten times a second.
@@ -113,6 +115,7 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
             remote: Latest::new(),
             remote_reception: Reception::new(),
             remote_link: Latest::new(),
+            not_at_rest: Latest::new(),
             refused: Latest::new(),
             status: Topic::new(),
             bus_cycles: None,
@@ -131,6 +134,7 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
         let now = rc10_message::now();
         let obeyed = arming.step(self.remote.read(), &self.switch, now);
         self.remote_link.set(arming.link(), now);
+        self.not_at_rest.set(arming.refused(), now);
         obeyed
     }
 

@@ -22,7 +22,7 @@ pub mod status;
 pub mod status_led;
 pub mod supply;
 
-pub use arming::{Arming, ArmingConfig, ArmingError, SwitchAt, SwitchName};
+pub use arming::{Arming, ArmingConfig, ArmingError, Axis, SwitchAt, SwitchName};
 pub use base::DrivenBase;
 pub use common::{Changes, Common};
 pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};

@@ -11,6 +11,7 @@ use rc10_module::remote::RemoteLink;
 use rc10_motor::embassy::{BusPort, BusStatus, Ports, Rs485Port, Rs485Status};
 use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
 
+use crate::arming::Axis;
 use crate::common::Common;
 use crate::supply::{OLDEST_SUPPLY, Supply};
 
@@ -23,6 +24,8 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub arm: ArmState,
     /// Why it cannot be armed, if it cannot.
     pub unfit: Option<Unfit>,
+    /// What was not at rest when the remote was to arm it.
+    pub not_at_rest: Option<Axis>,
     /// Motors that are heard.
     pub online: u8,
     /// Targets that motors refused, of all of them.
@@ -56,6 +59,9 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
         write!(f, "{}", self.arm)?;
         if let Some(why) = self.unfit {
             write!(f, ", cannot be armed: {why}")?;
+        }
+        if let Some(axis) = self.not_at_rest {
+            write!(f, ", not armed: {axis} is not at rest; put it there and arm again")?;
         }
         write!(f, ", {} of {} motors online", self.online, N::ALL.len())?;
         if self.refused > 0 {
@@ -133,6 +139,7 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         at,
         arm: shared.switch.state(),
         unfit: shared.switch.unfit(),
+        not_at_rest: shared.not_at_rest.read().and_then(|axis| axis.value),
         online,
         refused,
         last_refused: shared.refused.read().map(|refused| refused.value),
@@ -324,6 +331,7 @@ mod tests {
             at: Micros::ZERO,
             arm: ArmState::Disarmed,
             unfit: Some(Unfit::Overload),
+            not_at_rest: Some(Axis::LeftY),
             online: 1,
             refused: 9800,
             last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
@@ -335,8 +343,9 @@ mod tests {
             supply: None,
             bus_cycles: Some(CycleCount { mean: 7_740, most: 11_772, a_second: 480_000_000 }),
         };
-        let expected = "disarmed, cannot be armed: the motors of a bus do not fit on it, 1 of 1 \
-                        motors online, 9800 targets refused (wheel front left: the Speed target is \
+        let expected = "disarmed, cannot be armed: the motors of a bus do not fit on it, not \
+                        armed: left stick (up and down) is not at rest; put it there and arm again, \
+                        1 of 1 motors online, 9800 targets refused (wheel front left: the Speed target is \
                         infinite or NaN); bus 1 ";
         assert!(status.to_string().starts_with(expected), "{status}");
         let expected = "; ticks take 7740 of 160000 cycles (4.8 %), at most 11772";

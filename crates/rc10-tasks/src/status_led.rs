@@ -39,11 +39,13 @@ pub fn state<N: Names, const BUSES: usize, const LINES: usize>(
     let is_there = |link: Link| link == Link::Online || (settles && link == Link::NeverSeen);
     let is_well = |status: MotorStatus| is_there(status.link) && status.fault.is_none();
     let supply = shared.supply.newer_than(OLDEST_SUPPLY, now);
+    let is_refused = shared.not_at_rest.read().is_some_and(|axis| axis.value.is_some());
     let is_low = supply.is_some_and(|supply| supply.is_low());
     match (shared.switch.state(), remote) {
         (ArmState::EStopped, _) => State::Stopped,
         (_, RemoteLink::Lost) => State::LinkLost,
         (ArmState::Suspended, _) | (_, RemoteLink::Interrupted) => State::Suspended,
+        (ArmState::Disarmed, _) if is_refused => State::NotAtRest,
         _ if !motors.all(is_well) => State::Fault,
         _ if is_low => State::LowSupply,
         (ArmState::Armed, _) => State::Armed,

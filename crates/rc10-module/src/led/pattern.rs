@@ -13,6 +13,7 @@
 //! | [`LinkLost`](State::LinkLost) | magenta | `#...#...#...#...#...` | points that run along the strip |
 //! | [`Fault`](State::Fault) | white | `#.#.#...............` | three short flashes, a pause |
 //! | [`LowSupply`](State::LowSupply) | yellow | `#...................` | one short flash every two seconds |
+//! | [`NotAtRest`](State::NotAtRest) | blue | `###.###.............` | two long flashes, a pause |
 
 use rc10_can::Micros;
 use smart_leds_trait::RGB8;
@@ -36,11 +37,13 @@ pub enum State {
     Fault,
     /// The battery is nearly empty.
     LowSupply,
+    /// A stick was not at rest when the robot was to be armed.
+    NotAtRest,
 }
 
 impl State {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Disarmed,
         Self::Armed,
         Self::Suspended,
@@ -48,6 +51,7 @@ impl State {
         Self::LinkLost,
         Self::Fault,
         Self::LowSupply,
+        Self::NotAtRest,
     ];
 }
 
@@ -74,6 +78,7 @@ const fn look(state: State) -> Look {
         State::LinkLost => ([255, 0, 180], b"#...#...#...#...#..."),
         State::Fault => ([255, 255, 255], b"#.#.#..............."),
         State::LowSupply => ([255, 220, 0], b"#..................."),
+        State::NotAtRest => ([0, 0, 255], b"###.###............."),
     };
     let [r, g, b] = colour;
     Look { colour: RGB8 { r, g, b }, rhythm, runs: matches!(state, State::LinkLost) }

@@ -12,9 +12,13 @@ const CONFIGS: [ArmingConfig; 3] = [
     ArmingConfig {
         disarm: SwitchAt::new(Third, Switch::Middle),
         stop: Some(SwitchAt::new(Third, Switch::Down)),
+        at_rest: &[Axis::RightX, Axis::Dial],
     },
-    ArmingConfig { disarm: SwitchAt::new(Left, Switch::Up), stop: None },
+    ArmingConfig { disarm: SwitchAt::new(Left, Switch::Up), stop: None, at_rest: Axis::STICKS },
 ];
+
+/// Steps after which a position counts: the fifth frame comes 40 ms after the first.
+const COUNTS: u32 = 5;
 
 /// Arming, and a remote whose frames come with every step until it is cut.
 struct Scene {
@@ -37,7 +41,7 @@ impl Scene {
             newest: None,
             is_cut: false,
         };
-        let ArmingConfig { disarm, stop } = config;
+        let ArmingConfig { disarm, stop, .. } = config;
         if let Some(stop) = stop {
             scene.turn(stop.switch, Switch::Up);
         }
@@ -48,9 +52,9 @@ impl Scene {
     fn armed(config: ArmingConfig) -> Self {
         let mut scene = Self::new(config);
         scene.disarm();
-        scene.step(2);
+        scene.step(COUNTS);
         scene.arm();
-        scene.step(1);
+        scene.step(COUNTS);
         assert_eq!(scene.switch.state(), ArmState::Armed);
         scene
     }
@@ -66,7 +70,7 @@ impl Scene {
 
     /// A position that arms.
     fn arms(&self) -> Switch {
-        let ArmingConfig { disarm, stop } = self.arming.config;
+        let ArmingConfig { disarm, stop, .. } = self.arming.config;
         let is_free = |position: &Switch| {
             let at = SwitchAt::new(disarm.switch, *position);
             at != disarm && Some(at) != stop
@@ -104,9 +108,10 @@ fn a_switch_that_was_left_in_a_position_that_arms_arms_nothing() {
         assert_eq!(scene.step(500), None);
         assert_eq!(scene.switch.state(), ArmState::Disarmed);
         scene.disarm();
-        scene.step(1);
+        scene.step(COUNTS);
         assert_eq!(scene.switch.state(), ArmState::Disarmed);
         scene.arm();
+        assert_eq!(scene.step(COUNTS - 1), None);
         assert_eq!(scene.step(1), Some(scene.remote));
         assert_eq!(scene.switch.state(), ArmState::Armed);
         scene.disarm();
@@ -122,7 +127,7 @@ fn every_position_but_the_two_that_are_named_arms() {
             let at = SwitchAt::new(config.disarm.switch, position);
             let mut scene = Scene::new(config);
             scene.disarm();
-            scene.step(1);
+            scene.step(COUNTS);
             let ends = [config.disarm.position, position];
             if ends.contains(&Switch::Up) && ends.contains(&Switch::Down) {
                 // A switch passes its middle.
@@ -130,7 +135,7 @@ fn every_position_but_the_two_that_are_named_arms() {
                 scene.step(3);
             }
             scene.turn(at.switch, position);
-            scene.step(1);
+            scene.step(COUNTS);
             let expected = match at {
                 at if at == config.disarm => ArmState::Disarmed,
                 at if Some(at) == config.stop => ArmState::EStopped,
@@ -147,7 +152,7 @@ fn a_switch_that_disarmed_before_arms_nothing_after() {
     for config in CONFIGS {
         let mut scene = Scene::new(config);
         scene.disarm();
-        scene.step(2);
+        scene.step(COUNTS);
         scene.is_cut = true;
         scene.step(100);
         scene.arm();
@@ -158,7 +163,7 @@ fn a_switch_that_disarmed_before_arms_nothing_after() {
         let Some(stop) = config.stop else { continue };
         let mut scene = Scene::new(config);
         scene.disarm();
-        scene.step(2);
+        scene.step(COUNTS);
         scene.arm();
         scene.turn(stop.switch, stop.position);
         scene.step(1);
@@ -178,7 +183,7 @@ fn an_unfit_robot_is_not_armed_by_its_switches() {
         let mut scene = Scene::new(config);
         scene.switch.forbid(Unfit::Clock);
         scene.disarm();
-        scene.step(2);
+        scene.step(COUNTS);
         scene.arm();
         assert_eq!(scene.step(100), None);
         assert_eq!(scene.switch.state(), ArmState::Disarmed);
@@ -214,10 +219,12 @@ fn an_emergency_stop_ends_by_hand_and_then_is_armed_anew() {
         assert_eq!(scene.switch.state(), ArmState::EStopped, "the switch stops yet");
         scene.turn(stop.switch, Switch::Up);
         scene.disarm();
+        scene.step(COUNTS - 1);
+        assert_eq!(scene.switch.state(), ArmState::EStopped);
         scene.step(1);
         assert_eq!(scene.switch.state(), ArmState::Disarmed);
         scene.arm();
-        assert!(scene.step(1).is_some());
+        assert!(scene.step(COUNTS).is_some());
     }
 }
 
@@ -232,6 +239,168 @@ fn a_stop_from_elsewhere_is_not_undone_by_an_armed_remote() {
         scene.switch.disarm();
         assert_eq!(scene.step(100), None);
         assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+}
+
+/// Whoever stopped, wherever the switch lies and however often: a hand must have moved it since.
+#[test]
+fn a_stop_lasts_until_a_hand_has_moved_the_switch() {
+    for config in CONFIGS {
+        for lies_disarmed in [true, false] {
+            for phase in 0..12 {
+                let mut scene = Scene::armed(config);
+                if lies_disarmed {
+                    scene.disarm();
+                }
+                // The move before the stop may be a frame old, or long over.
+                scene.step(phase);
+                scene.switch.emergency_stop();
+                assert_eq!(scene.step(500), None);
+                assert_eq!(scene.switch.state(), ArmState::EStopped, "{config:?}, {phase}");
+                scene.arm();
+                scene.step(50);
+                assert_eq!(scene.switch.state(), ArmState::EStopped);
+                // Another one ends no sooner.
+                scene.disarm();
+                scene.step(COUNTS - 2);
+                scene.switch.emergency_stop();
+                scene.step(500);
+                assert_eq!(scene.switch.state(), ArmState::EStopped, "{config:?}, {phase}");
+                scene.arm();
+                scene.step(COUNTS);
+                scene.disarm();
+                scene.step(COUNTS);
+                assert_eq!(scene.switch.state(), ArmState::Disarmed, "{config:?}, {phase}");
+                scene.arm();
+                assert!(scene.step(COUNTS).is_some());
+            }
+        }
+    }
+}
+
+/// The transmitter is switched off and on while it is stopped.
+#[test]
+fn a_remote_that_comes_back_moved_nothing() {
+    for config in CONFIGS {
+        let mut scene = Scene::armed(config);
+        scene.switch.emergency_stop();
+        scene.step(10);
+        scene.is_cut = true;
+        scene.step(150);
+        scene.is_cut = false;
+        scene.disarm();
+        scene.step(500);
+        assert_eq!(scene.switch.state(), ArmState::EStopped);
+        scene.arm();
+        scene.step(COUNTS);
+        scene.disarm();
+        scene.step(COUNTS);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+}
+
+/// What a damaged frame may say ends no stop and arms nothing; what it stops or disarms stays so.
+#[test]
+fn one_frame_of_another_position_begins_nothing() {
+    let bad = |scene: &mut Scene, wrong: &dyn Fn(&mut Scene), times: u32| {
+        let good = scene.remote;
+        wrong(scene);
+        scene.step(times);
+        scene.remote = good;
+        scene.step(20);
+    };
+    for config in CONFIGS {
+        for frames in 1..=2 {
+            // From power-on with the switch where it arms.
+            let mut scene = Scene::new(config);
+            scene.step(20);
+            bad(&mut scene, &Scene::disarm, frames);
+            assert_eq!(scene.switch.state(), ArmState::Disarmed, "{config:?}");
+            // It lies disarmed, and may be armed.
+            scene.disarm();
+            scene.step(20);
+            bad(&mut scene, &Scene::arm, frames);
+            assert_eq!(scene.switch.state(), ArmState::Disarmed, "{config:?}");
+            // Stopped, wherever the switch lies.
+            scene.switch.emergency_stop();
+            bad(&mut scene, &Scene::arm, frames);
+            assert_eq!(scene.switch.state(), ArmState::EStopped, "{config:?}");
+            scene.arm();
+            scene.step(20);
+            bad(&mut scene, &Scene::disarm, frames);
+            assert_eq!(scene.switch.state(), ArmState::EStopped, "{config:?}");
+            // Armed: one frame is enough to disarm, and to stop.
+            let mut scene = Scene::armed(config);
+            bad(&mut scene, &Scene::disarm, frames);
+            assert_eq!(scene.switch.state(), ArmState::Disarmed, "{config:?}");
+            let Some(stop) = config.stop else { continue };
+            let mut scene = Scene::armed(config);
+            bad(&mut scene, &|scene| scene.turn(stop.switch, stop.position), frames);
+            assert_eq!(scene.switch.state(), ArmState::EStopped, "{config:?}");
+        }
+    }
+}
+
+/// Frames that come fast need their time, and slow ones their number.
+#[test]
+fn a_position_needs_three_frames_and_forty_milliseconds() {
+    for (period, frames) in [(4, 11), (10, 5), (14, 4), (20, 3), (22, 3), (60, 3)] {
+        let mut scene = Scene::armed(ArmingConfig::DEFAULT);
+        let mut until = |position, wanted| {
+            scene.remote.right_switch = position;
+            (1..50).find(|_| {
+                scene.now += Micros::from_millis(period);
+                let newest = Some(Stamped { value: scene.remote, at: scene.now });
+                // Looked at twice, it is still one.
+                for _ in 0..2 {
+                    scene.arming.step(newest, &scene.switch, scene.now);
+                }
+                scene.switch.state() == wanted
+            })
+        };
+        assert_eq!(until(Switch::Down, ArmState::Disarmed), Some(1));
+        assert_eq!(until(Switch::Down, ArmState::EStopped), None);
+        assert_eq!(until(Switch::Up, ArmState::Armed), Some(frames), "every {period} ms");
+    }
+}
+
+fn push(remote: &mut Remote, axis: Axis, to: f32) {
+    *match axis {
+        Axis::LeftX => &mut remote.left.x,
+        Axis::LeftY => &mut remote.left.y,
+        Axis::RightX => &mut remote.right.x,
+        Axis::RightY => &mut remote.right.y,
+        Axis::Dial => &mut remote.dial,
+    } = to;
+}
+
+#[test]
+fn it_arms_only_while_what_moves_something_is_at_rest() {
+    let all = [Axis::LeftX, Axis::LeftY, Axis::RightX, Axis::RightY, Axis::Dial];
+    for config in CONFIGS {
+        for axis in all {
+            for at in [-1.0, -0.06, 0.06, 1.0, f32::NAN] {
+                let mut scene = Scene::new(config);
+                push(&mut scene.remote, axis, at);
+                scene.disarm();
+                scene.step(20);
+                scene.arm();
+                let is_armed = scene.step(20).is_some();
+                assert_eq!(is_armed, !config.at_rest.contains(&axis), "{axis} at {at}");
+                assert_eq!(scene.arming.refused(), (!is_armed).then_some(axis));
+                if is_armed {
+                    continue;
+                }
+                // At rest now; but no stick arms it, only the switch.
+                push(&mut scene.remote, axis, 0.04);
+                assert_eq!(scene.step(200), None);
+                scene.disarm();
+                scene.step(COUNTS);
+                assert_eq!(scene.arming.refused(), None);
+                scene.arm();
+                assert!(scene.step(COUNTS).is_some());
+            }
+        }
     }
 }
 
@@ -254,9 +423,9 @@ fn a_remote_that_is_lost_for_a_moment_suspends_and_for_longer_disarms() {
         scene.is_cut = false;
         assert_eq!(scene.step(100), None, "armed only by hand");
         scene.disarm();
-        scene.step(1);
+        scene.step(COUNTS);
         scene.arm();
-        assert!(scene.step(1).is_some());
+        assert!(scene.step(COUNTS).is_some());
     }
 }
 
@@ -276,7 +445,11 @@ fn the_receivers_own_failsafe_suspends_at_once_whatever_the_frame_says() {
 #[test]
 fn a_configuration_that_cannot_work_is_refused() {
     let down = |switch| SwitchAt::new(switch, Switch::Down);
-    let config = |disarm, stop| ArmingConfig { disarm: down(disarm), stop: Some(down(stop)) };
+    let config = |disarm, stop| ArmingConfig {
+        disarm: down(disarm),
+        stop: Some(down(stop)),
+        at_rest: &[],
+    };
     for receiver in Receiver::ALL {
         let has_four = matches!(receiver, Receiver::Sbus | Receiver::Crsf | Receiver::Ppm);
         let missing = |name| if has_four { Ok(()) } else { Err(name) };
@@ -294,7 +467,8 @@ fn a_configuration_that_cannot_work_is_refused() {
         (Switch::Up, Switch::Middle, Ok(())),
     ] {
         let at = |position| SwitchAt::new(Right, position);
-        let config = ArmingConfig { disarm: at(position), stop: Some(at(stop)) };
+        let config =
+            ArmingConfig { disarm: at(position), stop: Some(at(stop)), at_rest: &[] };
         assert_eq!(config.validate(Receiver::Vt03), refused, "{config:?}");
     }
     for (position, refused) in [
@@ -302,7 +476,8 @@ fn a_configuration_that_cannot_work_is_refused() {
         (Switch::Middle, Ok(())),
         (Switch::Down, Err(ArmingError::Button)),
     ] {
-        let config = ArmingConfig { disarm: SwitchAt::new(Left, position), stop: None };
+        let disarm = SwitchAt::new(Left, position);
+        let config = ArmingConfig { disarm, stop: None, at_rest: &[] };
         assert_eq!(config.validate(Receiver::Vt03), refused);
         assert_eq!(config.validate(Receiver::Dr16), Ok(()));
     }
