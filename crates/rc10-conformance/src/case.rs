@@ -273,7 +273,7 @@ fn live(rig: &mut Rig<'_>) {
     rig.switch.reset();
     let _ = rig.switch.arm();
     rig.wait(coast, 50);
-    let _ = rig.ask(Request::SetZero);
+    let _ = rig.ask(Request::SetZeroOfDriven);
     rig.wait(cruise, 100);
     rig.esc.set_feedback(false);
     rig.wait(cruise, 100);

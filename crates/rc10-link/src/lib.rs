@@ -20,14 +20,19 @@ pub mod frame;
 mod message;
 pub mod samples;
 
-pub use message::{Action, Ask, Bits, CHANGES, Change, GROUPS, Outcome, SIGNALS, Tell, Topic};
+pub use message::{
+    Action, Ask, Bits, CHANGES, Change, Declaration, GROUPS, Outcome, SIGNALS, Tell, Topic,
+};
 
 /// The version of these messages.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 
 /// A link is down after this silence, in microseconds. A PC says hello at least every
 /// quarter of it.
 pub const SILENCE: u64 = 1_000_000;
+
+/// A jog that was asked for longer ago is refused, in microseconds by the robot's clock.
+pub const JOG_AGE: u64 = 150_000;
 
 /// Signals and parameters come in pages of this size: [`Ask::Signals`] and [`Ask::Parameters`] get those up
 /// to the next multiple of it.

@@ -44,14 +44,50 @@ pub enum Ask {
         id: u16,
         /// Each parameter at most once.
         changes: Vec<Change, CHANGES>,
+        /// The robot that is meant: another one refuses.
+        declaration: Declaration,
     },
-    /// Does something. [`Tell::Answer`] is the answer.
+    /// Stops or disarms, any robot and at any time; also without a [`Hello`](Self::Hello) before. Other
+    /// actions are refused. [`Tell::Answer`] is the answer.
     Do {
         /// Of this request, for its answer.
         id: u16,
         /// What.
         action: Action,
     },
+    /// Does something to one robot. [`Tell::Answer`] is the answer.
+    Act {
+        /// Of this request, for its answer.
+        id: u16,
+        /// The robot that is meant: another one refuses.
+        declaration: Declaration,
+        /// The newest time that the robot told, µs since its power-on. A [`Jog`](Action::Jog) is refused
+        /// if that is older than [`JOG_AGE`](crate::JOG_AGE), or not newer than that of the one before.
+        heard: u64,
+        /// What.
+        action: Action,
+    },
+}
+
+/// A number that differs where the declarations of two robots do: the names and places of their motors,
+/// buses and lines, their signals and parameters. FNV-1a of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Declaration(pub u32);
+
+impl Default for Declaration {
+    fn default() -> Self {
+        Self(0x811C_9DC5)
+    }
+}
+
+impl Declaration {
+    /// With some more of it.
+    #[must_use]
+    pub fn with(self, bytes: &[u8]) -> Self {
+        // An end, so that parts do not run into each other.
+        let bytes = bytes.iter().chain(&[0xFF]);
+        Self(bytes.fold(self.0, |sum, byte| (sum ^ u32::from(*byte)).wrapping_mul(0x0100_0193)))
+    }
 }
 
 /// A parameter, and its new value.
@@ -67,11 +103,11 @@ pub struct Change {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Action {
-    /// Emergency stop of all motors. It stays until a hand ends it at the remote.
+    /// Emergency stop of all motors. It stays until a hand has moved the switches of the remote since.
     Stop,
     /// Disarms the robot.
     Disarm,
-    /// A motor's angle now is zero from now on.
+    /// A motor's angle now is zero from now on. Only while the robot is disarmed.
     Zero(u8),
     /// A motor forgets its fault and goes on.
     ClearFault(u8),
@@ -178,6 +214,8 @@ pub enum Tell<'a> {
         damaged: [u32; 3],
         /// Samples that were not taken because those before were not sent yet.
         skipped: u32,
+        /// Which robot it is.
+        declaration: Declaration,
     },
     /// A signal.
     Signal {

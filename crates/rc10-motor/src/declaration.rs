@@ -75,12 +75,17 @@ pub struct Entry<C> {
     pub safety: Safety,
     /// The largest speed at which a PC may turn it while the robot is disarmed; `None`: it may not.
     pub jog: Option<Rpm>,
+    /// How many times the gains declared a PC may set; [`MOST_GAIN`] unless it is said.
+    pub most_gain: f32,
 }
+
+/// How many times the gains of a motor's declaration a PC may set, unless the declaration says so.
+pub const MOST_GAIN: f32 = 10.0;
 
 impl<C: Copy> Entry<C> {
     /// A motor that coasts when it may not follow its target.
     pub const fn new(label: &'static str, on: Place, config: C) -> Self {
-        Self { label, on, config, safety: Safety::COAST, jog: None }
+        Self { label, on, config, safety: Safety::COAST, jog: None, most_gain: MOST_GAIN }
     }
 
     /// With another safe state.
@@ -102,10 +107,21 @@ impl<C: Copy> Entry<C> {
         self
     }
 
+    /// A PC may set gains up to this many times those declared: where the first ones are a mere guess.
+    ///
+    /// # Panics
+    /// If it is below 1; in a `const` that is a compile error.
+    #[must_use]
+    pub const fn with_most_gain(mut self, times: f32) -> Self {
+        assert!(times >= 1.0 && times < f32::MAX, "a gain may be as large as it is declared");
+        self.most_gain = times;
+        self
+    }
+
     /// The same, of a configuration in another form.
     pub const fn with_config<D: Copy>(self, config: D) -> Entry<D> {
-        let Self { label, on, safety, jog, .. } = self;
-        Entry { label, on, config, safety, jog }
+        let Self { label, on, safety, jog, most_gain, .. } = self;
+        Entry { label, on, config, safety, jog, most_gain }
     }
 }
 

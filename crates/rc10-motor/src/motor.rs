@@ -150,12 +150,14 @@ pub struct Tick {
     /// Ticks so far, counted from another number for each motor of a bus: what need not happen in
     /// every tick, such as an angle loop, happens in other ticks for each.
     pub count: u32,
+    /// What runs in this tick is a [`Request::Jog`]: with little effort.
+    pub is_jog: bool,
 }
 
 impl Tick {
     /// One millisecond of a motor that is heard: for tests and loops without a bus.
     pub const fn new(mode: DriveMode) -> Self {
-        Self { dt: Seconds::new(0.001), mode, link: Link::Online, count: 0 }
+        Self { dt: Seconds::new(0.001), mode, link: Link::Online, count: 0, is_jog: false }
     }
 }
 

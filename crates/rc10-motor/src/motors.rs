@@ -229,7 +229,9 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         }
         let arm = self.switch.for_motors();
         self.ticks = self.ticks.wrapping_add(1);
-        let mut tick = Tick { dt, mode: DriveMode::Off, link: Link::Online, count: self.ticks };
+        let (mode, link, count) = (DriveMode::Off, Link::Online, self.ticks);
+        // Without arming nothing else runs.
+        let mut tick = Tick { dt, mode, link, count, is_jog: arm == ArmState::Disarmed };
         for (index, slot) in self.slots.iter_mut().enumerate() {
             tick.mode = slot.supervision.decide(arm, now);
             tick.link = slot.supervision.link_in_tick();
@@ -240,8 +242,9 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         }
     }
 
-    /// What is not done in every tick: after a long pause nothing holds any more; and a stop ends every
-    /// jog, also of a robot that was disarmed, which for its motors it still is.
+    /// What is not done in every tick: after a long pause nothing holds any more; a stop ends every jog,
+    /// also of a robot that was disarmed, which for its motors it still is; and so does a speed that
+    /// was not asked for.
     #[cold]
     fn look_closer(&mut self, pause: Micros) {
         if pause > LONGEST_PAUSE {
@@ -250,6 +253,9 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         if self.switch.state() != ArmState::Disarmed {
             self.slots.iter_mut().for_each(|slot| slot.supervision.end_jog());
             self.pause = LONGEST_PAUSE;
+        }
+        for Slot { motor, supervision } in &mut self.slots {
+            supervision.watch_jog(&**motor);
         }
     }
 
@@ -287,10 +293,15 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         if let Request::Jog(_) = request {
             self.pause = Micros::ZERO;
         }
+        let for_motors = self.switch.for_motors();
         let slot = self.slot_mut(motor).ok_or(RequestError::NoSuchMotor)?;
         let Slot { motor, supervision } = slot;
         match request {
             Request::Jog(speed) => supervision.jog(&mut **motor, speed, arm, now),
+            Request::SetZero if supervision.is_driven(for_motors, now) => {
+                Err(RequestError::WhileDriven)
+            }
+            Request::SetZeroOfDriven => supervision.request(&mut **motor, Request::SetZero),
             _ => supervision.request(&mut **motor, request),
         }
     }

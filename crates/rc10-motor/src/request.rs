@@ -8,9 +8,13 @@ use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Request {
-    /// The shaft's angle now is zero from now on. A total angle that is sought or held stays where
-    /// it is; the same number commanded again lies elsewhere.
+    /// The shaft's angle now is zero from now on. Only while the motor is not driven: a task that goes
+    /// on asking for the same number would send it elsewhere.
     SetZero,
+    /// The same of a motor that may be driven, for a task that knows where it is, such as in homing. No
+    /// number given before counts on the new scale: a total angle that is sought or held stays where
+    /// it is. The same number commanded again lies elsewhere.
+    SetZeroOfDriven,
     /// Forget a fault and go on.
     ClearFault,
     /// Never command more current than this.
@@ -30,8 +34,10 @@ pub enum Request {
     /// the robot is disarmed.
     WriteRegister(u16, u32),
     /// Turns slowly while the robot is disarmed, and only this motor: for 80 ms at this speed, or not at
-    /// all any more at zero; repeat it. A target from a task ends it, as does arming, a stop, a fault,
-    /// or a lost link. Refused while a task commands the motor ([`RequestError::Busy`]).
+    /// all any more at zero; repeat it. Loops that run here use a fifth of their limit. A target from a
+    /// task ends it, as does arming, a stop, a fault, a lost link, or twice its speed: then the next
+    /// one is refused, too ([`RequestError::TooFast`]), until zero is asked for, or nothing for 0.2 s.
+    /// Refused while a task commands the motor ([`RequestError::Busy`]).
     Jog(Rpm),
     /// The device keeps its registers also after power-off. Only while the robot is disarmed: its
     /// flash wears, and its loops stop meanwhile.
@@ -69,6 +75,10 @@ pub enum RequestError {
     NoSuchMotor,
     /// Only while the robot is disarmed.
     NotWhileArmed,
+    /// Only while the motor is not driven.
+    WhileDriven,
+    /// It turned twice as fast as a jog asked for.
+    TooFast,
     /// The device did not answer in time: whether it did what was asked is not known.
     Timeout,
     /// The device refused, with this code of its own.
@@ -84,6 +94,8 @@ impl fmt::Display for RequestError {
             Self::Busy => f.write_str("the request before has not been carried out yet"),
             Self::NoSuchMotor => f.write_str("the bus has no such motor"),
             Self::NotWhileArmed => f.write_str("only while the robot is disarmed"),
+            Self::WhileDriven => f.write_str("only while the motor is not driven"),
+            Self::TooFast => f.write_str("it turned twice as fast as asked for"),
             Self::Timeout => f.write_str("the device did not answer in time"),
             Self::Refused(code) => write!(f, "the device refused, code {code}"),
         }

@@ -99,6 +99,8 @@ pub struct Spring {
     pub kd: f32,
 }
 
+/// Share of the limit that a jog may use.
+const JOG_SHARE: f32 = 0.2;
 /// Share of the limit by which the torque of a spring may grow in a second: all of it in 20 ms.
 const SOFT_SLOPE: f32 = 50.0;
 
@@ -250,7 +252,7 @@ impl Servo {
             return self.rest();
         }
         let ran = core::mem::replace(&mut self.ran, tick.mode == DriveMode::Run);
-        self.is_plain = self.ran && self.cascade.feed_forward.is_of_speed_alone();
+        self.is_plain = self.ran && !tick.is_jog && self.cascade.feed_forward.is_of_speed_alone();
         if ran && matches!(tick.mode, DriveMode::Brake | DriveMode::Hold) {
             self.state.start_over(tick.mode == DriveMode::Hold);
         }
@@ -262,6 +264,7 @@ impl Servo {
         match goal {
             Goal::Rest => self.state.rest(),
             Goal::Effort(effort) => self.state.give(effort, self.limit, tick.dt),
+            Goal::Speed(rpm) if tick.is_jog => self.jog(rpm, tick, shaft),
             Goal::Speed(rpm) => self.seek(&Seek::Speed(rpm), 0.0, tick, shaft),
             Goal::Angle(_) | Goal::Total(_) => {
                 self.seek(&Seek::Angle(way(&goal, shaft)), 0.0, tick, shaft);
@@ -269,6 +272,15 @@ impl Servo {
             Goal::Impedance(_) => self.impede(way(&goal, shaft), shaft.speed().get(), tick.dt),
             Goal::Motion => self.follow(tick, shaft),
         }
+    }
+
+    /// One step at a speed that a PC asks for: never with much effort, whatever the gains are.
+    fn jog(&mut self, rpm: f32, tick: &Tick, shaft: &Shaft) {
+        let limits = (self.limit, self.cascade.speed.output_limit);
+        self.limit *= JOG_SHARE;
+        self.apply_limit();
+        self.seek(&Seek::Speed(rpm), 0.0, tick, shaft);
+        (self.limit, self.cascade.speed.output_limit) = limits;
     }
 
     /// One step along a motion.

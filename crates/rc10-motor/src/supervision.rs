@@ -219,11 +219,17 @@ pub(crate) struct Supervision {
     /// bits of the milliseconds, for which there is room beside the others.
     jogged: bool,
     jogged_at: u16,
+    /// The last jog was too fast: until zero is asked for, or nothing for a while.
+    ran_away: bool,
     counters: MotorCounters,
 }
 
 /// How long a [`Request::Jog`] holds, ms.
 const JOG: u16 = 80;
+/// How long none is asked for before one that was too fast is forgotten, ms.
+const FORGET: u16 = 200;
+/// A speed that is this much above the one asked for is no runaway, rpm: small ones are noisy.
+const NOISE: f32 = 5.0;
 
 impl Supervision {
     /// Of a motor that was never heard; `safety` is valid.
@@ -241,6 +247,7 @@ impl Supervision {
             clearing: false,
             jogged: false,
             jogged_at: 0,
+            ran_away: false,
             counters: MotorCounters::default(),
         }
     }
@@ -275,8 +282,14 @@ impl Supervision {
         if arm != ArmState::Disarmed {
             return Err(RequestError::NotWhileArmed);
         }
+        let ran_away = core::mem::replace(&mut self.ran_away, false);
         if speed.get() == 0.0 {
             return Ok(Response::Done);
+        }
+        let is_recent = millis(now).wrapping_sub(self.jogged_at) < FORGET;
+        if is_too_fast(motor, speed) || (ran_away && is_recent) {
+            (self.ran_away, self.jogged_at) = (true, millis(now));
+            return Err(RequestError::TooFast);
         }
         if self.link(now) != Link::Online {
             return Err(RequestError::NoFeedback);
@@ -288,6 +301,22 @@ impl Supervision {
         motor.set_target(Target::Speed(speed)).map_err(|_| RequestError::Unsupported)?;
         (self.jogged, self.jogged_at) = (true, millis(now));
         Ok(Response::Done)
+    }
+
+    /// Ends a jog that turns much faster than asked for: with gains from a PC the loop itself may be wrong.
+    pub(crate) fn watch_jog(&mut self, motor: &(impl Motor + ?Sized)) {
+        let Target::Speed(asked) = motor.target() else { return };
+        if self.jogged && is_too_fast(motor, asked) {
+            self.ran_away = true;
+            self.end_jog();
+        }
+    }
+
+    /// Whether it is driven, or would be in the next tick; `arm` as motors see it.
+    pub(crate) fn is_driven(&self, arm: ArmState, now: Micros) -> bool {
+        let drives = matches!(self.drive, DriveMode::Run | DriveMode::Hold | DriveMode::Brake);
+        let is_commanded = self.fresh && since(self.commanded_at, now) < self.command_expiry;
+        self.jogged || (arm != ArmState::Disarmed && (drives || is_commanded))
     }
 
     /// Nothing of a jog goes on. That is no command that has expired.
@@ -440,6 +469,12 @@ impl Supervision {
         (self.drive, self.fresh) = (drive, fresh);
         drive
     }
+}
+
+/// Whether it turns twice as fast as asked for.
+fn is_too_fast(motor: &(impl Motor + ?Sized), asked: Rpm) -> bool {
+    let asked = asked.get().abs();
+    motor.feedback().speed.get().abs() > (2.0 * asked).max(asked + NOISE)
 }
 
 /// The low half of a time.

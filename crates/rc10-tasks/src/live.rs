@@ -29,13 +29,17 @@ use heapless::Vec;
 use rc10_app::Rpm;
 use rc10_link::frame::{AROUND, BODY, FromPc, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
-use rc10_link::{AT_ONCE, Action, Ask, Bits, GROUPS, Outcome, SIGNALS, SILENCE, Tell, VERSION};
+use rc10_link::{
+    AT_ONCE, Action, Ask, Bits, Declaration, GROUPS, JOG_AGE, Outcome, SIGNALS, SILENCE, Tell,
+    VERSION,
+};
 use rc10_message::{Cycles, Latest};
 use rc10_module::remote::{Remote, RemoteLink};
 use rc10_module::{Reception, listen};
 use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
-use rc10_motor::{ArmSwitch, Names, Request, Response, Slot};
+use rc10_motor::{ArmState, ArmSwitch, Names, Request, RequestError, Response, Slot};
 
+use crate::arming::Axis;
 use crate::common::{Changes, Common};
 
 pub use own::{Live, Parameter, Signal};
@@ -60,7 +64,9 @@ pub struct Robot<'r> {
     remote_link: &'r Latest<RemoteLink, 1>,
     cycles: Option<&'r Cycles>,
     changes: &'r Changes,
+    not_at_rest: &'r Latest<Option<Axis>, 1>,
     own: &'r dyn Live,
+    declaration: Declaration,
 }
 
 impl<'r> Robot<'r> {
@@ -86,13 +92,27 @@ impl<'r> Robot<'r> {
             remote_link: &shared.remote_link,
             cycles: shared.bus_cycles,
             changes: &shared.changes,
+            not_at_rest: &shared.not_at_rest,
             own,
+            declaration: declaration(N::SLOTS, [BUSES, LINES], own),
         }
     }
 
     fn motor(&self, number: usize) -> Option<MotorPort<'r>> {
         self.motors.get(number).copied()
     }
+}
+
+/// What tells a robot from another one.
+fn declaration(slots: &[Slot], counts: [usize; 2], own: &dyn Live) -> Declaration {
+    let mut sum = Declaration::default();
+    for Slot { label, on, .. } in slots {
+        sum = sum.with(label.as_bytes()).with(&[on.bus().unwrap_or(0), on.line().unwrap_or(0)]);
+    }
+    sum = counts.iter().fold(sum, |sum, count| sum.with(&count.to_le_bytes()[..1]));
+    own.signals(&mut |it| sum = sum.with(it.label.as_bytes()));
+    own.parameters(&mut |it| sum = sum.with(it.label.as_bytes()));
+    sum
 }
 
 /// A port to a PC.
@@ -116,6 +136,8 @@ struct State {
     parameters: Cell<Range>,
     jobs: Channel<NoopRawMutex, (u16, Job), WAITING>,
     answers: Channel<NoopRawMutex, (u16, Answer), WAITING>,
+    /// The newest jog: the time in it, and its number.
+    jogged: Cell<(u64, u16)>,
     wake: Wake<NoopRawMutex, ()>,
 }
 
@@ -173,6 +195,7 @@ impl<W: Write> Link<W> {
             parameters: Cell::new((0, 0)),
             jobs: Channel::new(),
             answers: Channel::new(),
+            jogged: Cell::new((0, 0)),
             wake: Wake::new(),
         };
         Self { writer: Mutex::new(writer), state }
@@ -222,13 +245,14 @@ impl State {
     #[inline(never)]
     fn hear(&self, ask: Ask, robot: &Robot<'_>, grid: Instant) {
         let was_up = self.is_up();
-        if let Ask::Hello { .. } = ask {
+        // Who stops or disarms is to be answered, too.
+        if let Ask::Hello { .. } | Ask::Do { .. } = ask {
             if !was_up {
                 *self.groups.borrow_mut() = [Group::OFF; GROUPS];
             }
             self.heard.set(Some(Instant::now()));
             self.is_greeted.set(true);
-        } else if !was_up && !matches!(ask, Ask::Do { action: Action::Stop, .. }) {
+        } else if !was_up {
             return;
         }
         match ask {
@@ -238,31 +262,61 @@ impl State {
                 let now = Instant::now().saturating_duration_since(grid);
                 self.watch(group, period, signals, now.as_micros());
             }
-            Ask::Set { id, changes } => self.queue(id, Job::Set(changes)),
-            Ask::Do { id, action } => match action {
-                Action::Stop => {
-                    robot.switch.emergency_stop();
-                    self.answer(id, Answer::Done);
-                }
-                Action::Disarm => {
-                    robot.switch.disarm();
-                    self.answer(id, Answer::Done);
-                }
-                Action::Zero(motor) => self.queue(id, Job::Ask(motor, Request::SetZero)),
-                Action::ClearFault(motor) => self.queue(id, Job::Ask(motor, Request::ClearFault)),
-                Action::ReadRegister(motor, register) => {
-                    self.queue(id, Job::Ask(motor, Request::ReadRegister(register)));
-                }
-                Action::Jog(motor, tenths) => match jog(robot, motor, tenths) {
-                    Ok(speed) => self.queue(id, Job::Jog(motor, speed, Instant::now())),
-                    Err(why) => self.answer(id, Answer::Refused(why)),
-                },
-                _ => self.answer(id, Answer::Refused(Refusal::UNKNOWN)),
+            Ask::Set { id, declaration, .. } | Ask::Act { id, declaration, .. }
+                if declaration != robot.declaration =>
+            {
+                self.answer(id, Answer::Refused(Refusal::ANOTHER));
+            }
+            Ask::Set { id, changes, .. } => self.queue(id, Job::Set(changes)),
+            Ask::Do { id, action: Action::Stop } => {
+                robot.switch.emergency_stop();
+                self.answer(id, Answer::Done);
+            }
+            Ask::Do { id, action: Action::Disarm } => {
+                robot.switch.disarm();
+                self.answer(id, Answer::Done);
+            }
+            Ask::Do { id, .. } => self.answer(id, Answer::Refused(Refusal::OLD)),
+            Ask::Act { id, heard, action, .. } => match self.job(id, heard, action, robot) {
+                Ok(job) => self.queue(id, job),
+                Err(why) => self.answer(id, Answer::Refused(why)),
             },
             _ => {}
         }
         self.is_asked.set(true);
         self.wake.signal(());
+    }
+
+    /// What is to be done to a motor, if it may be.
+    fn job(&self, id: u16, heard: u64, action: Action, robot: &Robot<'_>) -> Result<Job, Refusal> {
+        Ok(match action {
+            // The motor's bus sees to it again, in the tick that does it.
+            Action::Zero(_) if robot.switch.state() != ArmState::Disarmed => {
+                return Err(Refusal::of(None, RequestError::NotWhileArmed));
+            }
+            Action::Zero(motor) => Job::Ask(motor, Request::SetZero),
+            Action::ClearFault(motor) => Job::Ask(motor, Request::ClearFault),
+            Action::ReadRegister(motor, register) => {
+                Job::Ask(motor, Request::ReadRegister(register))
+            }
+            Action::Jog(motor, tenths) => {
+                self.is_news(id, heard, tenths)?;
+                Job::Jog(motor, jog(robot, motor, tenths)?, Instant::now())
+            }
+            _ => return Err(Refusal::UNKNOWN),
+        })
+    }
+
+    /// Whether a jog was asked for just now, and only once. One to zero turns nothing.
+    fn is_news(&self, id: u16, heard: u64, tenths: i16) -> Result<(), Refusal> {
+        let (before, number) = self.jogged.get();
+        let age = Instant::now().as_micros().wrapping_sub(heard);
+        let is_again = heard < before || (heard == before && id == number);
+        if tenths != 0 && (age > JOG_AGE || is_again) {
+            return Err(Refusal::because(None, "it was asked for too long ago"));
+        }
+        self.jogged.set((before.max(heard), id));
+        Ok(())
     }
 
     fn watch(&self, group: u8, period: u16, signals: Bits, now: u64) {
@@ -372,6 +426,7 @@ impl State {
                 changes: robot.changes.read(),
                 damaged: [counters.damaged, counters.skipped, counters.port_errors],
                 skipped: groups.iter().fold(0, |sum, it| it.head.skipped.wrapping_add(sum)),
+                declaration: robot.declaration,
             });
         }
         if let Ok((id, answer)) = self.answers.try_receive() {

@@ -1,11 +1,13 @@
 //! The PC's end of a link, without the port: bytes in, bytes out, and the time as an argument.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rc10_can::Micros;
 use rc10_link::frame::{AROUND, ASK, FromRobot, Writer};
 use rc10_link::samples::{Head, VALUES};
-use rc10_link::{AT_ONCE, Action, Ask, Bits, Change, GROUPS, Outcome, SILENCE, Tell, VERSION};
+use rc10_link::{
+    AT_ONCE, Action, Ask, Bits, Change, Declaration, GROUPS, Outcome, SILENCE, Tell, VERSION,
+};
 use rc10_module::Stream;
 
 /// A signal of the robot, as it describes it.
@@ -66,6 +68,26 @@ pub enum Answer {
     Refused(String),
 }
 
+/// How far a stop, or disarming, has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Urgency {
+    /// It is sent again and again, and the robot has not said that it is done.
+    Sent,
+    /// The same for [`NOT_HEARD`] and longer.
+    NotHeard,
+}
+
+/// From here on a stop that is not answered is told as not heard.
+pub const NOT_HEARD: Micros = Micros::from_millis(150);
+
+/// A stop, or disarming, that is sent until it is answered.
+#[derive(Clone, Copy, Debug)]
+struct Urgent {
+    id: u16,
+    since: Micros,
+    sent: Option<Micros>,
+}
+
 /// What was lost on the way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
@@ -93,15 +115,24 @@ struct Group {
 pub struct Client {
     stream: Stream<FromRobot>,
     out: Vec<u8>,
+    /// Goes out before it.
+    first: Vec<u8>,
+    /// A stop, and disarming.
+    urgent: [Option<Urgent>; 2],
     greeted: Option<Micros>,
+    /// Hellos so far.
+    hellos: u32,
     heard: Option<Micros>,
     version: u16,
-    /// The robot's time when it said hello last, and when that was here.
-    at: Option<(Micros, Micros)>,
+    /// The newest time that the robot told.
+    at: Option<Micros>,
     signals: Table<Signal>,
     parameters: Table<Parameter>,
     changes: Option<u32>,
     groups: [Group; GROUPS],
+    declaration: Declaration,
+    /// Requests without an answer so far.
+    asked: BTreeSet<u16>,
     answers: BTreeMap<u16, Answer>,
     next_id: u16,
     samples: Vec<Sample>,
@@ -164,8 +195,16 @@ impl<T: Clone> Table<T> {
     }
 }
 
-/// From one hello to the next.
-const GREET: Micros = Micros::from_millis(200);
+/// From one hello to the next: a jog needs a time of the robot that is not old.
+const GREET: Micros = Micros::from_millis(100);
+/// From one time that an urgent request is sent to the next.
+const URGE: Micros = Micros::from_millis(20);
+/// Actions that are urgent.
+const URGENT: [Action; 2] = [Action::Stop, Action::Disarm];
+/// Requests whose answers are waited for.
+const ASKED: usize = 256;
+/// A robot whose time goes back by more was restarted: a sample may have overtaken a greeting.
+const LATE: Micros = Micros::from_millis(2);
 /// Until what was not answered is asked again.
 const AGAIN: Micros = Micros::from_millis(150);
 
@@ -179,10 +218,20 @@ impl Client {
     /// One that has heard nothing.
     #[must_use]
     pub fn new() -> Self {
+        Self::with_first_id(0)
+    }
+
+    /// The same, whose requests are numbered from here on: where another program may speak on the same
+    /// line, at random.
+    #[must_use]
+    pub fn with_first_id(next_id: u16) -> Self {
         Self {
             stream: Stream::new(FromRobot),
             out: Vec::new(),
+            first: Vec::new(),
+            urgent: [None; 2],
             greeted: None,
+            hellos: 0,
             heard: None,
             version: 0,
             at: None,
@@ -190,8 +239,10 @@ impl Client {
             parameters: Table::new(),
             changes: None,
             groups: Default::default(),
+            declaration: Declaration::default(),
+            asked: BTreeSet::new(),
             answers: BTreeMap::new(),
-            next_id: 0,
+            next_id,
             samples: Vec::new(),
             losses: Losses::default(),
             damaged_there: 0,
@@ -232,6 +283,24 @@ impl Client {
     /// The robot's parameters, as far as they are known.
     pub fn parameters(&self) -> impl Iterator<Item = &Parameter> {
         self.parameters.rows.iter().flatten().filter(|row| !row.name.is_empty())
+    }
+
+    /// Which robot it is.
+    #[must_use]
+    pub const fn declaration(&self) -> Declaration {
+        self.declaration
+    }
+
+    /// The number of the motor that is called so.
+    #[must_use]
+    pub fn motor(&self, label: &str) -> Option<u8> {
+        let mut labels: Vec<&str> = Vec::new();
+        for (_, signal) in self.signals().filter(|(_, it)| it.folder == "motors") {
+            if labels.last() != Some(&signal.label.as_str()) {
+                labels.push(&signal.label);
+            }
+        }
+        u8::try_from(labels.iter().position(|it| *it == label)?).ok()
     }
 
     /// It differs whenever a parameter has changed.
@@ -279,16 +348,42 @@ impl Client {
         for &(parameter, value) in changes {
             all.push(Change { parameter, value }).ok()?;
         }
-        let id = self.id();
-        self.ask(&Ask::Set { id, changes: all });
+        let (id, declaration) = (self.id(), self.declaration);
+        self.ask(&Ask::Set { id, changes: all, declaration });
         Some(id)
     }
 
-    /// Has the robot do something.
+    /// Has the robot do something, once: a [stop](Self::urge) is better sent again and again.
     pub fn act(&mut self, action: Action) -> u16 {
-        let id = self.id();
-        self.ask(&Ask::Do { id, action });
+        let (id, declaration) = (self.id(), self.declaration);
+        let heard = self.at.unwrap_or_default().get();
+        self.ask(&match action {
+            _ if URGENT.contains(&action) => Ask::Do { id, action },
+            _ => Ask::Act { id, declaration, heard, action },
+        });
         id
+    }
+
+    /// Has the robot stop or disarm: it is sent every 20 ms, before everything else, until the robot
+    /// says that it is done, however long that takes; to any robot, and one that was not heard of
+    /// yet. The number by which [`answer`](Self::answer) knows it. Nothing for other actions.
+    pub fn urge(&mut self, action: Action, now: Micros) -> Option<u16> {
+        let place = URGENT.iter().position(|it| *it == action)?;
+        let urgent = match self.urgent[place] {
+            Some(urgent) => urgent,
+            None => Urgent { id: self.id(), since: now, sent: None },
+        };
+        self.asked.insert(urgent.id);
+        self.urgent[place] = Some(urgent);
+        Some(urgent.id)
+    }
+
+    /// How far a stop, or disarming, has come; `None` if there is none, or it is done.
+    #[must_use]
+    pub fn urgency(&self, action: Action, now: Micros) -> Option<Urgency> {
+        let place = URGENT.iter().position(|it| *it == action)?;
+        let age = now.since(self.urgent[place]?.since);
+        Some(if age < NOT_HEARD { Urgency::Sent } else { Urgency::NotHeard })
     }
 
     /// What became of a request; told once.
@@ -303,16 +398,27 @@ impl Client {
 
     /// The bytes to be sent now.
     pub fn take_out(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.out)
+        let mut bytes = std::mem::take(&mut self.first);
+        bytes.append(&mut self.out);
+        bytes
     }
 
     /// Asks what is to be asked now.
     pub fn step(&mut self, now: Micros) {
+        for (urgent, action) in self.urgent.iter_mut().zip(URGENT) {
+            let Some(urgent) = urgent else { continue };
+            if urgent.sent.is_none_or(|sent| now.since(sent) >= URGE) {
+                urgent.sent = Some(now);
+                self.first.extend(frame(&Ask::Do { id: urgent.id, action }));
+            }
+        }
         if self.greeted.is_none_or(|greeted| now.since(greeted) >= GREET) {
-            self.greeted = Some(now);
+            let is_new = self.greeted.replace(now).is_none();
             self.ask(&Ask::Hello { version: VERSION });
+            self.hellos = self.hellos.wrapping_add(1);
             // Again and again, in case the robot has not heard it or was restarted.
-            for group in 0..GROUPS {
+            let repeats = is_new || self.hellos.is_multiple_of(2);
+            for group in (0..GROUPS).filter(|_| repeats) {
                 let Group { period, signals, .. } = self.groups[group].clone();
                 let group = group as u8;
                 self.ask(&Ask::Watch { group, period, signals });
@@ -361,6 +467,7 @@ impl Client {
             group.skipped += u64::from(head.skipped.wrapping_sub(last.skipped));
         }
         group.last = Some(head);
+        self.at = self.at.max(Some(Micros::new(head.at)));
         let values = words.iter().map(|word| f32::from_le_bytes(*word));
         self.samples.push(Sample {
             group: head.group.into(),
@@ -371,15 +478,28 @@ impl Client {
 
     fn told(&mut self, tell: Tell<'_>, now: Micros) {
         match tell {
-            Tell::Welcome { version, signals, parameters, at, changes, damaged, .. } => {
+            Tell::Welcome {
+                version,
+                signals,
+                parameters,
+                at,
+                changes,
+                damaged,
+                declaration,
+                ..
+            } => {
                 let at = Micros::new(at);
-                if self.at.is_some_and(|(before, _)| at < before) || !self.is_up(now) {
+                let before = std::mem::replace(&mut self.declaration, declaration);
+                if self.at.is_some_and(|before| at + LATE < before)
+                    || before != declaration
+                    || !self.is_up(now)
+                {
                     // It was restarted, or may be another one.
                     self.signals.renew();
                     self.parameters.renew();
                     self.groups.iter_mut().for_each(|group| group.last = None);
                 }
-                self.at = Some((at, now));
+                self.at = Some(at);
                 (self.heard, self.version) = (Some(now), version);
                 self.damaged_there = damaged[0];
                 self.signals.size(signals);
@@ -422,7 +542,15 @@ impl Client {
                     }
                     _ => Answer::Refused("for a reason that this program does not know".into()),
                 };
-                self.answers.insert(id, answer);
+                for urgent in &mut self.urgent {
+                    if urgent.is_some_and(|it| it.id == id) && answer == Answer::Done {
+                        *urgent = None;
+                    }
+                }
+                // Others are those of another program on the same line.
+                if self.asked.remove(&id) {
+                    self.answers.insert(id, answer);
+                }
             }
             _ => self.losses.unknown += 1,
         }
@@ -445,14 +573,23 @@ impl Client {
 
     fn id(&mut self) -> u16 {
         self.next_id = self.next_id.wrapping_add(1);
+        if self.asked.len() >= ASKED {
+            self.asked.clear();
+        }
+        self.asked.insert(self.next_id);
         self.next_id
     }
 
     fn ask(&mut self, ask: &Ask) {
-        let mut frame = Writer::<{ ASK + AROUND }>::new();
-        frame.message(ask);
-        self.out.extend(frame.bytes());
+        self.out.extend(frame(ask));
     }
+}
+
+/// The frame of a request.
+fn frame(ask: &Ask) -> Vec<u8> {
+    let mut frame = Writer::<{ ASK + AROUND }>::new();
+    frame.message(ask);
+    frame.bytes().to_vec()
 }
 
 #[cfg(test)]
@@ -463,7 +600,7 @@ mod tests {
     use super::*;
 
     /// A frame of any body, by what its page says.
-    fn frame(body: &[u8]) -> Vec<u8> {
+    fn raw(body: &[u8]) -> Vec<u8> {
         let [low, high] = u16::try_from(body.len()).unwrap().to_le_bytes();
         let head = [BEGIN, low, high, BEGIN ^ low ^ high ^ 0xFF];
         [&head[..], body, &crc(body).to_le_bytes()].concat()
@@ -472,12 +609,13 @@ mod tests {
     fn told(tell: &Tell<'_>, more: &[u8]) -> Vec<u8> {
         let mut body = postcard::to_slice(tell, &mut [0; 256]).unwrap().to_vec();
         body.extend(more);
-        frame(&body)
+        raw(&body)
     }
 
     const fn welcome(version: u16, signals: u16, at: u64) -> Tell<'static> {
         let (parameters, changes, damaged, skipped) = (0, 0, [0; 3], 0);
-        Tell::Welcome { version, signals, parameters, at, changes, damaged, skipped }
+        let declaration = Declaration(7);
+        Tell::Welcome { version, signals, parameters, at, changes, damaged, skipped, declaration }
     }
 
     /// Messages and fields are only ever added: what is new is skipped, and counted.
@@ -493,8 +631,8 @@ mod tests {
         assert!(client.is_described());
         assert_eq!(client.signals().next().unwrap().1.name, "flux");
         // A message of tomorrow, and a sample of a shape that there is not.
-        client.hear(&frame(&[200, 1, 2, 3]), now);
-        client.hear(&frame(&[0, 1, 2]), now);
+        client.hear(&raw(&[200, 1, 2, 3]), now);
+        client.hear(&raw(&[0, 1, 2]), now);
         assert_eq!(client.losses().unknown, 2);
         // Garbage, a damaged frame, and text around a good one.
         let mut bytes = b"armed, 11 of 11 motors online\r\n".to_vec();

@@ -205,6 +205,12 @@ pub const RULES: &[Rule] = &[
         requests::set_zero,
     ),
     rule(
+        "zero-while-driven",
+        "Driven, it has no new zero unless a task means it; and then no number given before counts on \
+         the new scale.",
+        zero::zero_while_driven,
+    ),
+    rule(
         "zero-moves-nothing",
         "A new zero moves nothing while it turns, seeks, holds, brakes or obeys an impedance; the \
          same number commanded again lies elsewhere.",

@@ -33,7 +33,10 @@ pub(super) fn set_zero(case: &Case<'_>, found: &mut Findings) {
             }
         }
         rig.wait(None, 50);
-        zero_moves_nothing(rig, 0.5)
+        match rig.bench.request(rig.motor, Request::SetZero) {
+            Ok(Response::Done) => zero_moves_nothing(rig, 0.5),
+            answer => broken(rig.now(), format!("SetZero: {answer:?}")),
+        }
     }));
     if case.motor().supports().contains(TargetKind::TotalAngle) {
         let patient = Safety { command_expiry: Safety::LONGEST_EXPIRY, ..Safety::COAST };
@@ -53,15 +56,13 @@ fn seeking(rig: &mut Rig<'_>) -> Outcome {
     if off.abs() > 10.0 {
         return Err(Halt::Stuck);
     }
+    super::zero::set_zero(rig)?;
     zero_moves_nothing(rig, 5.0)
 }
 
+/// After a new zero.
 fn zero_moves_nothing(rig: &mut Rig<'_>, most: f64) -> Outcome {
     let start = rig.esc.state().output_degrees;
-    match rig.bench.request(rig.motor, Request::SetZero) {
-        Ok(Response::Done) => (),
-        answer => return broken(rig.now(), format!("SetZero: {answer:?}")),
-    }
     for _ in 0..500 {
         rig.tick(None);
         let feedback = rig.status().feedback;

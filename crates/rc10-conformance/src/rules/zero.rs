@@ -1,5 +1,7 @@
-use rc10_app::{Degrees, TotalAngle};
-use rc10_motor::{Impedance, Motion, Request, Response, SafeState, Safety, Target, TargetKind};
+use rc10_app::{Degrees, Rpm, TotalAngle};
+use rc10_motor::{
+    Impedance, Motion, Request, RequestError, Response, SafeState, Safety, Target, TargetKind,
+};
 
 use super::impedance::spring_of;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -86,10 +88,11 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
     Ok(target)
 }
 
-fn set_zero(rig: &mut Rig<'_>) -> Outcome {
-    match rig.bench.request(rig.motor, Request::SetZero) {
+/// As a task does it that means it.
+pub(super) fn set_zero(rig: &mut Rig<'_>) -> Outcome {
+    match rig.bench.request(rig.motor, Request::SetZeroOfDriven) {
         Ok(Response::Done) => Ok(()),
-        answer => broken(rig.now(), format!("SetZero: {answer:?}")),
+        answer => broken(rig.now(), format!("SetZeroOfDriven: {answer:?}")),
     }
 }
 
@@ -135,6 +138,52 @@ pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
             broken(rig.now(), what)
         }));
     }
+}
+
+fn is_refused(rig: &mut Rig<'_>) -> Outcome {
+    let before = rig.status().feedback.total_angle;
+    let answer = rig.bench.request(rig.motor, Request::SetZero);
+    rig.wait(None, 1);
+    let moved = rig.status().feedback.total_angle.minus(before).degrees().get();
+    if answer == Err(RequestError::WhileDriven) && moved.abs() < FAR / 2.0 {
+        return Ok(());
+    }
+    broken(rig.now(), format!("while it is driven: {answer:?}, and {moved:.1} degrees further"))
+}
+
+/// Driven, it has no new zero unless a task means it; and then no number given before is one of the new
+/// scale.
+pub(super) fn zero_while_driven(case: &Case<'_>, found: &mut Findings) {
+    for doing in doings(case) {
+        found.note(scenario(case, doing, |rig| {
+            start(rig, doing)?;
+            is_refused(rig)?;
+            let stands = rig.esc.state().output_degrees;
+            set_zero(rig)?;
+            if !matches!(doing, Doing::Seeking | Doing::Springing | Doing::Moving) {
+                return Ok(());
+            }
+            // As long as the last command holds, or nearly.
+            rig.wait(None, 900);
+            let moved = rig.esc.state().output_degrees - stands;
+            if moved.abs() < f64::from(FAR) / 2.0 {
+                return Ok(());
+            }
+            let what = format!("{doing:?}, a number of before moves it {moved:.1} degrees");
+            broken(rig.now(), what)
+        }));
+    }
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        rig.switch.disarm();
+        rig.esc.set_load(0.0);
+        rig.wait(None, 2000);
+        if rig.bench.request(rig.motor, Request::Jog(Rpm::new(5.0))) != Ok(Response::Done) {
+            return Ok(());
+        }
+        rig.wait(None, 5);
+        is_refused(rig)
+    }));
 }
 
 /// The angle in a target, degrees.

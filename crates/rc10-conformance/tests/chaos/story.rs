@@ -315,7 +315,7 @@ impl<S: Scene> Player<'_, S> {
             }
         }
         if random.one_in(2) {
-            self.ask(Request::SetZero);
+            self.ask(Request::SetZeroOfDriven);
         }
         self.ask(Request::CurrentLimit(Amps::new(1e6)));
         self.ask(Request::TorqueLimit(NewtonMetres::new(1e6)));
@@ -454,7 +454,7 @@ fn any_request(random: &mut Random) -> Request {
         kd: any_number(random, 0.01),
     };
     match random.below(10) {
-        0..=3 => Request::SetZero,
+        0..=3 => Request::SetZeroOfDriven,
         4 => Request::StoreZero,
         5 => Request::ReadRegister(random.pick(&[0, 10, 21, 81, 0x7005, 0x7019, u16::MAX])),
         6 => Request::SaveRegisters,

@@ -238,6 +238,10 @@ impl Motor for Spoiled {
         let drive = tick.mode;
         self.ticks += 1;
         self.wrong_for = self.wrong_for.saturating_sub(1);
+        // It remembers what it was told before the new zero.
+        if self.is(Spoil::OldNumber) && self.wrong_for == 1 && drive == DriveMode::Run {
+            let _ = self.good.set_target(self.asked);
+        }
         if drive == self.drive {
             self.since += 1;
         } else {
@@ -276,6 +280,9 @@ impl Motor for Spoiled {
             (Spoil::ZeroMoves, Request::SetZero) if is_off => self.wrong_for = 100,
             (Spoil::ZeroThrows, Request::SetZero) if self.drive == DriveMode::Hold => {
                 self.wrong_for = 100;
+            }
+            (Spoil::OldNumber, Request::SetZero) if self.drive == DriveMode::Run => {
+                self.wrong_for = 600;
             }
             _ => (),
         }

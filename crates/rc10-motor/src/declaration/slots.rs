@@ -5,7 +5,7 @@ use core::fmt;
 use heapless::Vec;
 use rc10_app::{ConfigError, Rpm};
 
-use super::{Device, Entry, Names, SetupError, Unsound};
+use super::{Device, Entry, MOST_GAIN, Names, SetupError, Unsound};
 use crate::arm::ArmSwitch;
 use crate::bus::MotorBus;
 use crate::motor::{CanMotor, Motor};
@@ -72,23 +72,26 @@ pub struct Slot {
     pub motor: MotorId,
     /// The largest speed at which a PC may turn it, if it may.
     pub jog: Option<Rpm>,
+    /// How many times the gains declared a PC may set.
+    pub most_gain: f32,
 }
 
 /// Label and place of each motor of a declaration. Motors beyond the 256th of a place have the
 /// number of its last; none holds that many.
 #[must_use]
 pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
-    let nowhere = Slot { label: "", on: Place::Bus(0), motor: MotorId::new(0), jog: None };
+    let (on, motor) = (Place::Bus(0), MotorId::new(0));
+    let nowhere = Slot { label: "", on, motor, jog: None, most_gain: MOST_GAIN };
     let mut slots = [nowhere; N];
     let mut at = 0;
     while at < N && at < entries.len() {
-        let Entry { label, on, jog, .. } = entries[at];
+        let Entry { label, on, jog, most_gain, .. } = entries[at];
         let (mut before, mut number) = (0, 0_u8);
         while before < at {
             number = number.saturating_add(entries[before].on.is(on) as u8);
             before += 1;
         }
-        slots[at] = Slot { label, on, motor: MotorId::new(number), jog };
+        slots[at] = Slot { label, on, motor: MotorId::new(number), jog, most_gain };
         at += 1;
     }
     slots

@@ -445,11 +445,8 @@ fn the_receivers_own_failsafe_suspends_at_once_whatever_the_frame_says() {
 #[test]
 fn a_configuration_that_cannot_work_is_refused() {
     let down = |switch| SwitchAt::new(switch, Switch::Down);
-    let config = |disarm, stop| ArmingConfig {
-        disarm: down(disarm),
-        stop: Some(down(stop)),
-        at_rest: &[],
-    };
+    let config =
+        |disarm, stop| ArmingConfig { disarm: down(disarm), stop: Some(down(stop)), at_rest: &[] };
     for receiver in Receiver::ALL {
         let has_four = matches!(receiver, Receiver::Sbus | Receiver::Crsf | Receiver::Ppm);
         let missing = |name| if has_four { Ok(()) } else { Err(name) };
@@ -467,8 +464,7 @@ fn a_configuration_that_cannot_work_is_refused() {
         (Switch::Up, Switch::Middle, Ok(())),
     ] {
         let at = |position| SwitchAt::new(Right, position);
-        let config =
-            ArmingConfig { disarm: at(position), stop: Some(at(stop)), at_rest: &[] };
+        let config = ArmingConfig { disarm: at(position), stop: Some(at(stop)), at_rest: &[] };
         assert_eq!(config.validate(Receiver::Vt03), refused, "{config:?}");
     }
     for (position, refused) in [

@@ -22,6 +22,11 @@ pub(super) struct Refusal {
 }
 
 impl Refusal {
+    pub const ANOTHER: Self = Self::because(
+        None,
+        "another robot was meant: its motors or values are not those of this one",
+    );
+    pub const OLD: Self = Self::because(None, "the program on the PC is older than this robot");
     pub const UNKNOWN: Self = Self::because(None, "this robot does not know what is asked");
     pub const BUSY: Self = Self::because(None, "too many requests at once");
     pub const NO_MOTOR: Self = Self::because(None, "there is no motor with this number");
@@ -39,6 +44,8 @@ impl Refusal {
             RequestError::Busy => ("the request before has not been carried out yet", ""),
             RequestError::NoSuchMotor => ("its bus does not run", ""),
             RequestError::NotWhileArmed => ("only while the robot is disarmed", ""),
+            RequestError::WhileDriven => ("only while the motor is not driven", ""),
+            RequestError::TooFast => ("it turned twice as fast as asked for", ""),
             RequestError::Timeout => ("the device did not answer in time", ""),
             _ => ("the device refused", ""),
         };
@@ -91,8 +98,10 @@ const MOTOR: [Field; 7] = [
 ];
 const EACH: u16 = short(MOTOR.len());
 
-/// A gain that is meant is not larger.
-const MOST: f32 = 1e6;
+/// What a gain that is not declared is measured by, beside the proportional gain of its loop, if that
+/// is not either; and a derivative gain by this share.
+const SOME_GAIN: f32 = 0.1;
+const DERIVATIVE: f32 = 0.01;
 
 impl Part {
     /// The request that makes this part of a motor's tuning be so.
@@ -146,12 +155,17 @@ const fn has(part: Part, effort: TargetKind) -> bool {
     !matches!((part, effort), (Part::Limit, TargetKind::Duty))
 }
 
-fn range(part: Part, declared: &Tuning) -> [f32; 2] {
-    match part {
-        Part::Speed | Part::Angle => [0.0, MOST],
-        // A PC never allows more than the declaration.
-        Part::Limit => [0.0, declared.limit],
-    }
+/// A PC never allows more than the declaration.
+fn range(field: &Field, mut declared: Tuning, most_gain: f32) -> [f32; 2] {
+    let kp = match field.part {
+        Part::Speed => declared.speed.kp,
+        Part::Angle => declared.angle.kp,
+        Part::Limit => return [0.0, declared.limit],
+    };
+    let own = *(field.get)(&mut declared);
+    let kp = if kp > 0.0 { kp } else { SOME_GAIN };
+    let other = if field.name.ends_with("kd") { kp * DERIVATIVE } else { kp };
+    [0.0, most_gain * if own > 0.0 { own } else { other }]
 }
 
 /// A parameter in words; one without a name if the motor has none with this number, `None` behind the
@@ -178,7 +192,7 @@ pub(super) fn parameter<'r>(index: u16, robot: &Robot<'r>) -> Option<Tell<'r>> {
             topic: Topic { folder: "motors", label: robot.slots[motor].label },
             name: field.name,
             unit: unit(field, declared.effort),
-            range: range(field.part, &declared),
+            range: range(field, declared, robot.slots[motor].most_gain),
             value: *(field.get)(&mut now),
             initial: *(field.get)(&mut declared),
         });

@@ -10,6 +10,7 @@ use rc10_motor::{ArmState, Fault, Motion, MotorStatus, Target};
 
 use super::Robot;
 use super::own::{count as count_of, nth};
+use crate::arming::Axis;
 
 /// A signal of something: what it is called, and what it is told in.
 struct Field {
@@ -73,6 +74,7 @@ const DRIVES: &str = "Off,Coast,Brake,Hold,Run";
 const CONDITIONS: &str = "Ready,Starting,Unregulated,SlowFeedback,NoReports,NotFollowing";
 const ARMS: &str = "Disarmed,Armed,Suspended,EStopped";
 const ERRORS: &str = "Active,Warning,Passive,BusOff";
+const STICKS: &str = "all,left x,left y,right x,right y,dial";
 const REMOTES: &str = "Online,Interrupted,Lost";
 
 signals!(MOTOR, of_motor: MotorStatus {
@@ -182,6 +184,7 @@ struct Whole {
     remote_damaged: u32,
     cycles: Option<u32>,
     refused: u32,
+    not_at_rest: Option<Axis>,
 }
 
 signals!(ROBOT, of_robot: Whole {
@@ -196,6 +199,7 @@ signals!(ROBOT, of_robot: Whole {
     dial: "" => |it| it.remote.dial;
     tick_cycles: "cycles" => |it| known(it.cycles.map(count));
     refused: "targets" => |it| count(it.refused);
+    not_at_rest: "" of STICKS => |it| it.not_at_rest.map_or(0.0, |axis| f32::from(axis as u8 + 1));
 });
 
 /// Buses and lines are counted from 1.
@@ -336,6 +340,7 @@ impl Whole {
             remote_damaged: counters.damaged,
             cycles: robot.cycles.and_then(|it| it.read()).map(|it| it.mean),
             refused: robot.motors.iter().map(refused).fold(0, u32::wrapping_add),
+            not_at_rest: robot.not_at_rest.read().and_then(|it| it.value),
         }
     }
 }

@@ -178,7 +178,7 @@ fn zero_is_ours_and_moves_nothing() {
         let target = Target::TotalAngle(TotalAngle::from_degrees(60));
         pair.bench.hold(pair.motor, target, 1500).unwrap();
         let stood = pair.degrees();
-        assert_eq!(ask(&mut pair, Request::SetZero), Ok(Response::Done));
+        assert_eq!(ask(&mut pair, Request::SetZeroOfDriven), Ok(Response::Done));
         assert!(degrees(&pair).abs() < 0.1);
         assert!(pair.bench.status(pair.motor).feedback.angle.get() % 360.0 < 0.1);
         let back = Target::TotalAngle(TotalAngle::from_degrees(0));

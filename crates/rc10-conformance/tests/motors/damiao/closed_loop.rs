@@ -248,7 +248,7 @@ fn what_lies_beyond_its_range_is_refused() {
     }
     // A new zero moves the range.
     rig.bench.hold(rig.motor, angle(90), 1000).unwrap();
-    assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Response::Done));
+    assert_eq!(rig.ask(Request::SetZeroOfDriven), Ok(rc10_motor::Response::Done));
     assert_eq!(far(&mut rig, angle(630)), out(TargetKind::TotalAngle));
     assert_eq!(far(&mut rig, angle(-716)), Ok(()));
     assert_eq!(rig.status().counters.refused.total(), 10);
@@ -339,7 +339,7 @@ fn a_new_zero_moves_nothing_and_coasting_still_coasts() {
         let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
         rig.bench.hold(rig.motor, angle(120), 1500).unwrap();
         let stands = rig.esc.state().output_degrees;
-        assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Response::Done));
+        assert_eq!(rig.ask(Request::SetZeroOfDriven), Ok(rc10_motor::Response::Done));
         rig.bench.wait(40);
         assert_eq!(rig.status().drive, DriveMode::Run);
         assert!((rig.esc.state().output_degrees - stands).abs() < 0.5, "{control:?}");

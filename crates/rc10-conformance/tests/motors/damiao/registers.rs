@@ -123,7 +123,7 @@ fn a_zero_in_flash_is_kept_without_power() {
         // Until friction has stopped it.
         rig.bench.wait(4000);
         // Ours first, so that it is seen to go.
-        assert_eq!(rig.ask(Request::SetZero), Ok(Response::Done));
+        assert_eq!(rig.ask(Request::SetZeroOfDriven), Ok(Response::Done));
         assert_eq!(rig.ask(Request::StoreZero), Ok(Response::Done));
         let degrees = |rig: &Rig| rig.status().feedback.total_angle.degrees().get();
         assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
@@ -184,7 +184,7 @@ fn a_device_that_is_not_there_answers_nothing() {
     let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST);
     rig.esc.set_power(false);
     rig.bench.wait(5);
-    assert_eq!(rig.ask(Request::SetZero), Err(RequestError::NoFeedback));
+    assert_eq!(rig.ask(Request::SetZeroOfDriven), Err(RequestError::NoFeedback));
     assert_eq!(rig.ask(Request::ClearFault), Err(RequestError::NoFeedback));
     assert_eq!(rig.ask(Request::ReadRegister(21)), Err(RequestError::Timeout));
     assert_eq!(rig.ask(Request::StoreZero), Err(RequestError::Timeout));

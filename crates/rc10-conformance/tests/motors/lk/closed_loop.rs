@@ -120,7 +120,7 @@ fn zero_is_where_it_is_set() {
         bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
     let quarter = Target::TotalAngle(TotalAngle::from_degrees(90));
     bench.hold(id, quarter, 1500).unwrap();
-    assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
+    assert_eq!(bench.bus.request(id, Request::SetZeroOfDriven), Ok(Response::Done));
     let before = esc.state().output_degrees;
     bench.wait(300);
     assert!((esc.state().output_degrees - before).abs() < 0.2);

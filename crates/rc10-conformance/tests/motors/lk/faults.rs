@@ -108,7 +108,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
 
         // The cause is still there.
         assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
-        assert_eq!(bench.bus.request(id, Request::SetZero), Err(RequestError::Busy));
+        assert_eq!(bench.bus.request(id, Request::SetZeroOfDriven), Err(RequestError::Busy));
         bench.hold(id, SPEED, 10).unwrap();
         assert!(matches!(bench.bus.response(id), Some(Err(RequestError::Refused(_)))));
         assert_eq!(bench.bus.response(id), None);

@@ -126,17 +126,17 @@ fn an_axis_with_position_loops_of_its_own_gets_positions() {
         // An angle within the turn counts from the new zero; a total angle that is sought stays
         // where it is, and its number means another place when it is commanded again.
         let total = |degrees| Target::TotalAngle(TotalAngle::from_degrees(degrees));
-        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
+        assert_eq!(bench.bus.request(id, Request::SetZeroOfDriven), Ok(Response::Done));
         bench.hold(id, Target::Angle(Degrees::new(-20.0)), 1500).unwrap();
         assert!((esc.state().output_degrees - 320.0).abs() < 1.0);
         bench.hold(id, total(-90), 1500).unwrap();
         assert!((esc.state().output_degrees - 250.0).abs() < 1.0);
-        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
+        assert_eq!(bench.bus.request(id, Request::SetZeroOfDriven), Ok(Response::Done));
         bench.wait(30);
         assert!((esc.state().output_degrees - 250.0).abs() < 1.0 && is_on(&esc));
         bench.hold(id, total(-90), 1500).unwrap();
         assert!((esc.state().output_degrees - 160.0).abs() < 1.0);
-        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
+        assert_eq!(bench.bus.request(id, Request::SetZeroOfDriven), Ok(Response::Done));
         bench.hold(id, Target::Coast, 30).unwrap();
         assert!(!is_on(&esc), "coasting is coasting, also after a new zero");
         bench.hold(id, total(90), 1500).unwrap();

@@ -53,9 +53,9 @@ fn an_angle_is_reached_and_zero_is_ours() {
     let mut bench = Bench::new(2, &switch);
     let device = bench.device(0);
     let motor = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
-    assert!(bench.line.request(motor, Request::SetZero).is_err(), "nothing measured yet");
+    assert!(bench.line.request(motor, Request::SetZeroOfDriven).is_err(), "nothing measured yet");
     bench.wait(5);
-    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Response::Done));
+    assert_eq!(bench.line.request(motor, Request::SetZeroOfDriven), Ok(Response::Done));
     switch.arm().unwrap();
     let start = device.state().output_degrees;
     let turned = || device.state().output_degrees - start;
@@ -71,13 +71,13 @@ fn an_angle_is_reached_and_zero_is_ours() {
     assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
     // Zero moves nothing that is sought or held; the same number commanded anew lies elsewhere.
     bench.hold(motor, Target::TotalAngle(TotalAngle::from_degrees(-730)), 300);
-    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Response::Done));
+    assert_eq!(bench.line.request(motor, Request::SetZeroOfDriven), Ok(Response::Done));
     bench.wait(40);
     assert_eq!(bench.status(motor).drive, DriveMode::Run);
     assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
     bench.wait(100);
     assert_eq!(bench.status(motor).drive, DriveMode::Hold);
-    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Response::Done));
+    assert_eq!(bench.line.request(motor, Request::SetZeroOfDriven), Ok(Response::Done));
     bench.wait(200);
     assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
     bench.hold(motor, Target::TotalAngle(TotalAngle::from_degrees(0)), 300);
@@ -117,7 +117,7 @@ fn an_impedance_is_the_device_s_own_law() {
         let device = bench.device_with(1, blocked());
         let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();
         bench.wait(5);
-        bench.line.request(motor, Request::SetZero).unwrap();
+        bench.line.request(motor, Request::SetZeroOfDriven).unwrap();
         switch.arm().unwrap();
         let pull = Impedance {
             angle: Degrees::new(30.0),
@@ -156,7 +156,7 @@ fn an_impedance_moves_the_shaft_to_where_it_pulls() {
     let device = bench.device(1);
     let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();
     bench.wait(5);
-    bench.line.request(motor, Request::SetZero).unwrap();
+    bench.line.request(motor, Request::SetZeroOfDriven).unwrap();
     let start = device.state().output_degrees;
     switch.arm().unwrap();
     let angle = Degrees::new(400.0);
@@ -166,7 +166,7 @@ fn an_impedance_moves_the_shaft_to_where_it_pulls() {
     // What is left is friction: 0.1 N m by 10 N m/rad.
     assert!((turned - 400.0).abs() < 0.7, "{turned}");
     // Zero set there: it pulls where it pulled.
-    bench.line.request(motor, Request::SetZero).unwrap();
+    bench.line.request(motor, Request::SetZeroOfDriven).unwrap();
     bench.wait(30);
     assert!((device.state().output_degrees - start - 400.0).abs() < 0.7);
     assert_eq!(bench.status(motor).drive, DriveMode::Run);

@@ -138,7 +138,7 @@ fn comes_back(target: Target) -> (Vec<f64>, f64) {
     let device = bench.device(0);
     let id = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
     bench.wait(5);
-    bench.line.request(id, Request::SetZero).unwrap();
+    bench.line.request(id, Request::SetZeroOfDriven).unwrap();
     switch.arm().unwrap();
     bench.hold(id, target, 500);
     device.set_power(false);
@@ -184,7 +184,10 @@ fn requests_and_refusals() {
     let nobody = nth(1);
     let now = bench.world.now();
     assert_eq!(bench.line.command(nobody, SPEED, now), Err(CommandError::NoSuchMotor));
-    assert_eq!(bench.line.request(nobody, Request::SetZero), Err(RequestError::NoSuchMotor));
+    assert_eq!(
+        bench.line.request(nobody, Request::SetZeroOfDriven),
+        Err(RequestError::NoSuchMotor)
+    );
     assert_eq!(bench.line.response(nobody), None);
     assert_eq!(bench.line.status(nobody, now), None);
     let current = Target::Current(rc10_app::Amps::new(1.0));
@@ -199,7 +202,7 @@ fn requests_and_refusals() {
     }
     // There is no device at all.
     assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
-    assert_eq!(bench.line.request(id, Request::SetZero), Err(RequestError::Busy));
+    assert_eq!(bench.line.request(id, Request::SetZeroOfDriven), Err(RequestError::Busy));
     bench.wait(240);
     assert_eq!(bench.line.response(id), None);
     bench.wait(20);

@@ -64,7 +64,7 @@ fn an_angle_is_reached_and_kept() {
     for plant in plants() {
         let mut one =
             One::with(GoModule::new(ModuleConfig::new(2, 14)).unwrap(), Safety::COAST, plant);
-        one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+        one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
         one.switch.arm().unwrap();
         let target = Target::TotalAngle(TotalAngle::from_degrees(720));
         let (over, settled) = respond(&mut one, target, 720.0, (2500, 1.0), |one| one.degrees());
@@ -126,7 +126,7 @@ fn an_impedance_is_a_spring_and_a_damper() {
     for direction in [Direction::Forward, Direction::Reversed] {
         let motor = GoModule::new(ModuleConfig::new(1, 5).with_direction(direction)).unwrap();
         let mut one = One::new(motor, Safety::COAST);
-        one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+        one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
         one.switch.arm().unwrap();
         let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
         // A weight of 5 N m bends 30 N m / rad by 9.55 degrees, give or take 0.13 N m of friction.
@@ -161,7 +161,7 @@ fn an_impedance_is_a_spring_and_a_damper() {
 fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
     let heavy = plant().with_load_inertia(50.0);
     let mut one = One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy);
-    one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+    one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
     one.switch.arm().unwrap();
     let far = |torque| Impedance {
         angle: Degrees::new(3000.0),
@@ -252,7 +252,7 @@ fn zero_is_where_it_was_set() {
     one.hold(Target::Impedance(at(100.0)), 1500);
     assert!((one.degrees() - 100.0).abs() < 0.4);
     let before = one.esc.state().output_degrees;
-    one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+    one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
     // Without a command it still is where it was, and so it stays.
     let Target::Impedance(kept) = one.bench.status(one.motor).target else { panic!() };
     assert!(kept.angle.get().abs() < 0.4, "{kept:?}");
@@ -268,7 +268,7 @@ fn told_to_coast_after_a_new_zero_it_coasts() {
     let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.esc.set_load(1.0);
     one.hold(Target::TotalAngle(TotalAngle::from_degrees(30)), 500);
-    one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+    one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
     one.hold(Target::Coast, 10);
     assert!(one.torque().abs() < 1e-3, "{}", one.torque());
 }

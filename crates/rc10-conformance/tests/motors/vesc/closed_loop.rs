@@ -197,7 +197,10 @@ fn an_angle_is_reached_by_the_device_only_where_its_encoder_sits_on_the_shaft() 
                 let told = bench.status(motor).feedback.angle.get();
                 near(told.into(), stands.rem_euclid(360.0), 1.0);
             }
-            assert_eq!(bench.bus.request(motor, Request::SetZero), Ok(rc10_motor::Response::Done));
+            assert_eq!(
+                bench.bus.request(motor, Request::SetZeroOfDriven),
+                Ok(rc10_motor::Response::Done)
+            );
             bench.wait(1);
             let told = bench.status(motor).feedback.angle.get();
             assert!(!(1.0..359.0).contains(&told), "{told}");
@@ -249,15 +252,15 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
         hold(bench, motor, Target::Angle(Degrees::new(-90.0)), 1500);
         near(esc.state().output_degrees, -90.0, 1.0);
         // Zero moves nothing, and counts from here on.
-        assert!(bench.bus.request(motor, Request::SetZero).is_ok());
+        assert!(bench.bus.request(motor, Request::SetZeroOfDriven).is_ok());
         hold(bench, motor, total(10), 1000);
         near(esc.state().output_degrees, -80.0, 1.0);
         // The same number again lies elsewhere.
-        assert!(bench.bus.request(motor, Request::SetZero).is_ok());
+        assert!(bench.bus.request(motor, Request::SetZeroOfDriven).is_ok());
         hold(bench, motor, total(10), 1000);
         near(esc.state().output_degrees, -70.0, 1.0);
         // And told to coast after a new zero it coasts.
-        assert!(bench.bus.request(motor, Request::SetZero).is_ok());
+        assert!(bench.bus.request(motor, Request::SetZeroOfDriven).is_ok());
         hold(bench, motor, Target::Coast, 20);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Released);
         esc.set_load(0.0);
@@ -269,7 +272,7 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
         bench.wait(500);
         assert_eq!(bench.status(motor).drive, DriveMode::Hold);
         near(esc.state().output_degrees, -70.0, 1.5);
-        assert!(bench.bus.request(motor, Request::SetZero).is_ok());
+        assert!(bench.bus.request(motor, Request::SetZeroOfDriven).is_ok());
         esc.set_load(-8.0);
         bench.wait(3000);
         near(esc.state().output_degrees, -70.0, 1.5);
