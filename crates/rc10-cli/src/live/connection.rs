@@ -16,7 +16,7 @@ const WHOLE: Duration = Duration::from_secs(2);
 /// How long nothing may come, or an answer may not be taken.
 const IDLE: Duration = Duration::from_secs(10);
 /// After an error of the listener: others may close files meanwhile.
-const PAUSE: Duration = Duration::from_millis(10);
+const PAUSE: Duration = Duration::from_millis(2);
 
 /// An answer.
 pub struct Reply {

@@ -41,7 +41,7 @@ pub fn read(bytes: &[u8], port: u16) -> Result<Option<Request>, Refusal> {
     let begin = match head.parse(start) {
         Ok(httparse::Status::Complete(begin)) => begin,
         Ok(httparse::Status::Partial) if start.len() < HEAD => return Ok(None),
-        Ok(_) | Err(httparse::Error::TooManyHeaders) => return Err((431, "too many headers")),
+        Ok(_) | Err(httparse::Error::TooManyHeaders) => return Err((431, "the head is too long")),
         Err(_) => return Err((400, "this is not HTTP")),
     };
     let method = head.method.unwrap_or_default();
@@ -86,7 +86,7 @@ fn admit(headers: &Headers<'_>, is_post: bool, port: u16) -> Result<(), Refusal>
     let site = only(headers, "Sec-Fetch-Site")?.unwrap_or("none");
     if !only(headers, "Origin")?.is_none_or(is_our_page) || !["same-origin", "none"].contains(&site)
     {
-        return Err((403, "not from another site"));
+        return Err((403, "not from another site: type the address"));
     }
     let is_json = |kind: &str| kind.starts_with("application/json");
     if is_post && !only(headers, "Content-Type")?.is_some_and(is_json) {
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn a_head_has_an_end_and_is_http() {
         let long = format!("GET / HTTP/1.1\r\nX: {}", "x".repeat(HEAD));
-        assert_eq!(read(long.as_bytes(), 8010), Err((431, "too many headers")));
+        assert_eq!(read(long.as_bytes(), 8010), Err((431, "the head is too long")));
         assert_eq!(status(&format!("GET / HTTP/1.1\r\n{}\r\n", "X: x\r\n".repeat(65))), 431);
         assert_eq!(status("\u{16}\u{3}\u{1}"), 400);
         assert_eq!(status("GET / HTTP/2.0\r\n\r\n"), 400);
