@@ -18,6 +18,8 @@ mod wires;
 use std::fs;
 use std::path::Path;
 
+use rc10_cli::live::request;
+
 #[test]
 fn every_target_takes_its_corpus() {
     let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");

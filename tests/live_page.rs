@@ -4,64 +4,20 @@
 
 #[path = "common/scratch.rs"]
 mod scratch;
+#[path = "common/served.rs"]
+mod served;
 
 use std::ffi::OsStr;
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::net::TcpStream;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use scratch::Scratch;
 use serde_json::{Value, json};
-
-/// A program that ends with the test.
-struct Started(Child);
-
-impl Drop for Started {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// Starts a program, and reads its output up to a line that has this in it.
-fn start(command: &mut Command, awaited: &str) -> (Started, String) {
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    let line = lines.find_map(|line| line.ok().filter(|line| line.contains(awaited)));
-    // What it says later must not fill the pipe.
-    std::thread::spawn(move || lines.for_each(drop));
-    let line = line.unwrap_or_else(|| panic!("no {awaited}"));
-    (Started(child), line)
-}
-
-/// One request, and the body of its answer with its status.
-fn http(port: u16, method: &str, path: &str, headers: &str, body: &str) -> (u16, String) {
-    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-    let length = body.len();
-    write!(
-        stream,
-        "{method} {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: {length}\r\n\
-         Connection: close\r\n{headers}\r\n{body}"
-    )
-    .unwrap();
-    let mut reader = BufReader::new(stream);
-    let (mut head, mut line) = (String::new(), String::new());
-    while reader.read_line(&mut line).unwrap() > 2 {
-        head += &std::mem::take(&mut line).to_lowercase();
-    }
-    // The driver does not always hang up.
-    let length = head.lines().find_map(|line| line.strip_prefix("content-length:"));
-    let mut body = vec![0; length.expect("a length").trim().parse().unwrap()];
-    reader.read_exact(&mut body).unwrap();
-    let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-    (status, String::from_utf8(body).unwrap())
-}
-
-const JSON: &str = "Content-Type: application/json\r\n";
+use served::{JSON, Started, http, live, start};
 
 /// A browser under remote control.
 struct Browser {
@@ -130,14 +86,12 @@ fn a_test_day(name: &str, source: &[&OsStr]) {
     let folder = Scratch::new(name);
     let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
     command.args(["live", "--page", "0", "--out"]).arg(&*folder).args(source);
-    let (_live, line) = start(&mut command, "http://");
-    let url = line.split_whitespace().last().unwrap().to_owned();
-    let port: u16 = url.trim_end_matches('/').rsplit(':').next().unwrap().parse().unwrap();
+    let (_live, port) = live(&mut command);
     other_sites_are_refused(port);
     if !has_browser() {
         return;
     }
-    let page = Browser::open(&url);
+    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
     // It describes itself, and drives.
     page.until("return document.querySelectorAll('#motors tr[data-motor]').length === 11");
     page.until("return [...document.querySelectorAll('#motors tr[data-motor]')].every((row) => row.cells[1].textContent === 'Online')");
@@ -264,6 +218,60 @@ fn other_sites_are_refused(port: u16) {
     assert!(status == 409 && body.contains("not understood"), "{status} {body}");
 }
 
+/// What a page of another site tries: each a way that needs no leave of the one it is sent to.
+const EVIL: &str = r#"<!doctype html><iframe name="frame"></iframe>
+<form method="post" enctype="text/plain" target="frame" action="PAGE/wish">
+<input name='{"do":"stop","x":"' value='"}'></form>
+<script>
+const part = new Blob([new Uint8Array(1 << 26)]), huge = new Blob(Array(1024).fill(part));
+const stop = '{"do":"stop"}', json = { type: 'application/json' };
+const post = (body, headers = {}) => fetch('PAGE/wish', { method: 'POST', mode: 'no-cors', body, headers });
+const image = (query) => new Promise((done) => {
+  const it = new Image(); it.onload = it.onerror = done; it.src = 'PAGE/data?' + query;
+});
+document.forms[0].submit();
+navigator.sendBeacon('PAGE/wish', stop);
+try { navigator.sendBeacon('PAGE/wish', new Blob([stop], json)); } catch { /* not allowed */ }
+const all = [post(huge), post(huge), post(stop), fetch('PAGE/wish', { method: 'POST', body: stop, headers: { 'Content-Type': json.type } })];
+for (let count = 0; count < 8; count += 1) {
+  all.push(image('signals=' + '0,'.repeat(3000) + '&from=0&to=99999999&columns=9999'));
+  all.push(image('signals=0&from=9999999&to=0&columns=9'));
+}
+Promise.allSettled(all).then(() => { document.title = 'tried'; });
+</script>"#;
+
+/// A page of another site that is open in the same browser neither stops the robot nor ends the tool.
+#[test]
+fn another_site_in_the_browser_does_nothing() {
+    if !has_browser() {
+        return;
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    let (_live, port) = live(command.args(["live", "--sim", "--page", "0"]));
+    let site = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}/", site.local_addr().unwrap());
+    let text = EVIL.replace("PAGE", &format!("http://127.0.0.1:{port}"));
+    std::thread::spawn(move || {
+        for stream in site.incoming() {
+            // The browser may think better of it.
+            let _ = stream.and_then(|mut stream| {
+                let _ = stream.read(&mut [0; 4096])?;
+                let length = text.len();
+                write!(stream, "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{text}")
+            });
+        }
+    });
+    let browser = Browser::open(&url);
+    browser.until("return document.title === 'tried'");
+    let (status, state) = http(port, "GET", "/state", "", "");
+    assert!(status == 200 && !state.contains("emergency stop"), "{status} {state}");
+    browser.tell("url", &json!({ "url": format!("http://127.0.0.1:{port}/") }));
+    browser.until("return document.querySelector('#arm').textContent === 'Armed'");
+    // Here it can be done.
+    browser.look("document.querySelector('#stop').click()");
+    browser.until("return document.querySelector('#arm').textContent === 'EStopped'");
+}
+
 #[test]
 fn the_simulated_robot_on_a_page() {
     a_test_day("live-sim", &["--sim".as_ref()]);
@@ -310,8 +318,7 @@ fn problems_are_those_of_a_report() {
     ];
     for (number, wrong) in wrong.into_iter().enumerate() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        let (_live, line) =
-            start(command.args(["live", "--page", "0", "--sim"]).args(wrong), "http://");
+        let (_live, port) = live(command.args(["live", "--page", "0", "--sim"]).args(wrong));
         let file = folder.join(format!("{number}.mcap"));
         let rc10 = || Command::new(env!("CARGO_BIN_EXE_rc10"));
         let record = rc10()
@@ -329,8 +336,6 @@ fn problems_are_those_of_a_report() {
             .unwrap();
         let wanted = problems(&serde_json::from_slice(&report.stdout).unwrap());
         assert_eq!(wanted.iter().any(|it| !it.starts_with("\"robot\"")), number > 1, "{wanted:?}");
-        let url = line.split_whitespace().last().unwrap().trim_end_matches('/');
-        let port = url.rsplit(':').next().unwrap().parse().unwrap();
         let begin = Instant::now();
         loop {
             let (_, body) = http(port, "GET", "/state", "", "");

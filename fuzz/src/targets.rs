@@ -23,6 +23,7 @@ use rc10_motor::{
     Tick, TxBatch, cybergear, damiao, lk, odrive, vesc,
 };
 
+use crate::request::{Plots, Request as HttpRequest, read};
 pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
 
 /// A target: a function of bytes.
@@ -39,6 +40,7 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("lk", lk),
     ("odrive", odrive),
     ("link", link),
+    ("http", http),
     ("action", action),
     ("crsf", crsf),
     ("dbus", dbus),
@@ -78,6 +80,29 @@ pub fn link(bytes: &[u8]) {
             assert!(head.bytes().len() + 4 * values.len() == body.len());
         }
         let _ = postcard::take_from_bytes::<Tell<'_>>(&body);
+    }
+}
+
+/// Requests to the page of `rc10 live`, one behind the other: a part of one is none, and what is behind it
+/// changes nothing; what is refused stays so, whatever follows.
+pub fn http(bytes: &[u8]) {
+    let mut rest = bytes;
+    loop {
+        let outcome = read(rest, 8010);
+        if outcome.is_err() {
+            assert_eq!(outcome, read(&[rest, b"\r\n\r\n"].concat(), 8010));
+        }
+        let Ok(Some(HttpRequest { len, target, body, .. })) = &outcome else { return };
+        let (head, behind) = rest.split_at(*len);
+        assert!(body.len() < head.len() && head.ends_with(body));
+        assert_eq!(read(head, 8010), outcome);
+        assert_eq!(read(&head[..len - 1], 8010), Ok(None));
+        assert_eq!(read(&head[..len / 2], 8010), Ok(None));
+        let query = target.split_once('?').map_or("", |(_, query)| query);
+        if let Some(plots) = Plots::parse(query) {
+            assert!(plots.signals.len() <= 64 && plots.span[0] <= plots.span[1]);
+        }
+        rest = behind;
     }
 }
 

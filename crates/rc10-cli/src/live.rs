@@ -5,10 +5,11 @@
 //! * [`plan`]: what is watched how often. [`LiveRecord`]: a record of it.
 //! * [`Judge`]: its problems, as a report has them.
 //! * [`Viewers`]: other people's.
-//! * [`Pages`]: a web server for this PC alone; [`History`]: the values on its pages.
+//! * [`Pages`]: a web server for this PC alone; [`request`]: what it admits; [`History`]: the values on its pages.
 
 mod client;
 mod commands;
+mod connection;
 #[cfg(feature = "viewers")]
 mod foxglove;
 #[cfg(not(feature = "viewers"))]
@@ -19,6 +20,7 @@ mod judge;
 mod page;
 mod plan;
 mod record;
+pub mod request;
 mod server;
 mod session;
 mod source;
@@ -27,7 +29,7 @@ pub mod wire;
 
 pub use client::{Answer, Client, Losses, Parameter, Sample, Signal};
 pub use commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, get, params, record, set};
-pub use history::{History, POINTS};
+pub use history::{History, POINTS, thin};
 pub use judge::Judge;
 pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};

@@ -6,7 +6,7 @@ use rc10_can::Micros;
 
 /// Values of one signal that are kept.
 const KEPT: usize = 200_000;
-/// Values of all signals that are kept: some 240 MB.
+/// Values of all signals that are kept: 320 MB, and up to twice that while buffers grow.
 const KEPT_IN_ALL: usize = 20_000_000;
 
 /// The values of signals, newest last.
@@ -48,34 +48,32 @@ impl History {
         self.series.get(&signal)?.back().copied()
     }
 
-    /// The points of a signal in a span of time of this number of columns: at most [`POINTS`] in each,
-    /// in the order of time. NaN is kept as a gap.
-    #[must_use]
-    pub fn points(&self, signal: u16, span: [Micros; 2], columns: u32) -> Vec<(Micros, f32)> {
-        let [from, to] = span;
-        let Some(series) = self.series.get(&signal) else { return Vec::new() };
-        // One before and one behind, so that lines reach the edges.
+    /// Adds a signal's values in a span of time, and one before and one behind, so that lines reach the edges.
+    pub fn copy(&self, signal: u16, [from, to]: [Micros; 2], values: &mut Vec<(Micros, f32)>) {
+        let Some(series) = self.series.get(&signal) else { return };
         let first = series.partition_point(|(at, _)| *at < from).saturating_sub(1);
         let last = (series.partition_point(|(at, _)| *at <= to) + 1).min(series.len());
-        let width = (to.since(from).get() / u64::from(columns.max(1))).max(1);
-        let column = |at: Micros| at.get() / width;
-        let mut points = Vec::new();
-        let mut some: Vec<(Micros, f32)> = Vec::new();
-        for &value in series.range(first..last) {
-            if some.first().is_some_and(|begin| column(begin.0) != column(value.0)) {
-                thin(&mut some, &mut points);
-            }
-            some.push(value);
-        }
-        thin(&mut some, &mut points);
-        points
+        values.extend(series.range(first.min(last)..last));
     }
 }
 
-/// Moves the points that stand for some values.
-fn thin(some: &mut Vec<(Micros, f32)>, points: &mut Vec<(Micros, f32)>) {
+/// The points that look like these values in a span of time of this number of columns: at most [`POINTS`] in
+/// each, in the order of time. NaN is kept as a gap.
+#[must_use]
+pub fn thin(values: &[(Micros, f32)], [from, to]: [Micros; 2], columns: u32) -> Vec<(Micros, f32)> {
+    let width = to.since(from).get().div_ceil(columns.max(1).into()).max(1);
+    let column = |at: Micros| at.get() / width;
+    let mut points = Vec::new();
+    for some in values.chunk_by(|a, b| column(a.0) == column(b.0)) {
+        stand_for(some, &mut points);
+    }
+    points
+}
+
+/// Adds the points that stand for some values.
+fn stand_for(some: &[(Micros, f32)], points: &mut Vec<(Micros, f32)>) {
     if some.len() <= POINTS {
-        points.append(some);
+        points.extend(some);
         return;
     }
     let known = || some.iter().enumerate().filter(|(_, value)| !value.1.is_nan());
@@ -86,7 +84,6 @@ fn thin(some: &mut Vec<(Micros, f32)>, points: &mut Vec<(Micros, f32)>) {
     kept.sort_unstable();
     kept.dedup();
     points.extend(kept.into_iter().map(|at| some[at]));
-    some.clear();
 }
 
 #[cfg(test)]
@@ -100,16 +97,22 @@ mod tests {
             let value = if at == 54_321 { 99.0 } else { (at % 7) as f32 };
             history.push(3, Micros::new(1000 * at), value);
         }
+        let points = |signal, span| {
+            let mut values = Vec::new();
+            history.copy(signal, span, &mut values);
+            thin(&values, span, 500)
+        };
         let span = [Micros::ZERO, Micros::from_millis(100_000)];
-        let points = history.points(3, span, 500);
-        assert!(points.len() <= POINTS * 501, "{}", points.len());
-        let peak = points.iter().map(|point| point.1).fold(f32::MIN, f32::max);
+        let all = points(3, span);
+        assert!(all.len() <= POINTS * 501, "{}", all.len());
+        let peak = all.iter().map(|point| point.1).fold(f32::MIN, f32::max);
         assert!((peak - 99.0).abs() < 1e-6, "{peak}");
-        assert!(points.windows(2).all(|two| two[0].0 < two[1].0));
+        assert!(all.windows(2).all(|two| two[0].0 < two[1].0));
         // A column that is narrower than the values loses none.
         let span = [Micros::from_millis(10), Micros::from_millis(20)];
-        assert_eq!(history.points(3, span, 500).len(), 13);
-        assert!(history.points(4, span, 500).is_empty());
+        assert_eq!(points(3, span).len(), 13);
+        assert!(points(4, span).is_empty());
+        assert!(points(3, [span[1], span[0]]).len() < 2, "backwards");
     }
 
     #[test]

@@ -162,7 +162,7 @@ impl Show<'_, '_> {
         // Pages ask five times a second: it need not be made in every step.
         let now = self.session.now();
         let is_due = self.told.is_none_or(|told| now.since(told) >= TELL);
-        let state = is_due.then(|| self.state());
+        let state = is_due.then(|| self.state().to_string().into());
         let mut shown = look(&self.pages.shown);
         for sample in &samples {
             if sample.at + RESTART < shown.now {

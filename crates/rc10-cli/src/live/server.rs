@@ -1,17 +1,22 @@
 //! The page of `rc10 live`, and the data on it: a web server for this PC alone.
+//!
+//! It is our own, on `std::net`: a small one of others could be ended by any web page, and with it the STOP
+//! button; a large one brings a runtime, and makes the first compile slower. `connection` has the sockets,
+//! [`request`](super::request) the rules.
 
-use std::io::{Cursor, Read as _};
+use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use rc10_can::Micros;
 use serde_json::{Value, json};
-use tiny_http::{Header, Method, Request, Response, Server};
 
-use super::history::History;
+use super::connection::{self, Reply};
+use super::history::{History, thin};
+use super::request::{Plots, Request};
 
 /// What a page wants.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,8 +41,8 @@ pub struct Shown {
     pub history: History,
     /// The robot's time.
     pub now: Micros,
-    /// All but the values.
-    pub state: Value,
+    /// All but the values, as JSON.
+    pub state: Arc<str>,
 }
 
 /// A server that runs.
@@ -50,10 +55,6 @@ pub struct Pages {
     pub address: String,
 }
 
-/// Pages that are served at once.
-const WORKERS: usize = 4;
-/// Bytes of a wish.
-const LONGEST: u64 = 64 * 1024;
 /// How long a wish may take.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -63,100 +64,47 @@ impl Pages {
     /// # Errors
     /// If the port is taken.
     pub fn serve(port: u16) -> Result<Self> {
-        let server = Server::http(("127.0.0.1", port)).map_err(|error| anyhow!("{error}"));
-        let server = server.with_context(|| format!("no page at port {port} of this PC"))?;
-        let address = server.server_addr().to_ip().context("no address")?;
-        let server = Arc::new(server);
-        let shown = Arc::new(Mutex::new(Shown::default()));
+        let listener = TcpListener::bind(("127.0.0.1", port))
+            .with_context(|| format!("no page at port {port} of this PC"))?;
+        let address = listener.local_addr()?;
+        let shown = Arc::new(Mutex::new(Shown { state: "null".into(), ..Shown::default() }));
         let (tell, wishes) = channel();
-        for _ in 0..WORKERS {
-            let (server, shown, tell) = (Arc::clone(&server), Arc::clone(&shown), tell.clone());
-            thread::spawn(move || {
-                for request in server.incoming_requests() {
-                    answer(request, &shown, &tell, address.port());
-                }
-            });
-        }
+        let seen = Arc::clone(&shown);
+        let answer = move |request: &Request| respond(request, &seen, &tell);
+        thread::spawn(move || connection::serve(&listener, address.port(), answer));
         Ok(Self { shown, wishes, address: format!("http://{address}/") })
     }
 }
 
-/// What is shown; a thread that panicked left it whole.
-pub fn look(shown: &Mutex<Shown>) -> MutexGuard<'_, Shown> {
-    shown.lock().unwrap_or_else(PoisonError::into_inner)
+/// What is behind a lock; a thread that panicked left it whole.
+pub fn look<T>(behind: &Mutex<T>) -> MutexGuard<'_, T> {
+    behind.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn answer(mut request: Request, shown: &Mutex<Shown>, tell: &Sender<Asked>, port: u16) {
-    let response = match refusal(&request, port) {
-        Some(why) => text(403, why.into(), "text/plain"),
-        None => respond(&mut request, shown, tell),
-    };
-    // A page that has gone.
-    let _ = request.respond(response);
-}
-
-type Bytes = Response<Cursor<Vec<u8>>>;
-
-fn text(status: u16, body: Vec<u8>, kind: &str) -> Bytes {
-    let headers = [
-        ("Content-Type", kind),
-        ("Cache-Control", "no-store"),
-        ("X-Content-Type-Options", "nosniff"),
-        ("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; frame-ancestors 'none'"),
-    ];
-    // Its length is known.
-    let response =
-        Response::from_data(body).with_status_code(status).with_chunked_threshold(usize::MAX);
-    headers.iter().fold(response, |response, (name, value)| {
-        match Header::from_bytes(name.as_bytes(), value.as_bytes()) {
-            Ok(header) => response.with_header(header),
-            Err(()) => response,
+fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Reply {
+    let ok = |kind, body| Reply { status: 200, kind, body };
+    let (path, query) = request.target.split_once('?').unwrap_or((&request.target, ""));
+    match (request.is_post, path) {
+        (false, "/") => ok("text/html; charset=utf-8", page().into()),
+        (false, "/state") => {
+            let state = Arc::clone(&look(shown).state);
+            ok("application/json", state.as_bytes().into())
         }
-    })
-}
-
-/// A page of another site that is open in the same browser must not drive the robot: neither by its own
-/// name for this PC, nor by a form.
-fn refusal(request: &Request, port: u16) -> Option<&'static str> {
-    let header = |name: &'static str| {
-        let mut headers = request.headers().iter();
-        headers.find(|header| header.field.equiv(name)).map(|header| header.value.as_str())
-    };
-    let ours = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
-    if !header("Host").is_some_and(|host| ours.iter().any(|our| our == host)) {
-        return Some("not under this name");
-    }
-    if let Some(origin) = header("Origin")
-        && !ours.iter().any(|our| origin == format!("http://{our}"))
-    {
-        return Some("not from another site");
-    }
-    let is_json = header("Content-Type").is_some_and(|kind| kind.starts_with("application/json"));
-    (*request.method() == Method::Post && !is_json).then_some("only JSON")
-}
-
-fn respond(request: &mut Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Bytes {
-    let url = request.url().to_owned();
-    let (path, query) = url.split_once('?').unwrap_or((&url, ""));
-    match (request.method(), path) {
-        (Method::Get, "/") => text(200, page().into(), "text/html; charset=utf-8"),
-        (Method::Get, "/state") => {
-            let shown = look(shown);
-            text(200, shown.state.to_string().into(), "application/json")
-        }
-        (Method::Get, "/data") => match data(query, &look(shown)) {
-            Some(bytes) => text(200, bytes, "application/octet-stream"),
-            None => text(400, "signals=1,2&from=US&to=US&columns=N".into(), "text/plain"),
+        (false, "/data") => match Plots::parse(query) {
+            Some(plots) => ok("application/octet-stream", data(&plots, shown)),
+            None => Reply::text(400, Plots::FORM),
         },
-        (Method::Post, "/wish") => {
-            let outcome = wish(request).and_then(|wish| grant(wish, tell));
+        // Browsers ask for it.
+        (false, "/favicon.ico") => ok("image/x-icon", Vec::new()),
+        (true, "/wish") => {
+            let outcome = wish(&request.body).and_then(|wish| grant(wish, tell));
             let (status, body) = match outcome {
                 Ok(value) => (200, json!({ "ok": value })),
                 Err(why) => (409, json!({ "refused": why })),
             };
-            text(status, body.to_string().into(), "application/json")
+            Reply { status, kind: "application/json", body: body.to_string().into() }
         }
-        _ => text(404, "there is no such page".into(), "text/plain"),
+        _ => Reply::text(404, "there is no such page"),
     }
 }
 
@@ -168,38 +116,27 @@ fn page() -> String {
 
 /// Points, for each signal asked for: their count, and for each the seconds since `from` and the value, in
 /// 32 bits, little endian. Before all that the robot's time, µs, in 64 bits as a float.
-fn data(query: &str, shown: &Shown) -> Option<Vec<u8>> {
-    let value = |name: &str| {
-        query.split('&').find_map(|pair| pair.split_once('=').filter(|pair| pair.0 == name))
-    };
-    let number = |name: &str| value(name)?.1.parse::<u64>().ok();
-    let (from, to) = (Micros::new(number("from")?), Micros::new(number("to")?));
-    let columns = u32::try_from(number("columns")?).ok()?.clamp(1, 10_000);
-    let signals: Option<Vec<u16>> = value("signals")?
-        .1
-        .split(',')
-        .filter(|it| !it.is_empty())
-        .map(|it| it.parse().ok())
-        .collect();
-    let mut bytes = (shown.now.get() as f64).to_le_bytes().to_vec();
-    for signal in signals? {
-        let points = shown.history.points(signal, [from, to], columns);
+fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
+    let mut bytes = (look(shown).now.get() as f64).to_le_bytes().to_vec();
+    let mut values = Vec::new();
+    for signal in &plots.signals {
+        values.clear();
+        // The robot's samples wait for this lock: it is held for one copy at a time.
+        look(shown).history.copy(*signal, plots.span, &mut values);
+        let points = thin(&values, plots.span, plots.columns);
         bytes.extend((points.len() as u32).to_le_bytes());
         for (at, value) in points {
-            let seconds = (at.get() as f64 - from.get() as f64) * 1e-6;
+            let seconds = (at.get() as f64 - plots.span[0].get() as f64) * 1e-6;
             bytes.extend((seconds as f32).to_le_bytes());
             bytes.extend(value.to_le_bytes());
         }
     }
-    Some(bytes)
+    bytes
 }
 
 /// Reads a wish.
-fn wish(request: &mut Request) -> Result<Wish, String> {
-    let mut body = String::new();
-    let read = request.as_reader().take(LONGEST).read_to_string(&mut body);
-    read.map_err(|error| error.to_string())?;
-    let value: Value = serde_json::from_str(&body).map_err(|error| error.to_string())?;
+fn wish(body: &[u8]) -> Result<Wish, String> {
+    let value: Value = serde_json::from_slice(body).map_err(|error| error.to_string())?;
     parse(&value).ok_or_else(|| format!("not understood: {value}"))
 }
 

@@ -1,0 +1,158 @@
+//! Connections of browsers: few, and each with little time, so that a new one always gets in.
+
+use std::io::{self, Read as _, Write as _};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::{Arc, Mutex, Weak};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::request::{Request, read};
+use super::server::look;
+
+/// Connections at once.
+const MOST: usize = 32;
+/// From the first byte of a request to its last.
+const WHOLE: Duration = Duration::from_secs(2);
+/// How long nothing may come, or an answer may not be taken.
+const IDLE: Duration = Duration::from_secs(10);
+/// After an error of the listener: others may close files meanwhile.
+const PAUSE: Duration = Duration::from_millis(2);
+
+/// An answer.
+pub struct Reply {
+    /// The status of HTTP.
+    pub status: u16,
+    /// The type of its content.
+    pub kind: &'static str,
+    /// The content.
+    pub body: Vec<u8>,
+}
+
+/// What a connection does; when there are too many, the first of these has to go.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Phase {
+    Reading,
+    Idle,
+    Answering,
+}
+
+struct Connection {
+    stream: TcpStream,
+    /// Since when it does what.
+    phase: Mutex<(Phase, Instant)>,
+}
+
+/// Answers all that comes, for ever.
+pub fn serve<A>(listener: &TcpListener, port: u16, answer: A)
+where
+    A: Fn(&Request) -> Reply + Clone + Send + 'static,
+{
+    let mut open = Vec::new();
+    loop {
+        let Ok((stream, _)) = listener.accept() else {
+            // Most likely there are too many files.
+            shut_one(&mut open);
+            thread::sleep(PAUSE);
+            continue;
+        };
+        open.retain(|it: &Weak<_>| it.strong_count() > 0);
+        if open.len() >= MOST {
+            shut_one(&mut open);
+        }
+        let phase = Mutex::new((Phase::Reading, Instant::now()));
+        let connection = Arc::new(Connection { stream, phase });
+        open.push(Arc::downgrade(&connection));
+        let answer = answer.clone();
+        // Without a thread it is closed; an error of it concerns nobody else.
+        let _ = thread::Builder::new().spawn(move || connection.serve(port, answer));
+    }
+}
+
+/// Shuts down the one that has been longest in the first phase.
+fn shut_one(open: &mut Vec<Weak<Connection>>) {
+    let alive = open.iter().enumerate().filter_map(|(at, it)| Some((at, it.upgrade()?)));
+    if let Some((at, connection)) = alive.min_by_key(|(_, it)| *look(&it.phase)) {
+        open.swap_remove(at);
+        let _ = connection.stream.shutdown(Shutdown::Both);
+    }
+}
+
+impl Connection {
+    fn serve(&self, port: u16, answer: impl Fn(&Request) -> Reply) -> io::Result<()> {
+        self.stream.set_nodelay(true)?;
+        self.stream.set_write_timeout(Some(IDLE))?;
+        let mut bytes = Vec::new();
+        loop {
+            let request = self.receive(&mut bytes, port)?;
+            self.enter(Phase::Answering);
+            match &request {
+                Ok(request) => self.send(&answer(request), request.is_last)?,
+                Err(refused) => self.send(refused, true)?,
+            }
+            let Ok(Request { is_last: false, len, .. }) = request else { return self.end() };
+            bytes.drain(..len);
+            self.enter(if bytes.is_empty() { Phase::Idle } else { Phase::Reading });
+        }
+    }
+
+    fn enter(&self, phase: Phase) {
+        *look(&self.phase) = (phase, Instant::now());
+    }
+
+    /// Waits for a request, or for what is refused.
+    fn receive(&self, bytes: &mut Vec<u8>, port: u16) -> io::Result<Result<Request, Reply>> {
+        let mut until = Instant::now() + if bytes.is_empty() { IDLE } else { WHOLE };
+        loop {
+            match read(bytes, port) {
+                Ok(None) => {}
+                Ok(Some(request)) => return Ok(Ok(request)),
+                Err((status, why)) => return Ok(Err(Reply::text(status, why))),
+            }
+            let mut piece = [0; 4096];
+            let count = self.read(&mut piece, until)?;
+            if bytes.is_empty() {
+                until = Instant::now() + WHOLE;
+                self.enter(Phase::Reading);
+            }
+            bytes.extend(&piece[..count]);
+        }
+    }
+
+    /// Reads something, at least a byte.
+    fn read(&self, piece: &mut [u8], until: Instant) -> io::Result<usize> {
+        // No time left is an error here.
+        self.stream.set_read_timeout(Some(until.saturating_duration_since(Instant::now())))?;
+        match (&self.stream).read(piece)? {
+            0 => Err(io::ErrorKind::UnexpectedEof.into()),
+            count => Ok(count),
+        }
+    }
+
+    fn send(&self, reply: &Reply, is_last: bool) -> io::Result<()> {
+        let Reply { status, kind, body } = reply;
+        let connection = if is_last { "close" } else { "keep-alive" };
+        let head = format!(
+            "HTTP/1.1 {status} \r\nContent-Type: {kind}\r\nContent-Length: {}\r\n\
+             Connection: {connection}\r\nCache-Control: no-store\r\n\
+             X-Content-Type-Options: nosniff\r\nContent-Security-Policy: \
+             default-src 'self' 'unsafe-inline'; frame-ancestors 'none'\r\n\r\n",
+            body.len()
+        );
+        (&self.stream).write_all(&[head.as_bytes(), body].concat())
+    }
+
+    /// Closes it. A little of what still comes is dropped: with unread bytes, closing would take back the answer.
+    fn end(&self) -> io::Result<()> {
+        self.enter(Phase::Reading);
+        self.stream.shutdown(Shutdown::Write)?;
+        let until = Instant::now() + WHOLE;
+        (0..256).try_for_each(|_| self.read(&mut [0; 4096], until).map(drop))
+    }
+}
+
+impl Reply {
+    /// A sentence.
+    pub fn text(status: u16, text: &str) -> Self {
+        Self { status, kind: "text/plain", body: text.into() }
+    }
+}

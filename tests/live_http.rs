@@ -1,0 +1,238 @@
+//! The page's port of `rc10 live`, used by those that mean no good: whatever comes, the next one who wants to
+//! stop the robot is heard.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "common/served.rs"]
+mod served;
+
+use std::io::{Read as _, Write as _};
+use std::net::{Shutdown, TcpStream};
+use std::process::Command;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use served::{JSON, Started, http, live};
+
+/// `rc10 live` of the simulated robot.
+struct Page {
+    live: Started,
+    port: u16,
+}
+
+impl Page {
+    fn start() -> Self {
+        Self::of(Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", "--sim", "--page", "0"]))
+    }
+
+    fn of(command: &mut Command) -> Self {
+        let (live, port) = live(command);
+        Self { live, port }
+    }
+
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        // Far above what an answer takes on a PC that is busy.
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        stream
+    }
+
+    /// Begins to send something.
+    fn send(&self, bytes: &[u8]) -> TcpStream {
+        let mut stream = self.connect();
+        // It may be refused before its end.
+        let _ = stream.write_all(bytes);
+        stream
+    }
+
+    /// The status that bytes are answered with; 0 is none.
+    fn status(&self, bytes: &[u8]) -> u16 {
+        let mut answer = [0; 12];
+        let count = self.send(bytes).read(&mut answer).unwrap_or(0);
+        let text = String::from_utf8_lossy(&answer[..count]).into_owned();
+        text.strip_prefix("HTTP/1.1 ").map_or(0, |status| status.parse().unwrap())
+    }
+
+    /// A head, with our name.
+    fn head(&self, line: &str, headers: &str) -> String {
+        format!("{line} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n{headers}\r\n", self.port)
+    }
+
+    fn upload(&self, length: u64, origin: &str) -> String {
+        let headers = format!("{JSON}Content-Length: {length}\r\nOrigin: {origin}\r\n");
+        self.head("POST /wish", &headers)
+    }
+
+    fn origin(&self) -> String {
+        format!("http://127.0.0.1:{}", self.port)
+    }
+
+    /// The program lives, and the robot can be stopped.
+    fn stops(&mut self) {
+        // On a busy PC the simulated robot may be late.
+        let stop = || http(self.port, "POST", "/wish", JSON, r#"{"do":"stop"}"#);
+        let told = (0..4).map(|_| stop()).find(|(status, _)| *status == 200);
+        assert!(told.is_some(), "it was not stopped");
+        assert_eq!(self.live.0.try_wait().unwrap(), None, "it has ended");
+    }
+}
+
+#[test]
+fn the_length_that_is_announced_is_not_believed() {
+    let mut page = Page::start();
+    for length in [1_000_000_000_000_000, u64::MAX, 65_537] {
+        // More often than there ever were threads.
+        for _ in 0..6 {
+            let foreign = page.upload(length, "http://example.org");
+            assert_eq!(page.status(foreign.as_bytes()), 403, "{length}");
+            let ours = page.upload(length, &page.origin());
+            assert_eq!(page.status(ours.as_bytes()), 413, "{length}");
+        }
+        page.stops();
+    }
+}
+
+#[test]
+fn uploads_that_never_end_hold_nobody_up() {
+    let mut page = Page::start();
+    for count in [4, 40] {
+        let half = page.upload(60_000, &page.origin()) + "{";
+        let hanging: Vec<_> = (0..count).map(|_| page.send(half.as_bytes())).collect();
+        page.stops();
+        drop(hanging);
+    }
+    // The server ends one by itself.
+    let mut alone = page.send((page.upload(9, &page.origin()) + "{").as_bytes());
+    assert_eq!(alone.read(&mut [0; 1]).unwrap(), 0, "it waits for the rest");
+}
+
+#[test]
+fn heads_that_come_byte_by_byte_hold_nobody_up() {
+    let mut page = Page::start();
+    let mut slow: Vec<_> = (0..40).map(|_| page.send(b"GET /state")).collect();
+    for _ in 0..20 {
+        slow.iter_mut().for_each(|stream| drop(stream.write_all(b"x")));
+        page.stops();
+    }
+    // Each byte is no reason to wait longer for all of them.
+    let mut one = page.send(b"GET /");
+    one.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+    let has_ended =
+        (0..100).any(|_| one.write_all(b"x").is_err() || matches!(one.read(&mut [0; 1]), Ok(0)));
+    assert!(has_ended, "it waits for ever");
+}
+
+#[test]
+#[cfg(unix)]
+fn it_serves_on_when_there_were_no_files_left() {
+    let script = "ulimit -n 24; exec \"$0\" live --sim --page 0";
+    let rc10 = env!("CARGO_BIN_EXE_rc10");
+    let mut page = Page::of(Command::new("sh").args(["-c", script, rc10]));
+    let many: Vec<_> = (0..300).map(|_| page.send(b"GET /")).collect();
+    page.stops();
+    drop(many);
+    page.stops();
+}
+
+#[test]
+fn other_sites_and_greedy_queries_are_refused() {
+    let mut page = Page::start();
+    let data = |signals: &str, columns: &str| {
+        format!("GET /data?signals={signals}&from=0&to=1000000&columns={columns}")
+    };
+    let numbers: Vec<_> = (0..65).map(|number| number.to_string()).collect();
+    for (wanted, line, headers) in [
+        (200, data("0,1", "500"), ""),
+        (200, data(&numbers[..64].join(","), "4294967295"), "Sec-Fetch-Site: same-origin\r\n"),
+        (200, "GET /".to_owned(), "Sec-Fetch-Site: none\r\n"),
+        (200, "GET /favicon.ico".to_owned(), "Sec-Fetch-Site: same-origin\r\n"),
+        (403, data("0", "500"), "Sec-Fetch-Site: cross-site\r\n"),
+        (403, "GET /".to_owned(), "Sec-Fetch-Site: same-site\r\n"),
+        (400, data("0,1,0", "500"), ""),
+        (400, data(&numbers.join(","), "500"), ""),
+        // It once ended a thread.
+        (400, "GET /data?signals=0&from=1000000&to=0&columns=1".to_owned(), ""),
+        (431, format!("GET /data?signals={}", "0,".repeat(20_000)), ""),
+        (400, "GET /".to_owned(), "Origin: http://localhost\r\nOrigin: http://localhost\r\n"),
+        (
+            417,
+            "POST /wish".to_owned(),
+            "Content-Type: application/json\r\nExpect: 100-continue\r\n",
+        ),
+        (501, "DELETE /".to_owned(), ""),
+        (404, "GET /wish".to_owned(), ""),
+    ] {
+        let head = page.head(&line, headers);
+        assert_eq!(page.status(head.as_bytes()), wanted, "{:.300}", head);
+    }
+    page.stops();
+}
+
+#[test]
+fn what_is_no_wish_is_refused_in_words() {
+    let mut page = Page::start();
+    let deep = "[".repeat(30_000) + &"]".repeat(30_000);
+    let many = json!({ "watch": vec![0; 30_000] }).to_string();
+    for body in
+        [deep.as_bytes(), many.as_bytes(), b"{\"do\":\"\xFF\"}", b"", b"{\"set\":[[1,1e999]]}"]
+    {
+        let length = body.len();
+        let head = page.head("POST /wish", &format!("{JSON}Content-Length: {length}\r\n"));
+        assert_eq!(page.status(&[head.as_bytes(), body].concat()), 409);
+    }
+    page.stops();
+}
+
+#[test]
+fn requests_come_one_behind_the_other() {
+    let page = Page::start();
+    let get = page.head("GET /state", "");
+    let mut stream = page.send(get.repeat(20).as_bytes());
+    stream.write_all(page.head("GET /favicon.ico", "Connection: close\r\n").as_bytes()).unwrap();
+    let mut answers = String::new();
+    stream.read_to_string(&mut answers).unwrap();
+    assert_eq!(answers.matches("HTTP/1.1 200").count(), 21, "{answers}");
+}
+
+/// Whole numbers from a seed (xorshift64*).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) as usize % limit
+    }
+}
+
+#[test]
+fn damaged_requests_do_no_harm() {
+    let mut page = Page::start();
+    let wish = r#"{"watch":[1,2,3],"period":5}"#;
+    let length = format!("{JSON}Content-Length: {}\r\n", wish.len());
+    let sound = [
+        page.head("POST /wish", &length) + wish,
+        page.head("GET /data?signals=0,1&from=0&to=900&columns=9", "Sec-Fetch-Site: none\r\n"),
+        page.head("GET /state", "Connection: close\r\n"),
+    ];
+    let mut random = Random(0x5EED);
+    for _ in 0..3_000 {
+        let mut bytes = sound[random.below(sound.len())].clone().into_bytes();
+        for _ in 0..=random.below(4) {
+            let at = random.below(bytes.len());
+            match random.below(4) {
+                0 => bytes[at] = bytes[random.below(bytes.len())],
+                1 => bytes[at] ^= 1 << random.below(8),
+                2 => drop(bytes.drain(at..(at + random.below(9)).min(bytes.len() - 1).max(at))),
+                _ => bytes.extend_from_within(at..),
+            }
+        }
+        let mut stream = page.send(&bytes);
+        // What is not whole then never will be.
+        let _ = stream.shutdown(Shutdown::Write);
+        let _ = stream.read(&mut [0; 64]);
+    }
+    let (_, state) = http(page.port, "GET", "/state", "", "");
+    assert!(serde_json::from_str::<Value>(&state).is_ok(), "{state}");
+    page.stops();
+}
