@@ -69,7 +69,7 @@ use clap::{Parser, Subcommand};
 use dbc::DbcArgs;
 use decode::DecodeArgs;
 use emulate::EmuArgs;
-use live::{GetArgs, LiveArgs, ParamsArgs, RecordArgs, SetArgs};
+use live::{GetArgs, LiveArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
 use new::NewArgs;
 use pty::PtyArgs;
 use record::{CsvArgs, ReportArgs};
@@ -105,6 +105,8 @@ enum Command {
     Get(GetArgs),
     /// Changes parameters of the robot that runs, until power-off
     Set(SetArgs),
+    /// Stops a robot at a serial port: sent until the robot says that it is stopped
+    Stop(StopArgs),
     /// Records the robot that runs
     Record(RecordArgs),
     /// Makes the report of a record, or of captures of the robot's buses
@@ -191,6 +193,7 @@ impl CommandLine {
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,
+            Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
             Command::Report(args) => strict(args.strict, record::report(&args, robot, out)?),
             Command::Csv(args) => record::csv(&args, out).map(|()| 0)?,

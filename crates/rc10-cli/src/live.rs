@@ -27,8 +27,10 @@ mod source;
 mod viewers;
 pub mod wire;
 
-pub use client::{Answer, Client, Losses, Parameter, Sample, Signal};
-pub use commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, get, params, record, set};
+pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency};
+pub use commands::{
+    GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs, get, params, record, set, stop_robot,
+};
 pub use history::{History, POINTS, thin};
 pub use judge::Judge;
 pub use page::{LiveArgs, live};

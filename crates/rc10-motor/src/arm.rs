@@ -244,7 +244,6 @@ impl ArmSwitch {
 }
 
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "the low byte is what is wanted")]
 const fn state_of(word: u32) -> u8 {
     (word & STATE) as u8
 }

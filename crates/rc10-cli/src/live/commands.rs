@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
+use rc10_link::Action;
 
+use super::client::Urgency;
 use super::plan::{plan, watch};
 use super::record::LiveRecord;
 use super::session::{Session, full_name};
@@ -70,6 +72,54 @@ pub struct RecordArgs {
     /// The file
     #[arg(short, long, value_name = "FILE.mcap")]
     pub output: PathBuf,
+}
+
+/// Arguments of `rc10 stop`.
+#[derive(Args, Debug)]
+pub struct StopArgs {
+    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
+    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
+    pub place: Option<String>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub source: SourceArgs,
+    /// Only disarms the robot: its remote may arm it again
+    #[arg(long)]
+    pub disarm: bool,
+}
+
+/// Stops a robot: again and again until it says that it is stopped, or Ctrl-C.
+///
+/// # Errors
+/// If there is no way to the robot, or it has not answered.
+pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let ended = stop()?;
+    let source = args.source.at(args.place.as_deref());
+    let mut session = Session::new(source.open(robot, false)?);
+    let action = if args.disarm { Action::Disarm } else { Action::Stop };
+    let begin = session.now();
+    let id = session.client.urge(action, begin);
+    let mut is_told = false;
+    while !ended.load(Ordering::Relaxed) {
+        session.step()?;
+        if id.and_then(|id| session.client.answer(id)).is_some() {
+            let millis = session.now().since(begin).get() / 1000;
+            writeln!(
+                out,
+                "{} after {millis} ms",
+                if args.disarm { "disarmed" } else { "stopped" }
+            )?;
+            return Ok(());
+        }
+        if session.client.urgency(action, session.now()) == Some(Urgency::NotHeard) && !is_told {
+            is_told = true;
+            let why = session.trouble().unwrap_or_else(|| "it does not answer".into());
+            eprintln!(
+                "rc10: NOT HEARD by the robot: {why}. It is sent on and on; Ctrl-C ends that"
+            );
+        }
+    }
+    bail!("the robot has not answered: it may not be stopped")
 }
 
 /// Lists the robot's parameters.

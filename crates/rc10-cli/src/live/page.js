@@ -11,12 +11,19 @@ let from = 0;
 let cursor = null;      // seconds from `from`
 let undo = [];
 let begun = false;
+let declaration = null; // of the robot that the page was made for
 
-const post = async (wish) => {
-  const response = await fetch('/wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
-  const answer = await response.json();
-  if (answer.refused !== undefined) throw new Error(answer.refused);
-  return answer.ok;
+// A browser opens six connections: some stay free for STOP, whatever the robot does not answer.
+let flying = 0;
+const post = async (wish, urgent) => {
+  if (flying >= 3 && !urgent) throw new Error('the robot has not answered what was asked before');
+  flying += 1;
+  try {
+    const response = await fetch('/wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
+    const answer = await response.json();
+    if (answer.refused !== undefined) throw new Error(answer.refused);
+    return answer.ok;
+  } finally { flying -= 1; }
 };
 const say = (id, text) => { $(id).textContent = text || ''; $(id).hidden = !text; };
 const attempt = (wish) => post(wish).then((it) => { say('refused', ''); return it; }, (error) => { say('refused', String(error.message || error)); throw error; });
@@ -29,9 +36,10 @@ const labels = (folder) => [...new Set(state.signals.filter((it) => it.folder ==
 const keep = () => { try { localStorage.setItem('rc10', JSON.stringify({ chosen: [...chosen].map(key), span })); } catch { /* private window */ } };
 const key = (index) => { const it = state.signals.find((it) => it.index === index); return it ? it.folder + '/' + it.label + '/' + it.name : ''; };
 
-// The first look: what is remembered of the last time, or the first motor.
+// The first look: what is remembered of the last time, or the first motor. Another robot has other numbers.
 function begin() {
   begun = true;
+  declaration = state.declaration; chosen = new Set(); data = new Map(); undo = [];
   let known = {};
   try { known = JSON.parse(localStorage.getItem('rc10')) || {}; } catch { /* private window */ }
   const wanted = new Set(known.chosen || []);
@@ -46,26 +54,30 @@ function begin() {
 }
 
 function tree() {
-  const wanted = $('search').value.toLowerCase();
+  const wanted = $('search').value.toLowerCase().split(/\s+/).filter(Boolean);
   const open = new Set([...document.querySelectorAll('#tree details[open]')].map((it) => it.dataset.label));
   const groups = new Map();
   for (const it of state.signals) {
     const label = it.label ? (it.folder === 'motors' || it.folder === 'signals' ? it.label : it.folder.replace(/e?s$/, '') + ' ' + it.label) : it.folder;
-    if (!(label + ' ' + it.name).toLowerCase().includes(wanted)) continue;
+    const text = (label + ' ' + it.name).toLowerCase();
+    if (!wanted.every((word) => text.includes(word))) continue;
     if (!groups.has(label)) groups.set(label, []);
     groups.get(label).push(it);
   }
   $('tree').replaceChildren(...[...groups].map(([label, all]) => {
     const details = document.createElement('details');
     details.dataset.label = label;
-    details.open = wanted !== '' || open.has(label);
+    details.open = wanted.length > 0 || open.has(label);
     const summary = details.appendChild(document.createElement('summary'));
     summary.textContent = label;
     for (const it of all) {
       const line = details.appendChild(document.createElement('label'));
       const box = line.appendChild(document.createElement('input'));
       box.type = 'checkbox'; box.checked = chosen.has(it.index); box.dataset.signal = it.index;
-      box.onchange = () => { box.checked ? chosen.add(it.index) : chosen.delete(it.index); watch(); keep(); };
+      // The answer to a question has at most this many.
+      box.onchange = () => { if (chosen.size >= 64) box.checked = false; box.checked ? chosen.add(it.index) : chosen.delete(it.index); watch(); keep(); };
+      // Space stops the robot.
+      box.onkeydown = (event) => { if (event.key === 'Enter') box.click(); };
       line.append(' ' + it.name + (it.unit ? ', ' + it.unit : ''));
     }
     return details;
@@ -75,8 +87,8 @@ function tree() {
 const watch = () => post({ watch: [...chosen], period: +$('period').value }).catch(() => {});
 
 function buttons(place, motor) {
-  const add = (text, title) => { const button = place.appendChild(document.createElement('button')); button.textContent = text; button.title = title; button.style.padding = '0 5px'; return button; };
-  for (const [text, action, title] of [['0', 'zero', 'The angle now is zero'], ['✓', 'clear', 'Clear the fault']])
+  const add = (text, title) => { const button = place.appendChild(document.createElement('button')); button.textContent = text; button.title = title; button.setAttribute('aria-label', motor + ': ' + title); button.style.padding = '0 5px'; return button; };
+  for (const [text, action, title] of [['0', 'zero', 'The angle now is zero; only while the robot is disarmed'], ['✓', 'clear', 'Clear the fault']])
     add(text, title).onclick = () => attempt({ do: action, motor }).catch(() => {});
   for (const [text, way] of [['−', -1], ['+', 1]]) {
     const button = add(text, 'Turns slowly while it is held, if the robot is disarmed and its table allows it');
@@ -93,7 +105,7 @@ async function jog(motor, speed) {
   if (!speed && held === null) return;
   held = mine;
   do {
-    try { await attempt({ do: 'jog', motor, speed }); } catch { held = null; return; }
+    try { await attempt({ do: 'jog', motor, speed }); } catch { if (held === mine) held = null; return; }
     if (mine) await new Promise((go) => setTimeout(go, 25));
   } while (mine && held === mine);
   if (mine) await post({ do: 'jog', motor, speed: 0 }).catch(() => {});
@@ -109,13 +121,13 @@ function tables() {
     for (const head of ['motor', 'link', 'drive', 'target', 'measured', 'A', '°C', '']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }
   }
   const have = new Map([...motors.rows].slice(1).map((row) => [row.dataset.motor, row]));
-  labels('motors').forEach((label, motor) => {
+  labels('motors').forEach((label) => {
     row = have.get(label); have.delete(label);
     if (!row) {
       row = motors.insertRow(); row.dataset.motor = label;
       for (let count = 0; count < 8; count += 1) cell(row, '');
       row.cells[0].textContent = label;
-      buttons(row.cells[7], motor);
+      buttons(row.cells[7], label);
     }
     const link = named(label, 'link');
     row.cells[1].textContent = link; row.cells[1].className = link === 'Online' ? '' : 'bad';
@@ -173,30 +185,34 @@ async function change(full, input) {
   const it = state.parameters.find((it) => it.full === full), wanted = Number(input.value);
   if (!it || input.value.trim() === '' || Number.isNaN(wanted)) { say('refused', '“' + input.value + '” is no number'); input.value = input.dataset.value; return; }
   try {
-    await attempt({ set: [[it.index, wanted]] });
+    await attempt({ set: [[full, wanted]] });
     undo.push([it.full, it.value]); $('undo').disabled = false;
   } catch { input.value = input.dataset.value; }
 }
 $('undo').onclick = async () => {
   const last = undo.pop(); $('undo').disabled = !undo.length;
   const it = last && state.parameters.find((it) => it.full === last[0]);
-  if (it) await attempt({ set: [[it.index, last[1]]] }).catch(() => {});
+  if (it) await attempt({ set: [[it.full, last[1]]] }).catch(() => {});
 };
 
 async function refresh() {
   try {
-    state = await (await fetch('/state')).json();
+    state = await (await fetch('/state')).json() || state;
     $('trouble').textContent = state.trouble || '';
-  } catch { $('trouble').textContent = 'rc10 live has ended'; setTimeout(refresh, 1000); return; }
+    document.body.classList.remove('ended');
+  } catch { $('trouble').textContent = 'rc10 live has ended'; document.body.classList.add('ended'); setTimeout(refresh, 1000); return; }
   $('name').textContent = state.name;
   say('note', state.note);
   const arm = named('', 'arm');
   $('arm').textContent = arm; $('arm').className = 'pill ' + arm;
+  const stick = named('', 'not_at_rest');
+  say('rest', stick === '–' || stick === 'all' ? '' : 'Not armed: ' + stick + ' is not at rest. Put it there and arm again.');
+  show();
   $('record').textContent = state.record ? '■ ' + state.record.seconds.toFixed(0) + ' s' : '● Record';
   $('record').className = state.record ? 'on' : '';
   const losses = [['samples', 'samples lost on the way'], ['skipped', 'samples the line was too slow for'], ['damaged', 'damaged frames'], ['unknown', 'messages not understood'], ['left', 'signals without room']];
   $('losses').textContent = losses.filter(([name]) => state.losses[name] > 0).map(([name, what]) => state.losses[name] + ' ' + what).join(' · ');
-  if (state.whole && !begun) begin();
+  if (state.whole && (!begun || state.declaration !== declaration)) begin();
   tables(); parameters();
   setTimeout(refresh, 200);
 }
@@ -207,6 +223,7 @@ async function fetchData() {
   const signals = [...chosen], columns = Math.max(100, $('plots').clientWidth - 80);
   try {
     const answer = await fetch('/data?signals=' + signals.join(',') + '&from=' + from + '&to=' + Math.round(to) + '&columns=' + columns);
+    if (!answer.ok) throw new Error();
     const view = new DataView(await answer.arrayBuffer());
     let at = 8; const news = new Map();
     for (const signal of signals) {
@@ -351,10 +368,36 @@ $('window').onchange = () => { span = +$('window').value; keep(); };
 $('period').onchange = watch;
 $('search').oninput = tree; $('find').oninput = parameters;
 $('record').onclick = () => attempt({ record: !state.record }).catch(() => {});
-$('disarm').onclick = () => attempt({ do: 'disarm' }).catch(() => {});
-const stop = () => attempt({ do: 'stop' }).catch(() => {});
-$('stop').onclick = stop;
-// Before anything else on the page gets it: whatever has the focus, the space bar stops the robot.
-window.addEventListener('keydown', (event) => { if (event.code === 'Space') { event.preventDefault(); event.stopPropagation(); if (!event.repeat) stop(); } }, true);
-window.addEventListener('keyup', (event) => { if (event.code === 'Space') { event.preventDefault(); event.stopPropagation(); } }, true);
+// What was pressed, and how far it has come: sent, done, not heard. It is sent until the robot has done it;
+// the buttons say so within 200 ms, whether anything answers or not.
+const pressed = { stop: null, disarm: null };
+const WORDS = { stop: { sent: 'STOP sent …', done: 'STOPPED', 'not heard': 'STOP NOT HEARD' }, disarm: { sent: 'Disarm sent …', done: 'Disarmed', 'not heard': 'Disarm NOT HEARD' } };
+function show() {
+  for (const action of ['stop', 'disarm']) {
+    const it = pressed[action], now = state[action] || (it && it.how) || '';
+    if (it && it.how !== 'sent' && !state[action]) {
+      it.how = 'done';
+      if (performance.now() - it.at > 3000) pressed[action] = null;
+    }
+    $(action).firstChild.textContent = WORDS[action][now] || (action === 'stop' ? 'STOP ' : 'Disarm');
+    $(action).className = now.replace(' ', '-');
+  }
+}
+function urge(action) {
+  held = null;
+  const mine = pressed[action] = { how: 'sent', at: performance.now() };
+  const come = (how) => { if (pressed[action] === mine) { mine.how = how; state[action] = how === 'done' ? null : how; show(); } };
+  const late = setTimeout(() => come('not heard'), 190);
+  post({ do: action }, true).then(() => { clearTimeout(late); say('refused', ''); come('done'); }, (error) => { clearTimeout(late); say('refused', String(error.message || error)); come('not heard'); });
+  show();
+}
+$('disarm').onclick = () => urge('disarm');
+$('stop').onclick = () => urge('stop');
+// Before anything else on the page gets them. Where text is typed the space bar is a space.
+const types = (it) => it && (it.tagName === 'TEXTAREA' || (it.tagName === 'INPUT' && it.type !== 'checkbox'));
+for (const kind of ['keydown', 'keyup']) window.addEventListener(kind, (event) => {
+  const space = event.code === 'Space' && !types(event.target);
+  if (space) { event.preventDefault(); event.stopPropagation(); }
+  if ((space || event.key === 'Escape') && kind === 'keydown' && !event.repeat) urge('stop');
+}, true);
 refresh(); fetchData();

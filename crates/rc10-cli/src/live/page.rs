@@ -3,19 +3,20 @@
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::Sender;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
 use rc10_link::Action;
 use serde_json::{Value, json};
 
-use super::client::{Answer, Client};
+use super::client::{Answer, Client, Urgency};
 use super::commands::stop;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
 use super::record::{LiveRecord, RESTART};
-use super::server::{Asked, Pages, Wish, look};
+use super::server::{Asked, Pages, Wish, look, urgent};
 use super::session::{Session, full_name};
 use super::source::SourceArgs;
 use super::viewers::{ViewerArgs, Viewers};
@@ -51,8 +52,11 @@ pub struct LiveArgs {
 const OFTEN: u16 = 10;
 /// From one look of the pages at the state to the next.
 const TELL: Micros = Micros::from_millis(50);
-/// Wishes that wait for the robot's answer.
-type Waiting = (u16, std::sync::mpsc::Sender<Result<Value, String>>);
+/// A wish that waits for the robot's answer, since that time.
+type Waiting = (u16, Micros, Sender<Result<Value, String>>);
+/// How many may wait, and for how long: more would only lie before the next one on the line.
+const MOST_WAITING: usize = 16;
+const PATIENCE: Micros = Micros::from_millis(5000);
 
 /// Serves the page until Ctrl-C.
 ///
@@ -134,7 +138,12 @@ struct Show<'r, 'k> {
 
 impl Show<'_, '_> {
     fn step(&mut self) -> Result<()> {
+        // First, so that a stop goes out with these bytes.
+        while let Ok(asked) = self.pages.wishes.try_recv() {
+            self.grant(asked);
+        }
         self.session.step()?;
+        self.answer();
         let is_described = self.session.client.is_described();
         if is_described && !self.met {
             let (topics, left) = plan(&self.session.client);
@@ -178,19 +187,15 @@ impl Show<'_, '_> {
         if let Some(state) = state {
             (shown.state, self.told) = (state, Some(now));
         }
-        drop(shown);
-        while let Ok(asked) = self.pages.wishes.try_recv() {
-            self.grant(asked);
-        }
-        self.answer();
         Ok(())
     }
 
     /// Tells pages what became of their wishes.
     fn answer(&mut self) {
+        let now = self.session.now();
         let client = &mut self.session.client;
-        self.waiting.retain(|(id, tell)| match client.answer(*id) {
-            None => true,
+        self.waiting.retain(|(id, since, tell)| match client.answer(*id) {
+            None => now.since(*since) < PATIENCE,
             Some(answer) => {
                 // The page may have gone.
                 let _ = tell.send(match answer {
@@ -201,14 +206,11 @@ impl Show<'_, '_> {
                 false
             }
         });
-        // Those whose pages have given up.
-        let most = self.waiting.len().saturating_sub(64);
-        self.waiting.drain(..most);
     }
 
     fn grant(&mut self, (wish, tell): Asked) {
-        let client = &mut self.session.client;
-        let id = match wish {
+        let now = self.session.now();
+        let asked = match wish {
             Wish::Watch(period, signals) => {
                 self.chosen = (period, signals);
                 let count = self.choose();
@@ -219,19 +221,49 @@ impl Show<'_, '_> {
                 let _ = tell.send(self.switch_record(on).map_err(|error| format!("{error:#}")));
                 return;
             }
-            Wish::Set(changes) => client.set(&changes),
-            Wish::Do(action, motor, speed) => match action.as_str() {
-                "jog" => Some(client.act(Action::Jog(motor, tenths(speed)))),
-                "stop" => Some(client.act(Action::Stop)),
-                "disarm" => Some(client.act(Action::Disarm)),
-                "zero" => Some(client.act(Action::Zero(motor))),
-                "clear" => Some(client.act(Action::ClearFault(motor))),
-                _ => None,
-            },
+            Wish::Do(action, ..) if let Some(action) = urgent(&action) => {
+                let id = self.session.client.urge(action, now);
+                id.with_context(|| format!("{action:?} is not urgent"))
+            }
+            wish => self.ask(wish),
         };
-        match id {
-            Some(id) => self.waiting.push((id, tell)),
-            None => drop(tell.send(Err("that is not possible".into()))),
+        match asked {
+            Ok(id) => self.waiting.push((id, now, tell)),
+            // The page may have gone.
+            Err(why) => drop(tell.send(Err(format!("{why:#}")))),
+        }
+    }
+
+    /// Asks the robot for something that is not urgent.
+    fn ask(&mut self, wish: Wish) -> Result<u16> {
+        if let Some(stranger) = &self.stranger {
+            bail!("{stranger}: only stopped, disarmed and watched");
+        }
+        ensure!(
+            self.waiting.len() < MOST_WAITING,
+            "the robot has not answered what was asked before"
+        );
+        let client = &mut self.session.client;
+        match wish {
+            Wish::Set(wanted) => {
+                let mut changes = Vec::new();
+                for (name, value) in wanted {
+                    changes.push((self.session.parameter(&name)?.index, value));
+                }
+                let id = self.session.client.set(&changes);
+                id.with_context(|| format!("at most {} changes at once", rc10_link::CHANGES))
+            }
+            Wish::Do(action, label, speed) => {
+                let motor = client.motor(&label);
+                let motor = motor.with_context(|| format!("the robot has no motor `{label}`"))?;
+                Ok(client.act(match action.as_str() {
+                    "jog" => Action::Jog(motor, tenths(speed)),
+                    "zero" => Action::Zero(motor),
+                    "clear" => Action::ClearFault(motor),
+                    _ => bail!("there is no `{action}`"),
+                }))
+            }
+            Wish::Watch(..) | Wish::Record(_) => bail!("that is not for the robot"),
         }
     }
 
@@ -287,11 +319,20 @@ impl Show<'_, '_> {
             json!({ "path": path.display().to_string(), "seconds": record.length().get() as f64 * 1e-6 })
         });
         let is_whole = client.is_described();
+        let urgency = |action| {
+            client.urgency(action, session.now()).map(|urgency| match urgency {
+                Urgency::Sent => "sent",
+                Urgency::NotHeard => "not heard",
+            })
+        };
         json!({
             "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),
             "happened": self.judge.happened.iter()
                 .map(|(at, what)| json!([at.get() as f64 * 1e-6, what])).collect::<Vec<_>>(),
             "stranger": self.stranger,
+            "stop": urgency(Action::Stop),
+            "disarm": urgency(Action::Disarm),
+            "declaration": client.declaration().0,
             "name": session.name(),
             "trouble": session.trouble(),
             "note": self.note,

@@ -12,8 +12,10 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use rc10_can::Micros;
+use rc10_link::Action;
 use serde_json::{Value, json};
 
+use super::client::NOT_HEARD;
 use super::connection::{self, Reply};
 use super::history::{History, thin};
 use super::request::{Plots, Request};
@@ -23,10 +25,10 @@ use super::request::{Plots, Request};
 pub enum Wish {
     /// To see these signals often: the period in ms, and their numbers.
     Watch(u16, Vec<u16>),
-    /// To change parameters.
-    Set(Vec<(u16, f32)>),
-    /// Something done: its name, the motor's number, and a speed in rpm.
-    Do(String, u8, f32),
+    /// To change parameters, by their full names.
+    Set(Vec<(String, f32)>),
+    /// Something done: its name, the motor's label, and a speed in rpm.
+    Do(String, String, f32),
     /// A record to begin, or to end.
     Record(bool),
 }
@@ -147,22 +149,40 @@ fn parse(value: &Value) -> Option<Wish> {
         return Some(Wish::Watch(short(value.get("period")?)?, signals?));
     }
     if let Some(changes) = value.get("set") {
-        let change =
-            |change: &Value| Some((short(change.get(0)?)?, change.get(1)?.as_f64()? as f32));
+        let change = |change: &Value| {
+            Some((change.get(0)?.as_str()?.to_owned(), change.get(1)?.as_f64()? as f32))
+        };
         return Some(Wish::Set(changes.as_array()?.iter().map(change).collect::<Option<_>>()?));
     }
     if let Some(action) = value.get("do") {
-        let motor = value.get("motor").and_then(Value::as_u64).unwrap_or_default();
+        // By its label: its number is another one after the next flashing.
+        let motor = value.get("motor").and_then(Value::as_str).unwrap_or_default();
         let speed = value.get("speed").and_then(Value::as_f64).unwrap_or_default() as f32;
-        return Some(Wish::Do(action.as_str()?.into(), u8::try_from(motor).ok()?, speed));
+        return Some(Wish::Do(action.as_str()?.into(), motor.into(), speed));
     }
     Some(Wish::Record(value.get("record")?.as_bool()?))
 }
 
 fn grant(wish: Wish, tell: &Sender<Asked>) -> Result<Value, String> {
     let (answer, answered) = channel();
+    let is_urgent = matches!(&wish, Wish::Do(action, ..) if urgent(action).is_some());
     tell.send((wish, answer)).map_err(|_| "rc10 live has ended")?;
-    answered.recv_timeout(PATIENCE).map_err(|_| "the robot did not answer")?
+    // Whoever speaks with the robot may be held up: this is told all the same.
+    let (patience, why) = if is_urgent {
+        (Duration::from_micros(NOT_HEARD.get()), "NOT HEARD by the robot yet: it is sent on and on")
+    } else {
+        (PATIENCE, "the robot did not answer")
+    };
+    answered.recv_timeout(patience).map_err(|_| why)?
+}
+
+/// What is sent until the robot has done it.
+pub(super) fn urgent(action: &str) -> Option<Action> {
+    match action {
+        "stop" => Some(Action::Stop),
+        "disarm" => Some(Action::Disarm),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -172,11 +192,13 @@ mod tests {
     #[test]
     fn wishes_are_read_or_refused() {
         let read = |text: &str| parse(&serde_json::from_str(text).unwrap());
-        assert_eq!(read(r#"{"set":[[3,0.5]]}"#), Some(Wish::Set(vec![(3, 0.5)])));
+        let change = ("arm.speed_kp".to_owned(), 0.5);
+        assert_eq!(read(r#"{"set":[["arm.speed_kp",0.5]]}"#), Some(Wish::Set(vec![change])));
         assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(Wish::Watch(5, vec![1, 2])));
-        assert_eq!(read(r#"{"do":"zero","motor":2}"#), Some(Wish::Do("zero".into(), 2, 0.0)));
+        let zero = Wish::Do("zero".into(), "arm".into(), 0.0);
+        assert_eq!(read(r#"{"do":"zero","motor":"arm"}"#), Some(zero));
         assert_eq!(read(r#"{"record":true}"#), Some(Wish::Record(true)));
-        for bad in ["{}", "[]", r#"{"set":[[70000,1]]}"#, r#"{"set":[[1,null]]}"#, r#"{"do":3}"#] {
+        for bad in ["{}", "[]", r#"{"set":[[3,1]]}"#, r#"{"set":[[1,null]]}"#, r#"{"do":3}"#] {
             assert_eq!(read(bad), None, "{bad}");
         }
     }

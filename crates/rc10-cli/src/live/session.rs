@@ -1,5 +1,7 @@
 //! A client at its line: what every command that speaks with a robot begins with.
 
+use std::hash::{BuildHasher as _, RandomState};
+
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
 use rc10_link::VERSION;
@@ -24,7 +26,9 @@ impl<'r> Session<'r> {
     /// On a line that is open.
     #[must_use]
     pub fn new(way: Way<'r>) -> Self {
-        Self { way, client: Client::new(), now: Micros::ZERO, heard: 0 }
+        // Another program may speak on a real line, too: it is not to take our answers for its own.
+        let first = if way.is_real { RandomState::new().hash_one(0) as u16 } else { 0 };
+        Self { way, client: Client::with_first_id(first), now: Micros::ZERO, heard: 0 }
     }
 
     /// The line's name.

@@ -67,6 +67,8 @@ pub struct Way<'r> {
     pub source: Box<dyn Source + 'r>,
     /// Its name.
     pub name: String,
+    /// It leaves this program: others may speak there, too.
+    pub is_real: bool,
 }
 
 impl SourceArgs {
@@ -91,12 +93,13 @@ impl SourceArgs {
     pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<Way<'r>> {
         if self.sim {
             let source = Box::new(Paced::new(Simulated::new(robot, self)?, paced));
-            return Ok(Way { source, name: "the simulated robot".into() });
+            return Ok(Way { source, name: "the simulated robot".into(), is_real: false });
         }
         if let Some(elf) = &self.emu {
             let (emulated, path) = Emulated::new(robot, elf.clone(), self)?;
             let name = format!("{} on the emulated chip", path.display());
-            return Ok(Way { source: Box::new(Paced::new(emulated, paced)), name });
+            let source = Box::new(Paced::new(emulated, paced));
+            return Ok(Way { source, name, is_real: false });
         }
         ensure!(
             self.injected.is_empty(),
@@ -112,7 +115,7 @@ impl SourceArgs {
             None => serial(&port, baud),
         };
         let source = Box::new(Wire::new(open)?);
-        Ok(Way { source, name })
+        Ok(Way { source, name, is_real: true })
     }
 }
 
@@ -259,8 +262,11 @@ impl<T: Read + Write> Port for T {}
 
 /// How long a read waits.
 const PATIENCE: Duration = Duration::from_millis(4);
-/// From one try to open a port that is gone to the next.
-const AGAIN: Duration = Duration::from_millis(500);
+/// From one try to open a port that is gone to the next: a stop may wait for it.
+const AGAIN: Duration = Duration::from_millis(100);
+/// How long a serial server may take to be there, and to take what is sent.
+const CONNECTS: Duration = Duration::from_millis(1000);
+const TAKES: Duration = Duration::from_millis(200);
 
 /// A port, which may go and come back.
 struct Wire<F> {
@@ -328,9 +334,10 @@ fn tcp(address: &str) -> Result<Box<dyn Port>> {
         .to_socket_addrs()
         .with_context(|| format!("tcp:{address}: it is to be tcp:HOST:PORT"))?;
     let found = found.next().with_context(|| format!("tcp:{address}: there is no such host"))?;
-    let stream = TcpStream::connect_timeout(&found, Duration::from_secs(2));
+    let stream = TcpStream::connect_timeout(&found, CONNECTS);
     let stream = stream.with_context(|| format!("tcp:{address}: nothing answers there"))?;
     stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(TAKES))?;
     stream.set_nodelay(true)?;
     Ok(Box::new(stream))
 }
