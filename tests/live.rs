@@ -5,6 +5,9 @@
     reason = "a test may panic, and compares what was set"
 )]
 
+#[path = "live/stops.rs"]
+mod stops;
+
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::environment::Environment;
@@ -64,7 +67,7 @@ impl Scene<'_> {
     }
 }
 
-fn with_scene(baud: u32, test: impl FnOnce(&mut Scene<'_>, &Shared<'_>)) {
+fn with_scene(baud: u32, test: impl for<'r> FnOnce(&mut Scene<'r>, &'r Shared<'r>)) {
     let ports = Ports::new();
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
