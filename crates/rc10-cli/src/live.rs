@@ -28,7 +28,7 @@ pub mod wire;
 pub use client::{Answer, Client, Losses, Parameter, Sample, Signal};
 pub use commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, get, params, record, set};
 pub use history::{History, POINTS};
-pub use judge::Judge;
+pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};
 pub use rc10_link::Action;
