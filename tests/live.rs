@@ -462,7 +462,7 @@ fn found(
     let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
     let kit = Kit::of(&robot);
     let (mut judge, mut page) = (Judge::new(&kit), Vec::new());
-    let folder = Scratch::new("loops");
+    let folder = Scratch::new(&format!("loops-{seed}-{}", factors.len()));
     let path = folder.join("live.mcap");
     with_seed(seed, BAUD, |scene, _| {
         scene.run(1500);
@@ -511,7 +511,7 @@ fn a_loop_that_shakes_is_found_on_the_page_and_in_a_record() {
     for (label, gains, within) in [
         (wheel, &["speed_kp"][..], 2000),
         (wheel, &["speed_kp", "speed_ki"], 2000),
-        // It stands until 1 s after the change, and then turns.
+        // The script moves it a while later.
         (gimbal, &["speed_kp", "angle_kp"], 3000),
     ] {
         let factors: Vec<_> = gains.iter().map(|gain| (label, *gain, 10.0)).collect();
