@@ -5,6 +5,8 @@
     reason = "a test may panic, and compares what was set"
 )]
 
+#[path = "common/scratch.rs"]
+mod scratch;
 #[path = "live/stops.rs"]
 mod stops;
 
@@ -12,7 +14,9 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::environment::Environment;
 use rc10_cli::live::wire::Line;
-use rc10_cli::live::{Action, Answer, Client, Sample};
+use rc10_cli::live::{Action, Answer, Client, Judge, LiveRecord, Sample, plan, watch};
+use rc10_cli::problems::{Severity, problems};
+use rc10_cli::record::{Kit, replay};
 use rc10_cli::team;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::{ArmState, DriveMode, Motion, Names, Target};
@@ -21,6 +25,7 @@ use rc10_robot::{Motors, Ports, Shared};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Switch};
 use rc10_tasks::live;
+use scratch::Scratch;
 
 const BAUD: u32 = 921_600;
 
@@ -68,11 +73,15 @@ impl Scene<'_> {
 }
 
 fn with_scene(baud: u32, test: impl for<'r> FnOnce(&mut Scene<'r>, &'r Shared<'r>)) {
+    with_seed(1, baud, test);
+}
+
+fn with_seed(seed: u64, baud: u32, test: impl for<'r> FnOnce(&mut Scene<'r>, &'r Shared<'r>)) {
     let ports = Ports::new();
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
     let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
-    let around = Environment::new(robot.description(), 1).unwrap().with_console(baud);
+    let around = Environment::new(robot.description(), seed).unwrap().with_console(baud);
     let tasks = robot.tasks(&around).unwrap();
     test(&mut Scene { around, tasks, client: Client::new() }, &shared);
 }
@@ -440,4 +449,88 @@ fn on_a_line_that_is_too_slow_each_group_has_its_turn_and_all_is_counted() {
         assert!((skipped + taken as u64).abs_diff(due) <= 80, "{skipped} + {taken}");
         assert_eq!(losses.samples, 0);
     });
+}
+
+/// Changes gains by these factors at a robot that drives, 3 s after its start. What is wrong with it on the
+/// page, each with the milliseconds from the change on, and by its record.
+fn found(
+    factors: &[(&str, &str, f32)],
+    seed: u64,
+    millis: u64,
+) -> (Vec<(u64, String)>, Vec<String>) {
+    let ports = Ports::new();
+    let shared = Shared::new(&ports);
+    let mut motors = Motors::new();
+    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let kit = Kit::of(&robot);
+    let (mut judge, mut page) = (Judge::new(&kit), Vec::new());
+    let folder = Scratch::new(&format!("loops-{seed}-{}", factors.len()));
+    let path = folder.join("live.mcap");
+    with_seed(seed, BAUD, |scene, _| {
+        scene.run(1500);
+        let (topics, left) = plan(&scene.client);
+        assert!(left.is_empty());
+        watch(&mut scene.client, &topics, 10);
+        let mut record = LiveRecord::new(&path, &topics, kit.description()).unwrap();
+        scene.run(1500);
+        let changes: Vec<_> = factors
+            .iter()
+            .map(|(label, name, factor)| {
+                let it = scene.parameter(label, name);
+                (it.index, it.value * factor)
+            })
+            .collect();
+        if !changes.is_empty() {
+            let id = scene.client.set(&changes).unwrap();
+            assert_eq!(scene.ask(id), Answer::Done);
+        }
+        let changed = scene.now();
+        while scene.now().since(changed).get() < millis * 1000 {
+            scene.run(10);
+            for sample in scene.client.take_samples() {
+                judge.take(&topics, &sample).unwrap();
+                record.take(&sample).unwrap();
+            }
+            let is_bad = |it: &&rc10_cli::problems::Problem| it.severity == Severity::Problem;
+            for problem in judge.found.iter().filter(is_bad) {
+                let text = format!("{} {}", problem.about, problem.kind);
+                if !page.iter().any(|(_, known)| *known == text) {
+                    page.push((scene.now().since(changed).get() / 1000, text));
+                }
+            }
+        }
+        record.finish().unwrap();
+    });
+    let (recording, cut) = replay(&std::fs::read(&path).unwrap(), robot).unwrap();
+    assert_eq!(cut, None);
+    let told = problems(&recording).into_iter().filter(|it| it.severity == Severity::Problem);
+    (page, told.map(|it| it.to_string()).collect())
+}
+
+#[test]
+fn a_loop_that_shakes_is_found_on_the_page_and_in_a_record() {
+    let (wheel, gimbal) = ("wheel front left", "gimbal yaw");
+    for (label, gains, within) in [
+        (wheel, &["speed_kp"][..], 2000),
+        (wheel, &["speed_kp", "speed_ki"], 2000),
+        // The script moves it a while later.
+        (gimbal, &["speed_kp", "angle_kp"], 3000),
+    ] {
+        let factors: Vec<_> = gains.iter().map(|gain| (label, *gain, 10.0)).collect();
+        let (page, record) = found(&factors, 1, 5000);
+        println!("{factors:?}: {page:?}, {record:?}");
+        let told = page.iter().find(|it| it.1 == format!("{label} oscillation"));
+        assert!(told.is_some_and(|it| it.0 < within), "{factors:?}: {page:?}");
+        let shakes = format!("{label}: shakes: its effort changes direction");
+        assert!(record.iter().any(|text| text.starts_with(&shakes)), "{factors:?}: {record:?}");
+        // The others do not.
+        assert!(page.iter().all(|(_, text)| text.starts_with(label)), "{page:?}");
+    }
+}
+
+#[test]
+fn a_robot_with_its_own_gains_gives_no_alarm() {
+    for seed in 1..=8 {
+        assert_eq!(found(&[], seed, 12_000), (vec![], vec![]), "seed {seed}");
+    }
 }

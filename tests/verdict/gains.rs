@@ -87,10 +87,10 @@ fn the_shipped_robots_are_as_far_from_the_thresholds_as_the_docs_say() {
         margin::LEAST,
         margin::LEAST,
         effort::REVERSALS,
-        effort::LOOKS_AT_LIMIT * 100 / u32::try_from(effort::WINDOW).unwrap(),
+        effort::SHARE_AT_LIMIT / 10,
     );
     for (label, [speed, angle, reversals, at_limit]) in rows {
-        let percent = at_limit * 100.0 / f64::from(u32::try_from(effort::WINDOW).unwrap());
+        let percent = at_limit / 10.0;
         writeln!(table, "| {label} | {speed:.1} | {angle:.1} | {reversals:.0} | {percent:.0} % |")
             .unwrap();
     }

@@ -1,8 +1,8 @@
 //! Whether the effort of a motor's control loops shakes, or stands at its limit.
 //!
 //! Judged are loops that run here, not in the device: their gains are the robot's. The effort is
-//! looked at every millisecond, in windows of [`WINDOW`] looks in which the motor is driven
-//! throughout.
+//! looked at every millisecond of a run, and as often as a robot that really runs tells it, in windows
+//! of [`WINDOW`] in which the motor is driven throughout.
 
 use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind, dji};
@@ -11,16 +11,20 @@ use rc10_sim::Esc;
 use crate::margin::Margins;
 use crate::motor::{Device, Motor};
 
-/// Looks in a window: 200 ms.
-pub const WINDOW: usize = 200;
+/// Length of a window.
+pub const WINDOW: Micros = Micros::from_millis(200);
+/// A window with fewer looks is not judged.
+pub const LEAST_LOOKS: usize = 10;
 /// An effort changes direction when it has crossed its mean by this share of its limit both ways.
 pub const SWING: f64 = 0.05;
 /// Changes of direction in a window from which on an effort shakes: 15 Hz.
 pub const REVERSALS: u32 = 6;
+/// The same where less than half of the milliseconds are looked at: of a faster effort fewer changes are seen.
+pub const REVERSALS_SEEN: u32 = 4;
 /// From this share of its limit on an effort stands at it.
 pub const AT_LIMIT: f64 = 0.98;
-/// Looks of a window at the limit, from which on it stands there.
-pub const LOOKS_AT_LIMIT: u32 = 180;
+/// Looks of a window at the limit, of a thousand, from which on it stands there.
+pub const SHARE_AT_LIMIT: u32 = 900;
 /// Windows one after another that are a problem, and no answer to a step.
 pub const IN_A_ROW: u32 = 3;
 
@@ -35,7 +39,9 @@ pub struct EffortTrack {
     pub windows: u32,
     /// Changes of direction.
     pub reversals: Worst,
-    /// Looks at the limit.
+    /// Those of a window from which on it shakes.
+    pub least_reversals: u32,
+    /// Looks at the limit, of a thousand.
     pub at_limit: Worst,
 }
 
@@ -59,7 +65,7 @@ impl Worst {
         self.windows += u32::from(count >= threshold);
         let all = self.last.iter().copied().min().unwrap_or(0);
         if all > self.count {
-            let length = Micros::from_millis(u64::from(IN_A_ROW) * WINDOW as u64);
+            let length = Micros::new(u64::from(IN_A_ROW) * WINDOW.get());
             (self.count, self.at) = (all, end.since(length));
         }
     }
@@ -73,13 +79,13 @@ impl EffortTrack {
     /// It shook.
     #[must_use]
     pub const fn oscillates(&self) -> bool {
-        self.reversals.count >= REVERSALS
+        self.reversals.count >= self.least_reversals
     }
 
     /// It stood at its limit.
     #[must_use]
     pub const fn saturates(&self) -> bool {
-        self.at_limit.count >= LOOKS_AT_LIMIT
+        self.at_limit.count >= SHARE_AT_LIMIT
     }
 
     /// The unit of its effort.
@@ -98,6 +104,9 @@ impl EffortTrack {
 pub struct EffortWatch {
     track: EffortTrack,
     window: Vec<f64>,
+    /// When the window began, and the time of the newest look.
+    begun: Micros,
+    last: Option<Micros>,
 }
 
 impl EffortWatch {
@@ -109,9 +118,10 @@ impl EffortWatch {
             margins,
             windows: 0,
             reversals: Worst::default(),
+            least_reversals: REVERSALS,
             at_limit: Worst::default(),
         };
-        Self { track, window: Vec::with_capacity(WINDOW) }
+        Self { track, window: Vec::new(), begun: Micros::ZERO, last: None }
     }
 
     /// Unit and limit of the effort.
@@ -120,25 +130,49 @@ impl EffortWatch {
         self.track.loops
     }
 
-    /// Takes the effort of this millisecond; `None` while the loops do not drive.
+    /// Takes the effort at this time; `None` while the loops do not drive. What is not newer than the
+    /// look before says nothing new.
     pub fn look(&mut self, now: Micros, effort: Option<f64>) {
-        let Some(effort) = effort else {
-            self.window.clear();
-            self.track.reversals.interrupt();
-            self.track.at_limit.interrupt();
+        if self.last.is_some_and(|last| now <= last) {
             return;
-        };
+        }
+        let apart = now.since(self.last.replace(now).unwrap_or(now));
+        let is_gap = apart >= WINDOW;
+        if is_gap || effort.is_none() {
+            self.interrupt();
+        }
+        let Some(effort) = effort else { return };
+        if self.window.is_empty() {
+            self.begun = now;
+        }
         self.window.push(effort);
-        if self.window.len() < WINDOW {
-            return;
+        // A look stands for the time up to the next one.
+        if !is_gap && now.since(self.begun) + apart >= WINDOW {
+            self.judge(now);
+        }
+    }
+
+    fn judge(&mut self, now: Micros) {
+        let count = self.window.len();
+        if count < LEAST_LOOKS {
+            return self.interrupt();
         }
         let limit = f64::from(self.track.loops.cascade.speed.output_limit);
         let at_limit = self.window.iter().filter(|effort| effort.abs() >= AT_LIMIT * limit);
-        let at_limit = u32::try_from(at_limit.count()).unwrap_or(u32::MAX);
+        let share = u32::try_from(1000 * at_limit.count() / count).unwrap_or(u32::MAX);
+        let is_seldom = 2000 * count as u64 <= WINDOW.get();
+        let least = if is_seldom { REVERSALS_SEEN } else { REVERSALS };
         self.track.windows += 1;
-        self.track.reversals.add(reversals(&self.window, SWING * limit), REVERSALS, now);
-        self.track.at_limit.add(at_limit, LOOKS_AT_LIMIT, now);
+        self.track.least_reversals = least;
+        self.track.reversals.add(reversals(&self.window, SWING * limit), least, now);
+        self.track.at_limit.add(share, SHARE_AT_LIMIT, now);
         self.window.clear();
+    }
+
+    fn interrupt(&mut self) {
+        self.window.clear();
+        self.track.reversals.interrupt();
+        self.track.at_limit.interrupt();
     }
 
     /// The summary of all windows.
@@ -218,6 +252,33 @@ mod tests {
         let paused =
             track(|millis| (millis % 390 > 10).then(|| 7.0 * f64::from(millis % 4) - 10.5));
         assert!(!paused.oscillates() && paused.windows > 0, "{paused:?}");
+    }
+
+    #[test]
+    fn what_a_robot_tells_seldom_is_judged_by_time() {
+        let told = |period: u64, effort: &dyn Fn(u64) -> f64| {
+            let loops = Loops { effort: TargetKind::Current, cascade: dji::M3508.cascade };
+            let limit = f64::from(loops.cascade.speed.output_limit);
+            let mut watch = EffortWatch::new(loops, None);
+            for at in (5..3000).step_by(usize::try_from(period).unwrap()) {
+                watch.look(Micros::from_millis(at), Some(limit * effort(at)));
+                // Told again with something else that is told: nothing new.
+                watch.look(Micros::from_millis(at - 2), Some(0.0));
+            }
+            watch.finish()
+        };
+        // Each 27 ms up and down.
+        let bang = |at: u64| if (at / 27).is_multiple_of(2) { 1.0 } else { -1.0 };
+        for period in [1, 5, 10, 20] {
+            let banging = told(period, &bang);
+            assert!(banging.oscillates() && banging.saturates(), "{period} ms: {banging:?}");
+            assert!((13..=15).contains(&banging.windows), "{period} ms: {banging:?}");
+            let leaning = told(period, &|_| 0.99);
+            assert!(!leaning.oscillates() && leaning.saturates(), "{period} ms: {leaning:?}");
+        }
+        for period in [25, 250] {
+            assert_eq!(told(period, &bang).windows, 0, "{period} ms");
+        }
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub use commands::{
     GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs, get, params, record, set, stop_robot,
 };
 pub use history::{History, POINTS, thin};
-pub use judge::Judge;
+pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};
 pub use rc10_link::Action;

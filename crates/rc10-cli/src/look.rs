@@ -118,14 +118,9 @@ impl MotorLook {
     /// At a motor and its twin. `loops` are those that it has here and not in its device.
     #[must_use]
     pub fn at(motor: &Motor, status: MotorStatus, twin: &Esc, loops: Option<Loops>) -> Self {
-        let is_driven = !matches!(status.drive, DriveMode::Off | DriveMode::Coast);
         // An effort that was asked for is not judged: no loop has made it.
-        let asked = matches!(
-            status.target.kind(),
-            TargetKind::Current | TargetKind::Torque | TargetKind::Duty | TargetKind::Impedance
-        );
-        let is_judged = is_driven && status.link == Link::Online && !asked;
-        let effort = loops.filter(|_| is_judged).map(|loops| effort_of(motor, twin, loops));
+        let effort =
+            loops.filter(|_| status.is_looped()).map(|loops| effort_of(motor, twin, loops));
         Self { status, seen: sample(motor, &status, twin), effort }
     }
 

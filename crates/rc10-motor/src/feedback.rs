@@ -25,6 +25,7 @@ pub struct Feedback {
     temperature: Reading,
     controller_temperature: Reading,
     supply: Reading,
+    effort: Reading,
 }
 
 /// A measurement that not every device sends: absent as NaN, because an `Option<f32>` takes twice
@@ -72,6 +73,7 @@ impl Feedback {
         temperature: Reading::NONE,
         controller_temperature: Reading::NONE,
         supply: Reading::NONE,
+        effort: Reading::NONE,
     };
 
     /// What not every device sends, NaN where it does not: current in A, torque in N m, temperature of the
@@ -113,6 +115,12 @@ impl Feedback {
         self.supply.get().map(Volts::new)
     }
 
+    /// The effort that its servo commanded last, in the unit of its [`Loops`](crate::Loops); `None` where
+    /// the loops run in its device. No measurement, but of the same moment.
+    pub const fn effort(&self) -> Option<f32> {
+        self.effort.get()
+    }
+
     /// The same with a current. What is NaN counts as not told, here and below.
     #[must_use]
     pub const fn with_current(mut self, current: Amps) -> Self {
@@ -145,6 +153,13 @@ impl Feedback {
     #[must_use]
     pub const fn with_supply(mut self, supply: Volts) -> Self {
         self.supply = Reading(supply.get());
+        self
+    }
+
+    /// The same with the effort of its servo.
+    #[must_use]
+    pub const fn with_effort(mut self, effort: f32) -> Self {
+        self.effort = Reading(effort);
         self
     }
 }

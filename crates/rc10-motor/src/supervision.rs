@@ -10,7 +10,7 @@ use crate::arm::ArmState;
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::motor::{DriveMode, FrameError, FrameKind, Motor, SafeState};
 use crate::request::{Request, RequestError, Response};
-use crate::target::{Target, TargetError};
+use crate::target::{Target, TargetError, TargetKind};
 
 /// The command timeout of a motor, and its safe state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -160,6 +160,22 @@ pub struct MotorStatus {
 }
 
 impl MotorStatus {
+    /// Whether its loops decide what it does: they drive it, and follow no effort that was asked for.
+    #[must_use]
+    pub const fn is_looped(&self) -> bool {
+        use TargetKind::{Current, Duty, Impedance, Torque};
+        let is_driven = !matches!(self.drive, DriveMode::Off | DriveMode::Coast);
+        let is_asked = matches!(self.target.kind(), Current | Torque | Duty | Impedance);
+        is_driven && matches!(self.link, Link::Online) && !is_asked
+    }
+
+    /// The effort that its loops commanded last, in their unit; `None` while they decide nothing, and
+    /// where none run here.
+    #[must_use]
+    pub fn effort(&self) -> Option<f32> {
+        self.feedback.effort().filter(|_| self.is_looped())
+    }
+
     /// What a [mechanism](rc10_app::mechanism) wants to know of it. The effort is the current in A where
     /// the device tells one, else the torque in N m, else 0.
     #[must_use]

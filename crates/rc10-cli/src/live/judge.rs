@@ -8,7 +8,9 @@ use rc10_can::Micros;
 use super::client::Sample;
 use super::plan::{Topic, messages};
 use super::record::RESTART;
+use crate::environment::Environment;
 use crate::happened::happened;
+use crate::margin::{self, Margins};
 use crate::problems::{Problem, problems};
 use crate::record::{Kit, Replay};
 use crate::recording::Source;
@@ -19,6 +21,32 @@ const SPAN: Micros = Micros::from_millis(30_000);
 const LEAST: Micros = Micros::from_millis(1000);
 /// From one judgement to the next.
 const OFTEN: Micros = Micros::from_millis(1000);
+
+/// What is known of a gain before a robot gets it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Advice {
+    /// The gain margin of the loop that it would be worst for, a factor.
+    pub margin: f64,
+    /// The margin that is asked for.
+    pub least: f64,
+    /// The same in words: a sentence without its subject, the gain.
+    pub text: String,
+}
+
+impl Advice {
+    fn of(name: &str, margin: f64) -> Self {
+        let what = match margin {
+            _ if margin < 1.0 => ": it will shake",
+            _ if margin < margin::LEAST => ": it may shake",
+            _ => "",
+        };
+        let text = format!(
+            "gain margin of its {name} loop {margin:.1}, should be at least {}{what}",
+            margin::LEAST
+        );
+        Self { margin, least: margin::LEAST, text }
+    }
+}
 
 /// Judges a robot while it runs.
 pub struct Judge<'k> {
@@ -65,6 +93,37 @@ impl<'k> Judge<'k> {
         Some(format!("another robot is heard, and its problems are not looked for: {what}"))
     }
 
+    /// What becomes of a motor's loops if the parameter `name` of the motor `label` gets this value, where
+    /// `now` are the motor's parameters with their values. `None` if it is no gain that a margin depends
+    /// on, or what the motor moves is not described.
+    #[must_use]
+    pub fn advise<'n>(
+        &self,
+        label: &str,
+        (name, value): (&'n str, f32),
+        now: impl IntoIterator<Item = (&'n str, f32)>,
+    ) -> Option<Advice> {
+        let description = self.kit.description();
+        let line = description.motors.iter().position(|motor| motor.label == label)?;
+        let mut loops = (*self.kit.loops().get(line)?)?;
+        for (name, value) in now.into_iter().chain([(name, value)]) {
+            match name {
+                "speed_kp" => loops.cascade.speed.kp = value,
+                "angle_kp" => loops.cascade.angle.kp = value,
+                _ => {}
+            }
+        }
+        let around = Environment::new(description, 1).ok()?;
+        let margins = Margins::of_motor(loops, line, around.motors.get(line)?, description)?;
+        match name {
+            "speed_kp" if margins.speed <= margins.angle => {
+                Some(Advice::of("speed", margins.speed))
+            }
+            "speed_kp" | "angle_kp" => Some(Advice::of("angle", margins.angle)),
+            _ => None,
+        }
+    }
+
     /// Takes a sample.
     ///
     /// # Errors
@@ -102,5 +161,139 @@ impl<'k> Judge<'k> {
             _ => {}
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::ArmState;
+
+    use super::*;
+    use crate::live::client::Signal;
+    use crate::record::topic;
+
+    /// Hands over a judge of the team's robot, and topics with which that tells of its motors' links and
+    /// of its arming.
+    fn with_judge(test: impl FnOnce(&mut Judge<'_>, Vec<Topic>)) {
+        let ports = rc10_robot::Ports::new();
+        let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+        let buses = motors.start(&shared.switch).unwrap().buses;
+        let kit = Kit::of(&crate::team::robot(&shared, buses));
+        let motors = kit.description().motors.iter().map(|motor| motor.label);
+        let mut topics: Vec<_> = motors.map(|label| made("motors", label, 1, "link")).collect();
+        let health = topics.iter().map(|it| Topic {
+            name: format!("{}/health", it.name),
+            ..made("motors", &it.label, 2, "lost")
+        });
+        topics.extend(health.collect::<Vec<_>>());
+        topics.push(Topic { name: "/robot".into(), ..made("robot", "", 2, "arm") });
+        for (index, topic) in (0..).zip(&mut topics) {
+            topic.signals[0].0 = index;
+        }
+        test(&mut Judge::new(&kit), topics);
+    }
+
+    fn made(folder: &str, label: &str, group: usize, name: &str) -> Topic {
+        let signal = Signal { name: name.into(), ..Signal::default() };
+        let (label, folder, name) = (label.into(), folder.into(), topic(folder, label));
+        Topic { name, label, folder, often: group == 1, group, signals: vec![(0, signal)] }
+    }
+
+    /// All motors are heard at this millisecond, and were lost so many times.
+    fn tell(judge: &mut Judge<'_>, topics: &[Topic], at: u64, lost: u8, arm: ArmState) {
+        let value = |name: &str| match name {
+            "link" => 1.0,
+            "lost" => lost.into(),
+            _ => f32::from(arm as u8),
+        };
+        for group in [1, 2] {
+            let signals = topics.iter().filter(|it| it.group == group).map(|it| &it.signals[0]);
+            let values = signals.map(|(index, it)| (*index, value(&it.name))).collect();
+            judge.take(topics, &Sample { group, at: Micros::from_millis(at), values }).unwrap();
+        }
+    }
+
+    fn was_lost(judge: &Judge<'_>) -> bool {
+        judge.found.iter().any(|problem| problem.kind == "was-lost")
+    }
+
+    #[test]
+    fn a_robot_that_was_restarted_begins_with_a_clean_sheet() {
+        with_judge(|judge, topics| {
+            for at in (0..5000).step_by(100) {
+                tell(judge, &topics, at, u8::from(at > 2000), ArmState::Disarmed);
+            }
+            assert!(was_lost(judge));
+            for at in (0..3000).step_by(100) {
+                tell(judge, &topics, at, 0, ArmState::Disarmed);
+                assert!(!was_lost(judge), "{at} ms");
+            }
+        });
+    }
+
+    #[test]
+    fn what_was_found_is_not_forgotten_as_a_recording_begins() {
+        with_judge(|judge, topics| {
+            for at in (0..33_000).step_by(100) {
+                tell(judge, &topics, at, u8::from(at >= 29_500), ArmState::Disarmed);
+                assert_eq!(was_lost(judge), at >= 30_000, "{at} ms");
+            }
+        });
+    }
+
+    #[test]
+    fn what_happened_is_told_in_the_robot_s_time() {
+        with_judge(|judge, topics| {
+            for at in (7000..69_000).step_by(100) {
+                let arm = if at < 40_000 { ArmState::Armed } else { ArmState::EStopped };
+                tell(judge, &topics, at, 0, arm);
+                if at >= 41_100 {
+                    let stop = judge.happened.iter().find(|(_, what)| what == "emergency stop");
+                    let told = stop.unwrap().0.get() / 1000;
+                    assert!((39_900..=40_000).contains(&told), "at {at} ms: {told} ms");
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn a_robot_with_other_motors_is_a_stranger() {
+        with_judge(|judge, mut topics| {
+            assert_eq!(judge.stranger(&topics), None);
+            let is_feeder = |it: &Topic| it.folder == "motors" && it.label == "feeder";
+            let own = topics.clone();
+            topics.retain(|it| !is_feeder(it));
+            let told = judge.stranger(&topics).unwrap();
+            assert!(told.contains("it has no motor `feeder`, which this program has"), "{told}");
+            topics = own;
+            topics.push(made("motors", "crane", 1, "link"));
+            let told = judge.stranger(&topics).unwrap();
+            assert!(told.contains("a motor `crane`, which this program does not have"), "{told}");
+        });
+    }
+
+    #[test]
+    fn a_gain_is_judged_before_it_is_sent() {
+        with_judge(|judge, _| {
+            let label = "wheel front left";
+            let cascade = judge.kit.loops()[0].unwrap().cascade;
+            let (speed, angle) = (cascade.speed.kp, cascade.angle.kp);
+            let advise = |name, value| judge.advise(label, (name, value), [("angle_kp", angle)]);
+            for (name, value) in [("speed_kp", speed), ("angle_kp", angle)] {
+                let good = advise(name, value).unwrap();
+                assert!((11.0..12.0).contains(&good.margin) && good.margin > good.least);
+                assert!(!good.text.contains("shake"), "{}", good.text);
+            }
+            let bad = advise("speed_kp", 100.0 * speed).unwrap();
+            let text = "gain margin of its speed loop 0.2, should be at least 5: it will shake";
+            assert_eq!(bad.text, text);
+            assert!(advise("angle_kp", 4.0 * angle).unwrap().text.ends_with(": it may shake"));
+            // Those that the robot has now, beside the one that is typed.
+            let slow = judge.advise(label, ("angle_kp", angle), [("speed_kp", 0.1 * speed)]);
+            let way = slow.unwrap().margin - advise("angle_kp", angle).unwrap().margin;
+            assert!(way.abs() > 0.1, "{way}");
+            assert_eq!(advise("speed_ki", 1e3), None);
+            assert_eq!(judge.advise("crane", ("speed_kp", 1.0), []), None);
+        });
     }
 }

@@ -80,9 +80,13 @@ pub fn messages(
 /// The topics of a robot, and the signals for which there is no room.
 #[must_use]
 pub fn plan(client: &Client) -> (Vec<Topic>, Vec<Signal>) {
+    plan_of(client.signals())
+}
+
+fn plan_of<'s>(signals: impl Iterator<Item = (u16, &'s Signal)>) -> (Vec<Topic>, Vec<Signal>) {
     let often: Vec<_> = names(MOTOR).collect();
     let mut topics: BTreeMap<(bool, String), Topic> = BTreeMap::new();
-    for (index, signal) in client.signals() {
+    for (index, signal) in signals {
         let is_motor = signal.folder == "motors";
         let is_often = if is_motor {
             often.contains(&signal.name.as_str())
@@ -133,5 +137,60 @@ pub fn watch(client: &mut Client, topics: &[Topic], period: u16) {
         let often = of_group().any(|topic| topic.often);
         let signals = of_group().flat_map(|topic| topic.signals.iter().map(|(index, _)| *index));
         client.watch(group, if often { period } else { SLOW }, signals);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::record::fields::MOTOR_HEALTH;
+
+    /// The signals of a robot with so many motors.
+    fn signals(motors: usize) -> Vec<(u16, Signal)> {
+        let one = |folder: &str, label: String, name: &str| Signal {
+            folder: folder.into(),
+            label,
+            name: name.into(),
+            ..Signal::default()
+        };
+        let of_motor = |at: usize| {
+            let all = names(MOTOR).chain(names(MOTOR_HEALTH));
+            all.map(move |name| one("motors", format!("motor {at}"), name))
+        };
+        let own = (0..5).map(|at| one("signals", format!("own {at}"), "value"));
+        let buses = (1..=3).map(|at| one("buses", at.to_string(), "ticks"));
+        let all = (0..motors).flat_map(of_motor).chain(own).chain(buses);
+        (0..).zip(all.chain([one("robot", String::new(), "arm")])).collect()
+    }
+
+    #[test]
+    fn each_signal_is_in_one_group_of_its_pace_or_left() {
+        for motors in [1, 5, 11, 20, 21, 25, 40, 90] {
+            let all = signals(motors);
+            let (planned, left) = plan_of(all.iter().map(|(index, it)| (*index, it)));
+            let count: usize = planned.iter().map(|topic| topic.signals.len()).sum();
+            assert_eq!(count + left.len(), all.len(), "{motors} motors");
+            let numbers = planned.iter().flat_map(|it| it.signals.iter().map(|(index, _)| index));
+            assert_eq!(numbers.collect::<BTreeSet<_>>().len(), count, "{motors} motors");
+            assert_eq!(left.is_empty(), motors <= 20, "{motors} motors: {} left", left.len());
+            for group in FIRST..GROUPS {
+                let of_group = || planned.iter().filter(|topic| topic.group == group);
+                let paces: BTreeSet<_> = of_group().map(|topic| topic.often).collect();
+                assert!(paces.len() <= 1, "{motors} motors: group {group} has two paces");
+                assert!(of_group().map(|topic| topic.signals.len()).sum::<usize>() <= VALUES);
+            }
+            assert!(planned.iter().all(|topic| (FIRST..GROUPS).contains(&topic.group)));
+        }
+    }
+
+    #[test]
+    fn motors_and_own_signals_are_watched_often() {
+        let all = signals(2);
+        let (planned, _) = plan_of(all.iter().map(|(index, it)| (*index, it)));
+        let often = |name: &str| planned.iter().find(|topic| topic.name == name).unwrap().often;
+        assert!(often("/motors/motor_0") && often("/signals/own_4"));
+        assert!(!often("/motors/motor_0/health") && !often("/buses/1") && !often("/robot"));
     }
 }

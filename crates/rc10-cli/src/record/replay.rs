@@ -423,6 +423,12 @@ impl<'r> Kit<'r> {
     pub const fn description(&self) -> &Description {
         &self.description
     }
+
+    /// The loops of its motors, in the order of the description; `None` where they run in the device.
+    #[must_use]
+    pub fn loops(&self) -> &[Option<Loops>] {
+        &self.loops
+    }
 }
 
 /// A recording on its way: messages of a record, or of a robot that runs, become one.
@@ -744,5 +750,54 @@ mod tests {
             counted(&mut count, &[near, 5.0, 20.0, 3.0, 4.0]),
             [0.0, 15.0, 30.0, 30.0, 31.0]
         );
+    }
+
+    /// The recording of what the team's robot tells of a motor and of itself: the names of the motor's
+    /// numbers, then its numbers, or none for the robot, by milliseconds.
+    fn recorded(names: &[&str], told: &[(u64, Option<&[f64]>)]) -> Recording {
+        let ports = rc10_robot::Ports::new();
+        let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+        let buses = motors.start(&shared.switch).unwrap().buses;
+        let kit = Kit::of(&crate::team::robot(&shared, buses));
+        let mut replay = Replay::new(&kit, 1, Source::Robot).unwrap();
+        let names = names.iter().map(|name| (*name).to_owned());
+        replay.channel(0, "/motors/wheel_front_left", names.collect());
+        replay.channel(1, "/robot", vec!["arm".to_owned()]);
+        let mut bytes = Vec::new();
+        for (at, values) in told {
+            let values = values.unwrap_or(&[1.0]).iter().copied();
+            super::super::pack(values, &mut bytes);
+            let id = u16::from(told.iter().any(|it| it.0 == *at && it.1.is_none()));
+            replay.take(id, Micros::from_millis(*at), &bytes).unwrap();
+        }
+        replay.finish(None).unwrap()
+    }
+
+    #[test]
+    fn figures_begin_when_all_was_told() {
+        let run = recorded(&["measured"], &[(0, None), (300, Some(&[100.0])), (350, None)]);
+        let samples = &run.motors[0].samples;
+        let measured: Vec<f32> = samples.iter().map(|sample| sample.measured_cell.mean).collect();
+        assert!(!measured.is_empty() && measured.iter().all(|it| (it - 100.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_target_that_is_not_followed_counts_nowhere() {
+        let names = ["target_kind", "target", "measured", "drive"];
+        for (kind, drive, follows) in [
+            (TargetKind::Speed, DriveMode::Run, true),
+            (TargetKind::Speed, DriveMode::Coast, false),
+            (TargetKind::Angle, DriveMode::Hold, false),
+            (TargetKind::Current, DriveMode::Run, false),
+        ] {
+            let told = [f64::from(kind as u8), 100.0, 90.0, f64::from(drive as u8)];
+            let run =
+                recorded(&names, &[(0, Some(&told)), (5, None), (200, Some(&told)), (205, None)]);
+            let track = &run.motors[0];
+            let targets: Vec<_> = track.samples.iter().map(|sample| sample.target).collect();
+            let wanted = follows.then_some(100.0);
+            assert!(!targets.is_empty() && targets.iter().all(|it| *it == wanted), "{targets:?}");
+            assert_eq!(track.tracking.len(), usize::from(follows), "{kind:?} {drive:?}");
+        }
     }
 }

@@ -273,6 +273,7 @@ impl Motor for CyberGear {
         feedback
             .with_torque(NewtonMetres::new(reported.torque * self.shaft.sign()))
             .with_temperature(reported.temperature)
+            .with_effort(self.servo.effort())
     }
 
     fn fault(&self) -> Option<Fault> {

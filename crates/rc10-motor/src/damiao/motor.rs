@@ -380,10 +380,15 @@ impl Motor for Damiao {
     fn feedback(&self) -> Feedback {
         let feedback = self.shaft.feedback();
         let Some(reported) = &self.reported else { return feedback };
+        let effort = match &self.controller {
+            Controller::Mit(servo) => servo.effort(),
+            Controller::Own { .. } => f32::NAN,
+        };
         feedback
             .with_torque(NewtonMetres::new(reported.torque * self.shaft.sign()))
             .with_temperature(reported.motor_temperature)
             .with_controller_temperature(reported.driver_temperature)
+            .with_effort(effort)
     }
 
     fn fault(&self) -> Option<Fault> {

@@ -122,8 +122,10 @@ impl Motor for Dji {
         let raw = RawFeedback::unpack(&self.bytes);
         let amps = f32::from(raw.current) * self.amps_per_count;
         let torque = amps * self.torque_per_amp;
-        let feedback =
-            feedback.with_current(Amps::new(amps)).with_torque(NewtonMetres::new(torque));
+        let feedback = feedback
+            .with_current(Amps::new(amps))
+            .with_torque(NewtonMetres::new(torque))
+            .with_effort(self.servo.effort());
         if self.model.has_temperature {
             feedback.with_temperature(Celsius::new(f32::from(raw.temperature)))
         } else {

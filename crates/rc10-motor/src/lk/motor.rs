@@ -221,6 +221,7 @@ impl Motor for Lk {
             .with_torque(NewtonMetres::new(torque))
             .with_temperature(Celsius::new(self.motion.temperature.into()))
             .with_supply(Volts::new(self.supply))
+            .with_effort(self.servo.effort())
     }
 
     fn fault(&self) -> Option<Fault> {

@@ -416,12 +416,17 @@ impl Motor for ODrive {
         if !self.shaft.is_known() {
             return feedback;
         }
+        let effort = match &self.loops {
+            Loops::Here(servo) => servo.effort(),
+            Loops::Axis { .. } => f32::NAN,
+        };
         feedback
             .with_current(Amps::new(self.current * self.shaft.sign()))
             .with_torque(NewtonMetres::new(self.current * self.torque_constant * self.ratio))
             .with_temperature(Celsius::new(self.temperature))
             .with_controller_temperature(Celsius::new(self.controller_temperature))
             .with_supply(Volts::new(self.supply))
+            .with_effort(effort)
     }
 
     fn fault(&self) -> Option<Fault> {

@@ -84,7 +84,10 @@ impl Actuator {
             return feedback;
         }
         let torque = OUTPUT.torque(self.reported.torque).get() * self.shaft.sign();
-        feedback.with_torque(NewtonMetres::new(torque)).with_temperature(self.temperature)
+        feedback
+            .with_torque(NewtonMetres::new(torque))
+            .with_temperature(self.temperature)
+            .with_effort(self.servo.effort())
     }
 
     pub(super) fn update(&mut self, tick: &Tick) {

@@ -6,7 +6,7 @@ use rc10_can::Timing;
 use rc10_link::{Bits, Tell, Topic};
 use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{BusStatus, MotorPort, Rs485Status};
-use rc10_motor::{ArmState, Fault, Motion, MotorStatus, Target};
+use rc10_motor::{ArmState, Fault, Motion, MotorStatus, Target, TargetKind};
 
 use super::Robot;
 use super::own::{count as count_of, nth};
@@ -68,7 +68,6 @@ fn longest(timing: Timing) -> f32 {
     known(timing.max().map(|max| rough(max.into())))
 }
 
-const TARGETS: &str = "Coast,Current,Duty,Speed,Angle,TotalAngle,Torque,Impedance,Brake,Handbrake";
 const LINKS: &str = "NeverSeen,Online,Lost";
 const DRIVES: &str = "Off,Coast,Brake,Hold,Run";
 const CONDITIONS: &str = "Ready,Starting,Unregulated,SlowFeedback,NoReports,NotFollowing";
@@ -84,10 +83,11 @@ signals!(MOTOR, of_motor: MotorStatus {
     total_angle: "deg" => |it| degrees(it.feedback.total_angle);
     current: "A" => |it| it.feedback.readings()[0];
     torque: "N m" => |it| it.feedback.readings()[1];
+    effort: "" => |it| known(it.effort());
     temperature: "°C" => |it| it.feedback.readings()[2];
     controller_temperature: "°C" => |it| it.feedback.readings()[3];
     supply: "V" => |it| it.feedback.readings()[4];
-    target_kind: "" of TARGETS => |it| f32::from(it.target.kind() as u8);
+    target_kind: "" of TargetKind::NAMES => |it| f32::from(it.target.kind() as u8);
     link: "" of LINKS => |it| f32::from(it.link as u8);
     drive: "" of DRIVES => |it| f32::from(it.drive as u8);
     condition: "" of CONDITIONS => |it| f32::from(it.condition as u8);
@@ -255,7 +255,12 @@ pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
     }
     let mut at = usize::from(index / EACH);
     if let Some(slot) = robot.slots.get(at) {
-        return told("motors", slot.label, MOTOR);
+        return match told("motors", slot.label, MOTOR) {
+            Tell::Signal { index, topic, name: name @ "effort", states, .. } => {
+                Tell::Signal { index, topic, name, unit: unit_of_effort(at, robot), states }
+            }
+            other => other,
+        };
     }
     at -= robot.slots.len();
     if at < robot.buses.len() {
@@ -266,6 +271,16 @@ pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
         return told("lines", NUMBERS.get(at).unwrap_or(&""), LINE);
     }
     told("robot", "", ROBOT)
+}
+
+/// The unit of a motor's effort, as its loops have it; none where no loops run here.
+fn unit_of_effort(motor: usize, robot: &Robot<'_>) -> &'static str {
+    match robot.motors.get(motor).and_then(MotorPort::tuning).map(|[it, _]| it.effort) {
+        Some(TargetKind::Current) => "A",
+        Some(TargetKind::Torque) => "N m",
+        Some(_) => "of full voltage",
+        None => "",
+    }
 }
 
 /// Where values go.
