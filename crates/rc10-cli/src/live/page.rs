@@ -1,6 +1,6 @@
 //! `rc10 live`: a page in the browser that shows a robot while it runs.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
@@ -14,7 +14,7 @@ use super::client::{Answer, Client};
 use super::commands::stop;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
-use super::record::{LiveRecord, RESTART};
+use super::record::{LiveRecord, RESTART, room, tell_leftovers};
 use super::server::{Asked, Pages, Wish, look};
 use super::session::{Session, full_name};
 use super::source::SourceArgs;
@@ -88,17 +88,24 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         viewers,
         told: None,
     };
-    while !stop.load(Ordering::Relaxed) {
-        show.step()?;
+    tell_leftovers(&args.out);
+    let mut outcome = Ok(());
+    while outcome.is_ok() && !stop.load(Ordering::Relaxed) {
+        outcome = show.step();
         if args.seconds.is_some_and(|end| show.session.now() >= end) {
             break;
         }
     }
-    if let Some((record, path)) = show.record.take() {
-        record.finish()?;
-        writeln!(out, "record  {}", path.display())?;
-    }
+    let Some((record, path)) = show.record.take() else { return outcome };
+    record.finish(outcome)?;
+    writeln!(out, "record  {}", path.display())?;
     Ok(())
+}
+
+/// Whether a file was not made because there is one.
+fn is_there(error: &anyhow::Error) -> bool {
+    let error = error.downcast_ref::<io::Error>();
+    error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
 }
 
 /// A speed as a jog has it: faster than any is allowed to be is refused by the robot.
@@ -150,11 +157,12 @@ impl Show<'_, '_> {
         self.met = is_described;
         let samples = self.session.client.take_samples();
         samples.iter().for_each(|sample| self.viewers.take(sample, &self.session.client));
-        if let Some((record, path)) = &mut self.record
-            && let Err(error) = samples.iter().try_for_each(|sample| record.take(sample))
+        if let Some((record, _)) = &mut self.record
+            && let error @ Err(_) = samples.iter().try_for_each(|sample| record.take(sample))
+            && let Some((record, _)) = self.record.take()
+            && let Err(error) = record.finish(error)
         {
-            self.note = Some(format!("the record {} has ended: {error:#}", path.display()));
-            self.record = None;
+            self.note = Some(format!("the record has ended: {error:#}"));
         }
         if self.stranger.is_none() {
             samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
@@ -245,21 +253,22 @@ impl Show<'_, '_> {
 
     fn switch_record(&mut self, on: bool) -> Result<Value> {
         if let Some((record, path)) = self.record.take() {
-            record.finish()?;
+            record.finish(Ok(()))?;
             self.note = Some(format!("record: {}", path.display()));
         }
         if on {
             std::fs::create_dir_all(&self.folder)
                 .with_context(|| format!("cannot make {}", self.folder.display()))?;
-            let path = loop {
+            self.record = loop {
                 self.records += 1;
                 let path = self.folder.join(format!("{:03}.mcap", self.records));
-                if !path.exists() {
-                    break path;
+                match LiveRecord::new(&path, false, &self.topics, self.kit.description()) {
+                    // Of another time, or of another program that shows a robot.
+                    Err(error) if is_there(&error) => {}
+                    record => break Some((record?, path)),
                 }
             };
-            let record = LiveRecord::new(&path, &self.topics, self.kit.description())?;
-            self.record = Some((record, path));
+            self.note = room(&self.folder, OFTEN);
         }
         Ok(Value::Null)
     }
