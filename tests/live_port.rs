@@ -257,6 +257,31 @@ fn a_full_disk_leaves_what_was_recorded() {
     assert!(seconds_of(&disk.0.join("001.mcap"), &folder.join("report")) > 0.3);
 }
 
+/// A program that is killed leaves all but the last seconds, where it was told to.
+#[test]
+fn a_killed_program_leaves_its_record() {
+    let folder = Scratch::new("live-killed");
+    let (link, record) = (folder.join("console"), folder.join("run.mcap"));
+    let _robot = plug_in(&link);
+    let mut recorder = rc10();
+    recorder.args(["record", "-o"]).arg(&record).arg("--port").arg(&link);
+    let mut recorder = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begin = Instant::now();
+    while !fs::metadata(&record).is_ok_and(|file| file.len() > 600_000) {
+        assert!(begin.elapsed() < Duration::from_secs(120), "it does not grow");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    recorder.kill().unwrap();
+    recorder.wait().unwrap();
+    assert!(seconds_of(&record, &folder.join("report")) > 2.0);
+    // The next one that is begun here names it.
+    let next = ["record", "--sim", "--seconds", "1", "-o"];
+    let next = rc10().args(next).arg(folder.join("next.mcap")).output().unwrap();
+    let text = String::from_utf8(next.stderr).unwrap();
+    let named = format!("not finished, or still being written: {};", record.display());
+    assert!(next.status.success() && text.contains(&named), "{text}");
+}
+
 /// A terminal that is closed ends a record as Ctrl-C does.
 #[test]
 fn a_closed_terminal_ends_a_record_properly() {

@@ -365,6 +365,37 @@ fn no_damaged_record_does_harm() {
     assert!((100..650).contains(&read), "{read} of 700 could be read");
 }
 
+/// What a file claims takes no memory: each is read by a program that may have 1 GB.
+#[test]
+#[cfg(target_os = "linux")]
+fn what_a_file_claims_takes_no_memory() {
+    let folder = Scratch::new("claims");
+    let path = folder.join("run.mcap");
+    of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(100)));
+    let good = fs::read(&path).unwrap();
+    let begin = |kind: u8, body: &[u8]| [mcap::MAGIC, &[kind], body, &[0; 100]].concat();
+    let hours = |time: u64| if time < 50_000_000 { time } else { time + (100 * 3600 << 30) };
+    for (bytes, is_read) in [
+        (retold(&good, "robot", hours), true),
+        (retold(&good, "robot", |time| time ^ (time & 1_000_000) << 43), true),
+        // Records, and a text, that are as long as can be.
+        (begin(3, &[0xFF; 8]), false),
+        (begin(6, &[0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0]), false),
+        (begin(12, &[&[80, 0, 0, 0, 0, 0, 0, 0][..], &[0xFF; 4]].concat()), false),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        let limited = "ulimit -v 1000000; exec \"$0\" report \"$1\" --out \"$2\"";
+        let output = std::process::Command::new("sh")
+            .args(["-c", limited, env!("CARGO_BIN_EXE_rc10")])
+            .args([&path, &folder.join("out")])
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(if is_read { 0 } else { 2 }), "{said}");
+        assert!(!said.contains("panicked"), "{said}");
+    }
+}
+
 /// Names that lead out of the folder, or that Windows keeps for itself; and letters for a terminal.
 #[test]
 fn names_of_a_foreign_file_do_no_harm() {
