@@ -3,21 +3,11 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
 use crate::cargo::{answer, host, root};
-
-/// All workspaces, each with a lock file of its own; and whether all of it may be in a chip.
-const WORKSPACES: [(&str, bool); 7] = [
-    (".", false),
-    ("fuzz", false),
-    ("examples/two-wheels", false),
-    ("tests/declaration", false),
-    ("firmware", true),
-    ("examples/f407", true),
-    ("examples/g473", true),
-];
 
 /// A licence for a PC's tools.
 const OF_PC: &str = "MPL-2.0";
@@ -31,13 +21,17 @@ pub fn run() -> Result<()> {
     let list = text.split_once("\nallow = [").and_then(|(_, rest)| rest.split_once(']'));
     let (list, _) = list.context("deny.toml has no allowed licences")?;
     let allowed: Vec<&str> = list.split('"').skip(1).step_by(2).collect();
-    for (folder, is_chip) in WORKSPACES {
+    // Each workspace has one.
+    let mut locks = Command::new("git");
+    let locks = answer(locks.args(["ls-files", "*Cargo.lock"]).current_dir(root()));
+    for lock in locks.context("git does not list the lock files")?.lines() {
         let mut tree = host("tree --workspace --all-features --target all --prefix none");
-        tree.args(["--format", "{p}|{l}"]).current_dir(root().join(folder));
-        let tree = answer(&mut tree).with_context(|| format!("{folder}: is Cargo.lock stale?"))?;
-        let allowed = allowed.iter().copied().filter(|it| !is_chip || *it != OF_PC).collect();
-        let count = look(&tree, &allowed).with_context(|| folder.to_owned())?;
-        println!("{folder}: {count} packages of others");
+        tree.args(["--format", "{p}|{l}"]).current_dir(root().join(lock).with_file_name(""));
+        let tree = answer(&mut tree).with_context(|| format!("{lock}: is it stale?"))?;
+        let is_of_pc = tree.contains("rc10-cli v");
+        let allowed = allowed.iter().copied().filter(|it| is_of_pc || *it != OF_PC).collect();
+        let count = look(&tree, &allowed).with_context(|| lock.to_owned())?;
+        println!("{lock}: {count} packages of others");
     }
     Ok(())
 }

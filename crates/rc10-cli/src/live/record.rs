@@ -20,13 +20,16 @@ pub const RESTART: Micros = Micros::from_millis(200);
 const SYNC: Micros = Micros::from_millis(5000);
 
 /// Bytes of an hour, with the motors every 10 ms.
+#[cfg(unix)]
 const HOUR: f64 = 0.6e9;
 
 /// How long a record may get on the disk of this folder, with the motors every so many ms; `None` if that is
 /// not known.
-#[must_use]
+#[cfg(unix)]
 pub(super) fn room(folder: &Path, period: u16) -> Option<String> {
-    let hours = free(folder)? / (HOUR * (10.0 / f64::from(period)).max(1.0));
+    let disk = rustix::fs::statvfs(folder).ok()?;
+    let free = disk.f_bavail as f64 * disk.f_frsize as f64;
+    let hours = free / (HOUR * (10.0 / f64::from(period)).max(1.0));
     Some(if hours < 1.0 / 6.0 {
         format!("WARNING: the disk has room for some {:.0} min of the record only", hours * 60.0)
     } else {
@@ -34,15 +37,8 @@ pub(super) fn room(folder: &Path, period: u16) -> Option<String> {
     })
 }
 
-/// Free bytes.
-#[cfg(unix)]
-fn free(folder: &Path) -> Option<f64> {
-    let disk = rustix::fs::statvfs(folder).ok()?;
-    Some(disk.f_bavail as f64 * disk.f_frsize as f64)
-}
-
 #[cfg(not(unix))]
-const fn free(_: &Path) -> Option<f64> {
+pub(super) const fn room(_: &Path, _: u16) -> Option<String> {
     None
 }
 

@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use mcap::MAGIC;
 use mcap::records::op;
 
@@ -14,6 +14,9 @@ use mcap::records::op;
 const MOST: u64 = 64 << 20;
 /// Bytes before the body of a record: what it is, and its length.
 const HEAD: u64 = 9;
+/// Where the first one is.
+const BEGIN: u64 = MAGIC.len() as u64;
+const EARLY: &str = "it ends too early";
 
 /// One channel of a file.
 pub(super) struct Channel {
@@ -41,59 +44,56 @@ pub(super) fn walk(
     file: &mut (impl Read + Seek),
     mut take: impl FnMut(Item<'_>) -> Result<()>,
 ) -> Result<Option<String>> {
+    let (mut at, mut refused) = (0, None);
+    let read = read(file, &mut at, |item| {
+        take(item).map_err(|error| anyhow!("{}", refused.insert(error)))
+    });
+    match (read, refused) {
+        (Ok(()), _) => Ok(None),
+        (_, Some(error)) => Err(error.context(format!("at byte {at}"))),
+        (Err(error), None) if at <= BEGIN => Err(error.context("it is no MCAP file")),
+        (Err(error), None) => Ok(Some(format!("at byte {at}: {error:#}"))),
+    }
+}
+
+/// Reads a file to its end. `at` is the place of the record, or of the chunk that it is in.
+fn read(
+    file: &mut (impl Read + Seek),
+    at: &mut u64,
+    mut take: impl FnMut(Item<'_>) -> Result<()>,
+) -> Result<()> {
     file.seek(SeekFrom::Start(0))?;
     let mut file = BufReader::with_capacity(1 << 16, file);
-    let mut magic = [0; MAGIC.len()];
-    let is_mcap = file.read_exact(&mut magic).is_ok() && magic == *MAGIC;
-    ensure!(is_mcap, "it is no MCAP file: it does not begin as one");
-    let (mut at, mut body, mut schemas) = (MAGIC.len() as u64, Vec::new(), BTreeMap::new());
+    let (mut body, mut schemas) = (Vec::new(), BTreeMap::new());
+    ends_or_begins(&mut file)?;
+    *at = BEGIN;
     loop {
-        let place = |inner| format!("at byte {}", at + inner);
-        let (kind, length) = match next(&mut file, &mut body) {
-            Ok(next) => next,
-            Err(error) if at == MAGIC.len() as u64 => {
-                return Err(error).context("it is no MCAP file");
+        let (kind, length) = next(&mut file, &mut body)?;
+        match kind {
+            op::FOOTER => return ends_or_begins(&mut file),
+            op::CHUNK => {
+                let mut records = chunk(&body)?;
+                while !records.0.is_empty() {
+                    let (kind, body) = records.record()?;
+                    item(kind, body, &mut schemas, &mut take)?;
+                }
             }
-            Err(error) => return Ok(Some(format!("{}: {error:#}", place(0)))),
-        };
-        let mut read = |kind: u8, body: &[u8], inner: u64| match item(kind, body, &mut schemas) {
-            Ok(Some(item)) => take(item).with_context(|| place(inner)).map(|()| None),
-            Ok(None) => Ok(None),
-            Err(error) => Ok(Some(format!("{}: {error:#}", place(inner)))),
-        };
-        let cut = match kind {
-            op::FOOTER => {
-                let is_whole = file.read_exact(&mut magic).is_ok() && magic == *MAGIC;
-                return Ok((!is_whole).then(|| "its last bytes are missing".into()));
-            }
-            op::CHUNK => match chunk(&body) {
-                Ok(mut rest) => loop {
-                    if rest.0.is_empty() {
-                        break None;
-                    }
-                    let inner = HEAD + (body.len() - rest.0.len()) as u64;
-                    match rest.record() {
-                        Ok((kind, body)) => match read(kind, body, inner)? {
-                            None => {}
-                            cut => break cut,
-                        },
-                        Err(error) => break Some(format!("{}: {error:#}", place(inner))),
-                    }
-                },
-                Err(error) => Some(format!("{}: {error:#}", place(0))),
-            },
-            kind => read(kind, &body, 0)?,
-        };
-        if cut.is_some() {
-            return Ok(cut);
+            _ => item(kind, &body, &mut schemas, &mut take)?,
         }
-        at = at.saturating_add(HEAD + length);
+        *at = at.saturating_add(HEAD + length);
     }
+}
+
+/// A file has the same bytes at both.
+fn ends_or_begins(file: &mut impl Read) -> Result<()> {
+    let mut magic = [0; MAGIC.len()];
+    file.read_exact(&mut magic).context(EARLY)?;
+    ensure!(magic == *MAGIC, "the bytes of an MCAP file are missing");
+    Ok(())
 }
 
 /// Reads the next record: its kind and length. Of those that are of no use here there is no body.
 fn next(file: &mut impl Read, body: &mut Vec<u8>) -> Result<(u8, u64)> {
-    const EARLY: &str = "it ends too early";
     body.clear();
     let mut head = [0; HEAD as usize];
     file.read_exact(&mut head).context(EARLY)?;
@@ -111,36 +111,37 @@ fn next(file: &mut impl Read, body: &mut Vec<u8>) -> Result<(u8, u64)> {
     Ok((kind, length))
 }
 
-/// What a record says; nothing that is of use here, if it says something else.
-fn item<'a>(
+/// Tells what a record says.
+fn item(
     kind: u8,
-    body: &'a [u8],
+    body: &[u8],
     schemas: &mut BTreeMap<u16, Option<Vec<String>>>,
-) -> Result<Option<Item<'a>>> {
+    take: &mut impl FnMut(Item<'_>) -> Result<()>,
+) -> Result<()> {
     let mut rest = Rest(body);
-    Ok(Some(match kind {
+    match kind {
         op::SCHEMA => {
             let (id, _, encoding) = (rest.number(2)? as u16, rest.text()?, rest.text()?);
             let length = rest.number(4)?;
             let columns = columns(rest.take(length)?).filter(|_| encoding == "ros2msg");
             schemas.insert(id, columns);
-            return Ok(None);
+            Ok(())
         }
         op::CHANNEL => {
             let (id, schema) = (rest.number(2)? as u16, rest.number(2)? as u16);
             let (topic, encoding, map) = (rest.text()?, rest.text()?, rest.map()?);
             let columns = schemas.get(&schema).cloned().flatten();
             let columns = columns.filter(|_| encoding == "cdr");
-            Item::Channel(id, Channel { topic, map, columns })
+            take(Item::Channel(id, Channel { topic, map, columns }))
         }
         op::MESSAGE => {
-            let (id, _) = (rest.number(2)? as u16, rest.number(4)?);
-            let (time, _) = (rest.number(8)?, rest.number(8)?);
-            Item::Message(id, time, rest.0)
+            let (id, _, time) = (rest.number(2)? as u16, rest.number(4)?, rest.number(8)?);
+            rest.take(8)?;
+            take(Item::Message(id, time, rest.0))
         }
-        op::METADATA => Item::Metadata(rest.text()?, rest.map()?),
-        _ => return Ok(None),
-    }))
+        op::METADATA => take(Item::Metadata(rest.text()?, rest.map()?)),
+        _ => Ok(()),
+    }
 }
 
 /// The records of a chunk, which are as they were written.
