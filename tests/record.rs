@@ -393,6 +393,7 @@ fn what_a_file_claims_takes_no_memory() {
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(if is_read { 0 } else { 2 }), "{said}");
         assert!(!said.contains("panicked"), "{said}");
+        assert!(!is_read || said.contains(" s at 0.0"), "{said}");
     }
 }
 
