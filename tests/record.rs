@@ -1,6 +1,7 @@
 //! Records: the report of a record is that of its run, in every figure; and what is no record is refused
 //! in words.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::cast_possible_truncation, reason = "files of a test are short")]
 
 #[path = "common/scratch.rs"]
 mod scratch;
@@ -374,7 +375,7 @@ fn what_a_file_claims_takes_no_memory() {
     of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(100)));
     let good = fs::read(&path).unwrap();
     let begin = |kind: u8, body: &[u8]| [mcap::MAGIC, &[kind], body, &[0; 100]].concat();
-    let hours = |time: u64| if time < 50_000_000 { time } else { time + (100 * 3600 << 30) };
+    let hours = |time: u64| if time < 50_000_000 { time } else { time + ((100 * 3600) << 30) };
     for (bytes, is_read) in [
         (retold(&good, "robot", hours), true),
         (retold(&good, "robot", |time| time ^ (time & 1_000_000) << 43), true),

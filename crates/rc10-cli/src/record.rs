@@ -215,7 +215,7 @@ impl RecordFile {
     }
 
     fn content(&self, length: Micros) -> String {
-        format!("{}: {} s are in it", self.path.display(), length.get() as f64 * 1e-6)
+        format!("{}: {} s are in it", self.path.display(), length.get() as f64 / 1e6)
     }
 
     /// Ends it, after what was done with it had this `outcome`; `end` are the metadata of its end.

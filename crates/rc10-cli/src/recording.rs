@@ -70,7 +70,7 @@ pub struct Gap {
 
 impl fmt::Display for Gap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let seconds = self.length.get() as f64 * 1e-6;
+        let seconds = self.length.get() as f64 / 1e6;
         let what = if self.is_back { "the time goes back by" } else { "a gap of" };
         write!(f, "{what} {seconds} s")
     }

@@ -171,7 +171,7 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     room(folder, args.period).into_iter().for_each(tell);
     watch(&mut session.client, &topics, args.period);
     let outcome = go_on(args, &mut session, &mut record, &stop);
-    let (length, samples) = (record.length().get() as f64 * 1e-6, record.samples);
+    let (length, samples) = (record.length().get() as f64 / 1e6, record.samples);
     record.finish(outcome)?;
     let losses = session.client.losses();
     writeln!(

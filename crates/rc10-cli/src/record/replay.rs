@@ -83,12 +83,12 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let figures = Figures::of(&recording);
     make_folder(&args.out)?;
     write_files(&recording, &figures, &args.out)?;
-    let length = recording.length.get() as f64 * 1e-6;
+    let length = recording.length.get() as f64 / 1e6;
     if let Some(why) = cut {
         tell(format_args!("{named}: cut off after {length} s: {why}"));
     }
     for gap in recording.gaps.iter().take(GAPS) {
-        let at = gap.at.get() as f64 * 1e-6;
+        let at = gap.at.get() as f64 / 1e6;
         tell(format_args!(
             "{named}: {gap} at {at} s; it is left out, and what follows is that much nearer"
         ));
