@@ -192,7 +192,8 @@ impl RecordFile {
                     return Err(self.keep(error.into()));
                 }
                 if let Ok(file) = self.file.try_clone() {
-                    self.syncing = Some(thread::spawn(move || file.sync_data()));
+                    let sync = move || file.sync_data();
+                    self.syncing = thread::Builder::new().spawn(sync).ok();
                 }
             }
         }

@@ -768,5 +768,11 @@ mod tests {
             counted(&mut count, &[near, 5.0, 20.0, 3.0, 4.0]),
             [0.0, 15.0, 30.0, 30.0, 31.0]
         );
+        // Not heard for a while: what it counted meanwhile is left out.
+        let mut count = Count::default();
+        assert_eq!(counted(&mut count, &[100.0, 110.0]), [0.0, 10.0]);
+        count.pause();
+        count.pause();
+        assert_eq!(counted(&mut count, &[36_000_110.0, 36_000_111.0]), [10.0, 11.0]);
     }
 }
