@@ -9,6 +9,8 @@ mod observed;
 mod streams;
 #[path = "../fuzz/src/targets.rs"]
 mod targets;
+#[path = "../fuzz/src/tools.rs"]
+mod tools;
 #[expect(dead_code, reason = "the tests of the parsers need more of it")]
 #[path = "../crates/rc10-module/tests/streams/wire.rs"]
 mod wire;

@@ -471,7 +471,7 @@ fn found(
         let (topics, left) = plan(&scene.client);
         assert!(left.is_empty());
         watch(&mut scene.client, &topics, 10);
-        let mut record = LiveRecord::new(&path, &topics, kit.description()).unwrap();
+        let mut record = LiveRecord::new(&path, false, &topics, kit.description()).unwrap();
         scene.run(1500);
         let changes: Vec<_> = factors
             .iter()
@@ -499,9 +499,9 @@ fn found(
                 }
             }
         }
-        record.finish().unwrap();
+        record.finish(Ok(())).unwrap();
     });
-    let (recording, cut) = replay(&std::fs::read(&path).unwrap(), robot).unwrap();
+    let (recording, cut) = replay(&mut std::fs::File::open(&path).unwrap(), robot).unwrap();
     assert_eq!(cut, None);
     let told = problems(&recording).into_iter().filter(|it| it.severity == Severity::Problem);
     (page, told.map(|it| it.to_string()).collect())

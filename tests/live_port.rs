@@ -6,7 +6,8 @@
 #[path = "common/scratch.rs"]
 mod scratch;
 
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -127,6 +128,7 @@ fn a_record_outlives_a_pulled_cable() {
     let mut said = BufReader::new(recorder.stderr.take().unwrap()).lines();
     std::thread::sleep(Duration::from_millis(1500));
     drop(robot);
+    assert!(said.next().unwrap().unwrap().contains("the disk has room for"));
     let line = said.next().unwrap().unwrap();
     assert!(line.contains("the port is gone") || line.contains("no such port"), "{line}");
     let _robot = plug_in(&link);
@@ -144,6 +146,158 @@ fn a_record_outlives_a_pulled_cable() {
     assert!(report.status.success() && text.contains("wheel front left"), "{text}");
     // The robot was restarted, and counts anew: the record goes on.
     assert!(!text.contains("answers twice") && !text.contains("missed"), "{text}");
+}
+
+/// A disk of 4 MB, if this user may make one.
+struct Disk(std::path::PathBuf);
+
+impl Disk {
+    fn mount(folder: &Path) -> Option<Self> {
+        let disk = folder.join("disk");
+        fs::create_dir(&disk).unwrap();
+        let mut mount = Command::new("mount");
+        mount.args(["-t", "tmpfs", "-o", "size=4m", "tmpfs"]).arg(&disk).stderr(Stdio::null());
+        mount.status().is_ok_and(|status| status.success()).then(|| Self(disk))
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg("--lazy").arg(&self.0).status();
+    }
+}
+
+/// Seconds in a record that has no end, as its report says.
+fn seconds_of(record: &Path, out: &Path) -> f64 {
+    let report = rc10().arg("report").arg(record).arg("--out").arg(out).output().unwrap();
+    let text = String::from_utf8(report.stderr).unwrap();
+    assert!(report.status.success() && text.contains("at byte "), "{text}");
+    String::from_utf8(report.stdout).unwrap().split(' ').next().unwrap().parse().unwrap()
+}
+
+/// What is in a record when the disk is full stays there, and `rc10 live` goes on.
+#[test]
+fn a_full_disk_leaves_what_was_recorded() {
+    let folder = Scratch::new("live-full");
+    let no_room = rc10().args(["record", "--sim", "--force", "-o", "/dev/full"]).output().unwrap();
+    let text = String::from_utf8(no_room.stderr).unwrap();
+    let is_known = text.ends_with("/dev/full: 0 s are in it; the disk is full\n");
+    assert!(
+        no_room.status.code() == Some(2) && (is_known || cfg!(not(target_os = "linux"))),
+        "{text}"
+    );
+    let Some(disk) = Disk::mount(&folder) else {
+        println!("SKIPPED: this user may not mount a small disk");
+        return;
+    };
+    let record = disk.0.join("match.mcap");
+    let command = ["record", "--sim", "--seconds", "600", "-o"];
+    let full = rc10().args(command).arg(&record).output().unwrap();
+    let text = String::from_utf8(full.stderr).unwrap();
+    assert_eq!(full.status.code(), Some(2), "{text}");
+    assert!(text.contains("WARNING: the disk has room for some 0 min"), "{text}");
+    let line = text.lines().last().unwrap();
+    let said = line.strip_prefix(&format!("rc10: {}: ", record.display())).unwrap();
+    let said = said.strip_suffix(" s are in it; the disk is full").unwrap();
+    let seconds: f64 = said.parse().unwrap();
+    assert!((5.0..60.0).contains(&seconds), "{line}");
+    let read = seconds_of(&record, &folder.join("report"));
+    assert!((read - seconds).abs() < 0.1, "{read} of {seconds}");
+    // It is named to the next one, which does not take its place.
+    let again = rc10().args(command).arg(&record).output().unwrap();
+    let text = String::from_utf8(again.stderr).unwrap();
+    assert!(!again.status.success() && text.contains("is there already"), "{text}");
+    let named = format!("not finished, or still being written: {};", record.display());
+    assert!(text.contains(&named), "{text}");
+
+    // A page's record, on a disk that is nearly full.
+    fs::remove_file(&record).unwrap();
+    fs::write(disk.0.join("filler"), vec![0; 3_400_000]).unwrap();
+    let mut live = rc10();
+    live.args(["live", "--sim", "--page", "0", "--out"]).arg(&disk.0);
+    let mut live = live.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let line = BufReader::new(live.stdout.take().unwrap()).lines().next().unwrap().unwrap();
+    let live = Started(live);
+    let address = line.split("http://").nth(1).unwrap().trim_end_matches('/').to_owned();
+    let ask = |request: &str, body: &str| {
+        let mut stream = TcpStream::connect(&address).unwrap();
+        let length = body.len();
+        let head = format!("{request} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n");
+        let kind = format!("Content-Type: application/json\r\nContent-Length: {length}\r\n\r\n");
+        stream.write_all(format!("{head}{kind}{body}").as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    let until = |what: &str| {
+        let begin = Instant::now();
+        loop {
+            let state = ask("GET /state", "");
+            if state.contains(what) {
+                return state;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(120), "{what}: {state}");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+    until("\"whole\":true");
+    let begun = ask("POST /wish", "{\"record\":true}");
+    assert!(begun.contains("\"ok\""), "{begun}");
+    until("s are in it; the disk is full");
+    assert!(until("\"record\":null").contains("001.mcap"));
+    // The page is still there, and the robot still runs.
+    let now = |state: String| {
+        let digits = state.split("\"now\":").nth(1).unwrap().split(',').next().unwrap().to_owned();
+        digits.parse::<u64>().unwrap()
+    };
+    let before = now(ask("GET /state", ""));
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(now(ask("GET /state", "")) > before);
+    drop(live);
+    assert!(seconds_of(&disk.0.join("001.mcap"), &folder.join("report")) > 0.3);
+}
+
+/// A program that is killed leaves all but the last seconds, where it was told to.
+#[test]
+fn a_killed_program_leaves_its_record() {
+    let folder = Scratch::new("live-killed");
+    let (link, record) = (folder.join("console"), folder.join("run.mcap"));
+    let _robot = plug_in(&link);
+    let mut recorder = rc10();
+    recorder.args(["record", "-o"]).arg(&record).arg("--port").arg(&link);
+    let mut recorder = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begin = Instant::now();
+    while !fs::metadata(&record).is_ok_and(|file| file.len() > 600_000) {
+        assert!(begin.elapsed() < Duration::from_secs(120), "it does not grow");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    recorder.kill().unwrap();
+    recorder.wait().unwrap();
+    assert!(seconds_of(&record, &folder.join("report")) > 2.0);
+    // The next one that is begun here names it.
+    let next = ["record", "--sim", "--seconds", "1", "-o"];
+    let next = rc10().args(next).arg(folder.join("next.mcap")).output().unwrap();
+    let text = String::from_utf8(next.stderr).unwrap();
+    let named = format!("not finished, or still being written: {};", record.display());
+    assert!(next.status.success() && text.contains(&named), "{text}");
+}
+
+/// A terminal that is closed ends a record as Ctrl-C does.
+#[test]
+fn a_closed_terminal_ends_a_record_properly() {
+    let folder = Scratch::new("live-hup");
+    let (link, record) = (folder.join("console"), folder.join("run.mcap"));
+    let _robot = plug_in(&link);
+    let mut recorder = rc10();
+    recorder.args(["record", "-o"]).arg(&record).arg("--port").arg(&link);
+    let mut recorder = recorder.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(recorder.stderr.take().unwrap()).lines();
+    assert!(said.next().unwrap().unwrap().contains("of the record"));
+    std::thread::sleep(Duration::from_millis(1500));
+    let hang_up = ["-HUP", &recorder.id().to_string()].map(str::to_owned);
+    assert!(Command::new("kill").args(hang_up).status().unwrap().success());
+    assert!(recorder.wait().unwrap().success());
+    assert!(fs::read(&record).unwrap().ends_with(b"\x89MCAP0\r\n"));
 }
 
 /// The floats of a frame of VOFA+'s `JustFloat`: its document says that a frame ends with

@@ -1,11 +1,15 @@
 //! Records: the report of a record is that of its run, in every figure; and what is no record is refused
 //! in words.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::cast_possible_truncation, reason = "files of a test are short")]
 
 #[path = "common/scratch.rs"]
 mod scratch;
 
-use std::fs;
+use std::borrow::Cow;
+use std::fs::{self, File};
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use rc10_can::Micros;
@@ -53,7 +57,7 @@ fn run(
     robot.set_faults(&faults).unwrap();
     robot.set_mistakes(&mistakes).unwrap();
     robot.set_no_logs(true);
-    let record = RecordWriter::new(path, &Heading::of(&robot, 7)).unwrap();
+    let record = RecordWriter::new(path, true, &Heading::of(&robot, 7)).unwrap();
     let recording = simulate_into(robot, 7, length, Some(record)).unwrap();
     Recording { faults, ..recording }
 }
@@ -93,20 +97,22 @@ fn the_report_of_a_record_is_that_of_its_run() {
     ] {
         let run = of_team(|robot| run(robot, &path, &faults, &mistakes, length));
         assert_eq!(run.length, length);
-        let bytes = fs::read(&path).unwrap();
-        assert_same(&run, &of_team(|robot| replay(&bytes, robot)).unwrap());
+        assert_same(
+            &run,
+            &of_team(|robot| replay(&mut File::open(&path).unwrap(), robot)).unwrap(),
+        );
     }
     let run_2 = of_mixed(|robot| run(robot, &path, &["cut:L1@0.5s..0.6s"], &[], seconds(2)));
     assert!(run_2.lines[0].traffic.timeouts > 0);
-    assert_same(&run_2, &of_mixed(|robot| replay(&fs::read(&path).unwrap(), robot)).unwrap());
+    assert_same(&run_2, &of_mixed(|robot| replay(&mut File::open(&path).unwrap(), robot)).unwrap());
     let run_3 = of_omni(|robot| run(robot, &path, &["remote-lost@1s"], &[], seconds(3)));
-    assert_same(&run_3, &of_omni(|robot| replay(&fs::read(&path).unwrap(), robot)).unwrap());
+    assert_same(&run_3, &of_omni(|robot| replay(&mut File::open(&path).unwrap(), robot)).unwrap());
     // The file alone is there, and nothing beside it.
     assert_eq!(fs::read_dir(&*folder).unwrap().count(), 1);
 }
 
 fn refused(bytes: &[u8]) -> String {
-    match of_team(|robot| replay(bytes, robot)) {
+    match of_team(|robot| replay(&mut Cursor::new(bytes), robot)) {
         Ok((recording, cut)) => format!("{} us, {cut:?}", recording.length.get()),
         Err(error) => format!("{error:#}"),
     }
@@ -137,7 +143,7 @@ fn what_is_no_record_of_this_robot_is_refused_in_words() {
         description.motors[0] =
             Motor::new("wheel front left", Place::Bus(1), Config::new(&M3508, 5).device());
         let heading = Heading { description: &description, ..Heading::of(&robot, 1) };
-        let record = RecordWriter::new(&path, &heading).unwrap();
+        let record = RecordWriter::new(&path, true, &heading).unwrap();
         simulate_into(robot, 1, Micros::from_millis(5), Some(record)).unwrap();
     });
     let other = fs::read(&path).unwrap();
@@ -154,7 +160,8 @@ fn a_record_that_is_cut_off_or_damaged_is_read_as_far_as_it_goes() {
     let path = folder.join("run.mcap");
     of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(1000)));
     let good = fs::read(&path).unwrap();
-    let (half, cut) = of_team(|robot| replay(&good[..good.len() / 2], robot)).unwrap();
+    let (half, cut) =
+        of_team(|robot| replay(&mut Cursor::new(&good[..good.len() / 2]), robot)).unwrap();
     assert!(cut.is_some());
     assert!((Micros::from_millis(100)..Micros::from_millis(1000)).contains(&half.length));
     assert!(half.motors.iter().all(|track| !track.samples.is_empty()));
@@ -162,7 +169,7 @@ fn a_record_that_is_cut_off_or_damaged_is_read_as_far_as_it_goes() {
     let told = [3, 4, 5].map(|part| {
         let mut damaged = good.clone();
         damaged[good.len() / part] ^= 1;
-        of_team(|robot| replay(&damaged, robot)).unwrap().1.expect("it is told")
+        of_team(|robot| replay(&mut Cursor::new(&damaged), robot)).unwrap().1.expect("it is told")
     });
     assert!(told.iter().any(|why| why.to_lowercase().contains("crc")), "{told:?}");
     for part in 0..60 {
@@ -179,11 +186,11 @@ fn a_record_that_cannot_be_written_leaves_nothing_behind() {
     let folder = Scratch::new("nothing");
     let nowhere = folder.join("missing").join("run.mcap");
     let error = of_team(|robot| {
-        RecordWriter::new(&nowhere, &Heading::of(&robot, 1)).err().unwrap().to_string()
+        RecordWriter::new(&nowhere, false, &Heading::of(&robot, 1)).err().unwrap().to_string()
     });
     assert!(error.starts_with("cannot write ") && error.ends_with("run.mcap"), "{error}");
     let error = of_team(|robot| {
-        RecordWriter::new(&folder, &Heading::of(&robot, 1)).err().unwrap().to_string()
+        RecordWriter::new(&folder, false, &Heading::of(&robot, 1)).err().unwrap().to_string()
     });
     assert!(error.ends_with("it is a folder"), "{error}");
     let path = folder.join("run.mcap");
@@ -191,14 +198,263 @@ fn a_record_that_cannot_be_written_leaves_nothing_behind() {
         let mut description = robot.description().clone();
         description.motors[1].label = "wheel_front left";
         let heading = Heading { description: &description, ..Heading::of(&robot, 1) };
-        format!("{:#}", RecordWriter::new(&path, &heading).err().unwrap())
+        format!("{:#}", RecordWriter::new(&path, true, &heading).err().unwrap())
     });
     let why = "`wheel front left` and `wheel_front left` are one topic, /motors/wheel_front_left";
     assert!(error.contains(why), "{error}");
+    assert_eq!(fs::read_dir(&*folder).unwrap().count(), 0);
+}
+
+/// A file that is there is left as it is, unless somebody says `--force`; a record is in its place from the
+/// beginning, and what is in it stays when its program ends early.
+#[test]
+fn a_record_is_not_lost_and_takes_no_place_of_another() {
+    let folder = Scratch::new("kept");
+    let path = folder.join("run.mcap");
+    let named = path.display().to_string();
     fs::write(&path, b"older").unwrap();
-    of_team(|robot| drop(RecordWriter::new(&path, &Heading::of(&robot, 1)).unwrap()));
+    let out = folder.join("out").display().to_string();
+    let run = ["run", "--seconds", "1", "--out", &out, "--no-logs", "--record", &named];
+    let error = command(&run).unwrap_err();
+    assert!(error.starts_with(&format!("{named} is there already: --force")), "{error}");
     assert_eq!(fs::read(&path).unwrap(), b"older");
-    assert_eq!(fs::read_dir(&*folder).unwrap().count(), 1);
+    command(&[&run[..], &["--force"]].concat()).unwrap();
+    let whole = of_team(|robot| replay(&mut File::open(&path).unwrap(), robot)).unwrap();
+    assert_eq!((whole.0.length, whole.1), (Micros::from_millis(1000), None));
+    // Its program ends while it is written.
+    let early = folder.join("early.mcap");
+    of_team(|robot| drop(RecordWriter::new(&early, false, &Heading::of(&robot, 1)).unwrap()));
+    let (recording, cut) =
+        of_team(|robot| replay(&mut File::open(&early).unwrap(), robot)).unwrap();
+    assert_eq!((recording.length, cut), (Micros::ZERO, Some("its end is missing".into())));
+}
+
+/// A record with other times, in nanoseconds, and of this source.
+fn retold(good: &[u8], source: &str, mut time: impl FnMut(u64) -> u64) -> Vec<u8> {
+    let options = mcap::WriteOptions::new().compression(None);
+    let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
+    for record in mcap::read::ChunkFlattener::new(good).unwrap() {
+        match record.unwrap() {
+            mcap::records::Record::Metadata(mut it) => {
+                it.metadata.insert("source".into(), source.into());
+                writer.write_metadata(&it).unwrap();
+            }
+            mcap::records::Record::DataEnd(_) => break,
+            _ => {}
+        }
+    }
+    for message in mcap::MessageStream::new(good).unwrap() {
+        let mut message = message.unwrap();
+        message.log_time = time(message.log_time);
+        message.data = Cow::Owned(message.data.into_owned());
+        writer.write(&message).unwrap();
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
+}
+
+/// A cable that is out over night: what comes after it follows what was before, and the report says so.
+#[test]
+fn a_gap_is_left_out_and_told() {
+    const HOURS: u64 = 10 * 3600 * 1_000_000_000;
+    let folder = Scratch::new("gap");
+    let path = folder.join("run.mcap");
+    of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(4000)));
+    let good = fs::read(&path).unwrap();
+    let told = |source, time: &dyn Fn(u64) -> u64| {
+        let bytes = retold(&good, source, time);
+        let (recording, _) = of_team(|robot| replay(&mut Cursor::new(bytes), robot)).unwrap();
+        let gaps: Vec<_> = recording.gaps.iter().map(|gap| (gap.at, gap.to_string())).collect();
+        let samples = recording.motors[0].samples.len();
+        assert!((395..=405).contains(&samples), "{samples}");
+        assert!(recording.length <= Micros::from_millis(4020), "{:?}", recording.length);
+        let json = to_json(&recording, &Figures::of(&recording), None).to_string();
+        assert!(!json.contains("missed") && !json.contains("answers twice"), "{json}");
+        gaps
+    };
+    let second = |time: u64| time / 1_000_000_000;
+    let at = |millis| Micros::from_millis(millis);
+    for source in ["robot", "simulation"] {
+        assert_eq!(told(source, &|time| time), []);
+        let gaps = told(source, &|time| if second(time) < 2 { time } else { time + HOURS });
+        assert_eq!(gaps, [(at(1999), "a gap of 36000.001 s".into())]);
+        // One time alone is wrong, far forth or back.
+        for wrong in [1 << 63, u64::MAX] {
+            let gaps = told(source, &|time| if time == 2_000_000_000 { wrong } else { time });
+            assert_eq!(gaps.len(), 2, "{gaps:?}");
+            assert!(gaps[1].1.starts_with("the time goes back by "), "{gaps:?}");
+        }
+        let gaps = told(source, &|time| if second(time) < 2 { time + HOURS } else { time });
+        assert_eq!(gaps.len(), 2, "{gaps:?}");
+    }
+}
+
+/// Numbers that look random and are the same each time: xorshift.
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self, most: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % most as u64) as usize
+    }
+}
+
+/// What may happen to a file.
+fn mutated(good: &[u8], dice: &mut Dice) -> Vec<u8> {
+    let mut bytes = good.to_vec();
+    // Half of them where the lengths are, and not in the numbers of the messages.
+    let most = if dice.roll(2) == 0 { good.len() } else { 6000 };
+    let (at, length) = (dice.roll(most), 1 + dice.roll(400));
+    let end = (at + length).min(bytes.len());
+    match dice.roll(6) {
+        0 => bytes[at] ^= 1 << dice.roll(8),
+        1 => bytes.truncate(at),
+        2 | 3 => {
+            // A length, or a time: of all ones, or with its highest bit.
+            let number = if dice.roll(2) == 0 { [0xFF; 8] } else { [0, 0, 0, 0, 0, 0, 0, 0x80] };
+            let end = (at + 8).min(bytes.len());
+            bytes[at..end].copy_from_slice(&number[..end - at]);
+        }
+        4 => drop(bytes.drain(at..end)),
+        _ => drop(bytes.splice(at..at, good[at..end].to_vec())),
+    }
+    bytes
+}
+
+/// The same without the checksums of its chunks, so that their content is looked at whatever it is.
+fn unchecked(good: &[u8]) -> Vec<u8> {
+    let mut bytes = good.to_vec();
+    let mut at = mcap::MAGIC.len();
+    while at + 9 < bytes.len() {
+        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+        if bytes[at] == mcap::records::op::CHUNK {
+            bytes[at + 9 + 24..at + 9 + 28].fill(0);
+        }
+        at += 9 + length;
+    }
+    bytes
+}
+
+/// Some hundred damaged files, half of them with no checksums that would tell: an error, or what can be read.
+#[test]
+fn no_damaged_record_does_harm() {
+    let folder = Scratch::new("harm");
+    let path = folder.join("run.mcap");
+    of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(60)));
+    let good = fs::read(&path).unwrap();
+    let robot = retold(&good, "robot", |time| time);
+    let seeds = [good.clone(), robot.clone(), unchecked(&good), unchecked(&robot)];
+    let (mut dice, mut read, mut panics) = (Dice(0x9E37_79B9_7F4A_7C15), 0, Vec::new());
+    for number in 0..700 {
+        let bytes = mutated(&seeds[number % seeds.len()], &mut dice);
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            let replayed = of_team(|robot| replay(&mut Cursor::new(&bytes), robot));
+            replayed.map(|(recording, _)| {
+                // One change can make some seconds more of it.
+                assert!(recording.length < Micros::from_millis(30_000), "{:?}", recording.length);
+                drop(report(&recording, &Figures::of(&recording)));
+            })
+        }));
+        match outcome {
+            Ok(outcome) => read += usize::from(outcome.is_ok()),
+            Err(_) => panics.push(number),
+        }
+    }
+    assert!(panics.is_empty(), "{panics:?}");
+    assert!((100..650).contains(&read), "{read} of 700 could be read");
+}
+
+/// What a file claims takes no memory: each is read by a program that may have 1 GB.
+#[test]
+#[cfg(target_os = "linux")]
+fn what_a_file_claims_takes_no_memory() {
+    let folder = Scratch::new("claims");
+    let path = folder.join("run.mcap");
+    of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(100)));
+    let good = fs::read(&path).unwrap();
+    let begin = |kind: u8, body: &[u8]| [mcap::MAGIC, &[kind], body, &[0; 100]].concat();
+    let hours = |time: u64| if time < 50_000_000 { time } else { time + ((100 * 3600) << 30) };
+    for (bytes, is_read) in [
+        (retold(&good, "robot", hours), true),
+        (retold(&good, "robot", |time| time ^ (time & 1_000_000) << 43), true),
+        // Records, and a text, that are as long as can be.
+        (begin(3, &[0xFF; 8]), false),
+        (begin(6, &[0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0]), false),
+        (begin(12, &[&[80, 0, 0, 0, 0, 0, 0, 0][..], &[0xFF; 4]].concat()), false),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        let limited = "ulimit -v 1000000; exec \"$0\" report \"$1\" --out \"$2\"";
+        let output = std::process::Command::new("sh")
+            .args(["-c", limited, env!("CARGO_BIN_EXE_rc10")])
+            .args([&path, &folder.join("out")])
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(if is_read { 0 } else { 2 }), "{said}");
+        assert!(!said.contains("panicked"), "{said}");
+        assert!(!is_read || said.contains(" s at 0.0"), "{said}");
+    }
+}
+
+/// Names that lead out of the folder, or that Windows keeps for itself; and letters for a terminal.
+#[test]
+fn names_of_a_foreign_file_do_no_harm() {
+    let folder = Scratch::new("names");
+    let mut writer = mcap::Writer::new(Cursor::new(Vec::new())).unwrap();
+    for topic in [
+        r"/..\..\x",
+        "/../../y",
+        "/CON",
+        "nul",
+        "/a.b",
+        "/a_b",
+        "/A_B",
+        "/Com1",
+        "/e\x1b[2J\u{9b}m",
+    ] {
+        let channel = writer.add_channel(0, topic, "json", &Default::default()).unwrap();
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence: 0,
+            log_time: 0,
+            publish_time: 0,
+        };
+        writer.write_to_known_channel(&header, b"01234567text\0").unwrap();
+    }
+    writer.finish().unwrap();
+    let path = folder.join("foreign.mcap");
+    fs::write(&path, writer.into_inner().into_inner()).unwrap();
+    let out = folder.join("csv");
+    let named = [&path, &out].map(|path| path.display().to_string());
+    let (_, said) = command(&["csv", &named[0], "--out", &named[1]]).unwrap();
+    assert!(!said.contains(|letter: char| letter.is_control() && letter != '\n'), "{said:?}");
+    let mut files: Vec<_> = fs::read_dir(&out)
+        .unwrap()
+        .map(|file| file.unwrap().file_name().into_string().unwrap())
+        .collect();
+    files.sort();
+    let wanted = [
+        "A_B__.csv",
+        "CON_.csv",
+        "Com1_.csv",
+        "______x.csv",
+        "a_b.csv",
+        "a_b_.csv",
+        "e__2J_m.csv",
+        "nul_.csv",
+        "__-__-y.csv",
+    ];
+    let mut wanted = wanted.to_vec();
+    wanted.sort();
+    assert_eq!(files, wanted);
+    assert_eq!(fs::read_dir(&*folder).unwrap().count(), 2);
+    // What an interface is called.
+    let log = folder.join("evil.log");
+    fs::write(&log, "(1.0) \u{1b}]0;pwn\u{7} 201#0000000000000000\n").unwrap();
+    let (_, said) = command(&["decode", &log.display().to_string()]).unwrap();
+    assert!(!said.contains(['\u{1b}', '\u{7}']), "{said:?}");
 }
 
 /// The command line of the team's robot: exit code, and what it says; or why not.

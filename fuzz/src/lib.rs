@@ -9,6 +9,7 @@ pub mod observed;
 pub mod request;
 pub mod streams;
 pub mod targets;
+pub mod tools;
 #[path = "../../crates/rc10-module/tests/streams/wire.rs"]
 pub mod wire;
 #[path = "../../crates/rc10-module/tests/streams/wires.rs"]

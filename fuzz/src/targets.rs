@@ -25,6 +25,7 @@ use rc10_motor::{
 
 use crate::request::{Plots, Request as HttpRequest, read};
 pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
+pub use crate::tools::{bmi088, client, conversation, lines, record};
 
 /// A target: a function of bytes.
 pub type Feed = fn(&[u8]);
@@ -52,6 +53,11 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("tfmini", tfmini),
     ("vt03", vt03),
     ("wit", wit),
+    ("client", client),
+    ("conversation", conversation),
+    ("lines", lines),
+    ("record", record),
+    ("bmi088", bmi088),
 ];
 
 /// The link to a PC, at both ends: a whole frame is heard behind anything, however it comes in pieces;

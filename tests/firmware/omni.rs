@@ -214,13 +214,13 @@ fn its_record_makes_the_same_report() {
     let robot = simulation::robot(&shared, &mut motors).unwrap();
     let setup = setup(&["remote-lost@0.6s", "cut:2@0.3s..0.5s"]);
     let emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
-    let record = RecordWriter::new(&path, &emulation.heading()).unwrap();
+    let record = RecordWriter::new(&path, false, &emulation.heading()).unwrap();
     let (_, mut run) = emulation.record_into(Micros::from_millis(1200), Some(record)).unwrap();
     run.faults = setup.faults;
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let robot = simulation::robot(&shared, &mut motors).unwrap();
-    let (again, cut) = replay(&fs::read(&path).unwrap(), robot).unwrap();
+    let (again, cut) = replay(&mut fs::File::open(&path).unwrap(), robot).unwrap();
     assert_eq!(cut, None);
     assert!(again.source == Source::Emulation && run.remote.as_ref().unwrap().losses.len() == 1);
     let figures = |run| to_json(run, &figures::Figures::of(run), None);

@@ -12,8 +12,17 @@ pub fn root() -> PathBuf {
     xtask.parent().unwrap_or(xtask).to_path_buf()
 }
 
-/// A cargo command in the root workspace.
+/// A cargo command in the root workspace. A lock file that is stale is an error.
 pub fn host(arguments: &str) -> Command {
+    let (command, rest) = arguments.split_once(' ').unwrap_or((arguments, ""));
+    match command {
+        "fmt" => free(arguments),
+        _ => free(&format!("{command} --locked {rest}")),
+    }
+}
+
+/// The same where there need be no lock file.
+pub fn free(arguments: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.args(arguments.split_whitespace()).current_dir(root());
     cargo

@@ -9,10 +9,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::cargo::{chip, host, root, run as run_command};
+use crate::cargo::{chip, free, host, root, run as run_command};
 use crate::firmware::{DM_MC02, ON_DM_MC02, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
-use crate::{count, emulate, golden, scaffold, size};
+use crate::{count, deny, emulate, golden, scaffold, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
@@ -126,6 +126,7 @@ pub fn run() -> Result<()> {
         Ok(()) => Outcome::Passed,
         Err(error) => Outcome::Skipped(format!("no tests against Python here: {error:#}")),
     });
+    report.step("deny", || deny::run().into());
     report.step("format", || {
         with_component("fmt", || {
             run_command(&mut host("fmt --all --check"))?;
@@ -202,7 +203,7 @@ pub fn run() -> Result<()> {
     report.step("new robot", || new_robot(rustc.is_ok()).into());
     report.step("package", || {
         let packages = PUBLISHED.map(|name| format!(" --package {name}")).concat();
-        run_command(&mut host(&format!("package --allow-dirty --quiet{packages}"))).into()
+        run_command(&mut free(&format!("package --allow-dirty --quiet{packages}"))).into()
     });
     report.step("scaffold", || scaffold::run().into());
     report.step("docs", || {
@@ -233,9 +234,9 @@ pub fn run() -> Result<()> {
 
 /// Builds it with its own lock file, runs its test, and itself.
 fn two_wheels() -> Result<()> {
-    run_command(&mut host(&format!("test --locked {TWO_WHEELS}")))?;
+    run_command(&mut host(&format!("test {TWO_WHEELS}")))?;
     let arguments = "run --strict --seconds 2 --out target/two-wheels";
-    run_command(&mut host(&format!("run --locked {TWO_WHEELS} -- {arguments}")))
+    run_command(&mut host(&format!("run {TWO_WHEELS} -- {arguments}")))
 }
 
 /// Builds the robots on other chips with their own lock files. With the active toolchain's compiler
@@ -245,9 +246,9 @@ fn other_chips(rustc: Option<&Path>) -> Result<()> {
     for (folder, features) in OTHER_CHIPS {
         let own =
             |arguments: &str| run_command(chip(arguments, rustc).current_dir(root().join(folder)));
-        own("build --release --locked")?;
+        own("build --release")?;
         if lints {
-            own("clippy --release --locked -- -D warnings")?;
+            own("clippy --release -- -D warnings")?;
             let port = format!("--package rc10-stm32-can --features {features} --target {TARGET}");
             run_command(&mut host(&format!("clippy {port} -- -D warnings")))?;
             let docs = format!("doc --no-deps {port}");
@@ -272,7 +273,7 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
         };
         let in_folder = |name: &str, arguments: &str| {
             let (target, folder) = (root().join("target"), place.join(name));
-            run_command(host(arguments).current_dir(folder).env("CARGO_TARGET_DIR", target))
+            run_command(free(arguments).current_dir(folder).env("CARGO_TARGET_DIR", target))
         };
         new(&["demo"])?;
         add_a_motor(&place.join("demo"))?;
@@ -302,7 +303,7 @@ fn is_told(robot: &Path, settings: &str, word: &str) -> Result<()> {
     let whole = fs::read_to_string(&settings)?;
     let without: Vec<_> = whole.lines().filter(|line| !line.contains(word)).collect();
     fs::write(&settings, without.join("\n"))?;
-    let mut build = host("build --release");
+    let mut build = free("build --release");
     let output = build
         .current_dir(robot.join("firmware"))
         .env("CARGO_TARGET_DIR", root().join("target"))

@@ -63,7 +63,7 @@ fn install() -> Result<()> {
         run_command(Command::new("rustup").args(install))?;
     }
     if !there(Command::new("cargo").arg("fuzz")) {
-        run_command(&mut host("install --locked cargo-fuzz"))?;
+        run_command(&mut host("install cargo-fuzz"))?;
     }
     Ok(())
 }

@@ -4,6 +4,7 @@
 mod cargo;
 mod check;
 mod count;
+mod deny;
 mod emulate;
 mod firmware;
 mod first;
@@ -27,6 +28,7 @@ cargo xtask phases  the least and the most of what faults cost, over fifty phase
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
 cargo xtask first   CPU seconds of the first compile, that of cargo run --release
+cargo xtask deny    licences and sources of all packages, and that no lock file is stale
 cargo xtask golden [check]   makes the golden files of rc10-app anew, with numpy, scipy and ruckig; or compares them
 cargo xtask scaffold   lines that the examples cost beside table, kinematics and tasks
 cargo xtask new-robot   rc10 new outside the tree: compiled, driven, tested, on the emulated chip
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         }
         Some("size") => || size::run(&firmware::build(firmware::TEAM, None)?),
         Some("count") => || count::run(&firmware::build("count", None)?),
+        Some("deny") => deny::run,
         Some("golden") => || golden::run(std::env::args().nth(2).as_deref() == Some("check")),
         Some("fuzz") => || fuzz::run(std::env::args().skip(2)),
         _ => {

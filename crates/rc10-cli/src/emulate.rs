@@ -79,7 +79,7 @@ pub struct EmuArgs {
     /// Exit code 3 if the run had problems
     #[arg(long)]
     pub strict: bool,
-    /// Run even if the motors of a bus do not fit on it
+    /// Run even if the motors of a bus do not fit on it, and write over the file of --record
     #[arg(long)]
     pub force: bool,
 }
@@ -373,7 +373,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
     make_folder(&args.out)?;
     let record = match &args.record {
-        Some(path) => Some(RecordWriter::new(path, &emulation.heading())?),
+        Some(path) => Some(RecordWriter::new(path, args.force, &emulation.heading())?),
         None => None,
     };
     let (mut emulation, mut recording) =

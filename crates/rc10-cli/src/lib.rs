@@ -58,6 +58,7 @@ pub mod signal;
 pub mod simulate;
 pub mod slcan;
 pub mod team;
+mod terminal;
 pub mod wheels;
 
 use std::ffi::OsString;
@@ -74,6 +75,7 @@ use new::NewArgs;
 use pty::PtyArgs;
 use record::{CsvArgs, ReportArgs};
 use run::RunArgs;
+use terminal::{Plain, tell};
 
 pub use description::{Base, ContactPart, Description, LinePart, SerialPart};
 pub use mistake::Mistake;
@@ -186,6 +188,7 @@ impl CommandLine {
     /// # Errors
     /// As [`run`](Self::run).
     pub fn run_to(self, robot: Robot<'_>, out: &mut dyn Write) -> anyhow::Result<u8> {
+        let out = &mut Plain(out);
         Ok(match self.0 {
             Command::Run(args) => strict(args.strict, run::run(&args, robot, out)?),
             Command::Emu(args) => strict(args.strict, emulate::emulate(&args, robot, out)?),
@@ -198,7 +201,7 @@ impl CommandLine {
             Command::Report(args) => strict(args.strict, record::report(&args, robot, out)?),
             Command::Csv(args) => record::csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {
-                let broken = decode::decode(&args, robot, out, &mut io::stderr().lock())?;
+                let broken = decode::decode(&args, robot, out, &mut Plain(io::stderr().lock()))?;
                 u8::from(broken)
             }
             Command::Dbc(args) => dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
@@ -235,7 +238,7 @@ pub fn main_for(
         // The reader of our output has read enough (`| head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            let _ = writeln!(io::stderr(), "rc10: {error:#}");
+            tell(format_args!("{error:#}"));
             ExitCode::from(2)
         }
     }

@@ -7,16 +7,18 @@
 //! from power-on. [`fields`] has what stands where; [`replay()`] makes a recording of it again.
 
 pub mod fields;
+mod file;
 mod replay;
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::BufWriter;
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
+use std::thread::{self, JoinHandle};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use mcap::records::{MessageHeader, Metadata};
-use mcap::{WriteOptions, Writer};
+use mcap::{McapError, McapResult, WriteOptions, Writer};
 use rc10_can::Micros;
 use rc10_motor::Fault;
 
@@ -27,10 +29,10 @@ use crate::recorder::WireEnd;
 use crate::recording::Source;
 use crate::remote::Loss;
 use crate::robot::Robot;
-use crate::run::beside;
 use crate::script::Event;
 use crate::signal::Signal;
 
+pub(crate) use file::leftovers;
 pub use replay::{CsvArgs, Kit, Replay, ReportArgs, csv, replay, report};
 
 /// What the layout of a record is called in its metadata, and its version: readers of another one
@@ -56,31 +58,65 @@ pub struct RecordWriter {
     topics: Topics,
 }
 
-/// A record that is being written. The file is there when it is finished, whole, and not before.
+/// A record that is being written, in its place from its first byte on. What is whole of it stays there,
+/// whatever happens.
 pub(crate) struct RecordFile {
     path: PathBuf,
-    // Closed before it is removed.
-    file: Writer<BufWriter<File>>,
-    beside: Unfinished,
+    /// `None` after an error.
+    writer: Option<Writer<BufWriter<File>>>,
+    /// The same file.
+    file: File,
+    /// Bytes that wait for their chunk to end.
+    waiting: usize,
+    /// The newest message, and that of the chunks that are whole, with their bytes.
+    newest: Micros,
+    whole: (Micros, u64),
+    syncing: Option<JoinHandle<io::Result<()>>>,
     count: u32,
     bytes: Vec<u8>,
 }
 
+/// A chunk has so many bytes: what can be lost, of a run that ends by force.
+const CHUNK: usize = 256 * 1024;
+
 impl RecordFile {
-    /// Begins a record that will be at `path`; `head` are its metadata, but for the version.
+    /// Begins a record at `path`, where no file is yet, or with `force` any file may be; `head` are its
+    /// metadata, but for the version.
     ///
     /// # Errors
-    /// If no file can be written there.
-    pub(crate) fn new(path: &Path, mut head: BTreeMap<String, String>) -> Result<Self> {
+    /// If no file can be written there, or there is one.
+    pub(crate) fn new(
+        path: &Path,
+        force: bool,
+        mut head: BTreeMap<String, String>,
+    ) -> Result<Self> {
         ensure!(!path.is_dir(), "cannot write {}: it is a folder", path.display());
+        let mut options = File::options();
+        options.write(true).create(force).truncate(force).create_new(!force);
+        let file = options.open(path).with_context(|| match path.exists() && !force {
+            true => format!("{} is there already: --force writes over it", path.display()),
+            false => format!("cannot write {}", path.display()),
+        })?;
+        // Chunks are written when they are whole.
+        let options = WriteOptions::new().compression(None).chunk_size(None).disable_seeking(true);
+        let writer = options.profile("ros2").library("rc10");
         let cannot = || format!("cannot write {}", path.display());
-        let beside = Unfinished(beside(path));
-        let file = File::create(&beside.0).with_context(cannot)?;
-        let options = WriteOptions::new().compression(None).profile("ros2").library("rc10");
-        let mut file = options.create(BufWriter::new(file)).with_context(cannot)?;
+        let writer = writer.create(BufWriter::new(file.try_clone()?)).with_context(cannot)?;
+        let mut file = Self {
+            path: path.into(),
+            writer: Some(writer),
+            file,
+            waiting: 0,
+            newest: Micros::ZERO,
+            whole: (Micros::ZERO, 0),
+            syncing: None,
+            count: 0,
+            bytes: Vec::new(),
+        };
         head.insert("version".to_owned(), VERSION.to_owned());
-        file.write_metadata(&metadata(LAYOUT, head)).with_context(cannot)?;
-        Ok(Self { path: path.into(), file, beside, count: 0, bytes: Vec::new() })
+        file.write(|writer| writer.write_metadata(&metadata(LAYOUT, head)))?;
+        file.flush()?;
+        Ok(file)
     }
 
     /// Declares a channel of numbers, with a schema of its own.
@@ -91,8 +127,10 @@ impl RecordFile {
         topic: &str,
         map: &BTreeMap<String, String>,
     ) -> Result<u16> {
-        let id = self.file.add_schema(name, "ros2msg", schema.as_bytes())?;
-        Ok(self.file.add_channel(id, topic, "cdr", map)?)
+        self.write(|writer| {
+            let id = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
+            writer.add_channel(id, topic, "cdr", map)
+        })
     }
 
     /// Writes a message of numbers.
@@ -112,33 +150,100 @@ impl RecordFile {
     /// Writes a message.
     pub(crate) fn put_bytes(&mut self, channel_id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
         self.count = self.count.wrapping_add(1);
-        let time = now.get() * 1000;
+        let time = now.get().saturating_mul(1000);
         let header =
             MessageHeader { channel_id, sequence: self.count, log_time: time, publish_time: time };
-        let cannot = || format!("cannot write {}", self.path.display());
-        self.file.write_to_known_channel(&header, bytes).with_context(cannot)
+        self.write(|writer| writer.write_to_known_channel(&header, bytes))?;
+        self.newest = self.newest.max(now);
+        self.waiting += bytes.len();
+        if self.waiting < CHUNK { Ok(()) } else { self.flush() }
     }
 
-    /// Ends it, and puts the file in its place; `end` are the metadata of its end.
+    fn write<T>(
+        &mut self,
+        write: impl FnOnce(&mut Writer<BufWriter<File>>) -> McapResult<T>,
+    ) -> Result<T> {
+        let Some(writer) = &mut self.writer else {
+            bail!("{}: it has ended", self.path.display());
+        };
+        write(writer).map_err(|error| self.keep(error))
+    }
+
+    /// Ends the chunk, and writes it.
+    fn flush(&mut self) -> Result<()> {
+        self.waiting = 0;
+        self.write(Writer::flush)?;
+        // What is no file on a disk has no length.
+        self.whole = (self.newest, self.file.metadata().map_or(0, |file| file.len()));
+        Ok(())
+    }
+
+    /// Lets the disk have what came so far, so that a power cut does not take it. A slow disk is not
+    /// waited for.
     ///
     /// # Errors
-    /// If it cannot be written.
-    pub(crate) fn finish(self, end: BTreeMap<String, String>) -> Result<()> {
-        let Self { path, mut file, beside, .. } = self;
-        let cannot = || format!("cannot write {}", path.display());
-        file.write_metadata(&metadata(END, end)).with_context(cannot)?;
-        file.finish().with_context(cannot)?;
-        file.into_inner().into_inner().map_err(|error| error.into_error()).with_context(cannot)?;
-        fs::rename(&beside.0, &path).with_context(cannot)
+    /// If it cannot be written, or the last time could not.
+    pub(crate) fn sync(&mut self) -> Result<()> {
+        self.flush()?;
+        match self.syncing.take().map(|last| (last.is_finished(), last)) {
+            Some((false, last)) => self.syncing = Some(last),
+            last => {
+                if let Some(Ok(Err(error))) = last.map(|(_, last)| last.join()) {
+                    return Err(self.keep(error.into()));
+                }
+                if let Ok(file) = self.file.try_clone() {
+                    let sync = move || file.sync_data();
+                    self.syncing = thread::Builder::new().spawn(sync).ok();
+                }
+            }
+        }
+        Ok(())
     }
-}
 
-/// A file that is removed unless it was moved away.
-struct Unfinished(PathBuf);
+    /// Ends it for this reason: what is whole stays, and half a chunk does not.
+    fn keep(&mut self, error: McapError) -> anyhow::Error {
+        self.writer = None;
+        let (length, bytes) = self.whole;
+        let _ = self.file.set_len(bytes);
+        let why = match error {
+            McapError::Io(error) if error.kind() == ErrorKind::StorageFull => {
+                "the disk is full".into()
+            }
+            McapError::Io(error) => error.to_string(),
+            error => error.to_string(),
+        };
+        anyhow!("{}; {why}", self.content(length))
+    }
 
-impl Drop for Unfinished {
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
+    fn content(&self, length: Micros) -> String {
+        format!("{}: {} s are in it", self.path.display(), length.get() as f64 / 1e6)
+    }
+
+    /// Ends it, after what was done with it had this `outcome`; `end` are the metadata of its end.
+    ///
+    /// # Errors
+    /// If it cannot be written, and that of the outcome.
+    pub(crate) fn finish(
+        mut self,
+        outcome: Result<()>,
+        end: BTreeMap<String, String>,
+    ) -> Result<()> {
+        if self.writer.is_none() {
+            return outcome;
+        }
+        self.flush()?;
+        self.write(|writer| writer.write_metadata(&metadata(END, end)))?;
+        self.write(|writer| writer.finish().map(drop))?;
+        let writer = self.writer.take().map(|writer| writer.into_inner().into_inner());
+        if let Some(Err(error)) = writer {
+            return Err(self.keep(error.into_error().into()));
+        }
+        if let Some(last) = self.syncing.take() {
+            let _ = last.join();
+            self.file.sync_data().map_err(|error| self.keep(error.into()))?;
+        }
+        let content = self.content(self.newest);
+        outcome.map_err(|error| anyhow!("{content}; {error:#}"))
     }
 }
 
@@ -199,14 +304,17 @@ fn schema<T>(fields: &[&[Field<T>]]) -> String {
 }
 
 impl RecordWriter {
-    /// Begins a record that will be at `path`.
+    /// Begins a record at `path`, where no file is yet, or with `force` any file may be.
     ///
     /// # Errors
-    /// If no file can be written there.
-    pub fn new(path: &Path, heading: &Heading<'_>) -> Result<Self> {
-        let mut file = RecordFile::new(path, heading_of(heading))?;
+    /// If no file can be written there, or there is one.
+    pub fn new(path: &Path, force: bool, heading: &Heading<'_>) -> Result<Self> {
         let cannot = || format!("cannot write {}", path.display());
-        let topics = Topics::new(&mut file.file, heading).with_context(cannot)?;
+        // What is wrong with the topics is known before there is a file.
+        let mut nowhere = Writer::new(io::Cursor::new(Vec::new()))?;
+        Topics::new(&mut nowhere, heading).with_context(cannot)?;
+        let mut file = RecordFile::new(path, force, heading_of(heading))?;
+        let topics = file.write(|writer| Ok(Topics::new(writer, heading)))?.with_context(cannot)?;
         Ok(Self { file, topics })
     }
 
@@ -272,7 +380,7 @@ impl RecordWriter {
         self.file.put(channel_id, now, values)
     }
 
-    /// Ends the record, and puts the file in its place.
+    /// Ends the record.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -308,7 +416,7 @@ impl RecordWriter {
                 end.insert(format!("fault_{number}"), fault.text.to_owned());
             }
         }
-        self.file.finish(end)
+        self.file.finish(Ok(()), end)
     }
 }
 

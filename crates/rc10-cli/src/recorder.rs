@@ -409,6 +409,7 @@ impl<'d> Recorder<'d> {
             no_logs: self.description.no_logs,
             source: self.source,
             faults: Vec::new(),
+            gaps: Vec::new(),
         })
     }
 }

@@ -1,6 +1,6 @@
 //! The recording of a run: everything that tables, JSON and the report are made from.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 
 use rc10_can::Micros;
 use rc10_module::Counters;
@@ -53,6 +53,27 @@ pub struct Recording {
     pub no_logs: bool,
     /// Where it comes from.
     pub source: Source,
+    /// Times that were not recorded, and are left out: those after it are nearer by so much.
+    pub gaps: Vec<Gap>,
+}
+
+/// A time that was not recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// When, in the recording.
+    pub at: Micros,
+    /// How long it was.
+    pub length: Micros,
+    /// The clock went back by so much.
+    pub is_back: bool,
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = self.length.get() as f64 / 1e6;
+        let what = if self.is_back { "the time goes back by" } else { "a gap of" };
+        write!(f, "{what} {seconds} s")
+    }
 }
 
 /// Where a recording comes from: that decides what is known of the robot.
@@ -84,6 +105,13 @@ impl Source {
 }
 
 impl Recording {
+    /// A time of the recording, as the robot counts: with what is left out before it.
+    #[must_use]
+    pub fn told(&self, at: Micros) -> Micros {
+        let before = self.gaps.iter().filter(|gap| gap.at < at);
+        before.fold(at, |at, gap| if gap.is_back { at - gap.length } else { at + gap.length })
+    }
+
     /// The hashes of all buses' logs, one after another, as one SHA-256 hash in hex digits.
     #[must_use]
     pub fn trace_hash(&self) -> String {

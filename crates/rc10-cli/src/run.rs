@@ -1,6 +1,6 @@
 //! `rc10 run`: drives a robot in its environment and says how it went.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,6 +21,7 @@ use crate::report::report;
 use crate::robot::Robot;
 use crate::signal::signal_table;
 use crate::simulate::simulate_into;
+use crate::terminal::tell;
 
 /// What goes wrong on purpose.
 #[derive(Args, Clone, Debug, Default)]
@@ -85,7 +86,7 @@ pub struct RunArgs {
     /// Exit code 3 if the run had problems
     #[arg(long)]
     pub strict: bool,
-    /// Run even if the motors of a bus do not fit on it
+    /// Run even if the motors of a bus do not fit on it, and write over the file of --record
     #[arg(long)]
     pub force: bool,
 }
@@ -153,11 +154,13 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     make_folder(&args.out)?;
     if let size @ LARGE.. = robot.log_size(args.seconds) {
         let (folder, size) = (args.out.display(), size / 1_000_000);
-        eprintln!("rc10: the bus logs will take some {size} MB in {folder}; --no-logs writes none");
+        tell(format_args!(
+            "the bus logs will take some {size} MB in {folder}; --no-logs writes none"
+        ));
     }
     let started = Instant::now();
     let record = match &args.record {
-        Some(path) => Some(RecordWriter::new(path, &Heading::of(&robot, args.seed))?),
+        Some(path) => Some(RecordWriter::new(path, args.force, &Heading::of(&robot, args.seed))?),
         None => None,
     };
     let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;
@@ -260,24 +263,36 @@ pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> R
     Ok(())
 }
 
-/// Where a file is written before it is put in its place, whole.
-pub(crate) fn beside(path: &Path) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}", std::process::id()))
+/// A file that is written beside its place, and removed unless it is put there.
+pub(crate) struct Unfinished(PathBuf);
+
+impl Unfinished {
+    /// For this place.
+    pub(crate) fn new(path: &Path) -> Self {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        Self(path.with_file_name(format!(".{name}.{}", std::process::id())))
+    }
+
+    pub(crate) fn create(&self) -> Result<File> {
+        File::create(&self.0).with_context(|| format!("cannot write {}", self.0.display()))
+    }
+
+    pub(crate) fn put(self, path: &Path) -> io::Result<()> {
+        fs::rename(&self.0, path)
+    }
 }
 
-/// Writes a whole file or none: first beside it, then in its place.
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+/// Writes a whole file or none.
 pub(crate) fn write_file(folder: &Path, name: &str, content: &[u8]) -> Result<()> {
     let path = folder.join(name);
-    let beside = beside(&path);
-    let write = || {
-        fs::write(&beside, content)?;
-        fs::rename(&beside, &path)
-    };
-    let written = write();
-    if written.is_err() {
-        let _ = fs::remove_file(&beside);
-    }
+    let beside = Unfinished::new(&path);
+    let written = fs::write(&beside.0, content).and_then(|()| beside.put(&path));
     written.with_context(|| format!("cannot write {}", path.display()))
 }
 

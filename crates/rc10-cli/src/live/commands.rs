@@ -1,7 +1,7 @@
 //! `rc10 params`, `rc10 get`, `rc10 set` and `rc10 record`.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,14 +9,17 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
 use rc10_link::Action;
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::client::Urgency;
 use super::plan::{plan, watch};
-use super::record::LiveRecord;
+use super::record::{LiveRecord, room, tell_leftovers};
 use super::session::{Session, full_name};
 use super::source::SourceArgs;
 use crate::robot::Robot;
 use crate::run::seconds;
+use crate::terminal::tell;
 
 /// Arguments of `rc10 params`.
 #[derive(Args, Debug)]
@@ -72,6 +75,9 @@ pub struct RecordArgs {
     /// The file
     #[arg(short, long, value_name = "FILE.mcap")]
     pub output: PathBuf,
+    /// Write over the file, if it is there
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// Arguments of `rc10 stop`.
@@ -204,36 +210,19 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     session.meet()?;
     let (topics, left) = plan(&session.client);
     if let Some(first) = left.first() {
-        eprintln!(
-            "rc10: {} signals have no room and are not recorded, such as {}",
-            left.len(),
-            first.name
-        );
+        let (count, first) = (left.len(), &first.name);
+        tell(format_args!("{count} signals have no room and are not recorded, such as {first}"));
     }
     ensure!(!topics.is_empty(), "the robot has no signals");
-    let mut record = LiveRecord::new(&args.output, &topics, &description)?;
+    let folder = args.output.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or_else(|| Path::new("."));
+    tell_leftovers(folder);
+    let mut record = LiveRecord::new(&args.output, args.force, &topics, &description)?;
+    room(folder, args.period).into_iter().for_each(tell);
     watch(&mut session.client, &topics, args.period);
-    let (mut was_up, begin) = (true, session.now());
-    while !stop.load(Ordering::Relaxed) {
-        session.step()?;
-        for sample in session.client.take_samples() {
-            record.take(&sample)?;
-        }
-        let trouble = session.trouble();
-        if was_up != trouble.is_none() {
-            was_up = trouble.is_none();
-            eprintln!("rc10: {}", trouble.unwrap_or_else(|| "the robot is back".into()));
-        }
-        let length = record.length();
-        if args.seconds.is_some_and(|wanted| length >= wanted) {
-            break;
-        }
-        if length == Micros::ZERO && session.now().since(begin) > Micros::from_millis(5000) {
-            bail!("nothing to record came in 5 s");
-        }
-    }
-    let (length, samples) = (record.length().get() as f64 * 1e-6, record.samples);
-    record.finish()?;
+    let outcome = go_on(args, &mut session, &mut record, &stop);
+    let (length, samples) = (record.length().get() as f64 / 1e6, record.samples);
+    record.finish(outcome)?;
     let losses = session.client.losses();
     writeln!(
         out,
@@ -253,11 +242,40 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     Ok(())
 }
 
-/// Set by Ctrl-C.
+/// Records until that is to end.
+fn go_on(
+    args: &RecordArgs,
+    session: &mut Session<'_>,
+    record: &mut LiveRecord,
+    stop: &AtomicBool,
+) -> Result<()> {
+    let (mut was_up, begin) = (true, session.now());
+    while !stop.load(Ordering::Relaxed) {
+        session.step()?;
+        for sample in session.client.take_samples() {
+            record.take(&sample)?;
+        }
+        let trouble = session.trouble();
+        if was_up != trouble.is_none() {
+            was_up = trouble.is_none();
+            tell(trouble.unwrap_or_else(|| "the robot is back".into()));
+        }
+        let length = record.length();
+        if args.seconds.is_some_and(|wanted| length >= wanted) {
+            break;
+        }
+        if length == Micros::ZERO && session.now().since(begin) > Micros::from_millis(5000) {
+            bail!("nothing to record came in 5 s");
+        }
+    }
+    Ok(())
+}
+
+/// Set by Ctrl-C, and when the terminal is closed.
 pub(super) fn stop() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     #[cfg(unix)]
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
     #[cfg(windows)]

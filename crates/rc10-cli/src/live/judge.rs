@@ -152,9 +152,10 @@ impl<'k> Judge<'k> {
         let is_due = self.judged.is_none_or(|judged| self.before.since(judged) >= OFTEN);
         match self.recordings.front() {
             Some((begun, replay)) if is_due && self.before.since(*begun) >= LEAST => {
-                let recording = replay.clone().finish(None)?;
+                let recording = replay.clone().finish()?;
                 let happened = happened(&recording).into_iter();
-                self.happened = happened.map(|(at, what)| (*begun + at, what)).collect();
+                let told = |(at, what)| (*begun + recording.told(at), what);
+                self.happened = happened.map(told).collect();
                 self.found = problems(&recording);
                 self.judged = Some(self.before);
             }

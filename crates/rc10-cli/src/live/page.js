@@ -184,6 +184,10 @@ function parameters() {
 async function change(full, input) {
   const it = state.parameters.find((it) => it.full === full), wanted = Number(input.value);
   if (!it || input.value.trim() === '' || Number.isNaN(wanted)) { say('refused', '“' + input.value + '” is no number'); input.value = input.dataset.value; return; }
+  // A loop that would shake is said so before it does; the same value once more is meant.
+  const advice = input.dataset.meant === input.value ? null : await post({ advise: [full, wanted] }).catch(() => null);
+  if (advice) { say('refused', full + ' = ' + input.value + ': ' + advice + '. Enter it once more to set it all the same.'); input.dataset.meant = input.value; input.value = input.dataset.value; return; }
+  delete input.dataset.meant;
   try {
     await attempt({ set: [[full, wanted]] });
     undo.push([it.full, it.value]); $('undo').disabled = false;

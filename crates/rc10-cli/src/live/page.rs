@@ -1,6 +1,6 @@
 //! `rc10 live`: a page in the browser that shows a robot while it runs.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
@@ -15,7 +15,7 @@ use super::client::{Answer, Client, Urgency};
 use super::commands::stop;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
-use super::record::{LiveRecord, RESTART};
+use super::record::{LiveRecord, RESTART, room, tell_leftovers};
 use super::server::{Asked, Pages, Wish, look, urgent};
 use super::session::{Session, full_name};
 use super::source::SourceArgs;
@@ -92,17 +92,24 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         viewers,
         told: None,
     };
-    while !stop.load(Ordering::Relaxed) {
-        show.step()?;
+    tell_leftovers(&args.out);
+    let mut outcome = Ok(());
+    while outcome.is_ok() && !stop.load(Ordering::Relaxed) {
+        outcome = show.step();
         if args.seconds.is_some_and(|end| show.session.now() >= end) {
             break;
         }
     }
-    if let Some((record, path)) = show.record.take() {
-        record.finish()?;
-        writeln!(out, "record  {}", path.display())?;
-    }
+    let Some((record, path)) = show.record.take() else { return outcome };
+    record.finish(outcome)?;
+    writeln!(out, "record  {}", path.display())?;
     Ok(())
+}
+
+/// Whether a file was not made because there is one.
+fn is_there(error: &anyhow::Error) -> bool {
+    let error = error.downcast_ref::<io::Error>();
+    error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
 }
 
 /// A speed as a jog has it: faster than any is allowed to be is refused by the robot.
@@ -159,11 +166,12 @@ impl Show<'_, '_> {
         self.met = is_described;
         let samples = self.session.client.take_samples();
         samples.iter().for_each(|sample| self.viewers.take(sample, &self.session.client));
-        if let Some((record, path)) = &mut self.record
-            && let Err(error) = samples.iter().try_for_each(|sample| record.take(sample))
+        if let Some((record, _)) = &mut self.record
+            && let error @ Err(_) = samples.iter().try_for_each(|sample| record.take(sample))
+            && let Some((record, _)) = self.record.take()
+            && let Err(error) = record.finish(error)
         {
-            self.note = Some(format!("the record {} has ended: {error:#}", path.display()));
-            self.record = None;
+            self.note = Some(format!("the record has ended: {error:#}"));
         }
         if self.stranger.is_none() {
             samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
@@ -221,6 +229,10 @@ impl Show<'_, '_> {
                 let _ = tell.send(self.switch_record(on).map_err(|error| format!("{error:#}")));
                 return;
             }
+            Wish::Advise(name, value) => {
+                let _ = tell.send(self.advise(&name, value).map_err(|error| format!("{error:#}")));
+                return;
+            }
             Wish::Do(action, ..) if let Some(action) = urgent(&action) => {
                 let id = self.session.client.urge(action, now);
                 id.with_context(|| format!("{action:?} is not urgent"))
@@ -232,6 +244,19 @@ impl Show<'_, '_> {
             // The page may have gone.
             Err(why) => drop(tell.send(Err(format!("{why:#}")))),
         }
+    }
+
+    /// What a gain would do, before it is sent; null if nothing is known against it.
+    fn advise(&self, name: &str, value: f32) -> Result<Value> {
+        if self.stranger.is_some() {
+            return Ok(Value::Null);
+        }
+        let wanted = self.session.parameter(name)?;
+        let known = self.session.client.parameters().filter(|it| it.label == wanted.label);
+        let now: Vec<_> = known.map(|it| (it.name.as_str(), it.value)).collect();
+        let advice = self.judge.advise(&wanted.label, (&wanted.name, value), now);
+        let bad = advice.filter(|advice| advice.margin < advice.least);
+        Ok(bad.map_or(Value::Null, |advice| advice.text.into()))
     }
 
     /// Asks the robot for something that is not urgent.
@@ -263,7 +288,9 @@ impl Show<'_, '_> {
                     _ => bail!("there is no `{action}`"),
                 }))
             }
-            Wish::Watch(..) | Wish::Record(_) => bail!("that is not for the robot"),
+            Wish::Watch(..) | Wish::Record(_) | Wish::Advise(..) => {
+                bail!("that is not for the robot")
+            }
         }
     }
 
@@ -277,21 +304,22 @@ impl Show<'_, '_> {
 
     fn switch_record(&mut self, on: bool) -> Result<Value> {
         if let Some((record, path)) = self.record.take() {
-            record.finish()?;
+            record.finish(Ok(()))?;
             self.note = Some(format!("record: {}", path.display()));
         }
         if on {
             std::fs::create_dir_all(&self.folder)
                 .with_context(|| format!("cannot make {}", self.folder.display()))?;
-            let path = loop {
+            self.record = loop {
                 self.records += 1;
                 let path = self.folder.join(format!("{:03}.mcap", self.records));
-                if !path.exists() {
-                    break path;
+                match LiveRecord::new(&path, false, &self.topics, self.kit.description()) {
+                    // Of another time, or of another program that shows a robot.
+                    Err(error) if is_there(&error) => {}
+                    record => break Some((record?, path)),
                 }
             };
-            let record = LiveRecord::new(&path, &self.topics, self.kit.description())?;
-            self.record = Some((record, path));
+            self.note = room(&self.folder, OFTEN);
         }
         Ok(Value::Null)
     }

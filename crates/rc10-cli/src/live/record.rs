@@ -10,12 +10,52 @@ use rc10_can::Micros;
 use super::client::Sample;
 use super::plan::{Topic, messages};
 use crate::description::Description;
-use crate::record::RecordFile;
+use crate::record::{RecordFile, leftovers};
+use crate::terminal::tell;
 
 /// A robot whose time goes back by so much was restarted.
 pub const RESTART: Micros = Micros::from_millis(200);
 
-/// A record that is being written. The file is there when it is finished.
+/// A power cut takes no more of a record.
+const SYNC: Micros = Micros::from_millis(5000);
+
+/// Bytes of an hour, with the motors every 10 ms.
+#[cfg(unix)]
+const HOUR: f64 = 0.6e9;
+
+/// How long a record may get on the disk of this folder, with the motors every so many ms; `None` if that is
+/// not known.
+#[cfg(unix)]
+pub(super) fn room(folder: &Path, period: u16) -> Option<String> {
+    let disk = rustix::fs::statvfs(folder).ok()?;
+    let free = disk.f_bavail as f64 * disk.f_frsize as f64;
+    let hours = free / (HOUR * (10.0 / f64::from(period)).max(1.0));
+    Some(if hours < 1.0 / 6.0 {
+        format!("WARNING: the disk has room for some {:.0} min of the record only", hours * 60.0)
+    } else {
+        format!("the disk has room for some {hours:.1} h of the record")
+    })
+}
+
+#[cfg(not(unix))]
+pub(super) const fn room(_: &Path, _: u16) -> Option<String> {
+    None
+}
+
+/// Names the records of a folder that have no end.
+pub(super) fn tell_leftovers(folder: &Path) {
+    let found = leftovers(folder);
+    let names: Vec<_> = found.iter().take(5).map(|path| path.display().to_string()).collect();
+    if !names.is_empty() {
+        let (names, more) = (names.join(", "), found.len() - names.len());
+        let more = if more == 0 { String::new() } else { format!(" and {more} more") };
+        tell(format_args!(
+            "not finished, or still being written: {names}{more}; rc10 report reads such a file"
+        ));
+    }
+}
+
+/// A record that is being written.
 pub struct LiveRecord {
     file: RecordFile,
     topics: Vec<Topic>,
@@ -27,22 +67,29 @@ pub struct LiveRecord {
     /// The record's: of the newest sample, and when the robot began to count.
     last: Micros,
     shift: Micros,
+    /// Until there the disk has been given it.
+    synced: Micros,
     /// Samples that it holds.
     pub samples: u64,
 }
 
 impl LiveRecord {
-    /// Begins a record that will be at `path`. Motors that `description` has too are told with their
+    /// Begins a record at `path`, where no file is yet, or with `force` any file may be. Motors that `description` has too are told with their
     /// model and place: so `rc10 report` knows the robot again.
     ///
     /// # Errors
-    /// If no file can be written there.
-    pub fn new(path: &Path, topics: &[Topic], description: &Description) -> Result<Self> {
+    /// If no file can be written there, or there is one.
+    pub fn new(
+        path: &Path,
+        force: bool,
+        topics: &[Topic],
+        description: &Description,
+    ) -> Result<Self> {
         let head = BTreeMap::from([
             ("seed".to_owned(), "1".to_owned()),
             ("source".to_owned(), "robot".to_owned()),
         ]);
-        let mut file = RecordFile::new(path, head)?;
+        let mut file = RecordFile::new(path, force, head)?;
         let mut channels = Vec::new();
         for topic in topics {
             let mut map = BTreeMap::from([("label".to_owned(), topic.label.clone())]);
@@ -54,6 +101,8 @@ impl LiveRecord {
             let (name, schema) = (topic.schema_name(), topic.schema());
             channels.push(file.channel(&name, &schema, &topic.name, &map)?);
         }
+        // From now on the disk knows of it.
+        file.sync()?;
         let (before, last) = (Micros::ZERO, Micros::ZERO);
         Ok(Self {
             file,
@@ -63,6 +112,7 @@ impl LiveRecord {
             before,
             last,
             shift: Micros::ZERO,
+            synced: Micros::ZERO,
             samples: 0,
         })
     }
@@ -85,7 +135,12 @@ impl LiveRecord {
         messages(topics, sample, |topic, bytes| {
             *samples += 1;
             file.put_bytes(channels[topic], at, bytes)
-        })
+        })?;
+        if self.last.since(self.synced) >= SYNC {
+            self.synced = self.last;
+            self.file.sync()?;
+        }
+        Ok(())
     }
 
     /// The time that it covers.
@@ -94,12 +149,12 @@ impl LiveRecord {
         self.last
     }
 
-    /// Puts the file in its place.
+    /// Ends it. What was recorded stays, also if this is because of an error.
     ///
     /// # Errors
-    /// If it cannot be written.
-    pub fn finish(self) -> Result<()> {
+    /// If it cannot be written, and that of the outcome, with what is in the record.
+    pub fn finish(self, outcome: Result<()>) -> Result<()> {
         let length = self.length().get().to_string();
-        self.file.finish(BTreeMap::from([("length_us".to_owned(), length)]))
+        self.file.finish(outcome, BTreeMap::from([("length_us".to_owned(), length)]))
     }
 }

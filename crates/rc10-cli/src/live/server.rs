@@ -27,6 +27,8 @@ pub enum Wish {
     Watch(u16, Vec<u16>),
     /// To change parameters, by their full names.
     Set(Vec<(String, f32)>),
+    /// What this value of a parameter would do.
+    Advise(String, f32),
     /// Something done: its name, the motor's label, and a speed in rpm.
     Do(String, String, f32),
     /// A record to begin, or to end.
@@ -153,6 +155,10 @@ fn parse(value: &Value) -> Option<Wish> {
             Some((change.get(0)?.as_str()?.to_owned(), change.get(1)?.as_f64()? as f32))
         };
         return Some(Wish::Set(changes.as_array()?.iter().map(change).collect::<Option<_>>()?));
+    }
+    if let Some(change) = value.get("advise") {
+        let name = change.get(0)?.as_str()?.to_owned();
+        return Some(Wish::Advise(name, change.get(1)?.as_f64()? as f32));
     }
     if let Some(action) = value.get("do") {
         // By its label: its number is another one after the next flashing.

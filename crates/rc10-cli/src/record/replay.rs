@@ -1,24 +1,21 @@
 //! Reads a record: `rc10 report` and `rc10 csv`.
 
-use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::fs;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{self, Read as _, Write};
+use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use mcap::MAGIC;
-use mcap::read::{ChunkFlattener, Options};
-use mcap::records::Record;
 use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
 use rc10_motor::{DriveMode, Fault as MotorFault, Loops, TargetKind};
 
 use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
+use super::file::{Channel, Item, walk};
 use super::{CDR, END, LAYOUT, VALUE, VERSION, topic};
 use crate::decode::{BusOfChannel, hear};
 use crate::description::Description;
@@ -27,11 +24,12 @@ use crate::figures::{Figures, to_json};
 use crate::look::{BusLook, Moment, MotorLook};
 use crate::ports::Ports;
 use crate::recorder::{Recorder, WireEnd};
-use crate::recording::{Recording, SAMPLE_PERIOD, Source};
+use crate::recording::{Gap, Recording, SAMPLE_PERIOD, Source};
 use crate::remote::{Loss, Lost, Receiver};
 use crate::robot::Robot;
-use crate::run::{make_folder, print, write_file, write_files};
+use crate::run::{Unfinished, make_folder, print, write_files};
 use crate::signal::Signal;
+use crate::terminal::{Plain, tell};
 
 /// Arguments of `rc10 report`.
 #[derive(Args, Debug)]
@@ -77,17 +75,26 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
             bail!("{named}: one record at a time");
         };
         ensure!(args.buses.is_empty(), "--bus is for captures: a record has the robot's own buses");
-        replay(&read(file)?, robot).with_context(|| named.clone())?
+        replay(&mut open(file)?, robot).with_context(|| named.clone())?
     } else {
-        let heard = hear(&args.files, &args.buses, robot, &mut io::stderr().lock());
+        let heard = hear(&args.files, &args.buses, robot, &mut Plain(io::stderr().lock()));
         (heard.with_context(|| named.clone())?, None)
     };
     let figures = Figures::of(&recording);
     make_folder(&args.out)?;
     write_files(&recording, &figures, &args.out)?;
-    let length = recording.length.get() as f64 * 1e-6;
+    let length = recording.length.get() as f64 / 1e6;
     if let Some(why) = cut {
-        eprintln!("rc10: {named}: cut off after {length} s: {why}");
+        tell(format_args!("{named}: cut off after {length} s: {why}"));
+    }
+    for gap in recording.gaps.iter().take(GAPS) {
+        let at = gap.at.get() as f64 / 1e6;
+        tell(format_args!(
+            "{named}: {gap} at {at} s; it is left out, and what follows is that much nearer"
+        ));
+    }
+    if let more @ 1.. = recording.gaps.len().saturating_sub(GAPS) {
+        tell(format_args!("{named}: {more} such gaps more"));
     }
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, None))?;
@@ -102,79 +109,19 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     Ok(figures.any_problems())
 }
 
+/// So many gaps are told one by one.
+const GAPS: usize = 5;
+
 /// Whether a file begins as a record does.
 fn is_record(path: &Path) -> Result<bool> {
     let cannot = || format!("cannot read {}", path.display());
     let mut begin = Vec::new();
-    let file = File::open(path).with_context(cannot)?;
-    file.take(MAGIC.len() as u64).read_to_end(&mut begin).with_context(cannot)?;
+    open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin).with_context(cannot)?;
     Ok(begin == MAGIC)
 }
 
-fn read(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).with_context(|| format!("cannot read {}", path.display()))
-}
-
-/// One channel of a file.
-struct Channel {
-    topic: String,
-    map: BTreeMap<String, String>,
-    /// Names of its numbers; `None` if it has something else.
-    columns: Option<Vec<String>>,
-}
-
-/// What stands in a file, in its order.
-enum Item<'a> {
-    /// A number is given to a channel.
-    Channel(u16, Channel),
-    /// A message of it: the time in nanoseconds, and its bytes.
-    Message(u16, u64, &'a [u8]),
-    Metadata(String, BTreeMap<String, String>),
-}
-
-/// Goes through a file. `take` is told everything, and may end it with an error. Why the rest of the
-/// file cannot be read, if it cannot.
-fn walk(bytes: &[u8], mut take: impl FnMut(Item<'_>) -> Result<()>) -> Result<Option<String>> {
-    let mut schemas = BTreeMap::new();
-    let mut is_begun = false;
-    for record in ChunkFlattener::new_with_options(bytes, Options::ValidateChunkCrcs.into())? {
-        let record = match record {
-            Ok(record) => record,
-            Err(error) if is_begun => return Ok(Some(error.to_string())),
-            Err(error) => return Err(error).context("it is no MCAP file"),
-        };
-        is_begun = true;
-        match record {
-            Record::Schema { header, data } => {
-                let columns = (header.encoding == "ros2msg").then(|| columns(&data)).flatten();
-                schemas.insert(header.id, columns);
-            }
-            Record::Channel(channel) => {
-                let columns = schemas.get(&channel.schema_id).cloned().flatten();
-                let columns = columns.filter(|_| channel.message_encoding == "cdr");
-                let (topic, map) = (channel.topic, channel.metadata);
-                take(Item::Channel(channel.id, Channel { topic, map, columns }))?;
-            }
-            Record::Message { header, data } => {
-                take(Item::Message(header.channel_id, header.log_time, &data))?;
-            }
-            Record::Metadata(metadata) => {
-                take(Item::Metadata(metadata.name, metadata.metadata))?;
-            }
-            _ => {}
-        }
-    }
-    Ok(None)
-}
-
-/// The names of a schema's numbers; `None` if it has anything but numbers of eight bytes.
-fn columns(schema: &[u8]) -> Option<Vec<String>> {
-    let text = std::str::from_utf8(schema).ok()?;
-    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
-    lines
-        .filter(|line| !line.is_empty())
-        .map(|line| line.strip_prefix("float64 ").map(|name| name.trim().to_owned()))
-        .collect()
+fn open(path: &Path) -> Result<File> {
+    File::open(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// The numbers of a message; fewer if it is too short.
@@ -242,7 +189,20 @@ impl Count {
         self.last = value;
         self.before + self.turned + value - first
     }
+
+    /// What it counts until it is heard of again is left out.
+    fn pause(&mut self) {
+        if let Some(first) = self.first.take() {
+            self.before += self.turned + self.last - first;
+            (self.turned, self.last) = (0.0, 0.0);
+        }
+    }
 }
+
+/// What is further apart was not recorded in between: nothing is said of that time.
+const GAP: Micros = Micros::from_millis(5000);
+/// A recording takes half a gigabyte of memory an hour, or more.
+const LONGEST: Micros = Micros::from_millis(4 * 3_600_000);
 
 /// What the messages of a channel are about.
 #[derive(Clone, Copy)]
@@ -264,13 +224,16 @@ enum About {
 /// ends too early, if it does.
 ///
 /// # Errors
-/// If the bytes are no record, one of another robot, or of a layout that is not known here.
-pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<String>)> {
+/// If it is no record, one of another robot, or of a layout that is not known here.
+pub fn replay(
+    file: &mut (impl Read + Seek),
+    mut robot: Robot<'_>,
+) -> Result<(Recording, Option<String>)> {
     // The metadata come first, but for those of the end.
     let mut heading = None;
     let mut end = BTreeMap::new();
     let mut found = BTreeMap::new();
-    walk(bytes, |item| {
+    walk(file, |item| {
         match item {
             Item::Metadata(name, map) if name == LAYOUT => heading = Some(map),
             Item::Metadata(name, map) if name == END => end = map,
@@ -306,7 +269,7 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
             *fault = String::leak(text.clone());
         }
     }
-    let cut = walk(bytes, |item| match item {
+    let cut = walk(file, |item| match item {
         Item::Channel(id, Channel { topic, columns, .. }) => {
             state.channel(id, &topic, columns.unwrap_or_default());
             Ok(())
@@ -314,11 +277,9 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
         Item::Message(id, time, bytes) => state.take(id, Micros::new(time / 1000), bytes),
         Item::Metadata(..) => Ok(()),
     })?;
-    let length = match end.get("length_us") {
-        Some(text) => Some(Micros::new(text.parse().context("its length is no number")?)),
-        None => None,
-    };
-    let mut recording = state.finish(length)?;
+    let cut =
+        cut.or_else(|| state.is_full.then(|| "a report is made of four hours at most".into()));
+    let mut recording = state.finish()?;
     recording.faults.clone_from(&kit.description.faults);
     recording.no_logs = true;
     let cut = cut.or_else(|| end.is_empty().then(|| "its end is missing".into()));
@@ -437,8 +398,12 @@ pub struct Replay<'d> {
     recorder: Recorder<'d>,
     names: Names,
     channels: BTreeMap<u16, Messages>,
-    /// The time of what follows.
+    /// The time of what follows, and what its messages say of it: there are gaps in that.
     at: Micros,
+    told_at: Micros,
+    gaps: Vec<Gap>,
+    /// It is as long as one can be.
+    is_full: bool,
     /// It was told by a robot: seldom, and not at the times of a run.
     is_robot: bool,
     /// Which signal is the heading of such a one.
@@ -480,6 +445,9 @@ impl<'d> Replay<'d> {
             names,
             channels: BTreeMap::new(),
             at: Micros::ZERO,
+            told_at: Micros::ZERO,
+            gaps: Vec::new(),
+            is_full: false,
             is_robot: source == Source::Robot,
             heading: own.iter().position(|signal| Some(signal.label) == *heading),
             next_sample: Micros::ZERO,
@@ -509,14 +477,34 @@ impl<'d> Replay<'d> {
         self.channels.insert(id, Messages { about, columns: columns.into(), counts });
     }
 
-    /// The recording of what was taken; `length` is its time, if that is known.
+    /// The recording of what was taken.
     ///
     /// # Errors
     /// None, so far: nothing is written.
-    pub fn finish(mut self, length: Option<Micros>) -> Result<Recording> {
+    pub fn finish(mut self) -> Result<Recording> {
         self.flush()?;
-        let Self { recorder, at, wires, losses, .. } = self;
-        recorder.finish_with(length.unwrap_or(at), wires, losses)
+        let Self { recorder, at, wires, losses, gaps, .. } = self;
+        Ok(Recording { gaps, ..recorder.finish_with(at, wires, losses)? })
+    }
+
+    /// Goes on to the time of a message. Gaps are left out: nothing is made up for them.
+    fn go_on(&mut self, told: Micros) -> Result<()> {
+        let (forth, back) = (told.since(self.told_at), self.told_at.since(told));
+        self.told_at = told;
+        if forth <= GAP && back <= GAP {
+            let at = self.at + forth - back;
+            if at != self.at {
+                self.flush()?;
+                (self.at, self.is_full) = (at, at > LONGEST);
+            }
+            return Ok(());
+        }
+        self.flush()?;
+        self.gaps.push(Gap { at: self.at, length: forth.max(back), is_back: back > forth });
+        self.at += SAMPLE_PERIOD;
+        let counts = self.channels.values_mut().flat_map(|channel| &mut channel.counts);
+        counts.for_each(|(_, count)| count.pause());
+        Ok(())
     }
 
     /// Takes a message.
@@ -524,24 +512,22 @@ impl<'d> Replay<'d> {
     /// # Errors
     /// If its channel is not known, or it is none of numbers.
     pub fn take(&mut self, id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
-        let Some(channel) = self.channels.get_mut(&id) else {
-            bail!("a message of a channel that is not declared");
-        };
-        let (about, columns) = (channel.about, Rc::clone(&channel.columns));
-        if matches!(about, About::Other) {
+        let about = self.channels.get(&id).map(|channel| channel.about);
+        let about = about.context("a message of a channel that is not declared")?;
+        if self.is_full || matches!(about, About::Other) {
             return Ok(());
         }
+        // Some were written when all was over, and belong to no moment.
+        if !matches!(about, About::Window(_) | About::Loss) {
+            self.go_on(now)?;
+        }
+        let Some(channel) = self.channels.get_mut(&id) else { return Ok(()) };
+        let columns = Rc::clone(&channel.columns);
         let mut values: Vec<f64> = numbers(bytes)?.collect();
         for (at, count) in &mut channel.counts {
             if let Some(value) = values.get_mut(*at).filter(|value| value.is_finite()) {
                 *value = count.since_begin(*value);
             }
-        }
-        // Those were written when all was over, and belong to no moment.
-        let is_late = matches!(about, About::Window(_) | About::Loss);
-        if !is_late && now != self.at {
-            self.flush()?;
-            self.at = now;
         }
         match about {
             About::Window(at) => {
@@ -675,53 +661,91 @@ impl Replay<'_> {
     }
 }
 
+/// A table that is being written. It is in its place when it is whole.
+struct Table {
+    name: String,
+    rows: usize,
+    is_text: bool,
+    file: BufWriter<File>,
+    beside: Unfinished,
+}
+
 /// Writes the numbers and events of a record as CSV files, one for each topic.
 ///
 /// # Errors
 /// If the file is none, or the folder cannot be written.
 pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
-    let bytes = read(&args.record)?;
+    let mut file = open(&args.record)?;
     let named = || args.record.display().to_string();
-    let mut tables: BTreeMap<u16, (String, usize, String, Option<usize>)> = BTreeMap::new();
-    let cut = walk(&bytes, |item| {
+    let mut tables: BTreeMap<u16, Table> = BTreeMap::new();
+    let mut names = BTreeSet::new();
+    let cut = walk(&mut file, |item| {
         match item {
-            Item::Channel(id, Channel { topic, columns, .. }) => {
-                let names = columns.as_ref().map_or_else(|| "label".into(), |all| all.join(","));
-                let width = columns.map(|columns| columns.len());
-                tables.entry(id).or_insert_with(|| (topic, 0, format!("time_s,{names}\n"), width));
+            Item::Channel(id, Channel { topic, columns, .. }) if !tables.contains_key(&id) => {
+                make_folder(&args.out)?;
+                let name = file_name(&topic, &mut names);
+                let beside = Unfinished::new(&args.out.join(&name));
+                let mut file = BufWriter::new(beside.create()?);
+                let head = columns.as_ref().map_or_else(|| "label".into(), |all| all.join(","));
+                writeln!(file, "time_s,{head}")?;
+                let is_text = columns.is_none();
+                tables.insert(id, Table { name, rows: 0, is_text, file, beside });
             }
             Item::Message(id, time, bytes) => {
-                let Some((_, rows, text, width)) = tables.get_mut(&id) else {
+                let Some(Table { rows, is_text, file, .. }) = tables.get_mut(&id) else {
                     bail!("a message of a channel that is not declared");
                 };
                 *rows += 1;
-                write!(text, "{}.{:09}", time / 1_000_000_000, time % 1_000_000_000)?;
-                if width.is_some() {
+                write!(file, "{}.{:09}", time / 1_000_000_000, time % 1_000_000_000)?;
+                if *is_text {
+                    write!(file, ",{}", label(bytes).replace([',', '\n', '"'], " "))?;
+                } else {
                     // An empty cell for what there is not.
                     for value in numbers(bytes)? {
                         let value = if value.is_nan() { String::new() } else { value.to_string() };
-                        write!(text, ",{value}")?;
+                        write!(file, ",{value}")?;
                     }
-                } else {
-                    write!(text, ",{}", label(bytes).replace([',', '\n', '"'], " "))?;
                 }
-                text.push('\n');
+                writeln!(file)?;
             }
-            Item::Metadata(..) => {}
+            _ => {}
         }
         Ok(())
     })
     .with_context(named)?;
-    make_folder(&args.out)?;
-    for (topic, rows, text, _) in tables.into_values() {
-        let name = format!("{}.csv", topic.trim_start_matches('/').replace('/', "-"));
-        write_file(&args.out, &name, text.as_bytes())?;
-        writeln!(out, "{rows:>8} rows  {}", args.out.join(name).display())?;
+    for Table { name, rows, mut file, beside, .. } in tables.into_values() {
+        let path = args.out.join(name);
+        let written = file.flush().and_then(|()| beside.put(&path));
+        written.with_context(|| format!("cannot write {}", path.display()))?;
+        writeln!(out, "{rows:>8} rows  {}", path.display())?;
     }
     if let Some(why) = cut {
-        eprintln!("rc10: {}: cut off: {why}", args.record.display());
+        tell(format_args!("{}: cut off: {why}", args.record.display()));
     }
     Ok(())
+}
+
+/// A file's name for a topic, on every system: of letters, digits, `-` and `_`, none that Windows keeps for
+/// itself, and none that is taken.
+fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
+    let safe = |letter: char| match letter {
+        '/' => '-',
+        letter if letter.is_alphanumeric() || letter == '-' => letter,
+        _ => '_',
+    };
+    let mut name: String = topic.trim_start_matches('/').chars().take(80).map(safe).collect();
+    let device = name.to_lowercase();
+    let numbered = device.strip_prefix("com").or_else(|| device.strip_prefix("lpt"));
+    if matches!(device.as_str(), "con" | "prn" | "aux" | "nul")
+        || numbered.is_some_and(|rest| rest.chars().count() == 1)
+    {
+        name.push('_');
+    }
+    // Files that differ by case alone are one file elsewhere.
+    while !taken.insert(name.to_lowercase()) {
+        name.push('_');
+    }
+    name + ".csv"
 }
 
 /// The text of a message that is one string; nothing of others.
@@ -750,6 +774,12 @@ mod tests {
             counted(&mut count, &[near, 5.0, 20.0, 3.0, 4.0]),
             [0.0, 15.0, 30.0, 30.0, 31.0]
         );
+        // Not heard for a while: what it counted meanwhile is left out.
+        let mut count = Count::default();
+        assert_eq!(counted(&mut count, &[100.0, 110.0]), [0.0, 10.0]);
+        count.pause();
+        count.pause();
+        assert_eq!(counted(&mut count, &[36_000_110.0, 36_000_111.0]), [10.0, 11.0]);
     }
 
     /// The recording of what the team's robot tells of a motor and of itself: the names of the motor's
@@ -770,7 +800,7 @@ mod tests {
             let id = u16::from(told.iter().any(|it| it.0 == *at && it.1.is_none()));
             replay.take(id, Micros::from_millis(*at), &bytes).unwrap();
         }
-        replay.finish(None).unwrap()
+        replay.finish().unwrap()
     }
 
     #[test]

@@ -1,0 +1,201 @@
+//! What the tools of a PC read, and what a robot hears from one; and an IMU whose registers say anything.
+
+use std::cell::RefCell;
+use std::io::Cursor;
+use std::pin::pin;
+use std::rc::Rc;
+use std::sync::LazyLock;
+use std::task::{Context, Poll, Waker};
+
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::spi::{ErrorType, Operation, SpiDevice};
+use rc10_can::Micros;
+use rc10_cli::environment::Environment;
+use rc10_cli::live::Client;
+use rc10_cli::record::{Heading, RecordWriter, replay};
+use rc10_cli::simulate::simulate_into;
+use rc10_cli::{Robot, candump, slcan, team};
+use rc10_link::frame::{AROUND, BODY, Writer, crc};
+use rc10_module::imu::bmi088::{Bmi088, Config};
+
+/// A frame with a good CRC around anything, of up to 192 bytes.
+fn sound(body: &[u8]) -> Vec<u8> {
+    let mut other = Writer::<{ BODY + AROUND }>::new();
+    other.message(&0_u8);
+    let (begin, [low, high]) = (other.bytes()[0], (body.len() as u16).to_le_bytes());
+    let head = [begin, low, high, begin ^ low ^ high ^ 0xFF];
+    [&head, body, &crc(body).to_le_bytes()].concat()
+}
+
+/// Pieces of some bytes, each with its length before it.
+fn pieces(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    std::iter::from_fn(move || {
+        let (&length, rest) = bytes.split_first()?;
+        let (piece, rest) = rest.split_at(usize::from(length).min(rest.len()));
+        bytes = rest;
+        Some(piece)
+    })
+}
+
+/// Hands the team's robot over.
+fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
+    let ports = rc10_robot::Ports::new();
+    let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+    let buses = motors.start(&shared.switch).unwrap().buses;
+    take(team::robot(&shared, buses))
+}
+
+/// The PC's end of a link: sound frames of anything, and noise.
+pub fn client(bytes: &[u8]) {
+    let mut client = Client::new();
+    for (at, piece) in (0..).zip(pieces(bytes)) {
+        let now = Micros::from_millis(at);
+        client.step(now);
+        client.hear(&sound(piece), now);
+        client.hear(piece, now);
+        drop((client.take_out(), client.take_samples(), client.losses(), client.is_described()));
+    }
+}
+
+/// The robot's end: after whatever it was asked, it answers a hello.
+pub fn conversation(bytes: &[u8]) {
+    of_team(|robot| {
+        let around = Environment::new(robot.description(), 1).unwrap();
+        let mut around = around.with_console(2_000_000);
+        let mut tasks = robot.tasks(&around).unwrap();
+        let line = around.console.clone().unwrap();
+        let mut run = |sent: &[u8]| {
+            line.send(sent);
+            let end = around.world.now() + Micros::from_millis(1);
+            around.run(&mut tasks, end);
+            (line.take(), end)
+        };
+        for piece in pieces(bytes).take(32) {
+            run(&[sound(piece), piece.to_vec()].concat());
+        }
+        // What was begun may claim to be as long as the longest frame.
+        run(&[0; BODY + AROUND]);
+        let mut client = Client::new();
+        for _ in 0..50 {
+            let out = client.take_out();
+            let (heard, now) = run(&out);
+            client.step(now);
+            client.hear(&heard, now);
+        }
+        assert!(client.version() != 0, "it does not answer");
+    });
+}
+
+/// Lines of candump and of slcan: a frame that is understood is written as it was meant.
+pub fn lines(bytes: &[u8]) {
+    for line in String::from_utf8_lossy(bytes).lines() {
+        let Ok(Some(line)) = candump::parse(line) else { continue };
+        let mut again = String::new();
+        candump::write_line(&mut again, Micros::ZERO, "can0", &line.frame).unwrap();
+        let read = candump::parse(again.trim_end()).unwrap().unwrap();
+        assert_eq!(read.frame, line.frame, "{again}");
+    }
+    for command in slcan::Lines::default().take(bytes).into_iter().flatten() {
+        let slcan::Command::Send(frame) = command else { continue };
+        let mut again = Vec::new();
+        slcan::write_frame(&mut again, &frame, None);
+        assert_eq!(slcan::parse(&again[..again.len() - 1]), Ok(command));
+    }
+}
+
+/// A record of some milliseconds, without the checksums that would tell what is changed.
+static RECORD: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let path = std::env::temp_dir().join(format!("rc10-fuzz-{}.mcap", std::process::id()));
+    of_team(|robot| {
+        let record = RecordWriter::new(&path, true, &Heading::of(&robot, 1)).unwrap();
+        simulate_into(robot, 1, Micros::from_millis(12), Some(record)).unwrap();
+    });
+    let mut bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let mut at = 8;
+    while let Some(length) = bytes.get(at + 1..at + 9) {
+        let length = u64::from_le_bytes(length.try_into().unwrap()) as usize;
+        if bytes[at] == 6 {
+            bytes[at + 33..at + 37].fill(0);
+        }
+        at += 9 + length;
+    }
+    bytes
+});
+
+/// A record with some bytes changed, and the bytes alone as one.
+pub fn record(bytes: &[u8]) {
+    let mut changed = RECORD.clone();
+    for [low, middle, high, value] in bytes.as_chunks().0 {
+        let at = u32::from_le_bytes([*low, *middle, *high, 0]) as usize % changed.len();
+        changed[at] = *value;
+    }
+    let read = |file: &[u8]| of_team(|robot| replay(&mut Cursor::new(file), robot)).is_ok();
+    assert!(read(&changed) || !bytes.is_empty());
+    read(bytes);
+}
+
+/// Registers of a chip; what is written is there, and its clock goes on.
+#[derive(Clone)]
+struct Chip(Rc<RefCell<[u8; 256]>>);
+
+impl Chip {
+    fn new(id: u8) -> Self {
+        let mut registers = [0; 256];
+        registers[0] = id;
+        Self(Rc::new(RefCell::new(registers)))
+    }
+}
+
+impl ErrorType for Chip {
+    type Error = std::convert::Infallible;
+}
+
+impl SpiDevice for Chip {
+    async fn transaction(&mut self, all: &mut [Operation<'_, u8>]) -> Result<(), Self::Error> {
+        let (mut registers, mut at) = (self.0.borrow_mut(), 0);
+        for operation in all {
+            match operation {
+                Operation::Write([register, value]) if *register < 0x80 => {
+                    registers[usize::from(*register)] = *value;
+                }
+                Operation::Write(bytes) => at = usize::from(bytes[0] & 0x7F),
+                Operation::Read(bytes) => {
+                    registers[0x18] = registers[0x18].wrapping_add(1);
+                    bytes.copy_from_slice(&registers[at..][..bytes.len()]);
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// No time goes by.
+struct AtOnce;
+
+impl DelayNs for AtOnce {
+    async fn delay_ns(&mut self, _: u32) {}
+}
+
+/// A BMI088 whose registers say anything from some reading on: what it measures is finite, or an error.
+pub fn bmi088(bytes: &[u8]) {
+    let [accelerometer, gyroscope] = [0x1E, 0x0F].map(Chip::new);
+    let mut imu = Bmi088::new(accelerometer.clone(), gyroscope.clone(), AtOnce, Config::default());
+    for [which, register, value] in [[0; 3]].iter().chain(bytes.as_chunks().0) {
+        if *which != 0 {
+            let chip = if which & 1 == 0 { &accelerometer } else { &gyroscope };
+            chip.0.borrow_mut()[usize::from(*register)] = *value;
+        }
+        let reading = pin!(imu.read());
+        let Poll::Ready(read) = reading.poll(&mut Context::from_waker(Waker::noop())) else {
+            panic!("it waits")
+        };
+        let Ok(sample) = read else { continue };
+        let mut all = sample.rotation.into_iter().chain(sample.acceleration);
+        assert!(all.all(|value| value.abs() < 1000.0), "{sample:?}");
+        let temperature = sample.temperature.unwrap_or_default();
+        assert!((-300.0..300.0).contains(&temperature), "{sample:?}");
+    }
+    assert!(imu.counters().starts > 0);
+}
