@@ -1,5 +1,5 @@
 //! What the tree depends on: licences, sources and names, as deny.toml has them. It is what cargo-deny does,
-//! but for advisories: to compile that takes longer than all else.
+//! but for advisories: to compile that takes minutes.
 
 use std::collections::BTreeSet;
 use std::fs;
