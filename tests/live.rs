@@ -512,8 +512,8 @@ fn a_loop_that_shakes_is_found_on_the_page_and_in_a_record() {
     let (wheel, gimbal) = ("wheel front left", "gimbal yaw");
     for (label, gains, within) in [
         (wheel, &["speed_kp"][..], 2000),
-        (wheel, &["speed_kp", "speed_ki"], 2000),
-        // The script moves it a while later.
+        // It is judged once a second; and the script moves the gimbal a while later.
+        (wheel, &["speed_kp", "speed_ki"], 3000),
         (gimbal, &["speed_kp", "angle_kp"], 3000),
     ] {
         let factors: Vec<_> = gains.iter().map(|gain| (label, *gain, 10.0)).collect();

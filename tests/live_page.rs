@@ -56,6 +56,16 @@ impl Browser {
         self.tell("execute/sync", &json!({ "script": script, "args": [] }))
     }
 
+    /// Types.
+    fn keys(&self, text: &str) {
+        let both = |key: char| {
+            ["keyDown", "keyUp"].map(|kind| json!({ "type": kind, "value": key.to_string() }))
+        };
+        let keys: Vec<_> = text.chars().flat_map(both).collect();
+        let keys = json!({ "actions": [{ "type": "key", "id": "k", "actions": keys }] });
+        self.tell("actions", &keys);
+    }
+
     /// Waits until a script says true.
     fn until(&self, script: &str) {
         let begin = Instant::now();
@@ -142,11 +152,34 @@ fn a_test_day(name: &str, source: &[&OsStr]) {
     // It begins long after the robot did: what was counted before is none of its problems.
     assert!(report.status.success() && text.contains("wheel front left"), "{text}");
 
-    // The space bar, whatever has the focus.
-    page.look(&format!("{gain}.focus()"));
-    let keys = json!([{ "type": "keyDown", "value": " " }, { "type": "keyUp", "value": " " }]);
-    page.tell("actions", &json!({ "actions": [{ "type": "key", "id": "k", "actions": keys }] }));
+    // An armed robot's motor gets no new zero; and a gain that would shake is said so before it is sent.
+    page.until("return document.querySelector('#arm').textContent === 'Armed'");
+    page.look("document.querySelector('[data-motor=\"lift front left\"] button').click()");
+    page.until("return document.querySelector('#refused').textContent.includes('disarmed')");
+    page.look(&format!("{gain}.value = '4'; {gain}.dispatchEvent(new Event('change'))"));
+    page.until("return document.querySelector('#refused').textContent.includes('margin')");
+    page.until(&format!("return Math.abs({now} - 0.4) < 1e-6"));
+
+    // A space is a space where text is typed, and Esc stops there. Signals are chosen by Return.
+    let is_pressed = || page.look("return pressed.stop !== null") == json!(true);
+    page.look("document.querySelector('#search').focus()");
+    page.keys("wheel front");
+    page.until("return document.querySelector('#search').value === 'wheel front'");
+    page.until("return document.querySelectorAll('#tree details').length === 2");
+    page.look("document.querySelector('#tree input').focus()");
+    let before = page.look("return chosen.size");
+    page.keys("\u{E007}");
+    page.until(&format!("return chosen.size !== {before}"));
+    assert!(!is_pressed());
+    page.look("document.querySelector('#search').focus()");
+    page.keys("\u{E00C}");
+    assert!(is_pressed());
     page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+    page.until("return document.querySelector('#stop').textContent.startsWith('STOP')");
+    // The space bar, on a box too.
+    page.look("pressed.stop = null; document.querySelector('#tree input').focus()");
+    page.keys(" ");
+    assert!(is_pressed() && page.look("return held") == json!(null));
     page.until("return document.querySelector('#happened').textContent.includes('emergency stop')");
     // It lasts: the script's hands do not arm a robot that is stopped.
     sleep(Duration::from_millis(300));

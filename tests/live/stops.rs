@@ -389,3 +389,43 @@ fn a_change_that_is_refused_half_way_leaves_nothing_changed() {
         assert!(refusals > 0);
     });
 }
+
+/// It waited behind a request that a device did not answer: its button may have been let go long ago.
+#[test]
+fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
+    let ports = mixed::Ports::new();
+    let shared = mixed::Shared::new(&ports);
+    let mut motors = mixed::Motors::new();
+    let robot = mixed::simulation::robot(&shared, &mut motors).unwrap();
+    let mut around = Environment::new(robot.description(), 1).unwrap().with_console(BAUD);
+    around.operator = None;
+    let line = around.console.clone().unwrap();
+    let mut tasks = robot.tasks(&around).unwrap();
+    let (port, seen) = (line.port(), live::Robot::new(&shared, &()));
+    tasks.add(async move {
+        let link = live::Link::new(port.clone());
+        link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;
+    });
+    let mut scene = Scene { around, tasks, client: Client::new() };
+    scene.run(1500);
+    let number = |name: mixed::Name| u8::try_from(name.index()).unwrap();
+    let (wheel, arm) = (number(mixed::Name::Wheel), number(mixed::Name::Arm));
+    let rpm = || shared.motor(mixed::Name::Wheel).status().feedback.speed.get().abs();
+    assert_eq!(hold(&mut scene, wheel, 3000, 500), Answer::Done);
+    assert!(rpm() > 10.0, "{}", rpm());
+    scene.run(1500);
+    assert!(rpm() < 5.0, "{}", rpm());
+    scene.around.motors[usize::from(arm)].set_power(false);
+    let (slow, jog) = (
+        scene.client.act(Action::ReadRegister(arm, 7)),
+        scene.client.act(Action::Jog(wheel, 3000)),
+    );
+    let mut fastest = 0.0_f32;
+    for _ in 0..300 {
+        scene.run(1);
+        fastest = fastest.max(rpm());
+    }
+    refused(scene.client.answer(slow).unwrap(), "in time");
+    refused(scene.client.answer(jog).unwrap(), "too many");
+    assert!(fastest < 5.0, "{fastest}");
+}

@@ -189,7 +189,7 @@ pub fn target() -> impl Strategy<Value = Target> {
 pub fn request() -> impl Strategy<Value = Request> {
     let gains = || (number(), number(), number()).prop_map(|(kp, ki, kd)| Gains { kp, ki, kd });
     prop_oneof![
-        Just(Request::SetZero),
+        Just(Request::SetZeroOfDriven),
         Just(Request::ClearFault),
         number().prop_map(|amps| Request::CurrentLimit(Amps::new(amps))),
         prop_oneof![Just(0.0), 0.0..25.0_f32]

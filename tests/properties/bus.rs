@@ -253,7 +253,7 @@ impl<'m> Bench<'m> {
             [gains.kp, gains.ki, gains.kd].iter().all(|gain| gain.is_finite() && *gain >= 0.0)
         };
         let granted = match request {
-            Request::SetZero => known.heard,
+            Request::SetZeroOfDriven => known.heard,
             Request::CurrentLimit(amps) => !known.voltage && amps.get() >= 0.0,
             Request::SpeedGains(gains) | Request::AngleGains(gains) => finite(gains),
             _ => false,

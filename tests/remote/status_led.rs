@@ -7,7 +7,7 @@ use rc10_cli::remote::Receiver;
 use rc10_module::led::pattern::{State, colour};
 use rc10_motor::ArmState;
 use rc10_robot::table::{LEDS, Name};
-use rc10_sim::remote::{Controls, Switch};
+use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::status_led;
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 
@@ -65,6 +65,19 @@ fn what_matters_most_is_shown() {
         scene.run(millis(2000));
         assert_eq!((scene.status_led(), scene.arm()), (State::Stopped, ArmState::EStopped));
         scene.transmitter(true);
+        scene.hands(Controls::REST);
+        scene.run(millis(100));
+        assert_eq!(scene.status_led(), State::Stopped);
+        scene.hands(DOWN);
+        scene.run(millis(100));
+        assert_eq!(scene.status_led(), State::Disarmed);
+        // A stick that is held, and let go.
+        let held = Controls { left: Stick { x: 0.0, y: -1.0 }, ..Controls::REST };
+        scene.hands(held);
+        scene.run(millis(100));
+        assert_eq!((scene.status_led(), scene.arm()), (State::NotAtRest, ArmState::Disarmed));
+        let status = rc10_tasks::status::now(scene.shared).to_string();
+        assert!(status.contains("not armed: left stick (up and down) is not at rest"), "{status}");
         scene.arm_by_hand();
         assert_eq!(scene.status_led(), State::Armed);
     });

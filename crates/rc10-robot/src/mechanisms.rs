@@ -19,7 +19,7 @@ const OLDEST_COMMAND: Micros = Micros::from_millis(100);
 /// The mechanisms' task.
 pub async fn run(shared: &Shared<'_>) -> ! {
     // The lift stands on its bottom at power-on. A motor that was not heard yet has no zero, and
-    // does not move before it has one.
+    // does not move before it has one: of an armed robot it holds, and nothing was asked of it.
     let mut zeroed = [false; LIFT.len()];
     let (mut yaw, mut pitch, mut lift) = (None, None, None);
     let timing = Statistics::new();
@@ -30,7 +30,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             }
             let port = shared.motor(motor);
             let is_online = port.status().link == Link::Online;
-            *zeroed = is_online && port.request(Request::SetZero).await.is_ok();
+            *zeroed = is_online && port.request(Request::SetZeroOfDriven).await.is_ok();
         }
         shared.live.tilt.set(tilt(shared).unwrap_or(f32::NAN));
         let Some(wish) = shared.mechanisms.newer_than(OLDEST_COMMAND, tick.now) else {

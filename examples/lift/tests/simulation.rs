@@ -144,7 +144,7 @@ fn a_blocked_motor_stops_it_and_is_named() {
                     // Free again, it is armed again, and finds its bottom again.
                     bench.set_travel(blocked, Some([0.0, lift::plant::TRAVEL]));
                     bench.hands(DISARMED, 100);
-                    bench.hands(ARMED, 20);
+                    bench.hands(ARMED, 90);
                     assert_eq!(bench.stage(), Stage::Homing);
                     bench.home();
                     ride(bench);
@@ -208,7 +208,7 @@ fn stopped_it_hangs_and_armed_again_it_knows_its_bottom() {
         assert!(is_at(bench, hangs[0]), "{hangs:?} {:?}", bench.heights());
         // Disarmed it sinks, and its turns are counted.
         bench.hands(DISARMED, 200);
-        bench.hands(ARMED, 20);
+        bench.hands(ARMED, 90);
         assert_eq!(bench.stage(), Stage::Ready);
         bench.forget();
         ride(bench);
@@ -231,7 +231,7 @@ fn a_motor_without_power_stops_it_and_it_finds_its_bottom_again() {
             bench.hands(DISARMED, 1000);
             bench.motor(name).set_power(true);
             bench.hands(DISARMED, 200);
-            bench.hands(ARMED, 20);
+            bench.hands(ARMED, 90);
             assert_eq!(bench.stage(), Stage::Homing);
             bench.home();
             ride(bench);
@@ -244,7 +244,7 @@ fn a_motor_without_power_stops_it_and_it_finds_its_bottom_again() {
             bench.run(1000);
             bench.motor(name).set_power(true);
             bench.run(200);
-            bench.hands(ARMED, 20);
+            bench.hands(ARMED, 90);
             assert_eq!(bench.stage(), Stage::Homing);
         });
     }

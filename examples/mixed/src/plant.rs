@@ -26,5 +26,5 @@ pub const HANDS: [Line; 2] = [
         label: "switches down",
         controls: Controls { right_switch: Switch::Down, ..Controls::REST },
     },
-    Line { at: Micros::from_millis(60), label: "arm", controls: Controls::REST },
+    Line { at: Micros::from_millis(100), label: "arm", controls: Controls::REST },
 ];

@@ -252,6 +252,11 @@ impl Show<'_, '_> {
             return Ok(Value::Null);
         }
         let wanted = self.session.parameter(name)?;
+        let [least, most] = wanted.range;
+        if !(least..=most).contains(&value) {
+            // The robot says why it refuses.
+            return Ok(Value::Null);
+        }
         let known = self.session.client.parameters().filter(|it| it.label == wanted.label);
         let now: Vec<_> = known.map(|it| (it.name.as_str(), it.value)).collect();
         let advice = self.judge.advise(&wanted.label, (&wanted.name, value), now);

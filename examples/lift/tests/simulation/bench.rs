@@ -98,7 +98,7 @@ impl Bench<'_> {
     /// Then the hands let go.
     pub fn arm(&mut self) {
         self.hands(DISARMED, 100);
-        self.hands(ARMED, 20);
+        self.hands(ARMED, 90);
         (0..2).for_each(|motor| self.set_weight(motor, 1.0));
     }
 

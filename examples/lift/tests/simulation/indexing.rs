@@ -115,7 +115,7 @@ fn a_marker_that_is_never_seen_ends_homing_and_the_lift_goes_on() {
         assert_eq!((bench.feeder(), bench.fed()), (Stage::Failed, 0));
         // Armed again it tries again.
         bench.hands(DISARMED, 100);
-        bench.hands(ARMED, 20);
+        bench.hands(ARMED, 90);
         assert_eq!(bench.feeder(), Stage::Homing);
     });
 }
@@ -140,7 +140,7 @@ fn armed_again_it_knows_its_index_unless_turns_were_estimated() {
         feed(bench, 2);
         bench.run(1000);
         bench.hands(DISARMED, 500);
-        bench.hands(ARMED, 20);
+        bench.hands(ARMED, 90);
         assert_eq!(bench.feeder(), Stage::Ready);
         feed(bench, 1);
         bench.run(1000);
@@ -170,7 +170,7 @@ fn armed_again_it_knows_its_index_unless_turns_were_estimated() {
         bench.hands(DISARMED, 100);
         turn(bench);
         bench.run(200);
-        bench.hands(ARMED, 20);
+        bench.hands(ARMED, 90);
         assert_eq!(bench.feeder(), Stage::Homing);
         bench.index();
         assert_eq!(bench.fed(), 4);

@@ -22,7 +22,9 @@ rc10_motor::motors! {
     pub struct Motors;
     buses: [100.0; BUSES];
     lines: 1;
-    Wheel: Vesc = Entry::new("wheel", Bus(1), WHEEL).with_safety(Safety::BRAKE),
+    Wheel: Vesc = Entry::new("wheel", Bus(1), WHEEL)
+        .with_safety(Safety::BRAKE)
+        .with_jog(Rpm::new(300.0)),
     Arm: Damiao = Entry::new("arm", Bus(1), ARM).with_safety(Safety::HOLD),
     Hip: GoModule = Entry::new("hip", Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
     Wrist: CyberGear = Entry::new("wrist", Bus(2), WRIST),
