@@ -413,8 +413,9 @@ fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
     let rpm = || shared.motor(mixed::Name::Wheel).status().feedback.speed.get().abs();
     assert_eq!(hold(&mut scene, wheel, 3000, 500), Answer::Done);
     assert!(rpm() > 10.0, "{}", rpm());
-    scene.run(1500);
-    assert!(rpm() < 5.0, "{}", rpm());
+    // Let go it runs down.
+    scene.run(300);
+    let before = rpm();
     scene.around.motors[usize::from(arm)].set_power(false);
     let (slow, jog) = (
         scene.client.act(Action::ReadRegister(arm, 7)),
@@ -427,5 +428,5 @@ fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
     }
     refused(scene.client.answer(slow).unwrap(), "in time");
     refused(scene.client.answer(jog).unwrap(), "too many");
-    assert!(fastest < 5.0, "{fastest}");
+    assert!(fastest < before + 2.0, "{before} {fastest}");
 }
