@@ -2,6 +2,8 @@
 //! stop the robot is heard.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "common/scratch.rs"]
+mod scratch;
 #[path = "common/served.rs"]
 mod served;
 
@@ -332,4 +334,44 @@ fn stops_get_through_a_flood() {
         // On a busy PC some are answered later than the page waits for; all of them are done.
         assert!(done > 30, "{done} of 60, {waits:?}");
     });
+}
+
+/// Two programs in one folder, recording at the same time.
+#[test]
+fn two_pages_record_in_one_folder() {
+    let folder = scratch::Scratch::new("live-two");
+    let begin = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+        Page::of(command.args(["live", "--sim", "--page", "0", "--out"]).arg(&*folder))
+    };
+    let pages = [begin(), begin()];
+    let state = |page: &Page| -> Value {
+        serde_json::from_str(&http(page.port, "GET", "/state", "", "").1).unwrap()
+    };
+    let until = |is_so: &dyn Fn(&Page) -> bool| {
+        for page in &pages {
+            let found = (0..900).any(|_| {
+                std::thread::sleep(Duration::from_millis(100));
+                is_so(page)
+            });
+            assert!(found, "{}", state(page));
+        }
+    };
+    until(&|page| state(page)["whole"] == json!(true));
+    let record = |on: bool| {
+        let wish = json!({ "record": on }).to_string();
+        for page in &pages {
+            assert_eq!(http(page.port, "POST", "/wish", JSON, &wish).0, 200);
+        }
+    };
+    record(true);
+    until(&|page| state(page)["record"]["seconds"].as_f64().unwrap_or(0.0) > 1.0);
+    record(false);
+    let csv = folder.join("csv");
+    for name in ["001.mcap", "002.mcap"] {
+        let mut read = Command::new(env!("CARGO_BIN_EXE_rc10"));
+        let read = read.arg("csv").arg(folder.join(name)).arg("--out").arg(csv.join(name));
+        assert!(read.output().unwrap().status.success(), "{name}");
+    }
+    assert!(!folder.join("003.mcap").exists());
 }

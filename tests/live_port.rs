@@ -371,3 +371,23 @@ fn other_viewers_get_what_their_documents_say() {
     wrong.stderr.take().unwrap().read_to_string(&mut text).unwrap();
     assert!(!wrong.wait().unwrap().success() && text.contains("no such signal"), "{text}");
 }
+
+#[test]
+fn a_robot_is_stopped_from_a_shell() {
+    let folder = Scratch::new("live-stop");
+    let link = folder.join("console");
+    let _robot = plug_in(&link);
+    let (done, text) = run(&["stop", "--disarm"], &link);
+    assert!(done && text.starts_with("disarmed after "), "{text}");
+    let (done, text) = run(&["stop"], &link);
+    assert!(done && text.starts_with("stopped after "), "{text}");
+    // One that does not answer: it is said, and goes on until Ctrl-C.
+    let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = format!("tcp:{}", mute.local_addr().unwrap());
+    let mut stop = rc10().args(["stop", &place]).stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(stop.stderr.take().unwrap()).lines();
+    assert!(said.next().unwrap().unwrap().contains("NOT HEARD by the robot"));
+    let _ = Command::new("kill").args(["-INT", &stop.id().to_string()]).status();
+    assert!(said.next().unwrap().unwrap().contains("may not be stopped"));
+    assert_eq!(stop.wait().unwrap().code(), Some(2));
+}

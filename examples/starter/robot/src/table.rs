@@ -45,7 +45,9 @@ pub const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0));
 /// The receiver of the remote control.
 pub const RECEIVER: Receiver = Receiver::Dr16;
 
-/// Right switch down disarms, left switch down stops.
+/// Right switch down disarms, left switch down stops; it arms only while both sticks are in the middle.
+/// One that moves nothing may be left out, such as a throttle that stays where it is left:
+/// `ArmingConfig { at_rest: &[Axis::LeftX, Axis::RightX], ..ArmingConfig::DEFAULT }.checked(RECEIVER)`.
 pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
 /// Speed of the base with the sticks at their ends: m/s and rad/s.
