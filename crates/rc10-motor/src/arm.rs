@@ -187,7 +187,7 @@ impl ArmSwitch {
     /// Sends every motor to its safe state in the next tick of its bus, until
     /// [`reset`](Self::reset). Motors of a robot that is not armed stay without torque.
     pub fn emergency_stop(&self) {
-        self.update(|word| {
+        self.update(&|word| {
             let state = state_of(word);
             let stopped =
                 if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF };
@@ -208,7 +208,7 @@ impl ArmSwitch {
 
     /// Ends an emergency stop, unless another one came since [`stops`](Self::stops) said this.
     pub fn reset_after(&self, stops: u32) {
-        self.update(|word| {
+        self.update(&|word| {
             let is_known = word / ONE_STOP == stops;
             let is_stopped = matches!(state_of(word), STOPPED | STOPPED_OFF);
             (is_known && is_stopped).then(|| with(word, DISARMED))
@@ -226,7 +226,7 @@ impl ArmSwitch {
     /// One step from the state there is, in one piece: no other step comes in between. An unfit
     /// robot stays what it is.
     fn always(&self, step: impl Fn(u8) -> u8) {
-        self.update(|word| {
+        self.update(&|word| {
             let state = state_of(word);
             (state < OVERLOAD).then(|| with(word, step(state)))
         });
@@ -234,10 +234,11 @@ impl ArmSwitch {
 
     /// One step of the state machine; an emergency stop in between wins.
     fn change(&self, from: u8, to: u8) {
-        self.update(|word| (state_of(word) == from).then(|| with(word, to)));
+        self.update(&|word| (state_of(word) == from).then(|| with(word, to)));
     }
 
-    fn update(&self, step: impl Fn(u32) -> Option<u32>) {
+    #[inline(never)] // Once in flash: nothing calls it in every tick.
+    fn update(&self, step: &dyn Fn(u32) -> Option<u32>) {
         // `Err`: there is nothing to do.
         let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, step);
     }

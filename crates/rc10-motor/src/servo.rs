@@ -275,6 +275,8 @@ impl Servo {
     }
 
     /// One step at a speed that a PC asks for: never with much effort, whatever the gains are.
+    #[cold]
+    #[inline(never)]
     fn jog(&mut self, rpm: f32, tick: &Tick, shaft: &Shaft) {
         let limits = (self.limit, self.cascade.speed.output_limit);
         self.limit *= JOG_SHARE;
