@@ -51,7 +51,7 @@ impl Page {
         stream
     }
 
-    /// The status that bytes are answered with; 0 is none.
+    /// The status that bytes are answered with; 0 if there is no answer.
     fn status(&self, bytes: &[u8]) -> u16 {
         let mut answer = [0; 12];
         let count = self.send(bytes).read(&mut answer).unwrap_or(0);
@@ -99,7 +99,7 @@ fn the_length_that_is_announced_is_not_believed() {
 }
 
 #[test]
-fn uploads_that_never_end_hold_nobody_up() {
+fn uploads_that_never_end_hold_up_nothing() {
     let mut page = Page::start();
     for count in [4, 40] {
         let half = page.upload(60_000, &page.origin()) + "{";
@@ -113,7 +113,7 @@ fn uploads_that_never_end_hold_nobody_up() {
 }
 
 #[test]
-fn heads_that_come_byte_by_byte_hold_nobody_up() {
+fn heads_that_come_byte_by_byte_hold_up_nothing() {
     let mut page = Page::start();
     let mut slow: Vec<_> = (0..40).map(|_| page.send(b"GET /state")).collect();
     for _ in 0..20 {
@@ -295,7 +295,7 @@ fn a_stop_that_is_not_heard_is_told_and_sent_again() {
     let (_, state) = http(port, "GET", "/state", "", "");
     let state: Value = serde_json::from_str(&state).unwrap();
     assert_eq!(state["stop"], json!("not heard"), "{state}");
-    // The connection is gone; nobody presses again.
+    // The connection is gone, and STOP is not pressed again.
     assert!(mute(&listener, 10) >= 10);
 }
 

@@ -89,7 +89,7 @@ pub fn link(bytes: &[u8]) {
     }
 }
 
-/// Requests to the page of `rc10 live`, one behind the other: a part of one is none, and what is behind it
+/// Requests to the page of `rc10 live`, one behind the other: a part of one is not answered, and what is behind it
 /// changes nothing; what is refused stays so, whatever follows.
 pub fn http(bytes: &[u8]) {
     let mut rest = bytes;

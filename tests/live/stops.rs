@@ -163,7 +163,7 @@ fn a_zero_while_armed_is_refused_and_moves_nothing() {
             let moved = shared.motor(*name).status().feedback.total_angle.minus(before);
             assert!(moved.degrees().get().abs() < 90.0, "{name:?}");
         }
-        // The motor's bus refuses, too, whoever asks: armed between the look and the tick.
+        // The motor's bus refuses a task, too: armed between the look and the tick.
         let asked = std::rc::Rc::new(std::cell::Cell::new(None));
         let tell = std::rc::Rc::clone(&asked);
         let port = shared.motor(Name::LiftFrontLeft);

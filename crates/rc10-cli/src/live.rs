@@ -39,5 +39,5 @@ pub use rc10_link::Action;
 pub use record::LiveRecord;
 pub use server::{Pages, Shown, Wish};
 pub use session::{Session, full_name};
-pub use source::{BAUD, Source, SourceArgs, Way};
+pub use source::{BAUD, PlaceArgs, Source, SourceArgs, Way};
 pub use viewers::{ViewerArgs, Viewers, signal_name};

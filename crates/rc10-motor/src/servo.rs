@@ -278,11 +278,12 @@ impl Servo {
     #[cold]
     #[inline(never)]
     fn jog(&mut self, rpm: f32, tick: &Tick, shaft: &Shaft) {
-        let limits = (self.limit, self.cascade.speed.output_limit);
+        let limit = self.limit;
         self.limit *= JOG_SHARE;
         self.apply_limit();
         self.seek(&Seek::Speed(rpm), 0.0, tick, shaft);
-        (self.limit, self.cascade.speed.output_limit) = limits;
+        self.limit = limit;
+        self.apply_limit();
     }
 
     /// One step along a motion.

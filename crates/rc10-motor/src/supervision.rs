@@ -310,8 +310,7 @@ impl Supervision {
         if self.link(now) != Link::Online {
             return Err(RequestError::NoFeedback);
         }
-        let is_commanded = self.fresh && since(self.commanded_at, now) < self.command_expiry;
-        if is_commanded || self.faulted {
+        if self.is_commanded(now) || self.faulted {
             return Err(RequestError::Busy);
         }
         motor.set_target(Target::Speed(speed)).map_err(|_| RequestError::Unsupported)?;
@@ -331,8 +330,13 @@ impl Supervision {
     /// Whether it is driven, or would be in the next tick; `arm` as motors see it.
     pub(crate) fn is_driven(&self, arm: ArmState, now: Micros) -> bool {
         let drives = matches!(self.drive, DriveMode::Run | DriveMode::Hold | DriveMode::Brake);
-        let is_commanded = self.fresh && since(self.commanded_at, now) < self.command_expiry;
-        self.jogged || (arm != ArmState::Disarmed && (drives || is_commanded))
+        self.jogged || (arm != ArmState::Disarmed && (drives || self.is_commanded(now)))
+    }
+
+    /// Its command has not expired.
+    #[inline]
+    const fn is_commanded(&self, now: Micros) -> bool {
+        self.fresh && since(self.commanded_at, now) < self.command_expiry
     }
 
     /// Nothing of a jog goes on. That is no command that has expired.

@@ -12,7 +12,7 @@
 //! throttle that stays where it is left the robot would drive at once. [`Arming::refused`] names the one
 //! that is not, and the switch is to be moved back and forth again.
 //!
-//! **An emergency stop ends only by hand**, whoever stopped: a switch, a PC, a bus, a task. A hand must
+//! **An emergency stop ends only by hand**, whatever began it: a switch, a PC, a bus, a task. A hand must
 //! have brought the switches into the position that disarms since the stop. If they lie in it, they are
 //! to be moved out of it and back.
 //!

@@ -16,7 +16,7 @@ use super::client::Urgency;
 use super::plan::{plan, watch};
 use super::record::{LiveRecord, room, tell_leftovers};
 use super::session::{Session, full_name};
-use super::source::SourceArgs;
+use super::source::{PlaceArgs, SourceArgs};
 use crate::robot::Robot;
 use crate::run::seconds;
 use crate::terminal::tell;
@@ -24,12 +24,9 @@ use crate::terminal::tell;
 /// Arguments of `rc10 params`.
 #[derive(Args, Debug)]
 pub struct ParamsArgs {
-    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
-    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
-    pub place: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its fields say it")]
-    pub source: SourceArgs,
+    pub at: PlaceArgs,
     /// Only those that are not as they were at power-on, as lines for the robot's table
     #[arg(long)]
     pub rust: bool,
@@ -60,12 +57,9 @@ pub struct SetArgs {
 /// Arguments of `rc10 record`.
 #[derive(Args, Debug)]
 pub struct RecordArgs {
-    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
-    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
-    pub place: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its fields say it")]
-    pub source: SourceArgs,
+    pub at: PlaceArgs,
     /// Seconds to record [default: until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,
@@ -83,12 +77,9 @@ pub struct RecordArgs {
 /// Arguments of `rc10 stop`.
 #[derive(Args, Debug)]
 pub struct StopArgs {
-    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
-    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
-    pub place: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its fields say it")]
-    pub source: SourceArgs,
+    pub at: PlaceArgs,
     /// Only disarms the robot: its remote may arm it again
     #[arg(long)]
     pub disarm: bool,
@@ -100,7 +91,7 @@ pub struct StopArgs {
 /// If there is no way to the robot, or it has not answered.
 pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let ended = stop()?;
-    let source = args.source.at(args.place.as_deref());
+    let source = args.at.source();
     let mut session = Session::new(source.open(robot, false)?);
     let action = if args.disarm { Action::Disarm } else { Action::Stop };
     let begin = session.now();
@@ -110,19 +101,16 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
         session.step()?;
         if id.and_then(|id| session.client.answer(id)).is_some() {
             let millis = session.now().since(begin).get() / 1000;
-            writeln!(
-                out,
-                "{} after {millis} ms",
-                if args.disarm { "disarmed" } else { "stopped" }
-            )?;
+            let done = if args.disarm { "disarmed" } else { "stopped" };
+            writeln!(out, "{done} after {millis} ms")?;
             return Ok(());
         }
         if session.client.urgency(action, session.now()) == Some(Urgency::NotHeard) && !is_told {
             is_told = true;
             let why = session.trouble().unwrap_or_else(|| "it does not answer".into());
-            eprintln!(
-                "rc10: NOT HEARD by the robot: {why}. It is sent on and on; Ctrl-C ends that"
-            );
+            tell(format_args!(
+                "NOT HEARD by the robot: {why}. It is sent on and on; Ctrl-C ends that"
+            ));
         }
     }
     bail!("the robot has not answered: it may not be stopped")
@@ -133,7 +121,7 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
 /// # Errors
 /// If there is no robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let source = args.source.at(args.place.as_deref());
+    let source = args.at.source();
     let mut session = Session::new(source.open(robot, false)?);
     session.meet()?;
     if args.rust {
@@ -205,7 +193,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
-    let source = args.source.at(args.place.as_deref());
+    let source = args.at.source();
     let mut session = Session::new(source.open(robot, false)?);
     session.meet()?;
     let (topics, left) = plan(&session.client);

@@ -63,7 +63,7 @@ where
         let connection = Arc::new(Connection { stream, phase });
         open.push(Arc::downgrade(&connection));
         let answer = answer.clone();
-        // Without a thread it is closed; an error of it concerns nobody else.
+        // Without a thread it is closed; an error of it ends it alone.
         let _ = thread::Builder::new().spawn(move || connection.serve(port, answer));
     }
 }

@@ -18,7 +18,7 @@ use super::plan::{Topic, plan, watch};
 use super::record::{LiveRecord, RESTART, room, tell_leftovers};
 use super::server::{Asked, Pages, Wish, look, urgent};
 use super::session::{Session, full_name};
-use super::source::SourceArgs;
+use super::source::PlaceArgs;
 use super::viewers::{ViewerArgs, Viewers};
 use crate::problems::Problem;
 use crate::record::Kit;
@@ -28,12 +28,9 @@ use crate::run::seconds;
 /// Arguments of `rc10 live`.
 #[derive(Args, Debug)]
 pub struct LiveArgs {
-    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
-    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
-    pub place: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its fields say it")]
-    pub source: SourceArgs,
+    pub at: PlaceArgs,
     /// The page's port on this PC; 0 is any that is free
     #[arg(long, value_name = "N", default_value_t = 8010)]
     pub page: u16,
@@ -64,7 +61,7 @@ const PATIENCE: Micros = Micros::from_millis(5000);
 /// If there is no way to the robot, or the page cannot be served.
 pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let kit = Kit::of(&robot);
-    let source = args.source.at(args.place.as_deref());
+    let source = args.at.source();
     let stop = stop()?;
     let session = Session::new(source.open(robot, true)?);
     let viewers = Viewers::new(&args.viewers)?;

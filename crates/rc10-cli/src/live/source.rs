@@ -46,6 +46,26 @@ pub struct SourceArgs {
     pub injected: Injected,
 }
 
+/// Where the robot is, with its port as the first argument.
+#[derive(Args, Clone, Debug, Default)]
+pub struct PlaceArgs {
+    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
+    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
+    pub place: Option<String>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub named: SourceArgs,
+}
+
+impl PlaceArgs {
+    /// The same by name.
+    #[must_use]
+    pub fn source(&self) -> SourceArgs {
+        let port = self.place.clone().or_else(|| self.named.port.clone());
+        SourceArgs { port, ..self.named.clone() }
+    }
+}
+
 /// A line to a robot.
 pub trait Source {
     /// Sends some bytes, lets a few milliseconds pass, and returns what came. The time is the robot's
@@ -72,13 +92,6 @@ pub struct Way<'r> {
 }
 
 impl SourceArgs {
-    /// The same, at this port if one is named.
-    #[must_use]
-    pub fn at(&self, place: Option<&str>) -> Self {
-        let port = place.map(Into::into).or_else(|| self.port.clone());
-        Self { port, ..self.clone() }
-    }
-
     /// Bits a second of a robot's console.
     #[must_use]
     pub fn baud_of(&self, robot: &Robot<'_>) -> u32 {
