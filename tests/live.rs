@@ -14,7 +14,9 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::environment::Environment;
 use rc10_cli::live::wire::Line;
-use rc10_cli::live::{Action, Answer, Client, Judge, LiveRecord, Sample, plan, watch};
+use rc10_cli::live::{
+    Action, Answer, Client, Judge, LiveRecord, Sample, Urgent, frame, plan, watch,
+};
 use rc10_cli::problems::{Severity, problems};
 use rc10_cli::record::{Kit, replay};
 use rc10_cli::team;
@@ -287,7 +289,7 @@ fn a_pc_stops_the_robot_and_never_arms_it() {
     with_scene(BAUD, |scene, shared| {
         scene.run(1500);
         assert_eq!(shared.switch.state(), ArmState::Armed);
-        let id = scene.client.act(Action::Stop);
+        let id = scene.client.urge(Urgent::Stop, scene.now());
         scene.run(2);
         assert_eq!(shared.switch.state(), ArmState::EStopped);
         assert_eq!(scene.ask(id), Answer::Done);
@@ -314,7 +316,7 @@ fn disarmed(scene: &mut Scene<'_>, shared: &Shared<'_>) {
     // The hands let go: switches as they are where it is armed, sticks in the middle.
     scene.around.operator = None;
     scene.around.remote.as_ref().unwrap().remote.set(Controls::REST);
-    let id = scene.client.act(Action::Disarm);
+    let id = scene.client.urge(Urgent::Disarm, scene.now());
     assert_eq!(scene.ask(id), Answer::Done);
     scene.run(2500);
     assert_eq!(shared.switch.state(), ArmState::Disarmed);

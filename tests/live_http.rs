@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use rc10_can::Micros;
 use rc10_link::frame::FromPc;
-use rc10_link::{Action, Ask};
+use rc10_link::{Ask, Urgent};
 use rc10_module::Stream;
 use serde_json::{Value, json};
 use served::{JSON, Started, http, live};
@@ -254,7 +254,7 @@ fn mute(listener: &TcpListener, count: usize) -> usize {
         let read = stream.read(&mut bytes).unwrap();
         assert_ne!(read, 0, "rc10 live has gone");
         frames.receive(&bytes[..read], Micros::ZERO, |ask| {
-            heard += usize::from(matches!(ask, Ask::Do { action: Action::Stop, .. }));
+            heard += usize::from(matches!(ask, Ask::Urge { what: Urgent::Stop, .. }));
         });
     }
     heard

@@ -3,7 +3,7 @@
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::emulate::{Emulation, Setup};
-use rc10_cli::live::{Action, Answer, Client, Sample};
+use rc10_cli::live::{Action, Answer, Client, Sample, Urgent};
 use rc10_emu::Figures;
 use rc10_motor::Names;
 use rc10_robot::table::Name;
@@ -273,7 +273,7 @@ fn a_jog_turns_one_motor_of_a_disarmed_robot_and_ends_with_its_link() {
             last
         };
         refused(hold(pc, 0, 50, 25), "disarmed");
-        let id = pc.client.act(Action::Disarm);
+        let id = pc.client.urge(Urgent::Disarm, pc.now());
         assert_eq!(pc.ask(id), Answer::Done);
         pc.run(1500);
         // One that rolls on, faster than twice what is asked for, is not jogged.

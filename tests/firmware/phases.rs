@@ -5,8 +5,9 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
 use rc10_cli::emulate::Emulation;
-use rc10_cli::live::{Action, Client};
+use rc10_cli::live::{Urgent, frame};
 use rc10_emu::Rig;
+use rc10_link::Ask;
 use rc10_sim::remote::{Controls, Switch};
 use rc10_sim::{Nanos, TraceEntry};
 
@@ -203,10 +204,8 @@ fn of_a_stop_by_a_pc() {
     let name = ["stop by a PC: wheels coast after its last byte by"];
     at_every_phase("", name, [(0.0, 5.0)], |emulation, phase| {
         let line = emulation.console.clone().unwrap();
-        let mut client = Client::new();
         emulation.run(strikes(phase)).unwrap();
-        client.act(Action::Stop);
-        let bytes = client.take_out();
+        let bytes = frame(&Ask::Urge { id: 0, what: Urgent::Stop });
         line.send(&bytes);
         let heard =
             strikes(phase) + Nanos::new(bytes.len() as u64 * 10_000_000_000 / u64::from(CONSOLE));

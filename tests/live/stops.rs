@@ -2,7 +2,6 @@
 //! that another robot was meant by, lines that damage and come back.
 
 use rc10_cli::live::Urgency;
-use rc10_link::frame::{AROUND, ASK, Writer};
 use rc10_link::{Ask, Declaration};
 use rc10_motor::Request;
 
@@ -23,12 +22,6 @@ fn wheel_rpm(shared: &Shared<'_>) -> f32 {
 }
 
 /// The bytes of a request that no client makes.
-fn bytes_of(ask: &Ask) -> Vec<u8> {
-    let mut frame = Writer::<{ ASK + AROUND }>::new();
-    frame.message(ask);
-    frame.bytes().to_vec()
-}
-
 fn send(scene: &mut Scene<'_>, bytes: &[u8]) {
     scene.around.console.clone().unwrap().send(bytes);
 }
@@ -43,7 +36,7 @@ fn a_stop_lasts_in_every_phase_of_a_held_jog_with_the_switch_down() {
             assert_eq!(hold(scene, 0, 100, 500), Answer::Done, "{phase}");
             assert!(wheel_rpm(shared) > 5.0, "{phase}");
             scene.run(phase);
-            let id = scene.client.act(Action::Stop);
+            let id = scene.client.urge(Urgent::Stop, scene.now());
             assert_eq!(scene.ask(id), Answer::Done);
             scene.run(50);
             ended += u32::from(shared.switch.state() != ArmState::EStopped);
@@ -78,27 +71,13 @@ fn a_stop_needs_no_hello() {
     with_scene(BAUD, |scene, shared| {
         let mut silent = Client::new();
         std::mem::swap(&mut scene.client, &mut silent);
-        let stop = bytes_of(&Ask::Do { id: 7, action: Action::Stop });
+        let stop = frame(&Ask::Urge { id: 7, what: Urgent::Stop });
         let until = scene.now() + Micros::from_millis(1500);
         scene.around.run(&mut scene.tasks, until);
         assert_eq!(shared.switch.state(), ArmState::Armed);
         send(scene, &stop);
         scene.around.run(&mut scene.tasks, until + Micros::from_millis(3));
         assert_eq!(shared.switch.state(), ArmState::EStopped);
-    });
-    // Other actions are not done in this way.
-    with_scene(BAUD, |scene, shared| {
-        on_blocks(scene, shared);
-        let angle = |name| shared.motor(name).status().feedback.total_angle;
-        let before = angle(Name::LiftFrontLeft);
-        let lift = u8::try_from(Name::LiftFrontLeft.index()).unwrap();
-        for action in [Action::Zero(lift), Action::Jog(0, 100)] {
-            send(scene, &bytes_of(&Ask::Do { id: 9, action }));
-        }
-        scene.run(50);
-        assert_eq!(efforts(scene), [0.0; 4]);
-        let moved = angle(Name::LiftFrontLeft).minus(before).degrees().get();
-        assert!(before.degrees().get().abs() > 10.0 && moved.abs() < 5.0, "{before:?} {moved}");
     });
 }
 
@@ -111,7 +90,7 @@ fn a_stop_reaches_the_robot_through_a_bad_line() {
             scene.run(1500 + phase);
             let line = scene.around.console.clone().unwrap();
             let begin = scene.now();
-            let id = scene.client.urge(Action::Stop, begin).unwrap();
+            let id = scene.client.urge(Urgent::Stop, begin);
             let (mut stopped, mut told) = (None, None);
             for millis in 0..1500 {
                 let now = scene.now();
@@ -135,7 +114,7 @@ fn a_stop_reaches_the_robot_through_a_bad_line() {
                 if shared.switch.state() == ArmState::EStopped {
                     stopped.get_or_insert(millis);
                 }
-                let urgency = scene.client.urgency(Action::Stop, scene.now());
+                let urgency = scene.client.urgency(Urgent::Stop, scene.now());
                 let expected = if millis < 149 { Urgency::Sent } else { Urgency::NotHeard };
                 assert!(urgency.is_none_or(|it| it == expected), "{phase}: {urgency:?}, {millis}");
                 if scene.client.answer(id).is_some() {
@@ -145,7 +124,7 @@ fn a_stop_reaches_the_robot_through_a_bad_line() {
             let (stopped, told) = (stopped.unwrap(), told.unwrap());
             let (stops, tells) = [(60, 65), (1025, 1030), (5, 330)][(phase % 3) as usize];
             assert!(stopped <= stops && told <= tells, "{phase}: {stopped} ms, told {told} ms");
-            assert_eq!(scene.client.urgency(Action::Stop, scene.now()), None);
+            assert_eq!(scene.client.urgency(Urgent::Stop, scene.now()), None);
         });
     }
 }
@@ -292,18 +271,18 @@ fn a_wish_of_another_declaration_is_refused() {
         let heard = scene.now().get();
         for declaration in [Declaration(known.0 ^ 1), Declaration::default()] {
             for action in [Action::Jog(0, 100), Action::Zero(0), Action::ClearFault(0)] {
-                send(scene, &bytes_of(&Ask::Act { id: 1, declaration, heard, action }));
+                send(scene, &frame(&Ask::Act { id: 1, declaration, heard, action }));
             }
             let change = rc10_link::Change { parameter: 0, value: 1.0 };
             let changes = [change].into_iter().collect();
-            send(scene, &bytes_of(&Ask::Set { id: 2, changes, declaration }));
+            send(scene, &frame(&Ask::Set { id: 2, changes, declaration }));
             scene.run(100);
             assert_eq!(efforts(scene), [0.0; 4]);
             let [before, now] = shared.motor(Name::ALL[0]).tuning().unwrap();
             assert_eq!(before, now);
         }
         // A stop is for every robot.
-        send(scene, &bytes_of(&Ask::Do { id: 3, action: Action::Stop }));
+        send(scene, &frame(&Ask::Urge { id: 3, what: Urgent::Stop }));
         scene.run(3);
         assert_eq!(shared.switch.state(), ArmState::EStopped);
     });
@@ -334,8 +313,8 @@ fn two_programs_on_one_line_take_their_own_answers() {
         };
         run(scene, &mut other, false, 2000);
         for _ in 0..50 {
-            // My stop is lost, and the other one is refused something in the same moment.
-            let mine = scene.client.act(Action::Stop);
+            // Mine is lost, and the other one is refused something in the same moment.
+            let mine = scene.client.act(Action::ClearFault(0));
             let theirs = other.act(Action::Zero(0));
             run(scene, &mut other, true, 30);
             assert_eq!(scene.client.answer(mine), None);
@@ -343,7 +322,7 @@ fn two_programs_on_one_line_take_their_own_answers() {
             run(scene, &mut other, false, 10);
         }
         assert_ne!(shared.switch.state(), ArmState::EStopped);
-        let theirs = other.act(Action::Stop);
+        let theirs = other.urge(Urgent::Stop, scene.now());
         run(scene, &mut other, false, 30);
         assert_eq!(other.answer(theirs), Some(Answer::Done));
         assert_eq!(scene.client.answer(theirs), None);

@@ -27,7 +27,7 @@ mod source;
 mod viewers;
 pub mod wire;
 
-pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency};
+pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame};
 pub use commands::{
     GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs, get, params, record, set, stop_robot,
 };
@@ -35,7 +35,7 @@ pub use history::{History, POINTS, thin};
 pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};
-pub use rc10_link::Action;
+pub use rc10_link::{Action, Urgent};
 pub use record::LiveRecord;
 pub use server::{Pages, Shown, Wish};
 pub use session::{Session, full_name};

@@ -21,7 +21,7 @@ mod message;
 pub mod samples;
 
 pub use message::{
-    Action, Ask, Bits, CHANGES, Change, Declaration, GROUPS, Outcome, SIGNALS, Tell, Topic,
+    Action, Ask, Bits, CHANGES, Change, Declaration, GROUPS, Outcome, SIGNALS, Tell, Topic, Urgent,
 };
 
 /// The version of these messages.

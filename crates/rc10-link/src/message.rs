@@ -47,13 +47,13 @@ pub enum Ask {
         /// The robot that is meant: another one refuses.
         declaration: Declaration,
     },
-    /// Stops or disarms, any robot and at any time; also without a [`Hello`](Self::Hello) before. Other
-    /// actions are refused. [`Tell::Answer`] is the answer.
-    Do {
+    /// Stops or disarms, any robot and at any time; also without a [`Hello`](Self::Hello) before.
+    /// [`Tell::Answer`] is the answer.
+    Urge {
         /// Of this request, for its answer.
         id: u16,
         /// What.
-        action: Action,
+        what: Urgent,
     },
     /// Does something to one robot. [`Tell::Answer`] is the answer.
     Act {
@@ -83,6 +83,7 @@ impl Default for Declaration {
 impl Declaration {
     /// With some more of it.
     #[must_use]
+    #[inline(never)] // Once in flash.
     pub fn with(self, bytes: &[u8]) -> Self {
         // An end, so that parts do not run into each other.
         let bytes = bytes.iter().chain(&[0xFF]);
@@ -99,14 +100,20 @@ pub struct Change {
     pub value: f32,
 }
 
-/// What a PC wants done. Motors are told by their numbers in the robot's declaration.
+/// What a PC wants at once, of any robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub enum Action {
+pub enum Urgent {
     /// Emergency stop of all motors. It stays until a hand has moved the switches of the remote since.
     Stop,
     /// Disarms the robot.
     Disarm,
+}
+
+/// What a PC wants done to a motor. Motors are told by their numbers in the robot's declaration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Action {
     /// A motor's angle now is zero from now on. Only while the robot is disarmed.
     Zero(u8),
     /// A motor forgets its fault and goes on.

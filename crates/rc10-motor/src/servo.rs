@@ -264,26 +264,21 @@ impl Servo {
         match goal {
             Goal::Rest => self.state.rest(),
             Goal::Effort(effort) => self.state.give(effort, self.limit, tick.dt),
-            Goal::Speed(rpm) if tick.is_jog => self.jog(rpm, tick, shaft),
-            Goal::Speed(rpm) => self.seek(&Seek::Speed(rpm), 0.0, tick, shaft),
+            Goal::Speed(rpm) => {
+                // A jog runs with gains from a PC: never with much effort.
+                let limit = self.limit;
+                self.limit *= if tick.is_jog { JOG_SHARE } else { 1.0 };
+                self.apply_limit();
+                self.seek(&Seek::Speed(rpm), 0.0, tick, shaft);
+                self.limit = limit;
+                self.apply_limit();
+            }
             Goal::Angle(_) | Goal::Total(_) => {
                 self.seek(&Seek::Angle(way(&goal, shaft)), 0.0, tick, shaft);
             }
             Goal::Impedance(_) => self.impede(way(&goal, shaft), shaft.speed().get(), tick.dt),
             Goal::Motion => self.follow(tick, shaft),
         }
-    }
-
-    /// One step at a speed that a PC asks for: never with much effort, whatever the gains are.
-    #[cold]
-    #[inline(never)]
-    fn jog(&mut self, rpm: f32, tick: &Tick, shaft: &Shaft) {
-        let limit = self.limit;
-        self.limit *= JOG_SHARE;
-        self.apply_limit();
-        self.seek(&Seek::Speed(rpm), 0.0, tick, shaft);
-        self.limit = limit;
-        self.apply_limit();
     }
 
     /// One step along a motion.

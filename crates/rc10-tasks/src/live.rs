@@ -31,7 +31,7 @@ use rc10_link::frame::{AROUND, BODY, FromPc, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
 use rc10_link::{
     AT_ONCE, Action, Ask, Bits, Declaration, GROUPS, JOG_AGE, Outcome, SIGNALS, SILENCE, Tell,
-    VERSION,
+    Urgent, VERSION,
 };
 use rc10_message::{Cycles, Latest};
 use rc10_module::remote::{Remote, RemoteLink};
@@ -246,7 +246,7 @@ impl State {
     fn hear(&self, ask: Ask, robot: &Robot<'_>, grid: Instant) {
         let was_up = self.is_up();
         // Who stops or disarms is to be answered, too.
-        if let Ask::Hello { .. } | Ask::Do { .. } = ask {
+        if let Ask::Hello { .. } | Ask::Urge { .. } = ask {
             if !was_up {
                 *self.groups.borrow_mut() = [Group::OFF; GROUPS];
             }
@@ -268,15 +268,13 @@ impl State {
                 self.answer(id, Answer::Refused(Refusal::ANOTHER));
             }
             Ask::Set { id, changes, .. } => self.queue(id, Job::Set(changes)),
-            Ask::Do { id, action: Action::Stop } => {
-                robot.switch.emergency_stop();
+            Ask::Urge { id, what } => {
+                match what {
+                    Urgent::Disarm => robot.switch.disarm(),
+                    _ => robot.switch.emergency_stop(),
+                }
                 self.answer(id, Answer::Done);
             }
-            Ask::Do { id, action: Action::Disarm } => {
-                robot.switch.disarm();
-                self.answer(id, Answer::Done);
-            }
-            Ask::Do { id, .. } => self.answer(id, Answer::Refused(Refusal::OLD)),
             Ask::Act { id, heard, action, .. } => match self.job(id, heard, action, robot) {
                 Ok(job) => self.queue(id, job),
                 Err(why) => self.answer(id, Answer::Refused(why)),

@@ -6,7 +6,8 @@ use rc10_can::Micros;
 use rc10_link::frame::{AROUND, ASK, FromRobot, Writer};
 use rc10_link::samples::{Head, VALUES};
 use rc10_link::{
-    AT_ONCE, Action, Ask, Bits, Change, Declaration, GROUPS, Outcome, SILENCE, Tell, VERSION,
+    AT_ONCE, Action, Ask, Bits, Change, Declaration, GROUPS, Outcome, SILENCE, Tell, Urgent,
+    VERSION,
 };
 use rc10_module::Stream;
 
@@ -82,7 +83,8 @@ pub const NOT_HEARD: Micros = Micros::from_millis(150);
 
 /// A stop, or disarming, that is sent until it is answered.
 #[derive(Clone, Copy, Debug)]
-struct Urgent {
+struct Pressed {
+    what: Urgent,
     id: u16,
     since: Micros,
     sent: Option<Micros>,
@@ -118,7 +120,7 @@ pub struct Client {
     /// Goes out before it.
     first: Vec<u8>,
     /// A stop, and disarming.
-    urgent: [Option<Urgent>; 2],
+    pressed: Vec<Pressed>,
     greeted: Option<Micros>,
     /// Hellos so far.
     hellos: u32,
@@ -199,8 +201,6 @@ impl<T: Clone> Table<T> {
 const GREET: Micros = Micros::from_millis(100);
 /// From one time that an urgent request is sent to the next.
 const URGE: Micros = Micros::from_millis(20);
-/// Actions that are urgent.
-const URGENT: [Action; 2] = [Action::Stop, Action::Disarm];
 /// Requests whose answers are waited for.
 const ASKED: usize = 256;
 /// A robot whose time goes back by more was restarted: a sample may have overtaken a greeting.
@@ -229,7 +229,7 @@ impl Client {
             stream: Stream::new(FromRobot),
             out: Vec::new(),
             first: Vec::new(),
-            urgent: [None; 2],
+            pressed: Vec::new(),
             greeted: None,
             hellos: 0,
             heard: None,
@@ -353,36 +353,30 @@ impl Client {
         Some(id)
     }
 
-    /// Has the robot do something, once: a [stop](Self::urge) is better sent again and again.
+    /// Has the robot do something, once.
     pub fn act(&mut self, action: Action) -> u16 {
         let (id, declaration) = (self.id(), self.declaration);
         let heard = self.at.unwrap_or_default().get();
-        self.ask(&match action {
-            _ if URGENT.contains(&action) => Ask::Do { id, action },
-            _ => Ask::Act { id, declaration, heard, action },
-        });
+        self.ask(&Ask::Act { id, declaration, heard, action });
         id
     }
 
     /// Has the robot stop or disarm: it is sent every 20 ms, before everything else, until the robot
     /// says that it is done, however long that takes; to any robot, and one that was not heard of
-    /// yet. The number by which [`answer`](Self::answer) knows it. Nothing for other actions.
-    pub fn urge(&mut self, action: Action, now: Micros) -> Option<u16> {
-        let place = URGENT.iter().position(|it| *it == action)?;
-        let urgent = match self.urgent[place] {
-            Some(urgent) => urgent,
-            None => Urgent { id: self.id(), since: now, sent: None },
-        };
-        self.asked.insert(urgent.id);
-        self.urgent[place] = Some(urgent);
-        Some(urgent.id)
+    /// yet. The number by which [`answer`](Self::answer) knows it.
+    pub fn urge(&mut self, what: Urgent, now: Micros) -> u16 {
+        if let Some(pressed) = self.pressed.iter().find(|it| it.what == what) {
+            return pressed.id;
+        }
+        let id = self.id();
+        self.pressed.push(Pressed { what, id, since: now, sent: None });
+        id
     }
 
     /// How far a stop, or disarming, has come; `None` if there is none, or it is done.
     #[must_use]
-    pub fn urgency(&self, action: Action, now: Micros) -> Option<Urgency> {
-        let place = URGENT.iter().position(|it| *it == action)?;
-        let age = now.since(self.urgent[place]?.since);
+    pub fn urgency(&self, what: Urgent, now: Micros) -> Option<Urgency> {
+        let age = now.since(self.pressed.iter().find(|it| it.what == what)?.since);
         Some(if age < NOT_HEARD { Urgency::Sent } else { Urgency::NotHeard })
     }
 
@@ -405,11 +399,10 @@ impl Client {
 
     /// Asks what is to be asked now.
     pub fn step(&mut self, now: Micros) {
-        for (urgent, action) in self.urgent.iter_mut().zip(URGENT) {
-            let Some(urgent) = urgent else { continue };
-            if urgent.sent.is_none_or(|sent| now.since(sent) >= URGE) {
-                urgent.sent = Some(now);
-                self.first.extend(frame(&Ask::Do { id: urgent.id, action }));
+        for Pressed { what, id, sent, .. } in &mut self.pressed {
+            if sent.is_none_or(|sent| now.since(sent) >= URGE) {
+                *sent = Some(now);
+                self.first.extend(frame(&Ask::Urge { id: *id, what: *what }));
             }
         }
         if self.greeted.is_none_or(|greeted| now.since(greeted) >= GREET) {
@@ -542,11 +535,7 @@ impl Client {
                     }
                     _ => Answer::Refused("for a reason that this program does not know".into()),
                 };
-                for urgent in &mut self.urgent {
-                    if urgent.is_some_and(|it| it.id == id) && answer == Answer::Done {
-                        *urgent = None;
-                    }
-                }
+                self.pressed.retain(|it| it.id != id || answer != Answer::Done);
                 // Others are those of another program on the same line.
                 if self.asked.remove(&id) {
                     self.answers.insert(id, answer);
@@ -586,7 +575,9 @@ impl Client {
 }
 
 /// The frame of a request.
-fn frame(ask: &Ask) -> Vec<u8> {
+/// The bytes of a question.
+#[must_use]
+pub fn frame(ask: &Ask) -> Vec<u8> {
     let mut frame = Writer::<{ ASK + AROUND }>::new();
     frame.message(ask);
     frame.bytes().to_vec()

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_link::Action;
+use rc10_link::Urgent;
 #[cfg(unix)]
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
@@ -93,19 +93,19 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
     let ended = stop()?;
     let source = args.at.source();
     let mut session = Session::new(source.open(robot, false)?);
-    let action = if args.disarm { Action::Disarm } else { Action::Stop };
+    let what = if args.disarm { Urgent::Disarm } else { Urgent::Stop };
     let begin = session.now();
-    let id = session.client.urge(action, begin);
+    let id = session.client.urge(what, begin);
     let mut is_told = false;
     while !ended.load(Ordering::Relaxed) {
         session.step()?;
-        if id.and_then(|id| session.client.answer(id)).is_some() {
+        if session.client.answer(id).is_some() {
             let millis = session.now().since(begin).get() / 1000;
             let done = if args.disarm { "disarmed" } else { "stopped" };
             writeln!(out, "{done} after {millis} ms")?;
             return Ok(());
         }
-        if session.client.urgency(action, session.now()) == Some(Urgency::NotHeard) && !is_told {
+        if session.client.urgency(what, session.now()) == Some(Urgency::NotHeard) && !is_told {
             is_told = true;
             let why = session.trouble().unwrap_or_else(|| "it does not answer".into());
             tell(format_args!(

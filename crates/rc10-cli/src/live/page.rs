@@ -8,7 +8,7 @@ use std::sync::mpsc::Sender;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_link::Action;
+use rc10_link::{Action, Urgent};
 use serde_json::{Value, json};
 
 use super::client::{Answer, Client, Urgency};
@@ -16,7 +16,7 @@ use super::commands::stop;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
 use super::record::{LiveRecord, RESTART, room, tell_leftovers};
-use super::server::{Asked, Pages, Wish, look, urgent};
+use super::server::{Asked, Pages, Wish, look};
 use super::session::{Session, full_name};
 use super::source::PlaceArgs;
 use super::viewers::{ViewerArgs, Viewers};
@@ -230,11 +230,11 @@ impl Show<'_, '_> {
                 let _ = tell.send(self.advise(&name, value).map_err(|error| format!("{error:#}")));
                 return;
             }
-            Wish::Do(action, ..) if let Some(action) = urgent(&action) => {
-                let id = self.session.client.urge(action, now);
-                id.with_context(|| format!("{action:?} is not urgent"))
+            Wish::Urge(what) => Ok(self.session.client.urge(what, now)),
+            Wish::Set(wanted) => self.may_ask().and_then(|()| self.set(wanted)),
+            Wish::Do(action, label, speed) => {
+                self.may_ask().and_then(|()| self.act(&action, &label, speed))
             }
-            wish => self.ask(wish),
         };
         match asked {
             Ok(id) => self.waiting.push((id, now, tell)),
@@ -261,8 +261,8 @@ impl Show<'_, '_> {
         Ok(bad.map_or(Value::Null, |advice| advice.text.into()))
     }
 
-    /// Asks the robot for something that is not urgent.
-    fn ask(&mut self, wish: Wish) -> Result<u16> {
+    /// Whether the robot may be asked for something that is not urgent.
+    fn may_ask(&self) -> Result<()> {
         if let Some(stranger) = &self.stranger {
             bail!("{stranger}: only stopped, disarmed and watched");
         }
@@ -270,30 +270,28 @@ impl Show<'_, '_> {
             self.waiting.len() < MOST_WAITING,
             "the robot has not answered what was asked before"
         );
-        let client = &mut self.session.client;
-        match wish {
-            Wish::Set(wanted) => {
-                let mut changes = Vec::new();
-                for (name, value) in wanted {
-                    changes.push((self.session.parameter(&name)?.index, value));
-                }
-                let id = self.session.client.set(&changes);
-                id.with_context(|| format!("at most {} changes at once", rc10_link::CHANGES))
-            }
-            Wish::Do(action, label, speed) => {
-                let motor = client.motor(&label);
-                let motor = motor.with_context(|| format!("the robot has no motor `{label}`"))?;
-                Ok(client.act(match action.as_str() {
-                    "jog" => Action::Jog(motor, tenths(speed)),
-                    "zero" => Action::Zero(motor),
-                    "clear" => Action::ClearFault(motor),
-                    _ => bail!("there is no `{action}`"),
-                }))
-            }
-            Wish::Watch(..) | Wish::Record(_) | Wish::Advise(..) => {
-                bail!("that is not for the robot")
-            }
+        Ok(())
+    }
+
+    fn set(&mut self, wanted: Vec<(String, f32)>) -> Result<u16> {
+        let mut changes = Vec::new();
+        for (name, value) in wanted {
+            changes.push((self.session.parameter(&name)?.index, value));
         }
+        let id = self.session.client.set(&changes);
+        id.with_context(|| format!("at most {} changes at once", rc10_link::CHANGES))
+    }
+
+    fn act(&mut self, action: &str, label: &str, speed: f32) -> Result<u16> {
+        let client = &mut self.session.client;
+        let motor = client.motor(label);
+        let motor = motor.with_context(|| format!("the robot has no motor `{label}`"))?;
+        Ok(client.act(match action {
+            "jog" => Action::Jog(motor, tenths(speed)),
+            "zero" => Action::Zero(motor),
+            "clear" => Action::ClearFault(motor),
+            _ => bail!("there is no `{action}`"),
+        }))
     }
 
     /// Watches what a page shows, if that is to be more often than everything is.
@@ -349,8 +347,8 @@ impl Show<'_, '_> {
             json!({ "path": path.display().to_string(), "seconds": record.length().get() as f64 * 1e-6 })
         });
         let is_whole = client.is_described();
-        let urgency = |action| {
-            client.urgency(action, session.now()).map(|urgency| match urgency {
+        let urgency = |what| {
+            client.urgency(what, session.now()).map(|urgency| match urgency {
                 Urgency::Sent => "sent",
                 Urgency::NotHeard => "not heard",
             })
@@ -360,8 +358,8 @@ impl Show<'_, '_> {
             "happened": self.judge.happened.iter()
                 .map(|(at, what)| json!([at.get() as f64 * 1e-6, what])).collect::<Vec<_>>(),
             "stranger": self.stranger,
-            "stop": urgency(Action::Stop),
-            "disarm": urgency(Action::Disarm),
+            "stop": urgency(Urgent::Stop),
+            "disarm": urgency(Urgent::Disarm),
             "declaration": client.declaration().0,
             "name": session.name(),
             "trouble": session.trouble(),

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use rc10_can::Micros;
-use rc10_link::Action;
+use rc10_link::Urgent;
 use serde_json::{Value, json};
 
 use super::client::NOT_HEARD;
@@ -29,6 +29,8 @@ pub enum Wish {
     Set(Vec<(String, f32)>),
     /// What this value of a parameter would do.
     Advise(String, f32),
+    /// A stop, or disarming.
+    Urge(Urgent),
     /// Something done: its name, the motor's label, and a speed in rpm.
     Do(String, String, f32),
     /// A record to begin, or to end.
@@ -164,14 +166,18 @@ fn parse(value: &Value) -> Option<Wish> {
         // By its label: its number is another one after the next flashing.
         let motor = value.get("motor").and_then(Value::as_str).unwrap_or_default();
         let speed = value.get("speed").and_then(Value::as_f64).unwrap_or_default() as f32;
-        return Some(Wish::Do(action.as_str()?.into(), motor.into(), speed));
+        return Some(match action.as_str()? {
+            "stop" => Wish::Urge(Urgent::Stop),
+            "disarm" => Wish::Urge(Urgent::Disarm),
+            action => Wish::Do(action.into(), motor.into(), speed),
+        });
     }
     Some(Wish::Record(value.get("record")?.as_bool()?))
 }
 
 fn grant(wish: Wish, tell: &Sender<Asked>) -> Result<Value, String> {
     let (answer, answered) = channel();
-    let is_urgent = matches!(&wish, Wish::Do(action, ..) if urgent(action).is_some());
+    let is_urgent = matches!(wish, Wish::Urge(_));
     tell.send((wish, answer)).map_err(|_| "rc10 live has ended")?;
     // Whoever speaks with the robot may be held up: this is told all the same.
     let (patience, why) = if is_urgent {
@@ -180,15 +186,6 @@ fn grant(wish: Wish, tell: &Sender<Asked>) -> Result<Value, String> {
         (PATIENCE, "the robot did not answer")
     };
     answered.recv_timeout(patience).map_err(|_| why)?
-}
-
-/// What is sent until the robot has done it.
-pub(super) fn urgent(action: &str) -> Option<Action> {
-    match action {
-        "stop" => Some(Action::Stop),
-        "disarm" => Some(Action::Disarm),
-        _ => None,
-    }
 }
 
 #[cfg(test)]
@@ -203,6 +200,7 @@ mod tests {
         assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(Wish::Watch(5, vec![1, 2])));
         let zero = Wish::Do("zero".into(), "arm".into(), 0.0);
         assert_eq!(read(r#"{"do":"zero","motor":"arm"}"#), Some(zero));
+        assert_eq!(read(r#"{"do":"stop"}"#), Some(Wish::Urge(Urgent::Stop)));
         assert_eq!(read(r#"{"record":true}"#), Some(Wish::Record(true)));
         for bad in ["{}", "[]", r#"{"set":[[3,1]]}"#, r#"{"set":[[1,null]]}"#, r#"{"do":3}"#] {
             assert_eq!(read(bad), None, "{bad}");

@@ -26,7 +26,6 @@ impl Refusal {
         None,
         "another robot was meant: its motors or values are not those of this one",
     );
-    pub const OLD: Self = Self::because(None, "the program on the PC is older than this robot");
     pub const UNKNOWN: Self = Self::because(None, "this robot does not know what is asked");
     pub const BUSY: Self = Self::because(None, "too many requests at once");
     pub const NO_MOTOR: Self = Self::because(None, "there is no motor with this number");
