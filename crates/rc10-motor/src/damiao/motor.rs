@@ -61,7 +61,9 @@ enum Question {
 
 impl Question {
     const fn retry(self) -> Retry {
-        let retry = Retry::new(0.010, 10);
+        // Every 11th tick: with a period of 10 ms all tries can fall on the moment at which the bus's
+        // other periodic frames keep the reply waiting until the next feedback takes its place.
+        let retry = Retry::new(0.0105, 10);
         match self {
             // Up to 30 ms deaf, and memory that lasts for ten thousand times.
             Self::Access(Access::Save) => Retry::new(0.060, 2).only_while_off(),

@@ -301,12 +301,14 @@ fn firmware_without_registers_is_told_apart() {
         |code: u8| CanFrame::eight_bytes(id, [code << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25]);
     for verify in [true, false] {
         let mut motor = Damiao::new(config(mit()).verify_limits(verify)).unwrap();
-        let mut enabled_at = None;
+        let (mut enabled_at, mut asked) = (None, Vec::new());
         for millis in 1..=200 {
             motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
             motor.update(&Tick::new(if millis < 3 { DriveMode::Off } else { DriveMode::Run }));
             let mut tx = TxBatch::new();
             motor.pack_command(&mut tx).unwrap();
+            let reads = tx.frames().iter().filter(|it| matches!(it.bytes(), [_, _, 0x33, _]));
+            asked.extend(reads.map(|_| millis % 10));
             let enables = tx.frames()[0].bytes().ends_with(&[0xFF, 0xFC]);
             if enables {
                 enabled_at = enabled_at.or(Some(millis));
@@ -319,6 +321,9 @@ fn firmware_without_registers_is_told_apart() {
         if verify {
             assert_eq!(enabled_at, None);
             assert_eq!(motor.fault().unwrap().code, 0x1FF);
+            // In every phase of what others send each 5 or 10 ms: in one of them all might be lost.
+            asked.sort_unstable();
+            assert_eq!(asked, (0..10).collect::<Vec<_>>());
             let heard = motor.unpack_feedback(&answer(0), Micros::from_millis(201), Link::Online);
             assert_eq!(heard, Ok(FrameKind::Fault));
         } else {
