@@ -8,6 +8,8 @@ use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind, dji};
 use rc10_sim::Esc;
 
+use crate::load::{LoadTrack, LoadWatch};
+use crate::look::MotorLook;
 use crate::margin::Margins;
 use crate::motor::{Device, Motor};
 
@@ -43,6 +45,8 @@ pub struct EffortTrack {
     pub least_reversals: u32,
     /// Looks at the limit, of a thousand.
     pub at_limit: Worst,
+    /// What it carries beside its feed-forward.
+    pub load: LoadTrack,
 }
 
 /// The worst of some windows one after another.
@@ -103,6 +107,7 @@ impl EffortTrack {
 #[derive(Clone)]
 pub struct EffortWatch {
     track: EffortTrack,
+    load: LoadWatch,
     window: Vec<f64>,
     /// When the window began, and the time of the newest look.
     begun: Micros,
@@ -120,8 +125,10 @@ impl EffortWatch {
             reversals: Worst::default(),
             least_reversals: REVERSALS,
             at_limit: Worst::default(),
+            load: LoadTrack::default(),
         };
-        Self { track, window: Vec::new(), begun: Micros::ZERO, last: None }
+        let load = LoadWatch::default();
+        Self { track, load, window: Vec::new(), begun: Micros::ZERO, last: None }
     }
 
     /// Unit and limit of the effort.
@@ -175,10 +182,15 @@ impl EffortWatch {
         self.track.at_limit.interrupt();
     }
 
+    /// Takes a look at what the motor carries.
+    pub fn look_at_load(&mut self, now: Micros, look: &MotorLook) {
+        self.load.look(now, look, &self.track.loops.cascade.feed_forward);
+    }
+
     /// The summary of all windows.
     #[must_use]
     pub fn finish(self) -> EffortTrack {
-        self.track
+        EffortTrack { load: self.load.track, ..self.track }
     }
 }
 

@@ -381,15 +381,16 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let took = started.elapsed();
     recording.faults.clone_from(&args.injected.faults);
     let mut figures = Figures::of(&recording);
+    let log = emulation.rig.machine.take_log();
     let Emulation { rig, description, .. } = &emulation;
     problems::search(rig, description, &recording, &mut figures.problems);
+    problems::warnings(&log, &recording, &mut figures.problems);
     write_files(&recording, &figures, &args.out)?;
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
     for text in &texts {
         write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
     }
-    let log = emulation.rig.machine.take_log();
     let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.injected.faults, &log);
     if args.json {
         writeln!(out, "{:#}", outcome.to_json())?;
@@ -422,7 +423,7 @@ pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf>
         .stderr(Stdio::inherit())
         .output()
         .context("cannot start cargo to build the firmware")?;
-    ensure!(output.status.success(), "the firmware cannot be built: cargo xtask setup first?");
+    ensure!(output.status.success(), "the firmware was not built: the error above says why");
     // It ends with the path.
     match String::from_utf8_lossy(&output.stdout).lines().last() {
         Some(path) => Ok(path.into()),
@@ -450,16 +451,27 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
         .stderr(Stdio::inherit())
         .output()
         .context("cannot start cargo to build the firmware")?;
-    ensure!(
-        output.status.success(),
-        "the firmware cannot be built; if the chip's target is missing: rustup target add \
-         thumbv7em-none-eabihf"
-    );
+    if !output.status.success() {
+        ensure!(has_target(&folder), "the chip's target is missing: rustup target add {TARGET}");
+        bail!("the firmware was not built: the error above says why");
+    }
     let messages = String::from_utf8_lossy(&output.stdout);
     let messages =
         messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     let mut programs = messages.filter_map(|it| Some(PathBuf::from(it["executable"].as_str()?)));
     programs.next_back().with_context(|| format!("{} has no program", folder.display()))
+}
+
+/// The chip's target.
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Whether the compiler that is used in a folder has the chip's target, or does not say.
+fn has_target(folder: &Path) -> bool {
+    let ask = Command::new("rustc")
+        .args(["--print", "target-libdir", "--target", TARGET])
+        .current_dir(folder)
+        .output();
+    ask.map_or(true, |told| Path::new(String::from_utf8_lossy(&told.stdout).trim()).is_dir())
 }
 
 /// SHA-256 over identifier, length and data of all frames in the order of the wire, bus by bus.

@@ -35,8 +35,10 @@ pub mod effort;
 pub mod emulate;
 pub mod environment;
 pub mod figures;
+mod hang;
 pub mod happened;
 pub mod live;
+pub mod load;
 pub mod look;
 pub mod margin;
 pub mod mistake;
@@ -64,6 +66,7 @@ pub mod wheels;
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::process::ExitCode;
+use std::{env, fs};
 
 use clap::{Parser, Subcommand};
 
@@ -233,6 +236,9 @@ pub fn main_for(
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
+    if let Some(other) = other_robot() {
+        tell(other);
+    }
     match robot(arguments.command_line()).map_err(|error| description.label(error)) {
         Ok(code) => code,
         // The reader of our output has read enough (`| head`).
@@ -252,6 +258,26 @@ pub fn main() -> ExitCode {
         let io = rc10_robot::Shared::new(&ports);
         let mut motors = rc10_robot::Motors::new();
         command.run(team::robot(&io, motors.start(&io.switch)?.buses))
+    })
+}
+
+/// Which robot stands in this folder, if it is another one than this program's.
+fn other_robot() -> Option<String> {
+    // By cargo, the folder's own is run, or one that was named.
+    if env::var_os("CARGO_MANIFEST_DIR").is_some() {
+        return None;
+    }
+    let (here, program) = (env::current_dir().ok()?, env::current_exe().ok()?);
+    let mut folders = here.ancestors();
+    let (folder, manifest) = folders
+        .find_map(|folder| Some((folder, fs::read_to_string(folder.join("Cargo.toml")).ok()?)))?;
+    let is_robot = manifest.contains("rc10-cli") || manifest.contains("rc10_cli");
+    let name = manifest.lines().find_map(|line| line.strip_prefix("name = \""))?;
+    let (theirs, own) = (name.trim_end_matches('"'), program.file_stem()?.to_str()?);
+    (is_robot && theirs != own && !program.starts_with(folder)).then(|| {
+        format!(
+            "this is the robot of `{own}`; the one in this folder is `{theirs}`: cargo run --release -- .."
+        )
     })
 }
 

@@ -6,6 +6,7 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::ArmSwitch;
 use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
+use rc10_tasks::live::Parameter;
 
 use crate::description::Description;
 use crate::motor::Place;
@@ -26,6 +27,8 @@ pub struct Ports<'r> {
     pub parts: Vec<&'r Reception>,
     /// Signals of its own.
     pub signals: Vec<Signal<'r>>,
+    /// Parameters of its own.
+    pub parameters: Vec<&'r Parameter>,
     /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted; and the
     /// label of the signal that says the same of the robot that really runs.
     pub yaw: Option<(&'static str, Yaw<'r>)>,

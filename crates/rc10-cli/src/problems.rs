@@ -8,15 +8,17 @@ use std::fmt;
 
 use rc10_can::Micros;
 use rc10_module::Counters;
+use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{ArmState, Condition, DriveMode, Link, Verdict};
 use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
 use serde_json::{Value, json};
 
 use crate::effort::{EffortTrack, IN_A_ROW, WINDOW};
+use crate::load;
 use crate::margin;
 use crate::motor::Place;
 use crate::recording::{
-    BusTrack, MotorSample, MotorTrack, PartTrack, Recording, SAMPLE_PERIOD, Source,
+    BusTrack, Cell, MotorSample, MotorTrack, PartTrack, Recording, SAMPLE_PERIOD, Source,
 };
 use crate::remote::{Loss, Receiver, RemoteTrack};
 
@@ -112,8 +114,18 @@ impl fmt::Display for Problem {
 pub type Search = fn(&Recording, &mut Vec<Problem>);
 
 /// All of them, in the order in which their findings are told.
-const SEARCHES: [Search; 8] =
-    [robot, motors, efforts, buses, lines, remote, parts, crate::consistency::consistency];
+const SEARCHES: [Search; 10] = [
+    robot,
+    heading,
+    mechanisms,
+    motors,
+    efforts,
+    buses,
+    lines,
+    remote,
+    parts,
+    crate::consistency::consistency,
+];
 
 /// Everything that was found in a run.
 #[must_use]
@@ -131,6 +143,8 @@ pub fn any(problems: &[Problem]) -> bool {
 
 /// Of frames or commands, one in this many may be lost to be information only: 0.1 %.
 pub const RARE: u64 = 1000;
+/// No more than this many frames or commands say nothing yet, where they are at most 1 % of all.
+pub const FEW: u64 = 9;
 /// A robot that lost its remote lets go within this time from the last good frame on.
 pub const REACTION: Micros = Micros::from_millis(120);
 /// A motor that cannot be heard is known as lost within this time.
@@ -282,6 +296,82 @@ fn robot(recording: &Recording, found: &mut Vec<Problem>) {
         let text = "was never armed: no motor was driven".to_owned();
         found.push(Problem::new(About::Robot, "never-armed", text));
     }
+    found.extend_from_slice(&recording.found);
+}
+
+/// A robot with an IMU that drives without a heading.
+fn heading(recording: &Recording, found: &mut Vec<Problem>) {
+    let armed = recording.headings.iter().zip(&recording.arm);
+    let missing = |(has_one, arm): (&bool, &ArmState)| *arm == ArmState::Armed && !has_one;
+    let missing: Vec<bool> = armed.map(missing).collect();
+    let longest = missing.split(|it| !it).map(<[bool]>::len).max().unwrap_or(0) as u64;
+    let longest = Micros::new(longest * SAMPLE_PERIOD.get());
+    if longest >= ARMED_FOR && recording.faults.is_empty() {
+        let text = format!(
+            "was armed for {:.1} s without a heading, though it has an IMU: {}",
+            seconds(longest),
+            if recording.headings.contains(&true) {
+                "it was lost; it comes back when the robot is armed anew"
+            } else {
+                "it never came: is the IMU plugged in, powered, and at this rate?"
+            }
+        );
+        found.push(Problem::new(About::Robot, "no-heading", text));
+    }
+}
+
+/// Mechanisms that gave up, or never began.
+fn mechanisms(recording: &Recording, found: &mut Vec<Problem>) {
+    for track in recording.signals.iter().filter(|track| track.states == Stage::NAMES) {
+        let about = About::Part(track.label);
+        let stage = |value: f64| Stage::ALL.get(value as usize).copied().unwrap_or_default();
+        let highest = |cell: &Option<Cell>| cell.map(|cell| stage(cell.max.into()));
+        let stages = (0..).zip(&track.samples).filter_map(|(at, it)| Some((at, highest(it)?)));
+        let gave_up = stages.filter(|(_, stage)| stage.gave_up()).map(|(at, it)| (time_of(at), it));
+        let faults = || recording.faults.iter().map(|fault| (fault.from.micros(), fault.until));
+        let is_excused = |at: Micros| {
+            faults().any(|(from, until)| {
+                from <= at && until.is_none_or(|until| at <= until.micros() + RESTART_WITHIN)
+            })
+        };
+        let mut told = None;
+        for (at, stage) in gave_up.filter(|(at, _)| !is_excused(*at)) {
+            if told.replace(stage) != Some(stage) {
+                let text = format!("gave up at {:.2} s: {}", seconds(at), why_it_gave_up(stage));
+                found.push(Problem::new(about, "gave-up", text));
+            }
+        }
+        let has_begun = track.range.is_some_and(|[.., highest]| stage(highest) != Stage::NotBegun);
+        let armed = armed_for(recording);
+        if !has_begun && track.last.is_some() && armed >= ARMED_FOR {
+            let text = format!(
+                "never began, and the robot was armed for {:.1} s: is it updated, and not a copy of it?",
+                seconds(armed)
+            );
+            found.push(Problem::new(about, "never-began", text));
+        }
+    }
+}
+
+/// What a stage means, and what to look at.
+fn why_it_gave_up(stage: Stage) -> String {
+    let hint = match stage {
+        Stage::NotTouched => {
+            " on the way to the first touch: is the contact torn or inverted, its direction wrong, the \
+             travel or the time too short?"
+        }
+        Stage::NeverOpened => {
+            " while it backed off: is it inverted (an input is low while the contact is closed), or stuck?"
+        }
+        Stage::NotBackedOff => ": is it blocked, or the time too short?",
+        Stage::NotTouchedAgain => " on the way to the second touch: is the contact loose?",
+        Stage::TouchesDiffer => ": does the stop give way, or does the motor slip?",
+        Stage::Apart | Stage::Lags => ": is one of them blocked, or off its gear?",
+        Stage::AngleGap => ": its motor was not heard for so long that it may have turned unseen",
+        Stage::Jammed => ": no try has cleared it",
+        _ => "",
+    };
+    format!("{}{hint}", stage.name())
 }
 
 /// For how long the robot was armed.
@@ -377,12 +467,14 @@ fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Probl
     }
 }
 
-/// A count that should be zero: information below 0.1 % of `all`.
+/// A count that should be zero: information below 0.1 % of `all`; where there are few frames, one of
+/// them, or up to 1 %, says nothing yet.
 fn share(about: About, kind: &'static str, count: u64, all: u64, what: &str) -> Option<Problem> {
     if count == 0 {
         return None;
     }
-    Some(if count.saturating_mul(RARE) < all {
+    let few = (all / 100).clamp(1, FEW);
+    Some(if count.saturating_mul(RARE) < all || count <= few {
         let percent = count as f64 * 100.0 / all as f64;
         Problem::information(about, kind, format!("{count} {what} ({percent:.3} %)"))
     } else {
@@ -420,6 +512,7 @@ fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
             let text = "what it moves is not described (inertia 0): its gain margin is not judged";
             found.push(Problem::information(about, "no-inertia", text.to_owned()));
         }
+        feed_forward(about, effort, found);
         if effort.saturates() {
             let text = format!(
                 "its effort stands at its limit of {} {} for {:.0} % of {} ms (from {:.2} s on; in \
@@ -433,6 +526,37 @@ fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
             );
             found.push(Problem::new(about, "saturation", text));
         }
+    }
+}
+
+/// A feed-forward that is not what the motor carries: the integral has to hold the rest.
+fn feed_forward(about: About, effort: &EffortTrack, found: &mut Vec<Problem>) {
+    let (unit, limit) = (effort.unit(), f64::from(effort.loops.cascade.speed.output_limit));
+    let friction = f64::from(effort.loops.cascade.feed_forward.friction);
+    let least = load::LEAST * limit;
+    for (fit, is_weight) in [(effort.load.weight, true), (effort.load.motion, false)] {
+        let [said, took, apart] = fit.means();
+        let is_judged = fit.windows >= load::WINDOWS && said >= least && apart >= least + friction;
+        let factor = fit.factor();
+        let is_good = if is_weight {
+            (1.0 / load::SIZE..=load::SIZE).contains(&factor)
+        } else {
+            factor >= load::AGAINST
+        };
+        if !is_judged || is_good {
+            continue;
+        }
+        let (what, of) = if is_weight {
+            ("its weight takes", "its `gravity`")
+        } else {
+            ("its motion takes", "`speed` and `friction` of its feed-forward")
+        };
+        let cause = if factor < 0.0 { "the sign is wrong" } else { "the size is wrong" };
+        let text = format!(
+            "{what} {factor:.1} times what {of} says ({took:.2} {unit} where {said:.2} {unit} are said): \
+             {cause}, and the integral holds the rest"
+        );
+        found.push(Problem::new(about, "feed-forward", text));
     }
 }
 

@@ -31,6 +31,8 @@ pub struct Recorder<'d> {
     motors: Vec<MotorRecorder>,
     buses: Vec<BusRecorder>,
     arm: Vec<ArmState>,
+    /// Per sample, if it has an IMU.
+    headings: Option<Vec<bool>>,
     path: Vec<PathPoint>,
     estimate: Vec<PathPoint>,
     reference: Vec<PathPoint>,
@@ -55,6 +57,7 @@ impl Clone for Recorder<'_> {
             motors: self.motors.clone(),
             buses: self.buses.clone(),
             arm: self.arm.clone(),
+            headings: self.headings.clone(),
             path: self.path.clone(),
             estimate: self.estimate.clone(),
             reference: self.reference.clone(),
@@ -120,6 +123,7 @@ impl<'d> Recorder<'d> {
             motors,
             buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
             arm: Vec::new(),
+            headings: None,
             path: Vec::new(),
             estimate: Vec::new(),
             reference: Vec::new(),
@@ -130,6 +134,13 @@ impl<'d> Recorder<'d> {
             moment: Moment::default(),
             record: None,
         }
+    }
+
+    /// The same of a robot that has an IMU, or has not.
+    #[must_use]
+    pub fn with_imu(mut self, has_imu: bool) -> Self {
+        self.headings = has_imu.then(Vec::new);
+        self
     }
 
     /// The same, with the robot's own signals.
@@ -245,6 +256,7 @@ impl<'d> Recorder<'d> {
             recorder.samples.push(BusSample::of(&look.status));
         }
         self.arm.extend(moment.robot.arm);
+        self.headings.iter_mut().for_each(|it| it.push(moment.robot.yaw.is_some()));
         self.remote.extend(moment.remote.map(|look| look.sample));
         if let Some(base) = &self.description.base {
             self.path.push(moment.robot.pose);
@@ -405,7 +417,9 @@ impl<'d> Recorder<'d> {
                 .map(|(part, heard)| PartTrack { label: part.label, uart: part.uart, heard })
                 .collect(),
             arm: self.arm,
+            headings: self.headings.unwrap_or_default(),
             signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
+            found: Vec::new(),
             no_logs: self.description.no_logs,
             source: self.source,
             faults: Vec::new(),
@@ -457,6 +471,7 @@ impl MotorRecorder {
         self.peak_current = self.peak_current.max(seen.current.abs());
         if let Some(watch) = &mut self.effort {
             watch.look(now, look.effort);
+            watch.look_at_load(now, look);
         }
         if self.is_new && self.last.seen.kind != seen.kind {
             self.measured = Sum::default();

@@ -11,6 +11,7 @@ use sha2::{Digest, Sha256};
 
 use crate::effort::EffortTrack;
 use crate::motor::Motor;
+use crate::problems::Problem;
 use crate::remote::RemoteTrack;
 use crate::script::Event;
 use crate::signal::SignalTrack;
@@ -47,6 +48,10 @@ pub struct Recording {
     pub signals: Vec<SignalTrack>,
     /// Whether the robot was armed, per sample; empty if that is not known.
     pub arm: Vec<ArmState>,
+    /// What the simulation itself found, which knows the robot's tasks.
+    pub found: Vec<Problem>,
+    /// Whether it had a heading, per sample; empty of a robot without an IMU.
+    pub headings: Vec<bool>,
     /// Injected faults.
     pub faults: Vec<Fault>,
     /// The buses' logs were not kept.

@@ -1053,6 +1053,7 @@ mod tests {
         let mut recording = two_seconds();
         assert!(!page_of(&recording).contains("<h2>Signals</h2>"));
         let track = |label, unit| SignalTrack {
+            states: "",
             label,
             unit,
             samples: (0..200).map(|at: u8| (at >= 50).then(|| Cell::of(at.into()))).collect(),

@@ -12,13 +12,14 @@ use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
 use rc10_sim::fault::Kind;
-use rc10_sim::{Contact, Fault, Faults, Tasks, UartPort};
+use rc10_sim::{Contact, Fault, Faults, TaskName, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 
 use crate::built::Built;
 use crate::description::{Description, PoseSignals};
 use crate::environment::Environment;
+use crate::hang;
 use crate::live::wire::ConsolePort;
 use crate::mistake::Mistake;
 use crate::motor::{Motor, Place};
@@ -50,12 +51,14 @@ pub struct Robot<'r> {
 
 type ReadContacts<'r> = Box<dyn FnOnce(&[Contact]) -> Option<Task<'r>> + 'r>;
 
-type Task<'r> = Pin<Box<dyn Future<Output = ()> + 'r>>;
+type Task<'r> = (TaskName, Pin<Box<dyn Future<Output = ()> + 'r>>);
 
-fn boxed<'r, T>(task: impl Future<Output = T> + 'r) -> Task<'r> {
-    Box::pin(async {
+#[track_caller]
+fn boxed<'r, T, F: Future<Output = T> + 'r>(task: F) -> Task<'r> {
+    let future = async {
         task.await;
-    })
+    };
+    (TaskName::of::<F>(), Box::pin(future))
 }
 
 impl<'r> Robot<'r> {
@@ -69,6 +72,7 @@ impl<'r> Robot<'r> {
             reception: None,
             parts: Vec::new(),
             signals: Vec::new(),
+            parameters: Vec::new(),
             yaw: None,
         };
         Self {
@@ -128,6 +132,7 @@ impl<'r> Robot<'r> {
 
     /// Adds a task of its own; the buses' tasks are there already.
     #[must_use]
+    #[track_caller]
     pub fn task<T>(mut self, task: impl Future<Output = T> + 'r) -> Self {
         self.tasks.push(boxed(task));
         self
@@ -217,7 +222,7 @@ impl<'r> Robot<'r> {
         unit: &'static str,
         read: impl Fn(Micros) -> Option<f64> + 'r,
     ) -> Self {
-        self.ports.signals.push(Signal { label, unit, read: Rc::new(read) });
+        self.ports.signals.push(Signal { label, unit, states: "", read: Rc::new(read) });
         self
     }
 
@@ -231,9 +236,10 @@ impl<'r> Robot<'r> {
         let mut robot = self;
         own.signals(&mut |signal| {
             let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
-            let (label, unit) = (signal.label, signal.unit);
-            robot.ports.signals.push(Signal { label, unit, read: Rc::new(read) });
+            let live::Signal { label, unit, states, .. } = *signal;
+            robot.ports.signals.push(Signal { label, unit, states, read: Rc::new(read) });
         });
+        own.parameters(&mut |parameter| robot.ports.parameters.push(parameter));
         robot.console = Some(Box::new(move |port| {
             boxed(async move {
                 let link = Link::new(port.clone());
@@ -382,22 +388,24 @@ impl<'r> Robot<'r> {
         for ((line, shared), wire) in lines.zip(&around.lines) {
             tasks.add(run_rs485(wire.port(), line, shared));
         }
-        self.tasks.into_iter().for_each(|task| tasks.add(task));
+        let mut own = self.tasks;
         if let (Some(listen), Some(remote)) = (self.listen, &around.remote) {
-            tasks.add(listen(remote.receiver, remote.wire.port()));
+            own.push(listen(remote.receiver, remote.wire.port()));
         }
         if let (Some(serve), Some(line)) = (self.console, &around.console) {
-            tasks.add(serve(line.port()));
+            own.push(serve(line.port()));
         }
         if let Some((described, read)) = self.contacts {
             let count = around.contacts.len();
-            tasks.add(read(&around.contacts).with_context(|| {
+            own.push(read(&around.contacts).with_context(|| {
                 format!("{described} contacts are read, but {count} are around it")
             })?);
         }
         for (speak, link) in self.serials.into_iter().zip(&around.serials) {
-            tasks.add(speak(link.port()));
+            own.push(speak(link.port()));
         }
+        own.into_iter().for_each(|(name, task)| tasks.add_as(name, task));
+        hang::watch(&tasks.running());
         Ok(tasks)
     }
 

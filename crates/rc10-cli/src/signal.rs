@@ -18,6 +18,8 @@ pub struct Signal<'r> {
     pub label: &'static str,
     /// Its unit, such as "mm"; empty if it has none.
     pub unit: &'static str,
+    /// If it is a state: the names of its values from 0 on, with commas between.
+    pub states: &'static str,
     /// Its value at a time; `None` while it has none.
     pub read: Rc<dyn Fn(Micros) -> Option<f64> + 'r>,
 }
@@ -29,6 +31,8 @@ pub struct SignalTrack {
     pub label: &'static str,
     /// Its unit.
     pub unit: &'static str,
+    /// The names of its values, if it is a state.
+    pub states: &'static str,
     /// Its values between two samples; `None` where it had none.
     pub samples: Vec<Option<Cell>>,
     /// The newest value; `None` if it has none at the end.
@@ -50,8 +54,11 @@ pub(crate) struct SignalRecorder {
 
 impl SignalRecorder {
     pub(crate) fn new(signal: &Signal<'_>) -> Self {
-        let &Signal { label, unit, .. } = signal;
-        Self { track: SignalTrack { label, unit, ..SignalTrack::default() }, ..Self::default() }
+        let &Signal { label, unit, states, .. } = signal;
+        Self {
+            track: SignalTrack { label, unit, states, ..SignalTrack::default() },
+            ..Self::default()
+        }
     }
 
     /// Takes its value: every [`LOOK_PERIOD`]. One that is not finite is none.
@@ -85,7 +92,11 @@ impl SignalRecorder {
 pub fn signal_table(recording: &Recording) -> Option<Table> {
     let row = |track: &SignalTrack| {
         let unit = if track.unit.is_empty() { String::new() } else { format!(" {}", track.unit) };
-        let value = |value| number(value, 2, &unit);
+        let state = |value: f64| track.states.split(',').nth(value as usize).unwrap_or_default();
+        let value = |value: Option<f64>| match value {
+            Some(value) if !track.states.is_empty() => words(state(value)),
+            value => number(value, 2, &unit),
+        };
         let [lowest, mean, highest] = match track.range {
             Some(range) => range.map(Some),
             None => [None; 3],
@@ -95,7 +106,7 @@ pub fn signal_table(recording: &Recording) -> Option<Table> {
             words(track.label),
             value(track.last),
             value(lowest),
-            value(mean),
+            value(mean.filter(|_| track.states.is_empty())),
             value(highest),
             number(absent, 3, " s"),
         ]
@@ -129,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_signal_has_its_range_and_the_time_without_a_value() {
-        let signal = Signal { label: "wall", unit: "mm", read: Rc::new(|_| None) };
+        let signal = Signal { label: "wall", unit: "mm", states: "", read: Rc::new(|_| None) };
         let mut recorder = SignalRecorder::new(&signal);
         let values = [Some(1.0), Some(4.0), None, Some(-2.0), Some(f64::NAN), Some(f64::INFINITY)];
         for pair in values.chunks(2) {

@@ -9,6 +9,7 @@ use rc10_sim::{Faults, Nanos};
 
 use crate::environment::Environment;
 use crate::look::{BusLook, Moment, RobotLook};
+use crate::problems::{About, Problem, UNARMED_FOR, seconds};
 use crate::record::RecordWriter;
 use crate::recorder::Recorder;
 use crate::recording::{PathPoint, Recording, Source};
@@ -41,6 +42,7 @@ pub fn simulate_into(
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
     let mut recorder =
         Recorder::new(&description, seed, &loops, &around.motors, Source::Simulation)
+            .with_imu(ports.yaw.is_some())
             .with_signals(&ports.signals)
             .with_record(record);
     let mut watch = Watch::new(description.remote.as_ref());
@@ -97,7 +99,21 @@ pub fn simulate_into(
         };
         recorder.sample(now, &around.wires, moment)?;
     }
-    recorder.finish(around.world.now(), &around.wires, watch.finish())
+    let mut recording = recorder.finish(around.world.now(), &around.wires, watch.finish())?;
+    let unread = ports.parameters.iter().filter(|it| !it.was_read());
+    recording.found.extend(unread.filter(|_| length >= UNARMED_FOR).map(|it| {
+        let text = "no task has read this parameter: setting it changes nothing".to_owned();
+        Problem::new(About::Part(it.label), "unread-parameter", text)
+    }));
+    recording.found.extend(tasks.ended().iter().map(|(name, at)| {
+        let at = seconds(*at);
+        let text = format!(
+            "its task {name} ended at {at:.3} s, and a task goes on for ever: is an `.await` missing, \
+             or a `loop`?"
+        );
+        Problem::new(About::Robot, "task-ended", text)
+    }));
+    Ok(recording)
 }
 
 /// The first whole microsecond that is not before it: tasks know no finer time.

@@ -354,6 +354,12 @@ impl Machine {
         self.wiring.soc().pin_output(port, pin)
     }
 
+    /// Whether the receiver of a UART is on now.
+    #[must_use]
+    pub fn listens(&self, uart: u8) -> bool {
+        self.wiring.soc().listens(uart)
+    }
+
     /// Characters that a UART has sent and its far end could not read: another rate, another
     /// format.
     #[must_use]

@@ -113,7 +113,7 @@ pub use plant::{Nonlinear, Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
 pub use serial::{SerialConfig, SerialCounters, SerialDevice, SerialEnd, UartFault};
 pub use serial_handles::{Serial, UartPort};
-pub use tasks::Tasks;
+pub use tasks::{Running, TaskName, Tasks};
 pub use time::now;
 pub use wire::{BusConfig, BusCounters, TraceEntry};
 pub use world::World;

@@ -1,8 +1,13 @@
+use std::any::type_name;
+use std::fmt;
 use std::future::Future;
+use std::panic::Location;
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
+
+use rc10_can::Micros;
 
 /// Set by wakers.
 #[derive(Default)]
@@ -48,9 +53,53 @@ impl Wake for Awake {
 #[derive(Default)]
 pub struct Tasks<'a> {
     tasks: Vec<Task<'a>>,
+    running: Arc<Running>,
+    ended: Vec<(TaskName, Micros)>,
+}
+
+/// The name of a task: the function of its future, and the line that added it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TaskName {
+    function: &'static str,
+    added: &'static Location<'static>,
+}
+
+impl TaskName {
+    /// Of a future of this type, which the caller adds.
+    #[must_use]
+    #[track_caller]
+    pub fn of<F>() -> Self {
+        Self { function: type_name::<F>(), added: Location::caller() }
+    }
+}
+
+impl fmt::Display for TaskName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let function = self.function.replace("::{{closure}}", "");
+        write!(f, "`{function}` (added in {}:{})", self.added.file(), self.added.line())
+    }
+}
+
+/// The task that is polled now, for another thread.
+#[derive(Debug, Default)]
+pub struct Running(Mutex<(u64, Option<TaskName>)>);
+
+impl Running {
+    fn set(&self, task: Option<TaskName>) {
+        let mut now = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *now = (now.0 + 1, task);
+    }
+
+    /// The task, and a number that is another one at each poll; `None` between polls.
+    #[must_use]
+    pub fn now(&self) -> Option<(u64, TaskName)> {
+        let now = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        now.1.map(|task| (now.0, task))
+    }
 }
 
 struct Task<'a> {
+    name: TaskName,
     /// `None` once it has ended.
     future: Option<Pin<Box<dyn Future<Output = ()> + 'a>>>,
     signal: Arc<Signal>,
@@ -80,15 +129,33 @@ impl Wake for Signal {
 impl<'a> Tasks<'a> {
     /// No tasks.
     #[must_use]
-    pub const fn new() -> Self {
-        Self { tasks: Vec::new() }
+    pub fn new() -> Self {
+        Self::default()
     }
 
     /// Adds a task; it is polled first when the tasks are run next.
-    pub fn add(&mut self, future: impl Future<Output = ()> + 'a) {
+    #[track_caller]
+    pub fn add<F: Future<Output = ()> + 'a>(&mut self, future: F) {
+        self.add_as(TaskName::of::<F>(), Box::pin(future));
+    }
+
+    /// The same, of another name.
+    pub fn add_as(&mut self, name: TaskName, future: Pin<Box<dyn Future<Output = ()> + 'a>>) {
         let signal = Arc::<Signal>::default();
         signal.awake.set();
-        self.tasks.push(Task { future: Some(Box::pin(future)), signal });
+        self.tasks.push(Task { name, future: Some(future), signal });
+    }
+
+    /// The task that is polled now.
+    #[must_use]
+    pub fn running(&self) -> Arc<Running> {
+        Arc::clone(&self.running)
+    }
+
+    /// The tasks that have ended, and when.
+    #[must_use]
+    pub fn ended(&self) -> &[(TaskName, Micros)] {
+        &self.ended
     }
 }
 
@@ -97,7 +164,8 @@ impl Future for Tasks<'_> {
 
     fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<()> {
         let mut all_ended = true;
-        for task in &mut self.tasks {
+        let Self { tasks, running, ended } = &mut *self;
+        for task in tasks {
             let Some(future) = &mut task.future else {
                 continue;
             };
@@ -108,9 +176,12 @@ impl Future for Tasks<'_> {
             }
             if task.signal.awake.take() {
                 let waker = Waker::from(Arc::clone(&task.signal));
+                running.set(Some(task.name));
                 let poll = future.as_mut().poll(&mut Context::from_waker(&waker));
+                running.set(None);
                 if poll.is_ready() {
                     task.future = None;
+                    ended.push((task.name, crate::now()));
                     continue;
                 }
             }

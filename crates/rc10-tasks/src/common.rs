@@ -1,6 +1,6 @@
 //! The state that tasks of every robot share.
 
-use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
@@ -44,6 +44,8 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     pub changes: Changes,
     /// The heading of the robot in the world, by its IMU: [`heading`](crate::heading) says from where that counts.
     pub heading: Latest<Heading, 1>,
+    /// It has an IMU: a heading is to come.
+    pub has_imu: AtomicBool,
     /// What is wrong with the IMU, in a few words behind that word, of a board that reads one.
     pub imu_trouble: Latest<Option<&'static str>, 1>,
     /// Counters of the IMU's frames or samples.
@@ -121,6 +123,7 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
             bus_cycles: None,
             changes: Changes::new(),
             heading: Latest::new(),
+            has_imu: AtomicBool::new(false),
             imu_trouble: Latest::new(),
             imu_reception: Reception::new(),
             supply: Latest::new(),

@@ -1,10 +1,12 @@
 //! The heading of the robot in the world, by its IMU.
 //!
-//! **The world's forward is where the robot looked when it was armed**: the heading is zero then. An
-//! IMU that was silent may have lost power and begun at another zero, and one that comes late knows
-//! nothing of where the robot looked: until the robot is armed anew there is no heading then.
+//! **The world's forward is where the robot looked when it was armed**: the heading is zero then. One
+//! that comes late, to a robot that was armed without, is zero where the robot looks as it comes: until
+//! then it drove by its own axes, so nothing jumps. An IMU that falls silent may have lost power and
+//! begun at another zero: until the robot is armed anew there is no heading then.
 
 use core::fmt;
+use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Ticker, TimeoutError, with_timeout};
 use embedded_hal_async::delay::DelayNs;
@@ -25,7 +27,7 @@ use crate::common::Common;
 struct Zeroed {
     heading: Heading,
     was_disarmed: bool,
-    /// How many gaps there were when it was heard last from a robot that was not armed.
+    /// How many gaps there were when it was heard last from a robot that was not armed, or first.
     gaps: Option<u32>,
 }
 
@@ -41,11 +43,12 @@ impl Zeroed {
         self.heading.hear(yaw, at);
         let gaps = self.heading.gaps().saturating_add(missed);
         let is_disarmed = switch.state() == ArmState::Disarmed;
-        if is_disarmed {
+        let is_late = !is_disarmed && self.gaps.is_none();
+        if is_disarmed || is_late {
             self.gaps = Some(gaps);
         }
         let is_known = self.gaps == Some(gaps);
-        if is_known && self.was_disarmed && !is_disarmed {
+        if is_late || (is_known && self.was_disarmed && !is_disarmed) {
             self.heading.zero();
         }
         self.was_disarmed = is_disarmed;
@@ -75,6 +78,7 @@ pub async fn listen_for<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
     port: impl Read,
 ) -> ! {
+    shared.has_imu.store(true, Ordering::Relaxed);
     listen_to_wit(port, &shared.switch, &shared.imu_reception, |heading, at| {
         shared.heading.set(heading, at);
     })

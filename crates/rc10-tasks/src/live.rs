@@ -42,7 +42,7 @@ use rc10_motor::{ArmState, ArmSwitch, Names, Request, RequestError, Response, Sl
 use crate::arming::Axis;
 use crate::common::{Changes, Common};
 
-pub use own::{Live, Parameter, Signal};
+pub use own::{Live, Mechanism, Parameter, Signal};
 use parameters::{Change, Refusal, parameter, parameters, set};
 use signals::{sample, signal, signals, signals_of};
 

@@ -2,6 +2,7 @@
 //! its buses and lines tick.
 
 use core::fmt;
+use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Ticker};
 use rc10_can::{ErrorState, Micros, Timing};
@@ -147,10 +148,24 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         receptions: receptions.map(|(label, reception)| (label, reception.read())),
         buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
         lines: shared.ports.lines.each_ref().map(|line| line.status().into()),
-        imu_trouble: shared.imu_trouble.read().and_then(|trouble| trouble.value),
+        imu_trouble: imu_trouble(shared, at),
         supply: shared.supply.newer_than(OLDEST_SUPPLY, at),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
     }
+}
+
+/// A heading that is older is told as missing; and so is one that has not come by this time.
+const OLDEST_HEADING: Micros = Micros::from_millis(200);
+const HEADING_BY: Micros = Micros::from_millis(1000);
+
+fn imu_trouble<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    at: Micros,
+) -> Option<&'static str> {
+    let told = shared.imu_trouble.read().and_then(|trouble| trouble.value);
+    let is_due = shared.has_imu.load(Ordering::Relaxed) && at >= HEADING_BY;
+    let is_missing = is_due && shared.heading.newer_than(OLDEST_HEADING, at).is_none();
+    told.or(is_missing.then_some("gives no heading"))
 }
 
 /// Status of a bus, for a log.

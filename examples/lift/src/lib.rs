@@ -5,4 +5,4 @@
 pub mod plant;
 pub mod simulation;
 
-pub use lift_robot::{Lift, Motors, Name, Ports, Shared, Stage, table, task};
+pub use lift_robot::{Lift, Motors, Name, Ports, Shared, table, task};

@@ -6,9 +6,9 @@ mod bench;
 #[path = "simulation/indexing.rs"]
 mod indexing;
 
-use bench::{ARMED, Bench, DISARMED, FEED, HIGHEST, LOWEST, MIDDLE, STOPPED, armed, moved};
+use bench::{ARMED, Bench, DISARMED, FEED, HIGHEST, LOWEST, MIDDLE, STOPPED, Stage, armed, moved};
+use lift::Name;
 use lift::table::{FEEDER, HEIGHTS, LIFT, RANGE};
-use lift::{Name, Stage};
 use rc10_sim::Scale;
 
 fn height(number: usize) -> f64 {

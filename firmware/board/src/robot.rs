@@ -297,11 +297,12 @@ pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
     quiet: Instant,
 ) {
     let (link, robot) = (Link::new(transmitter), live::Robot::new(shared, own));
-    join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
+    join(link.serve(&robot, receiver, quiet), lines(shared, own, &link, quiet)).await;
 }
 
 async fn lines<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
+    own: &dyn Live,
     link: &Link<impl Write>,
     quiet: Instant,
 ) {
@@ -318,6 +319,15 @@ async fn lines<N: Names, const BUSES: usize, const LINES: usize>(
         line.clear();
         // The part that does not fit is cut off; the line still ends.
         let _ = write!(line, "{}", message.value);
+        own.signals(&mut |signal| {
+            if let Some(stage) = signal.failure() {
+                let _ = write!(line, "; {} gave up: {}", signal.label, stage.name());
+                defmt::warn!("{=str} gave up: {=str}", signal.label, stage.name());
+            }
+        });
+        if let Some(trouble) = message.value.imu_trouble {
+            defmt::warn!("IMU {=str}", trouble);
+        }
         // Interrupts wait for up to 20 us.
         let since = quiet.elapsed().as_micros() % 1000;
         Timer::after_micros(1000 - since).await;

@@ -215,6 +215,10 @@ impl Homing {
         self.status
     }
 
+    pub(super) const fn has_begun(&self) -> bool {
+        self.began.is_some()
+    }
+
     /// One step. `closed`: the contact; without one it is not looked at. Once it has ended, the
     /// command is a stop.
     ///

@@ -12,6 +12,8 @@
 //! | [`Axes`], [`AxesHoming`] | two or more motors that drive one thing and must not drift apart |
 //! | [`Feeder`] | feeds a number of pieces, counted by angle |
 //!
+//! Each tells its [`Stage`], in words for a log, a page and a report.
+//!
 //! A motor whose loop has pushed against something holds that effort for as long as the loop sees no
 //! error. So every stop here begins with one [`Command::Coast`], which makes the loop start afresh,
 //! and goes on with [`Command::STOP`].
@@ -23,6 +25,7 @@ mod feeder;
 mod homing;
 mod jam;
 mod soft_limits;
+mod stage;
 
 pub use axes::{Axes, AxesConfig, AxesFailure};
 pub use axes_homing::{AxesHoming, AxesHomingConfig, AxesHomingFailure, AxesHomingStatus};
@@ -30,6 +33,7 @@ pub use feeder::{Feeder, FeederConfig};
 pub use homing::{Homing, HomingConfig, HomingFailure, HomingStatus, Phase, Reference};
 pub use jam::{Jam, JamConfig, JamStatus};
 pub use soft_limits::{Limit, Limited, SoftLimits};
+pub use stage::Stage;
 
 use crate::config::{ConfigError, not_negative, positive};
 use crate::maths::fast_sqrt;

@@ -1,6 +1,8 @@
 //! Problems of the emulated chip itself.
 
-use rc10_emu::{Figures, Rig};
+use std::collections::BTreeSet;
+
+use rc10_emu::{Figures, LogLine, Rig};
 use rc10_sim::fault::Kind;
 
 use super::board;
@@ -8,6 +10,19 @@ use crate::description::Description;
 use crate::motor::Place;
 use crate::problems::{About, Problem, is_excused};
 use crate::recording::Recording;
+
+/// Adds what the program warns of in its log, once each. Where a fault is injected, it has reason to.
+pub(super) fn warnings(log: &[LogLine], recording: &Recording, found: &mut Vec<Problem>) {
+    let mut told = BTreeSet::new();
+    for line in log.iter().filter(|_| recording.faults.is_empty()) {
+        let Some(text) = line.text.strip_prefix("warn").map(str::trim_start) else { continue };
+        if told.insert(text) {
+            let at = line.at.get() as f64 * 1e-9;
+            let text = format!("the program warns from {at:.2} s on: {text}");
+            found.push(Problem::new(About::Chip, "warning", text));
+        }
+    }
+}
 
 /// Adds what is to be said of the chip. What its faults must do is no problem.
 pub(super) fn search(
@@ -51,6 +66,20 @@ pub(super) fn search(
         let at = restart.at.get() as f64 * 1e-6;
         problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {:?}", restart.cause));
     }
+    for part in description.serials.iter().filter(|part| !rig.machine.listens(part.uart)) {
+        let uart = part.uart;
+        let (about, name) = (About::Part(part.label), rig.machine.board().name);
+        found.push(if part.label == "IMU" && rig.machine.board().imu.is_some() {
+            let text = format!("not read at UART {uart}: {name} has one of its own");
+            Problem::information(about, "not-read", text)
+        } else {
+            let text = format!(
+                "never read by the chip: the program does not switch on UART {uart}, at which it is"
+            );
+            Problem::new(about, "not-read", text)
+        });
+    }
+    let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
     for (number, part) in (1..).zip(&description.lines) {
         let garbled = rig.machine.garbled(part.uart);
         if garbled > 0 {

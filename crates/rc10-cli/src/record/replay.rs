@@ -441,6 +441,7 @@ impl<'d> Replay<'d> {
         };
         Ok(Self {
             recorder: Recorder::new(description, seed, loops, &around.motors, source)
+                .with_imu(source.is_told() && heading.is_some())
                 .with_signals(own),
             names,
             channels: BTreeMap::new(),

@@ -392,6 +392,11 @@ impl Soc {
         true
     }
 
+    /// Whether a UART's receiver is on.
+    pub fn listens(&self, uart: u8) -> bool {
+        usart_of(uart).is_some_and(|usart| self.usarts[usart].listens())
+    }
+
     /// Something damages the character that comes in at a UART's receive pin; if none does, it
     /// looks like `otherwise`, damaged. `false`: there is no such UART.
     pub fn disturb_serial(

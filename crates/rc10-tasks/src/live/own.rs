@@ -1,4 +1,6 @@
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use rc10_app::mechanism::Stage;
 
 /// A value of a robot's own that a PC may watch. Setting it is one store.
 #[derive(Debug)]
@@ -7,6 +9,8 @@ pub struct Signal {
     pub label: &'static str,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
+    /// If it is a state: the names of its values from 0 on, with commas between.
+    pub states: &'static str,
     value: AtomicU32,
 }
 
@@ -14,7 +18,7 @@ impl Signal {
     /// One without a value.
     #[must_use]
     pub const fn new(label: &'static str, unit: &'static str) -> Self {
-        Self { label, unit, value: AtomicU32::new(f32::NAN.to_bits()) }
+        Self { label, unit, states: "", value: AtomicU32::new(f32::NAN.to_bits()) }
     }
 
     /// Gives it a value; NaN takes it away.
@@ -31,6 +35,45 @@ impl Signal {
     }
 }
 
+/// The stage of a mechanism of the robot's own, for its log, the page and the verdict of a run: one that
+/// gave up is a problem, and so is one that has not begun though the robot is armed.
+#[derive(Debug)]
+pub struct Mechanism(Signal);
+
+impl Mechanism {
+    /// One that has not begun.
+    #[must_use]
+    pub const fn new(label: &'static str) -> Self {
+        Self(Signal { label, unit: "", states: Stage::NAMES, value: AtomicU32::new(0) })
+    }
+
+    /// Says how far it is, in each step.
+    #[inline]
+    pub fn tell(&self, stage: Stage) {
+        self.0.set(f32::from(stage as u8));
+    }
+
+    /// The signal that it is.
+    #[must_use]
+    pub const fn signal(&self) -> &Signal {
+        &self.0
+    }
+}
+
+impl Signal {
+    /// The stage in which it gave up, if it is of a [`Mechanism`] that did.
+    #[must_use]
+    pub fn failure(&self) -> Option<Stage> {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a stage's number, or beyond them"
+        )]
+        let stage = *Stage::ALL.get(self.get() as usize)?;
+        (!self.states.is_empty() && stage.gave_up()).then_some(stage)
+    }
+}
+
 /// A number of a robot's own that a PC may change, within a range. Reading it is one load.
 #[derive(Debug)]
 pub struct Parameter {
@@ -43,6 +86,7 @@ pub struct Parameter {
     /// The value it has at power-on.
     pub initial: f32,
     value: AtomicU32,
+    was_read: AtomicBool,
 }
 
 impl Parameter {
@@ -61,14 +105,27 @@ impl Parameter {
         let [least, most] = range;
         assert!(least.is_finite() && most.is_finite(), "the range of a parameter is not finite");
         assert!(least <= initial && initial <= most, "a parameter is not within its range");
-        Self { label, unit, range, initial, value: AtomicU32::new(initial.to_bits()) }
+        let (value, was_read) = (AtomicU32::new(initial.to_bits()), AtomicBool::new(false));
+        Self { label, unit, range, initial, value, was_read }
     }
 
-    /// Its value.
+    /// Its value, for a task.
     #[inline]
     #[must_use]
     pub fn get(&self) -> f32 {
+        self.was_read.store(true, Ordering::Relaxed);
+        self.peek()
+    }
+
+    /// Its value, for a PC.
+    pub(super) fn peek(&self) -> f32 {
         f32::from_bits(self.value.load(Ordering::Relaxed))
+    }
+
+    /// Whether a task has read it.
+    #[must_use]
+    pub fn was_read(&self) -> bool {
+        self.was_read.load(Ordering::Relaxed)
     }
 
     /// Gives it a value that is in its range.
@@ -115,6 +172,9 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 /// rc10_tasks::live! {
 ///     /// What can be watched and tuned.
 ///     pub struct Tuning {
+///         mechanisms {
+///             arm: "arm"; // its stage: may be left out
+///         }
 ///         signals {
 ///             tilt: "lift tilt", "deg";
 ///         }
@@ -126,6 +186,8 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 ///
 /// let tuning = Tuning::new();
 /// tuning.tilt.set(0.3);
+/// # let homing = rc10_app::mechanism::Homing::new();
+/// tuning.arm.tell(homing.stage());
 /// assert_eq!((tuning.tilt.get(), tuning.shooting.get()), (0.3, 1500.0));
 /// ```
 ///
@@ -134,12 +196,14 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 macro_rules! live {
     (
         $(#[$meta:meta])* $vis:vis struct $Name:ident {
+            $(mechanisms { $($mechanism:ident: $mechanism_label:literal;)* })?
             signals { $($signal:ident: $signal_label:literal, $signal_unit:literal;)* }
             parameters { $($parameter:ident: $label:literal, $unit:literal, $initial:expr, $range:expr;)* }
         }
     ) => {
         $(#[$meta])*
         $vis struct $Name {
+            $($(#[doc = $mechanism_label] pub $mechanism: $crate::live::Mechanism,)*)?
             $(#[doc = $signal_label] pub $signal: $crate::live::Signal,)*
             $(#[doc = $label] pub $parameter: $crate::live::Parameter,)*
         }
@@ -149,6 +213,7 @@ macro_rules! live {
             #[must_use]
             pub const fn new() -> Self {
                 Self {
+                    $($($mechanism: $crate::live::Mechanism::new($mechanism_label),)*)?
                     $($signal: $crate::live::Signal::new($signal_label, $signal_unit),)*
                     $($parameter: const { $crate::live::Parameter::new($label, $unit, $initial, $range) },)*
                 }
@@ -163,6 +228,7 @@ macro_rules! live {
 
         impl $crate::live::Live for $Name {
             fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l $crate::live::Signal)) {
+                $($(see(self.$mechanism.signal());)*)?
                 $(see(&self.$signal);)*
                 let _ = see;
             }

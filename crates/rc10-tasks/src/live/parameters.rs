@@ -204,7 +204,7 @@ pub(super) fn parameter<'r>(index: u16, robot: &Robot<'r>) -> Option<Tell<'r>> {
         name: "value",
         unit: own.unit,
         range: own.range,
-        value: own.get(),
+        value: own.peek(),
         initial: own.initial,
     })
 }

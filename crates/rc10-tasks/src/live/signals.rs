@@ -250,7 +250,7 @@ pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
     if let Some(own) = index.checked_sub(robot.own_signals()) {
         return nth(own, |see| robot.own.signals(see)).map_or(none, |signal| {
             let topic = Topic { folder: "signals", label: signal.label };
-            Tell::Signal { index, topic, name: "value", unit: signal.unit, states: "" }
+            Tell::Signal { index, topic, name: "value", unit: signal.unit, states: signal.states }
         });
     }
     let mut at = usize::from(index / EACH);

@@ -1,7 +1,6 @@
-use rc10_app::mechanism::{Command, Feeder, Homing, HomingStatus, Measured, Phase};
+use rc10_app::mechanism::{Command, Feeder, Homing, HomingStatus, Measured, Phase, Stage};
 use rc10_app::{Seconds, TotalAngle};
 
-use crate::Stage;
 use crate::table::{FEEDER, INDEXING, INDEXING_FORWARD};
 
 /// A feeder whose pockets stand where its index says.
@@ -24,7 +23,8 @@ enum State {
     Homing(Homing, TotalAngle),
     /// The number of gaps in the motor's turns when its zero was found.
     Ready(u32),
-    Failed,
+    /// Why.
+    Failed(Stage),
 }
 
 impl IndexedFeeder {
@@ -65,19 +65,21 @@ impl IndexedFeeder {
                 command
             }
             HomingStatus::Running(_) | HomingStatus::Failed(_) => {
-                self.state = State::Failed;
+                let stage = homing.stage();
+                let why = if stage.gave_up() { stage } else { Stage::NeverOpened };
+                self.state = State::Failed(why);
                 Command::Coast
             }
         }
     }
 
-    /// What it does.
-    pub const fn stage(&self) -> Stage {
+    /// What it does. One that gave up coasts until it is begun again.
+    pub fn stage(&self) -> Stage {
         match &self.state {
-            State::Idle => Stage::Idle,
-            State::Homing(..) => Stage::Homing,
-            State::Ready(_) => Stage::Ready,
-            State::Failed => Stage::Failed,
+            State::Idle => Stage::NotBegun,
+            State::Homing(homing, _) => homing.stage(),
+            State::Ready(_) => self.feeder.stage(),
+            State::Failed(why) => *why,
         }
     }
 }

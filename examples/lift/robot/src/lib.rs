@@ -15,7 +15,7 @@ pub mod task;
 
 use core::ops::Deref;
 
-pub use lift::{Goal, Lift, Stage};
+pub use lift::{Goal, Lift};
 use rc10_tasks::Common;
 pub use table::{Motors, Name};
 
@@ -31,15 +31,16 @@ pub struct Shared<'p> {
 }
 
 rc10_tasks::live! {
-    /// What a PC may watch beside the motors. The stages of lift and feeder are numbers of a
-    /// [`Stage`].
+    /// What a PC may watch beside the motors.
     pub struct Live {
+        mechanisms {
+            lift: "lift";
+            feeder: "feeder";
+        }
         signals {
-            stage: "lift stage", "";
             blamed: "lift blames motor", "";
             height: "lift height", "deg";
             tilt: "lift tilt", "deg";
-            feeder: "feeder stage", "";
             fed: "pieces fed", "";
             jams: "feeder jams", "";
         }

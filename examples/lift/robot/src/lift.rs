@@ -1,7 +1,7 @@
 use core::array::from_fn;
 
 use rc10_app::mechanism::{
-    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Command, Measured,
+    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Command, Measured, Stage,
 };
 use rc10_app::{
     AngleProfile, AngleSetpoint, ConfigError, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
@@ -19,19 +19,6 @@ pub enum Goal {
     Move(f32),
     /// To a height, as the angle of the shafts above the bottom.
     Height(TotalAngle),
-}
-
-/// What the lift does, or the feeder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Nothing yet.
-    Idle = 0,
-    /// It looks for its bottom, or its index.
-    Homing = 1,
-    /// It does what it is told to.
-    Ready = 2,
-    /// It stands until it is begun again ([`Lift::blamed`]); the feeder coasts.
-    Failed = 3,
 }
 
 /// Two motors that lift one platform.
@@ -115,14 +102,13 @@ impl Lift {
         }
     }
 
-    /// What it does.
+    /// What it does. One that gave up stands until it is begun again ([`Lift::blamed`]).
     #[must_use]
-    pub const fn stage(&self) -> Stage {
+    pub fn stage(&self) -> Stage {
         match &self.0 {
-            State::Idle => Stage::Idle,
-            _ if self.blamed().is_some() => Stage::Failed,
-            State::Homing(_) => Stage::Homing,
-            State::Moving(..) => Stage::Ready,
+            State::Idle => Stage::NotBegun,
+            State::Homing(homing) => homing.stage(),
+            State::Moving(_, axes, _) => axes.stage(),
         }
     }
 

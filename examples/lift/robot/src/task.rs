@@ -92,13 +92,13 @@ impl Machine {
     }
 
     fn tell(&self, motors: &[Measured; 2], live: &Live) {
-        live.stage.set(f32::from(self.lift.stage() as u8));
+        live.lift.tell(self.lift.stage());
         // Counted from 1, as in the table.
         live.blamed.set(self.lift.blamed().map_or(0.0, |motor| motor as f32 + 1.0));
         let [height, tilt] = self.lift.place(motors).unwrap_or([f32::NAN; 2]);
         live.height.set(height);
         live.tilt.set(tilt);
-        live.feeder.set(f32::from(self.feeder.stage() as u8));
+        live.feeder.tell(self.feeder.stage());
         live.fed.set(self.feeder.feeder.fed() as f32);
         live.jams.set(self.feeder.feeder.jam().count() as f32);
     }

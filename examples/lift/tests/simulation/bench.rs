@@ -2,13 +2,13 @@
 
 use lift::plant::{INDEX, TRAVEL};
 use lift::table::{LIFT, WEIGHT};
-use lift::{Motors, Name, Ports, Shared, Stage, simulation};
+use lift::{Motors, Name, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::environment::Environment;
 use rc10_motor::{Motion, Names, Target};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Stick, Switch};
-use rc10_tasks::live::Signal;
+use rc10_tasks::live::{Mechanism, Signal};
 
 /// A robot that runs.
 pub struct Bench<'r> {
@@ -161,7 +161,7 @@ impl Bench<'_> {
 
     /// Of the lift.
     pub fn stage(&self) -> Stage {
-        stage(&self.shared.live.stage)
+        stage(&self.shared.live.lift)
     }
 
     /// The same of the feeder.
@@ -229,10 +229,24 @@ impl Bench<'_> {
     }
 }
 
-/// The stage that a signal tells.
-pub fn stage(signal: &Signal) -> Stage {
-    let stages = [Stage::Idle, Stage::Homing, Stage::Ready, Stage::Failed];
-    stages.into_iter().find(|stage| u64::from(*stage as u8) == number(signal)).unwrap()
+/// What a mechanism does, roughly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    Idle,
+    Homing,
+    Ready,
+    Failed,
+}
+
+/// That of a mechanism.
+pub fn stage(mechanism: &Mechanism) -> Stage {
+    use rc10_motor::rc10_app::mechanism::Stage as Exact;
+    match Exact::ALL[usize::try_from(number(mechanism.signal())).unwrap()] {
+        Exact::NotBegun => Stage::Idle,
+        Exact::Ready | Exact::Clearing => Stage::Ready,
+        stage if stage.gave_up() => Stage::Failed,
+        _ => Stage::Homing,
+    }
 }
 
 /// A signal that counts; 0 before it has been set.

@@ -4,13 +4,13 @@ use core::cell::Cell;
 
 use embedded_hal::digital::{ErrorKind, ErrorType, InputPin};
 use lift::table::FEEDER;
-use lift::{Motors, Name, Ports, Shared, Stage, simulation, task};
+use lift::{Motors, Name, Ports, Shared, simulation, task};
 use rc10_can::Micros;
 use rc10_cli::environment::Environment;
 use rc10_cli::{Description, Robot};
 use rc10_motor::{Motion, Names, Target};
 
-use crate::bench::{ARMED, Bench, DISARMED, FEED, indexed, stage};
+use crate::bench::{ARMED, Bench, DISARMED, FEED, Stage, indexed, stage};
 use crate::{feed, ride};
 
 const MARKER: f64 = 6.0;

@@ -1,6 +1,7 @@
 //! What is soldered on a DM-MC02 and needs a program: power outputs, IMU with heater, status lamp, buzzer, key, supply.
 
 use core::cell::Cell;
+use core::sync::atomic::Ordering;
 
 use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
 use embassy_futures::join::{join, join5};
@@ -194,6 +195,7 @@ async fn tell_heading<N: Names, const BUSES: usize, const LINES: usize>(
         SpiDevice::new(&bus, gpio::Output::new(parts.accelerometer, Level::High, Speed::Medium));
     let gyroscope =
         SpiDevice::new(&bus, gpio::Output::new(parts.gyroscope, Level::High, Speed::Medium));
+    shared.has_imu.store(true, Ordering::Relaxed);
     let imu = Bmi088::new(accelerometer, gyroscope, Delay, Config::default());
     heading::measure(
         imu,

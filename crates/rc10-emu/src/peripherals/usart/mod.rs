@@ -231,6 +231,11 @@ impl Usart {
         self.receiver.draw(character);
     }
 
+    /// Whether its receiver is on.
+    pub(super) const fn listens(&self) -> bool {
+        self.is(1, ENABLE | RECEIVER)
+    }
+
     pub(super) fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
         self.receiver.disturb(fault, at, otherwise);
     }

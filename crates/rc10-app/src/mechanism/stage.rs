@@ -1,0 +1,210 @@
+use super::{
+    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Feeder, Homing,
+    HomingFailure, HomingStatus, Jam, JamStatus, Phase, Trouble,
+};
+
+/// The stages, and their names.
+macro_rules! stages {
+    ($($(#[$doc:meta])* $Stage:ident: $name:literal,)*) => {
+        /// The stage of a mechanism, for people: the same words in a log, on a page and in a report.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[repr(u8)]
+        pub enum Stage {
+            #[default]
+            $($(#[$doc])* $Stage,)*
+        }
+
+        impl Stage {
+            /// All of them, in order.
+            pub const ALL: &[Self] = &[$(Self::$Stage),*];
+            /// Their names in order, with commas between.
+            pub const NAMES: &str = concat!($($name, ","),*);
+        }
+    };
+}
+
+stages! {
+    /// It has never been updated.
+    NotBegun: "not begun",
+    /// [`Phase::First`].
+    FirstTouch: "first touch",
+    /// [`Phase::Touched`].
+    Touched: "touched",
+    /// [`Phase::BackOff`].
+    BackOff: "backs off",
+    /// [`Phase::Clear`].
+    Clear: "backed off",
+    /// [`Phase::Second`].
+    SecondTouch: "second touch",
+    /// It does what it is told to.
+    Ready: "ready",
+    /// [`JamStatus::Clearing`].
+    Clearing: "clears a jam",
+    /// It gave up: [`Trouble::Offline`].
+    Offline: "motor offline",
+    /// It gave up: [`Trouble::Faulty`].
+    Faulty: "motor faulty",
+    /// It gave up: [`Trouble::NotFinite`].
+    NotFinite: "measures no number",
+    /// It gave up: [`Trouble::AngleGap`].
+    AngleGap: "angle lost",
+    /// It gave up: time or travel ended before the first touch.
+    NotTouched: "nothing touched",
+    /// It gave up: time or travel ended before it had backed off.
+    NotBackedOff: "not backed off",
+    /// It gave up: time or travel ended before the second touch.
+    NotTouchedAgain: "nothing touched again",
+    /// It gave up: [`HomingFailure::NeverOpened`].
+    NeverOpened: "contact never opened",
+    /// It gave up: [`HomingFailure::TouchesDiffer`].
+    TouchesDiffer: "touches differ",
+    /// It gave up: [`AxesHomingFailure::Spread`].
+    Apart: "motors apart",
+    /// It gave up: [`AxesFailure::Lags`].
+    Lags: "motors lag",
+    /// It gave up: [`JamStatus::GivenUp`].
+    Jammed: "jammed",
+}
+
+impl Stage {
+    /// Whether the mechanism gave up, and stands or coasts until it is begun anew.
+    #[must_use]
+    pub const fn gave_up(self) -> bool {
+        self as u8 >= Self::Offline as u8
+    }
+
+    /// Its name.
+    ///
+    /// ```
+    /// use rc10_app::mechanism::Stage;
+    /// assert_eq!(Stage::NeverOpened.name(), "contact never opened");
+    /// ```
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES.split(',').nth(self as usize).unwrap_or_default()
+    }
+
+    const fn on_the_way(phase: Phase) -> Self {
+        match phase {
+            Phase::First => Self::FirstTouch,
+            Phase::Touched => Self::Touched,
+            Phase::BackOff => Self::BackOff,
+            Phase::Clear => Self::Clear,
+            Phase::Second => Self::SecondTouch,
+        }
+    }
+}
+
+impl From<Trouble> for Stage {
+    fn from(trouble: Trouble) -> Self {
+        match trouble {
+            Trouble::Offline => Self::Offline,
+            Trouble::Faulty => Self::Faulty,
+            Trouble::NotFinite => Self::NotFinite,
+            Trouble::AngleGap => Self::AngleGap,
+        }
+    }
+}
+
+impl From<HomingFailure> for Stage {
+    fn from(failure: HomingFailure) -> Self {
+        use HomingFailure::{Motor, NeverOpened, PhaseTimeout, Timeout, TouchesDiffer, Travel};
+        match failure {
+            Motor(trouble) => trouble.into(),
+            NeverOpened => Self::NeverOpened,
+            TouchesDiffer { .. } => Self::TouchesDiffer,
+            PhaseTimeout(phase) | Timeout(phase) | Travel(phase) => match phase {
+                Phase::First => Self::NotTouched,
+                Phase::Touched | Phase::BackOff | Phase::Clear => Self::NotBackedOff,
+                Phase::Second => Self::NotTouchedAgain,
+            },
+        }
+    }
+}
+
+impl Homing {
+    /// Its stage; [`Stage::Ready`] when it is done.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        match self.status() {
+            HomingStatus::Running(_) if !self.has_begun() => Stage::NotBegun,
+            HomingStatus::Running(phase) => Stage::on_the_way(phase),
+            HomingStatus::Done { .. } => Stage::Ready,
+            HomingStatus::Failed(failure) => failure.into(),
+        }
+    }
+}
+
+impl<const N: usize> AxesHoming<N> {
+    /// Its stage, of the motor that is furthest behind; [`Stage::Ready`] when it is done.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        match self.status() {
+            AxesHomingStatus::Failed(AxesHomingFailure::Motor { failure, .. }) => failure.into(),
+            AxesHomingStatus::Failed(AxesHomingFailure::Spread { .. }) => Stage::Apart,
+            _ => self.axes().iter().map(Homing::stage).min().unwrap_or_default(),
+        }
+    }
+}
+
+impl<const N: usize> Axes<N> {
+    /// Its stage.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        match self.failure() {
+            None => Stage::Ready,
+            Some(AxesFailure::Motor { trouble, .. }) => trouble.into(),
+            Some(AxesFailure::Lags { .. }) => Stage::Lags,
+        }
+    }
+}
+
+impl Jam {
+    /// Its stage.
+    #[must_use]
+    pub const fn stage(&self) -> Stage {
+        match self.status() {
+            JamStatus::Free => Stage::Ready,
+            JamStatus::Clearing => Stage::Clearing,
+            JamStatus::GivenUp => Stage::Jammed,
+        }
+    }
+}
+
+impl Feeder {
+    /// Its stage.
+    #[must_use]
+    pub const fn stage(&self) -> Stage {
+        self.jam().stage()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_stage_has_a_name_and_those_that_gave_up_come_last() {
+        assert_eq!(Stage::ALL.iter().filter(|stage| stage.gave_up()).count(), 12);
+        assert!(Stage::ALL.is_sorted_by_key(|stage| stage.gave_up()));
+        for (index, stage) in Stage::ALL.iter().enumerate() {
+            let is_new = Stage::ALL[..index].iter().all(|other| other.name() != stage.name());
+            assert!(is_new && !stage.name().is_empty(), "{stage:?}");
+        }
+    }
+
+    #[test]
+    fn a_homing_tells_where_it_is_and_why_it_ended() {
+        assert_eq!(Homing::new().stage(), Stage::NotBegun);
+        for (failure, stage) in [
+            (HomingFailure::Motor(Trouble::AngleGap), Stage::AngleGap),
+            (HomingFailure::Travel(Phase::First), Stage::NotTouched),
+            (HomingFailure::PhaseTimeout(Phase::BackOff), Stage::NotBackedOff),
+            (HomingFailure::Timeout(Phase::Second), Stage::NotTouchedAgain),
+            (HomingFailure::NeverOpened, Stage::NeverOpened),
+        ] {
+            assert_eq!(Stage::from(failure), stage);
+        }
+    }
+}
