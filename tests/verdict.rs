@@ -9,6 +9,8 @@ mod made;
 #[path = "common/scratch.rs"]
 mod scratch;
 
+#[path = "verdict/beginners.rs"]
+mod beginners;
 #[path = "verdict/faults.rs"]
 mod faults;
 #[path = "verdict/gains.rs"]

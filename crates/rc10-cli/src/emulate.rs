@@ -153,6 +153,7 @@ impl<'r> Emulation<'r> {
         if let Some(baud) = setup.console {
             around = around.with_console(baud);
         }
+        let parts = around.parts(&description);
         let Environment { world, wires, lines: ends, motors, base, serials, contacts, .. } = around;
         let (remote, operator, console) = (around.remote, around.operator, around.console);
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
@@ -203,7 +204,8 @@ impl<'r> Emulation<'r> {
         of_chip.retain(|fault| fault.kind != Kind::RemoteLost);
         let uarts = description.lines.iter().map(|part| part.uart);
         let ends = uarts.zip(ends).collect();
-        let rig = Rig::new(machine, world, wires, ends, on_buses.collect(), &of_chip)?;
+        let mut rig = Rig::new(machine, world, wires, ends, on_buses.collect(), &of_chip)?;
+        rig.connect_parts(parts.0, parts.1);
         let seed = setup.seed;
         Ok(Self {
             rig,

@@ -8,7 +8,7 @@ use rc10_can::Micros;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    Base, BusConfig, Contact, Esc, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
+    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
 };
 
 use crate::built::Built;
@@ -50,6 +50,8 @@ pub struct RemoteLink {
     /// Its wire.
     pub wire: ReceiverWire,
 }
+
+type Named<T> = Vec<(String, T)>;
 
 impl Environment {
     /// The environment of a description, with its mistakes, and all chance from `seed`.
@@ -124,6 +126,27 @@ impl Environment {
         }
         let console = None;
         Ok(Self { world, wires, lines, motors, base, serials, contacts, remote, operator, console })
+    }
+
+    /// The faults of a description, in this environment.
+    ///
+    /// # Errors
+    /// If one is on a bus or a line that is not there.
+    pub fn faults(&self, description: &Description) -> Result<Faults> {
+        let faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
+        let (serials, contacts) = self.parts(description);
+        Ok(faults.with_parts(serials, contacts))
+    }
+
+    /// The parts on its UARTs by their labels, and its contacts by those of their motors.
+    pub(crate) fn parts(&self, description: &Description) -> (Named<Serial>, Named<Contact>) {
+        let serials = description.serials.iter().map(|part| part.label.to_owned());
+        let motors = description.contacts.iter().filter_map(|it| description.motors.get(it.motor));
+        let labels = motors.map(|motor| motor.label.to_owned());
+        (
+            serials.zip(self.serials.iter().cloned()).collect(),
+            labels.zip(self.contacts.iter().cloned()).collect(),
+        )
     }
 
     /// With a PC at its console.

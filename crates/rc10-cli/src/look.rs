@@ -119,8 +119,8 @@ impl MotorLook {
     #[must_use]
     pub fn at(motor: &Motor, status: MotorStatus, twin: &Esc, loops: Option<Loops>) -> Self {
         // An effort that was asked for is not judged: no loop has made it.
-        let effort =
-            loops.filter(|_| status.is_looped()).map(|loops| effort_of(motor, twin, loops));
+        let effort = loops.filter(|_| status.is_looped());
+        let effort = effort.map(|loops| motor.sign() * effort_of(motor, twin, loops));
         Self { status, seen: sample(motor, &status, twin), effort }
     }
 

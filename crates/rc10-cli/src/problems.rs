@@ -10,7 +10,7 @@ use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{ArmState, Condition, DriveMode, Link, Verdict};
-use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
+use rc10_sim::fault::{Fault, Kind as FaultKind, Wire, is_called};
 use serde_json::{Value, json};
 
 use crate::effort::{EffortTrack, IN_A_ROW, WINDOW};
@@ -143,8 +143,6 @@ pub fn any(problems: &[Problem]) -> bool {
 
 /// Of frames or commands, one in this many may be lost to be information only: 0.1 %.
 pub const RARE: u64 = 1000;
-/// No more than this many frames or commands say nothing yet, where they are at most 1 % of all.
-pub const FEW: u64 = 9;
 /// A robot that lost its remote lets go within this time from the last good frame on.
 pub const REACTION: Micros = Micros::from_millis(120);
 /// A motor that cannot be heard is known as lost within this time.
@@ -167,7 +165,7 @@ fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     let from = fault.from.micros();
     let until = fault.until.map(|until| until.micros());
     match fault.kind {
-        FaultKind::RemoteLost => None,
+        FaultKind::RemoteLost | FaultKind::Part(..) => None,
         FaultKind::Panic
         | FaultKind::HardFault
         | FaultKind::Hang(_)
@@ -293,7 +291,13 @@ fn robot(recording: &Recording, found: &mut Vec<Problem>) {
         || recording.faults.iter().any(|fault| forbids(&fault.kind));
     if never_armed && recording.length >= UNARMED_FOR && !has_reason && !recording.motors.is_empty()
     {
-        let text = "was never armed: no motor was driven".to_owned();
+        let why = match recording.not_at_rest {
+            Some(axis) => format!(
+                "{axis} is not at rest; it arms when that is in the middle, or is no part of `at_rest`"
+            ),
+            None => "no motor was driven".to_owned(),
+        };
+        let text = format!("was never armed: {why}");
         found.push(Problem::new(About::Robot, "never-armed", text));
     }
     found.extend_from_slice(&recording.found);
@@ -375,7 +379,7 @@ fn why_it_gave_up(stage: Stage) -> String {
 }
 
 /// For how long the robot was armed.
-fn armed_for(recording: &Recording) -> Micros {
+pub(crate) fn armed_for(recording: &Recording) -> Micros {
     let armed = recording.arm.iter().filter(|arm| **arm == ArmState::Armed).count();
     Micros::new(armed as u64 * SAMPLE_PERIOD.get())
 }
@@ -467,14 +471,12 @@ fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Probl
     }
 }
 
-/// A count that should be zero: information below 0.1 % of `all`; where there are few frames, one of
-/// them, or up to 1 %, says nothing yet.
+/// A count that should be zero: information below 0.1 % of `all`, and of a single one.
 fn share(about: About, kind: &'static str, count: u64, all: u64, what: &str) -> Option<Problem> {
     if count == 0 {
         return None;
     }
-    let few = (all / 100).clamp(1, FEW);
-    Some(if count.saturating_mul(RARE) < all || count <= few {
+    Some(if count.saturating_mul(RARE) < all || count == 1 {
         let percent = count as f64 * 100.0 / all as f64;
         Problem::information(about, kind, format!("{count} {what} ({percent:.3} %)"))
     } else {
@@ -631,7 +633,10 @@ fn parts(recording: &Recording, found: &mut Vec<Problem>) {
             let text = format!("never heard at UART {uart}");
             found.push(Problem::new(about, "never-heard", text));
         }
-        damage(about, heard, 0, found);
+        let is_faulty = |fault: &Fault| matches!(&fault.kind, FaultKind::Part(_, name) if is_called(label, name));
+        if !recording.faults.iter().any(is_faulty) {
+            damage(about, heard, 0, found);
+        }
     }
 }
 

@@ -420,6 +420,7 @@ impl<'d> Recorder<'d> {
             headings: self.headings.unwrap_or_default(),
             signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
             found: Vec::new(),
+            not_at_rest: None,
             no_logs: self.description.no_logs,
             source: self.source,
             faults: Vec::new(),

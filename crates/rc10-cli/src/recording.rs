@@ -7,6 +7,7 @@ use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, MotorStatus, TargetKind};
 use rc10_sim::{Base, Chassis, Fault};
+use rc10_tasks::arming::Axis;
 use sha2::{Digest, Sha256};
 
 use crate::effort::EffortTrack;
@@ -52,6 +53,8 @@ pub struct Recording {
     pub found: Vec<Problem>,
     /// Whether it had a heading, per sample; empty of a robot without an IMU.
     pub headings: Vec<bool>,
+    /// What was not at rest at the end, so that the remote could not arm it.
+    pub not_at_rest: Option<Axis>,
     /// Injected faults.
     pub faults: Vec<Fault>,
     /// The buses' logs were not kept.

@@ -1035,10 +1035,10 @@ mod tests {
         track.heard = Some(heard);
         recording.remote = Some(track.clone());
         assert!(page_of(&recording).contains("no frame lost"));
-        heard.damaged = 2;
+        heard.damaged = 31;
         track.heard = Some(heard);
         recording.remote = Some(track.clone());
-        assert!(page_of(&recording).contains("<li>remote: 1 damaged frames</li>"));
+        assert!(page_of(&recording).contains("<li>remote: 30 damaged frames</li>"));
         track.heard = None;
         track.losses[0].coasting = at(618);
         track.samples[0].arm = None;

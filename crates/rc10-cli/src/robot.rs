@@ -11,7 +11,7 @@ use rc10_module::Reception;
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
-use rc10_sim::fault::Kind;
+use rc10_sim::fault::{Kind, is_called};
 use rc10_sim::{Contact, Fault, Faults, TaskName, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
@@ -53,12 +53,11 @@ type ReadContacts<'r> = Box<dyn FnOnce(&[Contact]) -> Option<Task<'r>> + 'r>;
 
 type Task<'r> = (TaskName, Pin<Box<dyn Future<Output = ()> + 'r>>);
 
-#[track_caller]
-fn boxed<'r, T, F: Future<Output = T> + 'r>(task: F) -> Task<'r> {
+fn boxed<'r, T>(name: TaskName, task: impl Future<Output = T> + 'r) -> Task<'r> {
     let future = async {
         task.await;
     };
-    (TaskName::of::<F>(), Box::pin(future))
+    (name, Box::pin(future))
 }
 
 impl<'r> Robot<'r> {
@@ -69,6 +68,7 @@ impl<'r> Robot<'r> {
             buses: Vec::new(),
             lines: Vec::new(),
             switch: None,
+            not_at_rest: None,
             reception: None,
             parts: Vec::new(),
             signals: Vec::new(),
@@ -133,8 +133,8 @@ impl<'r> Robot<'r> {
     /// Adds a task of its own; the buses' tasks are there already.
     #[must_use]
     #[track_caller]
-    pub fn task<T>(mut self, task: impl Future<Output = T> + 'r) -> Self {
-        self.tasks.push(boxed(task));
+    pub fn task<T, F: Future<Output = T> + 'r>(mut self, task: F) -> Self {
+        self.tasks.push(boxed(TaskName::of::<F>(), task));
         self
     }
 
@@ -148,12 +148,14 @@ impl<'r> Robot<'r> {
     /// let robot = robot.contacts(|[index]| run(index));
     /// ```
     #[must_use]
+    #[track_caller]
     pub fn contacts<const N: usize, F: Future + 'r>(
         mut self,
         read: impl FnOnce([Contact; N]) -> F + 'r,
     ) -> Self {
+        let name = TaskName::of::<F>();
         let read: ReadContacts<'r> =
-            Box::new(|contacts| Some(boxed(read(contacts.to_vec().try_into().ok()?))));
+            Box::new(move |contacts| Some(boxed(name, read(contacts.to_vec().try_into().ok()?))));
         self.contacts = Some((N, read));
         self
     }
@@ -203,13 +205,15 @@ impl<'r> Robot<'r> {
 
     /// Adds the task that listens to the receiver of its remote, and where that counts.
     #[must_use]
+    #[track_caller]
     pub fn remote<F: Future + 'r>(
         mut self,
         reception: &'r Reception,
         listen: impl FnOnce(Receiver, ReceiverPort) -> F + 'r,
     ) -> Self {
         self.ports.reception = Some(reception);
-        self.listen = Some(Box::new(|receiver, port| boxed(listen(receiver, port))));
+        let name = TaskName::of::<F>();
+        self.listen = Some(Box::new(move |receiver, port| boxed(name, listen(receiver, port))));
         self
     }
 
@@ -228,20 +232,23 @@ impl<'r> Robot<'r> {
 
     /// Shows a PC at its console `own` too, and lets it change that; a run records its signals.
     #[must_use]
+    #[track_caller]
     pub fn live<N: Names, const BUSES: usize, const LINES: usize>(
         self,
         shared: &'r Common<'_, N, BUSES, LINES>,
         own: &'r dyn Live,
     ) -> Self {
         let mut robot = self;
+        robot.ports.not_at_rest = Some(Rc::new(|| shared.not_at_rest.read()?.value));
         own.signals(&mut |signal| {
             let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
             let live::Signal { label, unit, states, .. } = *signal;
             robot.ports.signals.push(Signal { label, unit, states, read: Rc::new(read) });
         });
         own.parameters(&mut |parameter| robot.ports.parameters.push(parameter));
+        let name = TaskName::of::<Link<ConsolePort>>();
         robot.console = Some(Box::new(move |port| {
-            boxed(async move {
+            boxed(name, async move {
                 let link = Link::new(port.clone());
                 link.serve(&live::Robot::new(shared, own), port, Instant::from_ticks(0)).await;
             })
@@ -251,13 +258,15 @@ impl<'r> Robot<'r> {
 
     /// Adds the task that speaks with its next part on a UART, and where its bytes are counted.
     #[must_use]
+    #[track_caller]
     pub fn serial<F: Future + 'r>(
         mut self,
         reception: &'r Reception,
         speak: impl FnOnce(UartPort) -> F + 'r,
     ) -> Self {
         self.ports.parts.push(reception);
-        self.serials.push(Box::new(|port| boxed(speak(port))));
+        let name = TaskName::of::<F>();
+        self.serials.push(Box::new(move |port| boxed(name, speak(port))));
         self
     }
 
@@ -278,8 +287,24 @@ impl<'r> Robot<'r> {
     /// If a fault is on a bus or a line that it does not have; if it has no remote to lose, or one
     /// is lost that is lost already.
     pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
-        let Description { buses, lines, remote, .. } = &mut self.description;
+        let Description { buses, lines, remote, serials, contacts, motors, .. } =
+            &mut self.description;
         Faults::check(faults, usize::from(*buses), lines.len())?;
+        for fault in faults {
+            let Kind::Part(defect, name) = &fault.kind else { continue };
+            let (what, labels): (_, Vec<&str>) = if defect.is_of_contact() {
+                let motors = contacts.iter().filter_map(|it| motors.get(it.motor));
+                ("contact", motors.map(|motor| motor.label).collect())
+            } else {
+                ("part on a UART", serials.iter().map(|part| part.label).collect())
+            };
+            ensure!(
+                labels.iter().any(|label| is_called(label, name)),
+                "{}: there is no {what} `{name}`; there are: {}",
+                fault.kind,
+                if labels.is_empty() { "none".into() } else { labels.join(", ") }
+            );
+        }
         match remote {
             Some(remote) => remote.lose(faults)?,
             None => ensure!(

@@ -5,11 +5,11 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorStatus};
-use rc10_sim::{Faults, Nanos};
+use rc10_sim::Nanos;
 
 use crate::environment::Environment;
 use crate::look::{BusLook, Moment, RobotLook};
-use crate::problems::{About, Problem, UNARMED_FOR, seconds};
+use crate::problems::{About, Problem, UNARMED_FOR, armed_for, seconds};
 use crate::record::RecordWriter;
 use crate::recorder::Recorder;
 use crate::recording::{PathPoint, Recording, Source};
@@ -46,7 +46,7 @@ pub fn simulate_into(
             .with_signals(&ports.signals)
             .with_record(record);
     let mut watch = Watch::new(description.remote.as_ref());
-    let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
+    let mut faults = around.faults(&description)?;
     // A robot need not say what arms it: its buses and lines know.
     let arm = || {
         let told = ports.switch.map(ArmSwitch::state);
@@ -100,8 +100,10 @@ pub fn simulate_into(
         recorder.sample(now, &around.wires, moment)?;
     }
     let mut recording = recorder.finish(around.world.now(), &around.wires, watch.finish())?;
-    let unread = ports.parameters.iter().filter(|it| !it.was_read());
-    recording.found.extend(unread.filter(|_| length >= UNARMED_FOR).map(|it| {
+    recording.not_at_rest = ports.not_at_rest.and_then(|read| read());
+    let was_driven = armed_for(&recording) >= UNARMED_FOR;
+    let unread = ports.parameters.iter().filter(|it| was_driven && !it.was_read());
+    recording.found.extend(unread.map(|it| {
         let text = "no task has read this parameter: setting it changes nothing".to_owned();
         Problem::new(About::Part(it.label), "unread-parameter", text)
     }));

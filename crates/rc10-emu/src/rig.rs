@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use rc10_sim::fault::{Fault, Kind};
-use rc10_sim::{Bus, Esc, Faults, Line, LineEntry, Nanos, TraceEntry, World};
+use rc10_sim::{Bus, Contact, Esc, Faults, Line, LineEntry, Nanos, Serial, TraceEntry, World};
 
 use crate::machine::{Injection, Machine};
 use crate::memory::FLASH;
@@ -79,6 +79,17 @@ impl Rig {
         })
     }
 
+    /// Parts on UARTs by their labels, and contacts by those of their motors: faults of theirs happen to
+    /// these.
+    pub fn connect_parts(
+        &mut self,
+        serials: Vec<(String, Serial)>,
+        contacts: Vec<(String, Contact)>,
+    ) {
+        let faults = std::mem::take(&mut self.faults);
+        self.faults = faults.with_parts(serials, contacts);
+    }
+
     /// The buses.
     #[must_use]
     pub fn buses(&self) -> &[Bus] {
@@ -150,7 +161,8 @@ impl Rig {
             | Kind::Noise(_)
             | Kind::Power(_)
             | Kind::Load(_)
-            | Kind::RemoteLost => (),
+            | Kind::RemoteLost
+            | Kind::Part(..) => (),
         }
         Ok(())
     }

@@ -1,11 +1,15 @@
 //! Switches and markers on the shafts of motors.
 
+use std::cell::Cell;
 use std::convert::Infallible;
 use std::error::Error;
 use std::fmt;
+use std::rc::Rc;
 
 use embedded_hal::digital::{ErrorType, InputPin};
 
+use crate::Nanos;
+use crate::fault::Defect;
 use crate::handles::Esc;
 
 /// One turn, degrees.
@@ -15,7 +19,7 @@ const TURN: f64 = 360.0;
 /// a photo interrupter. It is also the input that it pulls low while it is closed, and that a resistor
 /// pulls up.
 ///
-/// It does not bounce.
+/// It bounces only while it has that [`Defect`].
 ///
 /// ```
 /// use embedded_hal::digital::InputPin;
@@ -31,7 +35,14 @@ pub struct Contact {
     shaft: Esc,
     from: f64,
     width: f64,
+    defect: Rc<Cell<Option<Defect>>>,
+    /// Whether the shaft closed it when it was looked at last, and since when.
+    edge: Rc<Cell<(bool, Nanos)>>,
 }
+
+/// For how long a contact bounces, and from one change of it to the next.
+const BOUNCING: Nanos = Nanos::new(10_000_000);
+const BOUNCE: u64 = 700_000;
 
 impl Contact {
     /// On the output shaft of a motor, closed between two of its angles: degrees since the start, in any
@@ -43,7 +54,8 @@ impl Contact {
         let [from, to] = closed;
         let width = to - from;
         if from.is_finite() && width > 0.0 && width < TURN {
-            Ok(Self { shaft: shaft.clone(), from, width })
+            let (defect, edge) = (Rc::default(), Rc::default());
+            Ok(Self { shaft: shaft.clone(), from, width, defect, edge })
         } else {
             Err(NoRange { closed })
         }
@@ -52,7 +64,24 @@ impl Contact {
     /// Whether it is closed now: where the shaft truly is.
     #[must_use]
     pub fn is_closed(&self) -> bool {
-        (self.shaft.state().load_degrees - self.from).rem_euclid(TURN) < self.width
+        let closed = (self.shaft.state().load_degrees - self.from).rem_euclid(TURN) < self.width;
+        let now = self.shaft.now();
+        if self.edge.get().0 != closed {
+            self.edge.set((closed, now));
+        }
+        match self.defect.get() {
+            Some(Defect::Stuck) => true,
+            Some(Defect::Torn) => false,
+            Some(Defect::Bounces) if now < self.edge.get().1 + BOUNCING => {
+                closed ^ (now.get() / BOUNCE).is_multiple_of(2)
+            }
+            _ => closed,
+        }
+    }
+
+    /// Gives it a defect, or mends it; all its clones, too.
+    pub fn set_defect(&self, defect: Option<Defect>) {
+        self.defect.set(defect);
     }
 }
 

@@ -26,9 +26,59 @@ impl fmt::Display for Wire {
     }
 }
 
+/// Defects of a part beside the motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Defect {
+    /// `cut:NAME`: the plug of a part on a UART is out.
+    Cut,
+    /// `noise:NAME`: the character that it sends, or the next one, is damaged. Has no end.
+    Noise,
+    /// `power:NAME`: it has no power.
+    Power,
+    /// `stuck:NAME`: a contact stays closed.
+    Stuck,
+    /// `torn:NAME`: a contact stays open, as with a torn wire.
+    Torn,
+    /// `bounces:NAME`: a contact opens and closes for 10 ms at each of its edges.
+    Bounces,
+}
+
+impl Defect {
+    const ALL: [(&str, Self); 6] = [
+        ("cut", Self::Cut),
+        ("noise", Self::Noise),
+        ("power", Self::Power),
+        ("stuck", Self::Stuck),
+        ("torn", Self::Torn),
+        ("bounces", Self::Bounces),
+    ];
+
+    /// Whether it is one of a contact, and not of a part on a UART.
+    #[must_use]
+    pub const fn is_of_contact(self) -> bool {
+        matches!(self, Self::Stuck | Self::Torn | Self::Bounces)
+    }
+}
+
+impl fmt::Display for Defect {
+    /// As a user writes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = Self::ALL.iter().find(|(_, defect)| defect == self).map(|(name, _)| *name);
+        f.write_str(name.unwrap_or_default())
+    }
+}
+
+/// Whether a part is meant by a name as a user writes it: its label, with `-` for spaces.
+#[must_use]
+pub fn is_called(label: &str, name: &str) -> bool {
+    label.replace(' ', "-").eq_ignore_ascii_case(&name.replace(' ', "-"))
+}
+
 /// Kinds of fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
+    /// A defect of a part on a UART, by its label, or of a contact, by that of its motor.
+    Part(Defect, String),
     /// `cut:BUS`, `cut:LINE`: the plug is out of the board. On a bus nothing acknowledges what the
     /// chip sends; on a line both ends hear nothing.
     Cut(Wire),
@@ -68,7 +118,10 @@ const CONTROL_EXECUTOR: &str = "UART9";
 impl Kind {
     /// Whether it happens at one moment and cannot be taken back.
     const fn is_sudden(&self) -> bool {
-        matches!(self, Self::Noise(_) | Self::Panic | Self::HardFault)
+        matches!(
+            self,
+            Self::Noise(_) | Self::Panic | Self::HardFault | Self::Part(Defect::Noise, _)
+        )
     }
 
     /// The bus or line it concerns.
@@ -83,7 +136,8 @@ impl Kind {
             | Self::RemoteLost
             | Self::Mask
             | Self::CrystalDead
-            | Self::CrystalStops => None,
+            | Self::CrystalStops
+            | Self::Part(..) => None,
         }
     }
 
@@ -99,7 +153,7 @@ impl Kind {
     /// Whether it is the chip's: nothing but an emulated one can do it.
     #[must_use]
     pub const fn is_of_chip(&self) -> bool {
-        self.wire().is_none() && !matches!(self, Self::RemoteLost)
+        self.wire().is_none() && !matches!(self, Self::RemoteLost | Self::Part(..))
     }
 }
 
@@ -120,6 +174,7 @@ impl fmt::Display for Kind {
             Self::Mask => "mask",
             Self::CrystalDead => "crystal-dead",
             Self::CrystalStops => "crystal-stops",
+            Self::Part(defect, name) => return write!(f, "{defect}:{}", name.replace(' ', "-")),
         };
         match self.wire() {
             Some(wire) => write!(f, "{name}:{wire}"),
@@ -167,13 +222,16 @@ impl fmt::Display for NoFault {
 impl std::error::Error for NoFault {}
 
 const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
-                     hang[:HANDLER] remote-lost mask crystal-dead crystal-stops; cut, noise and power also of a LINE";
+                     hang[:HANDLER] remote-lost mask crystal-dead crystal-stops; cut, noise and power also of a LINE, \
+                     or of a part on a UART by its label; stuck:NAME torn:NAME bounces:NAME of a contact \
+                     by its motor's";
 
 /// Help text of a command line's argument.
 pub const HELP: &str = "\
 Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
 noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
-line; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
+line, and cut:IMU and so on for a part on a UART; stuck:NAME, torn:NAME and bounces:NAME for the contact \
+of a motor, with - for spaces; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
 crystal-dead crystal-stops@0.3s; repeat for more";
 
 impl FromStr for Fault {
@@ -228,6 +286,19 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         Some(_) => Err(format!("`{name}` needs a line, L1 to L9, or a bus: {name}:L1")),
         None => bus().map(Wire::Bus),
     };
+    let defect = Defect::ALL.iter().find(|(of, _)| *of == name).map(|(_, defect)| *defect);
+    match (defect, argument) {
+        (Some(defect), Some(part)) if defect.is_of_contact() || is_name(part) => {
+            return match part {
+                "" => Err(format!("`{name}` needs the label of a motor: {name}:feeder")),
+                part => Ok(Kind::Part(defect, part.to_owned())),
+            };
+        }
+        (Some(defect), None) if defect.is_of_contact() => {
+            return Err(format!("`{name}` needs the label of a motor: {name}:feeder"));
+        }
+        _ => {}
+    }
     let alone = |kind: Kind| match argument {
         None => Ok(kind),
         Some(_) => Err(format!("`{name}` takes nothing behind a colon: {name}@0.5s")),
@@ -249,6 +320,12 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         "hang" => Ok(Kind::Hang(argument.unwrap_or(CONTROL_EXECUTOR).to_owned())),
         _ => Err(format!("there is no such fault; there are: {KINDS}")),
     }
+}
+
+/// Whether it is the label of a part, and no number of a bus or a line.
+fn is_name(text: &str) -> bool {
+    let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    !is_number(text) && !text.strip_prefix('L').is_some_and(is_number)
 }
 
 /// `1.5s`, `300ms`, `20us`, exactly.
@@ -305,6 +382,7 @@ mod tests {
     fn kinds_are_shown_as_they_are_written() {
         let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 \
                      remote-lost mask cut:L1 noise:L2 power:L9 \
+                     cut:IMU noise:wall-left power:IMU stuck:feeder torn:lift-left bounces:feeder \
                      crystal-dead crystal-stops";
         for kind in kinds.split(' ') {
             assert_eq!(kind_of(kind).unwrap().to_string(), kind);
@@ -332,6 +410,9 @@ mod tests {
             ("panic:1@1s", "panic@0.5s"),
             ("remote-lost:1@1s", "remote-lost@0.5s"),
             ("flood@1s", "cut:BUS"),
+            ("stuck@1s", "label of a motor"),
+            ("torn:@1s", "label of a motor"),
+            ("noise:IMU@1s..2s", "no end"),
             ("crystal-dead@1s", "without a time"),
             ("crystal-stops", "KIND@TIME"),
             ("crystal-stops:1@1s", "crystal-stops@0.5s"),

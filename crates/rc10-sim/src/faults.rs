@@ -2,8 +2,8 @@
 
 use rc10_can::CanFrame;
 
-use crate::fault::{Fault, Kind, NoFault, Wire};
-use crate::{Bus, Line, Nanos, TraceEntry};
+use crate::fault::{Defect, Fault, Kind, NoFault, Wire, is_called};
+use crate::{Bus, Contact, Line, Nanos, Serial, TraceEntry, UartFault};
 
 /// A filled bus is filled again so often.
 const STEP: Nanos = Nanos::new(1_000_000);
@@ -16,9 +16,13 @@ const FILLER_PAUSE: u64 = 100;
 ///
 /// Let time pass up to [`next`](Self::next), tell it what was [`heard`](Self::heard) on the buses,
 /// and let it [`act`](Self::act).
+#[derive(Default)]
 pub struct Faults {
     buses: Vec<Filled>,
     lines: Vec<Line>,
+    /// Parts on UARTs by their labels, and contacts by those of their motors.
+    serials: Vec<(String, Serial)>,
+    contacts: Vec<(String, Contact)>,
     /// Beginnings (`true`) and ends, the next one last.
     timeline: Vec<(Nanos, bool, Kind)>,
 }
@@ -47,7 +51,21 @@ impl Faults {
         timeline.sort_by_key(|entry| entry.0);
         timeline.reverse();
         let filled = |bus: &Bus| Filled { bus: bus.clone(), on: false, filler: None };
-        Ok(Self { buses: buses.iter().map(filled).collect(), lines: lines.into(), timeline })
+        let buses = buses.iter().map(filled).collect();
+        let (serials, contacts) = (Vec::new(), Vec::new());
+        Ok(Self { buses, lines: lines.into(), serials, contacts, timeline })
+    }
+
+    /// With parts on UARTs by their labels, and contacts by those of their motors, which can have
+    /// defects, too.
+    #[must_use]
+    pub fn with_parts(
+        mut self,
+        serials: Vec<(String, Serial)>,
+        contacts: Vec<(String, Contact)>,
+    ) -> Self {
+        (self.serials, self.contacts) = (serials, contacts);
+        self
     }
 
     /// Whether a robot with this number of buses and lines can have such faults.
@@ -129,6 +147,20 @@ impl Faults {
                     Kind::Noise(_) => line.damage_answers(1),
                     Kind::Power(_) => line.set_power(!begins),
                     _ => return false,
+                }
+            }
+            (Kind::Part(defect, name), None) => {
+                for (_, serial) in self.serials.iter().filter(|(label, _)| is_called(label, name)) {
+                    match defect {
+                        Defect::Cut => serial.set_cut(begins),
+                        Defect::Noise => serial.inject(UartFault::Framing),
+                        Defect::Power => serial.set_power(!begins),
+                        Defect::Stuck | Defect::Torn | Defect::Bounces => {}
+                    }
+                }
+                for (_, contact) in self.contacts.iter().filter(|(label, _)| is_called(label, name))
+                {
+                    contact.set_defect(begins.then_some(*defect));
                 }
             }
             (_, None) => return false,

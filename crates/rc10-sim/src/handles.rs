@@ -248,6 +248,10 @@ impl Esc {
         })
     }
 
+    pub(crate) fn now(&self) -> Nanos {
+        self.inner.borrow().clock.now_ns()
+    }
+
     /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
     #[must_use]
     pub fn plant(&self) -> Plant {

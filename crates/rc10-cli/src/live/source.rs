@@ -165,7 +165,7 @@ impl<'r> Simulated<'r> {
         let mut around = Environment::new(robot.description(), args.seed)?;
         let line = Line::new(&mut around.world, args.baud_of(&robot));
         around.console = Some(line.clone());
-        let faults = Faults::new(&around.wires, &around.lines, &robot.description().faults)?;
+        let faults = around.faults(robot.description())?;
         let tasks = robot.tasks(&around)?;
         Ok(Self { around, tasks, faults, line })
     }
