@@ -262,6 +262,22 @@ fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
     assert_eq!(bus.status(nth(0), now).unwrap().counters.lost, 1);
     tick(&mut bus, now, &mut TxBatch::new()).unwrap();
     assert_eq!(drives(&bus), [DriveMode::Run]);
+    // Nor a jog, whose time it keeps by the low 16 bits of the milliseconds.
+    switch.disarm();
+    now += Micros::from_millis(1000);
+    bus.on_frame(&says(1, 0), now);
+    bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+    bus.request(nth(0), Request::Jog(Rpm::new(5.0))).unwrap();
+    now += Micros::from_millis(1);
+    bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+    assert_eq!(drives(&bus), [DriveMode::Run]);
+    now += Micros::from_millis(1 << 16);
+    for _ in 0..3 {
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        assert_eq!(drives(&bus), [DriveMode::Off]);
+        bus.on_frame(&says(1, 0), now);
+        now += Micros::from_millis(1);
+    }
 }
 
 #[test]
