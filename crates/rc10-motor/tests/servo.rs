@@ -313,6 +313,10 @@ fn each_part_of_the_feed_forward_alone_is_given_in_every_tick_and_to_either_side
         Target::Motion(Motion { angle, speed, acceleration, ..Motion::default() })
     };
     let none = FeedForward::NONE;
+    let with = |feed_forward| {
+        let cascade = Cascade { feed_forward, ..cascade() };
+        Servo::new(TargetKind::Torque, cascade).unwrap()
+    };
     let here = TotalAngle::from_degrees(60);
     for sign in [1.0, -1.0] {
         let moves = [Target::Speed(Rpm::new(sign * 20.0)), motion(None, sign * 20.0, 0.0)];
@@ -334,8 +338,7 @@ fn each_part_of_the_feed_forward_alone_is_given_in_every_tick_and_to_either_side
             (FeedForward { gravity: lift, ..none }, 20.0, &moves),
         ] {
             for target in targets {
-                let cascade = Cascade { feed_forward, ..cascade() };
-                let mut servo = Servo::new(TargetKind::Torque, cascade).unwrap();
+                let mut servo = with(feed_forward);
                 servo.set_target(*target).unwrap();
                 // The loops have nothing to correct.
                 for ticks in [200, 1, 1] {
@@ -344,10 +347,17 @@ fn each_part_of_the_feed_forward_alone_is_given_in_every_tick_and_to_either_side
                 }
             }
         }
-        // An acceleration lasts 50 ms.
-        let feed_forward = FeedForward { acceleration: 0.005, ..none };
-        let cascade = Cascade { feed_forward, ..cascade() };
-        let mut servo = Servo::new(TargetKind::Torque, cascade).unwrap();
+        // A speed is gathered with 600 rpm/s.
+        let mut servo = with(FeedForward { acceleration: 0.0025, ..none });
+        servo.set_target(Target::Speed(Rpm::new(sign * 1000.0))).unwrap();
+        for tick in 0..100_u8 {
+            let shaft = at(60, sign * 0.6 * f32::from(tick));
+            let given = after(1, &mut servo, DriveMode::Run, &shaft);
+            // A tick of it, 0.6 rpm, is left to the loop.
+            assert!(tick < 30 || (given - sign * 1.5).abs() < 0.1, "{tick}: {given}");
+        }
+        // An acceleration that is told lasts 50 ms.
+        let mut servo = with(FeedForward { acceleration: 0.005, ..none });
         let mut given = 0.0;
         for tick in 0..40_u8 {
             if tick % 5 == 0 {
