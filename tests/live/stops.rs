@@ -81,6 +81,30 @@ fn a_stop_needs_no_hello() {
     });
 }
 
+/// A PC that asks for anything else says hello first.
+#[test]
+fn nothing_but_a_stop_is_done_without_a_hello() {
+    with_scene(BAUD, |scene, shared| {
+        scene.run(1500);
+        let declaration = scene.client.declaration();
+        let kp = scene.parameter(Name::ALL[0].label(), "speed_kp");
+        let change = rc10_link::Change { parameter: kp.index, value: 1.5 * kp.initial };
+        let set = Ask::Set { id: 9, changes: [change].into_iter().collect(), declaration };
+        let until = scene.now() + Micros::from_millis(1500);
+        scene.around.run(&mut scene.tasks, until);
+        let _ = scene.around.console.clone().unwrap().take();
+        send(scene, &frame(&set));
+        scene.around.run(&mut scene.tasks, until + Micros::from_millis(100));
+        let tuning = || shared.motor(Name::ALL[0]).tuning().unwrap();
+        assert_eq!(tuning()[1], tuning()[0]);
+        // After a hello the same is done.
+        scene.run(500);
+        send(scene, &frame(&set));
+        scene.run(20);
+        assert_eq!(tuning()[1].speed.kp, 1.5 * kp.initial);
+    });
+}
+
 /// Bits that flip, frames that are lost, a line that is away for a second, one that is dead in the other
 /// direction: the stop is sent until it is answered.
 #[test]
@@ -389,6 +413,23 @@ fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
     scene.run(1500);
     let number = |name: mixed::Name| u8::try_from(name.index()).unwrap();
     let (wheel, arm) = (number(mixed::Name::Wheel), number(mixed::Name::Arm));
+    // Registers are told one by one, each with its own value.
+    let mut values = Vec::new();
+    for register in [7, 8] {
+        let asked = std::rc::Rc::new(std::cell::Cell::new(None));
+        let (tell, port) = (std::rc::Rc::clone(&asked), shared.motor(mixed::Name::Arm));
+        scene.tasks.add(async move {
+            tell.set(Some(port.request(Request::ReadRegister(register)).await));
+        });
+        scene.run(50);
+        let Some(Ok(rc10_motor::Response::Register(value))) = asked.get() else {
+            panic!("{:?}", asked.get());
+        };
+        let id = scene.client.act(Action::ReadRegister(arm, register));
+        assert_eq!(scene.ask(id), Answer::Register(value));
+        values.push(value);
+    }
+    assert_ne!(values[0], values[1]);
     let rpm = || shared.motor(mixed::Name::Wheel).status().feedback.speed.get().abs();
     assert_eq!(hold(&mut scene, wheel, 3000, 500), Answer::Done);
     assert!(rpm() > 10.0, "{}", rpm());

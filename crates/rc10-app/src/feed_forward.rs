@@ -166,6 +166,25 @@ mod tests {
     }
 
     #[test]
+    fn behind_a_gearbox_the_rotor_takes_as_much_and_the_weight_by_so_much_less() {
+        for (sign, factor) in [(1.0, 2.0), (-1.0, 2.0), (1.0, 0.25), (-1.0, 0.25)] {
+            let own =
+                FeedForward { friction: 0.5, speed: 0.1, acceleration: 0.02, ..FeedForward::NONE };
+            let lift = FeedForward { gravity: Gravity::Lift(sign * 3.0), ..own }.geared(factor);
+            let (speed, acceleration) = (0.1 * factor, 0.02 * factor);
+            let gravity = Gravity::Lift(sign * 3.0 / factor);
+            assert_eq!(lift, FeedForward { speed, acceleration, gravity, ..own });
+            let level = Degrees::new(30.0);
+            let arm = Gravity::Arm { effort: sign * 3.0, level };
+            let arm = FeedForward { gravity: arm, ..own }.geared(factor);
+            let gravity = Gravity::Arm { effort: sign * 3.0 / factor, level };
+            assert_eq!(arm, FeedForward { speed, acceleration, gravity, ..own });
+            let nothing = own.geared(factor);
+            assert_eq!(nothing, FeedForward { speed, acceleration, ..own });
+        }
+    }
+
+    #[test]
     fn what_cannot_be_is_named() {
         let field = |feed_forward: FeedForward| feed_forward.validate().unwrap_err().field;
         let none = FeedForward::NONE;

@@ -134,21 +134,42 @@ mod tests {
 
     #[test]
     fn it_keeps_the_heading_where_it_stops_without_turning_back() {
-        let (mut hold, mut robot) = (HeadingHold::new(), Turning { heading: 3.0, rate: 0.0 });
-        for _ in 0..200 {
-            robot.step(&mut hold, 3.5);
+        for sign in [1.0, -1.0] {
+            let (mut hold, mut robot) = (HeadingHold::new(), Turning { heading: 3.0, rate: 0.0 });
+            for _ in 0..200 {
+                robot.step(&mut hold, sign * 3.5);
+            }
+            assert_eq!(hold.held(), None);
+            let let_go = robot.heading;
+            let mut farthest = 0.0_f32;
+            for _ in 0..400 {
+                robot.step(&mut hold, 0.0);
+                farthest = farthest.max(sign * (robot.heading - let_go));
+            }
+            // 3.5² / 24 = 0.510 rad.
+            let turned = sign * (robot.heading - let_go);
+            assert!((turned - 0.510).abs() < 0.01, "{sign}: {turned}");
+            // It brakes one step after it is told: half a step of 3.5 rad/s more, 9 mrad.
+            assert!(farthest - turned < 0.012, "{sign}: {farthest} {turned}");
         }
-        assert_eq!(hold.held(), None);
-        let let_go = robot.heading;
-        let mut farthest = let_go;
-        for _ in 0..400 {
-            robot.step(&mut hold, 0.0);
-            farthest = farthest.max(robot.heading);
+    }
+
+    #[test]
+    fn the_measured_yaw_rate_is_braked_to_either_side() {
+        let config = HeadingHoldConfig { kd: 0.2, ..CONFIG };
+        for rate in [0.5, -0.5, 3.0, -3.0] {
+            let mut hold = HeadingHold::new();
+            hold.update(&config, 0.0, Radians::new(1.0), 0.0);
+            let braked = hold.update(&config, 0.0, Radians::new(1.0), rate);
+            assert!((braked + 0.2 * rate).abs() < 1e-6, "{rate}: {braked}");
+            // With an error of 0.1 rad to either side on top of it, and never above the largest.
+            for off in [0.1, -0.1] {
+                let back = hold.update(&config, 0.0, Radians::new(1.0 + off), rate);
+                assert!((back + 8.0 * off + 0.2 * rate).abs() < 1e-5, "{rate} {off}: {back}");
+            }
+            let most = hold.update(&config, 0.0, Radians::new(1.0), rate * 100.0);
+            assert!((most + 4.0 * rate.signum()).abs() < 1e-6, "{rate}: {most}");
         }
-        // 3.5² / 24 = 0.510 rad.
-        assert!((robot.heading - let_go - 0.510).abs() < 0.01, "{}", robot.heading - let_go);
-        // It brakes one step after it is told: half a step of 3.5 rad/s more, 9 mrad.
-        assert!(farthest - robot.heading < 0.012, "{} {}", farthest, robot.heading);
     }
 
     #[test]

@@ -126,6 +126,15 @@ mod tests {
             assert!((schedule.at(value).kp - gain).abs() < 1e-6, "{value}");
         }
         assert_eq!(GainSchedule::checked([(0.0, kp(1.0))]).at(7.0), kp(1.0));
+        // Each gain by itself.
+        let gains = |kp, ki, kd| Gains { kp, ki, kd };
+        let schedule =
+            GainSchedule::checked([(0.0, gains(1.0, 8.0, 16.0)), (4.0, gains(5.0, 2.0, 32.0))]);
+        assert_eq!(schedule.at(1.0), gains(2.0, 6.5, 20.0));
+        assert_eq!(schedule.at(-1.0), gains(1.0, 8.0, 16.0));
+        assert_eq!(schedule.at(4.0), gains(5.0, 2.0, 32.0));
+        let config = PidConfig::new(9.0, 9.0, 9.0, 7.0).with_gains(schedule.at(1.0));
+        assert_eq!(config, PidConfig::new(2.0, 6.5, 20.0, 7.0));
     }
 
     #[test]

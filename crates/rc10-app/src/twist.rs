@@ -304,12 +304,16 @@ mod tests {
     fn a_bad_target_or_time_leaves_the_limiter_unchanged() {
         let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
         let mut limiter = TwistLimiter::<Robot>::new();
-        limiter.reset(Twist::new(1.0, 0.5, -1.0));
+        let measured = Twist::new(1.0, 0.5, -1.0);
+        limiter.reset(measured);
+        assert_eq!(limiter.twist(), measured);
         let before = limiter;
         for bad in [f32::NAN, f32::INFINITY] {
             assert!(limiter.update(&limits, Twist::new(bad, 0.0, 0.0), DT).is_err());
             assert!(limiter.update(&limits, Twist::new(0.0, 0.0, bad), DT).is_err());
             limiter.reset(Twist::new(0.0, bad, 0.0));
+            limiter.reset(Twist::new(bad, 0.0, 0.0));
+            limiter.reset(Twist::new(0.0, 0.0, bad));
         }
         assert!(limiter.update(&limits, Twist::new(f32::MAX, f32::MAX, 0.0), DT).is_err());
         for dt in [0.0, -0.001, f32::NAN, f32::INFINITY] {

@@ -7,7 +7,7 @@ mod walk;
 
 use random::Random;
 use rc10_app::base::{Base, BaseError, Body, Tread, Wheel};
-use rc10_app::{Degrees, Direction, Point, Rpm, RpmPerSecond, Twist, TwistLimits};
+use rc10_app::{BaseMotion, Degrees, Direction, Point, Rpm, RpmPerSecond, Twist, TwistLimits};
 use walk::SKID_STEER;
 
 const LIMIT: Rpm = Rpm::new(450.0);
@@ -325,6 +325,18 @@ fn a_wheel_that_is_wrong_is_seen_in_the_residual_where_wheels_are_more_than_moti
     // As documented: three omni wheels or two of a differential base show nothing.
     for wrong in [Wrong::Reversed, Wrong::Dead, Wrong::Slips] {
         assert!(seen(&OMNI_3, 1, wrong, None) < 1e-5 && seen(&DIFFERENTIAL, 1, wrong, None) < 1e-5);
+    }
+}
+
+#[test]
+fn the_slip_is_the_largest_residual_of_a_wheel_too_fast_or_too_slow() {
+    for wheel in 0..4 {
+        for sign in [1.0, -1.0] {
+            let mut residual = [0.1, -0.1, 0.1, -0.1];
+            residual[wheel] = sign * 0.3;
+            let motion = BaseMotion { twist: Twist::STOP, residual };
+            assert!((motion.slip() - 0.3).abs() < 1e-6, "{motion:?}");
+        }
     }
 }
 

@@ -181,6 +181,20 @@ fn it_begins_and_ends_exactly_and_passes_the_waypoints() {
 }
 
 #[test]
+fn it_stops_in_a_sharp_corner_to_either_side_and_where_it_goes_straight_back() {
+    for turned in [FRAC_PI_2, -FRAC_PI_2, 0.1, -0.1, 2.5, -2.5, PI] {
+        let (sin, cos) = turned.sin_cos();
+        // Straight back it is exact.
+        let sin = if cos <= -1.0 { 0.0 } else { sin };
+        for [x, y] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+            let end = waypoint(x + x * cos - y * sin, y + y * cos + x * sin, 0.0);
+            let path = Path::new([waypoint(0.0, 0.0, 0.0), waypoint(x, y, 0.0), end]).unwrap();
+            check_limits(&Plan::new(&path, &MECANUM, &LIMITS, 0.0).unwrap(), &MECANUM, &LIMITS);
+        }
+    }
+}
+
+#[test]
 fn a_straight_path_takes_the_time_of_a_trapezoid() {
     let time = |length: f32, max_speed, start| {
         let path = Path::new([waypoint(-1.0, 0.0, 1.0), waypoint(length - 1.0, 0.0, 1.0)]).unwrap();

@@ -204,7 +204,8 @@ fn lowered_limits_are_returned_to_as_fast_as_they_allow() {
     for _ in 0..20_000 {
         let limits = random.limits();
         let mut profile = Profile::at(0.0);
-        profile.set_target(&limits, random.way(&limits), 0.0).unwrap();
+        let target = random.way(&limits);
+        profile.set_target(&limits, target, 0.0).unwrap();
         profile.update(Seconds::new(profile.remaining().get() * random.share()));
         let lowered = ProfileLimits {
             velocity: limits.velocity * random.scale(0.1, 1.0),
@@ -212,7 +213,10 @@ fn lowered_limits_are_returned_to_as_fast_as_they_allow() {
             jerk: limits.jerk * random.scale(0.1, 1.0),
         };
         let begin = profile.setpoint();
-        profile.set_target(&lowered, begin.position + random.way(&lowered), 0.0).unwrap();
+        // Also without another target.
+        let another = begin.position + random.way(&lowered);
+        let target = if random.below(2) == 0 { target } else { another };
+        profile.set_target(&lowered, target, 0.0).unwrap();
         let ProfileLimits { velocity, acceleration, jerk } = lowered;
         // The velocity that it cannot help reaching, and the time until all is within the limits.
         let swing = begin.acceleration * begin.acceleration / (2.0 * jerk);

@@ -701,9 +701,8 @@ mod tests {
     use crate::look::MotorLook;
     use crate::motor::Motor;
 
-    /// What is found of a motor on bus 1 in 8 s with these faults, whose link and losses are by the
-    /// milliseconds.
-    fn found(faults: &[&str], seen: impl Fn(u64) -> (Link, u32)) -> Vec<(&'static str, String)> {
+    /// A motor on bus 1 in 8 s, whose link and losses are by the milliseconds.
+    fn recorded(seen: impl Fn(u64) -> (Link, u32)) -> Recording {
         let sample = |index| {
             let (link, lost) = seen(time_of(index).get() / 1000);
             let mut sample = MotorSample { link, ..MotorLook::NEW.seen };
@@ -722,13 +721,54 @@ mod tests {
             peak_current: 0.0,
             effort: None,
         };
-        let recording = Recording {
-            length: Micros::from_millis(8000),
-            motors: vec![track],
-            faults: faults.iter().map(|fault| fault.parse().unwrap()).collect(),
-            ..Recording::default()
-        };
-        problems(&recording).into_iter().map(|problem| (problem.kind, problem.text)).collect()
+        let length = Micros::from_millis(8000);
+        Recording { length, motors: vec![track], ..Recording::default() }
+    }
+
+    fn told(recording: &Recording) -> Vec<(&'static str, String)> {
+        problems(recording).into_iter().map(|problem| (problem.kind, problem.text)).collect()
+    }
+
+    /// What is found with these faults.
+    fn found(faults: &[&str], seen: impl Fn(u64) -> (Link, u32)) -> Vec<(&'static str, String)> {
+        let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
+        told(&Recording { faults, ..recorded(seen) })
+    }
+
+    /// What never happened to a motor that is heard and not driven, with the robot for these milliseconds
+    /// in each state.
+    fn armed(source: Source, arm: &[(ArmState, u64)]) -> Vec<&'static str> {
+        let samples = arm.iter().flat_map(|(state, millis)| {
+            std::iter::repeat_n(*state, (millis * 1000 / SAMPLE_PERIOD.get()) as usize)
+        });
+        let recording = recorded(|_| (Link::Online, 0));
+        let told = told(&Recording { source, arm: samples.collect(), ..recording });
+        told.into_iter().map(|(kind, _)| kind).filter(|kind| kind.starts_with("never-")).collect()
+    }
+
+    #[test]
+    fn a_robot_that_really_runs_may_rest_and_a_simulated_one_is_to_be_armed() {
+        use ArmState::{Armed, Disarmed, EStopped, Suspended};
+        for arm in [Disarmed, EStopped, Suspended] {
+            assert_eq!(armed(Source::Robot, &[(arm, 8000)]), [""; 0], "{arm:?}");
+            assert_eq!(armed(Source::Simulation, &[(arm, 8000)]), ["never-armed"], "{arm:?}");
+        }
+        assert_eq!(armed(Source::Simulation, &[(Disarmed, 7900), (Armed, 100)]), [""; 0]);
+    }
+
+    #[test]
+    fn only_the_time_in_which_it_was_armed_asks_for_a_target() {
+        use ArmState::{Armed, Disarmed, EStopped, Suspended};
+        let none = [""; 0];
+        for source in [Source::Robot, Source::Simulation] {
+            for other in [Disarmed, Suspended, EStopped] {
+                let told = armed(source, &[(other, 4000), (Armed, 490), (other, 3510)]);
+                assert_eq!(told, none, "{other:?}");
+                // In two parts.
+                let parts = [(Armed, 250), (other, 4000), (Armed, 250), (other, 3500)];
+                assert_eq!(armed(source, &parts), ["never-commanded"], "{other:?}");
+            }
+        }
     }
 
     #[test]

@@ -281,3 +281,27 @@ pub enum Outcome<'a> {
         detail: &'a str,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_declaration_differs_where_its_parts_their_order_or_their_ends_do() {
+        let of =
+            |parts: &[&[u8]]| parts.iter().fold(Declaration::default(), |sum, part| sum.with(part));
+        let one = of(&[b"lift", b"left"]);
+        let others: [&[&[u8]]; 6] = [
+            &[b"liftl", b"eft"],
+            &[b"liftleft"],
+            &[b"left", b"lift"],
+            &[b"lift", b"left", b""],
+            &[b"lift"],
+            &[],
+        ];
+        for other in others {
+            assert_ne!(of(other), one, "{other:?}");
+        }
+        assert_eq!(of(&[b"lift", b"left"]), one);
+    }
+}

@@ -9,13 +9,14 @@ use critical_section as _;
 use rc10_conformance::{Acts, Dummy};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::pending::Outcome;
-use rc10_motor::rc10_app::{Rpm, Seconds};
+use rc10_motor::rc10_app::{Amps, NewtonMetres, Rpm, Seconds};
 use rc10_motor::rc10_can::embedded_can::StandardId;
 use rc10_motor::rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, Clash, CommandError, Dispatch, DriveMode, Feedback, FrameError,
-    FrameKind, Frames, Link, MotorBus, MotorId, MotorName, Ownership, Place, Rate, Request,
-    RequestError, Response, Safety, Target, Tick, TxBatch, TxFull, numbers,
+    FrameKind, Frames, Impedance, Link, Motion, MotorBus, MotorId, MotorName, MotorStatus,
+    Ownership, Place, Rate, Request, RequestError, Response, Safety, Target, Tick, TxBatch, TxFull,
+    numbers,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -262,6 +263,22 @@ fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
     assert_eq!(bus.status(nth(0), now).unwrap().counters.lost, 1);
     tick(&mut bus, now, &mut TxBatch::new()).unwrap();
     assert_eq!(drives(&bus), [DriveMode::Run]);
+    // Nor a jog, whose time it keeps by the low 16 bits of the milliseconds.
+    switch.disarm();
+    now += Micros::from_millis(1000);
+    bus.on_frame(&says(1, 0), now);
+    bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+    bus.request(nth(0), Request::Jog(Rpm::new(5.0))).unwrap();
+    now += Micros::from_millis(1);
+    bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+    assert_eq!(drives(&bus), [DriveMode::Run]);
+    now += Micros::from_millis(1 << 16);
+    for _ in 0..3 {
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        assert_eq!(drives(&bus), [DriveMode::Off]);
+        bus.on_frame(&says(1, 0), now);
+        now += Micros::from_millis(1);
+    }
 }
 
 #[test]
@@ -463,6 +480,31 @@ fn a_frame_that_waits_before_the_bus_runs_cannot_speak_in_a_motors_name() {
     assert!(sent.contains(&other) && !sent.contains(&command));
     assert_eq!(shared.status().refused, 1);
     assert!(shared.send(&command).is_err());
+}
+
+#[test]
+fn loops_have_an_effort_while_they_drive_a_motor_that_is_heard() {
+    let mut status = MotorStatus::NEW;
+    status.feedback = Feedback::NEW.with_effort(2.5);
+    let speed = Target::Speed(Rpm::new(1.0));
+    let modes = [DriveMode::Run, DriveMode::Hold, DriveMode::Brake];
+    for drive in modes.into_iter().chain([DriveMode::Coast, DriveMode::Off]) {
+        for link in [Link::Online, Link::Lost, Link::NeverSeen] {
+            for (target, follows) in [
+                (speed, true),
+                (Target::Motion(Motion::default()), true),
+                (Target::Current(Amps::new(1.0)), false),
+                (Target::Torque(NewtonMetres::new(1.0)), false),
+                (Target::Duty(0.1), false),
+                (Target::Impedance(Impedance::default()), false),
+            ] {
+                (status.drive, status.link, status.target) = (drive, link, target);
+                let is_looped = follows && link == Link::Online && modes.contains(&drive);
+                assert_eq!(status.is_looped(), is_looped, "{drive:?} {link:?} {target:?}");
+                assert_eq!(status.effort(), is_looped.then_some(2.5));
+            }
+        }
+    }
 }
 
 /// A jog drives one motor of a disarmed robot, and nothing else does.

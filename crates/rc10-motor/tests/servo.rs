@@ -1,14 +1,14 @@
 //! A servo through its public interface: stops, zeros, limits and springs.
 
 use rc10_motor::rc10_app::{
-    Amps, Cascade, Degrees, Direction, FeedForward, Gear, NewtonMetres, PidConfig, Rpm,
+    Amps, Cascade, Degrees, Direction, FeedForward, Gear, Gravity, NewtonMetres, PidConfig, Rpm,
     RpmPerSecond, TotalAngle,
 };
 use rc10_motor::rc10_can::Micros;
 use rc10_motor::servo::{Servo, Spring, SpringRange};
 use rc10_motor::shaft::Shaft;
 use rc10_motor::{
-    DriveMode, Gains, Impedance, Request, Response, Target, TargetError, TargetKind, Tick,
+    DriveMode, Gains, Impedance, Motion, Request, Response, Target, TargetError, TargetKind, Tick,
 };
 
 const RANGE: SpringRange = SpringRange { kp: 100.0, kd: 5.0, speed: Rpm::new(300.0) };
@@ -303,6 +303,138 @@ fn an_angle_within_the_turn_is_any_number_of_degrees() {
         let effort = after(400, &mut servo, DriveMode::Run, &at(from, 0.0));
         let is_right = if way == 0.0 { effort.abs() < 1e-3 } else { effort * way > 0.1 };
         assert!(is_right, "{degrees} from {from}: {effort}");
+    }
+}
+
+#[test]
+fn each_part_of_the_feed_forward_alone_is_given_in_every_tick_and_to_either_side() {
+    let motion = |angle, speed, acceleration| {
+        let (speed, acceleration) = (Rpm::new(speed), RpmPerSecond::new(acceleration));
+        Target::Motion(Motion { angle, speed, acceleration, ..Motion::default() })
+    };
+    let none = FeedForward::NONE;
+    let with = |feed_forward| {
+        let cascade = Cascade { feed_forward, ..cascade() };
+        Servo::new(TargetKind::Torque, cascade).unwrap()
+    };
+    let here = TotalAngle::from_degrees(60);
+    for sign in [1.0, -1.0] {
+        let moves = [Target::Speed(Rpm::new(sign * 20.0)), motion(None, sign * 20.0, 0.0)];
+        let stands = [
+            Target::Speed(Rpm::ZERO),
+            Target::TotalAngle(here),
+            Target::Angle(Degrees::new(60.0)),
+            motion(Some(here), 0.0, 0.0),
+            motion(None, 0.0, 0.0),
+        ];
+        let lift = Gravity::Lift(sign * 1.5);
+        // At 60 degrees half of what it weighs where it is level.
+        let arm = Gravity::Arm { effort: sign * 3.0, level: Degrees::ZERO };
+        for (feed_forward, rpm, targets) in [
+            (FeedForward { friction: 1.5, ..none }, 20.0, &moves[..]),
+            (FeedForward { speed: 0.075, ..none }, 20.0, &moves),
+            (FeedForward { gravity: lift, ..none }, 0.0, &stands),
+            (FeedForward { gravity: arm, ..none }, 0.0, &stands),
+            (FeedForward { gravity: lift, ..none }, 20.0, &moves),
+        ] {
+            for target in targets {
+                let mut servo = with(feed_forward);
+                servo.set_target(*target).unwrap();
+                // The loops have nothing to correct.
+                for ticks in [200, 1, 1] {
+                    let effort = after(ticks, &mut servo, DriveMode::Run, &at(60, sign * rpm));
+                    near(effort, sign * 1.5);
+                }
+            }
+        }
+        // A speed is gathered with 600 rpm/s.
+        let mut servo = with(FeedForward { acceleration: 0.0025, ..none });
+        servo.set_target(Target::Speed(Rpm::new(sign * 1000.0))).unwrap();
+        for tick in 0..100_u8 {
+            let shaft = at(60, sign * 0.6 * f32::from(tick));
+            let given = after(1, &mut servo, DriveMode::Run, &shaft);
+            // A tick of it, 0.6 rpm, is left to the loop.
+            assert!(tick < 30 || (given - sign * 1.5).abs() < 0.1, "{tick}: {given}");
+        }
+        // An acceleration that is told lasts 50 ms.
+        let mut servo = with(FeedForward { acceleration: 0.005, ..none });
+        let mut given = 0.0;
+        for tick in 0..40_u8 {
+            if tick % 5 == 0 {
+                let speed = sign * 0.3 * f32::from(tick);
+                servo.set_target(motion(None, speed, sign * 300.0)).unwrap();
+            }
+            let rpm = sign * 0.3 * f32::from(tick + 1);
+            given = after(1, &mut servo, DriveMode::Run, &at(60, rpm));
+        }
+        near(given, sign * 1.5);
+    }
+}
+
+/// The motion of its target now.
+fn moment(servo: &Servo) -> (f32, f32) {
+    let Target::Motion(Motion { angle, speed, .. }) = servo.target() else {
+        panic!("{:?}", servo.target());
+    };
+    (angle.map_or(0.0, |angle| angle.degrees().get()), speed.get())
+}
+
+#[test]
+fn a_motion_that_slows_down_comes_to_a_stand_and_one_that_speeds_up_does_so_for_50_ms() {
+    for sign in [1.0, -1.0] {
+        for (rpm, acceleration, ticks, then, degrees) in [
+            // 10 rpm in 10 ms: 0.3 degrees.
+            (10.0, -1000.0, 9, 1.0, 0.297),
+            (10.0, -1000.0, 40, 0.0, 0.3),
+            (10.0, -1000.0, 200, 0.0, 0.3),
+            // Not yet at a stand after 50 ms, and then it goes on.
+            (100.0, -1000.0, 50, 50.0, 22.5),
+            (100.0, -1000.0, 100, 50.0, 37.5),
+            (10.0, 1000.0, 40, 50.0, 7.2),
+            (10.0, 1000.0, 100, 60.0, 28.5),
+            (0.0, 1000.0, 100, 50.0, 22.5),
+        ] {
+            let mut servo = servo();
+            let motion = Motion {
+                angle: Some(TotalAngle::ZERO),
+                speed: Rpm::new(sign * rpm),
+                acceleration: RpmPerSecond::new(sign * acceleration),
+                ..Motion::default()
+            };
+            servo.set_target(Target::Motion(motion)).unwrap();
+            after(ticks, &mut servo, DriveMode::Run, &at(0, 0.0));
+            let (angle, speed) = moment(&servo);
+            let what = format!("{rpm} {acceleration} {ticks}");
+            assert!((speed - sign * then).abs() < 0.01, "{what}: {speed} rpm");
+            assert!((angle - sign * degrees).abs() < 0.01, "{what}: {angle} degrees");
+        }
+    }
+}
+
+#[test]
+fn a_motion_that_is_given_again_begins_anew_also_the_same() {
+    let motion = |degrees| {
+        Target::Motion(Motion {
+            angle: Some(TotalAngle::from_degrees(degrees)),
+            speed: Rpm::new(60.0),
+            acceleration: RpmPerSecond::new(-300.0),
+            ..Motion::default()
+        })
+    };
+    for again in [100, 200] {
+        let mut servo = servo();
+        servo.set_target(motion(100)).unwrap();
+        after(30, &mut servo, DriveMode::Run, &at(100, 60.0));
+        let first = moment(&servo);
+        assert!((first.0 - 109.99).abs() < 0.01 && (first.1 - 51.0).abs() < 0.01, "{first:?}");
+        servo.set_target(motion(again)).unwrap();
+        assert_eq!(servo.target(), motion(again));
+        after(30, &mut servo, DriveMode::Run, &at(100, 60.0));
+        #[expect(clippy::cast_precision_loss, reason = "small")]
+        let further = (again - 100) as f32;
+        let (angle, speed) = moment(&servo);
+        near(angle, first.0 + further);
+        near(speed, first.1);
     }
 }
 

@@ -490,3 +490,51 @@ fn pop(range: &Cell<Range>) -> Option<u16> {
 }
 
 const _: () = assert!(HEAD + 4 * VALUES <= BODY);
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::{Place, numbers};
+
+    use super::*;
+
+    struct Own(Option<Signal>, Option<Parameter>);
+
+    impl Live for Own {
+        fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l Signal)) {
+            self.0.iter().for_each(see);
+        }
+        fn parameters<'l>(&'l self, see: &mut dyn FnMut(&'l Parameter)) {
+            self.1.iter().for_each(see);
+        }
+    }
+
+    #[test]
+    fn robots_differ_by_motors_places_buses_lines_signals_and_parameters() {
+        let motor = numbers([Place::Bus(1)]).next().unwrap();
+        let slot = |label, on| Slot { label, on, motor, jog: None, most_gain: 10.0 };
+        let [left, right] = ["left", "right"].map(|label| slot(label, Place::Bus(1)));
+        let signal = |label| Some(Signal::new(label, ""));
+        let parameter = |label| Some(Parameter::new(label, "", 0.0, [0.0, 1.0]));
+        let none = Own(None, None);
+        let all = [
+            declaration(&[left, right], [1, 0], &none),
+            declaration(&[right, left], [1, 0], &none),
+            declaration(&[left], [1, 0], &none),
+            declaration(&[left, slot("right", Place::Bus(2))], [1, 0], &none),
+            declaration(&[left, slot("right", Place::Line(1))], [1, 0], &none),
+            declaration(&[left, right], [2, 0], &none),
+            declaration(&[left, right], [1, 1], &none),
+            declaration(&[left, right], [0, 1], &none),
+            declaration(&[left, right], [1, 0], &Own(signal("tilt"), None)),
+            declaration(&[left, right], [1, 0], &Own(signal("roll"), None)),
+            declaration(&[left, right], [1, 0], &Own(None, parameter("speed"))),
+            declaration(&[left, right], [1, 0], &Own(signal("tilt"), parameter("speed"))),
+        ];
+        for (at, one) in all.iter().enumerate() {
+            assert!(all.iter().skip(at + 1).all(|other| other != one), "{at}");
+        }
+        // What of a motor may be changed does not make it another one.
+        let same = Slot { jog: Some(Rpm::new(5.0)), most_gain: 2.0, ..left };
+        assert_eq!(declaration(&[same, right], [1, 0], &none), all[0]);
+    }
+}

@@ -298,6 +298,7 @@ mod tests {
             let Some(AxesFailure::Lags { motor: named, difference }) = axes.failure() else {
                 panic!("{axes:?}");
             };
+            assert!(axes.pace().abs() < f32::EPSILON, "{axes:?}");
             assert_eq!((named, difference), (motor, Degrees::new(31.0)));
             assert_eq!(step(&mut axes, [100; 4]), [Command::STOP; 4]);
             axes.reset();
@@ -317,6 +318,16 @@ mod tests {
             step(&mut axes, [100, 85]);
         }
         assert_eq!(axes.failure(), None);
+        // Short waits are not added up, whichever lags.
+        for (foremost, hindmost) in [(101, 80), (80, 101)] {
+            for _ in 0..10 {
+                for _ in 0..10 {
+                    step(&mut axes, [foremost, hindmost]);
+                }
+                step(&mut axes, [100, 85]);
+            }
+            assert_eq!(axes.failure(), None);
+        }
     }
 
     #[test]
@@ -332,10 +343,12 @@ mod tests {
             let mut step = |second| {
                 let motors = [good[0], second];
                 axes.update(&CONFIG, &AngleSetpoint::at(good[0].angle), &motors, DT);
-                axes.failure()
+                (axes.failure(), axes.pace())
             };
-            assert_eq!(step(good[1]), None);
-            assert_eq!(step(bad), Some(AxesFailure::Motor { motor: 1, trouble }));
+            assert_eq!(step(good[1]), (None, 1.0));
+            // And the setpoint stands, until they are reset.
+            let failed = (Some(AxesFailure::Motor { motor: 1, trouble }), 0.0);
+            assert_eq!([step(bad), step(good[1])], [failed; 2]);
         }
     }
 

@@ -414,6 +414,33 @@ mod tests {
         assert!((125..=126).contains(&ideal.0.fed()), "{}", ideal.0.fed());
     }
 
+    /// Else it would be pulled on all the harder once it is free.
+    #[test]
+    fn while_a_jam_is_cleared_the_setpoint_stands_and_then_begins_at_rest() {
+        for direction in [Direction::Forward, Direction::Reversed] {
+            let acceleration = RpmPerSecond::new(300.0);
+            let config = FeederConfig { direction, rate: 2.0, acceleration, ..CONFIG };
+            let (mut feeder, effort) = (Feeder::new(), 19.0 * f32::from(direction.sign()));
+            feeder.run(2.0);
+            let stuck = Measured { effort, ..Measured::default() };
+            while feeder.jam().status() == JamStatus::Free {
+                feeder.update(&config, &stuck, DT);
+            }
+            let stands = feeder.setpoint;
+            assert!(stands > TotalAngle::ZERO && stands < CONFIG.piece(), "{stands:?}");
+            let mut cleared = 0;
+            while feeder.jam().status() == JamStatus::Clearing {
+                feeder.update(&config, &stuck, DT);
+                cleared += 1;
+                assert_eq!((feeder.setpoint, feeder.speed), (stands, Rpm::ZERO));
+            }
+            assert!(cleared > 3, "{cleared}");
+            // 300 rpm/s of one step.
+            feeder.update(&config, &stuck, DT);
+            assert!(feeder.setpoint > stands && feeder.speed.get() < 3.01, "{feeder:?}");
+        }
+    }
+
     #[test]
     fn a_motor_that_does_not_follow_or_cannot_be_used_is_not_left_behind() {
         let mut feeder = Feeder::new();

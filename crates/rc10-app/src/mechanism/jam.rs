@@ -292,6 +292,29 @@ mod tests {
         assert_eq!(jam.status(), JamStatus::GivenUp);
     }
 
+    /// By its standstill alone, as of a motor that does not tell its effort.
+    #[test]
+    fn a_motor_that_is_turned_to_and_fro_is_not_jammed() {
+        let stall = Stall { effort: 0.0, ..CONFIG.stall };
+        let (config, stuck) = (JamConfig { stall, ..CONFIG }, at(0, 0.0));
+        let [forward, back] = [100.0, -100.0].map(|rpm| Command::Speed(Rpm::new(rpm)));
+        let [to, fro] = [90, -90].map(|to| Command::hold(TotalAngle::from_degrees(to)));
+        for pair in [[forward, back], [back, forward], [to, fro], [forward, Command::STOP]] {
+            let mut jam = Jam::new();
+            for _ in 0..20 {
+                for wanted in pair {
+                    // One step short of a jam each time.
+                    for _ in 0..9 {
+                        assert_eq!(jam.update(&config, wanted, &stuck, DT), wanted);
+                    }
+                }
+            }
+            assert_eq!((jam.status(), jam.count()), (JamStatus::Free, 0), "{pair:?}");
+            let mut jammed = || (1..).find(|_| jam.update(&config, pair[0], &stuck, DT) != pair[0]);
+            assert_eq!(jammed(), Some(10), "{pair:?}");
+        }
+    }
+
     #[test]
     fn bad_input_changes_nothing() {
         let mut jam = Jam::new();

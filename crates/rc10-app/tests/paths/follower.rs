@@ -2,10 +2,12 @@
 
 use core::f32::consts::TAU;
 
-use rc10_app::path::{Follower, FollowerConfig, FollowerOutput, PathLimits, PathStatus, Plan};
+use rc10_app::path::{
+    Follower, FollowerConfig, FollowerOutput, Path, PathLimits, PathStatus, Plan,
+};
 use rc10_app::{Pose, Radians, Seconds, Twist};
 
-use crate::{COURSE, LIMITS, MECANUM, course, off};
+use crate::{COURSE, LIMITS, MECANUM, course, off, waypoint};
 
 const TICK: f32 = 0.005;
 
@@ -164,6 +166,64 @@ fn the_path_waits_for_a_base_that_is_blocked() {
     }
     println!("caught up in {} ms", f32::from(catching_up) * 5.0);
     assert_eq!(robot.follow(&mut follower, &plan, LONG).status, PathStatus::Done);
+}
+
+#[test]
+fn it_is_done_only_with_the_right_heading_and_at_the_right_place() {
+    let (plan, config) = (course(), FollowerConfig::DEFAULT);
+    let end = plan.end();
+    let status = |x, y, heading| {
+        let mut follower = Follower::new();
+        // A step of a minute ends the path.
+        follower.update(&config, &plan, START, Seconds::new(60.0)).unwrap();
+        let pose = Pose::new(end.x + x, end.y + y, end.heading + Radians::new(heading));
+        follower.update(&config, &plan, pose, Seconds::new(TICK)).unwrap().status
+    };
+    assert_eq!(status(0.0, 0.0, 0.0), PathStatus::Done);
+    for sign in [1.0, -1.0] {
+        for share in [0.9, 1.1] {
+            let expected = if share < 1.0 { PathStatus::Done } else { PathStatus::Following };
+            let (off, turn) =
+                (sign * share * config.arrived, sign * share * config.arrived_heading);
+            assert_eq!(status(off, 0.0, 0.0), expected, "{off} m");
+            assert_eq!(status(0.0, off, 0.0), expected, "{off} m");
+            assert_eq!(status(0.0, 0.0, turn), expected, "{turn} rad");
+        }
+        assert_eq!(status(0.0, 0.0, sign * 0.5), PathStatus::Following);
+    }
+}
+
+/// Much turning on a short way: there it is the yaw rate that takes the acceleration.
+#[test]
+fn after_waiting_the_yaw_rate_rises_within_its_limit_to_either_side() {
+    // Without gains the twist is the plan's alone.
+    let gains = FollowerConfig { along: 0.0, across: 0.0, heading: 0.0, ..FollowerConfig::DEFAULT };
+    let config = FollowerConfig { max_lag: 0.02, ..gains };
+    assert_eq!(config.validate(), Ok(()));
+    for turn in [3.0, -3.0] {
+        let path = Path::new([waypoint(0.0, 0.0, 0.0), waypoint(0.1, 0.0, turn)]).unwrap();
+        let plan = Plan::new(&path, &MECANUM, &LIMITS, 0.0).unwrap();
+        let (mut follower, mut before) = (Follower::new(), FollowerOutput::default());
+        let (mut waited, mut fastest) = (false, 0.0_f32);
+        for tick in 0..400 {
+            let mut step =
+                |pose, dt: f32| follower.update(&config, &plan, pose, Seconds::new(dt)).unwrap();
+            // The path's time stands still in a step of no time: it tells where the base is to be.
+            let Pose { x, heading, .. } = step(before.target, 0.0).target;
+            let behind = if (60..100).contains(&tick) { 0.03 } else { 0.0 };
+            let now = step(Pose::new(x - behind, 0.0, heading), TICK);
+            if tick > 100 {
+                // As much again for the plan's own acceleration.
+                let change = (now.twist.wz - before.twist.wz) / TICK;
+                assert!(change.abs() <= 2.0 * 12.0 * 1.01, "{turn}, {tick}: {change} rad/s²");
+                fastest = fastest.max(now.twist.wz * turn.signum());
+            }
+            waited |= now.status == PathStatus::Waiting && now.twist.wz.abs() < 1e-3;
+            before = now;
+        }
+        assert!(waited && fastest > 2.0, "{turn}: {fastest} rad/s");
+        assert_eq!(before.status, PathStatus::Done, "{turn}");
+    }
 }
 
 #[test]

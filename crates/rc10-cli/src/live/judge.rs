@@ -293,6 +293,22 @@ mod tests {
             let slow = judge.advise(label, ("angle_kp", angle), [("speed_kp", 0.1 * speed)]);
             let way = slow.unwrap().margin - advise("angle_kp", angle).unwrap().margin;
             assert!(way.abs() > 0.1, "{way}");
+            // Of each motor by its own loops and what it moves.
+            let description = judge.kit.description();
+            let around = Environment::new(description, 1).unwrap();
+            let mut different = BTreeSet::new();
+            for (line, motor) in description.motors.iter().enumerate() {
+                let Some(mut loops) = judge.kit.loops()[line] else { continue };
+                let kp = 3.0 * loops.cascade.angle.kp;
+                loops.cascade.angle.kp = kp;
+                let twin = around.motors.get(line).unwrap();
+                let margins = Margins::of_motor(loops, line, twin, description);
+                let advice = judge.advise(motor.label, ("angle_kp", kp), []);
+                let told = advice.map(|it| it.margin.to_bits());
+                assert_eq!(told, margins.map(|it| it.angle.to_bits()), "{}", motor.label);
+                different.extend(told);
+            }
+            assert!(different.len() > 1, "{different:?}");
             assert_eq!(advise("speed_ki", 1e3), None);
             assert_eq!(judge.advise("crane", ("speed_kp", 1.0), []), None);
         });

@@ -54,6 +54,16 @@ impl Package {
         self.chip.reset_accelerometer(Nanos::new(self.now));
     }
 
+    /// A register of the accelerometer changes, and the driver did not do it.
+    pub fn set_accelerometer(&mut self, register: u8, value: u8) {
+        let (part, now) = (Chip::Accelerometer, Nanos::new(self.now));
+        self.chip.select(part);
+        for byte in [register, value] {
+            self.chip.exchange(part, byte, now);
+        }
+        self.chip.deselect(part, now);
+    }
+
     /// One byte out and one in.
     fn exchange(&mut self, part: Chip, byte: u8) -> u8 {
         self.now += BYTE;

@@ -278,10 +278,41 @@ fn an_accelerometer_that_started_again_gives_no_sample() {
     }
 }
 
+/// In turn, two with each sample: a wrong one is seen in the second at the latest.
+#[test]
+fn each_setting_of_the_accelerometer_that_changes_by_itself_is_seen() {
+    let config = Config { acceleration_range: AccelerationRange::G12, ..Config::default() };
+    for (register, wrong) in [(0x7C, 0x03), (0x7D, 0x00), (0x40, 0xA8), (0x41, 0x00)] {
+        for reads in [1, 2] {
+            let mut bench = Bench::new(config);
+            for _ in 0..reads {
+                bench.read().unwrap();
+            }
+            bench.package.with(|package| package.set_accelerometer(register, wrong));
+            let seen = [(); 2].map(|()| bench.read());
+            let is_named = |read: &Read| {
+                matches!(read, Err(Error::NotKept { part: Part::Accelerometer, register: named, .. })
+                    if *named == register)
+            };
+            assert!(seen.iter().any(is_named), "register {register:#x}: {seen:?}");
+        }
+    }
+}
+
 #[test]
 fn bus_errors_are_counted_and_do_not_last() {
     let mut bench = Bench::new(Config::default());
     bench.read().unwrap();
+    // As many in a row as it bears, with a sample between, are never added up.
+    for _ in 0..5 {
+        bench.package.with(|package| package.wires = Wires::Error);
+        for _ in 1..ERRORS_BEFORE_RESTART {
+            bench.read().unwrap_err();
+        }
+        bench.package.with(|package| package.wires = Wires::Good);
+        bench.read().unwrap();
+    }
+    assert_eq!(bench.imu.counters().starts, 1);
     for (errors, starts) in [(1, 1), (2, 1), (3, 2), (10, 3)] {
         let before = bench.imu.counters().spi_errors;
         bench.package.with(|package| package.wires = Wires::Error);
