@@ -1,9 +1,10 @@
 //! The heading of the robot in the world, by its IMU.
 //!
-//! **The world's forward is where the robot looked when it was armed**: the heading is zero then. One
-//! that comes late, to a robot that was armed without, is zero where the robot looks as it comes: until
-//! then it drove by its own axes, so nothing jumps. An IMU that falls silent may have lost power and
-//! begun at another zero: until the robot is armed anew there is no heading then.
+//! **The world's forward is where the robot looked when it was armed**: the heading is zero then. An
+//! IMU that comes late, to a robot that was armed without, counts from where the robot looks then: what
+//! holds a heading goes on with that ([`Heading::total`]), and nothing jumps; which way the world's
+//! forward is ([`Heading::direction`]) is not known until the robot is armed anew. One that falls silent
+//! may have lost power and begun at another zero: then there is no heading until it is armed anew.
 
 use core::fmt;
 use core::sync::atomic::Ordering;
@@ -48,7 +49,9 @@ impl Zeroed {
             self.gaps = Some(gaps);
         }
         let is_known = self.gaps == Some(gaps);
-        if is_late || (is_known && self.was_disarmed && !is_disarmed) {
+        if is_late {
+            self.heading.begin_here();
+        } else if is_known && self.was_disarmed && !is_disarmed {
             self.heading.zero();
         }
         self.was_disarmed = is_disarmed;
@@ -140,5 +143,46 @@ where
         if let Some(heading) = zeroed.hear(yaw, attitude.gaps(), switch, at) {
             hear(heading, at);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In degrees: the heading with all turns counted, and the direction.
+    fn told(heading: Option<Heading>, at: Micros) -> Option<(i64, Option<i64>)> {
+        let heading = heading?;
+        #[expect(clippy::cast_possible_truncation, reason = "whole degrees")]
+        let direction = heading.direction(at).map(|it| it.get().to_degrees().round() as i64);
+        Some((heading.total(at)?.microdegrees() / 1_000_000, direction))
+    }
+
+    #[test]
+    fn an_imu_that_comes_late_joins_where_the_robot_looks_and_knows_no_forward() {
+        let switch = ArmSwitch::new();
+        switch.arm().unwrap();
+        let mut zeroed = Zeroed::default();
+        let mut millis = 130;
+        let mut hear = |degrees: f32, missed, switch: &ArmSwitch| {
+            millis += 5;
+            let at = Micros::from_millis(millis);
+            told(zeroed.hear(Degrees::new(degrees), missed, switch, at), at)
+        };
+        assert_eq!(hear(70.0, 0, &switch), Some((0, None)));
+        assert_eq!(hear(100.0, 0, &switch), Some((30, None)));
+        // Armed anew it knows.
+        switch.disarm();
+        hear(100.0, 0, &switch);
+        switch.arm().unwrap();
+        assert_eq!(hear(100.0, 0, &switch), Some((0, Some(0))));
+        assert_eq!(hear(90.0, 0, &switch), Some((-10, Some(-10))));
+        // One that missed a rotation, and is no late one: nothing until it is armed anew.
+        assert_eq!(hear(90.0, 1, &switch), None);
+        assert_eq!(hear(90.0, 1, &switch), None);
+        switch.disarm();
+        hear(90.0, 1, &switch);
+        switch.arm().unwrap();
+        assert_eq!(hear(90.0, 1, &switch), Some((0, Some(0))));
     }
 }

@@ -24,6 +24,7 @@ pub struct Heading {
     zero: i32,
     zero_turns: i32,
     gaps: u32,
+    is_lost: bool,
 }
 
 impl Heading {
@@ -51,6 +52,14 @@ impl Heading {
     pub const fn zero(&mut self) {
         self.zero = self.yaw;
         self.zero_turns = self.turns;
+        self.is_lost = false;
+    }
+
+    /// Makes the present heading zero, and says that it tells no [`direction`](Self::direction): of an
+    /// IMU that has come late.
+    pub const fn begin_here(&mut self) {
+        self.zero();
+        self.is_lost = true;
     }
 
     /// The heading with all turns counted; `None` if that is not known.
@@ -68,7 +77,8 @@ impl Heading {
         let way = shortest_way(self.zero, self.yaw, TURN);
         #[expect(clippy::cast_precision_loss, reason = "seven digits of half a turn")]
         let degrees = way as f32 * 1e-6;
-        self.is_fresh(now).then(|| Radians::new(degrees.to_radians()))
+        let is_known = self.is_fresh(now) && !self.is_lost;
+        is_known.then(|| Radians::new(degrees.to_radians()))
     }
 
     /// Number of times that the sensor was silent for longer than [`FRESH_FOR`]. Each time turns
