@@ -381,15 +381,15 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let took = started.elapsed();
     recording.faults.clone_from(&args.injected.faults);
     let mut figures = Figures::of(&recording);
-    let Emulation { rig, description, .. } = &emulation;
-    problems::search(rig, description, &recording, &mut figures.problems);
+    let Emulation { rig, description, .. } = &mut emulation;
+    let log = rig.machine.take_log();
+    problems::search(rig, description, &recording, &log, &mut figures.problems);
     write_files(&recording, &figures, &args.out)?;
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
     for text in &texts {
         write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
     }
-    let log = emulation.rig.machine.take_log();
     let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.injected.faults, &log);
     if args.json {
         writeln!(out, "{:#}", outcome.to_json())?;
