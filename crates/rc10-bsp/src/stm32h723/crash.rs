@@ -97,16 +97,9 @@ pub fn take_last() -> Option<LastCrash> {
     pac::RCC.rsr().modify(|w| w.set_rmvf(false));
 
     let (checksum, kept) = words.split_last()?;
-    if kept[0] != MAGIC || *checksum != checksum_of(kept) {
-        // RM0468, RCC, table of reset sources: power-on sets both flags of the supply.
-        return match (flags.iwdg1rstf(), flags.borrstf() && !flags.porrstf()) {
-            (true, _) => Some(LastCrash::Watchdog),
-            (_, true) => Some(LastCrash::Supply),
-            _ => None,
-        };
-    }
-    match kept[1] {
-        // Else it went on, and another reset came before it fed the watchdog.
+    let is_kept = kept[0] == MAGIC && *checksum == checksum_of(kept);
+    match if is_kept { kept[1] } else { 0 } {
+        // Else another reset came before the watchdog's.
         HANG if flags.iwdg1rstf() => Some(LastCrash::Hang { program_counter: kept[2] }),
         PANIC => {
             let mut file = String::new();
@@ -127,6 +120,9 @@ pub fn take_last() -> Option<LastCrash> {
             number: i16::try_from(kept[2].cast_signed()).unwrap_or(i16::MAX),
         }),
         CRYSTAL => Some(LastCrash::CrystalStopped),
+        _ if flags.iwdg1rstf() => Some(LastCrash::Watchdog),
+        // RM0468, RCC, table of reset sources: power-on sets both flags of the supply.
+        _ if flags.borrstf() && !flags.porrstf() => Some(LastCrash::Supply),
         _ => None,
     }
 }

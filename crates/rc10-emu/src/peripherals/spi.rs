@@ -293,7 +293,7 @@ impl Spi {
         let mut answer = None;
         for attached in self.devices.iter_mut().filter(|attached| attached.selected) {
             let one = if attached.device.understands(mode, clock_hz) {
-                attached.exchange(sent, 16 - u32::from(unused), at) & mask
+                attached.exchange(sent, 16 - unused, at) & mask
             } else {
                 // It takes the bits at the wrong edges.
                 0xA5A5 & mask
