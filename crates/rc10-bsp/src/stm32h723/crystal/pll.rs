@@ -22,7 +22,7 @@ const HIGHEST: u32 = 50_000_000;
 const INPUT: core::ops::Range<u32> = 4_000_000..8_000_000;
 
 /// A crystal that differs by more, in thousandths, is another one. HSI, which measures it, is itself within 15
-/// (data sheet, -20 to 105 °C); crystals of 24 and 25 MHz are 40 apart.
+/// (data sheet, -20 to 105 °C), so the right one is never refused; crystals of 24 and 25 MHz are 40 apart.
 const APART: u32 = 25;
 
 impl Crystal {
