@@ -2,7 +2,7 @@
 
 use rc10_cli::emulate::{Emulation, Setup};
 use rc10_emu::parts::Thermal;
-use rc10_emu::peripherals::ResetCause;
+use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::strip::pictures;
 use rc10_emu::{Board, Figures};
 use rc10_sim::Nanos;
@@ -214,6 +214,22 @@ fn an_adc_that_fails_is_no_voltage() {
         assert!(shares[3] > 200.0, "{shares:?}");
         assert!(log(emulation).lines().last().unwrap().contains("online, 24.0 V;"));
         is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+    });
+}
+
+/// A calibration may take longer than most do: it is waited for, and not begun again.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn an_adc_that_calibrates_slowly_is_waited_for() {
+    const ADC1_CR: u32 = 0x4002_2008;
+    on_board(&[], |emulation| {
+        emulation.rig.machine.set_adc_fails(true);
+        emulation.run(millis(20)).unwrap();
+        emulation.rig.machine.set_adc_fails(false);
+        emulation.run(millis(30)).unwrap();
+        let machine = &emulation.rig.machine;
+        let control = machine.soc().read(ADC1_CR, Width::Word, machine.now()).unwrap();
+        assert_eq!(control & 1, 1, "ADEN, CR is {control:#x}");
     });
 }
 
