@@ -57,7 +57,7 @@ pub enum LastCrash {
         /// Address of the instruction. That of the executor's sleep: nothing looped, and something was not woken.
         program_counter: u32,
     },
-    /// The supply fell below the brown-out level ([`power_came`]: it was gone).
+    /// The supply fell below the brown-out level. Where it was gone altogether that is no crash: [`power_came`].
     Supply,
 }
 

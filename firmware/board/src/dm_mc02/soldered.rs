@@ -156,8 +156,8 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
     join3(parts, stop, switch_on).await;
 }
 
-/// Switches these outputs on, for good, one after the other: behind each are the capacitors of its ESCs, which nothing
-/// charges softly, and the chip lives of the same supply.
+/// Switches these outputs on, for good, one after the other: behind each are the capacitors of its ESCs, which charge
+/// at once, and the chip has the same supply.
 async fn switch_on((first, second, five_volts): OutputPins, outputs: &[Output]) {
     let level = |output| Level::from(outputs.contains(&output));
     // PC13 to PC15 drive little, and slowly (data sheet: 3 mA, 2 MHz). Dropped, they would be inputs again.
