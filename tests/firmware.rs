@@ -163,7 +163,7 @@ fn boots_and_keeps_its_period() {
         assert!(figures.buses.iter().all(|bus| bus.tick_period.unwrap().count >= 1190));
         is_clean(&emulation.rig, &figures);
         let log = log(emulation);
-        assert!(log.contains("start\n"), "{log}");
+        assert!(log.contains("start, power came\n"), "{log}");
         assert!(log.contains("11 of 11 motors online"), "{log}");
         // DBGMCU_APB4FZ1, bit 18: a probe that halts the core must not stop the watchdog.
         let soc = &mut emulation.rig.machine.soc();
@@ -519,8 +519,158 @@ fn a_hard_fault_makes_every_bus_safe() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_hung_control_task_makes_every_bus_safe() {
-    let words = ["the last run ended in a crash: Watchdog"];
+    let words = ["the last run ended in a crash: Watchdog, hung at 0x"];
     crashes_safely("hang@0.4s", millis(10), ResetCause::Watchdog, &words);
+}
+
+/// A function of the team's robot that a task calls every 10 ms.
+const OF_A_TASK: &str = "rc10_robot::mechanisms::follow";
+/// `B` to itself.
+const LOOP: [u8; 2] = [0xFE, 0xE7];
+
+/// What hangs is named by the next run, and by its function in what the command says: a handler, a task; not where
+/// nothing of ours runs any more.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn what_hangs_has_a_name() {
+    let scratch = scratch::Scratch::new("what_hangs");
+    // A task that loops for ever, in the file.
+    let mut file = firmware().to_vec();
+    let image = Image::parse(&file).unwrap();
+    let function = image.functions.iter().find(|(_, name)| *name == OF_A_TASK).unwrap();
+    let (start, bytes) = image
+        .segments
+        .iter()
+        .find(|(start, bytes)| (function.0.wrapping_sub(*start) as usize) < bytes.len())
+        .unwrap();
+    let code = &bytes[(function.0 - start) as usize..][..64];
+    let mut places = (0..file.len() - 64).filter(|&at| file[at..at + 64] == *code);
+    let (Some(place), None) = (places.next(), places.next()) else { panic!("{function:?}") };
+    file[place..place + 2].copy_from_slice(&LOOP);
+    let busy = scratch.join("busy");
+    fs::write(&busy, &file).unwrap();
+
+    let sound = PathBuf::from(std::env::var_os("RC10_FIRMWARE").unwrap());
+    let said = |file: &Path, arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_rc10"))
+            .args(["emu", "--strict", "--seconds", "0.5", "--out"])
+            .arg(scratch.join("out"))
+            .arg(file)
+            .args(arguments)
+            .output()
+            .unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let text = said(&busy, &[]);
+    let named = format!("Watchdog, hung in {OF_A_TASK}");
+    assert!(text.contains(&format!("CHIP  restart, cause: {named}")), "{text}");
+    assert!(text.contains(&format!("ms: {named}")), "no problem names it: {text}");
+    for (fault, name) in [("hang@0.3s", "UART9"), ("hang:UART5@0.3s", "UART5")] {
+        let text = said(&sound, &["--fault", fault]);
+        let words = format!("CHIP  restart, cause: Watchdog, hung in {name}\n");
+        assert!(text.contains(&words), "{fault}: {text}");
+    }
+    // Above the supervisor, or with interrupts masked, nothing looks.
+    for fault in ["hang:TIM2@0.3s", "mask@0.3s"] {
+        let text = said(&sound, &["--fault", fault]);
+        assert!(text.contains("CHIP  restart, cause: Watchdog\n"), "{fault}: {text}");
+    }
+}
+
+/// The supervisor's looks may fall into the buses' ticks, all of them: a task that hangs is named all the same.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn what_hangs_is_named_at_every_phase_of_the_supervisor() {
+    const TIM7: u32 = 0x4000_1400;
+    // Ticks take some 24 us, three of them a millisecond.
+    for phase in 0..14 {
+        run(&setup(&[]), |emulation| {
+            emulation.run(millis(150)).unwrap();
+            let machine = &emulation.rig.machine;
+            let functions = &machine.image().functions;
+            let (&start, _) = functions.iter().find(|(_, name)| *name == OF_A_TASK).unwrap();
+            let mut whole = [0; 2];
+            machine.memory().read(start, &mut whole).unwrap();
+            machine.memory().write(start, &LOOP).unwrap();
+            let mut soc = machine.soc();
+            let period = soc.read(TIM7 + 0x2C, Width::Word, machine.now()).unwrap();
+            let count = period / 4000 * 24 * phase;
+            soc.write(TIM7 + 0x24, Width::Word, count, machine.now()).unwrap();
+            drop(soc);
+            while emulation.rig.machine.restarts().is_empty() {
+                let next = emulation.rig.machine.now() + millis(1);
+                emulation.run(next).unwrap();
+            }
+            emulation.rig.machine.memory().write(start, &whole).unwrap();
+            let soon = emulation.rig.machine.now() + millis(10);
+            emulation.run(soon).unwrap();
+            let log = log(emulation);
+            let words = format!("crash: Watchdog, hung at {start:#010x}");
+            assert!(log.contains(&words), "phase {phase}: {words} is not in {log}");
+        });
+    }
+}
+
+/// What is late and comes back has not hung: the next reset is no hang, whatever it is.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn what_was_only_late_is_forgotten() {
+    run(&setup(&["hang@0.3s..0.365s"]), |emulation| {
+        emulation.run(millis(500)).unwrap();
+        assert!(emulation.rig.machine.restarts().is_empty());
+        emulation.rig.machine.inject(rc10_emu::Injection::MaskInterrupts(true)).unwrap();
+        emulation.run(millis(700)).unwrap();
+        assert_eq!(emulation.rig.machine.restarts()[0].cause, ResetCause::Watchdog);
+        let log = log(emulation);
+        assert!(log.contains("crash: Watchdog\n"), "{log}");
+    });
+}
+
+/// Nothing may read system flash: the fault is precise, and the record has the address.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn system_flash_is_out_of_bounds() {
+    run(&setup(&[]), |emulation| {
+        emulation.run(millis(300)).unwrap();
+        let machine = &emulation.rig.machine;
+        let functions = &machine.image().functions;
+        let (&start, _) = functions.iter().find(|(_, name)| *name == OF_A_TASK).unwrap();
+        // MOVW R0, #0xE800; MOVT R0, #0x1FF1; LDR R0, [R0]: the chip's unique number.
+        let code = [0xF64E_u16, 0x0000, 0xF6C1, 0x70F1, 0x6800].map(u16::to_le_bytes);
+        let mut whole = [0; 10];
+        machine.memory().read(start, &mut whole).unwrap();
+        machine.memory().write(start, code.as_flattened()).unwrap();
+        emulation.run(millis(315)).unwrap();
+        let machine = &emulation.rig.machine;
+        assert_eq!(machine.restarts().len(), 1, "{:?}", machine.restarts());
+        machine.memory().write(start, &whole).unwrap();
+        emulation.run(millis(350)).unwrap();
+        let log = log(emulation);
+        // MMFSR: MMARVALID, DACCVIOL.
+        let pc = start + 8;
+        let words = format!("Fault {{ program_counter: {pc}, ");
+        let of = format!("status: {}, address: {} }}", 0x82, 0x1FF1_E800);
+        assert!(log.contains(&words) && log.contains(&of), "{words} {of} {log}");
+    });
+}
+
+/// A coast image that is being cancelled when the program crashes, on a bus that heals a moment later.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_coast_image_that_is_being_cancelled_is_sent_all_the_same() {
+    for micros in [420_010, 420_030, 420_060, 420_090] {
+        let panic = format!("panic@{micros}us");
+        let setup = setup(&["cut:1@0.39s..0.4207s", "hang@0.4s..0.42s", &panic]);
+        run(&setup, |emulation| {
+            emulation.run(millis(500)).unwrap();
+            let rig = &emulation.rig;
+            let restart = rig.machine.restarts()[0].at;
+            let coast = commands(rig, 0, Nanos::new(420_700_000));
+            let coast = coast.filter(|entry| entry.end < restart).count();
+            println!("{panic}: {coast} coast frames on bus 1, restart at {restart}");
+            assert!(coast > 0 && restart < Nanos::new(430_000_000), "{coast}, {restart}");
+        });
+    }
 }
 
 /// The buses' executor hangs for 20 ms, which the watchdog does not mind.

@@ -118,6 +118,42 @@ fn it_may_be_for_the_other_board() {
     assert_eq!(names(&folder), ["elk", "owl"]);
 }
 
+/// Every `config.toml` of cargo in a folder and those below it.
+fn cargo_configs(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        let (path, name) = (entry.path(), entry.file_name());
+        if path.ends_with(".cargo/config.toml") {
+            found.push(path);
+        } else if entry.file_type().unwrap().is_dir() && name != "target" && name != ".git" {
+            found.extend(cargo_configs(&path));
+        }
+    }
+    found
+}
+
+/// Of the tree, and of a new robot: with a probe that halts it, a fault leaves the motors running.
+#[test]
+fn every_runner_lets_a_fault_reach_its_handler_and_a_reset_the_next_run() {
+    let folder = Scratch::new("new-runners");
+    assert!(new(&folder, &["owl"]).0);
+    let tree = cargo_configs(Path::new(env!("CARGO_MANIFEST_DIR")));
+    for (configs, least) in [(tree, 3), (cargo_configs(&folder), 1)] {
+        let texts = configs.iter().map(|file| fs::read_to_string(file).unwrap());
+        let runners: Vec<_> = texts
+            .flat_map(|text| text.lines().map(str::to_owned).collect::<Vec<_>>())
+            .filter(|line| !line.starts_with('#') && line.contains("probe-rs run"))
+            .collect();
+        assert!(runners.len() >= least, "{runners:?} in {configs:?}");
+        for runner in runners {
+            let words: Vec<_> = runner.split([' ', '"']).collect();
+            for flag in ["--no-catch-reset", "--no-catch-hardfault"] {
+                assert!(words.contains(&flag), "{flag} is not in: {runner}");
+            }
+        }
+    }
+}
+
 #[test]
 fn it_may_point_at_a_commit() {
     let folder = Scratch::new("new-git");

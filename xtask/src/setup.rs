@@ -195,18 +195,6 @@ fn linker(targets: &Path) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// Without them a fault of a robot with a probe leaves its motors running.
-    #[test]
-    fn the_runner_lets_a_fault_reach_the_handler_and_a_reset_the_next_run() {
-        let config = include_str!("../../.cargo/config.toml");
-        let runner = config.lines().find_map(|line| line.strip_prefix("runner = ")).unwrap_or("");
-        let words: Vec<_> = runner.trim_matches('"').split(' ').collect();
-        assert!(words.starts_with(&["probe-rs", "run"]), "{runner}");
-        for flag in ["--no-catch-reset", "--no-catch-hardfault"] {
-            assert!(words.contains(&flag), "{flag} is not in: {runner}");
-        }
-    }
-
     #[test]
     fn a_probe_rs_that_refuses_the_flags_is_called_too_old() {
         for (version, said) in [

@@ -99,24 +99,30 @@ pub fn clocks(crystal: Crystal) -> Config {
     config
 }
 
-/// Makes `0x6000_0000` to `0xDFFF_FFFF` a region without access. External memories would be there, which
-/// the board does not have; but to a Cortex-M7 it is ordinary memory, and it may read ahead in it, where
-/// the FMC then waits for a chip that does not answer. (What `CubeMX` sets up as its background region.)
-fn forbid_external_memory(mpu: &cortex_m::peripheral::MPU) {
-    // Armv7-M manual, B3.5: all 4 GiB, less the eighths 0, 1, 2 and 7; no access, no execution.
+/// Makes two regions without access, which to a Cortex-M7 are ordinary memory: it may read ahead in them.
+///
+/// * `0x6000_0000` to `0xDFFF_FFFF`: external memories, which the board does not have; the FMC waits for a chip
+///   that does not answer. (What `CubeMX` sets up as its background region.)
+/// * `0x1FF0_0000` to `0x1FFF_FFFF`: system flash, where reading ahead sets the flash's errors of protection
+///   (Zephyr issue 60449), and right below DTCM: a stack that overflows is stopped there at once.
+fn forbid_regions(mpu: &cortex_m::peripheral::MPU) {
+    // Armv7-M manual, B3.5: all 4 GiB, less the eighths 0, 1, 2 and 7; then 1 MiB. No access, no execution.
     const ENABLE: u32 = 1;
     const WHOLE: u32 = 31 << 1;
     const WITHOUT: u32 = 0b1000_0111 << 8;
+    const MEBIBYTE: u32 = 19 << 1;
     const SHAREABLE: u32 = 1 << 18;
     const NEVER_EXECUTE: u32 = 1 << 28;
     // Everywhere else the memory map is what it is without the MPU.
     const BACKGROUND: u32 = 1 << 2;
     cortex_m::asm::dmb();
-    // SAFETY: nothing that this program has lies in the region.
+    // SAFETY: nothing that this program has lies in the regions.
     unsafe {
-        mpu.rnr.write(0);
-        mpu.rbar.write(0);
-        mpu.rasr.write(NEVER_EXECUTE | SHAREABLE | WITHOUT | WHOLE | ENABLE);
+        for (number, base, size) in [(0, 0, WITHOUT | WHOLE), (1, 0x1FF0_0000, MEBIBYTE)] {
+            mpu.rnr.write(number);
+            mpu.rbar.write(base);
+            mpu.rasr.write(NEVER_EXECUTE | SHAREABLE | size | ENABLE);
+        }
         mpu.ctrl.write(BACKGROUND | ENABLE);
     }
     cortex_m::asm::dsb();
@@ -164,7 +170,7 @@ pub fn initialise(crystal: Crystal) -> Peripherals {
     // SAFETY: the core's peripherals are not touched elsewhere; `init` above panics if this
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
-    forbid_external_memory(&core.MPU);
+    forbid_regions(&core.MPU);
     start_cycle_counter(&mut core);
     core.SCB.enable_icache();
     // Off after a reset; who started this program may have switched it on.

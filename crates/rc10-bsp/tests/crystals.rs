@@ -4,7 +4,7 @@
 #[path = "../src/stm32h723/crystal/pll.rs"]
 mod pll;
 
-use pll::{Crystal, DIVIDER, frequency};
+use pll::{Crystal, DIVIDER, HSI_MULTIPLIER, frequency, hsi_deviation, parts};
 
 /// Of a measurement.
 const CAPTURES: u32 = 32;
@@ -93,6 +93,33 @@ fn nonsense_is_no_crystal() {
     assert_eq!(frequency(CAPTURES, TICKS / 8), None);
     assert_eq!(frequency(CAPTURES, TICKS * 8), None);
     assert!(frequency(CAPTURES, TICKS).unwrap().abs_diff(25_000_000) < 1_000);
+}
+
+/// A HSI that is off makes 480 MHz by what was measured of it, within the tick of the count and a step of the fraction.
+#[test]
+fn an_oscillator_that_is_off_makes_the_same_clock() {
+    assert_eq!((parts(HSI_MULTIPLIER), hsi_deviation(HSI_MULTIPLIER)), ([75, 0], 0));
+    for own in BOARDS {
+        for (ppm, hundredths) in
+            [(-15_000, -150), (-3_100, -31), (0, 0), (3_100, 31), (15_000, 150)]
+        {
+            let hsi = 64e6 * (1.0 + f64::from(ppm) * 1e-6);
+            let periods = f64::from(CAPTURES * 8 * u32::from(DIVIDER));
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "some 10^5"
+            )]
+            let ticks = (periods / f64::from(own.hz()) * hsi).round() as u32;
+            let multiplier = own.hsi_multiplier(frequency(CAPTURES, ticks).unwrap());
+            let [whole, fraction] = parts(multiplier);
+            assert!(fraction < 8192);
+            let core = hsi / 10.0 * (f64::from(whole) + f64::from(fraction) / 8192.0);
+            let off = (core / 480e6 - 1.0) * 1e6;
+            assert!(off.abs() < 30.0, "{}, {ppm} ppm: {off} ppm", own.hz());
+            assert_eq!(hsi_deviation(multiplier), hundredths, "{}", own.hz());
+        }
+    }
 }
 
 #[test]

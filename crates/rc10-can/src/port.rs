@@ -129,12 +129,22 @@ impl<const N: usize> Mailboxes<N> {
     /// The most urgent frame.
     #[must_use]
     pub fn peek(&self) -> Option<&Queued> {
-        self.most_urgent().map(|index| &self.frames[index])
+        self.most_urgent(|_| true).map(|index| &self.frames[index])
+    }
+
+    /// The most urgent frame of those that may leave.
+    pub fn peek_if(&self, may: impl Fn(&Queued) -> bool) -> Option<&Queued> {
+        self.most_urgent(may).map(|index| &self.frames[index])
     }
 
     /// Takes the most urgent frame out.
     pub fn pop(&mut self) -> Option<Queued> {
-        self.most_urgent().map(|index| self.frames.swap_remove(index))
+        self.pop_if(|_| true)
+    }
+
+    /// Takes the most urgent frame out of those that may leave.
+    pub fn pop_if(&mut self, may: impl Fn(&Queued) -> bool) -> Option<Queued> {
+        self.most_urgent(may).map(|index| self.frames.swap_remove(index))
     }
 
     /// Forgets all frames; says how many there were.
@@ -166,13 +176,13 @@ impl<const N: usize> Mailboxes<N> {
         self.frames.iter_mut().find(|waiting| waiting.stream == stream)
     }
 
-    fn most_urgent(&self) -> Option<usize> {
+    fn most_urgent(&self, may: impl Fn(&Queued) -> bool) -> Option<usize> {
         // `Id`'s order is arbitration order; a data frame goes before a remote one of the same id.
         let urgency = |&index: &usize| {
             let frame = &self.frames[index].frame;
             (frame.id(), frame.is_remote())
         };
-        (0..self.frames.len()).min_by_key(urgency)
+        (0..self.frames.len()).filter(|&index| may(&self.frames[index])).min_by_key(urgency)
     }
 }
 

@@ -383,9 +383,9 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let took = started.elapsed();
     recording.faults.clone_from(&args.injected.faults);
     let mut figures = Figures::of(&recording);
-    let log = emulation.rig.machine.take_log();
-    let Emulation { rig, description, .. } = &emulation;
-    problems::search(rig, description, &recording, &mut figures.problems);
+    let Emulation { rig, description, .. } = &mut emulation;
+    let log = rig.machine.take_log();
+    problems::search(rig, description, &recording, &log, &mut figures.problems);
     problems::warnings(&log, &recording, &mut figures.problems);
     write_files(&recording, &figures, &args.out)?;
     let sent = emulation.rig.machine.soc().take_sent();

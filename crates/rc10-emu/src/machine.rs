@@ -401,6 +401,14 @@ impl Machine {
         &self.image
     }
 
+    /// The function that an address lies in; of a [hung](Injection::Hang) handler that handler.
+    #[must_use]
+    pub fn function_at(&self, address: u32) -> Option<&str> {
+        let handler = |exception| self.memory.word(FLASH + 4 * exception).ok();
+        let address = stood_in(address).map_or(Some(address), handler)?;
+        Some(self.image.function_at(address)?.1)
+    }
+
     /// The memories.
     #[must_use]
     pub const fn memory(&self) -> &Memory {
@@ -730,15 +738,21 @@ impl Machine {
             self.parts.advance(&mut self.wiring.soc(), now);
         }
         if let Some(cause) = cause {
-            self.restarts.push(Restart { at: now, cause });
-            self.wiring.soc().reset(cause, now);
-            self.core.reset();
-            self.log.reset();
-            self.jumps.clear();
-            self.hangs.clear();
-            (self.is_mask_due, self.is_locked_up) = (false, false);
+            self.restart(cause);
         }
         Ok(())
+    }
+
+    /// Restarts the chip, now. RAM keeps its contents, whatever the cause.
+    pub fn restart(&mut self, cause: ResetCause) {
+        let now = self.now();
+        self.restarts.push(Restart { at: now, cause });
+        self.wiring.soc().reset(cause, now);
+        self.core.reset();
+        self.log.reset();
+        self.jumps.clear();
+        self.hangs.clear();
+        (self.is_mask_due, self.is_locked_up) = (false, false);
     }
 
     /// Tells, once for each bus, that a controller's bits have another length than its bus's.
@@ -784,6 +798,11 @@ fn kilobits(bits_per_second: u64) -> String {
         0 => format!("{} kbit/s", tenths / 10),
         tenth => format!("{}.{tenth} kbit/s", tenths / 10),
     }
+}
+
+/// Of what stands in for a handler: the exception whose it is.
+fn stood_in(address: u32) -> Option<u32> {
+    address.checked_sub(STAND_INS).map(|offset| offset / 8).filter(|&exception| exception < 256)
 }
 
 /// Address of the code that stands in for the handler of an exception.

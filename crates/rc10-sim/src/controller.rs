@@ -77,6 +77,21 @@ pub enum Activity {
     Busy,
 }
 
+/// The largest difference between a sender's bits and its own that a receiver follows, in millionths, by its bit timing in
+/// quanta: one of synchronisation, `before` and `after` the sample point, and the synchronisation `jump`.
+///
+/// ISO 11898-1, oscillator tolerance: ten bits from one edge to the next must not need more than a jump, and 13 bits, up
+/// to the end of an error flag, not more than the shorter phase segment. (It says so of each end's oscillator: half.
+/// Propagation on the wire is left out.)
+#[must_use]
+pub const fn tolerance_ppm(before: u32, after: u32, jump: u32) -> u32 {
+    let bit = 1 + before + after;
+    let shorter = if before < after { before } else { after };
+    let (by_jump, by_segment) =
+        (jump * 1_000_000 / (10 * bit), shorter * 1_000_000 / (13 * bit - after));
+    if by_jump < by_segment { by_jump } else { by_segment }
+}
+
 /// A CAN controller at its end of a wire, as the wire sees it: the simulator's own behind
 /// [`SimPort`](crate::SimPort), or an emulated chip's ([`Bus::attach`](crate::Bus::attach)).
 ///
@@ -96,10 +111,17 @@ pub trait Controller {
         true
     }
 
-    /// The length of its bits in nanoseconds; `None` if it is the wire's. Who is more than half a
-    /// per cent off destroys the frames that it sends, and understands none.
+    /// The length of its bits in nanoseconds; `None` if it is the wire's. If the ESCs do not follow them, what it
+    /// sends is destroyed.
     fn bit_time_ns(&self) -> Option<u32> {
         None
+    }
+
+    /// The largest difference of the wire's bits from its own that it follows ([`tolerance_ppm`]), in
+    /// millionths: it understands nothing beyond. That of the simulator's own controller if not said, which
+    /// has no bits of another length.
+    fn tolerance_ppm(&self) -> u32 {
+        0
     }
 
     /// The frame that it sends if the wire is idle now. Asked at every arbitration it could take

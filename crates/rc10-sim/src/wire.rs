@@ -11,7 +11,7 @@ use rc10_can::{BusError, CanFrame, Micros};
 use crate::host::Host;
 use crate::occupancy::Occupancy;
 use crate::segment::{Segment, Sender, Transmission};
-use crate::{Activity, Controller, Nanos, Outcome};
+use crate::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
 
 /// Configuration of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,10 +42,9 @@ const INTERFRAME: u32 = 3;
 /// Recessive bits after which a wire is idle.
 const IDLE: u32 = 11;
 
-/// A node whose bit time is off by more than one part in this many understands nothing. Bosch,
-/// CAN 2.0, oscillator tolerance: at most a twentieth of the synchronization jump width, which is
-/// a tenth of a bit here.
-const CLOCK_TOLERANCE: u64 = 200;
+/// What the ESCs follow. An assumption: no maker says how it times its bits. That of `CubeMX`, as DJI's own examples for
+/// STM32F4 have it: 1 + 10 + 3 quanta, a jump of 1. That is 0.71 %.
+const ESC_TOLERANCE: u32 = tolerance_ppm(10, 3, 1);
 
 /// One frame that went over a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -351,7 +350,7 @@ impl Wire {
             && controller.is_on_bus();
         if self.shorted {
             air.fail(BusError::Bit, now + self.bits(1 + ERROR_FRAME));
-        } else if sender == Sender::Controller && self.is_off_clock(&*controller) {
+        } else if sender == Sender::Controller && self.is_off_by(&*controller, ESC_TOLERANCE) {
             air.fail(BusError::Stuff, air.end + self.bits(ERROR_FRAME));
         }
         self.bus = Segment::Frame(air);
@@ -362,13 +361,19 @@ impl Wire {
         Transmission { frame, sender, start, end, failed: None, controller_hears: false }
     }
 
-    fn is_off_clock(&self, controller: &dyn Controller) -> bool {
-        controller.bit_time_ns().is_some_and(|bit_time_ns| !self.follows(bit_time_ns))
+    /// Whether the controller's bits differ by more than one end follows, in millionths.
+    fn is_off_by(&self, controller: &dyn Controller, tolerance: u32) -> bool {
+        controller.bit_time_ns().is_some_and(|bit_time_ns| !self.is_within(bit_time_ns, tolerance))
     }
 
-    /// Whether the nodes follow, and are followed by, one with bits of this length.
+    /// Whether the ESCs follow a node with bits of this length.
     pub(crate) fn follows(&self, bit_time_ns: u32) -> bool {
-        u64::from(bit_time_ns).abs_diff(self.bit_time_ns) * CLOCK_TOLERANCE <= self.bit_time_ns
+        self.is_within(bit_time_ns, ESC_TOLERANCE)
+    }
+
+    fn is_within(&self, bit_time_ns: u32, tolerance: u32) -> bool {
+        let off = u64::from(bit_time_ns).abs_diff(self.bit_time_ns);
+        off * 1_000_000 <= self.bit_time_ns * u64::from(tolerance)
     }
 
     pub(crate) const fn bit_time_ns(&self) -> u64 {
@@ -437,7 +442,10 @@ impl Wire {
 
     /// Tells all nodes but the ESCs how a frame ended; returns it if they hear it.
     fn finish(&mut self, air: Transmission) -> Option<Transmission> {
-        let understands = !self.is_off_clock(&*self.controller.borrow());
+        let understands = {
+            let controller = self.controller.borrow();
+            !self.is_off_by(&*controller, controller.tolerance_ppm())
+        };
         let outcome = match air.failed {
             Some(_) => Outcome::Destroyed(BusError::Bit),
             None if self.is_acknowledged(&air, understands) => Outcome::Acknowledged,

@@ -10,6 +10,7 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{BusError, CanFrame, CanPort, Micros};
 use rc10_sim::{
     Activity, Bus, BusConfig, Controller, Esc, EscConfig, Model, Nanos, Outcome, World,
+    tolerance_ppm,
 };
 
 /// Sends one frame once, and writes down what it hears.
@@ -17,6 +18,7 @@ struct Probe {
     is_on_bus: bool,
     is_connected: bool,
     bit_time_ns: Option<u32>,
+    tolerance_ppm: u32,
     request: Option<CanFrame>,
     event: Option<Nanos>,
     log: Vec<(u64, String)>,
@@ -41,6 +43,9 @@ impl Controller for Probe {
     }
     fn bit_time_ns(&self) -> Option<u32> {
         self.bit_time_ns
+    }
+    fn tolerance_ppm(&self) -> u32 {
+        self.tolerance_ppm
     }
     fn offer(&mut self, _now: Nanos) -> Option<CanFrame> {
         self.request
@@ -83,6 +88,7 @@ fn probed() -> (World, Bus, Rc<RefCell<Probe>>, Esc) {
         is_on_bus: true,
         is_connected: true,
         bit_time_ns: None,
+        tolerance_ppm: 0,
         request: None,
         event: None,
         log: Vec::new(),
@@ -353,7 +359,8 @@ fn off_the_bus_it_neither_sends_nor_hears_nor_acknowledges() {
 #[test]
 fn another_bit_rate_destroys_what_it_sends_and_understands_nothing() {
     let (mut world, bus, probe, esc) = probed();
-    probe.borrow_mut().bit_time_ns = Some(1006);
+    probe.borrow_mut().bit_time_ns = Some(1008);
+    probe.borrow_mut().tolerance_ppm = tolerance_ppm(10, 3, 1);
     probe.borrow_mut().request = Some(frame(0x100));
     world.advance(Micros::new(200));
     let end = length(0x100) + 14_000;
@@ -367,12 +374,35 @@ fn another_bit_rate_destroys_what_it_sends_and_understands_nothing() {
     let lines = [(200_000, "Busy"), (end, "disturbed Stuff"), (end + 3000, "Idle")];
     assert_eq!(probe.borrow_mut().take_log(), log(&lines));
 
-    // It does not acknowledge, either; half a per cent off it does.
+    // It does not acknowledge, either; 0.7 per cent off it does.
     esc.set_power(false);
     bus.inject(&frame(0x200));
     world.advance(Micros::new(1000));
     assert_eq!(bus.counters().frames, 1);
-    probe.borrow_mut().bit_time_ns = Some(995);
+    probe.borrow_mut().bit_time_ns = Some(993);
     world.advance(Micros::new(1200));
     assert_eq!(bus.counters().frames, 2);
+}
+
+/// 1.9 per cent off, with segments for that: it follows the ESCs, and they do not follow it.
+#[test]
+fn each_end_follows_as_its_own_bit_timing_says() {
+    // The arithmetic of ISO 11898-1, by hand: 80 quanta; ST's F407 at 21; CubeMX's jump of 1 at 14 and 21.
+    let expected = [19_607, 18_656, 7_142, 4_761];
+    let timings = [(59, 20, 20), (15, 5, 4), (10, 3, 1), (16, 4, 1)];
+    assert_eq!(timings.map(|(before, after, jump)| tolerance_ppm(before, after, jump)), expected);
+    let (mut world, bus, probe, _esc) = probed();
+    for (bit_time_ns, is_heard) in [(1019, true), (1020, false), (981, true), (980, false)] {
+        probe.borrow_mut().bit_time_ns = Some(bit_time_ns);
+        probe.borrow_mut().tolerance_ppm = expected[0];
+        probe.borrow_mut().request = Some(frame(0x100));
+        let (before, start) = (bus.counters(), world.now());
+        world.advance(start + Micros::new(300));
+        assert_eq!(bus.counters().destroyed, before.destroyed + 1, "{bit_time_ns}");
+        bus.inject(&frame(0x200));
+        world.advance(start + Micros::new(1000));
+        let heard = probe.borrow_mut().take_log();
+        let heard = heard.iter().any(|(_, what)| what.starts_with("received 200#"));
+        assert_eq!(heard, is_heard, "{bit_time_ns}");
+    }
 }

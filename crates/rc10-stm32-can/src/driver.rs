@@ -245,9 +245,11 @@ impl<H: Hardware> Driver<H> {
         Some(ended)
     }
 
-    /// Loads the most urgent of the frames that wait.
+    /// Loads the most urgent of the frames that wait, but none while an older one of its stream or its identifier is in a
+    /// mailbox: that may be aborted, and not know yet. Of equal identifiers the lower mailbox leaves first, whichever
+    /// is newer.
     fn fill(&mut self) {
-        while let Some(next) = self.waiting.peek().copied() {
+        while let Some(next) = self.waiting.peek_if(may_leave(&self.mailboxes)).copied() {
             let mailbox = match self.mailboxes.iter().position(Option::is_none) {
                 Some(free) => free,
                 None => match self.make_room(&next) {
@@ -256,7 +258,8 @@ impl<H: Hardware> Driver<H> {
                 },
             };
             // The frame that made room may be back by now, and is not more urgent.
-            let Some(queued) = self.waiting.pop() else { return };
+            let may_leave = may_leave(&self.mailboxes);
+            let Some(queued) = self.waiting.pop_if(may_leave) else { return };
             self.hardware.load(mailbox, &queued.frame);
             self.mailboxes[mailbox] = Some(Loaded { queued, purpose: Purpose::Send });
         }
@@ -282,6 +285,15 @@ impl<H: Hardware> Driver<H> {
 impl<H> fmt::Debug for Driver<H> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Driver").field("waiting", &self.waiting).finish_non_exhaustive()
+    }
+}
+
+/// Whether no frame of the same stream or identifier is in a mailbox.
+fn may_leave(mailboxes: &[Option<Loaded>; MAILBOXES]) -> impl Fn(&Queued) -> bool {
+    |waiting| {
+        !mailboxes.iter().flatten().any(|Loaded { queued, .. }| {
+            queued.stream == waiting.stream || queued.frame.key() == waiting.frame.key()
+        })
     }
 }
 

@@ -193,6 +193,29 @@ fn an_abort_that_was_lost_is_requested_again() {
     });
 }
 
+/// An older frame whose abort is not carried out sits in a higher mailbox than the next free one.
+#[test]
+fn an_older_frame_never_leaves_after_a_newer_one() {
+    on_both(|_, mut bench| {
+        // By its stream with another identifier, and by its identifier with another stream.
+        for (newer_id, stream) in [(0x300, 1), (0x2FF, 1), (0x300, 2)] {
+            for id in [0x2F0, 0x2F1] {
+                let _ = bench.port.submit(&frame(id, 0));
+            }
+            let _ = bench.port.submit_as(&frame(0x300, 1), 1);
+            // 0x2F1 is on the wire, the first mailbox free.
+            bench.pass(200);
+            bench.lose_aborts(u32::MAX);
+            let _ = bench.port.submit_as(&frame(newer_id, 2), stream);
+            bench.pass(1_000);
+            let sent: Vec<_> = bench.sent().iter().map(|entry| entry.frame).collect();
+            let last = [frame(0x300, 1), frame(newer_id, 2)];
+            assert_eq!(sent, [[frame(0x2F0, 0), frame(0x2F1, 0)], last].concat());
+            bench.lose_aborts(0);
+        }
+    });
+}
+
 #[test]
 fn a_frame_that_fails_on_the_wire_is_replaced_after_all() {
     on_both(|_, mut bench| {

@@ -16,13 +16,14 @@ use embassy_time::{Duration, Instant, Ticker, Timer};
 use embedded_io_async::{Read, Write};
 use heapless::String;
 use rc10_bsp::can::FdcanPort;
+use rc10_bsp::crash::{self, LastCrash};
 use rc10_bsp::dma_buffer;
 use rc10_bsp::serial::{
     self, BaudError, Parity, ReceiverParts, Serial, SerialConfig, SerialParts, SerialReceiver,
     StopBits,
 };
 use rc10_bsp::watchdog::Watchdog;
-use rc10_bsp::{CrystalState, TIMER_CLOCK, crash};
+use rc10_bsp::{CrystalState, TIMER_CLOCK};
 use rc10_module::led::ws2812::PulseTiming;
 use rc10_module::remote::{self, Receiver, SerialSettings};
 use rc10_motor::embassy::{BusPort, Ports, Rs485Port, Runner, run_buses, run_rs485};
@@ -57,11 +58,16 @@ type BusRunner = Runner<'static, 'static, FdcanPort, &'static mut MotorBus<'stat
 #[must_use]
 pub fn begin() -> Board {
     let board = Board::new(rc10_bsp::initialise(CRYSTAL));
-    match crash::take_last() {
-        Some(cause) => {
-            HAS_CRASHED.store(true, Ordering::Relaxed);
-            defmt::error!("the last run ended in a crash: {}", cause);
-        }
+    let power_came = crash::power_came();
+    let cause = crash::take_last();
+    HAS_CRASHED.store(cause.is_some(), Ordering::Relaxed);
+    match cause {
+        Some(LastCrash::Hang { program_counter }) => defmt::error!(
+            "the last run ended in a crash: Watchdog, hung at {=u32:#010x} (addr2line -fie FILE ADDRESS names it)",
+            program_counter
+        ),
+        Some(cause) => defmt::error!("the last run ended in a crash: {}", cause),
+        None if power_came => defmt::info!("start, power came"),
         None => defmt::info!("start"),
     }
     board
@@ -84,7 +90,11 @@ pub fn check_chip(switch: &ArmSwitch) {
         switch.forbid(Unfit::Chip);
     }
     match rc10_bsp::crystal() {
-        CrystalState::Works => return,
+        CrystalState::Works { hsi } => {
+            let (sign, off) = (if hsi < 0 { "-" } else { "+" }, hsi.unsigned_abs());
+            defmt::info!("HSI is {=str}{=u32}.{=u32:02} %", sign, off / 100, off % 100);
+            return;
+        }
         CrystalState::Unmeasured => {
             defmt::warn!(
                 "the crystal could not be measured: whether it is the right one is not known"
@@ -98,7 +108,7 @@ pub fn check_chip(switch: &ArmSwitch) {
             let (khz, wanted) = (hz / 1000, CRYSTAL.hz() / 1000);
             let rate = CRYSTAL.bit_rate_with(hz) / 1000;
             defmt::error!(
-                "the crystal has {=u32} kHz, within 1 %, and this program is for one of {=u32} kHz ({=str}): \
+                "the crystal has {=u32} kHz, within 1.5 %, and this program is for one of {=u32} kHz ({=str}): \
                  with it the buses would run at {=u32} kbit/s; the robot cannot be armed",
                 khz,
                 wanted,

@@ -4,13 +4,16 @@
 //! by registers; the cause is written to memory that a reset keeps; when the images have left, the
 //! chip restarts. The next run finds the cause with [`take_last`].
 //!
+//! A program that hangs crashes by nothing but the watchdog. Shortly before that bites, the
+//! [supervisor](super::supervisor) has kept what was executed.
+//!
 //! [`crash_handlers!`](crate::crash_handlers) puts it all in place. The fault handler sets the
 //! stack pointer back first, so that it also works after a stack overflow.
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use cortex_m::peripheral::SCB;
+use cortex_m::peripheral::{NVIC, SCB};
 use embassy_stm32::pac;
 use heapless::String;
 use rc10_can::Micros;
@@ -46,8 +49,16 @@ pub enum LastCrash {
     },
     /// The crystal stopped.
     CrystalStopped,
-    /// The watchdog was not fed in time.
+    /// The watchdog was not fed in time. What the program did meanwhile is not known: interrupts were masked, or
+    /// one above the supervisor did not end.
     Watchdog,
+    /// The watchdog was not fed in time, and this was executed shortly before: `addr2line` names it.
+    Hang {
+        /// Address of the instruction. That of the executor's sleep: nothing looped, and something was not woken.
+        program_counter: u32,
+    },
+    /// The supply fell below the brown-out level. Where it was gone altogether that is no crash: [`power_came`].
+    Supply,
 }
 
 /// Number of bytes of a file name that are kept.
@@ -58,6 +69,7 @@ const PANIC: u32 = 1;
 const FAULT: u32 = 2;
 const INTERRUPT: u32 = 3;
 const CRYSTAL: u32 = 4;
+const HANG: u32 = 5;
 
 const FILE_WORDS: usize = FILE_LENGTH / 4;
 /// Magic, kind, four values, file name, checksum.
@@ -68,21 +80,27 @@ const WORDS: usize = 2 + 4 + FILE_WORDS + 1;
 #[unsafe(link_section = ".uninit.rc10_crash")]
 static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
 
+/// Whether power has just come. To be asked before [`take_last`], which forgets it.
+#[must_use]
+pub fn power_came() -> bool {
+    pac::RCC.rsr().read().porrstf()
+}
+
 /// The crash that ended the last run, if one did; forgets it.
 #[must_use]
 pub fn take_last() -> Option<LastCrash> {
     let words: [u32; WORDS] = core::array::from_fn(|index| RECORD[index].load(Ordering::Relaxed));
     RECORD[0].store(0, Ordering::Relaxed);
-    let by_watchdog = pac::RCC.rsr().read().iwdg1rstf();
+    let flags = pac::RCC.rsr().read();
     // "Set and reset by software": if it stayed set, it would hide the next cause.
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));
     pac::RCC.rsr().modify(|w| w.set_rmvf(false));
 
     let (checksum, kept) = words.split_last()?;
-    if kept[0] != MAGIC || *checksum != checksum_of(kept) {
-        return by_watchdog.then_some(LastCrash::Watchdog);
-    }
-    match kept[1] {
+    let is_kept = kept[0] == MAGIC && *checksum == checksum_of(kept);
+    match if is_kept { kept[1] } else { 0 } {
+        // Else another reset came before the watchdog's.
+        HANG if flags.iwdg1rstf() => Some(LastCrash::Hang { program_counter: kept[2] }),
         PANIC => {
             let mut file = String::new();
             for byte in kept[6..].iter().flat_map(|word| word.to_le_bytes()) {
@@ -102,6 +120,9 @@ pub fn take_last() -> Option<LastCrash> {
             number: i16::try_from(kept[2].cast_signed()).unwrap_or(i16::MAX),
         }),
         CRYSTAL => Some(LastCrash::CrystalStopped),
+        _ if flags.iwdg1rstf() => Some(LastCrash::Watchdog),
+        // RM0468, RCC, table of reset sources: power-on sets both flags of the supply.
+        _ if flags.borrstf() && !flags.porrstf() => Some(LastCrash::Supply),
         _ => None,
     }
 }
@@ -133,18 +154,69 @@ pub fn on_nmi() -> ! {
 /// For [`crash_handlers!`](crate::crash_handlers): `frame` is where the fault pushed the registers.
 #[doc(hidden)]
 pub extern "C" fn on_fault(frame: u32) -> ! {
-    // r0 - r3, r12, lr, pc, xpsr (ARMv7-M manual, B1.5.6). An overflowed stack is outside DTCM.
-    const DTCM: core::ops::Range<u32> = 0x2000_0000..0x2002_0000 - 8 * 4;
-    let [link, program_counter] = if DTCM.contains(&frame) && frame.is_multiple_of(4) {
-        let frame = frame as *const u32;
-        // SAFETY: eight words from `frame` on lie in DTCM, which is always readable.
-        unsafe { [frame.add(5).read_volatile(), frame.add(6).read_volatile()] }
-    } else {
-        [0; 2]
-    };
-    // SAFETY: two reads of read-only or sticky registers of this core, which always exist.
-    let (status, address) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).bfar.read()) };
+    const MMARVALID: u32 = 1 << 7;
+    let [link, program_counter, _] = stacked(frame);
+    // SAFETY: reads of read-only or sticky registers of this core, which always exist.
+    let (status, memory, bus) =
+        unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).mmfar.read(), (*SCB::PTR).bfar.read()) };
+    let address = if status & MMARVALID == 0 { bus } else { memory };
     crash(FAULT, [program_counter, link, status, address], "")
+}
+
+/// lr, pc and xPSR of what an exception has interrupted, by its frame: r0 - r3, r12, lr, pc, xpsr (ARMv7-M
+/// manual, B1.5.6). Zeros of a stack that has overflowed out of DTCM.
+fn stacked(frame: u32) -> [u32; 3] {
+    const DTCM: core::ops::Range<u32> = 0x2000_0000..0x2002_0000 - 8 * 4;
+    if !DTCM.contains(&frame) || !frame.is_multiple_of(4) {
+        return [0; 3];
+    }
+    let frame = frame as *const u32;
+    // SAFETY: eight words from `frame` on lie in DTCM, which is always readable.
+    [5, 6, 7].map(|word| unsafe { frame.add(word).read_volatile() })
+}
+
+/// Looks of the supervisor that are left until the watchdog is about to bite; 0: there is no watchdog.
+static LEFT: AtomicU32 = AtomicU32::new(0);
+/// The last of them: what runs is kept from now on, until the watchdog is fed.
+const LATE: u32 = 1;
+
+/// The watchdog was fed: so many looks of the supervisor may pass.
+pub(super) fn fed(looks: u32) {
+    if LEFT.swap(looks.max(LATE), Ordering::Relaxed) == LATE {
+        // It was late, and hangs no longer.
+        RECORD[0].store(0, Ordering::Relaxed);
+    }
+}
+
+/// The supervisor has looked; whether the watchdog is about to bite. PendSV has its priority and follows it at once,
+/// so what that has interrupted is what the supervisor has: its frame is where the stack begins.
+pub(super) fn supervised() -> bool {
+    match LEFT.load(Ordering::Relaxed) {
+        0 => {}
+        LATE => {
+            SCB::set_pendsv();
+            return true;
+        }
+        left => LEFT.store(left - 1, Ordering::Relaxed),
+    }
+    false
+}
+
+/// For [`crash_handlers!`](crate::crash_handlers): keeps what was interrupted. Of several looks the least urgent
+/// one, and of those the last: what hangs is interrupted by what does not, and by nothing that hangs less.
+#[doc(hidden)]
+pub extern "C" fn on_late(frame: u32) {
+    let [link, program_counter, status] = stacked(frame);
+    let level = match status & 0x1FF {
+        0 => u32::from(u8::MAX) + 1,
+        // SAFETY: a read of this core's interrupt controller, which has a priority for each number.
+        number @ 16.. => unsafe { (*NVIC::PTR).ipr[number as usize - 16].read() }.into(),
+        _ => 0,
+    };
+    let is_kept = RECORD[0].load(Ordering::Relaxed) == MAGIC;
+    if !is_kept || level >= RECORD[4].load(Ordering::Relaxed) {
+        keep(HANG, [program_counter, link, level, 0], "");
+    }
 }
 
 fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
@@ -198,7 +270,7 @@ fn checksum_of(words: &[u32]) -> u32 {
     words.iter().fold(0x811C_9DC5, |hash, word| (hash ^ word).wrapping_mul(0x0100_0193))
 }
 
-/// Defines the panic handler and the handlers of `HardFault`, NMI and unexpected interrupts of a
+/// Defines the panic handler and the handlers of `HardFault`, NMI, `PendSV` and unexpected interrupts of a
 /// firmware: [`crash`](crate::crash).
 #[macro_export]
 macro_rules! crash_handlers {
@@ -220,6 +292,17 @@ macro_rules! crash_handlers {
                 "msr msp, r1",
                 "b {on_fault}",
                 on_fault = sym $crate::crash::on_fault,
+            )
+        }
+
+        // SAFETY: as above. It leaves all as it finds it: what it goes on in returns for it.
+        #[unsafe(export_name = "PendSV")]
+        #[unsafe(naked)]
+        unsafe extern "C" fn late() {
+            core::arch::naked_asm!(
+                "mrs r0, msp",
+                "b {on_late}",
+                on_late = sym $crate::crash::on_late,
             )
         }
 

@@ -2,10 +2,14 @@
 //!
 //! One that does not start must not hold the program up, and one that stops must not leave motors with
 //! their last command. Both ways lead to the chip's own oscillator (HSI, 64 MHz) with every frequency as
-//! before, but within 1 % only (STM32H723 data sheet, HSI characteristics, 0 to 85 °C). The bit timing
-//! follows a node that is 1.9 % off, if the others are exact: the coast image gets through, as far as
-//! numbers tell. Nothing more is built on that: a robot without its crystal must not be armed
-//! ([`CrystalState`]).
+//! before, but not as exact: HSI is within 0.5 % at 30 °C and 3.3 V (data sheet, HSI characteristics), and drifts by
+//! 1 % more between -20 and 105 °C: 1.5 % at worst. So each start with a good crystal measures HSI by it, to 24
+//! millionths, and PLL1's fraction takes that out when HSI has to stand in. What is left is the drift since then.
+//!
+//! What that must be less than, by ISO 11898-1: of frames that are received here, 0.98 % of each end (80 quanta,
+//! segment 2 and SJW of 20), so 1.96 % between two. Frames that are sent from here the ESC must follow, by its SJW of
+//! ten of its bits. With `CubeMX`'s SJW of 1 that is 0.71 % at 14 quanta, 0.48 % at 21; what the ESCs have no maker
+//! says. Nothing more is built on it: a robot without its crystal must not be armed ([`CrystalState`]).
 //!
 //! A crystal of another frequency than the program's is one that does not work, too: with 24 MHz instead of 25
 //! every bus would run at 960 kbit/s, and the console be noise. It is measured before anything is built on it:
@@ -28,21 +32,35 @@ pub use pll::Crystal;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CrystalState {
     /// The clocks come from it, and it has its frequency.
-    Works,
+    Works {
+        /// How much too fast the chip's own oscillator is, measured by it: hundredths of a per cent.
+        hsi: i32,
+    },
     /// The clocks come from it; its frequency could not be measured.
     Unmeasured,
-    /// It does not swing. The chip's own oscillator stands in for it: times and bit rates are 1 % off, and motors
-    /// must stay without torque.
+    /// It does not swing. The chip's own oscillator stands in for it: times and bit rates are off by its drift since
+    /// the last good start, or by up to 1.5 %, and motors must stay without torque.
     Dead,
     /// It has another frequency than the program is made for. As if it were dead.
     Other {
-        /// The measured one, within 1 %: hertz.
+        /// The measured one, within 1.5 %: hertz.
         hz: u32,
     },
 }
 
 /// The measured frequency, or 0.
 static MEASURED: AtomicU32 = AtomicU32::new(0);
+
+/// PLL1's multiplier of HSI as the last good crystal has measured that, in 8192ths, and its complement: a start
+/// without a crystal finds it.
+#[unsafe(link_section = ".uninit.rc10_hsi")]
+static MULTIPLIER: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
+
+/// That one, or the one of an exact HSI.
+fn multiplier() -> u32 {
+    let [kept, complement] = MULTIPLIER.each_ref().map(|word| word.load(Ordering::Relaxed));
+    if kept == !complement { kept } else { pll::HSI_MULTIPLIER }
+}
 
 // 64 MHz / 10 x 75 is 480 MHz. At 6.4 MHz the PLL's input stays in its range, 4 to 8 MHz, also of a HSI that is off.
 const HSI_DIVIDER: PllPreDiv = PllPreDiv::DIV10;
@@ -153,8 +171,16 @@ pub(super) fn start(crystal: Crystal, mut config: Config) -> Peripherals {
     let peripherals = embassy_stm32::init(config);
     MEASURED.store(measured.unwrap_or_default(), Ordering::Relaxed);
     if is_right {
+        if let Some(measured) = measured {
+            let multiplier = crystal.hsi_multiplier(measured);
+            MULTIPLIER[0].store(multiplier, Ordering::Relaxed);
+            MULTIPLIER[1].store(!multiplier, Ordering::Relaxed);
+        }
         // From now on a crystal that stops raises an NMI.
         RCC.cr().modify(|w| w.set_hsecsson(true));
+    } else {
+        // embassy-stm32 reckons with an exact HSI, and so with whole numbers.
+        replace();
     }
     peripherals
 }
@@ -165,7 +191,7 @@ pub fn crystal() -> CrystalState {
     let comes_from_it = RCC.pllckselr().read().pllsrc() == PllSource::HSE;
     match (comes_from_it, MEASURED.load(Ordering::Relaxed)) {
         (true, 0) => CrystalState::Unmeasured,
-        (true, _) => CrystalState::Works,
+        (true, _) => CrystalState::Works { hsi: pll::hsi_deviation(multiplier()) },
         (false, 0) => CrystalState::Dead,
         (false, hz) => CrystalState::Other { hz },
     }
@@ -178,9 +204,11 @@ pub(super) fn take_stopped() -> bool {
     has_stopped
 }
 
-/// The crystal has stopped. The hardware has put the core on HSI and switched the PLL off, and with it
-/// the FDCANs' clock (RM0468, RCC, clock security system): the PLL goes on from HSI.
+/// PLL1 goes on from HSI, as a good crystal has measured that. Where the crystal has stopped, the hardware has put the
+/// core on HSI and switched the PLL off, and with it the FDCANs' clock (RM0468, RCC, clock security system).
 pub(super) fn replace() {
+    RCC.cfgr().modify(|w| w.set_sw(Sysclk::HSI));
+    comes(|| RCC.cfgr().read().sws() == Sysclk::HSI, SWITCH);
     RCC.cr().modify(|w| w.set_pllon(0, false));
     comes(|| !RCC.cr().read().pllrdy(0), SWITCH);
     // The range of the PLL's input, 4 to 8 MHz, and all its outputs stay what they were.
@@ -188,7 +216,11 @@ pub(super) fn replace() {
         w.set_pllsrc(PllSource::HSI);
         w.set_divm(0, HSI_DIVIDER);
     });
-    RCC.plldivr(0).modify(|w| w.set_plln(HSI_MULTIPLIER));
+    let [whole, fraction] = pll::parts(multiplier());
+    RCC.plldivr(0).modify(|w| w.set_plln(PllMul::from_bits(whole - 1)));
+    RCC.pllcfgr().modify(|w| w.set_pllfracen(0, false));
+    RCC.pllfracr(0).write(|w| w.set_fracn(fraction));
+    RCC.pllcfgr().modify(|w| w.set_pllfracen(0, true));
     RCC.cr().modify(|w| w.set_pllon(0, true));
     if comes(|| RCC.cr().read().pllrdy(0), SWITCH) {
         RCC.cfgr().modify(|w| w.set_sw(Sysclk::PLL1_P));

@@ -7,8 +7,8 @@ use embedded_hal_async::spi::{ErrorType, SpiBus};
 
 use crate::dma::DmaBuffer;
 
-/// An [`SpiBus`] on another one, through a buffer in SRAM1. More than `N` bytes go in pieces; the
-/// chip select is not this bus's business, so devices do not see that.
+/// An [`SpiBus`] on another one, through a buffer in SRAM1. More than `N` bytes go in pieces. Between two
+/// pieces the chip may clock on (Zephyr PR 66503): make `N` the longest transfer under one chip select.
 ///
 /// ```ignore
 /// let bus = Spi::new(p.SPI1, sck, mosi, miso, transmit, receive, Irqs, config);

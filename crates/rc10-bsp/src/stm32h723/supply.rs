@@ -2,8 +2,8 @@
 //!
 //! RM0468, PWR: after power-on the chip waits in "Run*" for the program to say which regulator feeds the
 //! core (CR3, once per power-on); until CSR1.ACTVOSRDY says that the voltage is there, memories must not
-//! be written. cortex-m-rt clears statics and uses the stack long before a program's first line, as ST's
-//! own start-up code does; but it calls `__pre_init` before that.
+//! be written. cortex-m-rt clears statics and uses the stack long before a program's first line; but it
+//! calls `__pre_init` before that, as ST's start-up code calls its `ExitRun0Mode`.
 
 /// PWR (`stm32h723xx.h`).
 const PWR: u32 = 0x5802_4800;

@@ -14,13 +14,14 @@ use embassy_time::Timer;
 
 // The ADC's clock is HSI / 4 (see `clocks`), and half of that behind the prescaler, which this line of chips halves
 // once more (ST's HAL, `ADC_VER_V5_V90`): 8 MHz, for which `BOOST` has a range. A calibration without linearity takes
-// some 0.2 ms at that, one conversion 102 us: 810.5 periods of sampling, for a pin behind a divider of
+// some 0.2 ms at that, with it 165,010 clocks (ST's HAL, which knows no other number): 20.6 ms. One conversion 102 us: 810.5 periods of sampling, for a pin behind a divider of
 // many kiloohms, and 8.5 for 16 bits.
 const DIVIDER: Presc = Presc::DIV4;
 const BOOST: Boost = Boost::LT12_5;
 /// Until the regulator is up: 10 us at most.
 const REGULATOR: u64 = 50;
-const CALIBRATION: u64 = 1_000;
+const CALIBRATION_LOOK: u64 = 1_000;
+const CALIBRATION_LOOKS: u32 = 25;
 const ENABLING: u64 = 100;
 const CONVERSION: u64 = 300;
 
@@ -48,7 +49,7 @@ impl VoltageInput {
     }
 
     /// The voltage in 65,535ths of the ADC's reference; `None` if the ADC does not measure. It is set up anew then,
-    /// by the next call. Takes 0.3 ms, and 1.2 more where it has to be set up.
+    /// by the next call. Takes 0.3 ms, and 1.2 more where it has to be set up, 25 at most.
     pub async fn read(&mut self) -> Option<u16> {
         if !self.is_ready {
             self.start().await?;
@@ -81,9 +82,14 @@ impl VoltageInput {
         });
         Timer::after_micros(REGULATOR).await;
         ADC1.cr().modify(|w| w.set_adcal(true));
-        Timer::after_micros(CALIBRATION).await;
-        if ADC1.cr().read().adcal() {
-            return None;
+        for looked in 1.. {
+            Timer::after_micros(CALIBRATION_LOOK).await;
+            if !ADC1.cr().read().adcal() {
+                break;
+            }
+            if looked == CALIBRATION_LOOKS {
+                return None;
+            }
         }
         ADC1.isr().write(|w| w.set_adrdy(true));
         ADC1.cr().modify(|w| w.set_aden(true));

@@ -5,6 +5,8 @@ use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, pac};
 use embassy_time::Duration;
 
+use super::{crash, supervisor};
+
 /// A watchdog that is fed only while everything that must run, runs.
 ///
 /// It cannot be stopped once started, and a debugger that holds the core does not hold it: a core that
@@ -19,6 +21,9 @@ use embassy_time::Duration;
 pub struct Watchdog {
     driver: IndependentWatchdog<'static, IWDG1>,
     is_set: bool,
+    /// Looks of the supervisor from feeding until it is about to bite: five eighths of the timeout, of which its
+    /// oscillator may leave nine tenths.
+    looks: u32,
 }
 
 impl Watchdog {
@@ -47,7 +52,9 @@ impl Watchdog {
             is_set
         });
         driver.pet();
-        Self { driver, is_set }
+        let looks = micros / supervisor::PERIOD * 5 / 8;
+        crash::fed(looks);
+        Self { driver, is_set, looks }
     }
 
     /// Whether it has taken its timeout. If not, its oscillator does not run, or far too slowly: it
@@ -62,6 +69,7 @@ impl Watchdog {
         let alive = alive();
         if alive {
             self.driver.pet();
+            crash::fed(self.looks);
         }
         alive
     }

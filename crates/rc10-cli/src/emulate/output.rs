@@ -9,6 +9,7 @@ use rc10_sim::{Fault, Nanos};
 use serde_json::{Value, json};
 
 use super::content_hash;
+use super::problems::cause_of;
 use crate::figures::{
     Figures as RunFigures, line_table, lines_json, motor_table, problems_json, remote_json,
     remote_lines,
@@ -82,7 +83,7 @@ impl<'a> Outcome<'a> {
             machine.reports().iter().map(|report| (report.at, format!("CHIP  {}", report.text))),
         );
         let restart = |restart: &rc10_emu::Restart| {
-            (restart.at, format!("CHIP  restart, cause: {:?}", restart.cause))
+            (restart.at, format!("CHIP  restart, cause: {}", cause_of(restart, machine, self.log)))
         };
         lines.extend(machine.restarts().iter().map(restart));
         // Stable: the program's last words come before the restart.
@@ -116,7 +117,7 @@ impl<'a> Outcome<'a> {
             "gated_accesses": figures.gated_accesses,
             "restarts": machine.restarts().iter().map(|restart| json!({
                 "at_us": micros(restart.at),
-                "cause": format!("{:?}", restart.cause),
+                "cause": cause_of(restart, machine, self.log),
             })).collect::<Vec<_>>(),
             "buses": figures.buses.iter().zip(1..).map(|(bus, number)| json!({
                 "bus": number,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use rc10_emu::{Figures, LogLine, Rig};
+use rc10_emu::{Figures, LogLine, Machine, Restart, Rig};
 use rc10_sim::fault::Kind;
 
 use super::board;
@@ -24,11 +24,27 @@ pub(super) fn warnings(log: &[LogLine], recording: &Recording, found: &mut Vec<P
     }
 }
 
+/// The cause of a restart; of a program that hung with the function that it hung in, by the address that its next run
+/// has told.
+pub(super) fn cause_of(restart: &Restart, machine: &Machine, log: &[LogLine]) -> String {
+    let cause = format!("{:?}", restart.cause);
+    let next = machine.restarts().iter().map(|other| other.at).find(|&at| at > restart.at);
+    let mut after = log.iter().skip_while(|line| line.at <= restart.at);
+    let told = after.find_map(|line| Some((line.at, line.text.split_once("hung at 0x")?.1)));
+    let address = told.filter(|(at, _)| next.is_none_or(|next| *at <= next));
+    let address = address.and_then(|(_, text)| u32::from_str_radix(text.get(..8)?, 16).ok());
+    match address.and_then(|address| machine.function_at(address)) {
+        Some(function) => format!("{cause}, hung in {function}"),
+        None => cause,
+    }
+}
+
 /// Adds what is to be said of the chip. What its faults must do is no problem.
 pub(super) fn search(
     rig: &Rig,
     description: &Description,
     recording: &Recording,
+    log: &[LogLine],
     found: &mut Vec<Problem>,
 ) {
     let figures = Figures::of(rig);
@@ -64,7 +80,8 @@ pub(super) fn search(
     let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
     for restart in rig.machine.restarts().iter().skip(crashed) {
         let at = restart.at.get() as f64 * 1e-6;
-        problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {:?}", restart.cause));
+        let cause = cause_of(restart, &rig.machine, log);
+        problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {cause}"));
     }
     for part in description.serials.iter().filter(|part| !rig.machine.listens(part.uart)) {
         let uart = part.uart;

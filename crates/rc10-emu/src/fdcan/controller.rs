@@ -1,7 +1,7 @@
 //! One controller: its registers, and what it does on the wire.
 
 use rc10_can::{BusError, CanFrame};
-use rc10_sim::{Activity, Nanos, Outcome};
+use rc10_sim::{Activity, Nanos, Outcome, tolerance_ppm};
 
 use super::counters::Counters;
 use super::errors::Errors;
@@ -145,6 +145,12 @@ impl Controller {
 
     pub fn bit(&self) -> Option<Period> {
         Period::of_bit(self.registers.at(at::NBTP), self.kernel_hz)
+    }
+
+    /// The difference of other nodes' bits that it follows, of NBTP: NTSEG1, NTSEG2, NSJW.
+    pub fn tolerance_ppm(&self) -> u32 {
+        let part = |shift, bits| self.registers.field(at::NBTP, shift, bits) + 1;
+        tolerance_ppm(part(8, 8), part(0, 7), part(25, 7))
     }
 
     fn set_timestamp_rate(&mut self) {

@@ -206,6 +206,9 @@ impl Controller for Node {
     fn bit_time_ns(&self) -> Option<u32> {
         self.with(|one, _| one.bit().map(timing::Period::nanos))
     }
+    fn tolerance_ppm(&self) -> u32 {
+        self.with(|one, _| one.tolerance_ppm())
+    }
     fn offer(&mut self, now: Nanos) -> Option<CanFrame> {
         self.with(|one, ram| one.offer(now, ram))
     }

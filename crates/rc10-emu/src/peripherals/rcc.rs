@@ -32,6 +32,8 @@ pub enum ResetCause {
     Software,
     /// The independent watchdog was not fed.
     Watchdog,
+    /// The supply fell below the brown-out level, and came back.
+    BrownOut,
 }
 
 impl ResetCause {
@@ -45,6 +47,7 @@ impl ResetCause {
             Self::Pin => PIN,
             Self::Software => 1 << 24 | PIN,
             Self::Watchdog => 1 << 26 | PIN,
+            Self::BrownOut => 1 << 21 | PIN,
         }
     }
 }

@@ -1,5 +1,10 @@
 //! SPI1 to SPI5 as masters with devices on their buses (RM0468, SPI chapter), in units of frames.
 //!
+//! An SPI that is disabled at the end of a transfer without a size (TSIZE = 0) has clocked on behind the last
+//! frame: a device that is still selected is late by [`SPURIOUS`] bits from then on. Seen on an STM32H7 by a
+//! logic analyser, and by no loopback test: Zephyr issue 66326, PR 66503. (There with frames queued in the FIFO;
+//! how many clocks is not said, nor whether one frame alone does it. This is the stricter reading.)
+//!
 //! Modelled: full duplex, transmitter and receiver modes, transfers with and without a size, FIFOs
 //! with packing, overrun, suspension, clock modes and bit order, DMA requests.
 //! Not modelled, and reported when asked for: slaves, half duplex, CRC, I2S, the hardware's slave
@@ -60,8 +65,27 @@ struct Attached {
     /// Port and pin.
     select: (usize, usize),
     selected: bool,
+    /// Bits that it got between the chip's frames since it is selected, and what it has of its next frame.
+    late: u32,
+    begun: u16,
     device: Box<dyn SpiDevice>,
 }
+
+impl Attached {
+    /// As [`SpiDevice::exchange`], of frames with `bits`, for a device that is late: its bits stand over from frame
+    /// to frame. The last ones of an answer would be the next one's first: zeros here.
+    fn exchange(&mut self, sent: u16, bits: u32, now: Nanos) -> u16 {
+        let (stream, late) = (u32::from(self.begun) << bits | u32::from(sent), self.late % bits);
+        let own = stream >> late;
+        let mask = u32::from(u16::MAX >> (16 - bits));
+        self.begun = sent & !(u16::MAX << late);
+        let answer = self.device.exchange(u16::try_from(own & mask).unwrap_or(0), now);
+        answer << late
+    }
+}
+
+/// Clocks behind the last frame of a transfer without a size: "several".
+const SPURIOUS: u32 = 3;
 
 /// Signals that are connected to pins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -169,7 +193,7 @@ impl Spi {
     }
 
     pub(super) fn attach(&mut self, select: (usize, usize), device: Box<dyn SpiDevice>) {
-        self.devices.push(Attached { select, selected: false, device });
+        self.devices.push(Attached { select, selected: false, late: 0, begun: 0, device });
     }
 
     pub(super) fn has_devices(&self) -> bool {
@@ -181,6 +205,7 @@ impl Spi {
         for attached in &mut self.devices {
             let selected = is_low(attached.select);
             if std::mem::replace(&mut attached.selected, selected) != selected {
+                (attached.late, attached.begun) = (0, 0);
                 if selected {
                     attached.device.select(now);
                 } else {
@@ -268,7 +293,7 @@ impl Spi {
         let mut answer = None;
         for attached in self.devices.iter_mut().filter(|attached| attached.selected) {
             let one = if attached.device.understands(mode, clock_hz) {
-                attached.device.exchange(sent, at) & mask
+                attached.exchange(sent, 16 - unused, at) & mask
             } else {
                 // It takes the bits at the wrong edges.
                 0xA5A5 & mask
@@ -435,6 +460,10 @@ impl Spi {
         let started = if was_enabled { self.control & START } else { 0 };
         self.control = wanted | started;
         if !self.is(ENABLE) {
+            if self.size == 0 && self.done > 0 {
+                let selected = self.devices.iter_mut().filter(|attached| attached.selected);
+                selected.for_each(|attached| attached.late += SPURIOUS);
+            }
             self.control &= !(START | SUSPEND);
             self.to_send.clear();
             self.received.clear();

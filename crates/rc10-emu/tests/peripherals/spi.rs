@@ -234,6 +234,47 @@ fn dma_reads_a_size() {
     assert_eq!(chip.read(SR) & EOT, 0);
 }
 
+/// Under one chip select. A transfer without a size has clocked on before the next one begins.
+#[test]
+fn an_answer_is_shifted_in_a_second_transfer_and_right_in_one() {
+    let (mut chip, _) = spi(0, 0);
+    select(&mut chip, true);
+    chip.write(CR1, SPE);
+    chip.soc.write(TXDR, Width::Byte, 0x90, Nanos::new(chip.now)).unwrap();
+    chip.set(CR1, CSTART, CSTART);
+    chip.wait(SR, RXP);
+    chip.write(CR1, 0);
+    // As embassy's read does it.
+    chip.write(CFG2, MASTER | 2 << 17);
+    chip.write(CR2, 2);
+    chip.write(CR1, SPE);
+    chip.set(CR1, CSTART, CSTART);
+    chip.wait(SR, EOT);
+    let answer = chip.soc.read(RXDR, Width::Byte, Nanos::new(chip.now)).unwrap();
+    assert_eq!(answer, 0x1E << 3 & 0xFF);
+    chip.write(IFCR, EOT);
+    chip.write(CR1, 0);
+    chip.write(CR2, 0);
+    chip.write(CFG2, MASTER);
+    // Its select rises, and it counts anew.
+    select(&mut chip, false);
+    assert_eq!(exchange(&mut chip, &[0x90, 0]), [0xFF, 0x1E]);
+    // With a size nothing comes behind the last frame.
+    select(&mut chip, true);
+    for byte in [0x90, 0] {
+        chip.write(CR2, 1);
+        chip.write(CR1, SPE);
+        chip.soc.write(TXDR, Width::Byte, byte, Nanos::new(chip.now)).unwrap();
+        chip.set(CR1, CSTART, CSTART);
+        chip.wait(SR, EOT);
+        let answer = chip.soc.read(RXDR, Width::Byte, Nanos::new(chip.now)).unwrap();
+        assert_eq!(answer, if byte == 0 { 0x1E } else { 0xFF });
+        chip.write(IFCR, EOT);
+        chip.write(CR1, 0);
+    }
+    assert_eq!(chip.kinds(), []);
+}
+
 #[test]
 fn an_answer_that_is_not_taken_overruns() {
     let (mut chip, _) = spi(0, 0);
@@ -261,6 +302,8 @@ fn frames_are_packed_into_words() {
     assert_eq!(chip.read(RXDR), 0x0000_1EFF);
     // Sixteen bits are one frame.
     chip.write(CR1, 0);
+    select(&mut chip, false);
+    select(&mut chip, true);
     chip.write(CFG1, 3 << 28 | 15);
     device.0.lock().unwrap().address = Some(0x90);
     chip.write(CR1, SPE);

@@ -16,12 +16,16 @@
 //! scale would be another, without a word. Chips whose clock or whose noise stands still are an
 //! error, too.
 //!
+//! Address and data are one transfer. Two under one chip select would be right by the data sheet, but an
+//! STM32H7 with `TSIZE` = 0 was seen to clock on behind the first one's last frame, and each clock shifts the
+//! chip's answer by a bit (Zephyr issue 66326, PR 66503).
+//!
 //! Where a DMA cannot read all memory, the SPI device must copy.
 
 use core::fmt;
 
 use embedded_hal_async::delay::DelayNs;
-use embedded_hal_async::spi::{Operation, SpiDevice};
+use embedded_hal_async::spi::SpiDevice;
 
 use super::{GRAVITY, Sample};
 
@@ -153,6 +157,9 @@ pub struct Counters {
     pub starts: u32,
 }
 
+/// Bytes of the longest transfer: address, a byte of nothing, and data.
+const LONGEST: usize = 2 + registers::ACC_ALL;
+
 /// Errors in a row after which the chips are set up anew.
 pub const ERRORS_BEFORE_RESTART: u8 = 3;
 /// Equal readings of the gyroscope in a row that say it is stuck. Noise moves its last digits: of a
@@ -268,11 +275,11 @@ where
         self.write(Part::Gyroscope, registers::GYRO_SOFTRESET, registers::RESET).await?;
         self.delay.delay_ms(50).await;
         // Its chip select rises: from now on it speaks SPI. What it says here means nothing.
-        self.read_accelerometer::<1>(registers::CHIP_ID).await?;
+        self.read_registers::<1>(Part::Accelerometer, registers::CHIP_ID).await?;
 
-        let [read] = self.read_accelerometer(registers::CHIP_ID).await?;
+        let [read] = self.read_registers(Part::Accelerometer, registers::CHIP_ID).await?;
         Self::identify(Part::Accelerometer, read)?;
-        let [read] = self.read_gyroscope(registers::CHIP_ID).await?;
+        let [read] = self.read_registers(Part::Gyroscope, registers::CHIP_ID).await?;
         Self::identify(Part::Gyroscope, read)?;
 
         let (accelerometer, gyroscope) = (self.config.accelerometer(), self.config.gyroscope());
@@ -288,7 +295,7 @@ where
         }
         // The gyroscope's settings are read with each sample.
 
-        self.time = self.read_accelerometer(registers::TIME).await?;
+        self.time = self.read_registers(Part::Accelerometer, registers::TIME).await?;
         self.delay.delay_ms(1).await;
         self.equal_rates = 0;
         self.errors_in_a_row = 0;
@@ -297,12 +304,14 @@ where
     }
 
     async fn sample(&mut self) -> Result<Sample, Error<A::Error>> {
-        let gyroscope: [u8; registers::GYRO_ALL] = self.read_gyroscope(registers::CHIP_ID).await?;
+        let gyroscope: [u8; registers::GYRO_ALL] =
+            self.read_registers(Part::Gyroscope, registers::CHIP_ID).await?;
         Self::identify(Part::Gyroscope, gyroscope[0])?;
         for setting in self.config.gyroscope() {
             setting.check(gyroscope[usize::from(setting.register)])?;
         }
-        let all: [u8; registers::ACC_ALL] = self.read_accelerometer(registers::CHIP_ID).await?;
+        let all: [u8; registers::ACC_ALL] =
+            self.read_registers(Part::Accelerometer, registers::CHIP_ID).await?;
         Self::identify(Part::Accelerometer, all[0])?;
         let [errors] = part(&all, registers::ERRORS);
         if errors & registers::ERROR_BITS != 0 {
@@ -335,7 +344,7 @@ where
     }
 
     async fn check_accelerometer(&mut self, pair: [Setting; 2]) -> Result<(), Error<A::Error>> {
-        let read: [u8; 2] = self.read_accelerometer(pair[0].register).await?;
+        let read: [u8; 2] = self.read_registers(Part::Accelerometer, pair[0].register).await?;
         pair[0].check(read[0])?;
         pair[1].check(read[1])
     }
@@ -349,27 +358,22 @@ where
         written.map_err(|error| Error::Spi(part, error))
     }
 
-    async fn read_accelerometer<const N: usize>(
+    async fn read_registers<const N: usize>(
         &mut self,
+        from: Part,
         register: u8,
     ) -> Result<[u8; N], Error<A::Error>> {
-        let mut bytes = [0; N];
-        // The second byte is that of which nothing comes back (6.1.2).
-        let ask = [registers::READ | register, 0];
-        let transfer = &mut [Operation::Write(&ask), Operation::Read(&mut bytes)];
-        let done = self.accelerometer.transaction(transfer).await;
-        done.map_err(|error| Error::Spi(Part::Accelerometer, error)).map(|()| bytes)
-    }
-
-    async fn read_gyroscope<const N: usize>(
-        &mut self,
-        register: u8,
-    ) -> Result<[u8; N], Error<A::Error>> {
-        let mut bytes = [0; N];
-        let ask = [registers::READ | register];
-        let transfer = &mut [Operation::Write(&ask), Operation::Read(&mut bytes)];
-        let done = self.gyroscope.transaction(transfer).await;
-        done.map_err(|error| Error::Spi(Part::Gyroscope, error)).map(|()| bytes)
+        const { assert!(N <= LONGEST - 2) };
+        let mut bytes = [0; LONGEST];
+        bytes[0] = registers::READ | register;
+        let (behind, done) = match from {
+            // The second byte is that of which nothing comes back (6.1.2).
+            Part::Accelerometer => {
+                (2, self.accelerometer.transfer_in_place(&mut bytes[..2 + N]).await)
+            }
+            Part::Gyroscope => (1, self.gyroscope.transfer_in_place(&mut bytes[..1 + N]).await),
+        };
+        done.map_err(|error| Error::Spi(from, error)).map(|()| part(&bytes, behind))
     }
 
     fn identify(part: Part, read: u8) -> Result<(), Error<A::Error>> {

@@ -4,7 +4,7 @@ use core::cell::Cell;
 use core::sync::atomic::Ordering;
 
 use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
-use embassy_futures::join::{join, join5};
+use embassy_futures::join::{join3, join5};
 use embassy_stm32::exti::{self, ExtiInput};
 use embassy_stm32::gpio::{self, Level, Pull, Speed};
 use embassy_stm32::interrupt::typelevel;
@@ -47,6 +47,9 @@ const PRIORITY: Priority = Priority::P7;
 /// For this time after the outputs are switched on a motor that has not been heard is not missing: its ESC starts.
 /// Nothing tells how long one takes; the slowest that we know of play a tune of some 2 s first.
 pub const SETTLING: Duration = Duration::from_secs(3);
+
+/// From one output to the next.
+const BETWEEN_OUTPUTS: Duration = Duration::from_millis(100);
 
 /// Longer than from one tick of a bus to the next.
 const TICKS: Duration = Duration::from_millis(2);
@@ -92,10 +95,9 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
             break;
         }
     }
-    switch_on(pins, outputs);
-    shared
-        .settled
-        .set(rc10_message::now() + Micros::new(SETTLING.as_micros()), rc10_message::now());
+    let settled = Micros::new((BETWEEN_OUTPUTS * 2 + SETTLING).as_micros());
+    shared.settled.set(rc10_message::now() + settled, rc10_message::now());
+    let switch_on = switch_on(pins, outputs);
 
     let temperature = Cell::new(None);
     let heat = async {
@@ -151,20 +153,20 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
             key.wait_for_high().await;
         }
     };
-    join(join5(tell_heading(shared, imu, &temperature), heat, lamp, measure, beep), stop).await;
+    let parts = join5(tell_heading(shared, imu, &temperature), heat, lamp, measure, beep);
+    join3(parts, stop, switch_on).await;
 }
 
-/// Switches these outputs on, for good.
-fn switch_on((first, second, five_volts): OutputPins, outputs: &[Output]) {
+/// Switches these outputs on, for good, one after the other: behind each are the capacitors of its ESCs, which charge
+/// at once, and the chip has the same supply.
+async fn switch_on((first, second, five_volts): OutputPins, outputs: &[Output]) {
     let level = |output| Level::from(outputs.contains(&output));
-    // PC13 to PC15 drive little, and slowly (data sheet: 3 mA, 2 MHz).
-    let pins = [
-        gpio::Output::new(first, level(Output::First), Speed::Low),
-        gpio::Output::new(second, level(Output::Second), Speed::Low),
-        gpio::Output::new(five_volts, level(Output::FiveVolts), Speed::Low),
-    ];
-    // Dropped, they would be inputs again.
-    core::mem::forget(pins);
+    // PC13 to PC15 drive little, and slowly (data sheet: 3 mA, 2 MHz). Dropped, they would be inputs again.
+    core::mem::forget(gpio::Output::new(five_volts, level(Output::FiveVolts), Speed::Low));
+    Timer::after(BETWEEN_OUTPUTS).await;
+    core::mem::forget(gpio::Output::new(first, level(Output::First), Speed::Low));
+    Timer::after(BETWEEN_OUTPUTS).await;
+    core::mem::forget(gpio::Output::new(second, level(Output::Second), Speed::Low));
 }
 
 /// Reads the IMU, and tells the heading; keeps the temperature of its die and when that was read.

@@ -338,10 +338,21 @@ impl Controller {
     }
 
     /// For the crash handler: whether every coast frame was sent and acknowledged, or there are
-    /// none.
+    /// none. One that neither waits nor was sent is requested again: it was being cancelled when it was
+    /// requested, and then a request is not taken.
     pub(crate) fn coast_image_sent(self) -> bool {
         let coast = self.coast();
-        coast == 0 || self.registers.txbto().read().0 & coast == coast
+        if coast == 0 {
+            return true;
+        }
+        // Looked at first: what ends in between is sent.
+        let waits = self.pending();
+        let sent = self.registers.txbto().read().0;
+        let lost = coast & !(waits | sent);
+        if lost != 0 {
+            self.request(lost);
+        }
+        sent & coast == coast
     }
 }
 

@@ -21,8 +21,8 @@ const HIGHEST: u32 = 50_000_000;
 /// setting (RM0468, `RCC_PLLCFGR`, PLL1RGE).
 const INPUT: core::ops::Range<u32> = 4_000_000..8_000_000;
 
-/// A crystal that differs by more, in thousandths, is another one. HSI, which measures it, is itself within 10
-/// (data sheet, 0 to 85 °C); crystals of 24 and 25 MHz are 40 apart.
+/// A crystal that differs by more, in thousandths, is another one. HSI, which measures it, is itself within 15
+/// (data sheet, -20 to 105 °C), so the right one is never refused; crystals of 24 and 25 MHz are 40 apart.
 const APART: u32 = 25;
 
 impl Crystal {
@@ -64,6 +64,14 @@ impl Crystal {
         measured.abs_diff(self.hz) > self.hz / 1000 * APART
     }
 
+    /// PLL1's multiplier of HSI / 10, in 8192ths, that makes 480 MHz of a HSI by which this crystal measures `measured`:
+    /// one that is fast sees a slow crystal.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "within 2.5 % of the exact one")]
+    pub const fn hsi_multiplier(self, measured: u32) -> u32 {
+        (HSI_MULTIPLIER as u64 * measured as u64 / self.hz as u64) as u32
+    }
+
     /// The bit rate of a bus whose bits are counted in this crystal's clock, where 1 Mbit/s was meant, and another
     /// crystal is in its place: bits a second.
     #[must_use]
@@ -72,6 +80,24 @@ impl Crystal {
         // Both are crystals: 4 to 50 MHz, one measured within 2 %.
         (measured as u64 * 1_000_000 / self.hz as u64) as u32
     }
+}
+
+/// PLL1's multiplier of an exact HSI / 10, in 8192ths, as `RCC_PLL1FRACR` counts.
+pub(super) const HSI_MULTIPLIER: u32 = 75 * FRACTION;
+const FRACTION: u32 = 8192;
+
+/// How much too fast HSI is, for which this multiplier is right: hundredths of a per cent, to the nearest.
+#[expect(clippy::cast_possible_wrap, reason = "within 3 % of 614,400")]
+pub(super) const fn hsi_deviation(multiplier: u32) -> i32 {
+    let of = multiplier as i32;
+    let off = (HSI_MULTIPLIER as i32 - of) * 10_000;
+    (off + if off < 0 { -of / 2 } else { of / 2 }) / of
+}
+
+/// A multiplier's whole part, and its fraction.
+#[expect(clippy::cast_possible_truncation, reason = "77 and 8191 at most")]
+pub(super) const fn parts(multiplier: u32) -> [u16; 2] {
+    [(multiplier / FRACTION) as u16, (multiplier % FRACTION) as u16]
 }
 
 /// By which `RCC_CFGR.RTCPRE` divides any crystal for the measurement: the most, which makes less than 1 MHz of 50, as
@@ -88,7 +114,7 @@ pub(super) const fn frequency(captures: u32, ticks: u32) -> Option<u32> {
         return None;
     }
     let hz = HSI as u64 * captures as u64 * EIGHTH * DIVIDER as u64 / ticks as u64;
-    // HSI is within 1 %, so a real crystal of 50 MHz is seen at 50.5 at most.
+    // HSI is within 1.5 %, so a real crystal of 50 MHz is seen at 50.8 at most.
     if hz < LOWEST as u64 * 98 / 100 || hz > HIGHEST as u64 * 102 / 100 {
         None
     } else {
