@@ -49,6 +49,8 @@ mod remote;
 mod selftest;
 #[path = "firmware/swerve.rs"]
 mod swerve_robot;
+#[path = "firmware/unread.rs"]
+mod unread;
 #[path = "firmware/wires.rs"]
 mod wires;
 
