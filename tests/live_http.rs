@@ -244,6 +244,39 @@ fn damaged_requests_do_no_harm() {
     page.stops();
 }
 
+/// A change reaches the robot as it was typed, and what it would do is said before.
+#[test]
+fn a_gain_from_the_page_is_the_one_that_the_robot_has() {
+    let page = Page::start();
+    let wish = |what: Value| {
+        let (status, body) = http(page.port, "POST", "/wish", JSON, &what.to_string());
+        (status, serde_json::from_str::<Value>(&body).unwrap())
+    };
+    let value = || {
+        let (_, state) = http(page.port, "GET", "/state", "", "");
+        let state: Value = serde_json::from_str(&state).unwrap();
+        let known = state["parameters"].as_array().unwrap().clone();
+        let gain = known.into_iter().find(|it| it["full"] == "wheel_front_left.speed_kp");
+        gain.and_then(|it| it["value"].as_f64())
+    };
+    let before = (0..400).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(50));
+        value()
+    });
+    let gain = before.expect("the robot tells its parameters") * 0.5;
+    let change = json!(["wheel_front_left.speed_kp", gain]);
+    assert_eq!(wish(json!({ "advise": change })), (200, json!({ "ok": null })));
+    assert_eq!(wish(json!({ "set": [change] })).0, 200);
+    let now = (0..400).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(50));
+        value().filter(|now| (now - gain).abs() < 1e-6)
+    });
+    assert!(now.is_some(), "{gain} was asked for, it has {:?}", value());
+    let (status, advice) = wish(json!({ "advise": ["wheel_front_left.speed_kp", gain * 15.0] }));
+    let text = advice["ok"].as_str().unwrap_or_default();
+    assert!(status == 200 && text.contains("gain margin of its speed loop"), "{advice}");
+}
+
 /// A robot behind a serial server: it takes what comes, and says nothing. The stops that it heard.
 fn mute(listener: &TcpListener, count: usize) -> usize {
     let (mut stream, _) = listener.accept().unwrap();

@@ -34,6 +34,8 @@ fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
         assert!(rig.is_enabled(), "{control:?}");
         rig.bench.hold(rig.motor, target, 100).unwrap();
         assert!(rig.esc.state().output_rpm > 20.0, "{control:?}");
+        let is_ours = matches!(control, Control::Mit(_));
+        assert_eq!(rig.status().feedback.effort().is_some(), is_ours, "{control:?}");
         rig.switch.disarm();
         rig.bench.wait(2);
         assert!(!rig.is_enabled(), "{control:?}");
