@@ -134,7 +134,7 @@ fn a_record_outlives_a_pulled_cable() {
     let _robot = plug_in(&link);
     let begin = Instant::now();
     let back = said.find(|line| line.as_ref().unwrap().contains("the robot is back"));
-    assert!(back.is_some() && begin.elapsed() < Duration::from_secs(20));
+    assert!(back.is_some() && begin.elapsed() < Duration::from_secs(600));
     std::thread::sleep(Duration::from_millis(1500));
     let _ = Command::new("kill").arg(recorder.id().to_string()).status();
     let output = recorder.wait_with_output().unwrap();
@@ -236,7 +236,7 @@ fn a_full_disk_leaves_what_was_recorded() {
             if state.contains(what) {
                 return state;
             }
-            assert!(begin.elapsed() < Duration::from_secs(120), "{what}: {state}");
+            assert!(begin.elapsed() < Duration::from_secs(600), "{what}: {state}");
             std::thread::sleep(Duration::from_millis(100));
         }
     };
@@ -268,7 +268,7 @@ fn a_killed_program_leaves_its_record() {
     let mut recorder = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let begin = Instant::now();
     while !fs::metadata(&record).is_ok_and(|file| file.len() > 600_000) {
-        assert!(begin.elapsed() < Duration::from_secs(120), "it does not grow");
+        assert!(begin.elapsed() < Duration::from_secs(600), "it does not grow");
         std::thread::sleep(Duration::from_millis(20));
     }
     recorder.kill().unwrap();
@@ -315,7 +315,7 @@ fn other_viewers_get_what_their_documents_say() {
     let _robot = plug_in(&link);
     let socket = || {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-        socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        socket.set_read_timeout(Some(Duration::from_secs(600))).unwrap();
         socket
     };
     let (juggler, vofa) = (socket(), socket());
@@ -356,11 +356,11 @@ fn other_viewers_get_what_their_documents_say() {
     let mut reader = loop {
         match TcpStream::connect(free) {
             Ok(reader) => break reader,
-            Err(error) => assert!(begin.elapsed() < Duration::from_secs(20), "{error}"),
+            Err(error) => assert!(begin.elapsed() < Duration::from_secs(600), "{error}"),
         }
         std::thread::sleep(Duration::from_millis(50));
     };
-    reader.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    reader.set_read_timeout(Some(Duration::from_secs(600))).unwrap();
     let mut bytes = [0; 12 * 50];
     reader.read_exact(&mut bytes).unwrap();
     bytes.chunks(12).for_each(|frame| assert_eq!(just_float(frame).len(), 2));

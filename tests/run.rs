@@ -289,6 +289,38 @@ fn run_does_the_faults_of_wires() {
     assert_eq!(figures["motors"][6]["lost"], 0);
 }
 
+/// A part on a UART: out, damaged, without power. The motors do not notice, and the verdict excuses it.
+#[test]
+fn faults_of_parts_have_their_effects_and_no_others() {
+    use rc10_cli::figures::Figures;
+    use rc10_cli::{simulate::simulate, team};
+    let run = |fault: &str| {
+        let ports = rc10_robot::Ports::new();
+        let io = &rc10_robot::Shared::new(&ports);
+        let mut motors = rc10_robot::Motors::new();
+        let mut robot = team::robot(io, motors.start(&io.switch).unwrap().buses);
+        let faults = [fault.parse().unwrap()];
+        robot.set_faults(&faults).unwrap();
+        let mut recording = simulate(robot, 1, rc10_can::Micros::from_millis(3000)).unwrap();
+        recording.faults = faults.into();
+        let found = Figures::of(&recording).any_problems();
+        let heading = recording.signals.iter().find(|it| it.label == "heading").unwrap().last;
+        (recording.parts[0].heard, heading, found)
+    };
+    let (whole, heading, found) = run("noise:1@2.9s");
+    assert!(whole.port_errors == 0 && heading.is_some() && !found);
+    for fault in ["cut:IMU@2s", "power:imu@2s..2.5s"] {
+        let (heard, heading, found) = run(fault);
+        // Without the IMU there is no heading; after a gap not before it is armed anew.
+        assert!(heading.is_none() && !found, "{fault}");
+        let part = if fault.starts_with("cut") { 0.667 } else { 0.833 };
+        let share = f64::from(heard.frames) / f64::from(whole.frames);
+        assert!((share - part).abs() < 0.02, "{fault}: {share}");
+    }
+    let (heard, heading, found) = run("noise:IMU@2s");
+    assert!(heard.port_errors == 1 && heading.is_some() && !found, "{heard:?}");
+}
+
 #[test]
 fn wrong_arguments_end_with_2_and_a_reason() {
     let folder = Scratch::new("a_file");
@@ -325,6 +357,12 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--fault", "mask@1s..2s"], "rc10 emu does it"),
         (&["run", "--fault", "cut:4@1s"], "`cut` needs a bus, 1 to 3"),
         (&["run", "--fault", "cut:L1@1s"], "cut:L1: there is no such line; it has no line"),
+        (
+            &["run", "--fault", "cut:wall@1s"],
+            "cut:wall: there is no part on a UART `wall`; there are: IMU",
+        ),
+        (&["run", "--fault", "torn:feeder@1s"], "there is no contact `feeder`; there are: none"),
+        (&["run", "--fault", "stuck@1s"], "`stuck` needs the label of a motor: stuck:feeder"),
         (&["run", "--out", file], "cannot make the folder"),
         (&["run", "--out", &below], "cannot make the folder"),
         (&["fly"], "fly"),

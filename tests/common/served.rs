@@ -29,7 +29,7 @@ pub fn start(command: &mut Command, awaited: &str) -> (Started, String) {
 /// One request, and the body of its answer with its status.
 pub fn http(port: u16, method: &str, path: &str, headers: &str, body: &str) -> (u16, String) {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(600))).unwrap();
     let length = body.len();
     // At once: a server has little patience with a request that comes in pieces.
     let request = format!(

@@ -188,7 +188,7 @@ pub(super) fn fed(looks: u32) {
     }
 }
 
-/// The supervisor has looked; whether the watchdog is about to bite. PendSV has its priority and follows it at once,
+/// The supervisor has looked; whether the watchdog is about to bite. `PendSV` has its priority and follows it at once,
 /// so what that has interrupted is what the supervisor has: its frame is where the stack begins.
 pub(super) fn supervised() -> bool {
     match LEFT.load(Ordering::Relaxed) {

@@ -209,3 +209,31 @@ fn an_input_that_cannot_be_read_is_an_open_contact() {
     let turned = around.motors[Name::Feeder.index()].state().load_degrees;
     assert!(turned < -360.0, "{turned}");
 }
+
+/// Contacts with a defect, as a run injects them: one that bounces is no trouble, of the others the run
+/// says why the feeder gave up.
+#[test]
+fn a_contact_with_a_defect_is_named() {
+    use rc10_cli::simulate::simulate;
+    use rc10_motor::rc10_app::mechanism::Stage;
+    for (fault, wanted) in [
+        ("bounces:feeder@0s", Stage::Ready),
+        ("torn:feeder@0s", Stage::NotTouched),
+        ("stuck:feeder@0s", Stage::NeverOpened),
+    ] {
+        let ports = Ports::new();
+        let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+        let mut robot = simulation::robot(&shared, &mut motors).unwrap();
+        robot.set_faults(&[fault.parse().unwrap()]).unwrap();
+        let recording = simulate(robot, 1, Micros::from_millis(10_000)).unwrap();
+        let told = recording.signals.iter().find(|it| it.label == "feeder").unwrap().last;
+        assert_eq!(told, Some(f64::from(wanted as u8)), "{fault}");
+        // The fault is not told to the verdict here: it is as if the contact were so.
+        let found = rc10_cli::problems::problems(&recording);
+        let gave_up = found.iter().find(|it| it.kind == "gave-up").map(ToString::to_string);
+        assert_eq!(gave_up.is_some(), wanted.gave_up(), "{fault}: {gave_up:?}");
+        if let Some(text) = gave_up {
+            assert!(text.contains("feeder: gave up at") && text.contains(wanted.name()), "{text}");
+        }
+    }
+}
