@@ -8,8 +8,6 @@ mod arming;
 mod status_led;
 #[path = "remote/world_axes.rs"]
 mod world_axes;
-#[path = "remote/wraps.rs"]
-mod wraps;
 
 use rc10_app::Twist;
 use rc10_can::Micros;
@@ -47,24 +45,13 @@ fn scene_with<T>(
     change: impl FnOnce(&mut Environment),
     play: impl FnOnce(Scene<'_>) -> T,
 ) -> T {
-    scene_at(Micros::ZERO, receiver, seed, change, play)
-}
-
-/// The same, of a robot that is switched on at this time of the world.
-fn scene_at<T>(
-    start: Micros,
-    receiver: Receiver,
-    seed: u64,
-    change: impl FnOnce(&mut Environment),
-    play: impl FnOnce(Scene<'_>) -> T,
-) -> T {
     let ports = rc10_robot::Ports::new();
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
     let buses = motors.start(&shared.switch).unwrap().buses;
     let mut robot = team::robot(shared, buses);
     robot.set_remote(receiver).unwrap();
-    let mut around = Environment::begun_at(robot.description(), seed, start).unwrap();
+    let mut around = Environment::new(robot.description(), seed).unwrap();
     around.operator = None;
     change(&mut around);
     let tasks = robot.tasks(&around).unwrap();

@@ -61,16 +61,7 @@ impl Environment {
     /// does not have; if the wheels of the base are not as many motors, one each; or if a contact is on
     /// no motor, or would never be closed or never open.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
-        Self::begun_at(description, seed, Micros::ZERO)
-    }
-
-    /// The same, at a later time of the world.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn begun_at(description: &Description, seed: u64, start: Micros) -> Result<Self> {
         let mut world = World::new(seed);
-        world.advance(start);
         let wires: Vec<_> =
             (0..description.buses).map(|_| world.add_bus(BusConfig::default())).collect();
         let lines: Vec<_> =
