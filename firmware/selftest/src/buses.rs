@@ -36,7 +36,7 @@ pub async fn spi(parts: SpiParts) -> Outcome {
         Irqs,
         config,
     );
-    let mut bus = DmaSpi::new(bus, dma_buffer!(u8; 16));
+    let mut bus = DmaSpi::new(bus, dma_buffer!(u8; 20));
     let mut accelerometer = Output::new(parts.accelerometer, Level::High, Speed::Medium);
     let mut gyroscope = Output::new(parts.gyroscope, Level::High, Speed::Medium);
     // The first transaction switches the accelerometer from I2C to SPI. One byte more than the
@@ -51,7 +51,7 @@ pub async fn spi(parts: SpiParts) -> Outcome {
     want!(bytes[2] == ACCELEROMETER_ID, "the accelerometer says {:#04x}", bytes[2]);
     let mut read = [0; 20];
     gyroscope.set_low();
-    // Longer than the buffer, and longer than the written text.
+    // Longer than the written text: one transfer all the same.
     let transferred = bus.transfer(&mut read, &[CHIP_ID]).await;
     gyroscope.set_high();
     want!(transferred.is_ok(), "the second transfer failed");

@@ -52,19 +52,21 @@ impl<B: SpiBus, const N: usize> SpiBus for DmaSpi<B, N> {
         Ok(())
     }
 
+    /// Zeros follow where `write` is the shorter one: in the same transfer, as the chip may clock on behind one.
     async fn transfer(&mut self, read: &mut [u8], write: &[u8]) -> Result<(), B::Error> {
-        // What both have; then what only one of them has.
-        let common = read.len().min(write.len());
-        let (read, read_alone) = read.split_at_mut(common);
-        let (write, write_alone) = write.split_at(common);
-        for (read, write) in read.chunks_mut(N).zip(write.chunks(N)) {
-            let memory = &mut self.memory[..write.len()];
-            memory.copy_from_slice(write);
+        let length = read.len().max(write.len());
+        for start in (0..length).step_by(N) {
+            let memory = &mut self.memory[..N.min(length - start)];
+            memory.fill(0);
+            for (own, sent) in memory.iter_mut().zip(write.iter().skip(start)) {
+                *own = *sent;
+            }
             self.bus.transfer_in_place(memory).await?;
-            read.copy_from_slice(memory);
+            for (received, own) in read.iter_mut().skip(start).zip(&*memory) {
+                *received = *own;
+            }
         }
-        self.read(read_alone).await?;
-        self.write(write_alone).await
+        Ok(())
     }
 
     async fn transfer_in_place(&mut self, words: &mut [u8]) -> Result<(), B::Error> {
