@@ -62,15 +62,8 @@ const fn unweighted(pid: &PidConfig) -> Result<(), ConfigError> {
 /// 1 rpm in degrees a second.
 const DEGREES_PER_SECOND: f32 = 6.0;
 
-/// Out of line: most ticks come after a reference has arrived.
-#[cold]
-const fn nearer(reference: f32, gap: f32, step: f32) -> f32 {
-    reference + step.copysign(gap)
-}
-
 /// The speed from which the acceleration limit just brakes until there is no way left to go, if
 /// that is less than what the angle loop asked for.
-#[inline(never)]
 fn brake_in_time(config: &Cascade, way: f32, asked: f32) -> f32 {
     let (kp, steepest) = (config.angle.kp, config.acceleration.get());
     if kp <= 0.0 {
@@ -111,13 +104,9 @@ pub struct CascadeState {
     last_speed: f32,
     /// Seconds for which the effort may only change slowly yet, because driving has just begun.
     soft_time_left: f32,
-    /// The active part in the last step; [`Active::Nothing`] also during a soft start, so that the
-    /// usual case has one thing to compare.
+    /// The loops that ran in the last step.
     active: Active,
-    /// The active part during a soft start.
-    starting: Active,
-    /// Ticks until the angle loop runs again; zero also if no angle is sought, and during a soft
-    /// start.
+    /// Ticks until the angle loop runs again; zero also if no angle is sought, and during a soft start.
     ticks_left: u8,
 }
 
@@ -179,7 +168,6 @@ impl CascadeState {
             last_speed: 0.0,
             soft_time_left: 0.0,
             active: Active::Nothing,
-            starting: Active::Nothing,
             ticks_left: 0,
         }
     }
@@ -196,30 +184,26 @@ impl CascadeState {
     }
 
     /// No effort; what drives next starts afresh.
-    #[inline]
     pub fn rest(&mut self) {
         // No effort may be left: it is looked at itself, not only what gave it.
-        let drives = self.active != Active::Nothing || self.starting != Active::Nothing;
-        if drives || self.effort().to_bits() != 0 {
-            self.reset();
+        if self.active != Active::Nothing || self.effort().to_bits() != 0 {
+            *self = Self::new();
         }
     }
 
-    #[cold]
-    #[inline(never)]
-    const fn reset(&mut self) {
-        *self = Self::new();
+    /// Whether driving has just begun.
+    fn is_soft(&self) -> bool {
+        self.soft_time_left > 0.0
     }
 
     /// Forgets what the loops have gathered; the effort that flows now is left softly. For a stop:
     /// pushing against an obstacle must not go on. With `keep_load`, what a loop has gathered to
     /// carry a load stays.
     pub fn start_over(&mut self, keep_load: bool) {
-        let before = if self.active == Active::Nothing { self.starting } else { self.active };
         self.ticks_left = 0;
-        if !keep_load || before == Active::Effort {
-            self.learned = 0.0;
-            (self.active, self.starting) = (Active::Nothing, Active::Nothing);
+        if !keep_load || self.active == Active::Effort {
+            (self.learned, self.soft_time_left) = (0.0, 0.0);
+            self.active = Active::Nothing;
         }
     }
 
@@ -234,115 +218,28 @@ impl CascadeState {
         if config.angle.ki <= 0.0 {
             self.angle.drop_integral();
         }
-        if matches!(self.active, Active::Speed | Active::Angle | Active::Motion) {
-            (self.active, self.starting) = (Active::Nothing, self.active);
-            self.ticks_left = 0;
-        }
-        if self.starting != Active::Nothing {
+        if self.is_soft() || !matches!(self.active, Active::Nothing | Active::Effort) {
             self.soft_time_left = SOFT_TIME;
+            self.ticks_left = 0;
         }
     }
 
     /// Gives this effort, without any loop. `full` is the full scale of the effort; a loop's own
     /// output limit must not be above it.
-    #[inline(never)]
     pub fn give(&mut self, effort: f32, full: f32, dt: Seconds) {
-        let effort = within(effort, full);
-        if self.active == Active::Effort {
-            self.speed.preset(effort);
-        } else {
-            let last = self.effort();
-            let goes_on = self.enter(Active::Effort, 0.0);
-            self.speed.preset(effort);
-            if !goes_on {
-                self.soften(last, full, dt);
-            }
+        let last = self.effort();
+        if self.active != Active::Effort {
+            self.enter(Active::Effort, 0.0);
         }
-    }
-
-    /// One step towards a speed. `target` and `measured` in rpm. Its feed-forward is that of the speed
-    /// alone: [`seek`](Self::seek) has all of it.
-    #[inline]
-    pub fn seek_speed(
-        &mut self,
-        config: &Cascade,
-        target: f32,
-        measured: f32,
-        full: f32,
-        dt: Seconds,
-    ) {
-        if self.active == Active::Speed {
-            self.speed_loop(config, target, measured, dt);
-        } else {
-            self.start_speed(config, target, measured, full, dt);
+        self.speed.preset(within(effort, full));
+        if self.is_soft() {
+            self.soften(last, full, dt);
         }
-    }
-
-    /// One step towards the angle sought so far, if it is not the angle loop's turn; else `false`,
-    /// and [`seek_angle`](Self::seek_angle) is to be called, with the way that is left.
-    #[inline]
-    pub fn keep_seeking_angle(&mut self, config: &Cascade, measured: f32, dt: Seconds) -> bool {
-        // Above zero only while an angle is sought.
-        let goes_on = self.ticks_left > 0;
-        if goes_on {
-            self.ticks_left -= 1;
-            self.speed_loop(config, self.asked, measured, dt);
-        }
-        goes_on
-    }
-
-    /// One step towards an angle that is `way` degrees away. `measured` in rpm. `count` counts ticks:
-    /// the angle loop runs where it is a multiple of the divider, so that cascades with other
-    /// counts take other ticks. Its feed-forward is that of the speed alone.
-    #[inline]
-    pub fn seek_angle(
-        &mut self,
-        config: &Cascade,
-        way: f32,
-        measured: f32,
-        full: f32,
-        dt: Seconds,
-        count: u32,
-    ) {
-        if self.active == Active::Angle {
-            self.angle_loop(config, way, measured, config.ticks_to_next(count), dt);
-        } else {
-            self.start_angle(config, way, measured, full, dt, count);
-        }
-    }
-
-    /// Out of line, and with nothing that goes over the stack: in the usual tick nothing starts.
-    #[cold]
-    #[inline(never)]
-    fn start_speed(
-        &mut self,
-        config: &Cascade,
-        target: f32,
-        measured: f32,
-        full: f32,
-        dt: Seconds,
-    ) {
-        self.seek(config, &Seek::Speed(target), &Step { measured, load: 0.0, full, dt, count: 0 });
-    }
-
-    /// As [`start_speed`](Self::start_speed).
-    #[cold]
-    #[inline(never)]
-    fn start_angle(
-        &mut self,
-        config: &Cascade,
-        way: f32,
-        measured: f32,
-        full: f32,
-        dt: Seconds,
-        count: u32,
-    ) {
-        self.seek(config, &Seek::Angle(way), &Step { measured, load: 0.0, full, dt, count });
     }
 
     /// One step towards anything, with the whole feed-forward. What did not drive before starts
     /// softly.
-    #[inline(never)]
+    #[inline(always)]
     pub fn seek(&mut self, config: &Cascade, seek: &Seek, step: &Step) {
         let &Step { measured, load, full, dt, count } = step;
         let last = self.effort();
@@ -351,33 +248,32 @@ impl CascadeState {
             Seek::Angle(_) => Active::Angle,
             Seek::Motion { .. } => Active::Motion,
         };
-        let goes_on = self.active == next || self.enter(next, measured);
-        let (ramps, acceleration, inertia) = match *seek {
-            Seek::Speed(target) => {
-                let ramped = self.approach(config, target, dt);
-                (ramped != 0.0, ramped, 0.0)
-            }
+        if next != self.active {
+            self.enter(next, measured);
+        }
+        let (target, acceleration, inertia) = match *seek {
+            Seek::Speed(target) => (target, 0.0, 0.0),
             Seek::Angle(way) => {
                 // During a soft start it runs in every tick.
                 if self.ticks_left > 0 {
                     self.ticks_left -= 1;
                 } else {
-                    let ticks = if goes_on { config.ticks_to_next(count) } else { 1 };
-                    let _ = self.ask(config, way, measured, ticks, dt);
+                    let ticks = if self.is_soft() { 1 } else { config.ticks_to_next(count) };
+                    self.asked = self.ask(config, way, measured, ticks, dt);
                 }
-                let ramped = self.approach(config, self.asked, dt);
-                (ramped != 0.0, ramped, 0.0)
+                (self.asked, 0.0, 0.0)
             }
             Seek::Motion { way, speed, acceleration, inertia } => {
                 // By how much the shaft moves otherwise than the motion.
                 let aside = measured - speed;
                 let asked = way.map_or(0.0, |way| self.ask(config, way, aside, 1, dt));
-                // What is far away is approached as gently as any other angle.
-                let ramped = self.approach(config, speed + asked, dt);
-                let ramps = ramped != 0.0;
-                (ramps, if ramps { ramped } else { acceleration }, inertia)
+                (speed + asked, acceleration, inertia)
             }
         };
+        // What is far away is approached as gently in a motion as any other angle.
+        let ramped = self.approach(config, target, dt);
+        let ramps = ramped != 0.0;
+        let acceleration = if ramps { ramped } else { acceleration };
         let by_inertia = config.feed_forward.acceleration * acceleration + inertia;
         let tells = by_inertia.abs() > LEAST_LOAD * full;
         if tells {
@@ -385,10 +281,10 @@ impl CascadeState {
         }
         // The lag behind a reference that is ramped is no load; what an acceleration leaves is learned.
         let integrate = !ramps && !tells;
-        let of_speed = config.feed_forward.of_motion(self.reference, 0.0);
+        let of_speed = config.feed_forward.at_speed(self.reference);
         let feed_forward = of_speed + by_inertia * (1.0 + self.learned) + load;
-        self.follow(config, measured, feed_forward, integrate, dt);
-        if !goes_on {
+        self.speed_loop(config, measured, feed_forward, integrate, dt);
+        if self.is_soft() {
             self.soften(last, full, dt);
         }
     }
@@ -398,7 +294,7 @@ impl CascadeState {
     /// nothing is left that would overshoot when the acceleration ends.
     fn learn(&mut self, config: &Cascade, by_inertia: f32, measured: f32, full: f32, dt: Seconds) {
         // A start is soft: what lags then is no load.
-        if self.soft_time_left > 0.0 && self.active == Active::Nothing {
+        if self.is_soft() {
             return;
         }
         // A small acceleration tells less.
@@ -421,7 +317,7 @@ impl CascadeState {
         let most = config.acceleration.get();
         let (gap, step) = (target - self.reference, most * dt.get());
         if gap.abs() > step {
-            self.reference = nearer(self.reference, gap, step);
+            self.reference += step.copysign(gap);
             most.copysign(gap)
         } else {
             self.reference = target;
@@ -429,16 +325,8 @@ impl CascadeState {
         }
     }
 
-    /// Both loops, the angle loop every `ticks` ticks of `dt`. The derivative of an angle is the
-    /// speed: a new angle to seek is none.
-    #[inline]
-    fn angle_loop(&mut self, config: &Cascade, way: f32, measured: f32, ticks: u8, dt: Seconds) {
-        let asked = self.ask(config, way, measured, ticks, dt);
-        self.speed_loop(config, asked, measured, dt);
-    }
-
-    /// The angle loop asks for a speed.
-    #[inline]
+    /// The speed that the angle loop asks for. The derivative of an angle is the speed: another angle to seek
+    /// changes nothing in it.
     fn ask(&mut self, config: &Cascade, way: f32, measured: f32, ticks: u8, dt: Seconds) -> f32 {
         self.ticks_left = ticks - 1;
         let input = PidInput { error: way, feed_forward: 0.0, integrate: true };
@@ -446,36 +334,15 @@ impl CascadeState {
         let turned = || measured * DEGREES_PER_SECOND * since.get();
         let asked = self.angle.update_error(&config.angle, input, turned, since);
         let steepest = config.acceleration.get();
-        let asked = if asked.abs() * DEGREES_PER_SECOND * config.angle.kp <= steepest {
+        if asked.abs() * DEGREES_PER_SECOND * config.angle.kp <= steepest {
             asked
         } else {
             brake_in_time(config, way, asked)
-        };
-        self.asked = asked;
-        asked
-    }
-
-    #[inline(always)]
-    fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, dt: Seconds) {
-        let step = config.acceleration.get() * dt.get();
-        let gap = target - self.reference;
-        if gap.abs() > step {
-            return self.ramp(config, gap, step, measured, dt);
         }
-        self.reference = target;
-        self.follow(config, measured, config.feed_forward.speed * target, true, dt);
-    }
-
-    /// The speed loop while its reference is on the way to the target.
-    #[inline(never)]
-    fn ramp(&mut self, config: &Cascade, gap: f32, step: f32, measured: f32, dt: Seconds) {
-        self.reference = nearer(self.reference, gap, step);
-        // The lag behind a moving reference is no load: integrating it would overshoot.
-        self.follow(config, measured, config.feed_forward.speed * self.reference, false, dt);
     }
 
     #[inline(always)]
-    fn follow(
+    fn speed_loop(
         &mut self,
         config: &Cascade,
         measured: f32,
@@ -492,7 +359,6 @@ impl CascadeState {
 
     /// Driving has just begun: the effort may not move far from what it was.
     #[cold]
-    #[inline(never)]
     fn soften(&mut self, last: f32, full: f32, dt: Seconds) {
         // A step back in time is no step.
         let most = SOFT_SLOPE * full * dt.get().max(0.0);
@@ -500,35 +366,25 @@ impl CascadeState {
         let step = within(self.effort() - last, most);
         self.speed.override_output(within(last + step, full));
         self.soft_time_left -= dt.get();
-        if self.soft_time_left <= 0.0 {
-            (self.active, self.starting) = (self.starting, Active::Nothing);
-        }
     }
 
-    /// Takes over from whatever drove before. Whether driving simply goes on; if not, it starts
-    /// softly.
+    /// Takes over from whatever drove before: softly, if nothing did.
     #[cold]
-    #[inline(never)]
-    fn enter(&mut self, next: Active, measured: f32) -> bool {
-        let before = if self.active == Active::Nothing { self.starting } else { self.active };
+    fn enter(&mut self, next: Active, measured: f32) {
+        let before = core::mem::replace(&mut self.active, next);
         if before == Active::Nothing {
             self.soft_time_left = SOFT_TIME;
         }
         // From speed to angle or back the speed loop simply goes on; else it starts at the
         // measured speed, with the effort that was asked for.
-        if matches!(before, Active::Nothing | Active::Effort) && next != before {
+        if matches!(before, Active::Nothing | Active::Effort) {
             self.speed.preset(if before == Active::Effort { self.effort() } else { 0.0 });
             self.reference = measured;
             self.last_speed = measured;
             self.learned = 0.0;
         }
-        if next != before {
-            self.angle = PidState::new();
-            self.ticks_left = 0;
-        }
-        let goes_on = self.active != Active::Nothing;
-        *(if goes_on { &mut self.active } else { &mut self.starting }) = next;
-        goes_on
+        self.angle = PidState::new();
+        self.ticks_left = 0;
     }
 }
 
@@ -545,11 +401,15 @@ mod tests {
         feed_forward: FeedForward::NONE,
     };
 
+    fn step(measured: f32) -> Step {
+        Step { measured, load: 0.0, full: 20.0, dt: MS, count: 0 }
+    }
+
     #[test]
     fn the_speed_reference_starts_at_the_measured_speed_and_moves_at_the_acceleration() {
         let mut state = CascadeState::new();
         for tick in 1..=100_u8 {
-            state.seek_speed(&CONFIG, 400.0, 50.0, 20.0, MS);
+            state.seek(&CONFIG, &Seek::Speed(400.0), &step(50.0));
             assert!((state.reference() - 50.0 - f32::from(tick)).abs() < 1e-3);
         }
     }
@@ -575,29 +435,12 @@ mod tests {
         for _ in 0..100 {
             state.give(5.0, 20.0, MS);
         }
-        state.seek_speed(&CONFIG, 100.0, 100.0, 20.0, MS);
+        state.seek(&CONFIG, &Seek::Speed(100.0), &step(100.0));
         assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
-        state.seek_angle(&CONFIG, 100.0 / 1.3, 100.0, 20.0, MS, 0);
+        state.seek(&CONFIG, &Seek::Angle(100.0 / 1.3), &step(100.0));
         assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
-        state.seek_speed(&CONFIG, 100.0, 100.0, 20.0, MS);
+        state.seek(&CONFIG, &Seek::Speed(100.0), &step(100.0));
         assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
-    }
-
-    #[test]
-    fn the_angle_loop_runs_every_tenth_tick() {
-        let mut state = CascadeState::new();
-        for _ in 0..30 {
-            state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS, 0);
-        }
-        let mut between = 0;
-        while state.keep_seeking_angle(&CONFIG, 0.0, MS) {
-            between += 1;
-        }
-        assert_eq!(between, 9);
-        // Leaving the angle ends that at once.
-        state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS, 0);
-        state.seek_speed(&CONFIG, 0.0, 0.0, 20.0, MS);
-        assert!(!state.keep_seeking_angle(&CONFIG, 0.0, MS));
     }
 
     #[test]
@@ -619,8 +462,7 @@ mod tests {
             worst = worst.max((angle - degrees).abs());
             let seek =
                 Seek::Motion { way: Some(angle - degrees), speed, acceleration, inertia: 0.0 };
-            let step = Step { measured: rpm, load: 0.0, full: 20.0, dt: MS, count: 0 };
-            state.seek(config, &seek, &step);
+            state.seek(config, &seek, &step(rpm));
             rpm += state.effort() * 100.0 * 1e-3;
             degrees += 6.0 * rpm * 1e-3;
         }
@@ -651,8 +493,7 @@ mod tests {
         for tick in 0..300_u16 {
             let speed = 0.5 * f32::from(tick);
             let seek = Seek::Motion { way: None, speed, acceleration: 500.0, inertia: 0.0 };
-            let step = Step { measured: rpm, load: 0.0, full: 20.0, dt: MS, count: 0 };
-            state.seek(&config, &seek, &step);
+            state.seek(&config, &seek, &step(rpm));
             rpm += state.effort() / (0.01 * inertia) * 1e-3;
         }
         state
@@ -680,8 +521,7 @@ mod tests {
         for _ in 0..100 {
             let seek =
                 Seek::Motion { way: Some(90.0), speed: 0.0, acceleration: 0.0, inertia: 0.0 };
-            let step = Step { measured: 0.0, load: 0.0, full: 20.0, dt: MS, count: 0 };
-            state.seek(&CONFIG, &seek, &step);
+            state.seek(&CONFIG, &seek, &step(0.0));
             assert!((state.reference() - last).abs() <= 1.001, "1000 rpm/s");
             last = state.reference();
         }

@@ -19,7 +19,7 @@
 //! ```
 
 use crate::config::{ConfigError, finite, not_negative};
-use crate::maths::{self, within};
+use crate::maths;
 use crate::ok;
 use crate::units::{Degrees, Rpm, RpmPerSecond};
 
@@ -109,19 +109,16 @@ impl FeedForward {
     /// The effort of a motion.
     #[must_use]
     pub fn effort(&self, speed: Rpm, acceleration: RpmPerSecond, angle: Degrees) -> f32 {
-        self.of_motion(speed.get(), acceleration.get()) + self.gravity.at(angle)
+        let of_speed = self.at_speed(speed.get());
+        of_speed + self.acceleration * acceleration.get() + self.gravity.at(angle)
     }
 
-    /// Without gravity; rpm and rpm/s.
-    pub(crate) fn of_motion(&self, speed: f32, acceleration: f32) -> f32 {
+    /// The effort at a constant speed in rpm, without gravity.
+    pub(crate) fn at_speed(&self, speed: f32) -> f32 {
         // All of it from 1 rpm on: a reference that trembles about zero is no motion.
-        self.friction * within(speed, 1.0) + self.speed * speed + self.acceleration * acceleration
-    }
-
-    /// Whether the speed is all that it looks at.
-    #[must_use]
-    pub const fn is_of_speed_alone(&self) -> bool {
-        self.friction == 0.0 && self.acceleration == 0.0 && matches!(self.gravity, Gravity::None)
+        let moves = speed.abs() > 1.0;
+        let friction = if moves { self.friction.copysign(speed) } else { self.friction * speed };
+        friction + self.speed * speed
     }
 
     /// The same behind another gearbox, of which the output shaft turns `factor` times slower: the
@@ -153,7 +150,7 @@ mod tests {
     fn friction_is_against_the_motion_and_nothing_at_rest() {
         let friction = FeedForward { friction: 0.5, ..FeedForward::NONE };
         for (rpm, effort) in [(3.0, 0.5), (-0.1, -0.05), (0.0, 0.0), (-0.0, 0.0)] {
-            assert!((friction.of_motion(rpm, 0.0) - effort).abs() < 1e-6, "{rpm}");
+            assert!((friction.at_speed(rpm) - effort).abs() < 1e-6, "{rpm}");
         }
     }
 

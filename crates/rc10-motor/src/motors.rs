@@ -150,8 +150,6 @@ pub struct Motors<'m, M: ?Sized, const N: usize> {
     slots: Vec<Slot<'m, M>, N>,
     last_tick: Option<Micros>,
     ticks: u32,
-    /// After a longer pause between two ticks it is looked closer: zero since a motor was jogged.
-    pause: Micros,
 }
 
 struct Slot<'m, M: ?Sized> {
@@ -164,7 +162,7 @@ const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
 
 impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     pub(crate) const fn new(switch: &'m ArmSwitch) -> Self {
-        Self { switch, slots: Vec::new(), last_tick: None, ticks: 0, pause: LONGEST_PAUSE }
+        Self { switch, slots: Vec::new(), last_tick: None, ticks: 0 }
     }
 
     pub(crate) fn attach(
@@ -224,8 +222,8 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     ) {
         let dt = Seconds::new(if dt.get() > 0.0 { dt.get().min(0.010) } else { 0.001 });
         let last = self.last_tick.replace(now);
-        if let Some(pause) = last.map(|last| now.since(last)).filter(|it| *it > self.pause) {
-            self.look_closer(pause);
+        if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
+            self.slots.iter_mut().for_each(|slot| slot.supervision.forget());
         }
         let arm = self.switch.for_motors();
         self.ticks = self.ticks.wrapping_add(1);
@@ -233,29 +231,15 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         // Without arming nothing else runs.
         let mut tick = Tick { dt, mode, link, count, is_jog: arm == ArmState::Disarmed };
         for (index, slot) in self.slots.iter_mut().enumerate() {
+            if slot.supervision.jogs() {
+                slot.supervision.watch_jog(&*slot.motor, self.switch.state());
+            }
             tick.mode = slot.supervision.decide(arm, now);
             tick.link = slot.supervision.link_in_tick();
             slot.motor.update(&tick);
             send(index, slot.motor, &tick);
             // Each has its own beat.
             tick.count = tick.count.wrapping_add(1);
-        }
-    }
-
-    /// What is not done in every tick: after a long pause nothing holds any more; a stop ends every jog,
-    /// also of a robot that was disarmed, which for its motors it still is; and so does a speed that
-    /// was not asked for.
-    #[cold]
-    fn look_closer(&mut self, pause: Micros) {
-        if pause > LONGEST_PAUSE {
-            self.slots.iter_mut().for_each(|slot| slot.supervision.forget());
-        }
-        if self.switch.state() != ArmState::Disarmed {
-            self.slots.iter_mut().for_each(|slot| slot.supervision.end_jog());
-            self.pause = LONGEST_PAUSE;
-        }
-        for Slot { motor, supervision } in &mut self.slots {
-            supervision.watch_jog(&**motor);
         }
     }
 
@@ -290,9 +274,6 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     /// [`RequestError`]; nothing changed.
     pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         let (arm, now) = (self.switch.state(), self.last_tick.unwrap_or_default());
-        if let Request::Jog(_) = request {
-            self.pause = Micros::ZERO;
-        }
         let for_motors = self.switch.for_motors();
         let slot = self.slot_mut(motor).ok_or(RequestError::NoSuchMotor)?;
         let Slot { motor, supervision } = slot;

@@ -60,8 +60,6 @@ pub struct Servo {
     limit: f32,
     /// Whether it followed its target in the last tick.
     ran: bool,
-    /// Whether it did so with a feed-forward of the speed alone, which takes few instructions.
-    is_plain: bool,
     state: CascadeState,
     /// The springs that the device can make, if it can make any.
     springs: Option<SpringRange>,
@@ -128,7 +126,6 @@ impl Servo {
             loop_limit: full,
             limit: full,
             ran: false,
-            is_plain: false,
             state: CascadeState::new(),
             springs: None,
             spring: None,
@@ -192,25 +189,19 @@ impl Servo {
 
     /// One step. A shaft that was never measured gets no effort.
     pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
-        if tick.mode != DriveMode::Run || !self.is_plain {
-            let follows = self.ran && *self.goals.goal() == Goal::Motion;
-            if follows && tick.mode == DriveMode::Run {
-                return self.follow(tick, shaft);
-            }
-            return self.pursue(tick, shaft);
+        if !shaft.is_known() {
+            return self.rest();
         }
-        // The usual cases, in few instructions.
-        let Self { goals, state, cascade, limit, .. } = self;
-        let speed = shaft.speed().get();
-        match goals.goal() {
-            Goal::Speed(rpm) => state.seek_speed(cascade, *rpm, speed, *limit, tick.dt),
-            Goal::Angle(_) | Goal::Total(_) => {
-                if !state.keep_seeking_angle(cascade, speed, tick.dt) {
-                    self.seek_angle(tick, shaft);
-                }
-            }
-            _ => self.pursue(tick, shaft),
+        let ran = core::mem::replace(&mut self.ran, tick.mode == DriveMode::Run);
+        if ran && matches!(tick.mode, DriveMode::Brake | DriveMode::Hold) {
+            self.state.start_over(tick.mode == DriveMode::Hold);
         }
+        if !self.ran {
+            self.spring = None;
+        }
+        let acceleration = self.cascade.acceleration.get();
+        let goal = self.goals.update(tick.mode, || Some(stand(shaft, acceleration)));
+        self.pursue(goal, tick, shaft);
     }
 
     pub(crate) const fn goals(&self) -> &Goals {
@@ -220,83 +211,58 @@ impl Servo {
     /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
     /// device that may have to go the longer way round. The shaft has been measured.
     pub(crate) fn update_towards(&mut self, tick: &Tick, shaft: &Shaft, angle: TotalAngle) {
-        (self.ran, self.is_plain) = (true, false);
+        self.ran = true;
         self.goals.rest();
-        self.seek(&Seek::Angle(way(&Goal::Total(angle), shaft)), 0.0, tick, shaft);
+        self.pursue(Goal::Total(angle), tick, shaft);
     }
 
-    /// One step with the whole feed-forward, and an effort on top.
-    fn seek(&mut self, seek: &Seek, effort: f32, tick: &Tick, shaft: &Shaft) {
-        let Self { state, cascade, limit, .. } = self;
-        let weight = match cascade.feed_forward.gravity {
+    /// One step towards a goal, of a shaft that has been measured.
+    fn pursue(&mut self, goal: Goal, tick: &Tick, shaft: &Shaft) {
+        let (seek, effort) = match goal {
+            Goal::Rest => return self.state.rest(),
+            Goal::Effort(effort) => return self.state.give(effort, self.limit, tick.dt),
+            Goal::Impedance(angle) => {
+                return self.impede(way(angle, shaft), shaft.speed().get(), tick.dt);
+            }
+            Goal::Speed(rpm) => (Seek::Speed(rpm), 0.0),
+            Goal::Angle(phase) => (Seek::Angle(way_within_turn(phase, shaft)), 0.0),
+            Goal::Total(angle) => (Seek::Angle(way(angle, shaft)), 0.0),
+            Goal::Motion => self.motion(tick.dt, shaft),
+        };
+        let weight = match self.cascade.feed_forward.gravity {
             Gravity::None => 0.0,
             gravity => gravity.at(degrees_within_turn(shaft.phase())),
         };
-        let load = effort + weight;
-        let (measured, full, dt, count) = (shaft.speed().get(), *limit, tick.dt, tick.count);
-        state.seek(cascade, seek, &Step { measured, load, full, dt, count });
-    }
-
-    /// One step with the angle loop.
-    #[inline(never)] // In one tick of ten: inlined, its registers are saved in all.
-    fn seek_angle(&mut self, tick: &Tick, shaft: &Shaft) {
-        let Self { goals, state, cascade, limit, .. } = self;
-        let way = way(goals.goal(), shaft);
-        state.seek_angle(cascade, way, shaft.speed().get(), *limit, tick.dt, tick.count);
-    }
-
-    /// One step, whatever is sought.
-    #[inline(never)] // Inlined, the usual tick saves its registers too.
-    fn pursue(&mut self, tick: &Tick, shaft: &Shaft) {
-        if !shaft.is_known() {
-            return self.rest();
+        let limit = self.limit;
+        if tick.is_jog {
+            // It runs with gains from a PC: never with much effort.
+            self.limit *= JOG_SHARE;
+            self.apply_limit();
         }
-        let ran = core::mem::replace(&mut self.ran, tick.mode == DriveMode::Run);
-        self.is_plain = self.ran && !tick.is_jog && self.cascade.feed_forward.is_of_speed_alone();
-        if ran && matches!(tick.mode, DriveMode::Brake | DriveMode::Hold) {
-            self.state.start_over(tick.mode == DriveMode::Hold);
-        }
-        if !self.ran {
-            self.spring = None;
-        }
-        let acceleration = self.cascade.acceleration.get();
-        let goal = self.goals.update(tick.mode, || Some(stand(shaft, acceleration)));
-        match goal {
-            Goal::Rest => self.state.rest(),
-            Goal::Effort(effort) => self.state.give(effort, self.limit, tick.dt),
-            Goal::Speed(rpm) => {
-                // A jog runs with gains from a PC: never with much effort.
-                let limit = self.limit;
-                self.limit *= if tick.is_jog { JOG_SHARE } else { 1.0 };
-                self.apply_limit();
-                self.seek(&Seek::Speed(rpm), 0.0, tick, shaft);
-                self.limit = limit;
-                self.apply_limit();
-            }
-            Goal::Angle(_) | Goal::Total(_) => {
-                self.seek(&Seek::Angle(way(&goal, shaft)), 0.0, tick, shaft);
-            }
-            Goal::Impedance(_) => self.impede(way(&goal, shaft), shaft.speed().get(), tick.dt),
-            Goal::Motion => self.follow(tick, shaft),
+        let (measured, load, full) = (shaft.speed().get(), effort + weight, self.limit);
+        let step = Step { measured, load, full, dt: tick.dt, count: tick.count };
+        self.state.seek(&self.cascade, &seek, &step);
+        if tick.is_jog {
+            self.limit = limit;
+            self.apply_limit();
         }
     }
 
-    /// One step along a motion.
-    #[inline(never)]
-    fn follow(&mut self, tick: &Tick, shaft: &Shaft) {
-        let Moment { motion, gone } = self.goals.advance(tick.dt);
+    /// Where a motion is after one more tick, and the effort that goes with it.
+    fn motion(&mut self, dt: Seconds, shaft: &Shaft) -> (Seek, f32) {
+        let Moment { motion, gone } = self.goals.advance(dt);
         let seek = Seek::Motion {
-            way: motion.angle.map(|angle| way(&Goal::Total(angle), shaft) + gone),
+            way: motion.angle.map(|angle| way(angle, shaft) + gone),
             speed: motion.speed.get(),
             acceleration: motion.acceleration.get(),
             inertia: motion.inertia,
         };
-        self.seek(&seek, motion.effort, tick, shaft);
+        (seek, motion.effort)
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
     pub fn rest(&mut self) {
-        (self.ran, self.is_plain, self.spring) = (false, false, None);
+        (self.ran, self.spring) = (false, None);
         self.goals.rest();
         self.state.rest();
     }
@@ -409,19 +375,22 @@ fn stand(shaft: &Shaft, acceleration: f32) -> TotalAngle {
     shaft.angle().plus(TotalAngle::from_microdegrees(microdegrees.into()))
 }
 
-/// The distance to the angle of a goal, in degrees; 0 for a goal without an angle.
-fn way(goal: &Goal, shaft: &Shaft) -> f32 {
-    let way = match *goal {
-        Goal::Total(angle) | Goal::Impedance(angle) => {
-            let way = angle.minus(shaft.angle()).microdegrees();
-            // Six turns away, some more or less do not matter.
-            i32::try_from(way).unwrap_or(if way < 0 { i32::MIN } else { i32::MAX })
-        }
-        Goal::Angle(phase) => shortest_way(shaft.phase(), phase, TURN),
-        Goal::Rest | Goal::Effort(_) | Goal::Speed(_) | Goal::Motion => 0,
-    };
-    #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
-    return way as f32 * 1e-6;
+/// The distance to an angle, in degrees.
+fn way(angle: TotalAngle, shaft: &Shaft) -> f32 {
+    let way = angle.minus(shaft.angle()).microdegrees();
+    // Six turns away, some more or less do not matter.
+    let way = i32::try_from(way).unwrap_or(if way < 0 { i32::MIN } else { i32::MAX });
+    degrees(way)
+}
+
+/// The shorter distance to an angle within the turn, in degrees.
+fn way_within_turn(phase: i32, shaft: &Shaft) -> f32 {
+    degrees(shortest_way(shaft.phase(), phase, TURN))
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
+fn degrees(microdegrees: i32) -> f32 {
+    microdegrees as f32 * 1e-6
 }
 
 const TURN: i32 = 360_000_000;

@@ -210,19 +210,17 @@ impl MotorStatus {
     };
 }
 
-/// A frame may have arrived this long after the tick began that takes it, µs. What lies further in
-/// the future is not fresh, but another clock.
-const SKEW: u32 = 2_000;
+/// A frame may have arrived this long after the tick began that takes it. What lies further in the future is
+/// not fresh, but another clock.
+const SKEW: Micros = Micros::from_millis(2);
 
 /// Decides in every tick what a motor may do, from when it was heard and commanded last.
 pub(crate) struct Supervision {
-    /// The times when it was heard last and when it was commanded last: the low 32 bits of the
-    /// time, which is enough while `link` and `fresh` keep what was true before.
-    heard_at: u32,
-    commanded_at: u32,
-    /// In microseconds, with [`SKEW`].
-    link_timeout: u32,
-    command_expiry: u32,
+    heard_at: Micros,
+    commanded_at: Micros,
+    /// With [`SKEW`].
+    link_timeout: Micros,
+    command_expiry: Micros,
     safety: Safety,
     drive: DriveMode,
     link: Link,
@@ -231,19 +229,18 @@ pub(crate) struct Supervision {
     faulted: bool,
     /// Clearing it has been asked for, and the device has not answered yet.
     clearing: bool,
-    /// It turns by [`Request::Jog`] while the robot is disarmed, as asked for last at this time: the low
-    /// bits of the milliseconds, for which there is room beside the others.
+    /// It turns by [`Request::Jog`] while the robot is disarmed, as asked for last at this time.
     jogged: bool,
-    jogged_at: u16,
+    jogged_at: Micros,
     /// The last jog was too fast: until zero is asked for, or nothing for a while.
     ran_away: bool,
     counters: MotorCounters,
 }
 
-/// How long a [`Request::Jog`] holds, ms.
-const JOG: u16 = 80;
-/// How long none is asked for before one that was too fast is forgotten, ms.
-const FORGET: u16 = 200;
+/// How long a [`Request::Jog`] holds.
+const JOG: Micros = Micros::from_millis(80);
+/// How long none is asked for before one that was too fast is forgotten.
+const FORGET: Micros = Micros::from_millis(200);
 /// A speed that is this much above the one asked for is no runaway, rpm: small ones are noisy.
 const NOISE: f32 = 5.0;
 
@@ -251,10 +248,10 @@ impl Supervision {
     /// Of a motor that was never heard; `safety` is valid.
     pub(crate) fn new(safety: Safety, link_timeout: Micros) -> Self {
         Self {
-            heard_at: 0,
-            commanded_at: 0,
-            link_timeout: micros(link_timeout),
-            command_expiry: micros(safety.command_expiry),
+            heard_at: Micros::ZERO,
+            commanded_at: Micros::ZERO,
+            link_timeout: link_timeout + SKEW,
+            command_expiry: safety.command_expiry + SKEW,
             safety,
             drive: DriveMode::Off,
             link: Link::NeverSeen,
@@ -262,7 +259,7 @@ impl Supervision {
             faulted: false,
             clearing: false,
             jogged: false,
-            jogged_at: 0,
+            jogged_at: Micros::ZERO,
             ran_away: false,
             counters: MotorCounters::default(),
         }
@@ -280,7 +277,7 @@ impl Supervision {
             self.counters.refused.add(error);
             return Err(error);
         }
-        self.commanded_at = low(now);
+        self.commanded_at = now;
         self.fresh = true;
         Ok(())
     }
@@ -302,9 +299,9 @@ impl Supervision {
         if speed.get() == 0.0 {
             return Ok(Response::Done);
         }
-        let is_recent = millis(now).wrapping_sub(self.jogged_at) < FORGET;
+        let is_recent = now.since(self.jogged_at) < FORGET;
         if is_too_fast(motor, speed) || (ran_away && is_recent) {
-            (self.ran_away, self.jogged_at) = (true, millis(now));
+            (self.ran_away, self.jogged_at) = (true, now);
             return Err(RequestError::TooFast);
         }
         if self.link(now) != Link::Online {
@@ -314,17 +311,24 @@ impl Supervision {
             return Err(RequestError::Busy);
         }
         motor.set_target(Target::Speed(speed)).map_err(|_| RequestError::Unsupported)?;
-        (self.jogged, self.jogged_at) = (true, millis(now));
+        (self.jogged, self.jogged_at) = (true, now);
         Ok(Response::Done)
     }
 
-    /// Ends a jog that turns much faster than asked for: with gains from a PC the loop itself may be wrong.
-    pub(crate) fn watch_jog(&mut self, motor: &(impl Motor + ?Sized)) {
-        let Target::Speed(asked) = motor.target() else { return };
-        if self.jogged && is_too_fast(motor, asked) {
-            self.ran_away = true;
-            self.end_jog();
+    /// Ends a jog when the robot is stopped, which it can be while it is disarmed, and one that turns much
+    /// faster than asked for: with gains from a PC the loop itself may be wrong.
+    pub(crate) fn watch_jog(&mut self, motor: &(impl Motor + ?Sized), arm: ArmState) {
+        self.ran_away = matches!(motor.target(), Target::Speed(asked) if is_too_fast(motor, asked));
+        if self.ran_away || arm != ArmState::Disarmed {
+            // That is no command that has expired.
+            (self.jogged, self.drive) = (false, DriveMode::Off);
         }
+    }
+
+    /// Whether it turns by a jog.
+    #[inline]
+    pub(crate) const fn jogs(&self) -> bool {
+        self.jogged
     }
 
     /// Whether it is driven, or would be in the next tick; `arm` as motors see it.
@@ -335,22 +339,12 @@ impl Supervision {
 
     /// Its command has not expired.
     #[inline]
-    const fn is_commanded(&self, now: Micros) -> bool {
+    fn is_commanded(&self, now: Micros) -> bool {
         self.fresh && since(self.commanded_at, now) < self.command_expiry
     }
 
-    /// Nothing of a jog goes on. That is no command that has expired.
-    pub(crate) fn end_jog(&mut self) {
-        if core::mem::take(&mut self.jogged) {
-            self.drive = DriveMode::Off;
-        }
-    }
-
     fn is_jogged(&self, arm: ArmState, now: Micros) -> bool {
-        self.jogged
-            && arm == ArmState::Disarmed
-            && !self.faulted
-            && millis(now).wrapping_sub(self.jogged_at) < JOG
+        self.jogged && arm == ArmState::Disarmed && !self.faulted && now.since(self.jogged_at) < JOG
     }
 
     pub(crate) fn request(
@@ -382,7 +376,7 @@ impl Supervision {
     #[inline]
     pub(crate) fn heard_feedback(&mut self, at: Micros) {
         self.counters.received = self.counters.received.wrapping_add(1);
-        self.heard_at = low(at);
+        self.heard_at = at;
         self.link = Link::Online;
     }
 
@@ -400,7 +394,7 @@ impl Supervision {
         })?;
         self.counters.received = self.counters.received.wrapping_add(1);
         if heard != FrameKind::Other {
-            (self.heard_at, self.link) = (low(at), Link::Online);
+            (self.heard_at, self.link) = (at, Link::Online);
         }
         if heard == FrameKind::Fault {
             self.faulted = true;
@@ -469,7 +463,7 @@ impl Supervision {
     #[cold] // A motor that simply goes on running does not come here.
     fn change(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         let online = self.link(now) == Link::Online;
-        let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
+        let fresh = self.is_commanded(now);
         // A command ends it for good: the target is another one.
         let jogs = !fresh && self.is_jogged(arm, now);
         let jogged = core::mem::replace(&mut self.jogged, jogs);
@@ -497,29 +491,11 @@ fn is_too_fast(motor: &(impl Motor + ?Sized), asked: Rpm) -> bool {
     motor.feedback().speed.get().abs() > (2.0 * asked).max(asked + NOISE)
 }
 
-/// The low half of a time.
+/// From a time until `now`, and [`SKEW`]: what lies a little in the future is fresh, and what lies further off
+/// is old.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
-const fn low(time: Micros) -> u32 {
-    time.get() as u32
-}
-
-/// The low bits of a time in milliseconds.
-#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
-const fn millis(time: Micros) -> u16 {
-    (time.get() / 1000) as u16
-}
-
-/// Microseconds from a time kept by its low half to `now`, and [`SKEW`]: a time a little in the
-/// future is fresh, one further off is old. Right for an hour, and no tick is later than a second.
-#[inline]
-const fn since(earlier: u32, now: Micros) -> u32 {
-    low(now).wrapping_sub(earlier.wrapping_sub(SKEW))
-}
-
-/// A time-out as a number of microseconds to compare [`since`] with; half an hour at most.
-fn micros(time: Micros) -> u32 {
-    u32::try_from(time.get()).unwrap_or(u32::MAX).min(u32::MAX / 2).saturating_add(SKEW)
+fn since(earlier: Micros, now: Micros) -> Micros {
+    Micros::new((now + SKEW).get().wrapping_sub(earlier.get()))
 }
 
 /// One more; stays at the largest value.

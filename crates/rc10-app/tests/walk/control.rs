@@ -95,16 +95,13 @@ fn cascade(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
     let (mut state, mut rpm, mut degrees) = (CascadeState::new(), 0.0_f32, 0.0_f32);
     let dt = Seconds::new(0.001);
     let mut seek = Seek::Speed(0.0);
+    let unloaded = |measured, count| Step { measured, load: 0.0, full: 20.0, dt, count };
     for count in 0..400_u32 {
         let phase = count / 50 % 5;
         let way = 90.0 - degrees;
         match phase {
-            0 => state.seek_speed(&config, 120.0, rpm, 20.0, dt),
-            1 => {
-                if !state.keep_seeking_angle(&config, rpm, dt) {
-                    state.seek_angle(&config, way, rpm, 20.0, dt, count);
-                }
-            }
+            0 => state.seek(&config, &Seek::Speed(120.0), &unloaded(rpm, count)),
+            1 => state.seek(&config, &Seek::Angle(way), &unloaded(rpm, count)),
             2 => state.give(chance.within(5.0), 20.0, dt),
             3 => {
                 let load =
