@@ -30,9 +30,9 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     // At its limit, with back-calculation.
     ("limited pid", 150, Of::Worst),
     // One motor in one tick: a received frame, a cascade, its share of a group frame.
-    ("motor", 300, Of::Mean),
+    ("motor", 400, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
-    ("motor", 320, Of::Worst),
+    ("motor", 420, Of::Worst),
     // Wheel speeds of a base on four wheels, limited where they have to be.
     ("base", 80, Of::Worst),
     // Four steered wheels.
