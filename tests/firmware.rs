@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use rc10_can::Micros;
+use rc10_can::embedded_can::{Id, StandardId};
+use rc10_can::{CanFrame, Micros};
 use rc10_cli::emulate::{Emulation, Setup, content_hash};
 use rc10_cli::team;
 use rc10_emu::peripherals::{ResetCause, Width};
@@ -226,6 +227,77 @@ fn loses_nothing_on_a_slow_core() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn loses_nothing_while_interrupts_are_masked() {
     loses_nothing(None, &["mask@0.7s..0.705s"]);
+}
+
+/// What was received 60 us before a frame is to leave decides what that frame says.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn feedback_waits_for_60_us_at_most() {
+    // On full buses it comes at always the same times, so nothing is said of how long it may wait.
+    feedback_waits(&["load:1@0.2s..1.2s", "load:2@0.2s..1.2s", "load:3@0.2s..1.2s"], 0);
+    feedback_waits(&[], 40_000);
+}
+
+/// The feedback of one motor a bus is a frame of the test's own, fast in the other direction each time.
+fn feedback_waits(faults: &[&str], at_least: u64) {
+    const WAIT: u64 = 60_000;
+    // Identifiers of feedback and command, the place in the command, and a fast rotor, rpm.
+    let motors = [
+        (Name::FrontLeft, 0x201, 0x200, 0, 9000_i16),
+        (Name::Yaw, 0x205, 0x1FE, 0, 400),
+        (Name::LiftFrontLeft, 0x201, 0x200, 0, 9000),
+    ];
+    run(&setup(faults), |emulation| {
+        emulation.run(millis(400)).unwrap();
+        motors.iter().for_each(|motor| emulation.motors[motor.0 as usize].set_feedback(false));
+        // The shafts stand where they were.
+        let angles = [0, 1, 2].map(|bus| {
+            let id = Id::Standard(StandardId::new(motors[bus].1).unwrap());
+            let frames = &emulation.rig.logs()[bus].frames;
+            let newest = frames.iter().rfind(|entry| entry.frame.id() == id).unwrap();
+            [newest.frame.bytes()[0], newest.frame.bytes()[1]]
+        });
+        for tick in 0..700 {
+            for (bus, (_, id, .., rpm)) in motors.into_iter().enumerate() {
+                let [high, low] = (if tick % 2 == 0 { rpm } else { -rpm }).to_be_bytes();
+                let ([a, b], id) = (angles[bus], StandardId::new(id).unwrap());
+                let frame = CanFrame::eight_bytes(id, [a, b, high, low, 0, 0, 25, 0]);
+                emulation.rig.buses()[bus].inject(&frame);
+            }
+            // The phases of a millisecond, one after the other.
+            emulation.run(emulation.rig.machine.now() + Nanos::new(997_000)).unwrap();
+        }
+        for (bus, (_, feedback, command, place, _)) in motors.into_iter().enumerate() {
+            let frames = &emulation.rig.logs()[bus].frames;
+            let is = |entry: &&TraceEntry, id| {
+                entry.frame.id() == Id::Standard(StandardId::new(id).unwrap())
+                    && entry.start > millis(420)
+            };
+            let sign = |entry: &TraceEntry, at: usize| entry.frame.bytes()[at] & 0x80 != 0;
+            let heard: Vec<_> = frames.iter().filter(|entry| is(entry, feedback)).collect();
+            let sent: Vec<_> = frames.iter().filter(|entry| is(entry, command)).collect();
+            // A frame on the wire may delay one of ours: the grid is where the earliest ones begin.
+            let late = |entry: &TraceEntry| {
+                (entry.start.get() + 500_000 - sent[0].start.get()) % 1_000_000
+            };
+            let grid = sent.iter().map(|entry| late(entry)).min().unwrap();
+            let (mut longest, mut judged) = (0, 0);
+            for entry in &sent {
+                let leaves = entry.start.get() - (late(entry) - grid);
+                let known = heard.iter().rev().filter(|it| it.end.get() < leaves);
+                // It pushes against the speed that it knows of.
+                let used = known.clone().position(|it| sign(it, 2) != sign(entry, place));
+                let Some(used) = used else { continue };
+                if let Some(newer) = used.checked_sub(1).and_then(|at| known.clone().nth(at)) {
+                    longest = longest.max(leaves - newer.end.get());
+                }
+                judged += 1;
+            }
+            println!("bus {}: newer feedback waited {longest} ns at most, of {judged}", bus + 1);
+            assert!(judged > 600 && longest <= WAIT, "bus {}: {longest} ns", bus + 1);
+            assert!(longest >= at_least, "bus {}: no frame came late", bus + 1);
+        }
+    });
 }
 
 /// Cost of one more received frame, all in; cost of a whole second.

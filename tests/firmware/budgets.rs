@@ -10,7 +10,7 @@ const RAM: u32 = 64 * 1024;
 /// Flash, bytes.
 const FLASH: u32 = 192 * 1024;
 /// Instructions of all in one second with eleven motors at 1 kHz.
-pub const SECOND: u64 = 15_500_000;
+pub const SECOND: u64 = 16_000_000;
 /// Instructions of one more received frame.
 const FRAME: u64 = 160;
 /// A tick that takes this many more instructions than it took with this compiler is too long; one

@@ -47,7 +47,7 @@ pub struct BusStatus {
     pub overruns: u32,
     /// Time from one tick's start to the next one's.
     pub period: Timing,
-    /// Time that the work of a tick takes.
+    /// Time that a tick takes to receive and to compute: what it does before its frames leave.
     pub execution: Timing,
     /// Frames handed to the port, the outbox's included.
     pub submitted: u32,

@@ -16,12 +16,10 @@ use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
 use crate::supervision::count;
 
-/// Time by which a tick begins before its frames leave: more than the work takes on a full bus, and
-/// a third of a tick, so that of three buses each is woken for as the one before sends.
-const LEAD: Micros = Micros::new(333);
-/// Work that is due within this time of each other is done at once: three times [`LEAD`] is no
-/// tick.
-const TOGETHER: Micros = Micros::new(1);
+/// Time by which a tick begins before its frames leave: more than the work takes on a full bus. The newest
+/// feedback that a frame answers is older by this at most. Several buses lie behind each other by the same
+/// time: as one sends, the next computes, so that one timer wakes both.
+const LEAD: Micros = Micros::new(60);
 /// Bit rate that load figures refer to.
 const BITS_PER_SECOND: u32 = 1_000_000;
 /// Frames taken from the port in one tick: three times what a saturated bus delivers, so that it
@@ -43,8 +41,7 @@ pub fn run_bus<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>>(
 }
 
 /// Runs the buses of one processor in one task; the future never ends. Each ticks as in
-/// [`run_bus`]. Their ticks lie behind each other: as the frames of one leave, those of the next
-/// are computed, so that one timer wakes both.
+/// [`run_bus`], 60 µs behind the one before.
 ///
 /// Not written `async fn`, which would keep a second copy of the runners: 2 KiB a bus.
 pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
@@ -52,26 +49,14 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
 ) -> impl Future<Output = ()> {
     let mut runners = runners;
     async move {
-        let mut next = now() + PERIOD;
+        let mut first = now() + PERIOD;
         for runner in &mut runners {
-            runner.start_at(next);
-            next += LEAD;
+            runner.start_at(first);
+            first += LEAD;
         }
-        let mut turn = 0;
-        while let Some(first) = runners.get_mut(turn) {
-            let due = first.due;
-            Timer::at(Instant::from_micros(due.get())).await;
-            // What is to leave leaves before anything is computed.
-            first.tick(now);
-            let mut next = Micros::new(u64::MAX);
-            for (index, runner) in runners.iter_mut().enumerate() {
-                if runner.due <= due + TOGETHER {
-                    runner.tick(now);
-                }
-                if runner.due < next {
-                    (turn, next) = (index, runner.due);
-                }
-            }
+        while let Some(next) = runners.iter_mut().min_by_key(|runner| runner.due) {
+            Timer::at(Instant::from_micros(next.due.get())).await;
+            next.tick(now);
         }
     }
 }
@@ -95,7 +80,7 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     health: Health,
     /// The arm state that the motors had in the first half.
     arm: ArmState,
-    /// Time that the first half took; zero if both halves were done at once.
+    /// Time that the first half took.
     took: Micros,
     last_start: Option<Micros>,
     tx: TxBatch,
@@ -151,7 +136,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.due = first - LEAD;
     }
 
-    /// The time at which [`tick`](Self::tick) is due: 333 µs before frames are to leave, and then
+    /// The time at which [`tick`](Self::tick) is due: 60 µs before frames are to leave, and then
     /// the moment when they are to.
     #[inline]
     pub const fn next(&self) -> Micros {
@@ -161,21 +146,19 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     /// Does the work that is due: the first half of a tick (frames in, commands in, motors), and at
     /// its time the second (frames out, status out), so that the time at which frames leave does
     /// not depend on the work. A loop that comes by once a millisecond, or late, has both done at
-    /// once. Never waits. `clock` is read at the start and at the end.
+    /// once. Never waits. `clock` is read at the start, and for how long the first half took.
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
         let leave = self.clock.next();
         if !self.prepared || !self.holds(now) {
             self.prepare(now);
+            self.took = clock().since(now);
             if now < leave {
-                self.took = clock().since(now);
                 (self.prepared, self.due) = (true, leave);
                 return;
             }
-            // Of both together.
-            self.took = Micros::ZERO;
         }
-        self.send(now, clock);
+        self.send(now);
     }
 
     /// Whether what was prepared may leave now: nothing that is as old as a tick, and no torque
@@ -210,7 +193,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 
     /// The second half.
-    fn send(&mut self, now: Micros, time: impl Fn() -> Micros) {
+    fn send(&mut self, now: Micros) {
         for (frame, stream) in self.tx.entries() {
             self.traffic.count(self.port.submit_as(frame, stream));
         }
@@ -221,12 +204,11 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.due = self.clock.next() - LEAD;
         let bus = self.bus.borrow();
         let (received, arm) = (bus.counters(), bus.switch().state());
-        let Self { clock, traffic, health, .. } = self;
-        let execution = self.took + time().since(now);
+        let Self { clock, traffic, health, took, .. } = self;
         self.shared.publish(|status| {
             (status.ticks, status.overruns) = (clock.ticks, clock.overruns);
             status.period = clock.period;
-            status.execution.add(execution);
+            status.execution.add(*took);
             (status.submitted, status.replaced) = (traffic.submitted, traffic.replaced);
             status.refused = traffic.refused;
             (status.received, status.health, status.arm) = (received, *health, arm);
