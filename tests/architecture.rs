@@ -1,6 +1,5 @@
 //! `docs/architecture.md` and `docs/words.md` against the sources: files, functions, types, and
 //! which crate uses which.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

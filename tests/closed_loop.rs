@@ -1,9 +1,6 @@
 //! The shipped gains against simulated motors that are not quite what the data sheet says.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
-
-use common::{Bench, motor, twin};
+use crate::common::{Bench, motor, twin};
 use rc10_app::{Amps, Degrees, Gear, Rpm, TotalAngle};
 use rc10_motor::dji::{self, Dji, Model};
 use rc10_motor::{ArmSwitch, Safety, Target};

@@ -1,6 +1,5 @@
 //! Inputs that fuzzing once found worth keeping, given to every decoder again. `cargo xtask fuzz`
 //! finds more.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 #![expect(clippy::cast_possible_truncation, reason = "streams of a test are short")]
 
 #[path = "../crates/rc10-module/tests/streams/observed.rs"]

@@ -2,7 +2,6 @@
 //!
 //! Each is a file of `tests/declaration/wrong` that begins with what is said of it. Here the same file is
 //! compiled without the check, and asked at run time.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -38,7 +37,7 @@ macro_rules! robots {
         $(
             #[allow(dead_code, reason = "only its declaration is looked at")]
             mod $robot {
-                use crate::wrong_robots;
+                use crate::declaration::wrong_robots;
                 include!(concat!("declaration/wrong/", stringify!($robot), ".rs"));
 
                 /// What is said of it at run time.

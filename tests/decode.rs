@@ -1,20 +1,14 @@
 //! `rc10 decode` with a capture: the command itself, on whole logs.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
-
-#[path = "common/mixed.rs"]
-mod common_mixed;
-#[path = "common/scratch.rs"]
-mod scratch;
 
 use std::io::{Read, Write};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-use common_mixed::mixed;
+use crate::common::mixed::mixed;
+use crate::common::scratch::Scratch;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::candump;
-use scratch::Scratch;
 use serde_json::Value;
 
 fn rc10(arguments: &[&str]) -> Command {

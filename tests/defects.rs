@@ -1,9 +1,6 @@
 //! The defects of the C++ library that this project replaces, one test each: they stay out. The
 //! numbers are those under which they were found. (R1 and R7 cannot be written in safe Rust; R6,
 //! R12 and R16 concern motors and remotes that come later.)
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod common;
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -11,7 +8,7 @@ use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Mutex;
 
-use common::{Bench, motor, twin};
+use crate::common::{Bench, motor, twin};
 use rc10_app::angle::shortest_way_degrees;
 use rc10_app::{
     Amps, Base, CountsPerTurn, Degrees, Direction, Gear, PidConfig, PidState, Rpm, Seconds, Twist,

@@ -1,13 +1,9 @@
 //! The `rc10 emu` command, as a user calls it in error. tests/firmware.rs has the rest.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-#[path = "common/scratch.rs"]
-mod scratch;
 
 use std::fs;
 use std::process::Command;
 
-use scratch::Scratch;
+use crate::common::scratch::Scratch;
 
 /// Its output before it ends with exit code 2.
 fn complaint(arguments: &[&str]) -> String {

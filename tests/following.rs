@@ -1,6 +1,5 @@
 //! The team's robot follows its targets, also when it is heavier, weaker or stiffer than its table says.
 //! `cargo test --test following -- --nocapture` prints the figures.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};

@@ -4,27 +4,20 @@
 //! They run in a virtual environment below the target directory, made once with the exact versions
 //! of `tests/python/requirements.txt`. Where there is no Python or no network, the tests say that
 //! they are skipped; with `CI=true` they fail.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "common/scratch.rs"]
-mod scratch;
-
+use crate::common::scratch;
 use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-use scratch::Scratch;
+use crate::common::scratch::Scratch;
 
-#[path = "interop_python/dbc.rs"]
 mod dbc;
 #[cfg(unix)]
-#[path = "interop_python/drivers.rs"]
 mod drivers;
-#[path = "interop_python/others.rs"]
 mod others;
-#[path = "interop_python/record.rs"]
 mod record;
 
 /// The interpreter of the virtual environment, or why there is none.

@@ -1,15 +1,9 @@
 //! A PC at the robot's console, in virtual time: what it is told, what it changes, what it loses.
-#![expect(
-    clippy::unwrap_used,
-    clippy::float_cmp,
-    reason = "a test may panic, and compares what was set"
-)]
+#![expect(clippy::float_cmp, reason = "it compares what was set")]
 
-#[path = "common/scratch.rs"]
-mod scratch;
-#[path = "live/stops.rs"]
 mod stops;
 
+use crate::common::scratch::Scratch;
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::environment::Environment;
@@ -27,7 +21,6 @@ use rc10_robot::{Motors, Ports, Shared};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Switch};
 use rc10_tasks::live;
-use scratch::Scratch;
 
 const BAUD: u32 = 921_600;
 

@@ -1,24 +1,19 @@
 //! The page's port of `rc10 live`, used by those that mean no good: whatever comes, the next one who wants to
 //! stop the robot is heard.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-#[path = "common/scratch.rs"]
-mod scratch;
-#[path = "common/served.rs"]
-mod served;
-
+use crate::common::scratch;
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::common::served::{JSON, Started, http, live};
 use rc10_can::Micros;
 use rc10_link::frame::FromPc;
 use rc10_link::{Ask, Urgent};
 use rc10_module::Stream;
 use serde_json::{Value, json};
-use served::{JSON, Started, http, live};
 
 /// `rc10 live` of the simulated robot.
 struct Page {

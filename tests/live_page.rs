@@ -1,11 +1,5 @@
 //! The page of `rc10 live` in a browser, driven as a person does. Without Chromium and its driver (Debian:
 //! `chromium`, `chromium-driver`) it says so, and nothing is tested.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
-
-#[path = "common/scratch.rs"]
-mod scratch;
-#[path = "common/served.rs"]
-mod served;
 
 use std::ffi::OsStr;
 use std::io::{Read as _, Write as _};
@@ -15,9 +9,9 @@ use std::process::Command;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use scratch::Scratch;
+use crate::common::scratch::Scratch;
+use crate::common::served::{JSON, Started, http, live, start};
 use serde_json::{Value, json};
-use served::{JSON, Started, http, live, start};
 
 /// A browser under remote control.
 struct Browser {

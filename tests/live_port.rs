@@ -1,10 +1,6 @@
 //! The commands that speak with a robot at a serial port: a pseudo-terminal with the console of the
 //! simulated robot behind it.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
-
-#[path = "common/scratch.rs"]
-mod scratch;
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
@@ -13,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use scratch::Scratch;
+use crate::common::scratch::Scratch;
 
 /// A program that ends with the test.
 struct Started(Child);

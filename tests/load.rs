@@ -1,9 +1,6 @@
 //! The load of a bus: said before the start, and true on the simulated wire.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
-
-use common::{Bench, twin};
+use crate::common::{Bench, twin};
 use rc10_app::Rpm;
 use rc10_can::Micros;
 use rc10_motor::dji::{self, Dji, FeedbackRate};

@@ -1,5 +1,4 @@
 //! `docs/messages.md`: its code is that of this file, which runs it; its table is the robot's `Shared`.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,19 +1,14 @@
 //! Robots that are built otherwise than their table says: how it looks, and what a run says of it.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "common/mixed.rs"]
-mod common_mixed;
-#[path = "common/scratch.rs"]
-mod scratch;
-
+use crate::common::mixed as common_mixed;
 use std::process::Command;
 
+use crate::common::scratch::Scratch;
 use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::{simulate::simulate, team};
 use rc10_motor::Link;
 use rc10_robot::table::Name;
-use scratch::Scratch;
 
 /// Exit code, and what it says on both ways out.
 fn rc10(arguments: &[&str]) -> (Option<i32>, String) {

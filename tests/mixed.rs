@@ -1,6 +1,5 @@
 //! The robot of many vendors follows its script, on both buses and the line, by what its simulated
 //! shafts really do.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use mixed::{Motors, Ports, Shared, simulation};
 use rc10_can::Micros;

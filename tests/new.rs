@@ -1,6 +1,5 @@
 //! `rc10 new`: a folder of one's own, whole or not at all. That what it holds compiles, drives, and runs on the
 //! emulated chip, is a step of the check.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

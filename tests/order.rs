@@ -3,12 +3,8 @@
 //!
 //! What may differ by a hair is the tick in which an angle loop of a bus runs, by the motor's number
 //! there, and when its feedback comes.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "common/made.rs"]
-mod made;
-
-use made::{Made, attach};
+use crate::common::made::{Made, attach};
 use rc10_can::Micros;
 use rc10_cli::motor::Motor;
 use rc10_cli::recording::Recording;

@@ -3,26 +3,17 @@
 //!
 //! A plot that is not the one in `docs/pictures/control` fails; `RC10_BLESS=1 cargo test --test plots`
 //! writes it anew.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 #[path = "../crates/rc10-app/tests/mechanisms/axis.rs"]
 #[allow(dead_code, missing_docs, clippy::cast_possible_truncation, reason = "a part is used here")]
 mod axis;
-#[path = "plots/bases.rs"]
 mod bases;
-#[path = "plots/drawing.rs"]
 mod drawing;
-#[path = "plots/mechanisms.rs"]
 mod mechanisms;
-#[path = "plots/odometry.rs"]
 mod odometry;
-#[path = "plots/pages.rs"]
 mod pages;
-#[path = "plots/paths.rs"]
 mod paths;
-#[path = "plots/pid.rs"]
 mod pid;
-#[path = "plots/profiles.rs"]
 mod profiles;
 
 use std::path::PathBuf;

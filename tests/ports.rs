@@ -1,14 +1,11 @@
 //! The port of a bus: commands, requests, the outbox, subscriptions, statistics.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
-#[path = "ports/requests.rs"]
 mod requests;
 
 use std::cell::{Cell, RefCell};
 use std::pin::Pin;
 
-use common::{motor, twin};
+use crate::common::{motor, twin};
 use embassy_time::Timer;
 use rc10_app::{Amps, Degrees, Rpm};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};

@@ -1,10 +1,6 @@
 //! Records: the report of a record is that of its run, in every figure; and what is no record is refused
 //! in words.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::cast_possible_truncation, reason = "files of a test are short")]
-
-#[path = "common/scratch.rs"]
-mod scratch;
 
 use std::borrow::Cow;
 use std::fs::{self, File};
@@ -12,6 +8,7 @@ use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use crate::common::scratch::Scratch;
 use rc10_can::Micros;
 use rc10_cli::figures::{Figures, to_json};
 use rc10_cli::record::{Heading, RecordWriter, replay};
@@ -20,7 +17,6 @@ use rc10_cli::robot::Robot;
 use rc10_cli::simulate::simulate_into;
 use rc10_cli::{CommandLine, Motor, Place, Recording, team};
 use rc10_motor::dji::{Config, M3508};
-use scratch::Scratch;
 
 /// Hands the team's robot over.
 fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {

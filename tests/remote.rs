@@ -1,12 +1,8 @@
 //! The team's robot with a remote control: bytes and pulses on simulated wires, from the stick to
 //! the wheel, and what happens when the radio link breaks.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "remote/arming.rs"]
 mod arming;
-#[path = "remote/status_led.rs"]
 mod status_led;
-#[path = "remote/world_axes.rs"]
 mod world_axes;
 
 use rc10_app::Twist;

@@ -1,18 +1,12 @@
 //! The `rc10 run` command, as a user calls it.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-#[path = "common/mixed.rs"]
-mod common_mixed;
-#[path = "common/scratch.rs"]
-mod scratch;
 
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common_mixed::mixed;
+use crate::common::mixed::mixed;
+use crate::common::scratch::Scratch;
 use rc10_cli::{CommandLine, Description, Robot};
-use scratch::Scratch;
 use serde_json::Value;
 
 fn rc10(arguments: &[&str]) -> Output {

@@ -1,9 +1,6 @@
 //! Stopping the robot, and the time it takes: measured on simulated buses.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
-
-use common::{Bench, motor, twin};
+use crate::common::{Bench, motor, twin};
 use rc10_app::{Amps, Rpm, TotalAngle};
 use rc10_can::Micros;
 use rc10_cli::environment::Environment;

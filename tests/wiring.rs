@@ -1,6 +1,5 @@
 //! The pages of the boards against `firmware/board`: the same pins, peripherals and DMA streams, and of the team's
 //! board the programs that use them.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -5,9 +5,9 @@ use rc10_module::ranging::Range;
 use rc10_module::remote::{ChannelMap, CrsfLink, Ppm, Remote};
 use rc10_module::{Buffer, Pause, Protocol, Stream};
 
-use crate::observed::{Outcome, Piece, hear};
-use crate::wire::{Source, Wire, said, same, searched};
-use crate::wires::{Action, Crsf, Dbus, Jrt, Rc9, Sbus, Stp23l, TfMini, Vt03, Wit};
+use super::observed::{Outcome, Piece, hear};
+use super::wire::{Source, Wire, said, same, searched};
+use super::wires::{Action, Crsf, Dbus, Jrt, Rc9, Sbus, Stp23l, TfMini, Vt03, Wit};
 
 /// DJI's receiver.
 pub fn dbus(bytes: &[u8]) {

@@ -23,9 +23,9 @@ use rc10_motor::{
     Tick, TxBatch, cybergear, damiao, lk, odrive, vesc,
 };
 
-use crate::request::{Plots, Request as HttpRequest, read};
-pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
-pub use crate::tools::{bmi088, client, conversation, lines, record};
+use super::request::{Plots, Request as HttpRequest, read};
+pub use super::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
+pub use super::tools::{bmi088, client, conversation, lines, record};
 
 /// A target: a function of bytes.
 pub type Feed = fn(&[u8]);

@@ -1,6 +1,9 @@
 //! A bus of our own code on a simulated wire, ticked by a plain loop.
-#![allow(dead_code, reason = "each test file uses its part of it")]
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+pub mod made;
+pub mod mixed;
+pub mod scratch;
+pub mod served;
 
 use rc10_app::Seconds;
 use rc10_can::{CanPort, Micros};

@@ -10,8 +10,8 @@ use rc10_cli::team;
 use rc10_motor::signals::{ByteOrder, Kind, Message, Presence, Signal};
 use serde_json::{Map, Value, json};
 
-use crate::scratch::Scratch;
-use crate::{must_succeed, others, python, script};
+use super::scratch::Scratch;
+use super::{must_succeed, others, python, script};
 
 const FRAMES_PER_BUS: usize = 10_000;
 

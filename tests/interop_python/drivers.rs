@@ -9,9 +9,9 @@ use rc10_cli::pty::{PtyArgs, serve};
 use rc10_cli::robot::Robot;
 use serde_json::Value;
 
-use crate::others::{CYBERGEAR_ID, DAMIAO_ID, DAMIAO_MASTER, bus};
-use crate::scratch::Scratch;
-use crate::{must_succeed, python, script};
+use super::others::{CYBERGEAR_ID, DAMIAO_ID, DAMIAO_MASTER, bus};
+use super::scratch::Scratch;
+use super::{must_succeed, python, script};
 
 /// Readings of a script of tests/python from the motors, and the last words of `rc10 pty`.
 fn drive(name: &str) -> Option<(Value, String)> {

@@ -10,8 +10,8 @@ use rc10_cli::team;
 use rc10_robot::{Motors, Ports, Shared};
 use serde_json::Value;
 
-use crate::scratch::Scratch;
-use crate::{must_succeed, python, script};
+use super::scratch::Scratch;
+use super::{must_succeed, python, script};
 
 const LENGTH: Micros = Micros::from_millis(2000);
 

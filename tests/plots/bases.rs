@@ -3,7 +3,7 @@
 use plotters::chart::SeriesLabelPosition::{LowerLeft, UpperRight};
 use rc10_app::{Base, Rpm, Twist};
 
-use crate::drawing::{BLUE, GREEN, GREY, ORANGE, Panel, line};
+use super::drawing::{BLUE, GREEN, GREY, ORANGE, Panel, line};
 
 const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.25, Rpm::new(450.0));
 /// Without a limit: what each wheel would have to do.

@@ -4,8 +4,8 @@ use plotters::chart::SeriesLabelPosition::UpperRight;
 use rc10_app::mechanism::{Axes, AxesConfig, Homing, HomingConfig, HomingStatus, Reference, Stall};
 use rc10_app::{AngleProfile, Degrees, Direction, ProfileLimits, Rpm, Seconds, TotalAngle};
 
-use crate::axis::{Axis, BRAKING, Random, Stop};
-use crate::drawing::{BLUE, GREEN, GREY, ORANGE, Panel, line};
+use super::axis::{Axis, BRAKING, Random, Stop};
+use super::drawing::{BLUE, GREEN, GREY, ORANGE, Panel, line};
 
 const DT: Seconds = Seconds::new(0.001);
 

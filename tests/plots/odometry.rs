@@ -7,7 +7,7 @@ use rc10_app::{
     Base, Odometry, OdometryConfig, OdometryInput, Pose, Radians, Rpm, Seconds, TotalAngle, Twist,
 };
 
-use crate::drawing::{BLUE, GREY, ORANGE, Panel, line};
+use super::drawing::{BLUE, GREY, ORANGE, Panel, line};
 
 const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.25, Rpm::new(450.0));
 const CONFIG: OdometryConfig = OdometryConfig { lever: 0.45, ..OdometryConfig::DEFAULT };

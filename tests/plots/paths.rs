@@ -6,7 +6,7 @@ use plotters::chart::SeriesLabelPosition::{LowerLeft, UpperLeft, UpperRight};
 use rc10_app::path::{Path, PathLimits, Plan, Waypoint};
 use rc10_app::{Base, Radians, Rpm, Seconds, TwistLimits};
 
-use crate::drawing::{BLUE, GREEN, GREY, ORANGE, PURPLE, Panel, level, line};
+use super::drawing::{BLUE, GREEN, GREY, ORANGE, PURPLE, Panel, level, line};
 
 const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.25, Rpm::new(450.0));
 const AHEAD: Radians = Radians::new(0.0);

@@ -7,7 +7,7 @@ use rc10_app::{
     RpmPerSecond, Seconds, TotalAngle,
 };
 
-use crate::drawing::{BLUE, GREEN, GREY, Line, ORANGE, Panel, level, line};
+use super::drawing::{BLUE, GREEN, GREY, Line, ORANGE, Panel, level, line};
 
 const DT: Seconds = Seconds::new(0.001);
 

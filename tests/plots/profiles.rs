@@ -3,7 +3,7 @@
 use plotters::chart::SeriesLabelPosition::UpperRight;
 use rc10_app::{Profile, ProfileLimits, Seconds};
 
-use crate::drawing::{BLUE, ORANGE, Panel, level, line};
+use super::drawing::{BLUE, ORANGE, Panel, level, line};
 
 const DT: Seconds = Seconds::new(0.001);
 /// Metres.
@@ -42,7 +42,7 @@ pub fn panels() -> Vec<Panel> {
         panel(
             ("position, m", 0.0..1.2),
             vec![
-                line("target", crate::drawing::GREY, target),
+                line("target", super::drawing::GREY, target),
                 line("trapezoid", BLUE, position),
                 line("S-curve", ORANGE, smooth_position),
             ],

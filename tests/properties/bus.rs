@@ -14,7 +14,7 @@ use rc10_motor::{
     MotorBus, MotorId, Ownership, Request, SafeState, Safety, Target, TargetError, Tick, TxBatch,
 };
 
-use crate::any;
+use super::any;
 
 #[derive(Clone, Debug)]
 enum Event {

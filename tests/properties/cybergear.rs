@@ -8,8 +8,8 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_motor::cybergear::wire::{self, Parameter};
 use rc10_motor::cybergear::{Address, Limits, Reply, Setpoint, models};
 
-use crate::any;
-use crate::damiao::{limited, number, setpoint};
+use super::any;
+use super::damiao::{limited, number, setpoint};
 
 fn limits() -> impl Strategy<Value = Limits> {
     let own = (1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32);

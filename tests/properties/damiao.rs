@@ -7,7 +7,7 @@ use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_motor::damiao::registers::{Access, Content, Register, Reply, Value};
 use rc10_motor::damiao::{DeviceId, Feedback, Limits, Mode, Operation, Setpoint, models, wire};
 
-use crate::any;
+use super::any;
 
 /// Mostly near the ranges of real motors.
 pub fn number() -> impl Strategy<Value = f32> {

@@ -13,7 +13,7 @@ use rc10_motor::lk::{
     CENTIDEGREES, Command, DriveId, EncoderBits, Model, Reply, SpinDirection, pack_multi_motor,
 };
 
-use crate::any;
+use super::any;
 
 /// Mostly near the ranges of real motors.
 fn number() -> impl Strategy<Value = f32> {

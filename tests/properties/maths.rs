@@ -6,7 +6,7 @@ use rc10_app::angle::{nearest_movement, shortest_way, shortest_way_degrees};
 use rc10_app::{Base, CountsPerTurn, Degrees, Field, Radians, Rpm, TotalAngle, Twist};
 use rc10_module::encoder::Counter;
 
-use crate::any;
+use super::any;
 
 /// Each position of a 13-bit encoder to each other one, as counts and as degrees: 45/1024 degrees
 /// a count is exact in an f32, so nothing may be lost. Half a turn may go either way.

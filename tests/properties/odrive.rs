@@ -13,7 +13,7 @@ use rc10_motor::odrive::{
     AxisState, Command, ControlMode, Firmware, InputMode, Message, Node, Query,
 };
 
-use crate::any;
+use super::any;
 
 /// Mostly near the ranges of real motors.
 fn number() -> impl Strategy<Value = f32> {

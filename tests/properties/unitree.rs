@@ -14,7 +14,7 @@ use rc10_motor::unitree::wire::{
     Address, Impedance, Motion, RawImpedance, RawMotion, RotorScale, Status,
 };
 
-use crate::any;
+use super::any;
 
 fn shaft() -> impl Strategy<Value = RotorScale> {
     prop_oneof![Just(RotorScale::OUTPUT), Just(RotorScale::new(Gear::DIRECT))]

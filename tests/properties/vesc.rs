@@ -13,7 +13,7 @@ use rc10_motor::vesc::{
     Command, ElectricalRpm, ElectricalScale, Packet, Reply, Setting, Status, VescId, coast,
 };
 
-use crate::any;
+use super::any;
 
 fn vesc() -> impl Strategy<Value = VescId> {
     (0..=254_u8).prop_map(|id| VescId::new(id).unwrap())

@@ -6,7 +6,7 @@ use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::TxBatch;
 
-use crate::any;
+use super::any;
 
 fn standard(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap()

@@ -10,7 +10,7 @@ use rc10_motor::{
     Safety, TargetKind, TargetSet,
 };
 
-use crate::any;
+use super::any;
 
 /// Few identifiers, so that they meet.
 fn few_ids() -> impl Strategy<Value = Id> {

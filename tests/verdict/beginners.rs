@@ -18,7 +18,7 @@ use rc10_sim::Contact;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::{Arming, ArmingConfig, Common};
 
-use crate::scratch::Scratch;
+use super::scratch::Scratch;
 
 /// The weight on its shaft, N m.
 const WEIGHT: f32 = 2.0;

@@ -3,8 +3,8 @@
 use rc10_cli::remote::{Loss, Lost};
 use rc10_motor::Link;
 
-use crate::robots::{Which, run};
-use crate::{Micros, Recording, problems};
+use super::robots::{Which, run};
+use super::{Micros, Recording, problems};
 
 /// A sound run of the team's robot in which `fault` is said to have happened.
 fn said(fault: &str) -> Recording {

@@ -8,8 +8,8 @@ use rc10_cli::recording::MotorTrack;
 use rc10_cli::{effort, margin};
 use rc10_motor::rc10_app::Cascade;
 
-use crate::robots::{TEN_SECONDS, Which, run};
-use crate::{Micros, problems};
+use super::robots::{TEN_SECONDS, Which, run};
+use super::{Micros, problems};
 
 /// Seven of the team's and three of the mixed robot's: the other wheels and lifts are as the first.
 const OURS: [(Which, &str); 8] = [

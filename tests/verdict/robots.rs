@@ -7,8 +7,8 @@ use rc10_cli::team;
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{MotorBus, Names, Started};
 
-use super::made::{Made, attach};
 use super::*;
+use crate::common::made::{Made, attach};
 
 /// A shipped robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,7 +12,7 @@ use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 use serde_json::Value;
 
-use crate::scratch::Scratch;
+use super::scratch::Scratch;
 
 const LABELS: [&str; 8] =
     ["wheel a", "wheel b", "wheel c", "wheel d", "arm a", "arm b", "arm c", "arm d"];
@@ -212,7 +212,7 @@ fn the_shipped_robots_are_strictly_sound() {
         let folder = Scratch::new(&format!("strict_{robot}"));
         let arguments = ["run", "--strict", "--out", folder.to_str().unwrap()];
         let (code, text) = if robot == "mixed" {
-            crate::common_mixed::mixed(&arguments)
+            super::common_mixed::mixed(&arguments)
         } else {
             let output = Command::new(env!("CARGO_BIN_EXE_rc10")).args(arguments).output().unwrap();
             (output.status.code(), String::from_utf8(output.stdout).unwrap())

@@ -8,9 +8,9 @@ use proptest::test_runner::{RngSeed, TestRunner};
 use rc10_can::Micros;
 use rc10_module::{Buffer, Protocol};
 
-use crate::observed::{Piece, hear};
-use crate::port::{Line, Listened, listened, readings};
-use crate::wire::{Guard, Place, Source, Wire, said, same, searched};
+use super::observed::{Piece, hear};
+use super::port::{Line, Listened, listened, readings};
+use super::wire::{Guard, Place, Source, Wire, said, same, searched};
 
 /// Runs a check with `count` inputs, from the same seed in every run.
 pub fn cases<S: Strategy>(cases: u32, inputs: S, check: impl Fn(S::Value)) {

@@ -8,9 +8,9 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use rc10_module::Protocol;
 
-use crate::checks::{cases, frame, room};
-use crate::port::{Event, LATE, Line, listened, readings};
-use crate::wire::{Place, Segment, Wire, same};
+use super::checks::{cases, frame, room};
+use super::port::{Event, LATE, Line, listened, readings};
+use super::wire::{Place, Segment, Wire, same};
 
 /// A fault: before which byte, how many are lost there, and whether the port calls it an error.
 type Fault = (Index, usize, bool);

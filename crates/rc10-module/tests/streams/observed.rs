@@ -5,7 +5,7 @@ use std::cell::Cell;
 use rc10_can::Micros;
 use rc10_module::{Buffer, Counters, Found, Pause, Protocol, Stream};
 
-use crate::wire::Wire;
+use super::wire::Wire;
 
 /// What a parser did.
 #[derive(Clone, Copy, Debug, Default)]

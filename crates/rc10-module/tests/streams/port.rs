@@ -10,9 +10,9 @@ use proptest::prelude::*;
 use rc10_can::Micros;
 use rc10_module::{Counters, Reception, listen};
 
-use crate::clock::{run_until, spend};
-use crate::observed::{Watched, Work};
-use crate::wire::Wire;
+use super::clock::{run_until, spend};
+use super::observed::{Watched, Work};
+use super::wire::Wire;
 
 /// What a port has to say.
 #[derive(Clone, Copy, Debug)]

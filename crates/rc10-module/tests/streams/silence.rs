@@ -11,11 +11,11 @@ use proptest::prelude::*;
 use rc10_can::Micros;
 use rc10_module::{Found, Protocol};
 
-use crate::checks::{assert_same, cases, frame, garbage, room};
-use crate::observed::{Piece, hear};
-use crate::port::{Line, listened, readings};
-use crate::wire::Wire;
-use crate::wires::Dbus;
+use super::checks::{assert_same, cases, frame, garbage, room};
+use super::observed::{Piece, hear};
+use super::port::{Line, listened, readings};
+use super::wire::Wire;
+use super::wires::Dbus;
 
 /// What bytes between two silences say.
 fn said(burst: &[u8]) -> Vec<Vec<f64>> {

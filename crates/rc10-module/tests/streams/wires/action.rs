@@ -1,6 +1,6 @@
 use rc10_module::positioning::{self, action::Pose};
 
-use crate::wire::{Guard, Source, Wire};
+use super::super::wire::{Guard, Source, Wire};
 
 /// ACTION: 115,200 baud 8N1, 28 bytes, no checksum.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 use rc10_module::remote::{self, CrsfFrame};
 
-use crate::wire::{Guard, Source, Wire, bits, numbers, set_bits};
+use super::super::wire::{Guard, Source, Wire, bits, numbers, set_bits};
 
 /// TBS CRSF: 420 kbaud 8N1, `address, length, type, payload, CRC-8`.
 #[derive(Clone, Copy, Debug)]

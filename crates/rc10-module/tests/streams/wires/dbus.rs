@@ -1,6 +1,6 @@
 use rc10_module::remote::{self, DbusFrame, Switch};
 
-use crate::wire::{Guard, Place, Segment, Source, Wire, bits, numbers, set_bits, word};
+use super::super::wire::{Guard, Place, Segment, Source, Wire, bits, numbers, set_bits, word};
 
 /// DJI DR16: 100 kbaud 8E1, 18 bytes, no header, no checksum.
 #[derive(Clone, Copy, Debug)]

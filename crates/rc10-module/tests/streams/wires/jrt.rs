@@ -1,6 +1,6 @@
 use rc10_module::ranging::{self, jrt::Answer};
 
-use crate::wire::{Guard, Source, Wire, sum};
+use super::super::wire::{Guard, Source, Wire, sum};
 
 /// Lasers of the JRT type: 19,200 baud 8N1, `head, address, register, words, data, sum`.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 use rc10_module::positioning::{self, rc9::Frame};
 
-use crate::wire::{Guard, Source, Wire, crc, word};
+use super::super::wire::{Guard, Source, Wire, crc, word};
 
 /// RC9 frames: 115,200 baud 8N1, `FC FB id length data CRC-16 FD FE`.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 use rc10_module::remote::{self, SbusFrame};
 
-use crate::wire::{Guard, Source, Wire, bits, numbers, set_bits};
+use super::super::wire::{Guard, Source, Wire, bits, numbers, set_bits};
 
 /// SBUS: 100 kbaud 8E2, 25 bytes, no checksum.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 use rc10_module::ranging::{self, stp23l::Measurement};
 
-use crate::wire::{Guard, Source, Wire, double_word, sum, word};
+use super::super::wire::{Guard, Source, Wire, double_word, sum, word};
 
 /// LDROBOT STP-23L: 230400 baud 8N1, 195 bytes.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 use rc10_module::ranging::{self, tfmini::Measurement};
 
-use crate::wire::{Guard, Source, Wire, sum, word};
+use super::super::wire::{Guard, Source, Wire, sum, word};
 
 /// Benewake TFmini-Plus: 115200 baud 8N1, nine bytes.
 #[derive(Clone, Copy, Debug)]

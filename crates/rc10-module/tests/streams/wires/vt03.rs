@@ -1,6 +1,6 @@
 use rc10_module::remote::{self, Mode, Vt03Frame};
 
-use crate::wire::{Guard, Source, Wire, bits, crc_reflected, numbers, set_bits, word};
+use super::super::wire::{Guard, Source, Wire, bits, crc_reflected, numbers, set_bits, word};
 
 /// DJI VT03 and VT13: 921,600 baud 8N1, 21 bytes.
 #[derive(Clone, Copy, Debug)]

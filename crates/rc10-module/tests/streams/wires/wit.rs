@@ -1,6 +1,6 @@
 use rc10_module::imu::{self, wit::Message};
 
-use crate::wire::{Guard, Source, Wire, sum, word};
+use super::super::wire::{Guard, Source, Wire, sum, word};
 
 /// WIT modules: 115,200 baud 8N1, eleven bytes, several one behind the other.
 #[derive(Clone, Copy, Debug)]

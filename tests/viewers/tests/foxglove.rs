@@ -30,7 +30,7 @@ fn client() -> Option<PathBuf> {
     let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("node");
     fs::create_dir_all(&place).unwrap();
     for name in ["package.json", "package-lock.json", "foxglove.js"] {
-        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/node").join(name);
+        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../node").join(name);
         fs::copy(from, place.join(name)).unwrap();
     }
     let output =
@@ -46,7 +46,7 @@ fn foxglove_sees_what_the_robot_says() {
     // The same values by another way: JSON, as PlotJuggler takes it.
     let udp = UdpSocket::bind("127.0.0.1:0").unwrap();
     udp.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
-    let mut live = Command::new(env!("CARGO_BIN_EXE_rc10"))
+    let mut live = Command::new(env!("CARGO_BIN_EXE_viewers"))
         .args(["live", "--sim", "--page", "0", "--foxglove=0", "--plotjuggler"])
         .arg(udp.local_addr().unwrap().to_string())
         .stdout(Stdio::piped())

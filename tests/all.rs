@@ -1,0 +1,34 @@
+//! The tests of the whole, in one program: to link each file of them alone takes longer than to run them.
+//! Those of one file: `cargo test --test all run::`.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod architecture;
+mod bus_off;
+mod closed_loop;
+mod common;
+mod corpus;
+mod declaration;
+mod decode;
+mod defects;
+mod emulate;
+mod following;
+mod interop_python;
+mod live;
+mod live_http;
+mod live_page;
+mod live_port;
+mod load;
+mod messages;
+mod mistakes;
+mod mixed;
+mod new;
+mod order;
+mod plots;
+mod ports;
+mod properties;
+mod record;
+mod remote;
+mod run;
+mod safety;
+mod verdict;
+mod wiring;

@@ -1,0 +1,7 @@
+//! `cargo run --release` at the root is the `rc10` command.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    rc10_cli::main()
+}
