@@ -1,5 +1,5 @@
 //! The team's robot follows its targets, also when it is heavier, weaker or stiffer than its table says.
-//! `cargo test --test following -- --nocapture` prints the figures.
+//! `cargo test --test all following -- --nocapture` prints the figures.
 
 use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};

@@ -1,7 +1,7 @@
 //! The plots of `docs/control`, from runs of the code itself, and what both languages of its pages
 //! share.
 //!
-//! A plot that is not the one in `docs/pictures/control` fails; `RC10_BLESS=1 cargo test --test plots`
+//! A plot that is not the one in `docs/pictures/control` fails; `RC10_BLESS=1 cargo test --test all plots`
 //! writes it anew.
 
 #[path = "../crates/rc10-app/tests/mechanisms/axis.rs"]
@@ -31,7 +31,10 @@ fn check(name: &str, panels: &[Panel]) {
         return;
     }
     let kept = fs::read_to_string(&path).unwrap_or_default();
-    assert!(kept == picture, "{path:?} is another one now: RC10_BLESS=1 cargo test --test plots");
+    assert!(
+        kept == picture,
+        "{path:?} is another one now: RC10_BLESS=1 cargo test --test all plots"
+    );
 }
 
 #[test]

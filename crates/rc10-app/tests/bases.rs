@@ -1,14 +1,9 @@
 //! Bases: what their wheels can do, what they refuse, and what is seen of a wheel that is wrong.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod random;
-#[path = "walk/bases.rs"]
-mod walk;
-
-use random::Random;
+use crate::random::Random;
+use crate::walk::bases::SKID_STEER;
 use rc10_app::base::{Base, BaseError, Body, Tread, Wheel};
 use rc10_app::{BaseMotion, Degrees, Direction, Point, Rpm, RpmPerSecond, Twist, TwistLimits};
-use walk::SKID_STEER;
 
 const LIMIT: Rpm = Rpm::new(450.0);
 const MECANUM: Base<4> = Base::mecanum(0.076, 0.20, 0.25, LIMIT);
@@ -367,21 +362,4 @@ fn limits_that_the_wheels_cannot_keep_are_told() {
     assert!((error.value - 1211.6).abs() < 0.1, "{error}");
     let bad = TwistLimits { linear_acceleration: -1.0, ..limits };
     assert_eq!(MECANUM.validate_limits(&bad, needed).unwrap_err().field, "linear_acceleration");
-}
-
-/// The walk of which the chip's bits are compared with the PC's: it goes on to its end, and twice the
-/// same.
-#[test]
-fn the_walk_is_repeatable() {
-    let walked = || {
-        let (mut count, mut hash) = (0_u32, 0_u32);
-        walk::walk(&mut |value| {
-            assert!(value.is_finite());
-            (count, hash) = (count + 1, hash.rotate_left(5) ^ value.to_bits());
-        });
-        (count, hash)
-    };
-    let (count, hash) = walked();
-    assert!(count > 100_000, "{count}");
-    assert_eq!(walked(), (count, hash));
 }

@@ -1,5 +1,4 @@
 //! Odometry on whole paths: closed ones, with slip that is known, against where the robot really is.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_app::{
     Base, Odometry, OdometryConfig, OdometryInput, Pose, Radians, Rpm, Seconds, TotalAngle, Twist,

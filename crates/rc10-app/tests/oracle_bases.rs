@@ -1,6 +1,5 @@
 //! Bases, swerve and odometry against numpy and scipy in f64: see `golden/bases.py`,
 //! `golden/swerve.py`, `golden/odometry.py`.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_app::base::{Base, Tread, Wheel};
 use rc10_app::swerve::{Module, Steering, Swerve, SwerveState};

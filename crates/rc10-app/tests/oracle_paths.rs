@@ -1,5 +1,4 @@
 //! Paths against the least time by dynamic programming in f64 (`golden/paths.py`).
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_app::path::{Path, PathLimits, Plan, Waypoint};
 use rc10_app::{Base, Radians, Rpm, TwistLimits};

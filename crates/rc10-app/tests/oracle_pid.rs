@@ -1,5 +1,4 @@
 //! PID against scipy: `golden/pid.py` says how, `cargo xtask golden` makes the file.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_app::{PidConfig, PidState, Seconds};
 

@@ -1,6 +1,5 @@
 //! Profiles against those of ruckig, an implementation of its own in f64
 //! (`tests/golden/profiles.py`).
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_app::{Profile, ProfileLimits, Seconds, Setpoint};
 

@@ -1,5 +1,4 @@
 //! Profiles keep their limits whatever comes, and arrive.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_app::profile::synchronise;
 use rc10_app::{

@@ -1,9 +1,6 @@
 //! Swerve bases: how modules turn, what they never do, and what is seen of one that is wrong.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod random;
-
-use random::Random;
+use crate::random::Random;
 use rc10_app::base::BaseError;
 use rc10_app::swerve::{Module, Steering, Swerve, SwerveState};
 use rc10_app::{Point, Robot, Rpm, TotalAngle, Twist};

@@ -1,5 +1,4 @@
 //! The kit itself: a motor that breaks one rule is caught by that rule, and by no other.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::cast_possible_truncation, reason = "the device's numbers saturate")]
 #![allow(clippy::cast_precision_loss, reason = "small numbers")]
 #![allow(dead_code, reason = "a part of the guide's motor is not used here")]
@@ -10,11 +9,8 @@ mod declared;
 mod device;
 #[path = "add_a_motor/motor.rs"]
 mod motor;
-#[path = "rule_breakers/spoil.rs"]
 mod spoil;
-#[path = "rule_breakers/spoiled.rs"]
 mod spoiled;
-#[path = "rule_breakers/sprung.rs"]
 mod sprung;
 
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};

@@ -1,6 +1,5 @@
 //! `docs/modules`: every parser has a line in the index, each line a page, and each page what a page
 //! must have; the example in it is the one that is tested.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -1,7 +1,5 @@
 //! A bus and its runner, with a motor that does as it is told.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
 use std::sync::{Arc, Mutex};
 
 // The lock of a PC.

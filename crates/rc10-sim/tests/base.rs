@@ -1,5 +1,4 @@
 //! The base goes where its wheels push it.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, CanPort, Micros};

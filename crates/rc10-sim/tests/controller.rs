@@ -1,5 +1,4 @@
 //! A controller of another kind on a wire: what it is asked and told, and when, to the nanosecond.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::cell::RefCell;
 use std::pin::pin;

@@ -1,6 +1,5 @@
 //! Faults of a wire, and what the bus's own controller makes of them: error counters, bus-off, the
 //! way back.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Micros, Submitted};

@@ -1,5 +1,4 @@
 //! Receivers and an IMU on their wires: when each byte or edge comes, and what a lost remote does.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::cell::RefCell;
 use std::f64::consts::TAU;

@@ -1,6 +1,5 @@
 //! Virtual time: timers wake at the exact microsecond, runs can be cut anywhere, worlds do not
 //! disturb each other.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::cell::RefCell;
 use std::pin::{Pin, pin};

@@ -1,5 +1,4 @@
 //! Arbitration, bit timing, overload, missing acknowledge.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Micros, Submitted};

@@ -5,7 +5,7 @@ use rc10_app::mechanism::{
 };
 use rc10_app::{CountsPerTurn, Degrees, Direction, Rpm, Seconds, TotalAngle};
 
-use crate::axis::{Axis, BRAKING, FULL, Random, Stop};
+use super::axis::{Axis, BRAKING, FULL, Random, Stop};
 
 const STALL_TIME: f32 = 0.2;
 

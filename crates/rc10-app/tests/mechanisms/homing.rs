@@ -7,7 +7,7 @@ use rc10_app::mechanism::{
 };
 use rc10_app::{Degrees, Direction, Rpm, Seconds, TotalAngle};
 
-use crate::axis::{Axis, BRAKING, FULL, Random, Stop};
+use super::axis::{Axis, BRAKING, FULL, Random, Stop};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Fault {

@@ -8,7 +8,7 @@ use rc10_app::mechanism::{
 };
 use rc10_app::{AngleSetpoint, Degrees, Direction, Rpm, Seconds, TotalAngle};
 
-use crate::axis::{Axis, BRAKING, Random, Stop};
+use super::axis::{Axis, BRAKING, Random, Stop};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Fault {

@@ -7,7 +7,7 @@ use rc10_app::path::{
 };
 use rc10_app::{Pose, Radians, Seconds, Twist};
 
-use crate::{COURSE, LIMITS, MECANUM, course, off, waypoint};
+use super::{COURSE, LIMITS, MECANUM, course, off, waypoint};
 
 const TICK: f32 = 0.005;
 

@@ -7,9 +7,9 @@ use rc10_motor::{
 };
 use rc10_sim::{Esc, EscFault, EscState, Line};
 
-use crate::random::Random;
-use crate::scene::Scene;
-use crate::story;
+use crate::chaos::random::Random;
+use crate::chaos::scene::Scene;
+use crate::chaos::story;
 
 pub struct LineScene<'m> {
     bench: LineBench<'m>,

@@ -8,8 +8,8 @@ use rc10_motor::{
 };
 use rc10_sim::{Bus, Esc, EscFault, EscState, SimPort};
 
-use crate::random::Random;
-use crate::story;
+use crate::chaos::random::Random;
+use crate::chaos::story;
 
 pub trait Scene {
     fn now(&self) -> Micros;

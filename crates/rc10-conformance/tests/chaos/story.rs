@@ -7,9 +7,9 @@ use rc10_conformance::{Declaration, Trial};
 use rc10_motor::{Condition, Gains, Impedance, Link, Motion, Request, Response, SafeState, Target};
 use rc10_sim::EscFault;
 
-use crate::random::Random;
-use crate::scene::Scene;
-use crate::watch::{Arm, Watch, World};
+use crate::chaos::random::Random;
+use crate::chaos::scene::Scene;
+use crate::chaos::watch::{Arm, Watch, World};
 
 /// How long a story is, ms.
 const LENGTH: u32 = 2500;

@@ -4,7 +4,7 @@ use rc10_conformance::{Claim, Declaration};
 use rc10_motor::{Condition, DriveMode, Link, MotorStatus, SafeState, TargetKind};
 use rc10_sim::EscState;
 
-use crate::scene::Scene;
+use crate::chaos::scene::Scene;
 
 /// Whether motors may move.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -11,8 +11,8 @@ use rc10_motor::{
     TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 
-use crate::motor::{Command, Finch};
-use crate::spoil::Spoil;
+use super::motor::{Command, Finch};
+use super::spoil::Spoil;
 
 thread_local! {
     static MADE: Cell<u32> = const { Cell::new(0) };

@@ -1,7 +1,7 @@
 //! Every serial protocol in streams as they are: split anywhere, with garbage, damage and faults.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::cast_possible_truncation, reason = "streams of a test are short")]
 #![allow(clippy::float_cmp, reason = "numbers that are exact")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod checks;
 #[path = "../../../rc10-message/tests/clock/mod.rs"]

@@ -15,7 +15,7 @@ use rc10_motor::{ArmSwitch, Link, MotorId, MotorStatus, Safety};
 use rc10_sim::Esc;
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
-use crate::leak;
+use crate::motors::leak;
 
 pub const CAN_ID: u16 = 0x11;
 pub const MASTER_ID: u16 = 0x31;

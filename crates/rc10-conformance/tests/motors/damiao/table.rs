@@ -1,7 +1,7 @@
 //! The signal table says of every frame what the codec says.
 
 use super::{config, controls, motor};
-use crate::damiao_values::values;
+use crate::motors::damiao_values::values;
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 use rc10_can::CanFrame;

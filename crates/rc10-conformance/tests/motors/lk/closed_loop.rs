@@ -10,7 +10,7 @@ use rc10_motor::{
 };
 use rc10_sim::lk::{Drive, Goal, Settings};
 
-use crate::{rpm, settles};
+use crate::motors::{rpm, settles};
 
 use super::{bench, is_on, joint, joint_plant, wheel, wheel_plant};
 

@@ -17,7 +17,7 @@ use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 use rc10_sim::{Esc, Plant};
 
-use crate::leak;
+use crate::motors::leak;
 
 /// For an MG4010E-i10 with a joint of 0.02 kg m².
 pub const JOINT: Cascade = Cascade {

@@ -12,7 +12,7 @@ use rc10_motor::{
 use rc10_sim::Esc;
 use rc10_sim::odrive::{Axis, Settings, encode_estimates, encode_heartbeat};
 
-use crate::{rpm, settles};
+use crate::motors::{rpm, settles};
 
 use super::{NODE, bench, is_on, wheel, with};
 

@@ -16,7 +16,7 @@ use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::odrive::{Axis, Settings, State, d6374_8to1};
 use rc10_sim::{Esc, Plant};
 
-use crate::leak;
+use crate::motors::leak;
 
 /// For a D6374 behind an 8 : 1 belt with a wheel of 0.03 kg m².
 pub const WHEEL: Cascade = Cascade {

@@ -17,7 +17,7 @@ use rc10_motor::{ArmSwitch, MotorId, Safety, Target};
 use rc10_sim::unitree_module::{Gains, Mode, UnitreeModule, UnitreeMotor, plant};
 use rc10_sim::{Esc, Plant};
 
-use crate::leak;
+use crate::motors::leak;
 
 /// One motor behind the factory's module, heard and disarmed.
 struct One {

@@ -4,7 +4,7 @@ use rc10_motor::unitree::signals::{NOT_IN_DBC, messages};
 use rc10_sim::unitree_module::{Asked, Command};
 
 use super::values::values;
-use crate::unitree_module::codecs::Random;
+use crate::motors::unitree_module::codecs::Random;
 
 #[test]
 fn the_table_reads_what_the_codec_reads() {

@@ -11,7 +11,7 @@ use rc10_motor::vesc::{Command, ElectricalRpm, Reply, Setting, Status, StatusRat
 use rc10_sim::vesc::{Order, Report, Stored};
 
 use super::{config, id};
-use crate::vesc_values::values;
+use crate::motors::vesc_values::values;
 
 fn cases(cases: u32) -> ProptestConfig {
     let rng_seed = RngSeed::Fixed(10);

@@ -1,7 +1,7 @@
 use rc10_module::Protocol;
 
-use super::super::example::{self, Range};
-use super::super::wire::{Guard, Source, Wire, sum, word};
+use super::example::{self, Range};
+use super::wire::{Guard, Source, Wire, sum, word};
 
 /// Made up; see `docs/modules/README.md`.
 #[derive(Clone, Copy, Debug)]

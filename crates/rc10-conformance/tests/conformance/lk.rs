@@ -8,7 +8,7 @@ use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_sim::EscFault;
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 
-use crate::{Report, check};
+use super::{Report, check};
 
 fn trials(cruise: f32) -> [Trial; 4] {
     [

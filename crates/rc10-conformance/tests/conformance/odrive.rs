@@ -6,7 +6,7 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_sim::odrive::{Axis, Settings, d6374_8to1};
 
-use crate::{Report, check};
+use super::{Report, check};
 
 /// N m.
 const FULL: f32 = 8.0;

@@ -1,29 +1,28 @@
 //! Seeded random stories: everything that can happen to a motor, at any time and in any order. What
 //! must hold is looked at in every millisecond, and at the end everything is well again.
 //!
-//! `RC10_STORIES=500 cargo test -p rc10-conformance --test chaos` tells more of them, `RC10_STORY=7`
+//! `RC10_STORIES=500 cargo test -p rc10-conformance --test all chaos` tells more of them, `RC10_STORY=7`
 //! only number 7.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "../conformance_of/cybergear.rs"]
+#[path = "../conformance/cybergear.rs"]
 mod cybergear;
-#[path = "../conformance_of/damiao.rs"]
+#[path = "../conformance/damiao.rs"]
 mod damiao;
-#[path = "../conformance_of/dji.rs"]
+#[path = "../conformance/dji.rs"]
 mod dji;
 mod line;
-#[path = "../conformance_of/lk.rs"]
+#[path = "../conformance/lk.rs"]
 mod lk;
-#[path = "../conformance_of/odrive.rs"]
+#[path = "../conformance/odrive.rs"]
 mod odrive;
 mod random;
 mod scene;
 mod story;
-#[path = "../conformance_of/unitree_line.rs"]
+#[path = "../conformance/unitree_line.rs"]
 mod unitree_line;
-#[path = "../conformance_of/unitree_module.rs"]
+#[path = "../conformance/unitree_module.rs"]
 mod unitree_module;
-#[path = "../conformance_of/vesc.rs"]
+#[path = "../conformance/vesc.rs"]
 mod vesc;
 mod watch;
 

@@ -6,7 +6,7 @@ use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
-use crate::{Report, check};
+use super::{Report, check};
 
 /// N m.
 const FULL: f32 = 7.0;

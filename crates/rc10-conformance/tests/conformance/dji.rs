@@ -5,7 +5,7 @@ use rc10_motor::dji::{self, Dji};
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::{EscConfig, Model, Plant};
 
-use crate::{Report, check};
+use super::{Report, check};
 
 /// All models are driven alike. Each has about the inertia on its shaft that its gains are made for.
 fn dji(

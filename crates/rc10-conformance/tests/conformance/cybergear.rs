@@ -5,7 +5,7 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::cybergear as sim;
 
-use crate::{Report, check};
+use super::{Report, check};
 
 /// Both models are driven alike; the spring is as stiff as the motor is strong.
 fn motor(

@@ -1,14 +1,13 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::{GoModule, LARGEST_TORQUE, ModuleConfig};
+use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE, LineConfig};
 use rc10_motor::{Impedance, Target};
-use rc10_sim::EscFault;
-use rc10_sim::unitree_module::{UnitreeModule, plant};
+use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
-use crate::{Report, check};
+use super::{Report, check_line};
 
-/// Each motor behind a module of its own: [`UnitreeModule`]s are told apart by their number.
+/// A light load on its shaft.
 pub fn go_m8010(direction: Direction) -> Result<(), Report> {
     let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
     let declared = Declaration {
@@ -16,12 +15,8 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
         coasts_freely: Claim::Cannot(
             "disabled it is locked, which is assumed to short its winding",
         ),
-        // For a moment, until the speed loop's integral carries the load.
+        // For a moment, when the load changes its way: until the speed loop's integral carries it.
         hold_gives: 14.0,
-        untold_faults: vec![(
-            EscFault::CommunicationLost,
-            "its cable to the module is off: the module is silent about it, and the motor is lost",
-        )],
         ..Declaration::new([0, 1], Rpm::new(100.0), LARGEST_TORQUE)
     }
     .with_trials(&[
@@ -32,12 +27,9 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
         Trial::new(Target::Torque(NewtonMetres::new(-12.0)), 0.1, 100),
         Trial::new(Target::Impedance(spring), 1.0, 2000),
     ]);
-    check(
+    check_line(
         &declared,
-        |motor| GoModule::new(ModuleConfig::new(3, motor).with_direction(direction)).unwrap(),
-        |wire, motor| {
-            let module = UnitreeModule::new(3).unwrap();
-            wire.add(module.motor(motor).unwrap(), plant().with_load_inertia(0.01))
-        },
+        |id| GoM8010::new(LineConfig::new(id).with_direction(direction)).unwrap(),
+        |wire, id| wire.add(Device::new(id), plant().with_load_inertia(0.01)),
     )
 }

@@ -10,7 +10,7 @@ use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};
 
-use crate::{Report, check};
+use super::{Report, check};
 
 const POLE_PAIRS: u8 = 7;
 const LIMIT: f32 = 40.0;
