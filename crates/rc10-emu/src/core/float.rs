@@ -1,0 +1,440 @@
+//! Instructions of the FPU (A6.4 to A6.7, A7.7): FPv5 in both precisions.
+
+use super::arithmetic::{rn, rt};
+use super::exceptions::{FPSCR, Fault};
+use super::ieee::{AWAY, DOUBLE, FZ, Float, Format, HALF, IXC, NEAREST, ROUNDING, SINGLE, TO_ZERO};
+use super::transfer::align;
+use super::{C, Core, Done, N, V, Z};
+
+/// Ways to round that an instruction names itself.
+const MODES: [u32; 4] = [AWAY, NEAREST, 1, 2];
+
+const fn is_double(i: u32) -> bool {
+    i & 1 << 8 != 0
+}
+
+const fn format(double: bool) -> Format {
+    if double { DOUBLE } else { SINGLE }
+}
+
+/// Index of the single register that is a register, or its lower half: four bits and one more.
+const fn index(double: bool, four: u32, one: u32) -> usize {
+    (if double { four << 1 | one << 5 } else { four << 1 | one }) as usize & 31
+}
+const fn d(i: u32, double: bool) -> usize {
+    index(double, i >> 12 & 15, i >> 22 & 1)
+}
+const fn n(i: u32, double: bool) -> usize {
+    index(double, i >> 16 & 15, i >> 7 & 1)
+}
+const fn m(i: u32, double: bool) -> usize {
+    index(double, i & 15, i >> 5 & 1)
+}
+
+/// What two operands become.
+#[derive(Clone, Copy)]
+enum Operation {
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    SquareRoot,
+}
+
+impl Core {
+    #[inline]
+    fn number(&self, index: usize, double: bool) -> u64 {
+        let low = u64::from(self.s[index]);
+        if double { u64::from(self.s[index | 1]) << 32 | low } else { low }
+    }
+
+    #[inline]
+    fn set_number(&mut self, index: usize, double: bool, bits: u64) {
+        self.s[index] = bits as u32;
+        if double {
+            self.s[index | 1] = (bits >> 32) as u32;
+        }
+    }
+
+    /// Does arithmetic that keeps its flags.
+    fn with_float(
+        &mut self,
+        format: Format,
+        rounding: Option<u32>,
+        does: impl FnOnce(&mut Float) -> u64,
+    ) -> u64 {
+        let mut float = Float::new(format, self.fpscr);
+        float.rounding = rounding.unwrap_or(float.rounding);
+        let result = does(&mut float);
+        self.fpscr = float.fpscr;
+        result
+    }
+
+    /// The computer's own arithmetic, where it differs in nothing but flags that are set already.
+    #[inline]
+    fn arithmetic(&mut self, double: bool, operation: Operation, a: u64, b: u64) -> u64 {
+        let format = format(double);
+        if self.fpscr & (ROUNDING | FZ | IXC) == IXC {
+            let result = if double {
+                let [a, b] = [a, b].map(f64::from_bits);
+                match operation {
+                    Operation::Add => a + b,
+                    Operation::Subtract => a - b,
+                    Operation::Multiply => a * b,
+                    Operation::Divide => a / b,
+                    Operation::SquareRoot => a.sqrt(),
+                }
+                .to_bits()
+            } else {
+                let [a, b] = [a, b].map(|bits| f32::from_bits(bits as u32));
+                let result = match operation {
+                    Operation::Add => a + b,
+                    Operation::Subtract => a - b,
+                    Operation::Multiply => a * b,
+                    Operation::Divide => a / b,
+                    Operation::SquareRoot => a.sqrt(),
+                };
+                result.to_bits().into()
+            };
+            if format.is_plain(result) {
+                return result;
+            }
+        }
+        self.with_float(format, None, |float| match operation {
+            Operation::Add => float.add(a, b, false),
+            Operation::Subtract => float.add(a, b, true),
+            Operation::Multiply => float.multiply(a, b),
+            Operation::Divide => float.divide(a, b),
+            Operation::SquareRoot => float.square_root(a),
+        })
+    }
+}
+
+/// Computes with the second and third register, as most instructions do.
+#[inline]
+fn binary(core: &mut Core, i: u32, operation: Operation) -> Result<u64, Fault> {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let (a, b) = (core.number(n(i, double), double), core.number(m(i, double), double));
+    Ok(core.arithmetic(double, operation, a, b))
+}
+
+fn set_d(core: &mut Core, i: u32, bits: u64) -> Done {
+    core.set_number(d(i, is_double(i)), is_double(i), bits);
+    Ok(())
+}
+
+/// Whether bit 6 names the other instruction of two.
+const fn is_other(i: u32) -> bool {
+    i & 1 << 6 != 0
+}
+
+pub(super) fn float_add(core: &mut Core, i: u32) -> Done {
+    let operation = if is_other(i) { Operation::Subtract } else { Operation::Add };
+    let result = binary(core, i, operation)?;
+    set_d(core, i, result)
+}
+
+/// VMUL, VNMUL.
+pub(super) fn float_multiply(core: &mut Core, i: u32) -> Done {
+    let result = binary(core, i, Operation::Multiply)?;
+    set_d(core, i, if is_other(i) { format(is_double(i)).negate(result) } else { result })
+}
+
+pub(super) fn float_divide(core: &mut Core, i: u32) -> Done {
+    let result = binary(core, i, Operation::Divide)?;
+    core.clocks += 13;
+    set_d(core, i, result)
+}
+
+/// VMLA, VMLS, VNMLA, VNMLS: rounded twice.
+pub(super) fn float_accumulate(core: &mut Core, i: u32) -> Done {
+    let product = binary(core, i, Operation::Multiply)?;
+    let (double, negates) = (is_double(i), i & 1 << 20 != 0);
+    let addend = core.number(d(i, double), double);
+    let signed = |bits, negates| if negates { format(double).negate(bits) } else { bits };
+    let (addend, product) = (signed(addend, negates), signed(product, is_other(i)));
+    let sum = core.arithmetic(double, Operation::Add, addend, product);
+    core.clocks += 2;
+    set_d(core, i, sum)
+}
+
+/// VFMA, VFMS, VFNMA, VFNMS: rounded once.
+pub(super) fn float_fused(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let format = format(double);
+    let signed = |bits, negates| if negates { format.negate(bits) } else { bits };
+    let addend = signed(core.number(d(i, double), double), i & 1 << 20 != 0);
+    let a = signed(core.number(n(i, double), double), is_other(i));
+    let b = core.number(m(i, double), double);
+    let sum = core.with_float(format, None, |float| float.multiply_add(addend, a, b));
+    core.clocks += 2;
+    set_d(core, i, sum)
+}
+
+/// VMOV, VABS, VNEG, VSQRT.
+pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let value = core.number(m(i, double), double);
+    let result = match (i >> 16 & 1, i >> 7 & 1) {
+        (0, 0) => value,
+        (0, _) => format(double).absolute(value),
+        (_, 0) => format(double).negate(value),
+        _ => {
+            core.clocks += 13;
+            core.arithmetic(double, Operation::SquareRoot, value, 0)
+        }
+    };
+    set_d(core, i, result)
+}
+
+/// VMOV of a constant: sign, three bits of exponent, four of fraction.
+pub(super) fn float_constant(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let byte = u64::from(i >> 12 & 0xF0 | i & 0xF);
+    let (sign, small, rest) = (byte >> 7, byte >> 6 & 1, byte & 0x3F);
+    let bits = if is_double(i) {
+        sign << 63 | (small ^ 1) << 62 | (small * 0xFF) << 54 | rest << 48
+    } else {
+        sign << 31 | (small ^ 1) << 30 | (small * 0x1F) << 25 | rest << 19
+    };
+    set_d(core, i, bits)
+}
+
+/// VCMP, VCMPE.
+pub(super) fn float_compare(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let a = core.number(d(i, double), double);
+    let b = if i & 1 << 16 == 0 { core.number(m(i, double), double) } else { 0 };
+    let mut conditions = 0;
+    core.with_float(format(double), None, |float| {
+        conditions = float.compare(a, b, i & 1 << 7 != 0);
+        0
+    });
+    core.fpscr = core.fpscr & !(N | Z | C | V) | conditions;
+    Ok(())
+}
+
+/// VRINTR, VRINTZ, VRINTX.
+pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
+    let exact = i & 1 << 16 != 0;
+    to_whole(core, i, (i & 1 << 7 != 0 && !exact).then_some(TO_ZERO), exact)
+}
+
+/// VRINTA, VRINTN, VRINTP, VRINTM.
+pub(super) fn float_round_mode(core: &mut Core, i: u32) -> Done {
+    to_whole(core, i, Some(MODES[(i >> 16 & 3) as usize]), false)
+}
+
+fn to_whole(core: &mut Core, i: u32, rounding: Option<u32>, exact: bool) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let value = core.number(m(i, double), double);
+    let whole = core.with_float(format(double), rounding, |float| float.whole(value, exact));
+    set_d(core, i, whole)
+}
+
+/// VCVT between single and double.
+pub(super) fn float_convert(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let value = core.number(m(i, double), double);
+    let result =
+        core.with_float(format(double), None, |float| float.convert(value, format(!double)));
+    core.set_number(d(i, !double), !double, result);
+    Ok(())
+}
+
+/// VCVTB, VCVTT: between half precision, in one half of a register, and another.
+pub(super) fn float_half(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let (double, shift) = (is_double(i), i >> 3 & 16);
+    if i & 1 << 16 == 0 {
+        let half = u64::from(core.s[m(i, false)] >> shift & 0xFFFF);
+        let result = core.with_float(HALF, None, |float| float.convert(half, format(double)));
+        return set_d(core, i, result);
+    }
+    let value = core.number(m(i, double), double);
+    let half = core.with_float(format(double), None, |float| float.convert(value, HALF));
+    let to = &mut core.s[d(i, false)];
+    *to = *to & !(0xFFFF << shift) | (half as u32) << shift;
+    Ok(())
+}
+
+/// VCVT from an integer.
+pub(super) fn float_from_integer(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let value = core.s[m(i, false)];
+    let value = if i & 1 << 7 == 0 { value.into() } else { (value as i32).into() };
+    let result = core.with_float(format(is_double(i)), None, |float| float.of_integer(value, 0));
+    set_d(core, i, result)
+}
+
+/// VCVT and VCVTR to an integer.
+pub(super) fn float_to_integer(core: &mut Core, i: u32) -> Done {
+    to_integer(core, i, i & 1 << 16 != 0, (i & 1 << 7 != 0).then_some(TO_ZERO))
+}
+
+/// VCVTA, VCVTN, VCVTP, VCVTM.
+pub(super) fn float_to_integer_mode(core: &mut Core, i: u32) -> Done {
+    to_integer(core, i, i & 1 << 7 != 0, Some(MODES[(i >> 16 & 3) as usize]))
+}
+
+fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<u32>) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let value = core.number(m(i, double), double);
+    let integer =
+        core.with_float(format(double), rounding, |float| float.to_integer(value, 32, signed, 0));
+    core.s[d(i, false)] = integer as u32;
+    Ok(())
+}
+
+/// VCVT between fixed point and floating point, in one register.
+pub(super) fn float_fixed(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let (double, signed) = (is_double(i), i & 1 << 16 == 0);
+    let bits = if i & 1 << 7 == 0 { 16 } else { 32 };
+    let fraction = bits - ((i & 15) << 1 | i >> 5 & 1).min(bits);
+    let value = core.number(d(i, double), double);
+    let result = if i & 1 << 18 == 0 {
+        let above = 64 - bits;
+        let integer = (value << above) as i64;
+        let integer = if signed { integer >> above } else { (integer as u64 >> above) as i64 };
+        core.with_float(format(double), Some(NEAREST), |float| float.of_integer(integer, fraction))
+    } else {
+        core.with_float(format(double), Some(TO_ZERO), |float| {
+            float.to_integer(value, bits, signed, fraction)
+        })
+    };
+    set_d(core, i, result)
+}
+
+pub(super) fn float_select(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    // EQ, VS, GE, GT.
+    let condition = [0, 6, 10, 12][(i >> 20 & 3) as usize];
+    let from = if core.holds(condition) { n(i, double) } else { m(i, double) };
+    set_d(core, i, core.number(from, double))
+}
+
+/// VMAXNM, VMINNM.
+pub(super) fn float_extreme(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let double = is_double(i);
+    let (a, b) = (core.number(n(i, double), double), core.number(m(i, double), double));
+    let result = core.with_float(format(double), None, |float| float.extreme(a, b, is_other(i)));
+    set_d(core, i, result)
+}
+
+/// VMOV between a register of the core and one of the FPU.
+pub(super) fn float_move(core: &mut Core, i: u32) -> Done {
+    move_word(core, i, n(i, false))
+}
+
+/// VMOV between a register of the core and half of a double one.
+pub(super) fn float_move_part(core: &mut Core, i: u32) -> Done {
+    move_word(core, i, n(i, true) | (i >> 21 & 1) as usize)
+}
+
+fn move_word(core: &mut Core, i: u32, index: usize) -> Done {
+    core.claim_fpu()?;
+    if i & 1 << 20 == 0 {
+        core.s[index] = core.get(rt(i));
+    } else {
+        core.set(rt(i), core.s[index]);
+    }
+    Ok(())
+}
+
+/// VMOV between two registers of the core and a double one, or two single ones.
+pub(super) fn float_move_two(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let first = m(i, is_double(i));
+    for (register, index) in [(rt(i), first), (rn(i), first + 1 & 31)] {
+        if i & 1 << 20 == 0 {
+            core.s[index] = core.get(register);
+        } else {
+            core.set(register, core.s[index]);
+        }
+    }
+    core.clocks += 1;
+    Ok(())
+}
+
+/// VMSR.
+pub(super) fn float_write_status(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    if rn(i) != 1 {
+        return Err(Fault::Undefined);
+    }
+    core.fpscr = core.get(rt(i)) & FPSCR;
+    Ok(())
+}
+
+/// VMRS.
+pub(super) fn float_read_status(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    match (rn(i), rt(i)) {
+        (1, 15) => core.psr = core.psr & !(N | Z | C | V) | core.fpscr & (N | Z | C | V),
+        (1, to) => core.set(to, core.fpscr),
+        // What the FPU has: MVFR2, MVFR1, MVFR0.
+        (register @ 5..=7, to) => {
+            let features = core.read_system(0xE000_EF40 + 4 * (7 - register), false);
+            core.set(to, features);
+        }
+        _ => return Err(Fault::Undefined),
+    }
+    Ok(())
+}
+
+/// VLDR, VSTR.
+pub(super) fn float_transfer(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let base = if rn(i) == 15 { core.r[15] & !3 } else { core.get(rn(i)) };
+    let offset = (i & 0xFF) << 2;
+    let up = i & 1 << 23 != 0;
+    let at = if up { base.wrapping_add(offset) } else { base.wrapping_sub(offset) };
+    let double = is_double(i);
+    transfer_words(core, i, at, if double { 2 } else { 1 })
+}
+
+/// VLDM, VSTM, VPUSH, VPOP.
+pub(super) fn float_transfer_multiple(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let (base, count) = (core.get(rn(i)), i & 0xFF);
+    let up = i & 1 << 23 != 0;
+    let end = if up { base.wrapping_add(4 * count) } else { base.wrapping_sub(4 * count) };
+    transfer_words(core, i, if up { base } else { end }, count.min(32))?;
+    if i & 1 << 21 != 0 {
+        core.set(rn(i), end);
+    }
+    Ok(())
+}
+
+/// Loads or stores registers one after another. After a fault none of them has changed.
+fn transfer_words(core: &mut Core, i: u32, at: u32, count: u32) -> Done {
+    align(core, at, 4, true)?;
+    let first = d(i, is_double(i));
+    let mut registers = core.s;
+    for (index, at) in (first..first + count as usize).zip((at..).step_by(4)) {
+        let register = &mut registers[index & 31];
+        if i & 1 << 20 == 0 {
+            core.store(at, 4, *register)?;
+        } else {
+            *register = core.load(at, 4)?;
+        }
+    }
+    core.s = registers;
+    Ok(())
+}
+
+/// What the FPU does not have.
+pub(super) fn float_undefined(core: &mut Core, _: u32) -> Done {
+    core.claim_fpu()?;
+    Err(Fault::Undefined)
+}
