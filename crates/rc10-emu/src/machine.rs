@@ -465,6 +465,11 @@ impl Machine {
         self.struck
     }
 
+    #[cfg(test)]
+    pub(crate) const fn core(&self) -> &Core {
+        &self.core
+    }
+
     /// The first accesses to what does not exist or has no clock.
     #[must_use]
     pub fn reports(&self) -> &[Report] {

@@ -188,7 +188,10 @@ impl Core {
         let window = &self.bus.readable[(address >> RANGE_BITS) as usize];
         let offset = address.wrapping_sub(window.base);
         if offset < window.length && address & (bytes - 1) == 0 {
-            return Ok(self.bus.memory.get(window.start + offset, bytes));
+            let value = self.bus.memory.get(window.start + offset, bytes);
+            #[cfg(test)]
+            self.watch.note(address, bytes, value, false);
+            return Ok(value);
         }
         self.load_anywhere(address, bytes, self.is_privileged())
     }
@@ -201,6 +204,8 @@ impl Core {
         let offset = address.wrapping_sub(window.base);
         if offset < window.length && address & (bytes - 1) == 0 {
             self.bus.memory.put(window.start + offset, bytes, value);
+            #[cfg(test)]
+            self.watch.note(address, bytes, value, true);
             return Ok(());
         }
         self.store_anywhere(address, bytes, value, self.is_privileged())
@@ -224,6 +229,8 @@ impl Core {
             let byte = |at: u32| Some(self.bus.read(address.wrapping_add(at), 1)? << (8 * at));
             (0..bytes).map(byte).sum()
         };
+        #[cfg(test)]
+        read.inspect(|&value| self.watch.note(address, bytes, value, false));
         read.ok_or_else(|| self.fault_at(address, Fault::DataBus))
     }
 
@@ -249,6 +256,8 @@ impl Core {
             let byte = |at| self.bus.write(address.wrapping_add(at), 1, value >> (8 * at) & 0xFF);
             (0..bytes).try_for_each(byte)
         };
+        #[cfg(test)]
+        written.inspect(|()| self.watch.note(address, bytes, value, true));
         written.ok_or_else(|| self.fault_at(address, Fault::DataBus))
     }
 

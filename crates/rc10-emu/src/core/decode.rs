@@ -247,7 +247,7 @@ const NARROW: &[(u32, u32, Run)] = &[
     (0xFF80, 0x4780, branch_link_exchange),
     (0xFFC0, 0x4340, multiply_flags),
     (0xF500, 0xB100, compare_branch),
-    (0xFFE8, 0xB660, change_state),
+    (0xFFE0, 0xB660, change_state),
     (0xFF00, 0xBE00, break_point),
     (0xFF00, 0xBF00, if_then),
     (0xFF00, 0xDF00, supervisor_call),
@@ -300,7 +300,8 @@ const WIDE: &[(u32, u32, Run)] = &[
     (0xFFF0_D0FF, 0xF3A0_8004, send_event),
     (0xFFF0_D700, 0xF3A0_8000, nothing),
     (0xFFF0_D0F0, 0xF3B0_8020, clear_exclusive),
-    (0xFFF0_D0C0, 0xF3B0_8040, nothing),
+    (0xFFF0_D0E0, 0xF3B0_8040, nothing),
+    (0xFFF0_D0F0, 0xF3B0_8060, nothing),
     (0xFB80_D000, 0xF380_8000, undefined),
     (0xF800_D000, 0xF000_8000, branch_if),
     // Loads and stores of several words (A5.3.5), of two, exclusive ones, and branches by a table

@@ -113,6 +113,8 @@ pub struct Core {
     context: u8,
     /// Address of the loop in which it is held, and program counter and xPSR before.
     held: Option<(u32, u32, u32)>,
+    #[cfg(test)]
+    watch: tests::witness::Watch,
 }
 
 /// A core with memories and no peripherals, after its reset: for programs that only compute.
@@ -147,6 +149,8 @@ impl Core {
             fault_address: 0,
             context: 0,
             held: None,
+            #[cfg(test)]
+            watch: tests::witness::Watch::new(memory),
         };
         core.reset();
         core
@@ -155,6 +159,8 @@ impl Core {
     /// Starts anew, as after a reset of the chip; memories keep their contents.
     pub fn reset(&mut self) {
         self.system = System::new();
+        #[cfg(test)]
+        self.watch.reset(&self.bus.memory);
         (self.s, self.fpscr) = ([0; 32], 0);
         (self.primask, self.faultmask, self.basepri, self.control) = (false, false, 0, 0);
         (self.asleep, self.event, self.locked_up, self.attention) = (false, false, false, true);
@@ -172,6 +178,8 @@ impl Core {
     /// clocks it took.
     #[inline]
     pub fn step(&mut self) -> (Step, u64) {
+        #[cfg(test)]
+        self.begin_watch();
         self.clocks = 0;
         self.next = self.r[15];
         let before = self.psr & EXCEPTION;
@@ -183,7 +191,10 @@ impl Core {
         self.r[15] = self.next;
         self.tick(self.clocks);
         let step = if self.psr & EXCEPTION == before { step } else { self.entered(step) };
-        (if self.locked_up { Step::LockedUp } else { step }, self.clocks)
+        let step = if self.locked_up { Step::LockedUp } else { step };
+        #[cfg(test)]
+        self.end_watch(step);
+        (step, self.clocks)
     }
 
     /// What a step was that changed the exception's number: a return to a handler that was

@@ -94,7 +94,7 @@ pub(super) struct System {
     pub(super) pending: [u32; SET_WORDS],
     pub(super) active: [u32; SET_WORDS],
     pub(super) enabled: [u32; SET_WORDS],
-    levels: [u32; INTERRUPT_WORDS],
+    pub(super) levels: [u32; INTERRUPT_WORDS],
     pub(super) nmi: bool,
     pub(super) group: u32,
     pub(super) wants_reset: bool,
@@ -102,7 +102,7 @@ pub(super) struct System {
     /// `DWT_CTRL.CYCCNTENA`, and whether its counter counts.
     dwt_enabled: bool,
     counts_cycles: bool,
-    cycles: u32,
+    pub(super) cycles: u32,
 }
 
 impl System {
