@@ -99,7 +99,7 @@ fn fixed_point_is_a_scaled_integer() {
         let integer = random.number() as i32;
         let mut float = Float::new(SINGLE, 0);
         let expected = (f64::from(integer) / scale) as f32;
-        assert_eq!(float.of_integer(integer.into(), fraction), expected.to_bits().into());
+        assert_eq!(float.of_integer(integer.into(), fraction), u64::from(expected.to_bits()));
     }
     // VCVT.S16.F32 S0, S0, #8: the sign fills the register.
     let (mut core, _) = with_code(&wide(0xEEBE_0A44));
