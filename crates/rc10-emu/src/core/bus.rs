@@ -14,6 +14,8 @@ const GATED: [u32; 2] = [0x3000_0000, 0x3000_4000];
 /// Ranges of addresses by their upper bits: two memories in the same one are neighbours, or slow.
 const RANGES: usize = 64;
 const RANGE_BITS: u32 = 26;
+/// No range of addresses.
+const NOWHERE: [(u32, u32); 3] = [(u32::MAX, 0); 3];
 
 /// What an access wants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,8 +49,8 @@ impl Wiring {
 pub(crate) struct Bus {
     pub(super) memory: Memory,
     wiring: Option<Wiring>,
-    /// The time of the access.
-    pub(crate) now: Nanos,
+    /// The time of the access, in nanoseconds.
+    pub(crate) now: u64,
     /// Set by every access to a peripheral: it may have changed an interrupt, or what comes next.
     pub(crate) touched: bool,
     /// Clocks that the core has waited for peripherals since this was last taken.
@@ -60,13 +62,16 @@ pub(crate) struct Bus {
     readable: [Window; RANGES],
     writable: [Window; RANGES],
     executable: Window,
+    /// First and last address of the range in which the MPU permitted the last read, write and
+    /// fetch.
+    permitted: [(u32, u32); 3],
 }
 
 impl Bus {
     pub(super) fn new(memory: &Memory, wiring: Option<Wiring>) -> Self {
         Self {
             memory: memory.clone(),
-            now: Nanos::ZERO,
+            now: 0,
             touched: false,
             waited: 0,
             running: [wiring.is_none(); 2],
@@ -75,6 +80,7 @@ impl Bus {
             readable: [Window::default(); RANGES],
             writable: [Window::default(); RANGES],
             executable: Window::default(),
+            permitted: NOWHERE,
         }
     }
 
@@ -93,6 +99,7 @@ impl Bus {
         self.readable = [Window::default(); RANGES];
         self.writable = [Window::default(); RANGES];
         self.executable = Window::default();
+        self.permitted = NOWHERE;
     }
 
     /// Whether an instruction of four bytes may be executed here, as far as known.
@@ -125,7 +132,7 @@ impl Bus {
         self.touched = true;
         let mut soc = wiring.soc();
         self.waited += soc.access_clocks(address);
-        soc.read(address, width_of(bytes), self.now).ok()
+        soc.read(address, width_of(bytes), Nanos::new(self.now)).ok()
     }
 
     fn write(&mut self, address: u32, bytes: u32, value: u32) -> Option<()> {
@@ -140,7 +147,7 @@ impl Bus {
             return Some(());
         }
         self.waited += soc.access_clocks(address);
-        soc.write(address, width_of(bytes), value, self.now).ok()
+        soc.write(address, width_of(bytes), value, Nanos::new(self.now)).ok()
     }
 
     /// A halfword of code. Instructions do not come from peripherals, at any address.
@@ -155,14 +162,15 @@ impl Bus {
         None
     }
 
-    /// Lets the next accesses near this one go without questions: to that part of its memory for
-    /// which the MPU says the same.
-    fn open(&mut self, address: u32, access: Access, (first, last): (u32, u32)) {
+    /// Lets the next accesses near this one go without questions, if they go to a memory: to that
+    /// part of it for which the MPU says the same.
+    fn open(&mut self, address: u32, access: Access) {
         let Some(bank) = self.bank(address, access) else { return };
+        let (first, last) = self.permitted[access as usize];
         let base = first.max(bank.base);
         let end = last.min(bank.base + (bank.length - 1));
-        let window =
-            Window { base, length: end - base + 1, start: bank.start + (base - bank.base) };
+        let start = bank.start + (base - bank.base);
+        let window = Window { base, length: end - base + 1, start };
         let range = (address >> RANGE_BITS) as usize;
         match access {
             Access::Read => self.readable[range] = window,
@@ -274,15 +282,23 @@ impl Core {
         access: Access,
         privileged: bool,
     ) -> Result<(), Fault> {
-        let negative = self.system.is_negative(self.faultmask);
-        let verdict = |at| self.system.mpu.verdict(at, access, privileged, negative);
-        let (permitted, range) = verdict(address);
-        if !permitted || !verdict(address.wrapping_add(bytes - 1)).0 {
-            let fault = if access == Access::Fetch { Fault::FetchMpu } else { Fault::DataMpu };
-            return Err(self.fault_at(address, fault));
+        let last = address.wrapping_add(bytes - 1);
+        let is_own = privileged == self.is_privileged();
+        let (from, to) = self.bus.permitted[access as usize];
+        if !is_own || address < from || last > to || last < address {
+            let negative = self.system.is_negative(self.faultmask);
+            let verdict = |at| self.system.mpu.verdict(at, access, privileged, negative);
+            let (permitted, range) = verdict(address);
+            if !permitted || !verdict(last).0 {
+                let fault = if access == Access::Fetch { Fault::FetchMpu } else { Fault::DataMpu };
+                return Err(self.fault_at(address, fault));
+            }
+            if is_own {
+                self.bus.permitted[access as usize] = range;
+            }
         }
-        if privileged == self.is_privileged() {
-            self.bus.open(address, access, range);
+        if is_own {
+            self.bus.open(address, access);
         }
         Ok(())
     }
