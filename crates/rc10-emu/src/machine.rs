@@ -658,7 +658,7 @@ impl Machine {
         if clock == 0 {
             // Nothing is executed, and no interrupt taken.
             self.now = horizon.max(self.now);
-            self.core.bus.now = self.now();
+            self.core.bus.now = self.now;
             return;
         }
         let clocks = Pace::new(clock);
@@ -760,7 +760,7 @@ impl Machine {
         while self.fraction >= rate {
             (self.now, self.fraction) = (self.now + 1, self.fraction - rate);
         }
-        self.core.bus.now = self.now();
+        self.core.bus.now = self.now;
     }
 
     /// Everything outside the core: resets, reports, the log.

@@ -54,7 +54,7 @@ const BYTES: u32 = BANKS[7].start + BANKS[7].length;
 /// Address of the processor's first instruction.
 pub const FLASH: u32 = BANKS[1].base;
 
-/// Bytes in which a write makes all decoded instructions stale, if any of them came from there.
+/// Bytes in which writes are told as soon as an instruction has been decoded there.
 const BLOCK: u32 = 256;
 
 /// Contents of a RAM at power-on: random, and the same for the same seed.
@@ -79,8 +79,8 @@ struct Words {
     words: Box<[AtomicU32]>,
     /// Blocks from which the core has decoded instructions.
     code: Box<[AtomicBool]>,
-    /// Whether one of these was written since.
-    stale: AtomicBool,
+    /// Of what was written there since: the first place, and the one behind the last; 0: nothing.
+    stale: [AtomicU32; 2],
 }
 
 impl Memory {
@@ -100,7 +100,7 @@ impl Memory {
             }
         }
         let code = (0..BYTES / BLOCK).map(|_| AtomicBool::new(false)).collect();
-        Self(Arc::new(Words { words: words.into(), code, stale: AtomicBool::new(false) }))
+        Self(Arc::new(Words { words: words.into(), code, stale: Default::default() }))
     }
 
     /// Memories with a program in them.
@@ -155,7 +155,10 @@ impl Memory {
             word.store(kept | (value & mask) << shift, Ordering::Relaxed);
         }
         if self.0.code[(place / BLOCK) as usize].load(Ordering::Relaxed) {
-            self.0.stale.store(true, Ordering::Relaxed);
+            let [first, end] = self.0.stale.each_ref().map(|bound| bound.load(Ordering::Relaxed));
+            let first = if end == 0 { place } else { place.min(first) };
+            self.0.stale[0].store(first, Ordering::Relaxed);
+            self.0.stale[1].store(end.max(place + bytes), Ordering::Relaxed);
         }
     }
 
@@ -167,13 +170,18 @@ impl Memory {
     /// Whether code that was decoded has been written since.
     #[inline]
     pub(crate) fn is_stale(&self) -> bool {
-        self.0.stale.load(Ordering::Relaxed)
+        self.0.stale[1].load(Ordering::Relaxed) != 0
     }
 
-    /// Nothing is decoded any more.
-    pub(crate) fn forget_code(&self) {
-        self.0.code.iter().for_each(|block| block.store(false, Ordering::Relaxed));
-        self.0.stale.store(false, Ordering::Relaxed);
+    /// The addresses of instructions that were written since, perhaps; they are not asked for again.
+    pub(crate) fn take_stale(&self) -> impl Iterator<Item = u32> {
+        let [first, end] = self.0.stale.each_ref().map(|bound| bound.swap(0, Ordering::Relaxed));
+        // One of four bytes may begin before.
+        let places = (first & !1).saturating_sub(2)..end;
+        places.step_by(2).filter_map(|place| {
+            let bank = BANKS.iter().find(|bank| place.wrapping_sub(bank.start) < bank.length)?;
+            Some(bank.base + (place - bank.start))
+        })
     }
 
     /// Copies bytes out.

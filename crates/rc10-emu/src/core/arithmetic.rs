@@ -192,11 +192,18 @@ pub(super) fn insert_field(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// SSAT, USAT.
+/// SSAT, USAT; by 0 to the right: of both halves.
 pub(super) fn saturate<const UNSIGNED: bool>(core: &mut Core, i: u32) -> Done {
     let value = core.get(rn(i)) as i32;
-    let value = if i & 1 << 21 == 0 { value << amount(i) } else { value >> amount(i) };
-    let result = saturated(core, value.into(), i & 31, UNSIGNED);
+    let result = match (i >> 21 & 1, amount(i)) {
+        (0, amount) => saturated(core, (value << amount).into(), i & 31, UNSIGNED),
+        (_, 0) => {
+            let [low, high] = [value as i16, (value >> 16) as i16]
+                .map(|half| saturated(core, half.into(), i & 15, UNSIGNED) & 0xFFFF);
+            high << 16 | low
+        }
+        (_, amount) => saturated(core, (value >> amount).into(), i & 31, UNSIGNED),
+    };
     core.set(rd(i), result);
     Ok(())
 }
@@ -211,37 +218,12 @@ pub(super) fn saturated(core: &mut Core, value: i64, bits: u32, unsigned: bool) 
     result as u32
 }
 
-pub(super) fn reverse_bytes(core: &mut Core, i: u32) -> Done {
-    core.set(rd(i), core.get(rm(i)).swap_bytes());
-    Ok(())
-}
-
-pub(super) fn reverse_halves(core: &mut Core, i: u32) -> Done {
-    core.set(rd(i), core.get(rm(i)).swap_bytes().rotate_left(16));
-    Ok(())
-}
-
-pub(super) fn reverse_bits(core: &mut Core, i: u32) -> Done {
-    core.set(rd(i), core.get(rm(i)).reverse_bits());
-    Ok(())
-}
-
-pub(super) fn reverse_signed(core: &mut Core, i: u32) -> Done {
-    core.set(rd(i), (core.get(rm(i)) as i16).swap_bytes() as u32);
-    Ok(())
-}
-
-pub(super) fn leading_zeros(core: &mut Core, i: u32) -> Done {
-    core.set(rd(i), core.get(rm(i)).leading_zeros());
-    Ok(())
-}
-
 /// MUL, MLA, MLS.
-pub(super) fn multiply<const SUBTRACTS: bool>(core: &mut Core, i: u32) -> Done {
+pub(super) fn multiply(core: &mut Core, i: u32) -> Done {
     let product = core.get(rn(i)).wrapping_mul(core.get(rm(i)));
     let addend = core.get(rt(i));
     let result = match rt(i) {
-        _ if SUBTRACTS => addend.wrapping_sub(product),
+        _ if i & 1 << 4 != 0 => addend.wrapping_sub(product),
         15 => product,
         _ => addend.wrapping_add(product),
     };
@@ -259,40 +241,8 @@ pub(super) fn multiply_flags(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// UMULL, UMLAL, SMULL, SMLAL.
-pub(super) fn multiply_long<const SIGNED: bool, const ADDS: bool>(core: &mut Core, i: u32) -> Done {
-    let (a, b) = (core.get(rn(i)), core.get(rm(i)));
-    let product = if SIGNED {
-        (i64::from(a as i32) * i64::from(b as i32)) as u64
-    } else {
-        u64::from(a) * u64::from(b)
-    };
-    let addend = if ADDS { long(core, i) } else { 0 };
-    set_long(core, i, product.wrapping_add(addend));
-    Ok(())
-}
-
-/// UMAAL.
-pub(super) fn multiply_add_long(core: &mut Core, i: u32) -> Done {
-    let product = u64::from(core.get(rn(i))) * u64::from(core.get(rm(i)));
-    let sum = product + u64::from(core.get(rt(i))) + u64::from(core.get(rd(i)));
-    set_long(core, i, sum);
-    Ok(())
-}
-
-/// The pair of registers of a long multiplication.
-pub(super) fn long(core: &Core, i: u32) -> u64 {
-    u64::from(core.get(rd(i))) << 32 | u64::from(core.get(rt(i)))
-}
-
-pub(super) fn set_long(core: &mut Core, i: u32, value: u64) {
-    core.set(rt(i), value as u32);
-    core.set(rd(i), (value >> 32) as u32);
-    core.clocks += 1;
-}
-
 /// SDIV, UDIV.
-pub(super) fn divide<const SIGNED: bool>(core: &mut Core, i: u32) -> Done {
+pub(super) fn divide(core: &mut Core, i: u32) -> Done {
     core.clocks += 2;
     let (a, b) = (core.get(rn(i)), core.get(rm(i)));
     if b == 0 && core.system.word(CCR) & TRAPS_DIVISION != 0 {
@@ -300,7 +250,7 @@ pub(super) fn divide<const SIGNED: bool>(core: &mut Core, i: u32) -> Done {
     }
     let quotient = match b {
         0 => 0,
-        _ if SIGNED => (a as i32).wrapping_div(b as i32) as u32,
+        _ if i & 1 << 21 == 0 => (a as i32).wrapping_div(b as i32) as u32,
         _ => a / b,
     };
     core.set(rd(i), quotient);
@@ -356,7 +306,11 @@ pub(super) fn compare_branch(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
+/// IT, and hints.
 pub(super) fn if_then(core: &mut Core, i: u32) -> Done {
+    if i & 15 == 0 {
+        return hint(core, i >> 4 & 15);
+    }
     core.set_it_state(i & 0xFF);
     Ok(())
 }
@@ -395,23 +349,19 @@ pub(super) fn break_point(core: &mut Core, _: u32) -> Done {
     core.break_point()
 }
 
-pub(super) fn wait_for_interrupt(core: &mut Core, _: u32) -> Done {
-    core.wait_for(false);
+/// WFE, WFI, SEV; others say nothing to this core.
+pub(super) fn hint(core: &mut Core, i: u32) -> Done {
+    match i & 0xFF {
+        2 => core.wait_for(true),
+        3 => core.wait_for(false),
+        4 => core.event = true,
+        _ => {}
+    }
     Ok(())
 }
 
-pub(super) fn wait_for_event(core: &mut Core, _: u32) -> Done {
-    core.wait_for(true);
-    Ok(())
-}
-
-pub(super) fn send_event(core: &mut Core, _: u32) -> Done {
-    core.event = true;
-    Ok(())
-}
-
-/// Hints, and barriers: accesses come one after another anyway.
-pub(super) fn nothing(_: &mut Core, _: u32) -> Done {
+/// Accesses come one after another anyway.
+pub(super) fn barrier(_: &mut Core, _: u32) -> Done {
     Ok(())
 }
 

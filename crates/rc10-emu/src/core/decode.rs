@@ -14,7 +14,7 @@ use super::{Core, Done};
 pub(super) type Run = fn(&mut Core, u32) -> Done;
 
 /// Instructions whose decoding is kept.
-pub(super) const SLOTS: usize = 1 << 16;
+pub(super) const SLOTS: usize = 1 << 18;
 
 /// The three highest bits of a long instruction are set; here they say: it takes four bytes, ..
 const LONG: u32 = 1 << 31;
@@ -75,12 +75,13 @@ impl Core {
         let first = self.fetch(address)?;
         let (bits, run) = if first >> 11 > 0b11100 {
             let bits = first << 16 | self.fetch(address.wrapping_add(2))?;
-            (bits & 0x1FFF_FFFF | LONG, look_up(WIDE, bits))
-        } else if let Some((bits, flags)) = widen(first) {
-            let flags = if flags { FLAGS } else { 0 };
-            (bits & 0x1FFF_FFFF | flags, look_up(WIDE, bits))
+            (bits & !FLAGS, look_up(WIDE, bits).unwrap_or(undefined))
+        } else if let Some(run) = look_up(NARROW, first) {
+            (first | FLAGS | S, run)
+        } else if let Some(bits) = widen(first) {
+            (bits, look_up(WIDE, bits | LONG | FLAGS).unwrap_or(undefined))
         } else {
-            (first | FLAGS | S, look_up(NARROW, first))
+            (first, undefined as Run)
         };
         let decoded = Decoded { address, bits, run };
         self.slots[Decoded::slot(address)] = decoded;
@@ -89,157 +90,112 @@ impl Core {
 
     /// Code was written, perhaps.
     pub(super) fn forget_code(&mut self) {
-        self.slots.iter_mut().for_each(|slot| slot.address = 1);
-        self.bus.memory.forget_code();
+        for address in self.bus.memory.take_stale() {
+            self.slots[Decoded::slot(address)].address = 1;
+        }
     }
 }
 
-fn look_up(table: &[(u32, u32, Run)], bits: u32) -> Run {
-    let row = table.iter().find(|(mask, value, _)| bits & mask == *value);
-    row.map_or(undefined, |&(.., run)| run)
+fn look_up(table: &[(u32, u32, Run)], bits: u32) -> Option<Run> {
+    table.iter().find(|(mask, value, _)| bits & mask == *value).map(|&(.., run)| run)
 }
 
-/// The instruction of 32 bits that does what one of 16 bits does, and whether it sets flags only
-/// outside of an IT block.
-fn widen(half: u32) -> Option<(u32, bool)> {
-    let field = |low: u32, bits: u32| half >> low & ((1 << bits) - 1);
-    // Registers at the usual places, and immediates.
-    let (low, middle, high) = (field(0, 3), field(3, 3), field(6, 3));
-    let (eight, imm8, imm5) = (field(8, 3), field(0, 8), field(6, 5));
-    let rd = |register: u32| register << 8;
-    let rn = |register: u32| register << 16;
-    let rt = |register: u32| register << 12;
-    // Operation, sets flags: with an immediate, with registers.
-    let immediate = |op: u32, rn: u32, rd: u32| 0xF010_0000 | op << 21 | rn << 16 | rd << 8;
-    let registers = |op: u32, rn: u32, rd: u32| 0xEA10_0000 | op << 21 | rn << 16 | rd << 8;
-    let wide = match half >> 11 {
-        // LSL, LSR, ASR with an immediate; by 32 is 0.
-        op @ 0..=2 => {
-            registers(2, 15, low) | (imm5 & 0x1C) << 10 | (imm5 & 3) << 6 | op << 4 | middle
-        }
-        3 => match field(9, 2) {
-            0 => registers(8, middle, low) | high,
-            1 => registers(13, middle, low) | high,
-            2 => immediate(8, middle, low) | high,
-            _ => immediate(13, middle, low) | high,
-        },
-        4 => immediate(2, 15, eight) | imm8,
-        5 => return Some((immediate(13, eight, 15) | imm8, false)),
-        6 => immediate(8, eight, eight) | imm8,
-        7 => immediate(13, eight, eight) | imm8,
-        8 if half & 1 << 10 == 0 => return widen_registers(field(6, 4), low, middle),
-        8 => {
-            let (to, from) = (low | field(7, 1) << 3, field(3, 4));
-            let wide = match field(8, 2) {
-                0 => registers(8, to, to) & !S,
-                1 => registers(13, to, 15),
-                2 => registers(2, 15, to) & !S,
-                _ => return None,
-            };
-            return Some((wide | from, false));
-        }
-        9 => return Some((0xF8DF_0000 | rt(eight) | imm8 << 2, false)),
-        10 | 11 => {
-            // Stores, loads with a sign, loads: STR, STRH, STRB, LDRSB, LDR, LDRH, LDRB, LDRSH.
-            const OPS: [u32; 8] = [0xF84, 0xF82, 0xF80, 0xF91, 0xF85, 0xF83, 0xF81, 0xF93];
-            let wide = OPS[field(9, 3) as usize] << 20;
-            return Some((wide | rn(middle) | rt(low) | high, false));
-        }
-        op @ 12..=17 => {
-            // Words, bytes, halves; store, load.
-            let (base, shift) = [(0xF8C, 2), (0xF88, 0), (0xF8A, 1)][(op as usize - 12) / 2];
-            let wide = base << 20 | (op & 1) << 20;
-            return Some((wide | rn(middle) | rt(low) | imm5 << shift, false));
-        }
-        op @ 18..=19 => {
-            let wide = 0xF8C0_0000 | (op & 1) << 20 | rn(13);
-            return Some((wide | rt(eight) | imm8 << 2, false));
-        }
-        // The address of something near the program counter, or the stack pointer.
-        op @ 20..=21 => {
-            let base = if op == 20 { 15 } else { 13 };
-            let imm = imm8 << 2;
-            let wide = 0xF200_0000 | rn(base) | rd(eight) | (imm & 0x300) << 4 | imm & 0xFF;
-            return Some((wide, false));
-        }
-        22 | 23 => return widen_various(half),
-        24 => return Some((0xE8A0_0000 | rn(eight) | imm8, false)),
-        25 => {
-            let back = if imm8 >> eight & 1 == 0 { 1 << 21 } else { 0 };
-            return Some((0xE890_0000 | back | rn(eight) | imm8, false));
-        }
-        26 | 27 if field(8, 4) < 14 => {
-            let offset = ((imm8 as i8 as i32) << 1) as u32;
-            let sign = offset >> 31;
-            let wide = 0xF000_8000 | sign << 26 | sign << 13 | sign << 11 | field(8, 4) << 22;
-            return Some((wide | (offset >> 12 & 0x3F) << 16 | offset >> 1 & 0x7FF, false));
-        }
-        28 => {
-            let offset = (field(0, 11) << 21) as i32 >> 20;
-            // With J1 and J2 set, what they stand for is the sign.
-            let sign = offset as u32 >> 31;
-            let wide = 0xF000_9000 | sign << 26 | 1 << 13 | 1 << 11;
-            return Some((
-                wide | (offset as u32 >> 12 & 0x3FF) << 16 | offset as u32 >> 1 & 0x7FF,
-                false,
-            ));
-        }
-        _ => return None,
-    };
-    Some((wide, true))
+/// The instruction of 32 bits that does what one of 16 bits does.
+fn widen(half: u32) -> Option<u32> {
+    let bits = |pattern: &'static str| pattern.bytes().filter(|letter| *letter != b' ');
+    let is_set = |place: usize| half >> (15 - place) & 1 != 0;
+    let fits =
+        |short| bits(short).enumerate().all(|(at, bit)| bit > b'1' || is_set(at) == (bit == b'1'));
+    let (short, long) = SHORT.iter().find(|(short, _)| fits(short))?;
+    let (mut taken, mut flags) = ([0; 128], 0);
+    let wide = bits(long).fold(0, |wide, letter| {
+        let is_one = match letter {
+            b'0' | b'1' => letter == b'1',
+            b'S' => {
+                flags = FLAGS;
+                true
+            }
+            _ => {
+                let mut places =
+                    bits(short).enumerate().filter(|(_, other)| *other == letter).cycle();
+                taken[usize::from(letter)] += 1;
+                places.nth(taken[usize::from(letter)] - 1).is_some_and(|(at, _)| is_set(at))
+            }
+        };
+        wide << 1 | u32::from(is_one)
+    });
+    Some(wide & !(LONG | FLAGS) | flags)
 }
 
-/// Data processing of 16 bits: the first operand is the result, too.
-fn widen_registers(op: u32, low: u32, middle: u32) -> Option<(u32, bool)> {
-    let registers = |op: u32, rn: u32, rd: u32| 0xEA10_0000 | op << 21 | rn << 16 | rd << 8;
-    let shift = |kind: u32| 0xFA10_F000 | kind << 21 | low << 16 | low << 8;
-    let wide = match op {
-        0 => registers(0, low, low),
-        1 => registers(4, low, low),
-        2 => shift(0),
-        3 => shift(1),
-        4 => shift(2),
-        5 => registers(10, low, low),
-        6 => registers(11, low, low),
-        7 => shift(3),
-        8 => return Some((registers(0, low, 15) | middle, false)),
-        9 => return Some((0xF1D0_0000 | middle << 16 | low << 8, true)),
-        10 => return Some((registers(13, low, 15) | middle, false)),
-        11 => return Some((registers(8, low, 15) | middle, false)),
-        12 => registers(2, low, low),
-        14 => registers(1, low, low),
-        15 => registers(3, 15, low),
-        _ => return None,
-    };
-    Some((wide | middle, true))
-}
-
-/// Miscellaneous instructions of 16 bits (A5.2.5).
-fn widen_various(half: u32) -> Option<(u32, bool)> {
-    let (low, middle) = (half & 7, half >> 3 & 7);
-    let wide = match half >> 6 & 0x3F {
-        // ADD and SUB of the stack pointer.
-        op @ (0..=3) => {
-            let imm = (half & 0x7F) << 2;
-            let sub = if op < 2 { 0xF200_0000 } else { 0xF2A0_0000 };
-            sub | 13 << 16 | 13 << 8 | (imm & 0x100) << 4 | imm & 0xFF
-        }
-        // SXTH, SXTB, UXTH, UXTB.
-        op @ 8..=11 => {
-            const OPS: [u32; 4] = [0xFA0F, 0xFA4F, 0xFA1F, 0xFA5F];
-            OPS[op as usize - 8] << 16 | 0xF080 | low << 8 | middle
-        }
-        // REV, REV16, REVSH.
-        op @ (0x28 | 0x29 | 0x2B) => 0xFA90_F080 | middle << 16 | low << 8 | (op & 3) << 4 | middle,
-        // PUSH, with LR; POP, with PC.
-        0x10..=0x17 => 0xE92D_0000 | half & 0xFF | (half & 0x100) << 6,
-        0x30..=0x37 => 0xE8BD_0000 | half & 0xFF | (half & 0x100) << 7,
-        // Hints.
-        0x3C..=0x3F if half & 0xF == 0 => 0xF3AF_8000 | half >> 4 & 0xF,
-        _ => return None,
-    };
-    Some((wide, false))
-}
+/// Instructions of 16 bits and what they are in short (A5.2), as the manual draws both: a letter is a
+/// field, in the order of its bits, if need be again and again; `S`: it sets flags outside of an IT
+/// block.
+const SHORT: &[(&str, &str)] = &[
+    // Shifts, additions, comparisons with constants.
+    ("00000 iiiii mmm ddd", "11101010010S 1111 0iii 0ddd ii00 0mmm"),
+    ("00001 iiiii mmm ddd", "11101010010S 1111 0iii 0ddd ii01 0mmm"),
+    ("00010 iiiii mmm ddd", "11101010010S 1111 0iii 0ddd ii10 0mmm"),
+    ("0001100 mmm nnn ddd", "11101011000S 0nnn 0000 0ddd 0000 0mmm"),
+    ("0001101 mmm nnn ddd", "11101011101S 0nnn 0000 0ddd 0000 0mmm"),
+    ("0001110 iii nnn ddd", "11110001000S 0nnn 0000 0ddd 00000iii"),
+    ("0001111 iii nnn ddd", "11110001101S 0nnn 0000 0ddd 00000iii"),
+    ("00100 ddd iiiiiiii", "11110000010S 1111 0000 0ddd iiiiiiii"),
+    ("00101 nnn iiiiiiii", "111100011011 0nnn 0000 1111 iiiiiiii"),
+    ("00110 ddd iiiiiiii", "11110001000S 0ddd 0000 0ddd iiiiiiii"),
+    ("00111 ddd iiiiiiii", "11110001101S 0ddd 0000 0ddd iiiiiiii"),
+    // Data processing.
+    ("0100000000 mmm ddd", "11101010000S 0ddd 0000 0ddd 0000 0mmm"),
+    ("0100000001 mmm ddd", "11101010100S 0ddd 0000 0ddd 0000 0mmm"),
+    ("0100000010 mmm ddd", "11111010000S 0ddd 1111 0ddd 0000 0mmm"),
+    ("0100000011 mmm ddd", "11111010001S 0ddd 1111 0ddd 0000 0mmm"),
+    ("0100000100 mmm ddd", "11111010010S 0ddd 1111 0ddd 0000 0mmm"),
+    ("0100000101 mmm ddd", "11101011010S 0ddd 0000 0ddd 0000 0mmm"),
+    ("0100000110 mmm ddd", "11101011011S 0ddd 0000 0ddd 0000 0mmm"),
+    ("0100000111 mmm ddd", "11111010011S 0ddd 1111 0ddd 0000 0mmm"),
+    ("0100001000 mmm ddd", "111010100001 0ddd 0000 1111 0000 0mmm"),
+    ("0100001001 nnn ddd", "11110001110S 0nnn 0000 0ddd 00000000"),
+    ("0100001010 mmm ddd", "111010111011 0ddd 0000 1111 0000 0mmm"),
+    ("0100001011 mmm ddd", "111010110001 0ddd 0000 1111 0000 0mmm"),
+    ("0100001100 mmm ddd", "11101010010S 0ddd 0000 0ddd 0000 0mmm"),
+    ("0100001110 mmm ddd", "11101010001S 0ddd 0000 0ddd 0000 0mmm"),
+    ("0100001111 mmm ddd", "11101010011S 1111 0000 0ddd 0000 0mmm"),
+    // With all registers.
+    ("01000100 d mmmm ddd", "111010110000 dddd 0000 dddd 0000 mmmm"),
+    ("01000101 d mmmm ddd", "111010111011 dddd 0000 1111 0000 mmmm"),
+    ("01000110 d mmmm ddd", "111010100100 1111 0000 dddd 0000 mmmm"),
+    // Loads and stores.
+    ("01001 ttt iiiiiiii", "111110001101 1111 0ttt 00iiiiiiii00"),
+    ("0101000 mmm nnn ttt", "111110000100 0nnn 0ttt 00000000 0mmm"),
+    ("0101001 mmm nnn ttt", "111110000010 0nnn 0ttt 00000000 0mmm"),
+    ("0101010 mmm nnn ttt", "111110000000 0nnn 0ttt 00000000 0mmm"),
+    ("0101011 mmm nnn ttt", "111110010001 0nnn 0ttt 00000000 0mmm"),
+    ("0101100 mmm nnn ttt", "111110000101 0nnn 0ttt 00000000 0mmm"),
+    ("0101101 mmm nnn ttt", "111110000011 0nnn 0ttt 00000000 0mmm"),
+    ("0101110 mmm nnn ttt", "111110000001 0nnn 0ttt 00000000 0mmm"),
+    ("0101111 mmm nnn ttt", "111110010011 0nnn 0ttt 00000000 0mmm"),
+    ("0110 l iiiii nnn ttt", "11111000110l 0nnn 0ttt 00000iiiii00"),
+    ("0111 l iiiii nnn ttt", "11111000100l 0nnn 0ttt 0000000iiiii"),
+    ("1000 l iiiii nnn ttt", "11111000101l 0nnn 0ttt 000000iiiii0"),
+    ("1001 l ttt iiiiiiii", "11111000110l 1101 0ttt 00iiiiiiii00"),
+    ("1011010 l rrrrrrrr", "111010010010 1101 0l00 0000 rrrrrrrr"),
+    ("1011110 p rrrrrrrr", "111010001011 1101 p000 0000 rrrrrrrr"),
+    ("1100 l nnn rrrrrrrr", "11101000101l 0nnn 0000 0000 rrrrrrrr"),
+    // Addresses near the program counter and the stack pointer; the stack pointer itself.
+    ("10100 ddd iiiiiiii", "111100100000 1111 00ii 0ddd iiiiii00"),
+    ("10101 ddd iiiiiiii", "111100100000 1101 00ii 0ddd iiiiii00"),
+    ("101100000 iiiiiii", "111100100000 1101 000i 1101 iiiiii00"),
+    ("101100001 iiiiiii", "111100101010 1101 000i 1101 iiiiii00"),
+    // Extensions, bytes in another order, branches.
+    ("1011001000 mmm ddd", "111110100000 1111 1111 0ddd 1000 0mmm"),
+    ("1011001001 mmm ddd", "111110100100 1111 1111 0ddd 1000 0mmm"),
+    ("1011001010 mmm ddd", "111110100001 1111 1111 0ddd 1000 0mmm"),
+    ("1011001011 mmm ddd", "111110100101 1111 1111 0ddd 1000 0mmm"),
+    ("1011101000 mmm ddd", "111110101001 0mmm 1111 0ddd 1000 0mmm"),
+    ("1011101001 mmm ddd", "111110101001 0mmm 1111 0ddd 1001 0mmm"),
+    ("1011101011 mmm ddd", "111110101001 0mmm 1111 0ddd 1011 0mmm"),
+    ("1101 cccc s iiiiiii", "11110 s cccc ssssss 10 s 0 s ssss iiiiiii"),
+    ("11100 s iiiiiiiiii", "11110 s ssssssssss 10111 s iiiiiiiiii"),
+];
 
 /// Instructions of 16 bits that are no others in short.
 const NARROW: &[(u32, u32, Run)] = &[
@@ -250,6 +206,7 @@ const NARROW: &[(u32, u32, Run)] = &[
     (0xFFE0, 0xB660, change_state),
     (0xFF00, 0xBE00, break_point),
     (0xFF00, 0xBF00, if_then),
+    (0xFF00, 0xDE00, undefined),
     (0xFF00, 0xDF00, supervisor_call),
 ];
 
@@ -283,8 +240,6 @@ const WIDE: &[(u32, u32, Run)] = &[
     (0xFBF0_8000, 0xF2A0_0000, add_plain::<true>),
     (0xFBF0_8000, 0xF240_0000, move_half::<false>),
     (0xFBF0_8000, 0xF2C0_0000, move_half::<true>),
-    (0xFFF0_F0E0, 0xF320_0000, saturate_halves::<false>),
-    (0xFFF0_F0E0, 0xF3A0_0000, saturate_halves::<true>),
     (0xFFD0_8020, 0xF300_0000, saturate::<false>),
     (0xFFD0_8020, 0xF380_0000, saturate::<true>),
     (0xFFF0_8020, 0xF340_0000, extract_field::<true>),
@@ -295,122 +250,59 @@ const WIDE: &[(u32, u32, Run)] = &[
     (0xF800_D000, 0xF000_D000, branch_link),
     (0xFFE0_D000, 0xF380_8000, write_special),
     (0xFFF0_D000, 0xF3E0_8000, read_special),
-    (0xFFF0_D0FF, 0xF3A0_8002, wait_for_event),
-    (0xFFF0_D0FF, 0xF3A0_8003, wait_for_interrupt),
-    (0xFFF0_D0FF, 0xF3A0_8004, send_event),
-    (0xFFF0_D700, 0xF3A0_8000, nothing),
+    (0xFFF0_D700, 0xF3A0_8000, hint),
     (0xFFF0_D0F0, 0xF3B0_8020, clear_exclusive),
-    (0xFFF0_D0E0, 0xF3B0_8040, nothing),
-    (0xFFF0_D0F0, 0xF3B0_8060, nothing),
+    (0xFFF0_D0E0, 0xF3B0_8040, barrier),
+    (0xFFF0_D0F0, 0xF3B0_8060, barrier),
     (0xFB80_D000, 0xF380_8000, undefined),
     (0xF800_D000, 0xF000_8000, branch_if),
     // Loads and stores of several words (A5.3.5), of two, exclusive ones, and branches by a table
     // (A5.3.6).
-    (0xFFD0_0000, 0xE880_0000, store_multiple::<false>),
-    (0xFFD0_0000, 0xE900_0000, store_multiple::<true>),
-    (0xFFD0_0000, 0xE890_0000, load_multiple::<false>),
-    (0xFFD0_0000, 0xE910_0000, load_multiple::<true>),
-    (0xFFF0_0000, 0xE840_0000, store_exclusive::<4>),
-    (0xFFF0_0000, 0xE850_0000, load_exclusive::<4>),
-    (0xFFF0_00F0, 0xE8C0_0040, store_exclusive::<1>),
-    (0xFFF0_00F0, 0xE8C0_0050, store_exclusive::<2>),
-    (0xFFF0_00F0, 0xE8D0_0040, load_exclusive::<1>),
-    (0xFFF0_00F0, 0xE8D0_0050, load_exclusive::<2>),
-    (0xFFF0_00F0, 0xE8D0_0000, branch_table::<1>),
-    (0xFFF0_00F0, 0xE8D0_0010, branch_table::<2>),
-    (0xFF70_0000, 0xE860_0000, store_dual),
-    (0xFF70_0000, 0xE870_0000, load_dual),
-    (0xFF50_0000, 0xE940_0000, store_dual),
-    (0xFF50_0000, 0xE950_0000, load_dual),
-    // Loads: from near the program counter, with twelve bits, a register, eight bits (A5.3.7 to
-    // A5.3.9).
-    (0xFF7F_0000, 0xF81F_0000, load::<1, false, LITERAL>),
-    (0xFF7F_0000, 0xF83F_0000, load::<2, false, LITERAL>),
-    (0xFF7F_0000, 0xF85F_0000, load::<4, false, LITERAL>),
-    (0xFF7F_0000, 0xF91F_0000, load::<1, true, LITERAL>),
-    (0xFF7F_0000, 0xF93F_0000, load::<2, true, LITERAL>),
-    (0xFFF0_0000, 0xF890_0000, load::<1, false, TWELVE>),
-    (0xFFF0_0000, 0xF8B0_0000, load::<2, false, TWELVE>),
-    (0xFFF0_0000, 0xF8D0_0000, load::<4, false, TWELVE>),
-    (0xFFF0_0000, 0xF990_0000, load::<1, true, TWELVE>),
-    (0xFFF0_0000, 0xF9B0_0000, load::<2, true, TWELVE>),
-    (0xFFF0_0FC0, 0xF810_0000, load::<1, false, REGISTER>),
-    (0xFFF0_0FC0, 0xF830_0000, load::<2, false, REGISTER>),
-    (0xFFF0_0FC0, 0xF850_0000, load::<4, false, REGISTER>),
-    (0xFFF0_0FC0, 0xF910_0000, load::<1, true, REGISTER>),
-    (0xFFF0_0FC0, 0xF930_0000, load::<2, true, REGISTER>),
-    (0xFFF0_0800, 0xF810_0800, load::<1, false, EIGHT>),
-    (0xFFF0_0800, 0xF830_0800, load::<2, false, EIGHT>),
-    (0xFFF0_0800, 0xF850_0800, load::<4, false, EIGHT>),
-    (0xFFF0_0800, 0xF910_0800, load::<1, true, EIGHT>),
-    (0xFFF0_0800, 0xF930_0800, load::<2, true, EIGHT>),
-    // Stores (A5.3.10).
-    (0xFFF0_0000, 0xF880_0000, store::<1, TWELVE>),
-    (0xFFF0_0000, 0xF8A0_0000, store::<2, TWELVE>),
-    (0xFFF0_0000, 0xF8C0_0000, store::<4, TWELVE>),
-    (0xFFF0_0FC0, 0xF800_0000, store::<1, REGISTER>),
-    (0xFFF0_0FC0, 0xF820_0000, store::<2, REGISTER>),
-    (0xFFF0_0FC0, 0xF840_0000, store::<4, REGISTER>),
-    (0xFFF0_0800, 0xF800_0800, store::<1, EIGHT>),
-    (0xFFF0_0800, 0xF820_0800, store::<2, EIGHT>),
-    (0xFFF0_0800, 0xF840_0800, store::<4, EIGHT>),
+    (0xFFC0_0000, 0xE880_0000, transfer_multiple),
+    (0xFFC0_0000, 0xE900_0000, transfer_multiple),
+    (0xFFF0_0000, 0xE840_0000, store_exclusive),
+    (0xFFF0_0000, 0xE850_0000, load_exclusive),
+    (0xFFF0_00E0, 0xE8C0_0040, store_exclusive),
+    (0xFFF0_00E0, 0xE8D0_0040, load_exclusive),
+    (0xFFF0_00E0, 0xE8D0_0000, branch_table),
+    (0xFF60_0000, 0xE860_0000, transfer_two),
+    (0xFF40_0000, 0xE940_0000, transfer_two),
+    // Loads and stores: near the program counter, with twelve bits, a register, eight bits (A5.3.7
+    // to A5.3.10).
+    (0xFE60_0000, 0xF860_0000, undefined),
+    (0xFE1F_0000, 0xF81F_0000, load::<LITERAL>),
+    (0xFE90_0000, 0xF890_0000, load::<TWELVE>),
+    (0xFE90_0FC0, 0xF810_0000, load::<REGISTER>),
+    (0xFE90_0800, 0xF810_0800, load::<EIGHT>),
+    (0xFF90_0000, 0xF880_0000, store::<TWELVE>),
+    (0xFF90_0FC0, 0xF800_0000, store::<REGISTER>),
+    (0xFF90_0800, 0xF800_0800, store::<EIGHT>),
     // With registers (A5.3.12 to A5.3.15).
     (0xFF80_F0F0, 0xFA00_F000, shift),
     (0xFF80_F080, 0xFA00_F080, extend),
     (0xFF80_F080, 0xFA80_F000, parallel),
-    (0xFFF0_F0C0, 0xFA80_F080, add_saturating),
-    (0xFFF0_F0F0, 0xFA90_F080, reverse_bytes),
-    (0xFFF0_F0F0, 0xFA90_F090, reverse_halves),
-    (0xFFF0_F0F0, 0xFA90_F0A0, reverse_bits),
-    (0xFFF0_F0F0, 0xFA90_F0B0, reverse_signed),
-    (0xFFF0_F0F0, 0xFAA0_F080, select),
-    (0xFFF0_F0F0, 0xFAB0_F080, leading_zeros),
+    (0xFFC0_F0C0, 0xFA80_F080, rearrange),
     // Multiplications (A5.3.16, A5.3.17).
-    (0xFFF0_00F0, 0xFB00_0000, multiply::<false>),
-    (0xFFF0_00F0, 0xFB00_0010, multiply::<true>),
-    (0xFFF0_00C0, 0xFB10_0000, multiply_halves),
-    (0xFFF0_00E0, 0xFB20_0000, multiply_dual::<false>),
-    (0xFFF0_00E0, 0xFB40_0000, multiply_dual::<true>),
-    (0xFFF0_00E0, 0xFB30_0000, multiply_half),
-    (0xFFF0_00E0, 0xFB50_0000, multiply_upper::<false>),
-    (0xFFF0_00E0, 0xFB60_0000, multiply_upper::<true>),
-    (0xFFF0_00F0, 0xFB70_0000, sum_differences),
-    (0xFFF0_00F0, 0xFB80_0000, multiply_long::<true, false>),
-    (0xFFF0_00F0, 0xFB90_00F0, divide::<true>),
-    (0xFFF0_00F0, 0xFBA0_0000, multiply_long::<false, false>),
-    (0xFFF0_00F0, 0xFBB0_00F0, divide::<false>),
-    (0xFFF0_00F0, 0xFBC0_0000, multiply_long::<true, true>),
-    (0xFFF0_00C0, 0xFBC0_0080, multiply_halves_long),
-    (0xFFF0_00E0, 0xFBC0_00C0, multiply_dual_long::<false>),
-    (0xFFF0_00E0, 0xFBD0_00C0, multiply_dual_long::<true>),
-    (0xFFF0_00F0, 0xFBE0_0000, multiply_long::<false, true>),
-    (0xFFF0_00F0, 0xFBE0_0060, multiply_add_long),
+    (0xFFF0_00E0, 0xFB00_0000, multiply),
+    (0xFF80_00C0, 0xFB00_0000, multiply_parts),
+    (0xFFD0_00F0, 0xFB90_00F0, divide),
+    (0xFF80_0000, 0xFB80_0000, multiply_long),
     // The FPU (A6.4 to A6.7).
-    (0xFFB0_0E10, 0xEE00_0A00, float_accumulate),
-    (0xFFB0_0E10, 0xEE10_0A00, float_accumulate),
-    (0xFFB0_0E10, 0xEE20_0A00, float_multiply),
-    (0xFFB0_0E10, 0xEE30_0A00, float_add),
-    (0xFFB0_0E50, 0xEE80_0A00, float_divide),
+    (0xFF80_0E10, 0xEE00_0A00, float_basic),
+    (0xFFB0_0E50, 0xEE80_0A00, float_basic),
     (0xFFB0_0E10, 0xEE90_0A00, float_fused),
     (0xFFB0_0E10, 0xEEA0_0A00, float_fused),
     (0xFFB0_0E50, 0xEEB0_0A00, float_constant),
-    (0xFFBE_0E50, 0xEEB0_0A40, float_unary),
     (0xFFBE_0E50, 0xEEB2_0A40, float_half),
     (0xFFBE_0E50, 0xEEB4_0A40, float_compare),
-    (0xFFBF_0E50, 0xEEB6_0A40, float_round),
-    (0xFFBF_0ED0, 0xEEB7_0A40, float_round),
-    (0xFFBF_0ED0, 0xEEB7_0AC0, float_convert),
-    (0xFFBF_0E50, 0xEEB8_0A40, float_from_integer),
-    (0xFFBE_0E50, 0xEEBC_0A40, float_to_integer),
     (0xFFBA_0E50, 0xEEBA_0A40, float_fixed),
+    (0xFFB0_0E50, 0xEEB0_0A40, float_unary),
     (0xFF80_0E50, 0xFE00_0A00, float_select),
     (0xFFB0_0E10, 0xFE80_0A00, float_extreme),
-    (0xFFBC_0ED0, 0xFEB8_0A40, float_round_mode),
-    (0xFFBC_0E50, 0xFEBC_0A40, float_to_integer_mode),
+    (0xFFB8_0E50, 0xFEB8_0A40, float_round),
     (0xFFE0_0F10, 0xEE00_0A10, float_move),
-    (0xFFC0_0F70, 0xEE00_0B10, float_move_part),
-    (0xFFF0_0F10, 0xEEE0_0A10, float_write_status),
-    (0xFFF0_0F10, 0xEEF0_0A10, float_read_status),
+    (0xFFC0_0F70, 0xEE00_0B10, float_move),
+    (0xFFE0_0F10, 0xEEE0_0A10, float_status),
     (0xFFE0_0ED0, 0xEC40_0A10, float_move_two),
     (0xFF20_0E00, 0xED00_0A00, float_transfer),
     (0xFF80_0E00, 0xEC80_0A00, float_transfer_multiple),

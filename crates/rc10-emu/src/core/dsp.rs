@@ -1,6 +1,6 @@
 //! The DSP extension: several numbers in a register, and saturation (A6.5, A7.7).
 
-use super::arithmetic::{long, rd, rm, rn, rt, saturated, set_long};
+use super::arithmetic::{rd, rm, rn, rt, saturated};
 use super::exceptions::Fault;
 use super::{Core, Done, GE, Q};
 
@@ -86,105 +86,97 @@ pub(super) fn extend(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// QADD, QDADD, QSUB, QDSUB.
-pub(super) fn add_saturating(core: &mut Core, i: u32) -> Done {
-    let (n, m) = (core.get(rn(i)) as i32, core.get(rm(i)) as i32);
-    let mut n = i64::from(n);
-    if i & 1 << 4 != 0 {
-        n = (saturated(core, 2 * n, 31, false) as i32).into();
-    }
-    let sum = i64::from(m) + if i & 1 << 5 == 0 { n } else { -n };
-    let result = saturated(core, sum, 31, false);
+/// QADD to QDSUB; REV to REVSH; SEL; CLZ: what bits 20, 21, 4 and 5 say.
+pub(super) fn rearrange(core: &mut Core, i: u32) -> Done {
+    let (n, m) = (core.get(rn(i)), core.get(rm(i)));
+    let result = match (i >> 20 & 3, i >> 4 & 3) {
+        (0, kind) => {
+            let n = i64::from(n as i32);
+            let n = if kind & 1 == 0 { n } else { saturated(core, 2 * n, 31, false) as i32 as i64 };
+            let sum = i64::from(m as i32) + if kind & 2 == 0 { n } else { -n };
+            saturated(core, sum, 31, false)
+        }
+        (1, 0) => m.swap_bytes(),
+        (1, 1) => m.swap_bytes().rotate_left(16),
+        (1, 2) => m.reverse_bits(),
+        (1, _) => (m as i16).swap_bytes() as u32,
+        (2, 0) => {
+            let flags = core.psr >> 16;
+            let mask = (0..4).map(|byte| (flags >> byte & 1) * (0xFF << (8 * byte))).sum::<u32>();
+            n & mask | m & !mask
+        }
+        (3, 0) => m.leading_zeros(),
+        _ => return Err(Fault::Undefined),
+    };
     core.set(rd(i), result);
     Ok(())
 }
 
-/// SSAT16, USAT16.
-pub(super) fn saturate_halves<const UNSIGNED: bool>(core: &mut Core, i: u32) -> Done {
-    let [low, high] =
-        halves(core.get(rn(i))).map(|half| saturated(core, half, i & 15, UNSIGNED) & 0xFFFF);
-    core.set(rd(i), high << 16 | low);
-    Ok(())
+/// The product of two halves that bits 5 and 4 name.
+const fn product_of_halves(core: &Core, i: u32) -> i64 {
+    half(core.get(rn(i)), i & 1 << 5 != 0) * half(core.get(rm(i)), i & 1 << 4 != 0)
 }
 
-pub(super) fn select(core: &mut Core, i: u32) -> Done {
-    let flags = core.psr >> 16;
-    let mask = (0..4).map(|byte| (flags >> byte & 1) * (0xFF << (8 * byte))).sum::<u32>();
-    core.set(rd(i), core.get(rn(i)) & mask | core.get(rm(i)) & !mask);
-    Ok(())
+/// The sum of the products of both halves, or the difference.
+const fn products(core: &Core, i: u32, subtracts: bool) -> i64 {
+    let a = halves(core.get(rn(i)));
+    let b = halves(crossed(core.get(rm(i)), i & 1 << 4 != 0));
+    if subtracts { a[0] * b[0] - a[1] * b[1] } else { a[0] * b[0] + a[1] * b[1] }
 }
 
-/// USAD8, USADA8.
-pub(super) fn sum_differences(core: &mut Core, i: u32) -> Done {
-    let [a, b] = [rn(i), rm(i)].map(|register| core.get(register).to_le_bytes());
-    let differences = a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b)));
-    let addend = if rt(i) == 15 { 0 } else { core.get(rt(i)) };
-    core.set(rd(i), differences.sum::<u32>().wrapping_add(addend));
-    Ok(())
-}
-
-/// Ends a multiplication with an addition that sets Q if it overflows; register 15 stands for none.
-fn accumulate(core: &mut Core, i: u32, product: i64) {
-    let addend = if rt(i) == 15 { 0 } else { core.get(rt(i)) as i32 };
-    let sum = product + i64::from(addend);
+/// Multiplications of parts of registers, whose product is added to a register, if there is one:
+/// SMULBB to SMLATT, SMUAD and SMLAD, SMULWB to SMLAWT, SMUSD and SMLSD, SMMUL to SMMLS, USAD8.
+pub(super) fn multiply_parts(core: &mut Core, i: u32) -> Done {
+    let (n, m) = (core.get(rn(i)), core.get(rm(i)));
+    let wide = i64::from(n as i32) * i64::from(m as i32);
+    let addend = if rt(i) == 15 { 0 } else { i64::from(core.get(rt(i)) as i32) };
+    let (upper, rounding) = (addend << 32, i64::from(i >> 4 & 1) << 31);
+    let sum = match i >> 20 & 7 {
+        1 => addend + product_of_halves(core, i),
+        2 => addend + products(core, i, false),
+        3 => addend + (i64::from(n as i32) * half(m, i & 1 << 4 != 0) >> 16),
+        4 => addend + products(core, i, true),
+        op @ (5 | 6) => {
+            let wide = if op == 5 { wide } else { wide.wrapping_neg() };
+            upper.wrapping_add(wide).wrapping_add(rounding) >> 32
+        }
+        7 => {
+            let bytes = n.to_le_bytes().into_iter().zip(m.to_le_bytes());
+            let differences = bytes.map(|(n, m)| u32::from(n.abs_diff(m))).sum::<u32>();
+            core.set(rd(i), differences.wrapping_add(addend as u32));
+            return Ok(());
+        }
+        _ => return Err(Fault::Undefined),
+    };
     if sum != i64::from(sum as i32) {
         core.psr |= Q;
     }
     core.set(rd(i), sum as u32);
     core.clocks += 1;
-}
-
-/// SMULBB to SMLATT.
-pub(super) fn multiply_halves(core: &mut Core, i: u32) -> Done {
-    accumulate(core, i, product_of_halves(core, i));
     Ok(())
 }
 
-const fn product_of_halves(core: &Core, i: u32) -> i64 {
-    half(core.get(rn(i)), i & 1 << 5 != 0) * half(core.get(rm(i)), i & 1 << 4 != 0)
-}
-
-/// SMULWB to SMLAWT.
-pub(super) fn multiply_half(core: &mut Core, i: u32) -> Done {
-    let second = half(core.get(rm(i)), i & 1 << 4 != 0);
-    accumulate(core, i, i64::from(core.get(rn(i)) as i32) * second >> 16);
-    Ok(())
-}
-
-/// The sum of the products of both halves, or the difference.
-const fn products<const SUBTRACTS: bool>(core: &Core, i: u32) -> i64 {
-    let a = halves(core.get(rn(i)));
-    let b = halves(crossed(core.get(rm(i)), i & 1 << 4 != 0));
-    if SUBTRACTS { a[0] * b[0] - a[1] * b[1] } else { a[0] * b[0] + a[1] * b[1] }
-}
-
-/// SMUAD, SMLAD, SMUSD, SMLSD.
-pub(super) fn multiply_dual<const SUBTRACTS: bool>(core: &mut Core, i: u32) -> Done {
-    accumulate(core, i, products::<SUBTRACTS>(core, i));
-    Ok(())
-}
-
-/// SMLALD, SMLSLD.
-pub(super) fn multiply_dual_long<const SUBTRACTS: bool>(core: &mut Core, i: u32) -> Done {
-    let sum = long(core, i).wrapping_add(products::<SUBTRACTS>(core, i) as u64);
-    set_long(core, i, sum);
-    Ok(())
-}
-
-/// SMLALBB to SMLALTT.
-pub(super) fn multiply_halves_long(core: &mut Core, i: u32) -> Done {
-    let sum = long(core, i).wrapping_add(product_of_halves(core, i) as u64);
-    set_long(core, i, sum);
-    Ok(())
-}
-
-/// SMMUL, SMMLA, SMMLS: the upper word of the product, rounded if so.
-pub(super) fn multiply_upper<const SUBTRACTS: bool>(core: &mut Core, i: u32) -> Done {
-    let product = i64::from(core.get(rn(i)) as i32) * i64::from(core.get(rm(i)) as i32);
-    let addend = if rt(i) == 15 { 0 } else { i64::from(core.get(rt(i))) << 32 };
-    let sum = if SUBTRACTS { addend.wrapping_sub(product) } else { addend.wrapping_add(product) };
-    let rounding = if i & 1 << 4 == 0 { 0 } else { 1 << 31 };
-    core.set(rd(i), (sum.wrapping_add(rounding) >> 32) as u32);
+/// Multiplications with a result in two registers, to which it may be added.
+pub(super) fn multiply_long(core: &mut Core, i: u32) -> Done {
+    let (n, m) = (core.get(rn(i)), core.get(rm(i)));
+    let (low, high) = (u64::from(core.get(rt(i))), u64::from(core.get(rd(i))));
+    let signed = (i64::from(n as i32) * i64::from(m as i32)) as u64;
+    let unsigned = u64::from(n) * u64::from(m);
+    let pair = high << 32 | low;
+    let result = match (i >> 20 & 7, i >> 4 & 15) {
+        (0, 0) => signed,
+        (2, 0) => unsigned,
+        (4, 0) => pair.wrapping_add(signed),
+        (4, 8..=11) => pair.wrapping_add(product_of_halves(core, i) as u64),
+        (4, 12 | 13) => pair.wrapping_add(products(core, i, false) as u64),
+        (5, 12 | 13) => pair.wrapping_add(products(core, i, true) as u64),
+        (6, 0) => pair.wrapping_add(unsigned),
+        // UMAAL.
+        (6, 6) => unsigned + low + high,
+        _ => return Err(Fault::Undefined),
+    };
+    core.set(rt(i), result as u32);
+    core.set(rd(i), (result >> 32) as u32);
     core.clocks += 1;
     Ok(())
 }

@@ -394,7 +394,7 @@ impl Core {
     fn keep_fpu(&mut self, place: u32) -> Result<(), Fault> {
         let status = self.system.word(FPCCR);
         if status & LSPEN == 0 {
-            return self.store_fpu(place, self.is_privileged());
+            return self.store_fpu(place, true);
         }
         let ready = |exception, bit| if self.system.is_enabled(exception) { bit } else { 0 };
         let own = USER | THREAD | HFRDY | MMRDY | BFRDY | MONRDY;
@@ -414,12 +414,7 @@ impl Core {
         let words = self.s;
         for (at, word) in (place..).step_by(4).zip(words[..16].iter().chain([&self.fpscr.clone()]))
         {
-            if privileged == self.is_privileged() {
-                self.store(at, 4, *word)?;
-            } else {
-                self.clocks += 1;
-                self.store_anywhere(at, 4, *word, privileged)?;
-            }
+            self.store_as(at, 4, *word, privileged)?;
         }
         Ok(())
     }

@@ -2,12 +2,11 @@
 
 use super::arithmetic::{rn, rt};
 use super::exceptions::{FPSCR, Fault};
-use super::ieee::{AWAY, DOUBLE, FZ, Float, Format, HALF, IXC, NEAREST, ROUNDING, SINGLE, TO_ZERO};
+use super::ieee::{
+    AWAY, DOUBLE, DOWN, FZ, Float, Format, HALF, IXC, NEAREST, ROUNDING, SINGLE, TO_ZERO, UP,
+};
 use super::transfer::align;
 use super::{C, Core, Done, N, V, Z};
-
-/// Ways to round that an instruction names itself.
-const MODES: [u32; 4] = [AWAY, NEAREST, 1, 2];
 
 const fn is_double(i: u32) -> bool {
     i & 1 << 8 != 0
@@ -43,9 +42,9 @@ enum Operation {
 
 impl Core {
     #[inline]
-    fn number(&self, index: usize, double: bool) -> u64 {
-        let low = u64::from(self.s[index]);
-        if double { u64::from(self.s[index | 1]) << 32 | low } else { low }
+    const fn number(&self, index: usize, double: bool) -> u64 {
+        let low = self.s[index] as u64;
+        if double { (self.s[index | 1] as u64) << 32 | low } else { low }
     }
 
     #[inline]
@@ -110,18 +109,15 @@ impl Core {
     }
 }
 
-/// Computes with the second and third register, as most instructions do.
-#[inline]
-fn binary(core: &mut Core, i: u32, operation: Operation) -> Result<u64, Fault> {
-    core.claim_fpu()?;
-    let double = is_double(i);
-    let (a, b) = (core.number(n(i, double), double), core.number(m(i, double), double));
-    Ok(core.arithmetic(double, operation, a, b))
-}
-
 fn set_d(core: &mut Core, i: u32, bits: u64) -> Done {
     core.set_number(d(i, is_double(i)), is_double(i), bits);
     Ok(())
+}
+
+/// The second and the third operand.
+const fn operands(core: &Core, i: u32) -> (u64, u64) {
+    let double = is_double(i);
+    (core.number(n(i, double), double), core.number(m(i, double), double))
 }
 
 /// Whether bit 6 names the other instruction of two.
@@ -129,65 +125,99 @@ const fn is_other(i: u32) -> bool {
     i & 1 << 6 != 0
 }
 
-pub(super) fn float_add(core: &mut Core, i: u32) -> Done {
-    let operation = if is_other(i) { Operation::Subtract } else { Operation::Add };
-    let result = binary(core, i, operation)?;
+/// A number with the other sign, if so.
+const fn signed(i: u32, bits: u64, negates: bool) -> u64 {
+    if negates { format(is_double(i)).negate(bits) } else { bits }
+}
+
+/// VADD and VSUB, VMUL and VNMUL, VDIV; VMLA, VMLS, VNMLA, VNMLS, which round twice.
+pub(super) fn float_basic(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let (double, (a, b)) = (is_double(i), operands(core, i));
+    let result = match i >> 20 & 0b1011 {
+        0b0011 if is_other(i) => core.arithmetic(double, Operation::Subtract, a, b),
+        0b0011 => core.arithmetic(double, Operation::Add, a, b),
+        0b1000 => {
+            core.clocks += 13;
+            core.arithmetic(double, Operation::Divide, a, b)
+        }
+        kind => {
+            let product = core.arithmetic(double, Operation::Multiply, a, b);
+            let product = signed(i, product, is_other(i));
+            if kind == 0b0010 {
+                return set_d(core, i, product);
+            }
+            core.clocks += 2;
+            let addend = signed(i, core.number(d(i, double), double), kind == 1);
+            core.arithmetic(double, Operation::Add, addend, product)
+        }
+    };
     set_d(core, i, result)
-}
-
-/// VMUL, VNMUL.
-pub(super) fn float_multiply(core: &mut Core, i: u32) -> Done {
-    let result = binary(core, i, Operation::Multiply)?;
-    set_d(core, i, if is_other(i) { format(is_double(i)).negate(result) } else { result })
-}
-
-pub(super) fn float_divide(core: &mut Core, i: u32) -> Done {
-    let result = binary(core, i, Operation::Divide)?;
-    core.clocks += 13;
-    set_d(core, i, result)
-}
-
-/// VMLA, VMLS, VNMLA, VNMLS: rounded twice.
-pub(super) fn float_accumulate(core: &mut Core, i: u32) -> Done {
-    let product = binary(core, i, Operation::Multiply)?;
-    let (double, negates) = (is_double(i), i & 1 << 20 != 0);
-    let addend = core.number(d(i, double), double);
-    let signed = |bits, negates| if negates { format(double).negate(bits) } else { bits };
-    let (addend, product) = (signed(addend, negates), signed(product, is_other(i)));
-    let sum = core.arithmetic(double, Operation::Add, addend, product);
-    core.clocks += 2;
-    set_d(core, i, sum)
 }
 
 /// VFMA, VFMS, VFNMA, VFNMS: rounded once.
 pub(super) fn float_fused(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
-    let double = is_double(i);
-    let format = format(double);
-    let signed = |bits, negates| if negates { format.negate(bits) } else { bits };
-    let addend = signed(core.number(d(i, double), double), i & 1 << 20 != 0);
-    let a = signed(core.number(n(i, double), double), is_other(i));
-    let b = core.number(m(i, double), double);
-    let sum = core.with_float(format, None, |float| float.multiply_add(addend, a, b));
+    let (double, (a, b)) = (is_double(i), operands(core, i));
+    let addend = signed(i, core.number(d(i, double), double), i & 1 << 20 != 0);
+    let a = signed(i, a, is_other(i));
     core.clocks += 2;
+    let sum = core.with_float(format(double), None, |float| float.multiply_add(addend, a, b));
     set_d(core, i, sum)
 }
 
-/// VMOV, VABS, VNEG, VSQRT.
+/// What has one operand, or two of different formats: VMOV, VABS, VNEG, VSQRT; VRINTR, VRINTZ,
+/// VRINTX; VCVT between single and double, and to and from integers.
 pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
-    let double = is_double(i);
-    let value = core.number(m(i, double), double);
-    let result = match (i >> 16 & 1, i >> 7 & 1) {
-        (0, 0) => value,
-        (0, _) => format(double).absolute(value),
-        (_, 0) => format(double).negate(value),
-        _ => {
+    let (double, is_second) = (is_double(i), i & 1 << 7 != 0);
+    let format = format(double);
+    let (_, value) = operands(core, i);
+    let to_zero = is_second.then_some(TO_ZERO);
+    let result = match (i >> 16 & 15, is_second) {
+        (0, false) => value,
+        (0, true) => format.absolute(value),
+        (1, false) => format.negate(value),
+        (1, true) => {
             core.clocks += 13;
             core.arithmetic(double, Operation::SquareRoot, value, 0)
         }
+        (6, _) => core.with_float(format, to_zero, |float| float.whole(value, false)),
+        (7, false) => core.with_float(format, None, |float| float.whole(value, true)),
+        (7, true) => {
+            let other = self::format(!double);
+            let result = core.with_float(format, None, |float| float.convert(value, other));
+            core.set_number(d(i, !double), !double, result);
+            return Ok(());
+        }
+        (8, _) => {
+            let value = core.s[m(i, false)];
+            let value = if is_second { (value as i32).into() } else { value.into() };
+            core.with_float(format, None, |float| float.of_integer(value, 0))
+        }
+        (kind @ (12 | 13), _) => return to_integer(core, i, kind == 13, to_zero),
+        _ => return Err(Fault::Undefined),
     };
     set_d(core, i, result)
+}
+
+/// VRINT and VCVT with a letter that says how to round.
+pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
+    core.claim_fpu()?;
+    let rounding = Some([AWAY, NEAREST, UP, DOWN][(i >> 16 & 3) as usize]);
+    if i & 1 << 18 != 0 {
+        return to_integer(core, i, i & 1 << 7 != 0, rounding);
+    }
+    let (_, value) = operands(core, i);
+    let whole = core.with_float(format(is_double(i)), rounding, |float| float.whole(value, false));
+    set_d(core, i, whole)
+}
+
+fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<u32>) -> Done {
+    let (_, value) = operands(core, i);
+    let to_integer = |float: &mut Float| float.to_integer(value, 32, signed, 0);
+    core.s[d(i, false)] = core.with_float(format(is_double(i)), rounding, to_integer) as u32;
+    Ok(())
 }
 
 /// VMOV of a constant: sign, three bits of exponent, four of fraction.
@@ -218,36 +248,6 @@ pub(super) fn float_compare(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// VRINTR, VRINTZ, VRINTX.
-pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
-    let exact = i & 1 << 16 != 0;
-    to_whole(core, i, (i & 1 << 7 != 0 && !exact).then_some(TO_ZERO), exact)
-}
-
-/// VRINTA, VRINTN, VRINTP, VRINTM.
-pub(super) fn float_round_mode(core: &mut Core, i: u32) -> Done {
-    to_whole(core, i, Some(MODES[(i >> 16 & 3) as usize]), false)
-}
-
-fn to_whole(core: &mut Core, i: u32, rounding: Option<u32>, exact: bool) -> Done {
-    core.claim_fpu()?;
-    let double = is_double(i);
-    let value = core.number(m(i, double), double);
-    let whole = core.with_float(format(double), rounding, |float| float.whole(value, exact));
-    set_d(core, i, whole)
-}
-
-/// VCVT between single and double.
-pub(super) fn float_convert(core: &mut Core, i: u32) -> Done {
-    core.claim_fpu()?;
-    let double = is_double(i);
-    let value = core.number(m(i, double), double);
-    let result =
-        core.with_float(format(double), None, |float| float.convert(value, format(!double)));
-    core.set_number(d(i, !double), !double, result);
-    Ok(())
-}
-
 /// VCVTB, VCVTT: between half precision, in one half of a register, and another.
 pub(super) fn float_half(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
@@ -261,35 +261,6 @@ pub(super) fn float_half(core: &mut Core, i: u32) -> Done {
     let half = core.with_float(format(double), None, |float| float.convert(value, HALF));
     let to = &mut core.s[d(i, false)];
     *to = *to & !(0xFFFF << shift) | (half as u32) << shift;
-    Ok(())
-}
-
-/// VCVT from an integer.
-pub(super) fn float_from_integer(core: &mut Core, i: u32) -> Done {
-    core.claim_fpu()?;
-    let value = core.s[m(i, false)];
-    let value = if i & 1 << 7 == 0 { value.into() } else { (value as i32).into() };
-    let result = core.with_float(format(is_double(i)), None, |float| float.of_integer(value, 0));
-    set_d(core, i, result)
-}
-
-/// VCVT and VCVTR to an integer.
-pub(super) fn float_to_integer(core: &mut Core, i: u32) -> Done {
-    to_integer(core, i, i & 1 << 16 != 0, (i & 1 << 7 != 0).then_some(TO_ZERO))
-}
-
-/// VCVTA, VCVTN, VCVTP, VCVTM.
-pub(super) fn float_to_integer_mode(core: &mut Core, i: u32) -> Done {
-    to_integer(core, i, i & 1 << 7 != 0, Some(MODES[(i >> 16 & 3) as usize]))
-}
-
-fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<u32>) -> Done {
-    core.claim_fpu()?;
-    let double = is_double(i);
-    let value = core.number(m(i, double), double);
-    let integer =
-        core.with_float(format(double), rounding, |float| float.to_integer(value, 32, signed, 0));
-    core.s[d(i, false)] = integer as u32;
     Ok(())
 }
 
@@ -325,24 +296,16 @@ pub(super) fn float_select(core: &mut Core, i: u32) -> Done {
 /// VMAXNM, VMINNM.
 pub(super) fn float_extreme(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
-    let double = is_double(i);
-    let (a, b) = (core.number(n(i, double), double), core.number(m(i, double), double));
+    let (double, (a, b)) = (is_double(i), operands(core, i));
     let result = core.with_float(format(double), None, |float| float.extreme(a, b, is_other(i)));
     set_d(core, i, result)
 }
 
-/// VMOV between a register of the core and one of the FPU.
+/// VMOV between a register of the core and one of the FPU, or half of a double one.
 pub(super) fn float_move(core: &mut Core, i: u32) -> Done {
-    move_word(core, i, n(i, false))
-}
-
-/// VMOV between a register of the core and half of a double one.
-pub(super) fn float_move_part(core: &mut Core, i: u32) -> Done {
-    move_word(core, i, n(i, true) | (i >> 21 & 1) as usize)
-}
-
-fn move_word(core: &mut Core, i: u32, index: usize) -> Done {
     core.claim_fpu()?;
+    let half = if is_double(i) { i >> 21 & 1 } else { 0 };
+    let index = n(i, is_double(i)) | half as usize;
     if i & 1 << 20 == 0 {
         core.s[index] = core.get(rt(i));
     } else {
@@ -366,24 +329,15 @@ pub(super) fn float_move_two(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// VMSR.
-pub(super) fn float_write_status(core: &mut Core, i: u32) -> Done {
+/// VMSR, VMRS.
+pub(super) fn float_status(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
-    if rn(i) != 1 {
-        return Err(Fault::Undefined);
-    }
-    core.fpscr = core.get(rt(i)) & FPSCR;
-    Ok(())
-}
-
-/// VMRS.
-pub(super) fn float_read_status(core: &mut Core, i: u32) -> Done {
-    core.claim_fpu()?;
-    match (rn(i), rt(i)) {
-        (1, 15) => core.psr = core.psr & !(N | Z | C | V) | core.fpscr & (N | Z | C | V),
-        (1, to) => core.set(to, core.fpscr),
+    match (i >> 20 & 1, rn(i), rt(i)) {
+        (0, 1, from) => core.fpscr = core.get(from) & FPSCR,
+        (1, 1, 15) => core.psr = core.psr & !(N | Z | C | V) | core.fpscr & (N | Z | C | V),
+        (1, 1, to) => core.set(to, core.fpscr),
         // What the FPU has: MVFR2, MVFR1, MVFR0.
-        (register @ 5..=7, to) => {
+        (1, register @ 5..=7, to) => {
             let features = core.read_system(0xE000_EF40 + 4 * (7 - register), false);
             core.set(to, features);
         }

@@ -15,8 +15,8 @@ const IDC: u32 = 1 << 7;
 
 /// Ways to round, as FPSCR has them: to the nearest, up, down, to zero; ..
 pub(super) const NEAREST: u32 = 0;
-const UP: u32 = 1;
-const DOWN: u32 = 2;
+pub(super) const UP: u32 = 1;
+pub(super) const DOWN: u32 = 2;
 pub(super) const TO_ZERO: u32 = 3;
 /// .. and to the nearest, away from zero between two.
 pub(super) const AWAY: u32 = 4;

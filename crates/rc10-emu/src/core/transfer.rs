@@ -16,10 +16,12 @@ pub(super) const EIGHT: u32 = 3;
 /// `CCR.UNALIGN_TRP`.
 const TRAPS_UNALIGNED: u32 = 1 << 3;
 
-/// Bits of most loads and stores: offset before the access, up, base changes.
+/// Bits of most loads and stores: up, offset before the access, base changes,
+/// loads.
 const UP: u32 = 1 << 23;
 const BEFORE: u32 = 1 << 24;
 const BACK: u32 = 1 << 21;
+const LOADS: u32 = 1 << 20;
 
 /// An address: of the access, and what becomes of the base.
 struct Address {
@@ -65,29 +67,26 @@ pub(super) fn align(core: &Core, address: u32, bytes: u32, always: bool) -> Done
     Err(Fault::Unaligned)
 }
 
-pub(super) fn load<const BYTES: u32, const SIGNED: bool, const FORM: u32>(
-    core: &mut Core,
-    i: u32,
-) -> Done {
-    let to = rt(i);
+/// Bytes of an access.
+const fn bytes(i: u32) -> u32 {
+    1 << (i >> 21 & 3)
+}
+
+pub(super) fn load<const FORM: u32>(core: &mut Core, i: u32) -> Done {
+    let (to, bytes, signed) = (rt(i), bytes(i), i & 1 << 24 != 0);
     let Address { at, base, privileged } = address::<FORM>(core, i)?;
-    if BYTES < 4 && to == 15 {
+    if bytes < 4 && to == 15 {
         // PLD, PLI.
         return Ok(());
     }
-    align(core, at, BYTES, false)?;
-    let value = if privileged {
-        core.load(at, BYTES)?
-    } else {
-        core.clocks += 1;
-        core.load_anywhere(at, BYTES, false)?
-    };
+    align(core, at, bytes, false)?;
+    let value = core.load_as(at, bytes, privileged)?;
     if let Some(base) = base {
         core.set(rn(i), base);
     }
-    let value = match (BYTES, SIGNED) {
-        (1, true) => value as i8 as u32,
-        (2, true) => value as i16 as u32,
+    let value = match bytes {
+        1 if signed => value as i8 as u32,
+        2 if signed => value as i16 as u32,
         _ => value,
     };
     if to == 15 {
@@ -97,119 +96,86 @@ pub(super) fn load<const BYTES: u32, const SIGNED: bool, const FORM: u32>(
     Ok(())
 }
 
-pub(super) fn store<const BYTES: u32, const FORM: u32>(core: &mut Core, i: u32) -> Done {
+pub(super) fn store<const FORM: u32>(core: &mut Core, i: u32) -> Done {
     let Address { at, base, privileged } = address::<FORM>(core, i)?;
-    align(core, at, BYTES, false)?;
-    let value = core.get(rt(i));
-    if privileged {
-        core.store(at, BYTES, value)?;
-    } else {
-        core.clocks += 1;
-        core.store_anywhere(at, BYTES, value, false)?;
-    }
+    align(core, at, bytes(i), false)?;
+    core.store_as(at, bytes(i), core.get(rt(i)), privileged)?;
     if let Some(base) = base {
         core.set(rn(i), base);
     }
     Ok(())
 }
 
-/// Address of two words, and what becomes of the base.
-fn address_of_two(core: &Core, i: u32) -> Result<(u32, Option<u32>), Fault> {
+/// LDRD, STRD.
+pub(super) fn transfer_two(core: &mut Core, i: u32) -> Done {
     let base = if rn(i) == 15 { core.r[15] & !3 } else { core.get(rn(i)) };
     let moved = offset(base, (i & 0xFF) << 2, i & UP != 0);
     let at = if i & BEFORE == 0 { base } else { moved };
     align(core, at, 4, true)?;
-    Ok((at, (i & BACK != 0).then_some(moved)))
-}
-
-pub(super) fn load_dual(core: &mut Core, i: u32) -> Done {
-    let (at, base) = address_of_two(core, i)?;
-    let first = core.load(at, 4)?;
-    let second = core.load(at.wrapping_add(4), 4)?;
-    core.set(rt(i), first);
-    core.set(rd(i), second);
-    if let Some(base) = base {
-        core.set(rn(i), base);
-    }
-    Ok(())
-}
-
-pub(super) fn store_dual(core: &mut Core, i: u32) -> Done {
-    let (at, base) = address_of_two(core, i)?;
-    core.store(at, 4, core.get(rt(i)))?;
-    core.store(at.wrapping_add(4), 4, core.get(rd(i)))?;
-    if let Some(base) = base {
-        core.set(rn(i), base);
-    }
-    Ok(())
-}
-
-/// Of several words: the first address, and what becomes of the base.
-fn range<const DOWN: bool>(core: &Core, i: u32) -> Result<(u32, u32), Fault> {
-    let (base, length) = (core.get(rn(i)), 4 * (i & 0xFFFF).count_ones());
-    let end = offset(base, length, !DOWN);
-    let start = if DOWN { end } else { base };
-    align(core, start, 4, true)?;
-    if length == 0 { Err(Fault::Undefined) } else { Ok((start, end)) }
-}
-
-/// LDM, LDMDB, POP. After a fault it can be executed again: no register has changed.
-pub(super) fn load_multiple<const DOWN: bool>(core: &mut Core, i: u32) -> Done {
-    let (mut at, end) = range::<DOWN>(core, i)?;
-    let mut loaded = [0; 16];
-    let mut list = i & 0xFFFF;
-    while list != 0 {
-        loaded[list.trailing_zeros() as usize] = core.load(at, 4)?;
-        (at, list) = (at.wrapping_add(4), list & (list - 1));
+    if i & LOADS == 0 {
+        core.store(at, 4, core.get(rt(i)))?;
+        core.store(at.wrapping_add(4), 4, core.get(rd(i)))?;
+    } else {
+        let first = core.load(at, 4)?;
+        let second = core.load(at.wrapping_add(4), 4)?;
+        core.set(rt(i), first);
+        core.set(rd(i), second);
     }
     if i & BACK != 0 {
-        core.set(rn(i), end);
+        core.set(rn(i), moved);
     }
-    for (register, value) in (0..15).zip(loaded) {
-        if i >> register & 1 != 0 {
-            core.set(register, value);
+    Ok(())
+}
+
+/// LDM and STM, both ways; PUSH and POP. After a fault it can be executed again: no register has
+/// changed.
+pub(super) fn transfer_multiple(core: &mut Core, i: u32) -> Done {
+    let (base, mut list) = (core.get(rn(i)), i & 0xFFFF);
+    let end = offset(base, 4 * list.count_ones(), i & UP != 0);
+    let mut at = if i & UP == 0 { end } else { base };
+    align(core, at, 4, true)?;
+    let mut registers = core.r;
+    if i & BACK != 0 {
+        registers[rn(i) as usize & 15] = end;
+    }
+    while list != 0 {
+        let register = list.trailing_zeros();
+        if i & LOADS == 0 {
+            core.store(at, 4, core.get(register))?;
+        } else {
+            registers[register as usize & 15] = core.load(at, 4)?;
         }
-    }
-    if i >> 15 & 1 != 0 { core.branch_exchange(loaded[15]) } else { Ok(()) }
-}
-
-/// STM, STMDB, PUSH.
-pub(super) fn store_multiple<const DOWN: bool>(core: &mut Core, i: u32) -> Done {
-    let (mut at, end) = range::<DOWN>(core, i)?;
-    let mut list = i & 0xFFFF;
-    while list != 0 {
-        core.store(at, 4, core.get(list.trailing_zeros()))?;
         (at, list) = (at.wrapping_add(4), list & (list - 1));
     }
-    if i & BACK != 0 {
-        core.set(rn(i), end);
-    }
-    Ok(())
+    let to = std::mem::replace(&mut registers[15], core.r[15]);
+    core.r = registers;
+    if i & LOADS != 0 && i >> 15 & 1 != 0 { core.branch_exchange(to) } else { Ok(()) }
 }
 
-/// Of words there is an offset, too.
-const fn exclusive_address<const BYTES: u32>(core: &Core, i: u32) -> u32 {
-    core.get(rn(i)).wrapping_add(if BYTES == 4 { (i & 0xFF) << 2 } else { 0 })
+/// Address and bytes; of words there is an offset, too.
+const fn exclusive_address(core: &Core, i: u32) -> (u32, u32) {
+    let base = core.get(rn(i));
+    if i & UP == 0 { (base.wrapping_add((i & 0xFF) << 2), 4) } else { (base, 1 << (i >> 4 & 1)) }
 }
 
-pub(super) fn load_exclusive<const BYTES: u32>(core: &mut Core, i: u32) -> Done {
-    let at = exclusive_address::<BYTES>(core, i);
-    align(core, at, BYTES, true)?;
-    let value = core.load(at, BYTES)?;
+pub(super) fn load_exclusive(core: &mut Core, i: u32) -> Done {
+    let (at, bytes) = exclusive_address(core, i);
+    align(core, at, bytes, true)?;
+    let value = core.load(at, bytes)?;
     core.exclusive = Some(at);
     core.set(rt(i), value);
     Ok(())
 }
 
-pub(super) fn store_exclusive<const BYTES: u32>(core: &mut Core, i: u32) -> Done {
-    let at = exclusive_address::<BYTES>(core, i);
-    align(core, at, BYTES, true)?;
+pub(super) fn store_exclusive(core: &mut Core, i: u32) -> Done {
+    let (at, bytes) = exclusive_address(core, i);
+    align(core, at, bytes, true)?;
     let is_own = core.exclusive == Some(at);
     if is_own {
-        core.store(at, BYTES, core.get(rt(i)))?;
+        core.store(at, bytes, core.get(rt(i)))?;
     }
     core.exclusive = None;
-    core.set(if BYTES == 4 { rd(i) } else { rm(i) }, u32::from(!is_own));
+    core.set(if bytes == 4 { rd(i) } else { rm(i) }, u32::from(!is_own));
     Ok(())
 }
 
@@ -219,10 +185,11 @@ pub(super) fn clear_exclusive(core: &mut Core, _: u32) -> Done {
 }
 
 /// TBB, TBH.
-pub(super) fn branch_table<const BYTES: u32>(core: &mut Core, i: u32) -> Done {
-    let at = core.get(rn(i)).wrapping_add(core.get(rm(i)).wrapping_mul(BYTES));
-    align(core, at, BYTES, true)?;
-    let halves = core.load(at, BYTES)?;
+pub(super) fn branch_table(core: &mut Core, i: u32) -> Done {
+    let bytes = 1 << (i >> 4 & 1);
+    let at = core.get(rn(i)).wrapping_add(core.get(rm(i)).wrapping_mul(bytes));
+    align(core, at, bytes, true)?;
+    let halves = core.load(at, bytes)?;
     core.branch(core.r[15].wrapping_add(2 * halves));
     Ok(())
 }
