@@ -134,7 +134,7 @@ pub(super) fn multiply_parts(core: &mut Core, i: u32) -> Done {
     let sum = match i >> 20 & 7 {
         1 => addend + product_of_halves(core, i),
         2 => addend + products(core, i, false),
-        3 => addend + (i64::from(n as i32) * half(m, i & 1 << 4 != 0) >> 16),
+        3 => addend + ((i64::from(n as i32) * half(m, i & 1 << 4 != 0)) >> 16),
         4 => addend + products(core, i, true),
         op @ (5 | 6) => {
             let wide = if op == 5 { wide } else { wide.wrapping_neg() };

@@ -1,4 +1,4 @@
-//! Instructions of the FPU (A6.4 to A6.7, A7.7): FPv5 in both precisions.
+//! Instructions of the FPU (A6.4 to A6.7, A7.7): `FPv5` in both precisions.
 
 use super::arithmetic::{rn, rt};
 use super::exceptions::{FPSCR, Fault};
@@ -215,7 +215,7 @@ pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
 
 fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<u32>) -> Done {
     let (_, value) = operands(core, i);
-    let to_integer = |float: &mut Float| float.to_integer(value, 32, signed, 0);
+    let to_integer = |float: &mut Float| float.integer(value, 32, signed, 0);
     core.s[d(i, false)] = core.with_float(format(is_double(i)), rounding, to_integer) as u32;
     Ok(())
 }
@@ -278,7 +278,7 @@ pub(super) fn float_fixed(core: &mut Core, i: u32) -> Done {
         core.with_float(format(double), Some(NEAREST), |float| float.of_integer(integer, fraction))
     } else {
         core.with_float(format(double), Some(TO_ZERO), |float| {
-            float.to_integer(value, bits, signed, fraction)
+            float.integer(value, bits, signed, fraction)
         })
     };
     set_d(core, i, result)
@@ -318,7 +318,7 @@ pub(super) fn float_move(core: &mut Core, i: u32) -> Done {
 pub(super) fn float_move_two(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
     let first = m(i, is_double(i));
-    for (register, index) in [(rt(i), first), (rn(i), first + 1 & 31)] {
+    for (register, index) in [(rt(i), first), (rn(i), (first + 1) & 31)] {
         if i & 1 << 20 == 0 {
             core.s[index] = core.get(register);
         } else {

@@ -369,7 +369,7 @@ impl Float {
     }
 
     /// A whole number of so many bits, of which some stand for a fraction; as near as there is one.
-    pub(super) fn to_integer(&mut self, a: u64, bits: u32, signed: bool, fraction: u32) -> u64 {
+    pub(super) fn integer(&mut self, a: u64, bits: u32, signed: bool, fraction: u32) -> u64 {
         let a = self.take(a);
         let exponent = a.exponent + fraction as i32;
         let (low, high) = match signed {

@@ -1,4 +1,4 @@
-//! The memory protection unit (PMSAv7, B3.5).
+//! The memory protection unit (`PMSAv7`, B3.5).
 
 use super::bus::Access;
 

@@ -1,4 +1,4 @@
-//! The core's own registers: those in memory from 0xE000_0000 on (B3.2 to B3.5, C1.8), and those
+//! The core's own registers: those in memory from `0xE000_0000` on (B3.2 to B3.5, C1.8), and those
 //! that MRS and MSR know by a number (B5.2).
 
 use super::exceptions::{HARD_FAULT, NMI, PEND_SV, SYSTICK, is_set, set_bit};
@@ -294,7 +294,7 @@ impl System {
             0xD28 | 0xD2C => self.words[word] &= !value,
             0xD90..0xDBC => self.mpu.write(offset as u32 - 0xD90, value),
             0xF00 => {
-                Self::change(&mut self.pending, value as usize / 32 % 16, 1 << (value & 31), true)
+                Self::change(&mut self.pending, value as usize / 32 % 16, 1 << (value & 31), true);
             }
             _ => {
                 for &(_, bits) in KEPT.iter().filter(|(kept, _)| *kept == word) {

@@ -56,8 +56,8 @@ fn doubles_are_what_this_computer_makes_of_them() {
             assert!(is_same(bits, own), "{x:e} {name} {y:e} {z:e}: {bits:x}, here {own:e}");
         }
         float.rounding = 3;
-        assert_eq!(float.to_integer(a, 32, true, 0) as i32, x as i32, "{x:e}");
-        assert_eq!(float.to_integer(a, 32, false, 0) as u32, x as u32, "{x:e}");
+        assert_eq!(float.integer(a, 32, true, 0) as i32, x as i32, "{x:e}");
+        assert_eq!(float.integer(a, 32, false, 0) as u32, x as u32, "{x:e}");
         let mut float = Float::new(DOUBLE, 0);
         let single = float.convert(a, SINGLE);
         assert!(x.is_nan() || single == u64::from((x as f32).to_bits()), "{x:e}: {single:x}");
@@ -93,7 +93,7 @@ fn fixed_point_is_a_scaled_integer() {
         let value = random.single();
         let exact = f64::from(f32::from_bits(value)) * scale;
         let mut float = Float::new(SINGLE, 3 << 22);
-        let fixed = float.to_integer(value.into(), bits, true, fraction);
+        let fixed = float.integer(value.into(), bits, true, fraction);
         let expected = if bits == 16 { i64::from(exact as i16) } else { i64::from(exact as i32) };
         assert_eq!(fixed.cast_signed(), expected, "{exact:e}");
         let integer = random.number() as i32;

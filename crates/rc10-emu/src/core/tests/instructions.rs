@@ -320,7 +320,7 @@ fn loads_and_stores_do_what_they_do_elsewhere() {
                 match letter {
                     'b' => {
                         pair.own.r[register as usize] =
-                            DATA + 0x1000 + (random.below(0x800) & aligned)
+                            DATA + 0x1000 + (random.below(0x800) & aligned);
                     }
                     'o' => pair.own.r[register as usize] = random.below(0x100) & aligned,
                     _ => {}
@@ -465,7 +465,7 @@ fn blocks_go_on_after_each_instruction() {
     let (mut pair, mut random) = (Pair::new(), Random::new(6));
     for _ in 0..3000 {
         pair.shuffle(&mut random);
-        let it = 0xBF00 | random.below(14) << 4 | 1 + random.below(15);
+        let it = 0xBF00 | random.below(14) << 4 | (1 + random.below(15));
         // ADDS, MOVS, CMP, LSLS, MULS, AND.W with S.
         let mut code = vec![it as u16];
         for _ in 0..5 {
