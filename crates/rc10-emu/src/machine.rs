@@ -742,25 +742,30 @@ impl Machine {
     /// Lets `count` periods of a rate go by.
     #[inline]
     fn pass(&mut self, count: u64, pace: Pace) {
-        let rate = pace.rate;
-        if rate != self.rate {
-            let fraction = u128::from(self.fraction) * u128::from(rate) / u128::from(self.rate);
-            self.fraction = u64::try_from(fraction).unwrap_or(0);
-            self.rate = rate;
+        if pace.rate != self.rate {
+            self.count_in(pace.rate);
         }
         // The log is read every millisecond: nothing lasts longer.
         let count = count.min(u32::MAX.into());
         self.now += count * pace.nanos;
         self.fraction += count * pace.rest;
-        if self.fraction >= 4 * rate {
-            self.now += self.fraction / rate;
-            self.fraction %= rate;
+        if self.fraction >= 4 * pace.rate {
+            self.now += self.fraction / pace.rate;
+            self.fraction %= pace.rate;
         }
         // A few times, as mostly, is faster than a division.
-        while self.fraction >= rate {
-            (self.now, self.fraction) = (self.now + 1, self.fraction - rate);
+        while self.fraction >= pace.rate {
+            (self.now, self.fraction) = (self.now + 1, self.fraction - pace.rate);
         }
         self.core.bus.now = self.now;
+    }
+
+    /// The fraction of a nanosecond is of another rate from now on.
+    #[cold]
+    fn count_in(&mut self, rate: u64) {
+        let fraction = u128::from(self.fraction) * u128::from(rate) / u128::from(self.rate);
+        self.fraction = u64::try_from(fraction).unwrap_or(0);
+        self.rate = rate;
     }
 
     /// Everything outside the core: resets, reports, the log.

@@ -288,10 +288,6 @@ pub(super) fn branch_link(core: &mut Core, i: u32) -> Done {
     branch_far(core, i)
 }
 
-pub(super) fn branch_exchange(core: &mut Core, i: u32) -> Done {
-    core.branch_exchange(core.get(i >> 3))
-}
-
 pub(super) fn branch_link_exchange(core: &mut Core, i: u32) -> Done {
     let to = core.get(i >> 3);
     core.r[14] = core.next | 1;
@@ -331,24 +327,6 @@ pub(super) fn change_state(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-pub(super) fn read_special(core: &mut Core, i: u32) -> Done {
-    core.set(rd(i), core.read_special(i & 0xFF));
-    Ok(())
-}
-
-pub(super) fn write_special(core: &mut Core, i: u32) -> Done {
-    core.write_special(i & 0xFF, i >> 10 & 3, core.get(rn(i)));
-    Ok(())
-}
-
-pub(super) fn supervisor_call(core: &mut Core, _: u32) -> Done {
-    core.call_supervisor()
-}
-
-pub(super) fn break_point(core: &mut Core, _: u32) -> Done {
-    core.break_point()
-}
-
 /// WFE, WFI, SEV; others say nothing to this core.
 pub(super) fn hint(core: &mut Core, i: u32) -> Done {
     match i & 0xFF {
@@ -360,15 +338,6 @@ pub(super) fn hint(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// Accesses come one after another anyway.
-pub(super) fn barrier(_: &mut Core, _: u32) -> Done {
-    Ok(())
-}
-
 pub(super) fn undefined(_: &mut Core, _: u32) -> Done {
     Err(Fault::Undefined)
-}
-
-pub(super) fn no_coprocessor(_: &mut Core, _: u32) -> Done {
-    Err(Fault::NoCoprocessor)
 }

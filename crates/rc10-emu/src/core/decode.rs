@@ -199,15 +199,15 @@ const SHORT: &[(&str, &str)] = &[
 
 /// Instructions of 16 bits that are no others in short.
 const NARROW: &[(u32, u32, Run)] = &[
-    (0xFF80, 0x4700, branch_exchange),
+    (0xFF80, 0x4700, |core, i| core.branch_exchange(core.get(i >> 3))),
     (0xFF80, 0x4780, branch_link_exchange),
     (0xFFC0, 0x4340, multiply_flags),
     (0xF500, 0xB100, compare_branch),
     (0xFFE0, 0xB660, change_state),
-    (0xFF00, 0xBE00, break_point),
+    (0xFF00, 0xBE00, |core, _| core.break_point()),
     (0xFF00, 0xBF00, if_then),
     (0xFF00, 0xDE00, undefined),
-    (0xFF00, 0xDF00, supervisor_call),
+    (0xFF00, 0xDF00, |core, _| core.call_supervisor()),
 ];
 
 /// Instructions of 32 bits: bits that decide, their values, and what executes it. The first row that
@@ -248,12 +248,13 @@ const WIDE: &[(u32, u32, Run)] = &[
     // Branches and control (A5.3.4).
     (0xF800_D000, 0xF000_9000, branch_far),
     (0xF800_D000, 0xF000_D000, branch_link),
-    (0xFFE0_D000, 0xF380_8000, write_special),
-    (0xFFF0_D000, 0xF3E0_8000, read_special),
+    (0xFFE0_D000, 0xF380_8000, |core, i| core.write_special(i & 0xFF, i >> 10 & 3, i >> 16)),
+    (0xFFF0_D000, 0xF3E0_8000, |core, i| core.read_special(i & 0xFF, i >> 8)),
     (0xFFF0_D700, 0xF3A0_8000, hint),
-    (0xFFF0_D0F0, 0xF3B0_8020, clear_exclusive),
-    (0xFFF0_D0E0, 0xF3B0_8040, barrier),
-    (0xFFF0_D0F0, 0xF3B0_8060, barrier),
+    (0xFFF0_D0F0, 0xF3B0_8020, |core, _| core.clear_exclusive()),
+    // Barriers: accesses come one after another anyway.
+    (0xFFF0_D0E0, 0xF3B0_8040, |_, _| Ok(())),
+    (0xFFF0_D0F0, 0xF3B0_8060, |_, _| Ok(())),
     (0xFB80_D000, 0xF380_8000, undefined),
     (0xF800_D000, 0xF000_8000, branch_if),
     // Loads and stores of several words (A5.3.5), of two, exclusive ones, and branches by a table
@@ -308,5 +309,5 @@ const WIDE: &[(u32, u32, Run)] = &[
     (0xFF80_0E00, 0xEC80_0A00, float_transfer_multiple),
     (0xFFA0_0E00, 0xED20_0A00, float_transfer_multiple),
     (0xEC00_0E00, 0xEC00_0A00, float_undefined),
-    (0xEC00_0000, 0xEC00_0000, no_coprocessor),
+    (0xEC00_0000, 0xEC00_0000, |_, _| Err(Fault::NoCoprocessor)),
 ];

@@ -105,6 +105,11 @@ fn members(set: [u32; SET_WORDS]) -> impl Iterator<Item = u32> {
     })
 }
 
+/// Addresses of words from one on, around the end of all addresses if need be.
+pub(super) fn places(from: u32) -> impl Iterator<Item = u32> {
+    (0..64).map(move |index| from.wrapping_add(4 * index))
+}
+
 impl System {
     /// Of a priority the bits that decide who interrupts whom (`AIRCR.PRIGROUP`).
     const fn group_mask(&self) -> u32 {
@@ -263,11 +268,11 @@ impl Core {
         let [r0, r1, r2, r3, .., r12, _, r14, _] = self.r;
         let words = [r0, r1, r2, r3, r12, r14, return_address, psr];
         let mut failure = None;
-        for (at, word) in (frame..).step_by(4).zip(words) {
+        for (at, word) in places(frame).zip(words) {
             failure = self.store(at, 4, word).err().or(failure);
         }
         if with_fpu {
-            failure = self.keep_fpu(frame + 4 * FRAME).err().or(failure);
+            failure = self.keep_fpu(frame.wrapping_add(4 * FRAME)).err().or(failure);
         }
         let kind = match (self.psr & EXCEPTION != 0, self.uses_process_stack()) {
             (true, _) => 0xFFFF_FFF1,
@@ -310,7 +315,7 @@ impl Core {
         if self.system.word(FPCCR) & ASPEN != 0 {
             self.fpscr = self.system.word(FPDSCR);
         }
-        if let Some(handler) = self.bus.word(self.system.vectors() + 4 * exception) {
+        if let Some(handler) = self.bus.word(self.system.vector(exception)) {
             self.next = handler & !1;
             self.psr = self.psr & !T | if handler & 1 == 0 { 0 } else { T };
         } else {
@@ -362,7 +367,7 @@ impl Core {
         let frame = self.r[13];
         let mut words = [0; FRAME as usize];
         let mut failure = None;
-        for (at, word) in (frame..).step_by(4).zip(&mut words) {
+        for (at, word) in places(frame).zip(&mut words) {
             match self.load(at, 4) {
                 Ok(read) => *word = read,
                 Err(fault) => failure = Some(fault),
@@ -412,8 +417,7 @@ impl Core {
 
     fn store_fpu(&mut self, place: u32, privileged: bool) -> Result<(), Fault> {
         let words = self.s;
-        for (at, word) in (place..).step_by(4).zip(words[..16].iter().chain([&self.fpscr.clone()]))
-        {
+        for (at, word) in places(place).zip(words[..16].iter().chain([&self.fpscr.clone()])) {
             self.store_as(at, 4, *word, privileged)?;
         }
         Ok(())
@@ -445,6 +449,11 @@ impl Core {
             self.store_fpu(self.system.word(FPCAR), status & USER == 0)?;
         }
         self.control |= if status & ASPEN == 0 { 0 } else { FP_ACTIVE };
+        Ok(())
+    }
+
+    pub(super) const fn clear_exclusive(&mut self) -> Done {
+        self.exclusive = None;
         Ok(())
     }
 

@@ -1,7 +1,7 @@
 //! Instructions of the FPU (A6.4 to A6.7, A7.7): `FPv5` in both precisions.
 
 use super::arithmetic::{rn, rt};
-use super::exceptions::{FPSCR, Fault};
+use super::exceptions::{FPSCR, Fault, places};
 use super::ieee::{
     AWAY, DOUBLE, DOWN, FZ, Float, Format, HALF, IXC, NEAREST, ROUNDING, SINGLE, TO_ZERO, UP,
 };
@@ -30,15 +30,14 @@ const fn m(i: u32, double: bool) -> usize {
     index(double, i & 15, i >> 5 & 1)
 }
 
-/// What two operands become.
-#[derive(Clone, Copy)]
-enum Operation {
-    Add,
-    Subtract,
-    Multiply,
-    Divide,
-    SquareRoot,
-}
+/// What two operands become: in this computer's arithmetic, and in our own.
+type Operation = (fn(f32, f32) -> f32, fn(f64, f64) -> f64, fn(&mut Float, u64, u64) -> u64);
+const ADD: Operation = (|a, b| a + b, |a, b| a + b, |float, a, b| float.add(a, b, false));
+const SUBTRACT: Operation = (|a, b| a - b, |a, b| a - b, |float, a, b| float.add(a, b, true));
+const MULTIPLY: Operation = (|a, b| a * b, |a, b| a * b, Float::multiply);
+const DIVIDE: Operation = (|a, b| a / b, |a, b| a / b, Float::divide);
+const SQUARE_ROOT: Operation =
+    (|a, _| a.sqrt(), |a, _| a.sqrt(), |float, a, _| float.square_root(a));
 
 impl Core {
     #[inline]
@@ -69,43 +68,21 @@ impl Core {
         result
     }
 
-    /// The computer's own arithmetic, where it differs in nothing but flags that are set already.
+    /// This computer's own arithmetic, where it differs in nothing but flags that are set already.
     #[inline]
-    fn arithmetic(&mut self, double: bool, operation: Operation, a: u64, b: u64) -> u64 {
+    fn arithmetic(&mut self, double: bool, (single, long, own): Operation, a: u64, b: u64) -> u64 {
         let format = format(double);
         if self.fpscr & (ROUNDING | FZ | IXC) == IXC {
             let result = if double {
-                let [a, b] = [a, b].map(f64::from_bits);
-                match operation {
-                    Operation::Add => a + b,
-                    Operation::Subtract => a - b,
-                    Operation::Multiply => a * b,
-                    Operation::Divide => a / b,
-                    Operation::SquareRoot => a.sqrt(),
-                }
-                .to_bits()
+                long(f64::from_bits(a), f64::from_bits(b)).to_bits()
             } else {
-                let [a, b] = [a, b].map(|bits| f32::from_bits(bits as u32));
-                let result = match operation {
-                    Operation::Add => a + b,
-                    Operation::Subtract => a - b,
-                    Operation::Multiply => a * b,
-                    Operation::Divide => a / b,
-                    Operation::SquareRoot => a.sqrt(),
-                };
-                result.to_bits().into()
+                single(f32::from_bits(a as u32), f32::from_bits(b as u32)).to_bits().into()
             };
             if format.is_plain(result) {
                 return result;
             }
         }
-        self.with_float(format, None, |float| match operation {
-            Operation::Add => float.add(a, b, false),
-            Operation::Subtract => float.add(a, b, true),
-            Operation::Multiply => float.multiply(a, b),
-            Operation::Divide => float.divide(a, b),
-            Operation::SquareRoot => float.square_root(a),
-        })
+        self.with_float(format, None, |float| own(float, a, b))
     }
 }
 
@@ -135,21 +112,21 @@ pub(super) fn float_basic(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
     let (double, (a, b)) = (is_double(i), operands(core, i));
     let result = match i >> 20 & 0b1011 {
-        0b0011 if is_other(i) => core.arithmetic(double, Operation::Subtract, a, b),
-        0b0011 => core.arithmetic(double, Operation::Add, a, b),
+        0b0011 if is_other(i) => core.arithmetic(double, SUBTRACT, a, b),
+        0b0011 => core.arithmetic(double, ADD, a, b),
         0b1000 => {
             core.clocks += 13;
-            core.arithmetic(double, Operation::Divide, a, b)
+            core.arithmetic(double, DIVIDE, a, b)
         }
         kind => {
-            let product = core.arithmetic(double, Operation::Multiply, a, b);
+            let product = core.arithmetic(double, MULTIPLY, a, b);
             let product = signed(i, product, is_other(i));
             if kind == 0b0010 {
                 return set_d(core, i, product);
             }
             core.clocks += 2;
             let addend = signed(i, core.number(d(i, double), double), kind == 1);
-            core.arithmetic(double, Operation::Add, addend, product)
+            core.arithmetic(double, ADD, addend, product)
         }
     };
     set_d(core, i, result)
@@ -180,7 +157,7 @@ pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
         (1, false) => format.negate(value),
         (1, true) => {
             core.clocks += 13;
-            core.arithmetic(double, Operation::SquareRoot, value, 0)
+            core.arithmetic(double, SQUARE_ROOT, value, 0)
         }
         (6, _) => core.with_float(format, to_zero, |float| float.whole(value, false)),
         (7, false) => core.with_float(format, None, |float| float.whole(value, true)),
@@ -375,7 +352,7 @@ fn transfer_words(core: &mut Core, i: u32, at: u32, count: u32) -> Done {
     align(core, at, 4, true)?;
     let first = d(i, is_double(i));
     let mut registers = core.s;
-    for (index, at) in (first..first + count as usize).zip((at..).step_by(4)) {
+    for (index, at) in (first..first + count as usize).zip(places(at)) {
         let register = &mut registers[index & 31];
         if i & 1 << 20 == 0 {
             core.store(at, 4, *register)?;

@@ -168,8 +168,7 @@ impl Core {
         (self.asleep, self.event, self.locked_up, self.attention) = (false, false, false, true);
         (self.exclusive, self.held, self.context) = (None, None, 0);
         self.bus.forget();
-        let vectors = self.system.vectors();
-        let [stack, start] = [vectors, vectors + 4].map(|at| self.bus.word(at).unwrap_or(0));
+        let [stack, start] = [0, 1].map(|at| self.bus.word(self.system.vector(at)).unwrap_or(0));
         (self.r, self.other_stack) = ([0; 16], 0);
         self.r[13] = stack & !3;
         self.r[15] = start & !1;
@@ -191,7 +190,7 @@ impl Core {
             Step::Instruction
         });
         self.r[15] = self.next;
-        self.tick(self.clocks);
+        self.wait(self.clocks);
         let step = if self.psr & EXCEPTION == before { step } else { self.entered(step) };
         let step = if self.locked_up { Step::LockedUp } else { step };
         #[cfg(test)]
@@ -203,7 +202,7 @@ impl Core {
     /// interrupted changes it too.
     fn entered(&self, step: Step) -> Step {
         let exception = self.exception();
-        let vector = self.system.vectors() + 4 * u32::from(exception);
+        let vector = self.system.vector(exception.into());
         let is_at_handler = self.bus.word(vector).is_some_and(|at| at & !1 == self.r[15]);
         if exception != 0 && is_at_handler { Step::Entry(exception) } else { step }
     }
@@ -343,12 +342,8 @@ impl Core {
     }
 
     /// Lets the core's own counters go on while the core waits for a bus: timer and cycle counter.
-    pub fn wait(&mut self, clocks: u64) {
-        self.tick(clocks);
-    }
-
     #[inline]
-    fn tick(&mut self, clocks: u64) {
+    pub fn wait(&mut self, clocks: u64) {
         self.system.count_cycles(clocks);
         if self.system.timer_runs() {
             self.sleep(clocks);

@@ -4,7 +4,8 @@
 use super::exceptions::{HARD_FAULT, NMI, PEND_SV, SYSTICK, is_set, set_bit};
 use super::mpu::Mpu;
 use super::{
-    C, Core, EXCEPTION, FP_ACTIVE, GE, INTERRUPT_WORDS, N, PROCESS_STACK, Q, UNPRIVILEGED, V, Z,
+    C, Core, Done, EXCEPTION, FP_ACTIVE, GE, INTERRUPT_WORDS, N, PROCESS_STACK, Q, UNPRIVILEGED, V,
+    Z,
 };
 
 /// Bits of a set of exceptions, in words of 32.
@@ -137,8 +138,9 @@ impl System {
         &mut self.words[word]
     }
 
-    pub(super) const fn vectors(&self) -> u32 {
-        self.words[VTOR]
+    /// Address of the vector of an exception.
+    pub(super) const fn vector(&self, exception: u32) -> u32 {
+        self.words[VTOR].wrapping_add(4 * exception)
     }
 
     /// Whether the FPU is switched on for such code.
@@ -150,6 +152,7 @@ impl System {
 
     /// The priority register of an exception.
     pub(super) const fn priority(&self, exception: u32) -> u32 {
+        let exception = exception & 0xFF;
         let byte = if exception < 16 { 0xD14 + exception } else { 0x3F0 + exception };
         self.words[byte as usize / 4] >> (8 * (byte & 3)) & 0xFF
     }
@@ -337,11 +340,11 @@ impl Core {
         }
     }
 
-    /// A special register (B5.2.2).
-    pub(super) fn read_special(&self, number: u32) -> u32 {
+    /// MRS (B5.2.2).
+    pub(super) fn read_special(&mut self, number: u32, to: u32) -> Done {
         let privileged = self.is_privileged();
         let flags = N | Z | C | V | Q | GE;
-        match number {
+        let value = match number {
             0 | 2 => self.psr & flags,
             1 | 3 => self.psr & (flags | EXCEPTION),
             5 | 7 => self.psr & EXCEPTION,
@@ -352,11 +355,14 @@ impl Core {
             19 if privileged => self.faultmask.into(),
             20 => self.control,
             _ => 0,
-        }
+        };
+        self.set(to & 15, value);
+        Ok(())
     }
 
-    /// Writes a special register (B5.2.3); of the flags those that `mask` says.
-    pub(super) fn write_special(&mut self, number: u32, mask: u32, value: u32) {
+    /// MSR (B5.2.3); of the flags those that `mask` says.
+    pub(super) fn write_special(&mut self, number: u32, mask: u32, from: u32) -> Done {
+        let value = self.get(from);
         self.attention = true;
         match number {
             0..=3 => {
@@ -383,6 +389,7 @@ impl Core {
             _ => {}
         }
         self.protect();
+        Ok(())
     }
 
     /// FAULTMASK cannot be set where it would change nothing.

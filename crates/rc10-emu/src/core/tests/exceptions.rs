@@ -30,6 +30,12 @@ fn raise(core: &mut Core, interrupts: &[u32]) {
     core.set_interrupts(levels);
 }
 
+/// MSR, from R12.
+fn set_special(core: &mut Core, number: u32, value: u32) {
+    core.r[12] = value;
+    core.write_special(number, 0, 12).unwrap();
+}
+
 fn entered(core: &mut Core) -> Option<u16> {
     match core.step().0 {
         Step::Entry(exception) => Some(exception),
@@ -84,10 +90,10 @@ fn masks_keep_interrupts_away() {
     // BASEPRI: 5 is not urgent enough beside 5, and is beside 6.
     let (mut core, _) = with_code(&[NOP; 4]);
     enable(&mut core, &[(3, 5)]);
-    core.write_special(17, 0, 5 << 4);
+    set_special(&mut core, 17, 5 << 4);
     raise(&mut core, &[3]);
     assert_eq!(core.step().0, Step::Instruction);
-    core.write_special(17, 0, 6 << 4);
+    set_special(&mut core, 17, 6 << 4);
     assert_eq!(entered(&mut core), Some(19));
 }
 
@@ -155,8 +161,8 @@ fn frames_are_aligned_and_say_so() {
 #[test]
 fn processes_have_their_own_stack() {
     let (mut core, _) = with_code(&[SVC, NOP]);
-    core.write_special(9, 0, DATA);
-    core.write_special(20, 0, 2);
+    set_special(&mut core, 9, DATA);
+    set_special(&mut core, 20, 2);
     assert_eq!((core.r[13], core.other_stack), (DATA, STACK));
     assert_eq!(entered(&mut core), Some(11));
     assert_eq!((core.r[13], core.other_stack, core.r[14]), (STACK, DATA - 32, 0xFFFF_FFFD));
@@ -252,7 +258,7 @@ fn the_mpu_forbids() {
         protect(&mut core, attributes);
         core.r[1] = DATA | 1;
         core.step();
-        core.write_special(20, 0, control);
+        set_special(&mut core, 20, control);
         assert_eq!(entered(&mut core), entry);
         // Without privileges there is no stack, either.
         let stack = u32::from(control == 1) << 4;
@@ -406,4 +412,30 @@ fn registers_say_what_there_is() {
     core.step();
     assert_eq!(core.load(0xE000_1004, 4).unwrap(), 1);
     let _: (Memory, u32) = (Memory::new(1), EXCEPTION);
+}
+
+#[test]
+fn nothing_that_is_executed_ends_the_emulator() {
+    let mut random = super::random::Random::new(10);
+    let (mut core, memory) = with_code(&[NOP]);
+    for round in 0..4000 {
+        core.reset();
+        for register in 0..15 {
+            core.r[register] = if random.below(3) == 0 { DATA } else { random.number() };
+        }
+        // Also with the FPU, the MPU, without privileges, and with a stack at the end of all memory.
+        *core.system.word_mut(0xD88 / 4) = 0xF << 20;
+        if round % 4 == 1 {
+            protect(&mut core, random.word() & 0x1700_FF00);
+        }
+        core.control = random.below(8);
+        core.r[13] = random.one_of(&[STACK, 4, 0, 0xFFFF_FFFC, 0x2000_0010]);
+        core.fpscr = random.word() & 0xF3C0_009F;
+        core.r[15] = 0x2000_0000 + (random.below(0x1_0000) & !1);
+        core.write_system(0xE000_ED24, random.below(8) << 16);
+        raise(&mut core, &[random.below(160)]);
+        core.write_system(0xE000_E100, random.word());
+        steps(&mut core, 500);
+    }
+    drop(memory);
 }
