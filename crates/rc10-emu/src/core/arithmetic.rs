@@ -1,4 +1,4 @@
-//! Data processing, branches, control (A6, A7.7).
+//! Data processing, branches, control (A5, A7.7).
 
 use super::decode::S;
 use super::exceptions::Fault;
@@ -120,7 +120,7 @@ fn compute<const OP: u32>(core: &mut Core, i: u32, b: u32, shifter_carry: bool) 
 }
 
 pub(super) fn immediate<const OP: u32>(core: &mut Core, i: u32) -> Done {
-    // A7.4.3: repeated, or rotated.
+    // A5.3.2: repeated, or rotated.
     let (twelve, byte) = (twelve(i), i & 0xFF);
     let value = match twelve >> 8 {
         0 => byte,

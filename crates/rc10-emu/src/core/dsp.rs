@@ -1,4 +1,4 @@
-//! The DSP extension: several numbers in a register, and saturation (A6.5, A7.7).
+//! The DSP extension: several numbers in a register, and saturation (A5.3.12 to A5.3.17, A7.7).
 
 use super::arithmetic::{rd, rm, rn, rt, saturated};
 use super::exceptions::Fault;

@@ -107,7 +107,7 @@ fn parts(base: u32, attributes: u32) -> impl Iterator<Item = (u32, u32)> {
     })
 }
 
-/// What a region's access permissions say (table B3-15).
+/// What a region's access permissions say (B3.5).
 const fn permits(attributes: u32, access: Access, privileged: bool) -> bool {
     let writes = matches!(access, Access::Write);
     if matches!(access, Access::Fetch) && attributes & NEVER_EXECUTE != 0 {

@@ -1,4 +1,4 @@
-//! Loads and stores (A6.7, A7.7).
+//! Loads and stores (A5.3.5 to A5.3.10, A7.7).
 
 use super::arithmetic::{rd, rm, rn, rt};
 use super::exceptions::Fault;

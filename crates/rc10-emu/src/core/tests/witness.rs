@@ -1,4 +1,24 @@
 //! Another core, that does what ours does: rsemu 0.0.7.
+//!
+//! Where it differs from the manual (ARM DDI 0403E), ours does what the manual says, and the tests
+//! leave it out or say so:
+//!
+//! * xPSR is stacked without the state of an IT block, and that state goes on by one after a fault
+//!   and after a return (B1.5.6).
+//! * The base of an LDM has changed when one of its loads faults.
+//! * BASEPRI keeps bits of priorities that do not exist (B1.4.3), and of two pending exceptions of
+//!   one group the subpriority does not count (B1.5.4).
+//! * BKPT and SVC inside `HardFault` enter it again: the core locks up (B1.5.15).
+//! * A stack that takes no frame sets flags, and is no exception of its own (B1.5.14); an MPU's fault
+//!   there counts as a bus fault.
+//! * `ICSR` does not say which exception is active (B3.2.4); 8 regions in place of the chip's 16.
+//! * VSUB changes the sign of a NaN that is subtracted; a result flushed to zero is inexact, too;
+//!   VFMA tells of no flushed operand beside a NaN; singles are not flushed on their way to half
+//!   precision; fixed point is scaled step by step, with the flags of each, and 16 bits of it are
+//!   left without their sign (A2.5). There is no double precision.
+//!
+//! As in rsemu, and not as in the manual: exceptions leave no event for WFE, unaligned accesses to
+//! peripherals go by bytes.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
