@@ -396,7 +396,7 @@ impl Core {
     }
 
     /// Writes the FPU registers to an exception's frame, or promises to (B1.5.7).
-    fn keep_fpu(&mut self, place: u32) -> Result<(), Fault> {
+    fn keep_fpu(&mut self, place: u32) -> Done {
         let status = self.system.word(FPCCR);
         if status & LSPEN == 0 {
             return self.store_fpu(place, true);
@@ -415,15 +415,15 @@ impl Core {
         Ok(())
     }
 
-    fn store_fpu(&mut self, place: u32, privileged: bool) -> Result<(), Fault> {
-        let words = self.s;
-        for (at, word) in places(place).zip(words[..16].iter().chain([&self.fpscr.clone()])) {
-            self.store_as(at, 4, *word, privileged)?;
+    fn store_fpu(&mut self, place: u32, privileged: bool) -> Done {
+        let words = self.s.into_iter().take(16).chain([self.fpscr]);
+        for (at, word) in places(place).zip(words) {
+            self.store_as(at, 4, word, privileged)?;
         }
         Ok(())
     }
 
-    fn restore_fpu(&mut self, place: u32) -> Result<(), Fault> {
+    fn restore_fpu(&mut self, place: u32) -> Done {
         let status = self.system.word_mut(FPCCR);
         if *status & LSPACT != 0 {
             // Nothing has used them since.

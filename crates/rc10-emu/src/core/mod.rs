@@ -10,11 +10,16 @@
 //! | `system` | the registers from `0xE000_0000` on, and those of MRS and MSR |
 //! | `bus`, `mpu` | where accesses go, and which are permitted |
 //!
-//! Clocks: 1 for an instruction, 1 more for each word or part of one that it loads or stores, 2 more if it
-//! branches; 1 more for a long multiplication, one of halves and a transfer of two registers to or from
-//! the FPU; 2 for a division and a multiplication with accumulation of the FPU; 13 for its
-//! division and square root. 12 for an exception's entry and 10 for its return, and its stack
-//! accesses; 6 from one handler to the next without them.
+//! Clocks: 1 for an instruction, and more if it
+//!
+//! | does | clocks |
+//! |---|---|
+//! | load or store: for each access | 1 |
+//! | branch | 2 |
+//! | multiply to two registers, or parts of registers; move two registers to or from the FPU | 1 |
+//! | divide; multiply and add in the FPU | 2 |
+//! | divide in the FPU, or take a square root | 13 |
+//! | enter an exception; return from one; go from one handler to the next | 12; 10; 6 |
 
 #![expect(clippy::cast_possible_truncation, reason = "registers are taken apart")]
 
