@@ -14,7 +14,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_emu::core::{Core as _, Step, bare};
+use rc10_emu::core::{Step, bare};
 use rc10_emu::{Image, Memory};
 
 #[path = "../../crates/rc10-app/tests/walk/mod.rs"]
@@ -179,7 +179,7 @@ impl Program {
     }
 
     fn run(&self) -> Result<Ran> {
-        let mut core = bare(&Memory::with(&self.image, 1)?)?;
+        let mut core = bare(&Memory::with(&self.image, 1)?);
         let mut results: BTreeMap<u32, Measurement> = BTreeMap::new();
         // The call being measured: its entry, its return address, and its instructions so far.
         let mut call: Option<(u32, u32, u64)> = None;

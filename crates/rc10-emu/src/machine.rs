@@ -3,14 +3,13 @@
 use std::cell::RefCell;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result, ensure};
 use rc10_sim::{Contact, Line, Nanos, Pulses, Serial, World};
 
 use crate::board::Board;
-use crate::core::{Core, Interpreter, Step, Wiring};
+use crate::core::{Core, Step, Wiring};
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
 use crate::links::Links;
@@ -22,6 +21,7 @@ use crate::profile::Profile;
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
 const FULL_CLOCK_HZ: u64 = 480_000_000;
+const NANOS_PER_SECOND: u64 = 1_000_000_000;
 /// Period in which a debug probe reads log messages.
 const LOG_PERIOD: Nanos = Nanos::new(1_000_000);
 /// Code for injected faults, in the otherwise unused ITCM: an undefined instruction, ..
@@ -145,13 +145,27 @@ impl Default for Options {
     }
 }
 
+/// A rate per second, and the time that a period takes: whole nanoseconds, and 1/rate of one.
+#[derive(Clone, Copy)]
+struct Pace {
+    rate: u64,
+    nanos: u64,
+    rest: u64,
+}
+
+impl Pace {
+    const fn new(rate: u64) -> Self {
+        Self { rate, nanos: NANOS_PER_SECOND / rate, rest: NANOS_PER_SECOND % rate }
+    }
+}
+
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
 /// [`connect_serial`](Self::connect_serial) and its like its UARTs and pins on lines, and
 /// [`run`](Self::run) lets chip and world go through time together.
 pub struct Machine {
-    core: Interpreter,
+    core: Core,
     wiring: Wiring,
     fdcan: Arc<Mutex<Fdcans>>,
     /// Buses with the index of their FDCAN, until a wrong bit rate is told.
@@ -180,6 +194,8 @@ pub struct Machine {
     hangs: BTreeSet<u16>,
     /// Whether interrupts are to be masked as soon as they are not.
     is_mask_due: bool,
+    /// Whether something is in `jumps`, or a mask is due.
+    is_fault_due: bool,
     is_locked_up: bool,
     struck: Option<Nanos>,
     ready: Option<Nanos>,
@@ -226,13 +242,8 @@ impl Machine {
         if let Some((port, pin)) = options.board.key {
             soc.drive_pin(port, pin, Some(true), Nanos::ZERO);
         }
-        let wiring = Wiring {
-            soc: Arc::new(Mutex::new(soc)),
-            now: Arc::default(),
-            touched: Arc::new(AtomicBool::new(false)),
-            waited: Arc::default(),
-        };
-        let core = Interpreter::new(&memory, Some(wiring.clone()))?;
+        let wiring = Wiring(Arc::new(Mutex::new(soc)));
+        let core = Core::new(&memory, Some(wiring.clone()));
         Ok(Self {
             core,
             wiring,
@@ -254,6 +265,7 @@ impl Machine {
             jumps: VecDeque::new(),
             hangs: BTreeSet::new(),
             is_mask_due: false,
+            is_fault_due: false,
             is_locked_up: false,
             struck: None,
             ready: None,
@@ -453,6 +465,11 @@ impl Machine {
         self.struck
     }
 
+    #[cfg(test)]
+    pub(crate) const fn core(&self) -> &Core {
+        &self.core
+    }
+
     /// The first accesses to what does not exist or has no clock.
     #[must_use]
     pub fn reports(&self) -> &[Report] {
@@ -470,6 +487,7 @@ impl Machine {
     /// # Errors
     /// If the program has nothing that could panic.
     pub fn inject(&mut self, fault: Injection) -> Result<()> {
+        self.is_fault_due = true;
         match fault {
             Injection::HardFault => {
                 self.memory.write(UNDEFINED, &UDF)?;
@@ -596,7 +614,7 @@ impl Machine {
             if let Some(event) = self.wiring.soc().next_event() {
                 horizon = horizon.min(event);
             }
-            self.execute(horizon.get())?;
+            self.execute(horizon.get());
             let now = self.now();
             if self.links.is_empty() {
                 world.advance_to(now);
@@ -609,10 +627,7 @@ impl Machine {
                 self.ready = self.ready.or(soc.system_ready_at());
                 (soc.interrupt_levels(), soc.nmi(), soc.memories_run(), soc.guards_ram())
             };
-            if !guards {
-                self.core.unlock_memories()?;
-            }
-            self.core.set_memories(memories)?;
+            self.core.bus.set_memories(memories, guards);
             self.core.set_interrupts(levels);
             self.core.set_nmi(nmi);
             self.after(now)?;
@@ -637,90 +652,120 @@ impl Machine {
     }
 
     /// Runs the core up to a time, or until it has touched a peripheral.
-    fn execute(&mut self, horizon: u64) -> Result<()> {
+    fn execute(&mut self, horizon: u64) {
         let clock = self.wiring.soc().core_clock_hz();
-        self.wiring.touched.store(false, Ordering::Relaxed);
+        self.core.bus.touched = false;
         if clock == 0 {
             // Nothing is executed, and no interrupt taken.
             self.now = horizon.max(self.now);
-            self.wiring.now.store(self.now, Ordering::Relaxed);
-            return Ok(());
+            self.core.bus.now = self.now;
+            return;
         }
-        loop {
-            let address = self.core.program_counter();
-            let exception = self.core.exception();
-            let (step, mut clocks) = self.core.step();
-            match step {
-                Step::Instruction => {
-                    self.profile.instruction(address, exception, self.core.stack_pointer());
-                    if let Some((address, arguments)) = self.jumps.pop_front() {
-                        self.core.call(address, arguments);
-                        self.struck = Some(self.now());
-                    } else if self.is_mask_due {
-                        self.is_mask_due = !self.core.hold(MASKED);
-                    }
-                }
-                Step::Entry(exception) => {
-                    self.profile.entry(exception, self.core.stack_pointer());
-                    if self.hangs.remove(&exception) {
-                        self.core.call(stand_in(exception), [0; 3]);
-                        self.struck = Some(self.now());
-                    }
-                }
-                Step::Asleep | Step::LockedUp => {
-                    if step == Step::LockedUp && !std::mem::replace(&mut self.is_locked_up, true) {
-                        self.report(format!("the core locked up at {address:#010x}"));
-                    }
-                    let nanos = horizon.saturating_sub(self.now);
-                    let idle = (u128::from(nanos) * u128::from(clock)).div_ceil(1_000_000_000);
-                    let idle = u64::try_from(idle).unwrap_or(u64::MAX).max(clocks);
-                    let idle = self.core.clocks_until_timer().map_or(idle, |end| end.min(idle));
-                    self.core.sleep(idle.saturating_sub(clocks));
-                    clocks = idle;
+        let clocks = Pace::new(clock);
+        let speed = self
+            .speed
+            .map(|speed| (speed, Pace::new((clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1))));
+        while !self.execute_one(horizon, clocks, speed) {}
+    }
+
+    /// Lets the core do one step; whether that was all for now.
+    #[inline]
+    fn execute_one(&mut self, horizon: u64, pace: Pace, speed: Option<(u64, Pace)>) -> bool {
+        let address = self.core.program_counter();
+        let exception = self.core.exception();
+        let (step, mut clocks) = self.core.step();
+        match step {
+            Step::Instruction => {
+                self.profile.instruction(address, exception, self.core.stack_pointer());
+                if self.is_fault_due {
+                    self.fail();
                 }
             }
-            match self.speed {
-                // A core that sleeps does not count instructions.
-                Some(speed) if !matches!(step, Step::Asleep | Step::LockedUp) => {
-                    self.pass(1, (clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1));
-                    self.part += FULL_CLOCK_HZ;
-                    let taken = self.part / speed;
-                    self.part %= speed;
-                    self.core.correct_cycles(taken.cast_signed() - clocks.cast_signed());
-                    clocks = taken;
+            Step::Entry(exception) => {
+                self.profile.entry(exception, self.core.stack_pointer());
+                if self.hangs.remove(&exception) {
+                    self.core.call(stand_in(exception), [0; 3]);
+                    self.struck = Some(self.now());
                 }
-                _ => self.pass(clocks, clock),
             }
-            let waited = self.wiring.waited.swap(0, Ordering::Relaxed);
-            if waited > 0 {
-                self.core.wait(waited);
-                self.pass(waited, clock);
-            }
-            self.profile.time(exception, clocks + waited);
-            if self.now >= horizon || self.wiring.touched.load(Ordering::Relaxed) {
-                return Ok(());
+            Step::Asleep | Step::LockedUp => {
+                if step == Step::LockedUp && !std::mem::replace(&mut self.is_locked_up, true) {
+                    self.report(format!("the core locked up at {address:#010x}"));
+                }
+                clocks = self.rest(horizon, clocks, pace.rate);
             }
         }
+        match speed {
+            // A core that sleeps does not count instructions.
+            Some((speed, pace)) if !matches!(step, Step::Asleep | Step::LockedUp) => {
+                self.pass(1, pace);
+                self.part += FULL_CLOCK_HZ;
+                let taken = self.part / speed;
+                self.part %= speed;
+                self.core.correct_cycles(taken.cast_signed() - clocks.cast_signed());
+                clocks = taken;
+            }
+            _ => self.pass(clocks, pace),
+        }
+        let waited = std::mem::take(&mut self.core.bus.waited);
+        if waited > 0 {
+            self.core.wait(waited);
+            self.pass(waited, pace);
+        }
+        self.profile.time(exception, clocks + waited);
+        self.now >= horizon || self.core.bus.touched
+    }
+
+    /// An injected fault strikes, as soon as the program executes anything.
+    #[cold]
+    fn fail(&mut self) {
+        if let Some((address, arguments)) = self.jumps.pop_front() {
+            self.core.call(address, arguments);
+            self.struck = Some(self.now());
+        } else if self.is_mask_due {
+            self.is_mask_due = !self.core.hold(MASKED);
+        }
+        self.is_fault_due = self.is_mask_due || !self.jumps.is_empty();
+    }
+
+    /// The core has nothing to do until a time, or until its own timer ends: for how many clocks.
+    /// It has counted some of them.
+    fn rest(&mut self, horizon: u64, clocks: u64, rate: u64) -> u64 {
+        let nanos = horizon.saturating_sub(self.now);
+        let idle = (u128::from(nanos) * u128::from(rate)).div_ceil(NANOS_PER_SECOND.into());
+        let idle = u64::try_from(idle).unwrap_or(u64::MAX).max(clocks);
+        let idle = self.core.clocks_until_timer().map_or(idle, |end| end.min(idle));
+        self.core.sleep(idle.saturating_sub(clocks));
+        idle
     }
 
     /// Lets `count` periods of a rate go by.
-    fn pass(&mut self, count: u64, rate: u64) {
-        if rate != self.rate {
-            let fraction = u128::from(self.fraction) * u128::from(rate) / u128::from(self.rate);
-            self.fraction = u64::try_from(fraction).unwrap_or(0);
-            self.rate = rate;
+    #[inline]
+    fn pass(&mut self, count: u64, pace: Pace) {
+        if pace.rate != self.rate {
+            self.count_in(pace.rate);
         }
-        let product = count.checked_mul(1_000_000_000);
-        if let Some(nanos) = product.and_then(|nanos| nanos.checked_add(self.fraction)) {
-            self.now += nanos / rate;
-            self.fraction = nanos % rate;
-        } else {
-            let nanos = u128::from(self.fraction) + u128::from(count) * 1_000_000_000;
-            let rate = u128::from(rate);
-            self.now += u64::try_from(nanos / rate).unwrap_or(u64::MAX);
-            self.fraction = u64::try_from(nanos % rate).unwrap_or(0);
+        // The log is read every millisecond: nothing lasts longer.
+        let count = count.min(u32::MAX.into());
+        self.now += count * pace.nanos;
+        self.fraction += count * pace.rest;
+        if self.fraction >= 4 * pace.rate {
+            self.now += self.fraction / pace.rate;
+            self.fraction %= pace.rate;
         }
-        self.wiring.now.store(self.now, Ordering::Relaxed);
+        // A few times, as mostly, is faster than a division.
+        while self.fraction >= pace.rate {
+            (self.now, self.fraction) = (self.now + 1, self.fraction - pace.rate);
+        }
+        self.core.bus.now = self.now;
+    }
+
+    /// The fraction of a nanosecond is of another rate from now on.
+    #[cold]
+    fn count_in(&mut self, rate: u64) {
+        let fraction = u128::from(self.fraction) * u128::from(rate) / u128::from(self.rate);
+        self.fraction = u64::try_from(fraction).unwrap_or(0);
+        self.rate = rate;
     }
 
     /// Everything outside the core: resets, reports, the log.

@@ -1,9 +1,9 @@
 //! The chip's memories (RM0468, memory organisation).
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use anyhow::{Context, Result, anyhow};
-use rsemu::core::space::RamStore;
 
 use crate::image::Image;
 
@@ -11,34 +11,51 @@ use crate::image::Image;
 pub const PERIPHERALS: (u32, u32) = (0x4000_0000, 0x2000_0000);
 
 /// One memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bank {
     /// Name in the manual.
     pub name: &'static str,
     /// Its first address.
     pub base: u32,
-    store: Arc<RamStore>,
+    /// Its length in bytes.
+    pub length: u32,
+    /// Place of its first byte among the bytes of all banks.
+    pub(crate) start: u32,
 }
 
-impl Bank {
-    pub(crate) fn store(&self) -> Arc<RamStore> {
-        Arc::clone(&self.store)
+/// Every memory, in the order of the addresses.
+const BANKS: [Bank; 8] = {
+    const KIB: u32 = 1 << 10;
+    let mut banks = [
+        bank("ITCM", 0x0000_0000, 64 * KIB),
+        bank("flash", 0x0800_0000, 1024 * KIB),
+        bank("DTCM", 0x2000_0000, 128 * KIB),
+        bank("AXI SRAM", 0x2400_0000, 320 * KIB),
+        bank("SRAM1", 0x3000_0000, 16 * KIB),
+        bank("SRAM2", 0x3000_4000, 16 * KIB),
+        bank("SRAM4", 0x3800_0000, 16 * KIB),
+        bank("backup SRAM", 0x3880_0000, 4 * KIB),
+    ];
+    let mut index = 1;
+    while index < banks.len() {
+        banks[index].start = banks[index - 1].start + banks[index - 1].length;
+        index += 1;
     }
+    banks
+};
+
+const fn bank(name: &'static str, base: u32, length: u32) -> Bank {
+    Bank { name, base, length, start: 0 }
 }
 
-/// Name, first address and length of every memory.
-const BANKS: [(&str, u32, u64); 8] = [
-    ("ITCM", 0x0000_0000, 64 << 10),
-    ("flash", 0x0800_0000, 1 << 20),
-    ("DTCM", 0x2000_0000, 128 << 10),
-    ("AXI SRAM", 0x2400_0000, 320 << 10),
-    ("SRAM1", 0x3000_0000, 16 << 10),
-    ("SRAM2", 0x3000_4000, 16 << 10),
-    ("SRAM4", 0x3800_0000, 16 << 10),
-    ("backup SRAM", 0x3880_0000, 4 << 10),
-];
+/// Bytes of all banks.
+const BYTES: u32 = BANKS[7].start + BANKS[7].length;
 
 /// Address of the processor's first instruction.
-pub const FLASH: u32 = BANKS[1].1;
+pub const FLASH: u32 = BANKS[1].base;
+
+/// Bytes in which writes are told as soon as an instruction has been decoded there.
+const BLOCK: u32 = 256;
 
 /// Contents of a RAM at power-on: random, and the same for the same seed.
 pub(crate) fn noise(seed: u64) -> impl Iterator<Item = u64> {
@@ -52,27 +69,38 @@ pub(crate) fn noise(seed: u64) -> impl Iterator<Item = u64> {
 }
 
 /// All memories. A reset leaves them as they are.
-pub struct Memory {
-    banks: Vec<Bank>,
+///
+/// A clone is the same memories, not a copy of them: what a DMA controller sees.
+#[derive(Clone)]
+pub struct Memory(Arc<Words>);
+
+/// Relaxed accesses of atomics are plain ones on every computer; only one thread makes them.
+struct Words {
+    words: Box<[AtomicU32]>,
+    /// Blocks from which the core has decoded instructions.
+    code: Box<[AtomicBool]>,
+    /// Of what was written there since: the first place, and the one behind the last; 0: nothing.
+    stale: [AtomicU32; 2],
 }
 
 impl Memory {
     /// As power-on leaves them: noise, other noise for another seed; erased flash is full of ones.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        let banks = BANKS.map(|(name, base, length)| {
-            let store = Arc::new(RamStore::new(length));
-            // Neither can fail: it is the whole store.
-            let _ = if base == FLASH {
-                store.fill(0, length, 0xFF)
+        let mut words = Vec::with_capacity((BYTES / 4) as usize);
+        for bank in BANKS {
+            let length = (bank.length / 4) as usize;
+            if bank.base == FLASH {
+                words.extend((0..length).map(|_| AtomicU32::new(u32::MAX)));
             } else {
-                let words = usize::try_from(length / 8).unwrap_or(0);
-                let words = noise(seed ^ u64::from(base)).take(words).flat_map(u64::to_le_bytes);
-                store.write_at(0, &words.collect::<Vec<_>>())
-            };
-            Bank { name, base, store }
-        });
-        Self { banks: banks.into() }
+                let noise = noise(seed ^ u64::from(bank.base)).take(length / 2);
+                #[expect(clippy::cast_possible_truncation, reason = "one half, then the other")]
+                let halves = noise.flat_map(|noise| [noise as u32, (noise >> 32) as u32]);
+                words.extend(halves.map(AtomicU32::new));
+            }
+        }
+        let code = (0..BYTES / BLOCK).map(|_| AtomicBool::new(false)).collect();
+        Self(Arc::new(Words { words: words.into(), code, stale: Default::default() }))
     }
 
     /// Memories with a program in them.
@@ -89,17 +117,71 @@ impl Memory {
 
     /// The banks, in the order of their addresses.
     #[must_use]
-    pub fn banks(&self) -> &[Bank] {
-        &self.banks
+    pub const fn banks(&self) -> &[Bank] {
+        &BANKS
     }
 
-    fn bank(&self, address: u32, length: usize) -> Result<(&Bank, u64)> {
-        let place = self.banks.iter().find_map(|bank| {
-            let offset = u64::from(address.checked_sub(bank.base)?);
-            let end = offset.checked_add(u64::try_from(length).ok()?)?;
-            (end <= bank.store.len()).then_some((bank, offset))
+    /// The bank that holds an address.
+    pub(crate) fn bank(address: u32) -> Option<&'static Bank> {
+        BANKS.iter().find(|bank| address.wrapping_sub(bank.base) < bank.length)
+    }
+
+    /// Place of the first of some bytes that lie in one bank.
+    fn place(address: u32, length: usize) -> Result<u32> {
+        let place = Self::bank(address).and_then(|bank| {
+            let offset = address - bank.base;
+            let rest = (bank.length - offset) as usize;
+            (length <= rest).then_some(bank.start + offset)
         });
         place.ok_or_else(|| anyhow!("no memory holds {length} bytes at {address:#010x}"))
+    }
+
+    /// What an access of 1, 2 or 4 bytes reads at an aligned place.
+    #[inline]
+    pub(crate) fn get(&self, place: u32, bytes: u32) -> u32 {
+        let word = self.0.words[(place / 4) as usize].load(Ordering::Relaxed);
+        if bytes == 4 { word } else { word >> (8 * (place & 3)) & ((1 << (8 * bytes)) - 1) }
+    }
+
+    /// Writes 1, 2 or 4 bytes to an aligned place.
+    #[inline]
+    pub(crate) fn put(&self, place: u32, bytes: u32, value: u32) {
+        let word = &self.0.words[(place / 4) as usize];
+        if bytes == 4 {
+            word.store(value, Ordering::Relaxed);
+        } else {
+            let (shift, mask) = (8 * (place & 3), (1 << (8 * bytes)) - 1);
+            let kept = word.load(Ordering::Relaxed) & !(mask << shift);
+            word.store(kept | (value & mask) << shift, Ordering::Relaxed);
+        }
+        if self.0.code[(place / BLOCK) as usize].load(Ordering::Relaxed) {
+            let [first, end] = self.0.stale.each_ref().map(|bound| bound.load(Ordering::Relaxed));
+            let first = if end == 0 { place } else { place.min(first) };
+            self.0.stale[0].store(first, Ordering::Relaxed);
+            self.0.stale[1].store(end.max(place + bytes), Ordering::Relaxed);
+        }
+    }
+
+    /// An instruction at this place is decoded: a write to it is to be told.
+    pub(crate) fn mark_code(&self, place: u32) {
+        self.0.code[(place / BLOCK) as usize].store(true, Ordering::Relaxed);
+    }
+
+    /// Whether code that was decoded has been written since.
+    #[inline]
+    pub(crate) fn is_stale(&self) -> bool {
+        self.0.stale[1].load(Ordering::Relaxed) != 0
+    }
+
+    /// The addresses of instructions that were written since, perhaps; they are not asked for again.
+    pub(crate) fn take_stale(&self) -> impl Iterator<Item = u32> {
+        let [first, end] = self.0.stale.each_ref().map(|bound| bound.swap(0, Ordering::Relaxed));
+        // One of four bytes may begin before.
+        let places = (first & !1).saturating_sub(2)..end;
+        places.step_by(2).filter_map(|place| {
+            let bank = BANKS.iter().find(|bank| place.wrapping_sub(bank.start) < bank.length)?;
+            Some(bank.base + (place - bank.start))
+        })
     }
 
     /// Copies bytes out.
@@ -107,8 +189,11 @@ impl Memory {
     /// # Errors
     /// If no memory holds them all.
     pub fn read(&self, address: u32, to: &mut [u8]) -> Result<()> {
-        let (bank, offset) = self.bank(address, to.len())?;
-        bank.store.read_at(offset, to).map_err(|error| anyhow!("{}: {error:?}", bank.name))
+        let place = Self::place(address, to.len())?;
+        for (place, byte) in (place..).zip(to) {
+            [*byte, ..] = self.get(place, 1).to_le_bytes();
+        }
+        Ok(())
     }
 
     /// Copies bytes in.
@@ -116,8 +201,9 @@ impl Memory {
     /// # Errors
     /// If no memory holds them all.
     pub fn write(&self, address: u32, from: &[u8]) -> Result<()> {
-        let (bank, offset) = self.bank(address, from.len())?;
-        bank.store.write_at(offset, from).map_err(|error| anyhow!("{}: {error:?}", bank.name))
+        let place = Self::place(address, from.len())?;
+        (place..).zip(from).for_each(|(place, &byte)| self.put(place, 1, byte.into()));
+        Ok(())
     }
 
     /// A word.
@@ -128,15 +214,5 @@ impl Memory {
         let mut bytes = [0; 4];
         self.read(address, &mut bytes)?;
         Ok(u32::from_le_bytes(bytes))
-    }
-}
-
-impl Clone for Memory {
-    /// The same memories, not a copy of them: what a DMA controller sees.
-    fn clone(&self) -> Self {
-        let banks = self.banks.iter();
-        let banks =
-            banks.map(|bank| Bank { name: bank.name, base: bank.base, store: bank.store() });
-        Self { banks: banks.collect() }
     }
 }
