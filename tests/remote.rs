@@ -8,6 +8,8 @@ mod arming;
 mod status_led;
 #[path = "remote/world_axes.rs"]
 mod world_axes;
+#[path = "remote/wraps.rs"]
+mod wraps;
 
 use rc10_app::Twist;
 use rc10_can::Micros;
