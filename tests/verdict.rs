@@ -15,6 +15,8 @@ mod beginners;
 mod faults;
 #[path = "verdict/gains.rs"]
 mod gains;
+#[path = "verdict/hours.rs"]
+mod hours;
 #[path = "verdict/robots.rs"]
 mod robots;
 #[path = "verdict/wrong.rs"]
