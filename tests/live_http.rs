@@ -403,11 +403,11 @@ fn two_pages_record_in_one_folder() {
         Page::of(command.args(["live", "--sim", "--page", "0", "--out"]).arg(&*folder))
     };
     let pages = [begin(), begin()];
-    pages.each_ref().map(|page| page.until(|state| state["whole"] == json!(true)));
-    pages.each_ref().map(|page| page.record(true));
+    pages.iter().for_each(|page| page.until(|state| state["whole"] == json!(true)));
+    pages.iter().for_each(|page| page.record(true));
     let has_some = |state: &Value| state["record"]["seconds"].as_f64().unwrap_or(0.0) > 1.0;
-    pages.each_ref().map(|page| page.until(has_some));
-    pages.each_ref().map(|page| page.record(false));
+    pages.iter().for_each(|page| page.until(has_some));
+    pages.iter().for_each(|page| page.record(false));
     let csv = folder.join("csv");
     for name in ["001.mcap", "002.mcap"] {
         let mut read = Command::new(env!("CARGO_BIN_EXE_rc10"));

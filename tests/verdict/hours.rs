@@ -81,7 +81,7 @@ impl Good {
             Mistake::Shaft(quantity, kind.clone(), f64::from(thousandths) / 1000.0)
         };
         let loads = [Quantity::Inertia, Quantity::Friction, Quantity::Torque].map(&mut off);
-        let loads = if number % 3 == 0 { Vec::new() } else { loads.into() };
+        let loads = if number.is_multiple_of(3) { Vec::new() } else { loads.into() };
         let seconds = [3, 10, 10, 30, 60, 120][below(6)];
         let seed = below(1 << 32) as u64;
         let receiver = Receiver::ALL[below(Receiver::ALL.len())];
