@@ -1,12 +1,14 @@
 //! The team's robot follows its targets, also when it is heavier, weaker or stiffer than its table says.
 //! `cargo test --test all following -- --nocapture` prints the figures.
 
+use rc10_app::Twist;
 use rc10_can::Micros;
+use rc10_cli::environment::Environment;
 use rc10_cli::recording::{MotorTrack, Recording};
 use rc10_cli::remote::Line;
-use rc10_cli::{RemoteControl, simulate::simulate, team};
-use rc10_motor::{Names, TargetKind};
-use rc10_robot::table::{FULL_STICK, LIFT, Name, RECEIVER, WHEELS};
+use rc10_cli::{Description, RemoteControl, Robot, simulate::simulate, team};
+use rc10_motor::{Names, Started, Target, TargetKind};
+use rc10_robot::table::{DRIVEN, FULL_STICK, LIFT, Name, RECEIVER, WHEELS};
 use rc10_sim::remote::{Controls, Stick, Switch};
 
 /// A run with these mistakes; with the operator's own script unless there is another.
@@ -158,4 +160,34 @@ fn wheels_of_robots_of_6_to_30_kg_hardly_overshoot_or_roll_back() {
         (overshoot, rolled) = (overshoot.max(over), rolled.max(back));
     }
     assert!(overshoot <= 0.02 && rolled < 1.0, "{overshoot} {rolled}");
+}
+
+/// 20 kg and 1.2 kg m² on wheels of 76 mm radius, 0.2 m ahead and 0.22 m aside; an M3508 makes 0.3 N m/A.
+#[test]
+fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
+    let ports = rc10_robot::Ports::new();
+    let shared = &rc10_robot::Shared::new(&ports);
+    let mut motors = rc10_robot::Motors::new();
+    let started = Started { buses: motors.start(&shared.switch).unwrap().buses, lines: [] };
+    let description = Description { serials: Vec::new(), ..team::description() };
+    let robot = Robot::of(description, started, &shared.common);
+    let mut around = Environment::new(robot.description(), 1).unwrap();
+    let mut tasks = robot.tasks(&around).unwrap();
+    let ahead = 20.0 * 0.076 / 4.0 / 0.3;
+    let round = 1.2 * 0.076 / (0.2 + 0.22) / 4.0 / 0.3;
+    for (change, effort) in [
+        (Twist::new(1.0, 0.0, 0.0), [ahead; 4]),
+        (Twist::new(-2.0, 0.0, 0.0), [-2.0 * ahead; 4]),
+        (Twist::new(0.0, 1.0, 0.0), [-ahead, ahead, ahead, -ahead]),
+        (Twist::new(0.0, 0.0, 3.0), [-3.0 * round, 3.0 * round, -3.0 * round, 3.0 * round]),
+    ] {
+        DRIVEN.drive(&shared.common, Twist::new(0.0, 0.0, 0.0), change);
+        around.run(&mut tasks, around.world.now() + Micros::from_millis(3));
+        for (name, effort) in WHEELS.into_iter().zip(effort) {
+            let target = shared.motor(name).status().target;
+            let Target::Motion(motion) = target else { panic!("{target:?}") };
+            let off = motion.inertia - effort;
+            assert!(off.abs() < 0.005 * effort.abs(), "{name:?}: {motion:?} for {effort}");
+        }
+    }
 }

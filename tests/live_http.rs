@@ -64,6 +64,25 @@ impl Page {
         self.head("POST /wish", &headers)
     }
 
+    fn state(&self) -> Value {
+        serde_json::from_str(&http(self.port, "GET", "/state", "", "").1).unwrap()
+    }
+
+    /// Waits until it shows something.
+    fn until(&self, is_so: impl Fn(&Value) -> bool) {
+        let found = (0..900).any(|_| {
+            std::thread::sleep(Duration::from_millis(100));
+            is_so(&self.state())
+        });
+        assert!(found, "{}", self.state());
+    }
+
+    /// Begins or ends a record.
+    fn record(&self, on: bool) {
+        let wish = json!({ "record": on }).to_string();
+        assert_eq!(http(self.port, "POST", "/wish", JSON, &wish).0, 200);
+    }
+
     fn origin(&self) -> String {
         format!("http://127.0.0.1:{}", self.port)
     }
@@ -379,28 +398,11 @@ fn two_pages_record_in_one_folder() {
         Page::of(command.args(["live", "--sim", "--page", "0", "--out"]).arg(&*folder))
     };
     let pages = [begin(), begin()];
-    let state = |page: &Page| -> Value {
-        serde_json::from_str(&http(page.port, "GET", "/state", "", "").1).unwrap()
-    };
-    let until = |is_so: &dyn Fn(&Page) -> bool| {
-        for page in &pages {
-            let found = (0..900).any(|_| {
-                std::thread::sleep(Duration::from_millis(100));
-                is_so(page)
-            });
-            assert!(found, "{}", state(page));
-        }
-    };
-    until(&|page| state(page)["whole"] == json!(true));
-    let record = |on: bool| {
-        let wish = json!({ "record": on }).to_string();
-        for page in &pages {
-            assert_eq!(http(page.port, "POST", "/wish", JSON, &wish).0, 200);
-        }
-    };
-    record(true);
-    until(&|page| state(page)["record"]["seconds"].as_f64().unwrap_or(0.0) > 1.0);
-    record(false);
+    pages.iter().for_each(|page| page.until(|state| state["whole"] == json!(true)));
+    pages.iter().for_each(|page| page.record(true));
+    let has_some = |state: &Value| state["record"]["seconds"].as_f64().unwrap_or(0.0) > 1.0;
+    pages.iter().for_each(|page| page.until(has_some));
+    pages.iter().for_each(|page| page.record(false));
     let csv = folder.join("csv");
     for name in ["001.mcap", "002.mcap"] {
         let mut read = Command::new(env!("CARGO_BIN_EXE_rc10"));
@@ -408,4 +410,20 @@ fn two_pages_record_in_one_folder() {
         assert!(read.output().unwrap().status.success(), "{name}");
     }
     assert!(!folder.join("003.mcap").exists());
+}
+
+/// As on a disk that is full.
+#[test]
+#[cfg(unix)]
+fn a_record_that_cannot_go_on_is_told() {
+    let folder = scratch::Scratch::new("live-full");
+    let script = "trap '' XFSZ; ulimit -f 100; exec \"$0\" live --sim --page 0 --out \"$1\"";
+    let rc10 = env!("CARGO_BIN_EXE_rc10");
+    let page = Page::of(Command::new("sh").args(["-c", script, rc10]).arg(&*folder));
+    page.until(|state| state["whole"] == json!(true));
+    page.record(true);
+    page.until(|state| {
+        state["note"].as_str().is_some_and(|it| it.contains("the record has ended"))
+    });
+    assert_eq!(page.state()["record"], Value::Null);
 }

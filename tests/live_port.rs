@@ -380,9 +380,15 @@ fn a_robot_is_stopped_from_a_shell() {
     // One that does not answer: it is said, and goes on until Ctrl-C.
     let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let place = format!("tcp:{}", mute.local_addr().unwrap());
-    let mut stop = rc10().args(["stop", &place]).stderr(Stdio::piped()).spawn().unwrap();
+    let stop = rc10().args(["stop", &place]).stderr(Stdio::piped()).spawn().unwrap();
+    // It ends also where the test fails.
+    let Started(stop) = &mut Started(stop);
     let mut said = BufReader::new(stop.stderr.take().unwrap()).lines();
+    let begin = Instant::now();
     assert!(said.next().unwrap().unwrap().contains("NOT HEARD by the robot"));
+    // Not before it is so, and once.
+    assert!(begin.elapsed() >= Duration::from_millis(100));
+    std::thread::sleep(Duration::from_millis(200));
     let _ = Command::new("kill").args(["-INT", &stop.id().to_string()]).status();
     assert!(said.next().unwrap().unwrap().contains("may not be stopped"));
     assert_eq!(stop.wait().unwrap().code(), Some(2));

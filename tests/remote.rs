@@ -4,6 +4,7 @@
 mod arming;
 mod status_led;
 mod world_axes;
+mod wraps;
 
 use rc10_app::Twist;
 use rc10_can::Micros;

@@ -4,6 +4,7 @@
 mod beginners;
 mod faults;
 mod gains;
+mod hours;
 mod robots;
 mod wrong;
 

@@ -105,6 +105,31 @@ fn nothing_but_a_stop_is_done_without_a_hello() {
     });
 }
 
+/// What a PC has watched is not sent to the next one, which may not know those signals.
+#[test]
+fn what_a_pc_has_watched_ends_with_it() {
+    with_scene(BAUD, |scene, _| {
+        scene.run(1500);
+        let tilt = scene.signal("lift tilt", "value");
+        scene.client.watch(0, 10, [tilt].into_iter());
+        scene.run(300);
+        assert!(scene.client.take_samples().len() > 20);
+        let line = scene.around.console.clone().unwrap();
+        let mut hello = |silent| {
+            let quiet = scene.now() + Micros::from_millis(silent);
+            scene.around.run(&mut scene.tasks, quiet);
+            let _ = line.take();
+            line.send(&frame(&Ask::Hello { version: rc10_link::VERSION }));
+            scene.around.run(&mut scene.tasks, quiet + Micros::from_millis(300));
+            line.take().len()
+        };
+        // The same PC, a little later; and one that comes when it has gone.
+        assert!(hello(300) > 400);
+        let told = hello(1500);
+        assert!((10..100).contains(&told), "{told} bytes");
+    });
+}
+
 /// Bits that flip, frames that are lost, a line that is away for a second, one that is dead in the other
 /// direction: the stop is sent until it is answered.
 #[test]

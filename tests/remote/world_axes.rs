@@ -1,10 +1,15 @@
 //! Driving by the world's axes: forward stays where the robot looked when it was armed. Without a
 //! heading the robot stands still.
 
+use std::sync::atomic::Ordering;
+
+use rc10_can::Micros;
 use rc10_cli::remote::Receiver;
+use rc10_module::imu::Heading;
 use rc10_motor::ArmState;
-use rc10_sim::Pose;
 use rc10_sim::remote::{Controls, Stick, Switch};
+use rc10_sim::{Pose, World};
+use rc10_tasks::status;
 
 use super::{DOWN, DRIVE, Scene, millis, scene, scene_with};
 
@@ -164,4 +169,22 @@ fn an_imu_that_comes_late_counts_from_the_next_arming_on() {
             },
         );
     }
+}
+
+/// From the first second on, of a robot that has an IMU; what a board says of it comes first.
+#[test]
+fn a_heading_that_does_not_come_or_is_old_is_told() {
+    let ports = mixed::Ports::new();
+    let shared = mixed::Shared::new(&ports);
+    let at = |time| {
+        let _world = World::starting_at(millis(time), 1);
+        status::now(&shared).imu_trouble
+    };
+    assert_eq!([at(500), at(5000)], [None; 2]);
+    shared.has_imu.store(true, Ordering::Relaxed);
+    assert_eq!([at(999), at(1000)], [None, Some("gives no heading")]);
+    shared.heading.set(Heading::default(), millis(5000));
+    assert_eq!([at(5199), at(5201)], [None, Some("gives no heading")]);
+    shared.imu_trouble.set(Some("does not answer"), Micros::ZERO);
+    assert_eq!([at(5199), at(5201)], [Some("does not answer"); 2]);
 }

@@ -96,8 +96,10 @@ pub struct CascadeState {
     angle: PidState,
     /// Speed the angle loop asked for last.
     asked: f32,
-    /// Speed reference after the acceleration limit.
+    /// Speed reference after the acceleration limit, and the acceleration with which that limit moved it
+    /// last; zero where it did not.
     reference: f32,
+    limited: f32,
     /// By which share the load is heavier than the feed-forward says.
     learned: f32,
     /// For the derivative alone, and only kept up if there is one.
@@ -164,6 +166,7 @@ impl CascadeState {
             angle: PidState::new(),
             asked: 0.0,
             reference: 0.0,
+            limited: 0.0,
             learned: 0.0,
             last_speed: 0.0,
             soft_time_left: 0.0,
@@ -316,13 +319,16 @@ impl CascadeState {
     fn approach(&mut self, config: &Cascade, target: f32, dt: Seconds) -> f32 {
         let most = config.acceleration.get();
         let (gap, step) = (target - self.reference, most * dt.get());
-        if gap.abs() > step {
-            self.reference += step.copysign(gap);
-            most.copysign(gap)
-        } else {
+        let before = core::mem::take(&mut self.limited);
+        if gap.abs() <= step {
             self.reference = target;
-            0.0
+            return 0.0;
         }
+        self.reference += step.copysign(gap);
+        self.limited = most.copysign(gap);
+        // For one tick alone, or to and fro, it is a measurement that came a tick early or late: no
+        // acceleration that takes an effort.
+        if before * self.limited > 0.0 { self.limited } else { 0.0 }
     }
 
     /// The speed that the angle loop asks for. The derivative of an angle is the speed: another angle to seek

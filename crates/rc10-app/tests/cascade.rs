@@ -1,7 +1,7 @@
 //! The loops of a cascade with every gain that the stock ones leave at zero.
 
 use rc10_app::cascade::{Seek, Step};
-use rc10_app::{Cascade, CascadeState, PidConfig, RpmPerSecond, Seconds};
+use rc10_app::{Cascade, CascadeState, FeedForward, Gravity, PidConfig, RpmPerSecond, Seconds};
 
 const MS: Seconds = Seconds::new(0.001);
 const FULL: f32 = 20.0;
@@ -179,4 +179,45 @@ fn a_limit_that_is_lowered_during_a_soft_start_holds_at_once() {
     near(state.effort(), 10.0);
     state.seek(&config, &Seek::Speed(400.0), &Step { full: 1.0, ..step(0.0, 0) });
     near(state.effort(), 1.0);
+}
+
+/// A device sends each millisecond, and so does a tick look: at times it sees one twice, and then one is
+/// left out. At 60 rpm that is 0.36 degrees, and more than the acceleration limit makes up for in a tick.
+#[test]
+fn a_measurement_that_comes_a_tick_late_is_no_acceleration() {
+    let feed_forward =
+        FeedForward { friction: 0.054, speed: 0.0, acceleration: 0.0029, gravity: Gravity::None };
+    let config = Cascade {
+        speed: PidConfig::new(0.12, 0.0, 0.0, 3.0),
+        angle: PidConfig::new(1.5, 0.0, 0.0, 250.0),
+        outer_divider: 1,
+        acceleration: RpmPerSecond::new(500.0),
+        feed_forward,
+    };
+    for (sign, motion) in [(1.0, true), (-1.0, true), (1.0, false), (-1.0, false)] {
+        let mut state = CascadeState::new();
+        let mut efforts = |ways: &mut dyn Iterator<Item = f32>| {
+            let effort = |way: f32| {
+                let (rpm, way) = (60.0 * sign, way * sign);
+                let seek = if motion {
+                    Seek::Motion { way: Some(way), speed: rpm, acceleration: 0.0, inertia: 0.0 }
+                } else {
+                    // The way at which it asks for 60 rpm.
+                    Seek::Angle(40.0 * sign + way)
+                };
+                let step = Step { measured: rpm, load: 0.0, full: 3.0, dt: MS, count: 0 };
+                state.seek(&config, &seek, &step);
+                state.effort() * sign
+            };
+            ways.map(effort).collect::<Vec<_>>()
+        };
+        // It comes up to speed.
+        let _ = efforts(&mut [0.0; 200].into_iter());
+        let steady =
+            efforts(&mut (0..200_u16).map(|tick| f32::from(u8::from(tick % 5 == 0)) * 0.36));
+        assert!(steady.iter().all(|effort| (0.0..0.2).contains(effort)), "{motion}: {steady:?}");
+        // What it is really behind takes what it says, from the second tick on.
+        let far = efforts(&mut [10.0; 5].into_iter());
+        assert!(far[1..].iter().all(|effort| *effort > 1.45), "{motion}: {far:?}");
+    }
 }

@@ -122,6 +122,15 @@ fn an_oscillator_that_is_off_makes_the_same_clock() {
     }
 }
 
+/// Of each multiplier that 2 % make.
+#[test]
+fn a_deviation_is_the_nearest_hundredth_of_a_per_cent() {
+    for multiplier in HSI_MULTIPLIER * 98 / 100..HSI_MULTIPLIER * 102 / 100 {
+        let exact = (f64::from(HSI_MULTIPLIER) / f64::from(multiplier) - 1.0) * 1e4;
+        assert!((f64::from(hsi_deviation(multiplier)) - exact).abs() <= 0.5, "{multiplier}");
+    }
+}
+
 #[test]
 fn a_wrong_crystal_says_its_bit_rate() {
     assert_eq!(Crystal::new(25_000_000).bit_rate_with(24_000_000), 960_000);

@@ -61,7 +61,15 @@ impl Environment {
     /// does not have; if the wheels of the base are not as many motors, one each; or if a contact is on
     /// no motor, or would never be closed or never open.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
-        let mut world = World::new(seed);
+        Self::starting_at(Micros::ZERO, description, seed)
+    }
+
+    /// The same in a world that starts at a later time.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn starting_at(start: Micros, description: &Description, seed: u64) -> Result<Self> {
+        let mut world = World::starting_at(start, seed);
         let wires: Vec<_> =
             (0..description.buses).map(|_| world.add_bus(BusConfig::default())).collect();
         let lines: Vec<_> =

@@ -122,6 +122,16 @@ impl LoadWatch {
 }
 
 #[cfg(test)]
+impl Fit {
+    /// Of windows in which this took that many times what was said.
+    pub(crate) fn even(windows: u32, said: f64, factor: f64) -> Self {
+        let mut fit = Self::default();
+        (0..windows).for_each(|_| fit.add(said, factor * said));
+        fit
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use rc10_motor::{DriveMode, TargetKind};
 
@@ -161,6 +171,36 @@ mod tests {
             let lift = watched(Gravity::Lift(-3.0), 0.0, |_, _| factor * -3.0);
             assert!((lift.weight.factor() - factor).abs() < 1e-6, "{factor}");
             assert!((lift.weight.means()[2] - 3.0 * (factor - 1.0).abs()).abs() < 1e-6);
+        }
+    }
+
+    /// Whole windows of a motor that turns by this at each millisecond of a window, as it is told to.
+    fn windows(rpm: impl Fn(u64) -> f64) -> [u32; 2] {
+        let mut watch = LoadWatch::default();
+        for millis in 0..2000 {
+            let mut look = MotorLook::NEW;
+            (look.seen.drive, look.seen.kind) = (DriveMode::Run, TargetKind::Speed);
+            let rpm = rpm(millis % (WINDOW.get() / 1000));
+            (look.seen.target, look.seen.measured) = (Some(rpm), rpm);
+            look.feedback_mut().speed = Rpm::new(rpm as f32);
+            look.effort = Some(0.0);
+            watch.look(Micros::from_millis(millis), &look, &FeedForward::NONE);
+        }
+        [watch.track.weight.windows, watch.track.motion.windows]
+    }
+
+    #[test]
+    fn what_stands_turns_evenly_or_neither_is_told_apart() {
+        for sign in [1.0, -1.0] {
+            let of = |rpm: &dyn Fn(u64) -> f64| windows(|at| sign * rpm(at));
+            assert_eq!(of(&|_| 1.9), [9, 0]);
+            assert_eq!(of(&|_| 2.1), [0, 9]);
+            // Above and below what stands.
+            assert_eq!(of(&|at| if at % 2 == 0 { 1.5 } else { 2.5 }), [0, 9]);
+            // By little less, and by little more, than an even motion changes.
+            assert_eq!(of(&|at| 100.0 + 0.019 * at as f64), [0, 9]);
+            assert_eq!(of(&|at| 100.0 + 0.03 * at as f64), [0, 0]);
+            assert_eq!(of(&|at| 106.0 - 0.03 * at as f64), [0, 0]);
         }
     }
 

@@ -746,6 +746,60 @@ mod tests {
         told.into_iter().map(|(kind, _)| kind).filter(|kind| kind.starts_with("never-")).collect()
     }
 
+    /// In 8 s: armed or not, a heading up to some time.
+    #[test]
+    fn a_heading_counts_while_it_is_armed_and_one_that_was_lost_is_told_from_one_that_never_came() {
+        use ArmState::{Armed, Disarmed};
+        for (arm, until, cause) in [
+            (Armed, 0, Some("it never came")),
+            (Armed, 2000, Some("it was lost")),
+            (Armed, 7600, None),
+            (Disarmed, 0, None),
+            (Disarmed, 2000, None),
+        ] {
+            let headings = (0..800).map(|at| time_of(at) <= Micros::from_millis(until));
+            let recording = recorded(|_| (Link::Online, 0));
+            let (headings, source) = (headings.collect(), Source::Robot);
+            let told = told(&Recording { headings, source, arm: vec![arm; 800], ..recording });
+            let found = told.into_iter().find(|(kind, _)| *kind == "no-heading");
+            assert_eq!(found.is_some(), cause.is_some(), "{arm:?} {until}: {found:?}");
+            assert!(found.is_none_or(|(_, text)| cause.is_some_and(|it| text.contains(it))));
+        }
+    }
+
+    /// A weight may be off by the factor of 1.6, a motion may take anything but the opposite; of five windows.
+    #[test]
+    fn a_feed_forward_is_judged_by_what_it_is_of() {
+        use crate::load::{Fit, LoadTrack};
+        let loops = rc10_motor::Loops {
+            effort: rc10_motor::TargetKind::Current,
+            cascade: rc10_motor::dji::M3508.cascade,
+        };
+        let judged = |load: LoadTrack| {
+            let mut recording = recorded(|_| (Link::Online, 0));
+            let mut effort = crate::effort::EffortWatch::new(loops, None).finish();
+            effort.load = load;
+            recording.motors[0].effort = Some(effort);
+            told(&recording).into_iter().filter(|(kind, _)| *kind == "feed-forward").count()
+        };
+        let said = 0.5 * f64::from(loops.cascade.speed.output_limit);
+        for (factor, windows, weight, motion) in [
+            (1.0, 9, 0, 0),
+            (1.5, 9, 0, 0),
+            (2.5, 9, 1, 0),
+            (0.7, 9, 0, 0),
+            (0.3, 9, 1, 0),
+            (-0.4, 9, 1, 0),
+            (-1.0, 5, 1, 1),
+            (-1.0, 4, 0, 0),
+        ] {
+            let fit = Fit::even(windows, said, factor);
+            let of_weight = judged(LoadTrack { weight: fit, ..LoadTrack::default() });
+            let of_motion = judged(LoadTrack { motion: fit, ..LoadTrack::default() });
+            assert_eq!((of_weight, of_motion), (weight, motion), "{factor}, {windows} windows");
+        }
+    }
+
     #[test]
     fn a_robot_that_really_runs_may_rest_and_a_simulated_one_is_to_be_armed() {
         use ArmState::{Armed, Disarmed, EStopped, Suspended};

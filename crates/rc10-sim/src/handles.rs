@@ -123,7 +123,7 @@ impl Bus {
         self.with_wire(|wire, _| wire.take_trace())
     }
 
-    /// Load of the bus since time zero, in per cent. A frame counts when it has ended, and
+    /// Load of the bus since the world's start, in per cent. A frame counts when it has ended, and
     /// counts also if it was not acknowledged.
     #[must_use]
     pub fn load(&self) -> f64 {

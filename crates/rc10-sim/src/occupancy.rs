@@ -5,16 +5,20 @@ use crate::Nanos;
 /// Length of the windows of [`Bus::load_windows`](crate::Bus::load_windows), in nanoseconds.
 const WINDOW: u64 = 100_000_000;
 
-/// Busy nanoseconds: in total, and in each window.
-#[derive(Default)]
+/// Busy nanoseconds since a time: in total, and in each window.
 pub(crate) struct Occupancy {
+    start: Nanos,
     total: u64,
     windows: Vec<u64>,
 }
 
 impl Occupancy {
+    pub(crate) const fn since(start: Nanos) -> Self {
+        Self { start, total: 0, windows: Vec::new() }
+    }
+
     pub(crate) fn add(&mut self, since: Nanos, until: Nanos) {
-        let (mut since, until) = (since.get(), until.get());
+        let [mut since, until] = [since, until].map(|time| time.since(self.start).get());
         self.total += until - since;
         while since < until {
             let window = since / WINDOW;
@@ -29,19 +33,20 @@ impl Occupancy {
         }
     }
 
-    /// Per cent of the time since zero.
+    /// Per cent of the time.
     #[expect(clippy::cast_precision_loss, reason = "104 days of nanoseconds are exact")]
     pub(crate) fn load(&self, now: Nanos) -> f64 {
-        if now == Nanos::ZERO {
+        let all = now.since(self.start);
+        if all == Nanos::ZERO {
             return 0.0;
         }
-        self.total as f64 * 100.0 / now.get() as f64
+        self.total as f64 * 100.0 / all.get() as f64
     }
 
     /// Per cent of each window that is over.
     #[expect(clippy::cast_precision_loss, reason = "at most 1e8")]
     pub(crate) fn windows(&self, now: Nanos) -> Vec<f64> {
-        (0..now.get() / WINDOW)
+        (0..now.since(self.start).get() / WINDOW)
             .map(|index| {
                 let busy = usize::try_from(index)
                     .ok()

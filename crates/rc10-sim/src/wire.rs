@@ -124,7 +124,7 @@ pub(crate) struct Wire {
 }
 
 impl Wire {
-    pub(crate) fn new(config: BusConfig) -> Self {
+    pub(crate) fn new(config: BusConfig, start: Nanos) -> Self {
         let bit_time_ns = u64::from(config.bit_time_ns.max(FASTEST_BIT_NS));
         let host = Rc::new(RefCell::new(Host::new(config.receive_capacity, bit_time_ns)));
         Self {
@@ -143,7 +143,7 @@ impl Wire {
             told: None,
             trace: config.trace.then(Vec::new),
             counters: BusCounters::default(),
-            occupancy: Occupancy::default(),
+            occupancy: Occupancy::since(start),
         }
     }
 

@@ -32,6 +32,7 @@ const POLLS_PER_INSTANT: u32 = 1000;
 pub(crate) struct Inner {
     pub(crate) clock: Rc<Clock>,
     pub(crate) random: Random,
+    start: Nanos,
     next_step: Nanos,
     pub(crate) wires: Vec<Wire>,
     pub(crate) lines: Vec<line::Line>,
@@ -118,8 +119,8 @@ fn later(event: Nanos, now: Nanos) -> Nanos {
 /// Buses, ESCs, motors and bases in virtual time. See the [crate's](crate) first page for an
 /// example.
 ///
-/// A world starts at time zero and time passes only in [`run`](Self::run) and
-/// [`advance`](Self::advance). Each world has its own clock; on a thread, `embassy-time` shows the
+/// A world starts at time zero, or [later](Self::starting_at), and time passes only in
+/// [`run`](Self::run) and [`advance`](Self::advance). Each world has its own clock; on a thread, `embassy-time` shows the
 /// clock of the world that was made, run or advanced last. Worlds on other threads do not notice
 /// each other.
 ///
@@ -137,12 +138,20 @@ impl World {
     /// first, and when within its period each ESC sends.
     #[must_use]
     pub fn new(seed: u64) -> Self {
+        Self::starting_at(Micros::ZERO, seed)
+    }
+
+    /// The same at a later time, before which nothing was: for clocks that wrap after hours or days.
+    #[must_use]
+    pub fn starting_at(start: Micros, seed: u64) -> Self {
         let clock = Rc::<Clock>::default();
+        clock.set(start.into());
         make_current(&clock);
         let inner = Inner {
             clock: Rc::clone(&clock),
             random: Random::new(seed),
-            next_step: STEP,
+            start: start.into(),
+            next_step: Nanos::from(start) + STEP,
             wires: Vec::new(),
             lines: Vec::new(),
             serials: Vec::new(),
@@ -174,7 +183,8 @@ impl World {
     #[must_use]
     pub fn add_bus(&mut self, config: BusConfig) -> Bus {
         let mut inner = self.inner.borrow_mut();
-        inner.wires.push(Wire::new(config));
+        let wire = Wire::new(config, inner.start);
+        inner.wires.push(wire);
         Bus { inner: Rc::clone(&self.inner), index: inner.wires.len() - 1 }
     }
 

@@ -493,6 +493,7 @@ const _: () = assert!(HEAD + 4 * VALUES <= BODY);
 
 #[cfg(test)]
 mod tests {
+    use rc10_app::mechanism::Stage;
     use rc10_motor::{Place, numbers};
 
     use super::*;
@@ -505,6 +506,17 @@ mod tests {
         }
         fn parameters<'l>(&'l self, see: &mut dyn FnMut(&'l Parameter)) {
             self.1.iter().for_each(see);
+        }
+    }
+
+    #[test]
+    fn a_mechanism_may_give_up_and_no_other_number_does() {
+        let (mechanism, number) = (Mechanism::new("lift"), Signal::new("jams", ""));
+        for stage in Stage::ALL {
+            mechanism.tell(*stage);
+            number.set(f32::from(*stage as u8));
+            let failure = stage.gave_up().then_some(*stage);
+            assert_eq!((mechanism.signal().failure(), number.failure()), (failure, None));
         }
     }
 

@@ -635,6 +635,32 @@ mod tests {
         assert_eq!((client.version(), client.losses().damaged), (VERSION, 1));
     }
 
+    /// What is watched is said again with every second hello: a hello that is lost costs nothing, and a
+    /// slow line has its peace.
+    #[test]
+    fn what_is_watched_is_said_again_with_every_second_hello() {
+        let mut client = Client::new();
+        client.watch(0, 10, [0].into_iter());
+        let _ = client.take_out();
+        let lengths = (1..=6).map(|at| {
+            client.step(Micros::new(at * GREET.get()));
+            client.take_out().len()
+        });
+        let hello = frame(&Ask::Hello { version: VERSION }).len();
+        let is_long: Vec<_> = lengths.map(|length| length > hello).collect();
+        assert_eq!(is_long, [true, true, false, true, false, true]);
+    }
+
+    #[test]
+    fn an_answer_that_comes_after_hundreds_of_questions_is_no_longer_awaited() {
+        let mut client = Client::new();
+        let ids: Vec<_> = (0..=ASKED).map(|_| client.act(Action::Zero(0))).collect();
+        for id in [ids[0], ids[ASKED]] {
+            client.hear(&told(&Tell::Answer { id, outcome: Outcome::Done }, &[]), Micros::ZERO);
+        }
+        assert_eq!([ids[0], ids[ASKED]].map(|id| client.answer(id).is_some()), [false, true]);
+    }
+
     #[test]
     fn a_robot_that_restarts_is_asked_for_everything_again() {
         let (mut client, now) = (Client::new(), Micros::from_millis(10));

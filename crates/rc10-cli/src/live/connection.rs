@@ -156,3 +156,44 @@ impl Reply {
         Self { status, kind: "text/plain", body: text.into() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use super::*;
+
+    /// It is older than all who say nothing, of whom some have to go.
+    #[test]
+    fn who_is_being_answered_stays_when_there_are_too_many() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let ((tell, begun), (go_on, wait)) = (channel(), channel());
+        let wait = Arc::new(Mutex::new(wait));
+        let answer = move |request: &Request| {
+            if request.target == "/slow" {
+                tell.send(()).unwrap();
+                look(&wait).recv().unwrap();
+            }
+            Reply::text(200, "")
+        };
+        thread::spawn(move || serve(&listener, port, answer));
+        let send = |text: &str| {
+            let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+            // It may be one of those that have to go.
+            let _ = stream.write_all(text.as_bytes());
+            stream
+        };
+        let get = |path| send(&format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n"));
+        let is_answered = |mut stream: TcpStream| {
+            let mut status = [0; 12];
+            stream.read_exact(&mut status).is_ok() && &status == b"HTTP/1.1 200"
+        };
+        let slow = get("/slow");
+        begun.recv().unwrap();
+        let _silent: Vec<_> = (0..MOST + 8).map(|_| send("GET")).collect();
+        assert!(is_answered(get("/")), "behind them all");
+        go_on.send(()).unwrap();
+        assert!(is_answered(slow));
+    }
+}

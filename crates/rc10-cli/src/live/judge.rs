@@ -168,9 +168,11 @@ impl<'k> Judge<'k> {
 #[cfg(test)]
 mod tests {
     use rc10_motor::ArmState;
+    use rc10_tasks::live::{Live, Mechanism};
 
     use super::*;
     use crate::live::client::Signal;
+    use crate::problems::Severity;
     use crate::record::topic;
 
     /// Hands over a judge of the team's robot, and topics with which that tells of its motors' links and
@@ -179,7 +181,9 @@ mod tests {
         let ports = rc10_robot::Ports::new();
         let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
         let buses = motors.start(&shared.switch).unwrap().buses;
-        let kit = Kit::of(&crate::team::robot(&shared, buses));
+        let robot = crate::team::robot(&shared, buses);
+        let crane = Crane(Mechanism::new("crane"));
+        let kit = Kit::of(&robot.live(&shared.common, &crane));
         let motors = kit.description().motors.iter().map(|motor| motor.label);
         let mut topics: Vec<_> = motors.map(|label| made("motors", label, 1, "link")).collect();
         let health = topics.iter().map(|it| Topic {
@@ -192,6 +196,16 @@ mod tests {
             topic.signals[0].0 = index;
         }
         test(&mut Judge::new(&kit), topics);
+    }
+
+    /// What the robot has beside what is the team's.
+    struct Crane(Mechanism);
+
+    impl Live for Crane {
+        fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l rc10_tasks::live::Signal)) {
+            see(self.0.signal());
+        }
+        fn parameters<'l>(&'l self, _: &mut dyn FnMut(&'l rc10_tasks::live::Parameter)) {}
     }
 
     fn made(folder: &str, label: &str, group: usize, name: &str) -> Topic {
@@ -255,6 +269,41 @@ mod tests {
                 }
             }
         });
+    }
+
+    /// Its heading and its mechanism are told, are declared and not told, or are nothing that its program knows.
+    #[test]
+    fn what_an_older_program_does_not_tell_is_not_known_and_no_problem() {
+        for (is_declared, is_told, expected) in [
+            (false, false, &["crane not-told", "heading not-told"][..]),
+            (true, false, &["robot no-heading"]),
+            (true, true, &["crane never-began"]),
+        ] {
+            with_judge(|judge, mut topics| {
+                for label in ["crane", "heading"].into_iter().filter(|_| is_declared) {
+                    let index = topics.len() as u16;
+                    topics.push(made("signals", label, 3, "value"));
+                    topics.last_mut().unwrap().signals[0].0 = index;
+                }
+                for at in (0..5000).step_by(100) {
+                    tell(judge, &topics, at, 0, ArmState::Armed);
+                    if is_told {
+                        let of = |it: &&Topic| it.folder == "signals";
+                        let values = topics.iter().filter(of).map(|it| (it.signals[0].0, 0.0));
+                        let (at, values) = (Micros::from_millis(at), values.collect());
+                        judge.take(&topics, &Sample { group: 3, at, values }).unwrap();
+                    }
+                }
+                let about = |it: &Problem| format!("{} {}", it.about, it.kind);
+                let ours = ["not-told", "no-heading", "never-began", "gave-up"];
+                let found = judge.found.iter().filter(|it| ours.contains(&it.kind));
+                let mut found: Vec<_> = found.map(about).collect();
+                found.sort();
+                assert_eq!(found, expected);
+                let told = judge.found.iter().filter(|it| it.kind == "not-told");
+                told.for_each(|it| assert_eq!(it.severity, Severity::Information));
+            });
+        }
     }
 
     #[test]

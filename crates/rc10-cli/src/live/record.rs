@@ -2,7 +2,7 @@
 //! can tell it.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use rc10_can::Micros;
@@ -28,13 +28,18 @@ const HOUR: f64 = 0.6e9;
 #[cfg(unix)]
 pub(super) fn room(folder: &Path, period: u16) -> Option<String> {
     let disk = rustix::fs::statvfs(folder).ok()?;
-    let free = disk.f_bavail as f64 * disk.f_frsize as f64;
+    Some(room_of(disk.f_bavail as f64 * disk.f_frsize as f64, period))
+}
+
+/// The same of so many bytes that are free.
+#[cfg(unix)]
+fn room_of(free: f64, period: u16) -> String {
     let hours = free / (HOUR * (10.0 / f64::from(period)).max(1.0));
-    Some(if hours < 1.0 / 6.0 {
+    if hours < 1.0 / 6.0 {
         format!("WARNING: the disk has room for some {:.0} min of the record only", hours * 60.0)
     } else {
         format!("the disk has room for some {hours:.1} h of the record")
-    })
+    }
 }
 
 #[cfg(not(unix))]
@@ -45,14 +50,19 @@ pub(super) const fn room(_: &Path, _: u16) -> Option<String> {
 /// Names the records of a folder that have no end.
 pub(super) fn tell_leftovers(folder: &Path) {
     let found = leftovers(folder);
-    let names: Vec<_> = found.iter().take(5).map(|path| path.display().to_string()).collect();
-    if !names.is_empty() {
-        let (names, more) = (names.join(", "), found.len() - names.len());
-        let more = if more == 0 { String::new() } else { format!(" and {more} more") };
+    if !found.is_empty() {
+        let names = names(&found);
         tell(format_args!(
-            "not finished, or still being written: {names}{more}; rc10 report reads such a file"
+            "not finished, or still being written: {names}; rc10 report reads such a file"
         ));
     }
+}
+
+/// The first of them, and how many more there are.
+fn names(found: &[PathBuf]) -> String {
+    let names: Vec<_> = found.iter().take(5).map(|path| path.display().to_string()).collect();
+    let (names, more) = (names.join(", "), found.len() - names.len());
+    if more == 0 { names } else { format!("{names} and {more} more") }
 }
 
 /// A record that is being written.
@@ -156,5 +166,34 @@ impl LiveRecord {
     pub fn finish(self, outcome: Result<()>) -> Result<()> {
         let length = self.length().get().to_string();
         self.file.finish(outcome, BTreeMap::from([("length_us".to_owned(), length)]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn room_is_told_in_minutes_where_it_is_little() {
+        let minutes = |minutes: f64| minutes / 60.0 * HOUR;
+        for (free, period, text) in [
+            (minutes(150.0), 10, "the disk has room for some 2.5 h of the record"),
+            (minutes(150.0), 100, "the disk has room for some 2.5 h of the record"),
+            (minutes(150.0), 2, "the disk has room for some 0.5 h of the record"),
+            (minutes(12.0), 10, "the disk has room for some 0.2 h of the record"),
+            (minutes(9.0), 10, "WARNING: the disk has room for some 9 min of the record only"),
+            (minutes(90.0), 1, "WARNING: the disk has room for some 9 min of the record only"),
+        ] {
+            assert_eq!(room_of(free, period), text);
+        }
+    }
+
+    #[test]
+    fn five_records_are_named_and_the_others_counted() {
+        let of = |count| names(&(1..=count).map(|at| at.to_string().into()).collect::<Vec<_>>());
+        assert_eq!(of(2), "1, 2");
+        assert_eq!(of(5), "1, 2, 3, 4, 5");
+        assert_eq!(of(7), "1, 2, 3, 4, 5 and 2 more");
     }
 }

@@ -194,6 +194,10 @@ mod tests {
         for last in ["GET / HTTP/1.0\r\n", "GET / HTTP/1.1\r\nConnection: TE, Close\r\n"] {
             assert!(read_all(&format!("{last}{OURS}\r\n")).unwrap().unwrap().is_last, "{last}");
         }
+        for (more, expected) in [(63, 200), (64, 431)] {
+            let more: String = (0..more).map(|at| format!("X-{at}: 1\r\n")).collect();
+            assert_eq!(status(&format!("GET / HTTP/1.1\r\n{OURS}{more}\r\n")), expected);
+        }
     }
 
     #[test]

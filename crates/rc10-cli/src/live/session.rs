@@ -142,3 +142,33 @@ pub fn full_name(parameter: &Parameter) -> String {
     let label = parameter.label.replace(' ', "_");
     if parameter.folder == "parameters" { label } else { format!("{label}.{}", parameter.name) }
 }
+
+#[cfg(test)]
+mod tests {
+    use rc10_link::Action;
+
+    use super::super::source::{Source, SourceArgs};
+    use super::*;
+
+    struct Nowhere;
+
+    impl Source for Nowhere {
+        fn exchange(&mut self, _: &[u8]) -> Result<(Vec<u8>, Micros)> {
+            Ok((Vec::new(), Micros::ZERO))
+        }
+    }
+
+    /// The simulated robot has one program, and one run of it is as the other.
+    #[test]
+    fn questions_are_counted_from_a_number_by_chance_where_others_may_speak() {
+        let first = |way| Session::new(way).client.act(Action::Zero(0));
+        let of = |is_real| first(Way { source: Box::new(Nowhere), name: String::new(), is_real });
+        assert_ne!([of(true), of(true), of(true), of(true)], [1; 4]);
+        assert_eq!([of(false), of(false)], [1; 2]);
+        let ports = rc10_robot::Ports::new();
+        let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+        let robot = crate::team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+        let simulated = SourceArgs { sim: true, ..SourceArgs::default() };
+        assert_eq!(first(simulated.open(robot, false).unwrap()), 1);
+    }
+}

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
+use std::iter::zip;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -12,6 +13,7 @@ use mcap::MAGIC;
 use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
+use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{DriveMode, Fault as MotorFault, Loops, TargetKind};
 
 use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
@@ -23,6 +25,7 @@ use crate::environment::Environment;
 use crate::figures::{Figures, to_json};
 use crate::look::{BusLook, Moment, MotorLook};
 use crate::ports::Ports;
+use crate::problems::{self, Problem};
 use crate::recorder::{Recorder, WireEnd};
 use crate::recording::{Gap, Recording, SAMPLE_PERIOD, Source};
 use crate::remote::{Loss, Lost, Receiver};
@@ -415,6 +418,8 @@ pub struct Replay<'d> {
     has_looks: bool,
     signals: Vec<Option<f64>>,
     has_signals: bool,
+    /// Which of these the record or the robot declares.
+    declares: Vec<bool>,
     moment: Moment,
     has_moment: bool,
     wires: Vec<WireEnd>,
@@ -457,6 +462,7 @@ impl<'d> Replay<'d> {
             has_looks: false,
             signals: vec![None; own.len()],
             has_signals: false,
+            declares: vec![false; own.len()],
             moment: Moment {
                 buses: vec![BusLook::default(); description.buses.into()],
                 lines: vec![Rs485Status::default(); description.lines.len()],
@@ -472,6 +478,9 @@ impl<'d> Replay<'d> {
     /// Messages of this number are of this topic, and are made of these numbers.
     pub fn channel(&mut self, id: u16, topic: &str, columns: Vec<String>) {
         let about = about(topic, &self.names);
+        if let About::Signal(at) = about {
+            self.declares[at] = true;
+        }
         let numbered = columns.iter().enumerate();
         let counting = numbered.filter(|(_, name)| self.is_robot && counts(about, name));
         let counts = counting.map(|(at, _)| (at, Count::default())).collect();
@@ -484,8 +493,28 @@ impl<'d> Replay<'d> {
     /// None, so far: nothing is written.
     pub fn finish(mut self) -> Result<Recording> {
         self.flush()?;
-        let Self { recorder, at, wires, losses, gaps, .. } = self;
-        Ok(Recording { gaps, ..recorder.finish_with(at, wires, losses)? })
+        let Self { recorder, at, wires, losses, gaps, declares, heading, is_robot, .. } = self;
+        let mut recording = Recording { gaps, ..recorder.finish_with(at, wires, losses)? };
+        // A robot's firmware may be older than this program.
+        let untold = zip(0.., &declares).filter(|(_, declares)| is_robot && !**declares);
+        for (signal, track) in untold.filter_map(|(at, _)| Some((at, recording.signals.get(at)?))) {
+            let is_heading = heading == Some(signal);
+            if !is_heading && track.states != Stage::NAMES {
+                continue;
+            }
+            let text =
+                "not known: the program on the robot does not tell it; is it older than this one?";
+            let problem = Problem::information(
+                problems::About::Part(track.label),
+                "not-told",
+                text.to_owned(),
+            );
+            recording.found.push(problem);
+            if is_heading {
+                recording.headings.clear();
+            }
+        }
+        Ok(recording)
     }
 
     /// Goes on to the time of a message. Gaps are left out: nothing is made up for them.

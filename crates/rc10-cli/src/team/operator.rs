@@ -14,7 +14,7 @@ pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
 /// some time turns it by an angle, more or less: that of the gimbal by the angles in brackets.
 pub const SCRIPT: [Line; 22] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
-    at(70, "arm", ARMED),
+    at(100, "arm", ARMED),
     at(200, "square: forward", drive(1.2, 0.0, 0.0)),
     at(1100, "square: left", drive(0.0, 1.2, 0.0)),
     at(2000, "square: back", drive(-1.2, 0.0, 0.0)),
@@ -34,8 +34,8 @@ pub const SCRIPT: [Line; 22] = [
     at(7800, "lift stays", mechanisms(0.0, 0.0, 0.0, 0.0)),
     at(8100, "drive off", drive(1.5, 0.0, 1.0)),
     at(8600, "emergency stop", Controls { left_switch: Switch::Down, ..ARMED }),
-    at(9040, "reset", Controls { right_switch: Switch::Down, ..ARMED }),
-    at(9110, "arm again", ARMED),
+    at(9000, "reset", Controls { right_switch: Switch::Down, ..ARMED }),
+    at(9100, "arm again", ARMED),
     // 360 degrees.
     at(9200, "lift down", mechanisms(0.0, 0.0, 0.0, -800.0)),
     at(9650, "drive on", drive(0.6, 0.0, 0.0)),

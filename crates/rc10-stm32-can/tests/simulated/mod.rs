@@ -69,7 +69,12 @@ pub struct Registers {
     lost_aborts: u32,
     /// Restarts that are not begun, from now on: INAK does not come.
     late_restarts: u32,
+    /// Frames that were loaded at this time.
+    loaded: (Micros, u32),
 }
+
+/// Frames that a driver may load at one time: one that takes them out and in again would go on for ever.
+const MOST_LOADED: u32 = 100;
 
 impl Registers {
     const fn new(kind: Kind) -> Self {
@@ -91,6 +96,7 @@ impl Registers {
             interrupt: false,
             lost_aborts: 0,
             late_restarts: 0,
+            loaded: (Micros::ZERO, 0),
         }
     }
 
@@ -144,7 +150,11 @@ impl Hardware for Wired {
     }
 
     fn load(&mut self, mailbox: usize, frame: &CanFrame) {
-        let mailbox = &mut self.registers().mailboxes[mailbox];
+        let (now, mut registers) = (self.now(), self.registers());
+        let (at, count) = registers.loaded;
+        registers.loaded = (now, if at == now { count + 1 } else { 1 });
+        assert!(registers.loaded.1 <= MOST_LOADED, "it loads frames for ever");
+        let mailbox = &mut registers.mailboxes[mailbox];
         assert!(mailbox.pending.is_none(), "written while a frame is pending");
         *mailbox = Mailbox { pending: Some(*frame), ..Mailbox::EMPTY };
     }
