@@ -504,12 +504,12 @@ fn found(
 
 #[test]
 fn a_loop_that_shakes_is_found_on_the_page_and_in_a_record() {
-    let (wheel, gimbal) = ("wheel front left", "gimbal yaw");
+    let (gimbal, lift) = ("gimbal yaw", "lift front left");
+    // It is judged once a second; and the script moves them a while later.
     for (label, gains, within) in [
-        (wheel, &["speed_kp"][..], 2000),
-        // It is judged once a second; and the script moves the gimbal a while later.
-        (wheel, &["speed_kp", "speed_ki"], 3000),
+        (gimbal, &["speed_kp"][..], 4000),
         (gimbal, &["speed_kp", "angle_kp"], 3000),
+        (lift, &["speed_kp", "speed_ki"], 4000),
     ] {
         let factors: Vec<_> = gains.iter().map(|gain| (label, *gain, 10.0)).collect();
         let (page, record) = found(&factors, 1, 5000);

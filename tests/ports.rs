@@ -231,7 +231,7 @@ fn overruns_are_counted_and_do_not_move_the_grid() {
         world.advance(Micros::new(start));
         runner.tick(|| Micros::new(start));
         // The first half of the next one.
-        assert_eq!(runner.next().get() % 1000, 667);
+        assert_eq!(runner.next().get() % 1000, 940);
     }
     let status = shared.status();
     assert_eq!((status.ticks, status.overruns), (5, 2));
@@ -255,8 +255,8 @@ fn after_half_a_tick(pause: u64, between: impl FnOnce(&ArmSwitch)) -> Vec<(Micro
         runner.tick(|| at);
         runner.next()
     };
-    let mut next = Micros::new(667);
-    while next <= Micros::new(99_667) {
+    let mut next = Micros::new(940);
+    while next <= Micros::new(99_940) {
         shared.motor(nth(0)).command(Target::Current(Amps::new(3.0))).unwrap();
         next = step(next);
     }

@@ -267,14 +267,13 @@ fn blocks() {
 #[test]
 fn a_robot_that_hangs_ends_with_the_name_of_its_task() {
     for name in ["verdict::beginners::forgets_an_await", "verdict::beginners::blocks"] {
-        let name = name.trim_start_matches("verdict::");
         let output = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", name, "--ignored", "--nocapture"])
             .output()
             .unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(3), "{name}: {said}");
-        let task = "in its task `verdict::beginners::Beginner::work` (added in tests/verdict/beginners.rs:";
+        let task = "in its task `all::verdict::beginners::Beginner::work` (added in tests/verdict/beginners.rs:";
         assert!(said.contains(task) && said.contains(".await"), "{name}: {said}");
     }
 }

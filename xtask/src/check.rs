@@ -141,11 +141,13 @@ pub fn run() -> Result<()> {
     });
     report.step("lint", || {
         with_component("clippy", || {
-            run_command(&mut host("clippy --workspace --all-targets -- -D warnings"))?;
+            run_command(&mut host(
+                "clippy --workspace --exclude viewers --all-targets -- -D warnings",
+            ))?;
             // Alone, without its feature `embassy`, as other firmware uses it.
             run_command(&mut host("clippy --package rc10-motor -- -D warnings"))?;
             // With Foxglove's SDK, which a plain build does not have.
-            run_command(&mut host("clippy --package rc10-cli --features viewers -- -D warnings"))?;
+            run_command(&mut host("clippy --package viewers --all-targets -- -D warnings"))?;
             run_command(&mut host(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings")))
         })
     });
@@ -174,14 +176,13 @@ pub fn run() -> Result<()> {
         }),
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });
-    report.step("test", || run_command(&mut host("test --workspace")).into());
+    report.step("test", || run_command(&mut host("test --workspace --exclude viewers")).into());
     report.step("golden", || match golden::python() {
         Ok(_) => golden::run(true).into(),
         Err(error) => Outcome::Skipped(format!("no numpy, scipy and ruckig here: {error:#}")),
     });
     report.step("viewers", || {
-        run_command(&mut host("test --features viewers --test live_foxglove -- --show-output"))
-            .into()
+        run_command(&mut host("test --package viewers -- --show-output")).into()
     });
     report.step("other PCs", || OTHER_PCS.into_iter().try_for_each(compiles_for).into());
     report.step("robots", || {
@@ -209,7 +210,10 @@ pub fn run() -> Result<()> {
     });
     report.step("scaffold", || scaffold::run().into());
     report.step("docs", || {
-        run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
+        run_command(
+            host("doc --workspace --exclude viewers --no-deps").env("RUSTDOCFLAGS", "-Dwarnings"),
+        )
+        .into()
     });
     let mut program = None;
     report.step("firmware", || {

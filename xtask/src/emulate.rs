@@ -12,10 +12,10 @@ use crate::cargo::{host, run as run_command};
 /// # Errors
 /// If one of them fails.
 pub fn run(program: &Path, module: Option<&str>) -> Result<()> {
-    let run = |test: &str| {
+    let run = |test: &str, module: Option<&str>| {
         let test = format!("test --test {test} -- --include-ignored --show-output");
         run_command(host(&test).args(module).env("RC10_FIRMWARE", program))
     };
-    run("firmware")?;
-    if module.is_none() { run("live_page") } else { Ok(()) }
+    run("firmware", module)?;
+    if module.is_none() { run("all", Some("live_page::")) } else { Ok(()) }
 }
