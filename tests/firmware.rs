@@ -233,14 +233,15 @@ fn loses_nothing_while_interrupts_are_masked() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn feedback_waits_for_60_us_at_most() {
-    // On full buses it comes at always the same times, so nothing is said of how long it may wait.
-    feedback_waits(&["load:1@0.2s..1.2s", "load:2@0.2s..1.2s", "load:3@0.2s..1.2s"], 0);
-    feedback_waits(&[], 40_000);
+    let full = ["load:1@0.2s..1.2s", "load:2@0.2s..1.2s", "load:3@0.2s..1.2s"];
+    let longest = feedback_waits(&full).max(feedback_waits(&[]));
+    // Some came so late that they had to wait: else nothing was measured.
+    assert!((30_000..=60_000).contains(&longest), "{longest}");
 }
 
 /// The feedback of one motor a bus is a frame of the test's own, fast in the other direction each time.
-fn feedback_waits(faults: &[&str], at_least: u64) {
-    const WAIT: u64 = 60_000;
+fn feedback_waits(faults: &[&str]) -> u64 {
+    let mut all = 0;
     // Identifiers of feedback and command, the place in the command, and a fast rotor, rpm.
     let motors = [
         (Name::FrontLeft, 0x201, 0x200, 0, 9000_i16),
@@ -294,10 +295,11 @@ fn feedback_waits(faults: &[&str], at_least: u64) {
                 judged += 1;
             }
             println!("bus {}: newer feedback waited {longest} ns at most, of {judged}", bus + 1);
-            assert!(judged > 600 && longest <= WAIT, "bus {}: {longest} ns", bus + 1);
-            assert!(longest >= at_least, "bus {}: no frame came late", bus + 1);
+            assert!(judged > 600, "bus {}: {judged}", bus + 1);
+            all = all.max(longest);
         }
     });
+    all
 }
 
 /// Cost of one more received frame, all in; cost of a whole second.
@@ -329,10 +331,10 @@ fn instructions_stay_within_their_budgets() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn ticks_take_the_cycles_that_the_log_says() {
-    const STEP: Nanos = Nanos::new(50_000);
+    const STEP: Nanos = Nanos::new(10_000);
     run(&setup(&[]), |emulation| {
-        // Clocks of every tick, and when it had ended.
-        let mut ticks = Vec::new();
+        // Clocks of all that the executor of the buses does in a millisecond, and its longest wake.
+        let mut wakes: Vec<(Nanos, u64)> = Vec::new();
         let (mut clocks, mut now) = (0, Nanos::ZERO);
         while now < millis(1500) {
             now = now + STEP;
@@ -343,12 +345,11 @@ fn ticks_take_the_cycles_that_the_log_says() {
             if clocks == before {
                 continue;
             }
-            match ticks.last_mut() {
-                // From one to the next it is a third of a millisecond.
-                Some((at, tick)) if now.since(*at) <= STEP => {
-                    (*at, *tick) = (now, *tick + clocks - before);
+            match wakes.last_mut() {
+                Some((at, wake)) if now.since(*at) <= STEP => {
+                    (*at, *wake) = (now, *wake + clocks - before);
                 }
-                _ => ticks.push((now, clocks - before)),
+                _ => wakes.push((now, clocks - before)),
             }
         }
         let log = log(emulation);
@@ -357,16 +358,16 @@ fn ticks_take_the_cycles_that_the_log_says() {
         let numbers: Vec<f64> =
             numbers.split([' ', '(']).filter_map(|word| word.parse().ok()).collect();
         let [mean, apart, percent, most] = numbers[..] else { panic!("{last}") };
-        let newest = ticks.iter().filter(|(at, _)| *at >= millis(1000));
+        let newest = wakes.iter().filter(|(at, _)| *at >= millis(1000));
         let newest: Vec<f64> = newest.map(|&(_, clocks)| clocks as f64).collect();
-        assert!(newest.len().abs_diff(1500) <= 2, "{}", newest.len());
+        assert!(newest.len().abs_diff(2000) <= 2, "{}", newest.len());
         let took = newest.iter().sum::<f64>() / newest.len() as f64;
-        let longest = ticks.iter().map(|&(_, clocks)| clocks).max().unwrap() as f64;
+        let longest = wakes.iter().map(|&(_, clocks)| clocks).max().unwrap() as f64;
         println!("mean {took:.0} cycles a tick, {mean} by the log; most {longest}, {most}");
         assert!((mean - took).abs() <= 0.03 * took, "{last}");
         assert!((most - longest).abs() <= 0.03 * longest, "{last}");
         assert!(
-            (apart - 160_000.0).abs() < 0.5 && (percent - mean / 1600.0).abs() <= 0.1,
+            (apart - 120_000.0).abs() < 0.5 && (percent - mean / 1200.0).abs() <= 0.1,
             "{last}"
         );
     });

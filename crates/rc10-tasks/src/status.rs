@@ -99,9 +99,9 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
             write!(f, "; line {number} {line}")?;
         }
         if let Some(CycleCount { mean, most, a_second }) = self.bus_cycles {
-            // Ticks of all buses come one after the other, at equal distance.
-            let ticks = self.buses.iter().fold(0_u32, |ticks, _| ticks.saturating_add(1000));
-            let apart = a_second / ticks.max(1);
+            // In each millisecond the first bus computes, each sends as the next computes, the last sends.
+            let wakes = self.buses.iter().fold(1000_u32, |wakes, _| wakes.saturating_add(1000));
+            let apart = a_second / wakes;
             let share = mean.saturating_mul(1000) / apart.max(1);
             let (percent, tenths) = (share / 10, share % 10);
             write!(f, "; ticks take {mean} of {apart} cycles ({percent}.{tenths} %)")?;
@@ -363,7 +363,7 @@ mod tests {
                         1 of 1 motors online, 9800 targets refused (wheel front left: the Speed target is \
                         infinite or NaN); bus 1 ";
         assert!(status.to_string().starts_with(expected), "{status}");
-        let expected = "; ticks take 7740 of 160000 cycles (4.8 %), at most 11772";
+        let expected = "; ticks take 7740 of 120000 cycles (6.4 %), at most 11772";
         assert!(status.to_string().ends_with(expected), "{status}");
     }
 }

@@ -62,6 +62,7 @@ fn foxglove_sees_what_the_robot_says() {
         // It ends with the robot.
         while let Ok(count) = udp.recv(&mut bytes) {
             let value: Value = serde_json::from_slice(&bytes[..count]).unwrap();
+            #[expect(clippy::cast_possible_truncation, reason = "a time of a test")]
             let at = (value["timestamp"].as_f64().unwrap() * 1e6).round() as u64;
             if let Some(wheel) = value.get("wheel_front_left").filter(|it| it["speed"].is_number())
             {

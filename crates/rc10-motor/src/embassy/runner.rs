@@ -20,6 +20,9 @@ use crate::supervision::count;
 /// feedback that a frame answers is older by this at most. Several buses lie behind each other by the same
 /// time: as one sends, the next computes, so that one timer wakes both.
 const LEAD: Micros = Micros::new(60);
+/// Time by which the ticks lie behind those of the tasks that start with them, each 5, 10 or 100 ms: what they
+/// command is there by then, and what they log, with interrupts off, is said.
+const APART: Micros = Micros::new(500);
 /// Bit rate that load figures refer to.
 const BITS_PER_SECOND: u32 = 1_000_000;
 /// Frames taken from the port in one tick: three times what a saturated bus delivers, so that it
@@ -49,14 +52,17 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
 ) -> impl Future<Output = ()> {
     let mut runners = runners;
     async move {
-        let mut first = now() + PERIOD;
+        let mut first = now() + PERIOD + APART;
         for runner in &mut runners {
             runner.start_at(first);
             first += LEAD;
         }
-        while let Some(next) = runners.iter_mut().min_by_key(|runner| runner.due) {
-            Timer::at(Instant::from_micros(next.due.get())).await;
-            next.tick(now);
+        while let Some(due) = runners.iter().map(|runner| runner.due).min() {
+            Timer::at(Instant::from_micros(due.get())).await;
+            // In this order what is to leave leaves before anything is computed.
+            for runner in runners.iter_mut().filter(|runner| runner.due <= due) {
+                runner.tick(now);
+            }
         }
     }
 }
