@@ -13,7 +13,7 @@ use crate::cargo::{host, run as run_command};
 /// If one of them fails.
 pub fn run(program: &Path, module: Option<&str>) -> Result<()> {
     let run = |test: &str, module: Option<&str>| {
-        let test = format!("test --test {test} -- --include-ignored --show-output");
+        let test = format!("test --package rc10 --test {test} -- --include-ignored --show-output");
         run_command(host(&test).args(module).env("RC10_FIRMWARE", program))
     };
     run("firmware", module)?;
