@@ -61,6 +61,6 @@ mod tests {
         let metres = run.signals[0].last.unwrap();
         assert!((1.3..2.0).contains(&metres), "{metres} m");
         let lost = run.buses[0].last.refused + run.buses[0].last.replaced;
-        assert_eq!((run.buses[0].last.ticks, lost), (2000, 0));
+        assert_eq!((run.buses[0].last.ticks, lost), (1999, 0));
     }
 }
