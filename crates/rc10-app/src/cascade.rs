@@ -319,13 +319,12 @@ impl CascadeState {
     fn approach(&mut self, config: &Cascade, target: f32, dt: Seconds) -> f32 {
         let most = config.acceleration.get();
         let (gap, step) = (target - self.reference, most * dt.get());
-        let before = core::mem::take(&mut self.limited);
         if gap.abs() <= step {
-            self.reference = target;
+            (self.reference, self.limited) = (target, 0.0);
             return 0.0;
         }
         self.reference += step.copysign(gap);
-        self.limited = most.copysign(gap);
+        let before = core::mem::replace(&mut self.limited, most.copysign(gap));
         // For one tick alone, or to and fro, it is a measurement that came a tick early or late: no
         // acceleration that takes an effort.
         if before * self.limited > 0.0 { self.limited } else { 0.0 }

@@ -192,16 +192,26 @@ impl Servo {
         if !shaft.is_known() {
             return self.rest();
         }
-        let ran = core::mem::replace(&mut self.ran, tick.mode == DriveMode::Run);
-        if ran && matches!(tick.mode, DriveMode::Brake | DriveMode::Hold) {
-            self.state.start_over(tick.mode == DriveMode::Hold);
-        }
-        if !self.ran {
-            self.spring = None;
+        let goal = if tick.mode == DriveMode::Run {
+            self.ran = true;
+            *self.goals.goal()
+        } else {
+            self.stop(tick.mode, shaft)
+        };
+        self.pursue(goal, tick, shaft);
+    }
+
+    /// The goal of a tick that does not follow the target.
+    fn stop(&mut self, mode: DriveMode, shaft: &Shaft) -> Goal {
+        self.spring = None;
+        if core::mem::take(&mut self.ran) {
+            self.goals.rest();
+            if matches!(mode, DriveMode::Brake | DriveMode::Hold) {
+                self.state.start_over(mode == DriveMode::Hold);
+            }
         }
         let acceleration = self.cascade.acceleration.get();
-        let goal = self.goals.update(tick.mode, || Some(stand(shaft, acceleration)));
-        self.pursue(goal, tick, shaft);
+        self.goals.update(mode, || Some(stand(shaft, acceleration)))
     }
 
     pub(crate) const fn goals(&self) -> &Goals {
