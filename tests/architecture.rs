@@ -91,7 +91,7 @@ fn every_file_that_the_page_names_is_there() {
     // Of the two vendors: all folders have the same files, and some have `wire/`.
     let motors = "crates/rc10-motor/src";
     let vendors = [format!("{motors}/dji"), format!("{motors}/unitree")];
-    let folders = ["", "crates", "crates/rc10-app/src", motors, &vendors[0], &vendors[1]];
+    let folders = ["", "crates", "tools", "crates/rc10-app/src", motors, &vendors[0], &vendors[1]];
     let mut checked = 0;
     for page in [HOUSE, WORDS] {
         for file in quoted(page).filter(|name| name.ends_with(".rs") || name.ends_with('/')) {
@@ -107,7 +107,7 @@ fn every_file_that_the_page_names_is_there() {
 #[test]
 fn every_type_that_the_page_names_is_in_the_code() {
     let mut known = BTreeSet::new();
-    for folder in ["crates", "firmware", "examples", "src"] {
+    for folder in ["crates", "tools", "firmware", "examples", "src"] {
         for (_, text) in sources(&root().join(folder)) {
             known.extend(words(&code(&text)).map(str::to_owned));
         }
@@ -129,9 +129,15 @@ fn every_type_that_the_page_names_is_in_the_code() {
     assert!(checked >= 150, "{checked}");
 }
 
+/// The folders of all crates: what is flashed, and what runs on a PC.
+fn crates() -> impl Iterator<Item = PathBuf> {
+    let folders = ["crates", "tools"].map(|top| fs::read_dir(root().join(top)).unwrap());
+    folders.into_iter().flatten().map(|entry| entry.unwrap().path())
+}
+
 /// The crates that a manifest's `[dependencies]` name.
-fn dependencies(name: &str) -> BTreeSet<String> {
-    let manifest = fs::read_to_string(root().join("crates").join(name).join("Cargo.toml")).unwrap();
+fn dependencies(folder: &Path) -> BTreeSet<String> {
+    let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
     let (_, rest) = manifest.split_once("[dependencies]").unwrap_or_default();
     let lines = rest.lines().skip(1).take_while(|line| !line.starts_with('['));
     let ours = lines.filter_map(|line| line.strip_prefix("rc10-"));
@@ -155,11 +161,10 @@ fn the_crates_use_what_the_table_says_and_lower_floors_only() {
             (row[0].trim_matches('`'), uses.collect::<BTreeSet<_>>())
         })
         .collect();
-    let crates = fs::read_dir(root().join("crates")).unwrap();
     let mut checked = 0;
-    for entry in crates {
-        let name = entry.unwrap().file_name().into_string().unwrap();
-        let uses = dependencies(&name);
+    for folder in crates() {
+        let name = folder.file_name().unwrap().to_str().unwrap().to_owned();
+        let uses = dependencies(&folder);
         assert_eq!(told.get(name.as_str()), Some(&uses), "what {name} uses");
         for used in uses {
             let used = format!("rc10-{used}");
@@ -188,7 +193,7 @@ fn defines(code: &str, name: &str) -> bool {
 
 #[test]
 fn every_word_stands_once_and_is_in_the_code() {
-    let mut crates = BTreeMap::new();
+    let mut codes = BTreeMap::new();
     let mut terms = BTreeSet::new();
     let lines = WORDS.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| term"));
     for line in lines {
@@ -200,8 +205,9 @@ fn every_word_stands_once_and_is_in_the_code() {
         }
         let mut path = place.trim_matches('`').split("::");
         let name = path.next().unwrap().replace('_', "-");
-        let code = crates.entry(name.clone()).or_insert_with(|| {
-            let texts = sources(&root().join("crates").join(&name).join("src"));
+        let code = codes.entry(name.clone()).or_insert_with(|| {
+            let folder = crates().find(|folder| folder.ends_with(&name)).unwrap();
+            let texts = sources(&folder.join("src"));
             texts.iter().map(|(_, text)| code(text) + "\n").collect::<String>()
         });
         for part in path {

@@ -33,7 +33,7 @@ const PROGRAM: &str = include_str!("../firmware/board/src/program.rs");
 const MIXED: &str = include_str!("../examples/mixed/firmware/src/main.rs");
 const USB: &str = include_str!("../firmware/usb/src/main.rs");
 /// The signals of each pin of the emulated chip, by alternate function.
-const PINS: &str = include_str!("../crates/rc10-emu/src/peripherals/pins.rs");
+const PINS: &str = include_str!("../tools/rc10-emu/src/peripherals/pins.rs");
 
 /// A line of the table, or what the code says of a pin.
 #[derive(Debug, PartialEq)]

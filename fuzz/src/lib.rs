@@ -5,7 +5,7 @@
 #[path = "../../crates/rc10-module/tests/streams/observed.rs"]
 pub mod observed;
 // By path: all of rc10-cli would be a hundred crates more.
-#[path = "../../crates/rc10-cli/src/live/request.rs"]
+#[path = "../../tools/rc10-cli/src/live/request.rs"]
 pub mod request;
 pub mod streams;
 pub mod targets;
