@@ -8,7 +8,7 @@ use crate::common::mixed::mixed;
 use crate::common::scratch::Scratch;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, Micros};
-use rc10_cli::candump;
+use rc10_cli::formats::candump;
 use serde_json::Value;
 
 fn rc10(arguments: &[&str]) -> Command {

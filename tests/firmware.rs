@@ -14,7 +14,7 @@ use std::sync::OnceLock;
 
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
-use rc10_cli::emulate::{Emulation, Setup, content_hash};
+use rc10_cli::run::emulation::{Emulation, Setup, content_hash};
 use rc10_cli::team;
 use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Board, Figures, Image, Machine, Options, Rig};
@@ -883,7 +883,7 @@ fn the_chip_drives_as_the_simulator_does() {
         let mut motors = Motors::new();
         let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
         let description = robot.description().clone();
-        let mut around = rc10_cli::environment::Environment::new(&description, 1).unwrap();
+        let mut around = rc10_cli::world::environment::Environment::new(&description, 1).unwrap();
         let mut tasks = robot.tasks(&around).unwrap();
         (1..=end)
             .map(|millisecond| {

@@ -3,10 +3,11 @@
 
 use rc10_app::Twist;
 use rc10_can::Micros;
-use rc10_cli::environment::Environment;
 use rc10_cli::recording::{MotorTrack, Recording};
-use rc10_cli::remote::Line;
-use rc10_cli::{Description, RemoteControl, Robot, simulate::simulate, team};
+use rc10_cli::robot::remote::Line;
+use rc10_cli::run::simulate::simulate;
+use rc10_cli::world::environment::Environment;
+use rc10_cli::{Description, RemoteControl, Robot, team};
 use rc10_motor::{Names, Started, Target, TargetKind};
 use rc10_robot::table::{DRIVEN, FULL_STICK, LIFT, Name, RECEIVER, WHEELS};
 use rc10_sim::remote::{Controls, Stick, Switch};

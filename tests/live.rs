@@ -6,14 +6,15 @@ mod stops;
 use crate::common::scratch::Scratch;
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
-use rc10_cli::environment::Environment;
-use rc10_cli::live::wire::Line;
+use rc10_cli::judge::problems;
 use rc10_cli::live::{
     Action, Answer, Client, Judge, LiveRecord, Sample, Urgent, frame, plan, watch,
 };
-use rc10_cli::problems::{Severity, problems};
 use rc10_cli::record::{Kit, replay};
+use rc10_cli::recording::problem::Severity;
 use rc10_cli::team;
+use rc10_cli::world::console::Line;
+use rc10_cli::world::environment::Environment;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::{ArmState, DriveMode, Motion, Names, Target};
 use rc10_robot::table::{Name, WHEELS};
@@ -486,7 +487,8 @@ fn found(
                 judge.take(&topics, &sample).unwrap();
                 record.take(&sample).unwrap();
             }
-            let is_bad = |it: &&rc10_cli::problems::Problem| it.severity == Severity::Problem;
+            let is_bad =
+                |it: &&rc10_cli::recording::problem::Problem| it.severity == Severity::Problem;
             for problem in judge.found.iter().filter(is_bad) {
                 let text = format!("{} {}", problem.about, problem.kind);
                 if !page.iter().any(|(_, known)| *known == text) {

@@ -6,7 +6,8 @@ use std::process::Command;
 use crate::common::scratch::Scratch;
 use rc10_can::Micros;
 use rc10_cli::recording::Recording;
-use rc10_cli::{simulate::simulate, team};
+use rc10_cli::run::simulate::simulate;
+use rc10_cli::team;
 use rc10_motor::Link;
 use rc10_robot::table::Name;
 

@@ -4,7 +4,7 @@
 use mixed::{Motors, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};
-use rc10_cli::simulate::simulate;
+use rc10_cli::run::simulate::simulate;
 use rc10_motor::{DriveMode, Link};
 
 fn run(seed: u64) -> Recording {

@@ -6,9 +6,9 @@
 
 use crate::common::made::{Made, attach};
 use rc10_can::Micros;
-use rc10_cli::motor::Motor;
 use rc10_cli::recording::Recording;
-use rc10_cli::simulate::simulate;
+use rc10_cli::robot::motor::Motor;
+use rc10_cli::run::simulate::simulate;
 use rc10_cli::{Description, Plant, Robot};
 use rc10_motor::embassy::{BusPort, MotorPort};
 use rc10_motor::rc10_app::Rpm;

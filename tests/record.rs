@@ -10,11 +10,11 @@ use std::path::Path;
 
 use crate::common::scratch::Scratch;
 use rc10_can::Micros;
-use rc10_cli::figures::{Figures, to_json};
 use rc10_cli::record::{Heading, RecordWriter, replay};
-use rc10_cli::report::report;
-use rc10_cli::robot::Robot;
-use rc10_cli::simulate::simulate_into;
+use rc10_cli::run::simulate::simulate_into;
+use rc10_cli::show::figures::{Figures, to_json};
+use rc10_cli::show::report::report;
+use rc10_cli::world::robot::Robot;
 use rc10_cli::{CommandLine, Motor, Place, Recording, team};
 use rc10_motor::dji::{Config, M3508};
 

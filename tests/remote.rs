@@ -8,9 +8,10 @@ mod wraps;
 
 use rc10_app::Twist;
 use rc10_can::Micros;
-use rc10_cli::environment::Environment;
-use rc10_cli::remote::{Receiver, ReceiverWire};
+use rc10_cli::Receiver;
+use rc10_cli::robot::remote::ReceiverWire;
 use rc10_cli::team;
+use rc10_cli::world::environment::Environment;
 use rc10_motor::{ArmState, DriveMode, Link, Target};
 use rc10_robot::table::{FULL_STICK, LIFT, Name, WHEELS};
 use rc10_robot::{BaseCommand, Motors, Shared};
@@ -342,7 +343,7 @@ fn after_every_fault_of_the_line_the_next_frame_arrives() {
 /// Whatever the receiver, the script's square comes out as one.
 #[test]
 fn every_receiver_drives_the_script() {
-    use rc10_cli::simulate::simulate;
+    use rc10_cli::run::simulate::simulate;
     for receiver in Receiver::ALL {
         let run = |seed| {
             let ports = rc10_robot::Ports::new();
@@ -354,7 +355,7 @@ fn every_receiver_drives_the_script() {
         };
         let first = run(3);
         let path = &first.base.as_ref().unwrap().path;
-        let far = |value: fn(&rc10_cli::recording::PathPoint) -> f64| {
+        let far = |value: fn(&rc10_cli::recording::sample::PathPoint) -> f64| {
             path[..379].iter().map(value).fold(0.0, f64::max)
         };
         assert!(far(|at| at.x) > 0.8 && far(|at| at.y) > 0.8, "{receiver}");

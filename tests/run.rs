@@ -54,7 +54,8 @@ fn ten_seconds_lose_nothing_and_leave_the_files() {
 /// The script: a square, a spin, a gimbal sweep, a lift, an emergency stop and recovery.
 #[test]
 fn the_robot_does_what_its_script_says() {
-    use rc10_cli::{simulate::simulate, team};
+    use rc10_cli::run::simulate::simulate;
+    use rc10_cli::team;
     use rc10_motor::DriveMode;
     use rc10_robot::table::Name;
     let ports = rc10_robot::Ports::new();
@@ -287,8 +288,9 @@ fn run_does_the_faults_of_wires() {
 /// A part on a UART: out, damaged, without power. The motors do not notice, and the verdict excuses it.
 #[test]
 fn faults_of_parts_have_their_effects_and_no_others() {
-    use rc10_cli::figures::Figures;
-    use rc10_cli::{simulate::simulate, team};
+    use rc10_cli::run::simulate::simulate;
+    use rc10_cli::show::figures::Figures;
+    use rc10_cli::team;
     let run = |fault: &str| {
         let ports = rc10_robot::Ports::new();
         let io = &rc10_robot::Shared::new(&ports);

@@ -11,9 +11,9 @@ mod wrong;
 use crate::common::mixed as common_mixed;
 use crate::common::scratch;
 use rc10_can::Micros;
-use rc10_cli::figures::Figures;
-use rc10_cli::problems::Severity;
 use rc10_cli::recording::Recording;
+use rc10_cli::recording::problem::Severity;
+use rc10_cli::show::figures::Figures;
 
 /// The problems of a run, a line each.
 fn problems(recording: &Recording) -> String {

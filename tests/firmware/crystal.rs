@@ -1,6 +1,6 @@
 //! A crystal that is dead, or another than the program's; a chip that is off, or another.
 
-use rc10_cli::emulate::Setup;
+use rc10_cli::run::emulation::Setup;
 use rc10_emu::peripherals::ResetCause;
 use rc10_emu::{Board, Figures, Machine, Options, Rig};
 use rc10_sim::{BusConfig, EscConfig, Model, Nanos, World};

@@ -1,6 +1,6 @@
 //! The firmware for the DM-MC02, on that board: what `docs/dm-mc02.md` promises of it.
 
-use rc10_cli::emulate::{Emulation, Setup};
+use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::parts::Thermal;
 use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::strip::pictures;

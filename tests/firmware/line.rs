@@ -4,8 +4,8 @@
 use mixed::table::{LEGS as NAMES, REPLY};
 use mixed::{Motors, Ports, Shared, simulation};
 use rc10_can::Micros;
-use rc10_cli::emulate::{Emulation, Setup};
 use rc10_cli::recording::MotorTrack;
+use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::peripherals::Width;
 use rc10_emu::{Figures, Machine};
 use rc10_motor::Link;

@@ -2,8 +2,8 @@
 
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
-use rc10_cli::emulate::{Emulation, Setup};
 use rc10_cli::live::{Action, Answer, Client, Sample, Urgent};
+use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
 use rc10_motor::Names;
 use rc10_robot::table::Name;

@@ -4,8 +4,8 @@
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_cli::emulate::Emulation;
 use rc10_cli::live::{Urgent, frame};
+use rc10_cli::run::emulation::Emulation;
 use rc10_emu::Rig;
 use rc10_link::Ask;
 use rc10_sim::remote::{Controls, Switch};

@@ -3,9 +3,10 @@
 //! disturbed.
 
 use rc10_can::Micros;
-use rc10_cli::emulate::{Emulation, Setup};
 use rc10_cli::recording::Recording;
-use rc10_cli::remote::{Loss, ReceiverWire};
+use rc10_cli::recording::remote::Loss;
+use rc10_cli::robot::remote::ReceiverWire;
+use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
 use rc10_robot::table::{BASE, FULL_STICK, LED_BRIGHTNESS, LEDS, WHEELS};
 use rc10_sim::{Nanos, UartFault};

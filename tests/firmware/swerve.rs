@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use rc10_can::Micros;
-use rc10_cli::emulate::Emulation;
 use rc10_cli::recording::Recording;
+use rc10_cli::run::emulation::Emulation;
 use rc10_emu::Figures;
 use swerve::{Motors, Ports, Shared, simulation};
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use rc10_cli::description::SerialPart;
+use rc10_cli::robot::description::SerialPart;
 use rc10_cli::{CommandLine, team};
 use rc10_module::Reception;
 use rc10_sim::imu::Hwt101;

@@ -5,8 +5,9 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use rc10_cli::pty::{PtyArgs, serve};
-use rc10_cli::robot::Robot;
+use rc10_cli::commands::pty::PtyArgs;
+use rc10_cli::commands::pty::serve;
+use rc10_cli::world::robot::Robot;
 use serde_json::Value;
 
 use super::others::{CYBERGEAR_ID, DAMIAO_ID, DAMIAO_MASTER, bus};

@@ -3,9 +3,10 @@
 use std::num::NonZeroU8;
 
 use rc10_app::{Amps, Cascade, FeedForward, Gear, PidConfig, RpmPerSecond};
-use rc10_cli::dbc::Node;
-use rc10_cli::description::Description;
-use rc10_cli::motor::{Motor, Place};
+use rc10_cli::Place;
+use rc10_cli::formats::dbc::Node;
+use rc10_cli::robot::description::Description;
+use rc10_cli::robot::motor::Motor;
 use rc10_motor::cybergear::{self, Address};
 use rc10_motor::damiao::{self, Control, models::J4310};
 use rc10_motor::unitree;

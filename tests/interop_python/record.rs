@@ -5,7 +5,7 @@ use std::process::Command;
 use rc10_can::Micros;
 use rc10_cli::record::{Heading, RecordWriter};
 use rc10_cli::recording::Recording;
-use rc10_cli::simulate::simulate_into;
+use rc10_cli::run::simulate::simulate_into;
 use rc10_cli::team;
 use rc10_robot::{Motors, Ports, Shared};
 use serde_json::Value;

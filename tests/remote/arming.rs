@@ -5,7 +5,8 @@ use std::cell::RefCell;
 use std::pin::Pin;
 
 use rc10_can::Micros;
-use rc10_cli::remote::{Receiver, ReceiverPort, ReceiverWire};
+use rc10_cli::Receiver;
+use rc10_cli::robot::remote::{ReceiverPort, ReceiverWire};
 use rc10_message::{Latest, Overrun, Statistics, now, periodic};
 use rc10_module::Reception;
 use rc10_module::remote::{self, Remote, RemoteLink, Switch};

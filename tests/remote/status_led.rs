@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rc10_cli::remote::Receiver;
+use rc10_cli::Receiver;
 use rc10_module::led::pattern::{State, colour};
 use rc10_motor::ArmState;
 use rc10_robot::table::{LEDS, Name};

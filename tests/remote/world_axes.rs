@@ -4,7 +4,7 @@
 use std::sync::atomic::Ordering;
 
 use rc10_can::Micros;
-use rc10_cli::remote::Receiver;
+use rc10_cli::Receiver;
 use rc10_module::imu::Heading;
 use rc10_motor::ArmState;
 use rc10_sim::remote::{Controls, Stick, Switch};

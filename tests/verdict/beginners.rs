@@ -7,7 +7,7 @@ use embassy_time::{Duration as Span, Ticker};
 use rc10_app::mechanism::{Braking, Homing, HomingConfig, HomingStatus, Reference};
 use rc10_app::{Degrees, Direction, FeedForward, Gravity, Rpm, RpmPerSecond, Seconds, TotalAngle};
 use rc10_can::Micros;
-use rc10_cli::remote::Line;
+use rc10_cli::robot::remote::Line;
 use rc10_cli::{CommandLine, ContactPart, Description, Plant, RemoteControl, Robot};
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;

@@ -1,6 +1,7 @@
 //! The expected effect of an injected fault is no problem; its absence is one.
 
-use rc10_cli::remote::{Loss, Lost};
+use rc10_cli::recording::remote::Loss;
+use rc10_cli::robot::remote::Lost;
 use rc10_motor::Link;
 
 use super::robots::{Which, run};
@@ -81,7 +82,7 @@ fn below_a_thousandth_it_is_information() {
     let mut recording = run(Which::Team, 1, Micros::from_millis(1500), None);
     recording.motors[0].overwritten = 1;
     assert_eq!(problems(&recording), "");
-    let figures = rc10_cli::figures::Figures::of(&recording);
+    let figures = rc10_cli::show::figures::Figures::of(&recording);
     let told: Vec<_> = figures.problems.iter().map(ToString::to_string).collect();
     let words =
         "wheel front left: 1 feedback frames overwritten because the bus was busy (0.067 %)";

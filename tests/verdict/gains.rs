@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::fs;
 
 use rc10_cli::recording::MotorTrack;
-use rc10_cli::{effort, margin};
+use rc10_cli::recording::{effort, margin};
 use rc10_motor::rc10_app::Cascade;
 
 use super::robots::{TEN_SECONDS, Which, run};

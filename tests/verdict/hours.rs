@@ -6,11 +6,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-use rc10_cli::mistake::{Mistake, Quantity};
-use rc10_cli::remote::Receiver;
-use rc10_cli::robot::Robot;
-use rc10_cli::simulate::simulate;
+use rc10_cli::Receiver;
+use rc10_cli::robot::mistake::{Mistake, Quantity};
+use rc10_cli::run::simulate::simulate;
 use rc10_cli::team;
+use rc10_cli::world::robot::Robot;
 
 use super::*;
 

@@ -1,9 +1,9 @@
 //! The shipped robots, with other gains for one of their motors.
 
 use mixed::simulation;
-use rc10_cli::robot::Robot;
-use rc10_cli::simulate::simulate;
+use rc10_cli::run::simulate::simulate;
 use rc10_cli::team;
+use rc10_cli::world::robot::Robot;
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{MotorBus, Names, Started};
 

@@ -2,7 +2,7 @@
 
 use rc10_can::Micros;
 use rc10_cli::Plant;
-use rc10_cli::remote::Line;
+use rc10_cli::robot::remote::Line;
 use rc10_sim::Nonlinear;
 use rc10_sim::remote::{Controls, Stick, Switch};
 

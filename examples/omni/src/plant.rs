@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use rc10_can::Micros;
 use rc10_cli::Plant;
-use rc10_cli::remote::Line;
+use rc10_cli::robot::remote::Line;
 use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Base, Nanos, Nonlinear, Serial, World};

@@ -1,6 +1,6 @@
 //! The robot as the tools see it, and with its tasks in a simulated world.
 
-use rc10_cli::emulate::build_firmware_of;
+use rc10_cli::run::build::build_firmware_of;
 use rc10_cli::{Base, Description, RemoteControl, Robot, SerialPart};
 use rc10_tasks::{heading, status};
 

@@ -7,10 +7,11 @@ use omni::plant::{ALONG, ARMED, at, stick};
 use omni::{Motors, Name, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::Description;
-use rc10_cli::path::PathFigures;
-use rc10_cli::recording::{PathPoint, Recording};
-use rc10_cli::remote::Line;
-use rc10_cli::simulate::simulate;
+use rc10_cli::judge::path::PathFigures;
+use rc10_cli::recording::Recording;
+use rc10_cli::recording::sample::PathPoint;
+use rc10_cli::robot::remote::Line;
+use rc10_cli::run::simulate::simulate;
 use rc10_motor::{Link, Names};
 use rc10_sim::remote::{Controls, Switch};
 

@@ -1,9 +1,9 @@
 //! The robot as the tools see it: its tasks, what is on its motors' shafts, and what hands do with the remote.
 
 use rc10_can::Micros;
-use rc10_cli::description::Base;
-use rc10_cli::emulate::build_firmware_in;
-use rc10_cli::remote::Line;
+use rc10_cli::robot::base::Base;
+use rc10_cli::robot::remote::Line;
+use rc10_cli::run::build::build_firmware_in;
 use rc10_cli::{Description, Plant, RemoteControl, Robot};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::status;

@@ -1,7 +1,7 @@
 //! What is on the motors' shafts, and what hands do with the remote.
 
 use rc10_can::Micros;
-use rc10_cli::remote::Line;
+use rc10_cli::robot::remote::Line;
 use rc10_cli::{Base, Plant};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Chassis, Steering, Wheel};

@@ -1,7 +1,7 @@
 //! The robot as the tools see it, and with its tasks in a simulated world.
 
 use rc10_can::Micros;
-use rc10_cli::emulate::build_firmware_of;
+use rc10_cli::run::build::build_firmware_of;
 use rc10_cli::{Description, RemoteControl, Robot};
 use rc10_tasks::status;
 

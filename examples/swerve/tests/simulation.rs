@@ -5,9 +5,10 @@
 use std::ops::Range;
 
 use rc10_can::Micros;
-use rc10_cli::path::PathFigures;
-use rc10_cli::recording::{BaseHeard, Recording};
-use rc10_cli::simulate::simulate;
+use rc10_cli::judge::path::PathFigures;
+use rc10_cli::recording::Recording;
+use rc10_cli::recording::sample::BaseHeard;
+use rc10_cli::run::simulate::simulate;
 use rc10_module::remote::DEAD_BAND;
 use rc10_motor::Link;
 use swerve::table::FULL_STICK;

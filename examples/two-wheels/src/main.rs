@@ -39,7 +39,7 @@ fn description() -> Description {
 
 #[cfg(test)]
 mod tests {
-    use rc10_cli::simulate::simulate;
+    use rc10_cli::run::simulate::simulate;
     use rc10_motor::rc10_can::Micros;
 
     use super::*;

@@ -25,43 +25,21 @@
 // Figures for people and plots: a rounded digit does no harm here.
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
 
-pub mod built;
-pub mod candump;
-pub mod consistency;
-pub mod dbc;
+pub mod args;
+pub mod commands;
 pub mod decode;
-pub mod description;
-pub mod effort;
-pub mod emulate;
-pub mod environment;
-pub mod figures;
-mod hang;
-pub mod happened;
+mod files;
+pub mod formats;
+pub mod judge;
 pub mod live;
-pub mod load;
-pub mod look;
-pub mod margin;
-pub mod mistake;
-pub mod motor;
-pub mod new;
-pub mod path;
-pub mod ports;
-pub mod problems;
-pub mod pty;
 pub mod record;
-pub mod recorder;
 pub mod recording;
-pub mod remote;
-pub mod report;
 pub mod robot;
 pub mod run;
-pub mod script;
-pub mod signal;
-pub mod simulate;
-pub mod slcan;
+pub mod show;
 pub mod team;
 mod terminal;
-pub mod wheels;
+pub mod world;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -70,23 +48,25 @@ use std::{env, fs};
 
 use clap::{Parser, Subcommand};
 
-use dbc::DbcArgs;
-use decode::DecodeArgs;
-use emulate::EmuArgs;
-use live::{GetArgs, LiveArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
-use new::NewArgs;
-use pty::PtyArgs;
-use record::{CsvArgs, ReportArgs};
-use run::RunArgs;
+use crate::commands::emulate::EmuArgs;
+use crate::commands::new::NewArgs;
+use crate::commands::pty::PtyArgs;
+use crate::commands::report::{CsvArgs, ReportArgs};
+use crate::commands::run::RunArgs;
+use crate::formats::dbc::DbcArgs;
+use crate::live::commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
+use crate::live::page::LiveArgs;
+use commands::decode::DecodeArgs;
 use terminal::{Plain, tell};
 
-pub use description::{Base, ContactPart, Description, LinePart, SerialPart};
-pub use mistake::Mistake;
-pub use motor::{Device, Motor, Place, Plant};
+pub use crate::robot::base::Base;
+pub use crate::robot::description::{ContactPart, Description, LinePart, SerialPart};
+pub use crate::robot::mistake::Mistake;
+pub use crate::robot::motor::{Device, Motor, Place, Plant};
+pub use crate::robot::remote::{Receiver, RemoteControl};
+pub use crate::robot::script::{Event, Script};
+pub use crate::world::robot::Robot;
 pub use recording::Recording;
-pub use remote::{Receiver, RemoteControl};
-pub use robot::Robot;
-pub use script::{Event, Script};
 
 /// RC10: a robot's motor buses, on a PC.
 #[derive(Parser)]
@@ -193,23 +173,28 @@ impl CommandLine {
     pub fn run_to(self, robot: Robot<'_>, out: &mut dyn Write) -> anyhow::Result<u8> {
         let out = &mut Plain(out);
         Ok(match self.0 {
-            Command::Run(args) => strict(args.strict, run::run(&args, robot, out)?),
-            Command::Emu(args) => strict(args.strict, emulate::emulate(&args, robot, out)?),
+            Command::Run(args) => strict(args.strict, commands::run::run(&args, robot, out)?),
+            Command::Emu(args) => {
+                strict(args.strict, commands::emulate::emulate(&args, robot, out)?)
+            }
             Command::Live(args) => live::live(&args, robot, out).map(|()| 0)?,
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
-            Command::Report(args) => strict(args.strict, record::report(&args, robot, out)?),
-            Command::Csv(args) => record::csv(&args, out).map(|()| 0)?,
+            Command::Report(args) => {
+                strict(args.strict, commands::report::report(&args, robot, out)?)
+            }
+            Command::Csv(args) => commands::report::csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {
-                let broken = decode::decode(&args, robot, out, &mut Plain(io::stderr().lock()))?;
+                let broken =
+                    commands::decode::decode(&args, robot, out, &mut Plain(io::stderr().lock()))?;
                 u8::from(broken)
             }
-            Command::Dbc(args) => dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
-            Command::New(args) => new::new(&args, out).map(|()| 0)?,
-            Command::Pty(args) => pty::pty(&args, robot, out).map(|()| 0)?,
+            Command::Dbc(args) => formats::dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
+            Command::New(args) => commands::new::new(&args, out).map(|()| 0)?,
+            Command::Pty(args) => commands::pty::pty(&args, robot, out).map(|()| 0)?,
         })
     }
 }

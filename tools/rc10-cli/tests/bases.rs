@@ -5,10 +5,11 @@ use std::cell::Cell;
 
 use embassy_time::Timer;
 use rc10_can::Micros;
-use rc10_cli::figures::{Figures, to_json};
-use rc10_cli::problems::Severity;
-use rc10_cli::recording::{PathPoint, Recording};
-use rc10_cli::simulate::simulate;
+use rc10_cli::recording::Recording;
+use rc10_cli::recording::problem::Severity;
+use rc10_cli::recording::sample::PathPoint;
+use rc10_cli::run::simulate::simulate;
+use rc10_cli::show::figures::{Figures, to_json};
 use rc10_cli::{Base, Description, Plant, Robot};
 use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, M2006, M3508};

@@ -4,7 +4,7 @@ use lift::plant::{INDEX, TRAVEL};
 use lift::table::{LIFT, WEIGHT};
 use lift::{Motors, Name, Ports, Shared, simulation};
 use rc10_can::Micros;
-use rc10_cli::environment::Environment;
+use rc10_cli::world::environment::Environment;
 use rc10_motor::{Motion, Names, Target};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Stick, Switch};

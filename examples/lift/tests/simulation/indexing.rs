@@ -6,7 +6,7 @@ use embedded_hal::digital::{ErrorKind, ErrorType, InputPin};
 use lift::table::FEEDER;
 use lift::{Motors, Name, Ports, Shared, simulation, task};
 use rc10_can::Micros;
-use rc10_cli::environment::Environment;
+use rc10_cli::world::environment::Environment;
 use rc10_cli::{Description, Robot};
 use rc10_motor::{Motion, Names, Target};
 
@@ -214,7 +214,7 @@ fn an_input_that_cannot_be_read_is_an_open_contact() {
 /// says why the feeder gave up.
 #[test]
 fn a_contact_with_a_defect_is_named() {
-    use rc10_cli::simulate::simulate;
+    use rc10_cli::run::simulate::simulate;
     use rc10_motor::rc10_app::mechanism::Stage;
     for (fault, wanted) in [
         ("bounces:feeder@0s", Stage::Ready),
@@ -229,7 +229,7 @@ fn a_contact_with_a_defect_is_named() {
         let told = recording.signals.iter().find(|it| it.label == "feeder").unwrap().last;
         assert_eq!(told, Some(f64::from(wanted as u8)), "{fault}");
         // The fault is not told to the verdict here: it is as if the contact were so.
-        let found = rc10_cli::problems::problems(&recording);
+        let found = rc10_cli::judge::problems(&recording);
         let gave_up = found.iter().find(|it| it.kind == "gave-up").map(ToString::to_string);
         assert_eq!(gave_up.is_some(), wanted.gave_up(), "{fault}: {gave_up:?}");
         if let Some(text) = gave_up {

@@ -9,13 +9,15 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::{DriveMode, MotorStatus, TargetKind};
 
 use super::{BusOfChannel, Decoder, Summary, excerpt, known_on, unreadable};
-use crate::candump::{Line, Numbered, Reader};
-use crate::description::Description;
-use crate::look::{BusLook, Moment, MotorLook};
-use crate::motor::Place;
-use crate::recorder::{Recorder, WireEnd};
-use crate::recording::{LOOK_PERIOD, MotorSample, Recording};
-use crate::robot::{BITS_PER_SECOND, Robot};
+use crate::formats::candump::{Line, Numbered, Reader};
+use crate::record::recorder::Recorder;
+use crate::recording::Recording;
+use crate::recording::look::{BusLook, Moment, MotorLook};
+use crate::recording::sample::{LOOK_PERIOD, MotorSample, WireEnd};
+use crate::robot::description::BITS_PER_SECOND;
+use crate::robot::description::Description;
+use crate::robot::motor::Place;
+use crate::world::robot::Robot;
 
 /// No capture is longer, in virtual time: a clock that jumped makes one of years.
 const LONGEST: Micros = Micros::from_millis(3_600_000);

@@ -1,10 +1,10 @@
 //! Text for people, JSON for programs.
 
-use std::io::{self, Write};
+use std::io;
+use std::io::Write;
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
-
 use rc10_motor::dji::{Effort, Model};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::{Message, Presence, Signal};
@@ -12,12 +12,13 @@ use rc10_motor::{FrameError, MotorStatus};
 use serde_json::{Map, Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
-use crate::candump::{self, Line, SecondsOf};
-use crate::description::Description;
-use crate::motor::Motor;
+use crate::formats::candump;
+use crate::formats::candump::{Line, SecondsOf};
+use crate::robot::description::Description;
+use crate::robot::motor::Motor;
 
 /// Prints frames as they come, then the summary.
-pub(super) struct Printer<'o> {
+pub(crate) struct Printer<'o> {
     out: &'o mut dyn Write,
     json: bool,
     columns: Columns,
@@ -26,18 +27,18 @@ pub(super) struct Printer<'o> {
 }
 
 impl<'o> Printer<'o> {
-    pub(super) fn new(out: &'o mut dyn Write, json: bool, robot: &Description) -> io::Result<Self> {
+    pub(crate) fn new(out: &'o mut dyn Write, json: bool, robot: &Description) -> io::Result<Self> {
         if json {
             out.write_all(b"{\"frames\": [")?;
         }
         Ok(Self { out, json, columns: Columns::of(robot), separator: "\n" })
     }
 
-    pub(super) fn flush(&mut self) -> io::Result<()> {
+    pub(crate) fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
 
-    pub(super) fn frame(
+    pub(crate) fn frame(
         &mut self,
         number: u64,
         line: &Line<'_>,
@@ -51,7 +52,7 @@ impl<'o> Printer<'o> {
         write!(self.out, "{separator}{}", object(number, line, bus, meaning))
     }
 
-    pub(super) fn finish(self, summary: &Summary, decoder: &Decoder<'_, '_>) -> io::Result<()> {
+    pub(crate) fn finish(self, summary: &Summary, decoder: &Decoder<'_, '_>) -> io::Result<()> {
         if self.json {
             let summary = summary_object(summary, decoder);
             return writeln!(self.out, "\n],\n\"summary\": {summary}}}");

@@ -1,25 +1,24 @@
 //! `rc10 params`, `rc10 get`, `rc10 set` and `rc10 record`.
 
+#[cfg(unix)]
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
 use rc10_link::Urgent;
-#[cfg(unix)]
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::client::Urgency;
 use super::plan::{plan, watch};
 use super::record::{LiveRecord, room, tell_leftovers};
 use super::session::{Session, full_name};
 use super::source::{PlaceArgs, SourceArgs};
-use crate::robot::Robot;
-use crate::run::seconds;
+use crate::args::seconds;
+use crate::live::session::stop;
 use crate::terminal::tell;
+use crate::world::robot::Robot;
 
 /// Arguments of `rc10 params`.
 #[derive(Args, Debug)]
@@ -257,19 +256,4 @@ fn go_on(
         }
     }
     Ok(())
-}
-
-/// Set by Ctrl-C, and when the terminal is closed.
-pub(super) fn stop() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    #[cfg(unix)]
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))?;
-    }
-    #[cfg(windows)]
-    {
-        let stop = Arc::clone(&stop);
-        ctrlc::set_handler(move || stop.store(true, Ordering::Relaxed))?;
-    }
-    Ok(stop)
 }

@@ -1,13 +1,15 @@
 //! Connections of browsers: few, and each with little time, so that a new one always gets in.
 
-use std::io::{self, Read as _, Write as _};
+use crate::live::request::read;
+use std::io::Read as _;
+use std::io::Write as _;
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex, Weak};
-use std::thread;
+use std::sync::{MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use std::{io, thread};
 
-use super::request::{Request, read};
-use super::server::look;
+use super::request::Request;
 
 /// Connections at once.
 const MOST: usize = 32;
@@ -196,4 +198,9 @@ mod tests {
         go_on.send(()).unwrap();
         assert!(is_answered(slow));
     }
+}
+
+/// What is behind a lock; a thread that panicked left it whole.
+pub fn look<T>(behind: &Mutex<T>) -> MutexGuard<'_, T> {
+    behind.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -8,12 +8,14 @@ use rc10_can::Micros;
 use super::client::Sample;
 use super::plan::{Topic, messages};
 use super::record::RESTART;
-use crate::environment::Environment;
-use crate::happened::happened;
-use crate::margin::{self, Margins};
-use crate::problems::{Problem, problems};
-use crate::record::{Kit, Replay};
-use crate::recording::Source;
+use crate::judge::happened::happened;
+use crate::judge::problems;
+use crate::record::recorder::margins;
+use crate::record::replay::{Kit, Replay};
+use crate::recording::margin;
+use crate::recording::problem::Problem;
+use crate::recording::sample::Source;
+use crate::world::environment::Environment;
 
 /// Recordings overlap: the older of two covers this time at least, and less than twice as much.
 const SPAN: Micros = Micros::from_millis(30_000);
@@ -114,7 +116,7 @@ impl<'k> Judge<'k> {
             }
         }
         let around = Environment::new(description, 1).ok()?;
-        let margins = Margins::of_motor(loops, line, around.motors.get(line)?, description)?;
+        let margins = margins(loops, line, around.motors.get(line)?, description.base.as_ref())?;
         match name {
             "speed_kp" if margins.speed <= margins.angle => {
                 Some(Advice::of("speed", margins.speed))
@@ -172,8 +174,8 @@ mod tests {
 
     use super::*;
     use crate::live::client::Signal;
-    use crate::problems::Severity;
     use crate::record::topic;
+    use crate::recording::problem::Severity;
 
     /// Hands over a judge of the team's robot, and topics with which that tells of its motors' links and
     /// of its arming.
@@ -351,7 +353,7 @@ mod tests {
                 let kp = 3.0 * loops.cascade.angle.kp;
                 loops.cascade.angle.kp = kp;
                 let twin = around.motors.get(line).unwrap();
-                let margins = Margins::of_motor(loops, line, twin, description);
+                let margins = margins(loops, line, twin, description.base.as_ref());
                 let advice = judge.advise(motor.label, ("angle_kp", kp), []);
                 let told = advice.map(|it| it.margin.to_bits());
                 assert_eq!(told, margins.map(|it| it.angle.to_bits()), "{}", motor.label);

@@ -12,18 +12,19 @@ use rc10_link::{Action, Urgent};
 use serde_json::{Value, json};
 
 use super::client::{Answer, Client, Urgency};
-use super::commands::stop;
+use super::connection::look;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
 use super::record::{LiveRecord, RESTART, room, tell_leftovers};
-use super::server::{Asked, Pages, Wish, look};
+use super::server::{Asked, Pages, Wish};
 use super::session::{Session, full_name};
 use super::source::PlaceArgs;
 use super::viewers::{ViewerArgs, Viewers};
-use crate::problems::Problem;
-use crate::record::Kit;
-use crate::robot::Robot;
-use crate::run::seconds;
+use crate::args::seconds;
+use crate::live::session::stop;
+use crate::record::replay::Kit;
+use crate::recording::problem::Problem;
+use crate::world::robot::Robot;
 
 /// Arguments of `rc10 live`.
 #[derive(Args, Debug)]
@@ -330,14 +331,14 @@ impl Show<'_, '_> {
         let client: &Client = &session.client;
         let losses = client.losses();
         let shown = look(&self.pages.shown);
-        let signal = |(index, it): (u16, &super::client::Signal)| {
+        let signal = |(index, it): (u16, &crate::live::client::Signal)| {
             let value = shown.history.newest(index).map(|(_, value)| value);
             json!({
                 "index": index, "folder": it.folder, "label": it.label, "name": it.name,
                 "unit": it.unit, "states": it.states, "value": value.filter(|it| it.is_finite()),
             })
         };
-        let parameter = |it: &super::client::Parameter| {
+        let parameter = |it: &crate::live::client::Parameter| {
             json!({
                 "index": it.index, "full": full_name(it), "label": it.label, "name": it.name,
                 "unit": it.unit, "range": it.range, "value": it.value, "initial": it.initial,

@@ -9,8 +9,9 @@ use rc10_can::Micros;
 
 use super::client::Sample;
 use super::plan::{Topic, messages};
-use crate::description::Description;
-use crate::record::{RecordFile, leftovers};
+use crate::record::RecordFile;
+use crate::record::file::leftovers;
+use crate::robot::description::Description;
 use crate::terminal::tell;
 
 /// A robot whose time goes back by so much was restarted.

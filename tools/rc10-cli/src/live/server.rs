@@ -2,11 +2,12 @@
 //!
 //! It is our own, on `std::net`: a small one of others could be ended by any web page, and with it the STOP
 //! button; a large one brings a runtime, and makes the first compile slower. `connection` has the sockets,
-//! [`request`](super::request) the rules.
+//! [`request`](crate::live::request) the rules.
 
+use crate::live::connection::look;
 use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
@@ -16,7 +17,8 @@ use rc10_link::Urgent;
 use serde_json::{Value, json};
 
 use super::client::NOT_HEARD;
-use super::connection::{self, Reply};
+use super::connection;
+use super::connection::Reply;
 use super::history::{History, thin};
 use super::request::{Plots, Request};
 
@@ -80,11 +82,6 @@ impl Pages {
         thread::spawn(move || connection::serve(&listener, address.port(), answer));
         Ok(Self { shown, wishes, address: format!("http://{address}/") })
     }
-}
-
-/// What is behind a lock; a thread that panicked left it whole.
-pub fn look<T>(behind: &Mutex<T>) -> MutexGuard<'_, T> {
-    behind.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Reply {

@@ -1,13 +1,17 @@
 //! A client at its line: what every command that speaks with a robot begins with.
 
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::hash::{BuildHasher as _, RandomState};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
 use rc10_link::VERSION;
 
 use super::client::{Answer, Client, Parameter};
-use super::source::Way;
+use crate::live::line::Way;
 
 /// A client, and the line it speaks on.
 pub struct Session<'r> {
@@ -143,12 +147,28 @@ pub fn full_name(parameter: &Parameter) -> String {
     if parameter.folder == "parameters" { label } else { format!("{label}.{}", parameter.name) }
 }
 
+/// Set by Ctrl-C, and when the terminal is closed.
+pub(super) fn stop() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    #[cfg(unix)]
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))?;
+    }
+    #[cfg(windows)]
+    {
+        let stop = Arc::clone(&stop);
+        ctrlc::set_handler(move || stop.store(true, Ordering::Relaxed))?;
+    }
+    Ok(stop)
+}
+
 #[cfg(test)]
 mod tests {
     use rc10_link::Action;
 
-    use super::super::source::{Source, SourceArgs};
     use super::*;
+    use crate::live::line::Source;
+    use crate::live::source::SourceArgs;
 
     struct Nowhere;
 

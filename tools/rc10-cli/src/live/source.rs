@@ -1,26 +1,23 @@
 //! Where a robot is: at a port of this PC, behind a TCP connection, in the simulator, on the emulated
 //! chip.
 
-use std::fs;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs as _};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
+use std::{fs, io};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
 use rc10_sim::{Faults, Tasks};
 
-use super::wire::Line;
-use crate::emulate::{Emulation, Setup};
-use crate::environment::Environment;
-use crate::robot::Robot;
-use crate::run::{Injected, seed};
-use crate::simulate::rounded_up;
-
-/// A console's bit rate, unless the robot's description has another one: what every USB adapter can.
-pub const BAUD: u32 = 921_600;
+use crate::args::{Injected, seed};
+use crate::live::line::{Source, Way};
+use crate::run::emulation::{Emulation, Setup};
+use crate::world::console::{BAUD, Line};
+use crate::world::environment::{Environment, rounded_up};
+use crate::world::robot::Robot;
 
 /// Where the robot is.
 #[derive(Args, Clone, Debug, Default)]
@@ -64,31 +61,6 @@ impl PlaceArgs {
         let port = self.place.clone().or_else(|| self.named.port.clone());
         SourceArgs { port, ..self.named.clone() }
     }
-}
-
-/// A line to a robot.
-pub trait Source {
-    /// Sends some bytes, lets a few milliseconds pass, and returns what came. The time is the robot's
-    /// where that is known, else this PC's.
-    ///
-    /// # Errors
-    /// If there is no way on: a port that is gone comes back, and is none.
-    fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)>;
-
-    /// Why nothing comes, if that is known.
-    fn trouble(&self) -> Option<&str> {
-        None
-    }
-}
-
-/// A way to a robot, and its name for people.
-pub struct Way<'r> {
-    /// The line.
-    pub source: Box<dyn Source + 'r>,
-    /// Its name.
-    pub name: String,
-    /// It leaves this program: others may speak there, too.
-    pub is_real: bool,
 }
 
 impl SourceArgs {

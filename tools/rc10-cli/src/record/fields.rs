@@ -7,8 +7,8 @@ use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
 use rc10_motor::{ArmState, Condition, DriveMode, Fault, Feedback, Link, TargetKind};
 
-use crate::look::{BusLook, MotorLook, RemoteLook, RobotLook};
-use crate::remote::Loss;
+use crate::recording::look::{BusLook, MotorLook, RemoteLook, RobotLook};
+use crate::recording::remote::Loss;
 
 /// One field of a message about a `T`: a number, NaN where there is none.
 pub struct Field<T> {
@@ -343,7 +343,7 @@ mod tests {
     use rc10_can::Micros;
 
     use super::*;
-    use crate::remote::Lost;
+    use crate::robot::remote::Lost;
 
     /// Each field of a table is put back where it is taken from, and nowhere else.
     fn assert_sound<T>(table: &[&[Field<T>]], mut it: T) {

@@ -19,15 +19,15 @@ const BEGIN: u64 = MAGIC.len() as u64;
 const EARLY: &str = "it ends too early";
 
 /// One channel of a file.
-pub(super) struct Channel {
-    pub(super) topic: String,
-    pub(super) map: BTreeMap<String, String>,
+pub(crate) struct Channel {
+    pub(crate) topic: String,
+    pub(crate) map: BTreeMap<String, String>,
     /// Names of its numbers; `None` if it has something else.
-    pub(super) columns: Option<Vec<String>>,
+    pub(crate) columns: Option<Vec<String>>,
 }
 
 /// What stands in a file, in its order.
-pub(super) enum Item<'a> {
+pub(crate) enum Item<'a> {
     /// A number is given to a channel.
     Channel(u16, Channel),
     /// A message of it: the time in nanoseconds, and its bytes.
@@ -40,7 +40,7 @@ pub(super) enum Item<'a> {
 ///
 /// # Errors
 /// If it is no MCAP file, or `take` has one.
-pub(super) fn walk(
+pub(crate) fn walk(
     file: &mut (impl Read + Seek),
     mut take: impl FnMut(Item<'_>) -> Result<()>,
 ) -> Result<Option<String>> {

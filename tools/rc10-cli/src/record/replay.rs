@@ -1,15 +1,11 @@
 //! Reads a record: `rc10 report` and `rc10 csv`.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::{self, BufWriter, Read, Seek, Write};
+use std::collections::BTreeMap;
+use std::io::{Read, Seek};
 use std::iter::zip;
-use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use anyhow::{Context, Result, bail, ensure};
-use clap::Args;
-use mcap::MAGIC;
 use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
@@ -19,116 +15,22 @@ use rc10_motor::{DriveMode, Fault as MotorFault, Loops, TargetKind};
 use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
 use super::file::{Channel, Item, walk};
 use super::{CDR, END, LAYOUT, VALUE, VERSION, topic};
-use crate::decode::{BusOfChannel, hear};
-use crate::description::Description;
-use crate::environment::Environment;
-use crate::figures::{Figures, to_json};
-use crate::look::{BusLook, Moment, MotorLook};
-use crate::ports::Ports;
-use crate::problems::{self, Problem};
-use crate::recorder::{Recorder, WireEnd};
-use crate::recording::{Gap, Recording, SAMPLE_PERIOD, Source};
-use crate::remote::{Loss, Lost, Receiver};
-use crate::robot::Robot;
-use crate::run::{Unfinished, make_folder, print, write_files};
-use crate::signal::Signal;
-use crate::terminal::{Plain, tell};
-
-/// Arguments of `rc10 report`.
-#[derive(Args, Debug)]
-pub struct ReportArgs {
-    /// A record, which --record of `rc10 run` or `rc10 emu` wrote; or captures of the robot's buses: logs
-    /// of candump or python-can
-    #[arg(required = true, value_name = "FILE")]
-    pub files: Vec<PathBuf>,
-    /// Which of the robot's buses an interface of a capture is; canN is bus N+1 unless told. Repeatable
-    #[arg(long = "bus", value_name = "CHANNEL=NUMBER")]
-    pub buses: Vec<BusOfChannel>,
-    /// Folder for report.html
-    #[arg(long, value_name = "DIR", default_value = "target/rc10-report")]
-    pub out: PathBuf,
-    /// Print one JSON object instead of tables
-    #[arg(long)]
-    pub json: bool,
-    /// Exit code 3 if the run had problems
-    #[arg(long)]
-    pub strict: bool,
-}
-
-/// Arguments of `rc10 csv`.
-#[derive(Args, Debug)]
-pub struct CsvArgs {
-    /// The record: what --record of `rc10 run` and `rc10 emu` wrote, or another MCAP file of `ros2msg`
-    /// numbers
-    pub record: PathBuf,
-    /// Folder for the files, one for each topic
-    #[arg(long, value_name = "DIR", default_value = "target/rc10-csv")]
-    pub out: PathBuf,
-}
-
-/// Makes the report of a record. Whether the run had problems.
-///
-/// # Errors
-/// As [`replay`], and if the folder cannot be written.
-pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
-    let names = args.files.iter().map(|file| file.display().to_string());
-    let named = names.collect::<Vec<_>>().join(", ");
-    let (recording, cut) = if is_record(&args.files[0])? {
-        let [file] = args.files.as_slice() else {
-            bail!("{named}: one record at a time");
-        };
-        ensure!(args.buses.is_empty(), "--bus is for captures: a record has the robot's own buses");
-        replay(&mut open(file)?, robot).with_context(|| named.clone())?
-    } else {
-        let heard = hear(&args.files, &args.buses, robot, &mut Plain(io::stderr().lock()));
-        (heard.with_context(|| named.clone())?, None)
-    };
-    let figures = Figures::of(&recording);
-    make_folder(&args.out)?;
-    write_files(&recording, &figures, &args.out)?;
-    let length = recording.length.get() as f64 / 1e6;
-    if let Some(why) = cut {
-        tell(format_args!("{named}: cut off after {length} s: {why}"));
-    }
-    for gap in recording.gaps.iter().take(GAPS) {
-        let at = gap.at.get() as f64 / 1e6;
-        tell(format_args!(
-            "{named}: {gap} at {at} s; it is left out, and what follows is that much nearer"
-        ));
-    }
-    if let more @ 1.. = recording.gaps.len().saturating_sub(GAPS) {
-        tell(format_args!("{named}: {more} such gaps more"));
-    }
-    if args.json {
-        writeln!(out, "{}", to_json(&recording, &figures, None))?;
-    } else {
-        let seed = match recording.source {
-            Source::Capture | Source::Robot => String::new(),
-            _ => format!(", seed {}", recording.seed),
-        };
-        let headline = format!("{length} s of {named}{seed}");
-        print(&recording, &figures, &headline, &args.out, out)?;
-    }
-    Ok(figures.any_problems())
-}
-
-/// So many gaps are told one by one.
-const GAPS: usize = 5;
-
-/// Whether a file begins as a record does.
-fn is_record(path: &Path) -> Result<bool> {
-    let cannot = || format!("cannot read {}", path.display());
-    let mut begin = Vec::new();
-    open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin).with_context(cannot)?;
-    Ok(begin == MAGIC)
-}
-
-fn open(path: &Path) -> Result<File> {
-    File::open(path).with_context(|| format!("cannot read {}", path.display()))
-}
+use crate::record::recorder::Recorder;
+use crate::recording::look::{BusLook, Moment, MotorLook};
+use crate::recording::problem::Problem;
+use crate::recording::remote::Loss;
+use crate::recording::sample::Source;
+use crate::recording::sample::{SAMPLE_PERIOD, WireEnd};
+use crate::recording::{Gap, Recording, problem};
+use crate::robot::description::Description;
+use crate::robot::remote::{Lost, Receiver};
+use crate::robot::signal::Signal;
+use crate::world::environment::Environment;
+use crate::world::ports::Ports;
+use crate::world::robot::Robot;
 
 /// The numbers of a message; fewer if it is too short.
-fn numbers(bytes: &[u8]) -> Result<impl Iterator<Item = f64>> {
+pub(crate) fn numbers(bytes: &[u8]) -> Result<impl Iterator<Item = f64>> {
     let body = bytes.strip_prefix(&CDR).context("a message is not little-endian CDR")?;
     ensure!(body.len().is_multiple_of(8), "a message of {} bytes", bytes.len());
     let (words, _) = body.as_chunks::<8>();
@@ -505,7 +407,7 @@ impl<'d> Replay<'d> {
             let text =
                 "not known: the program on the robot does not tell it; is it older than this one?";
             let problem = Problem::information(
-                problems::About::Part(track.label),
+                problem::About::Part(track.label),
                 "not-told",
                 text.to_owned(),
             );
@@ -689,99 +591,6 @@ impl Replay<'_> {
         }
         Ok(())
     }
-}
-
-/// A table that is being written. It is in its place when it is whole.
-struct Table {
-    name: String,
-    rows: usize,
-    is_text: bool,
-    file: BufWriter<File>,
-    beside: Unfinished,
-}
-
-/// Writes the numbers and events of a record as CSV files, one for each topic.
-///
-/// # Errors
-/// If the file is none, or the folder cannot be written.
-pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
-    let mut file = open(&args.record)?;
-    let named = || args.record.display().to_string();
-    let mut tables: BTreeMap<u16, Table> = BTreeMap::new();
-    let mut names = BTreeSet::new();
-    let cut = walk(&mut file, |item| {
-        match item {
-            Item::Channel(id, Channel { topic, columns, .. }) if !tables.contains_key(&id) => {
-                make_folder(&args.out)?;
-                let name = file_name(&topic, &mut names);
-                let beside = Unfinished::new(&args.out.join(&name));
-                let mut file = BufWriter::new(beside.create()?);
-                let head = columns.as_ref().map_or_else(|| "label".into(), |all| all.join(","));
-                writeln!(file, "time_s,{head}")?;
-                let is_text = columns.is_none();
-                tables.insert(id, Table { name, rows: 0, is_text, file, beside });
-            }
-            Item::Message(id, time, bytes) => {
-                let Some(Table { rows, is_text, file, .. }) = tables.get_mut(&id) else {
-                    bail!("a message of a channel that is not declared");
-                };
-                *rows += 1;
-                write!(file, "{}.{:09}", time / 1_000_000_000, time % 1_000_000_000)?;
-                if *is_text {
-                    write!(file, ",{}", label(bytes).replace([',', '\n', '"'], " "))?;
-                } else {
-                    // An empty cell for what there is not.
-                    for value in numbers(bytes)? {
-                        let value = if value.is_nan() { String::new() } else { value.to_string() };
-                        write!(file, ",{value}")?;
-                    }
-                }
-                writeln!(file)?;
-            }
-            _ => {}
-        }
-        Ok(())
-    })
-    .with_context(named)?;
-    for Table { name, rows, mut file, beside, .. } in tables.into_values() {
-        let path = args.out.join(name);
-        let written = file.flush().and_then(|()| beside.put(&path));
-        written.with_context(|| format!("cannot write {}", path.display()))?;
-        writeln!(out, "{rows:>8} rows  {}", path.display())?;
-    }
-    if let Some(why) = cut {
-        tell(format_args!("{}: cut off: {why}", args.record.display()));
-    }
-    Ok(())
-}
-
-/// A file's name for a topic, on every system: of letters, digits, `-` and `_`, none that Windows keeps for
-/// itself, and none that is taken.
-fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
-    let safe = |letter: char| match letter {
-        '/' => '-',
-        letter if letter.is_alphanumeric() || letter == '-' => letter,
-        _ => '_',
-    };
-    let mut name: String = topic.trim_start_matches('/').chars().take(80).map(safe).collect();
-    let device = name.to_lowercase();
-    let numbered = device.strip_prefix("com").or_else(|| device.strip_prefix("lpt"));
-    if matches!(device.as_str(), "con" | "prn" | "aux" | "nul")
-        || numbered.is_some_and(|rest| rest.chars().count() == 1)
-    {
-        name.push('_');
-    }
-    // Files that differ by case alone are one file elsewhere.
-    while !taken.insert(name.to_lowercase()) {
-        name.push('_');
-    }
-    name + ".csv"
-}
-
-/// The text of a message that is one string; nothing of others.
-fn label(bytes: &[u8]) -> String {
-    let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
-    String::from_utf8_lossy(text).into_owned()
 }
 
 #[cfg(test)]

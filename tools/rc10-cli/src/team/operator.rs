@@ -5,7 +5,7 @@ use rc10_can::Micros;
 use rc10_robot::table::{FEEDER, FULL_STICK, GIMBAL_RATES, LIFT_RATE};
 use rc10_sim::remote::{Controls, Stick, Switch};
 
-use crate::remote::Line;
+use crate::robot::remote::Line;
 
 /// It begins again after this.
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);

@@ -1,0 +1,79 @@
+//! Arguments that several commands have: what goes wrong on purpose, times, seeds.
+
+use anyhow::{Result, bail};
+use clap::Args;
+use rc10_can::Micros;
+use rc10_sim::fault;
+use rc10_sim::fault::Fault;
+
+use crate::robot::mistake;
+use crate::robot::mistake::Mistake;
+use crate::world::robot::Robot;
+
+/// What goes wrong on purpose.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Injected {
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
+}
+
+impl Injected {
+    /// Puts it into a robot that is to be simulated by `command`.
+    ///
+    /// # Errors
+    /// If that cannot happen to the robot, or there is no chip that it could happen to.
+    pub fn put_into(&self, robot: &mut Robot<'_>, command: &str) -> Result<()> {
+        if let Some(Fault { kind, .. }) = self.faults.iter().find(|fault| fault.kind.is_of_chip()) {
+            bail!("--fault {kind}: {command} has no chip to do that to; rc10 emu does it");
+        }
+        robot.set_faults(&self.faults)?;
+        robot.set_mistakes(&self.mistakes)
+    }
+
+    /// Whether nothing does.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.faults.is_empty() && self.mistakes.is_empty()
+    }
+}
+
+/// A number of seconds with up to six decimals, exactly.
+pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
+    const WANTED: &str = "must be a number of seconds from 0.001 to 3600";
+    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+    let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    if whole.is_empty()
+        || whole.len() > 4
+        || !digits(whole)
+        || !digits(fraction)
+        || fraction.len() > 6
+    {
+        return Err(WANTED.into());
+    }
+    let micros = format!("{whole}{fraction:0<6}").parse().map_err(|_| WANTED)?;
+    match micros {
+        1000..=3_600_000_000 => Ok(Micros::new(micros)),
+        _ => Err(WANTED.into()),
+    }
+}
+
+/// A seed.
+pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {
+    text.parse().map_err(|_| "must be a whole number from 0 to 18446744073709551615")
+}
+
+/// # Errors
+/// If a fault would begin when all is over.
+pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
+    match faults.iter().find(|fault| fault.from >= end.into()) {
+        Some(Fault { kind, from, .. }) => {
+            let [from, end] = [from.micros(), end].map(|time| time.get() as f64 * 1e-6);
+            bail!("{kind} would begin at {from} s, after the end at {end} s: see --seconds")
+        }
+        None => Ok(()),
+    }
+}

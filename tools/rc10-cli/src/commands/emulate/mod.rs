@@ -1,0 +1,130 @@
+//! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's environment.
+
+pub(crate) mod output;
+pub(crate) mod problems;
+pub(crate) mod text;
+
+use std::fs;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use rc10_can::Micros;
+use rc10_emu::Board;
+
+use crate::args::{Injected, check_end, seconds, seed};
+use crate::commands::emulate::output::Outcome;
+use crate::files::{make_folder, write_file};
+use crate::record::RecordWriter;
+use crate::run::board;
+use crate::run::emulation::{Emulation, Setup};
+use crate::show::figures::{Figures, verdict};
+use crate::show::print::print_files;
+use crate::show::report::write_files;
+use crate::world::robot::Robot;
+
+/// Arguments of `rc10 emu`.
+#[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
+pub struct EmuArgs {
+    /// The program to run; without one the firmware is built first
+    pub elf: Option<PathBuf>,
+    /// Virtual seconds to run, up to 3600
+    #[arg(long, value_name = "S", default_value = "1", value_parser = seconds)]
+    pub seconds: Micros,
+    /// Seed of everything random in the world: two runs with one seed are the same to the bit
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
+    pub seed: u64,
+    /// Million instructions a second that the core executes at its full clock [default: as many as
+    /// a Cortex-M4 would]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub mips: Option<u64>,
+    /// The board, h723zg or dm-mc02 [default: the one that the program is for]; without a program, the one to build it for
+    #[arg(long, value_name = "NAME", value_parser = board::named)]
+    pub board: Option<Board>,
+    /// Its crystal, if another one is soldered on by mistake
+    #[arg(long, value_name = "MHZ", value_parser = board::crystal)]
+    pub crystal: Option<u64>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub injected: Injected,
+    /// Folder for report.html, the bus logs and what the chip's UARTs said
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
+    pub out: PathBuf,
+    /// Write a record: every millisecond of every motor as it is seen from outside, for rc10 report,
+    /// rc10 csv and viewers of MCAP files
+    #[arg(long, value_name = "FILE.mcap")]
+    pub record: Option<PathBuf>,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Exit code 3 if the run had problems
+    #[arg(long)]
+    pub strict: bool,
+    /// Run even if the motors of a bus do not fit on it, and write over the file of --record
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Runs a program, writes the files, prints the figures. Whether the run had problems.
+///
+/// # Errors
+/// If there is no program, or it is none, or one for another chip; if a fault cannot happen; if the
+/// robot's motors do not fit on their buses; if the folder cannot be written.
+pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
+    check_end(&args.injected.faults, args.seconds)?;
+    robot.fit(args.force)?;
+    let path = match (&args.elf, robot.description().firmware) {
+        (Some(path), _) => path.clone(),
+        (None, Some(build)) => build(args.board)?,
+        (None, None) => bail!("this robot does not say how to build a firmware: name an ELF file"),
+    };
+    let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let setup = Setup {
+        seed: args.seed,
+        speed: args.mips.map(|mips| mips * 1_000_000),
+        rate: None,
+        faults: args.injected.faults.clone(),
+        mistakes: args.injected.mistakes.clone(),
+        console: None,
+        board: args.board,
+        crystal: args.crystal,
+    };
+    let started = Instant::now();
+    let named = || path.display().to_string();
+    let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
+    make_folder(&args.out)?;
+    let record = match &args.record {
+        Some(path) => Some(RecordWriter::new(path, args.force, &emulation.heading())?),
+        None => None,
+    };
+    let (mut emulation, mut recording) =
+        emulation.record_into(args.seconds, record).with_context(named)?;
+    let took = started.elapsed();
+    recording.faults.clone_from(&args.injected.faults);
+    let mut figures = Figures::of(&recording);
+    let Emulation { rig, description, .. } = &mut emulation;
+    let log = rig.machine.take_log();
+    problems::search(rig, description, &recording, &log, &mut figures.problems);
+    problems::warnings(&log, &recording, &mut figures.problems);
+    write_files(&recording, &figures, &args.out)?;
+    let sent = emulation.rig.machine.soc().take_sent();
+    let texts = text::of(&sent);
+    for text in &texts {
+        write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
+    }
+    let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.injected.faults, &log);
+    if args.json {
+        writeln!(out, "{:#}", outcome.to_json())?;
+    } else {
+        out.write_all(outcome.text(took).as_bytes())?;
+        print_files(&recording, &args.out, out)?;
+        for text in &texts {
+            writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
+        }
+        write!(out, "\n{}", verdict(&recording, &figures))?;
+    }
+    Ok(figures.any_problems())
+}

@@ -1,0 +1,284 @@
+//! The figures of a run on the emulated chip: text for people, JSON for programs.
+
+use std::fmt;
+use std::fmt::Write as _;
+use std::time::Duration;
+
+use rc10_emu::memory::FLASH;
+use rc10_emu::{BusFigures, ExceptionCost, Figures, LogLine, Rig, Spread};
+use rc10_sim::{Fault, Nanos};
+use serde_json::{Value, json};
+
+use crate::commands::emulate::problems::cause_of;
+use crate::recording::Recording;
+use crate::run::emulation::content_hash;
+use crate::show::figures::{
+    Figures as RunFigures, line_table, lines_json, motor_table, problems_json, remote_json,
+    remote_lines,
+};
+
+/// Number of functions that are listed.
+const TOP_FUNCTIONS: usize = 12;
+
+/// A run that has ended.
+pub(super) struct Outcome<'a> {
+    rig: &'a Rig,
+    figures: Figures,
+    recording: &'a Recording,
+    run: &'a RunFigures,
+    faults: &'a [Fault],
+    log: &'a [LogLine],
+}
+
+fn micros(time: Nanos) -> f64 {
+    time.get() as f64 * 1e-3
+}
+
+fn seconds(time: Nanos) -> f64 {
+    time.get() as f64 * 1e-9
+}
+
+/// The shortest and longest of all buses, the mean over all ticks.
+fn over_all(buses: &[BusFigures]) -> Option<Spread> {
+    let periods = || buses.iter().filter_map(|bus| bus.tick_period);
+    let count: u64 = periods().map(|period| period.count).sum();
+    let sum: u64 = periods().map(|period| period.mean.get() * period.count).sum();
+    Some(Spread {
+        count,
+        min: periods().map(|period| period.min).min()?,
+        mean: Nanos::new(sum.checked_div(count)?),
+        max: periods().map(|period| period.max).max()?,
+    })
+}
+
+fn spread(period: Spread) -> Value {
+    let Spread { min, mean, max, .. } = period;
+    json!({ "min": micros(min), "mean": micros(mean), "max": micros(max) })
+}
+
+impl<'a> Outcome<'a> {
+    pub(super) fn new(
+        rig: &'a Rig,
+        recording: &'a Recording,
+        run: &'a RunFigures,
+        faults: &'a [Fault],
+        log: &'a [LogLine],
+    ) -> Self {
+        Self { rig, figures: Figures::of(rig), recording, run, faults, log }
+    }
+
+    /// Everything that happened at one moment, in the order of time.
+    fn timeline(&self) -> Vec<(Nanos, String)> {
+        let machine = &self.rig.machine;
+        let mut lines: Vec<(Nanos, String)> = Vec::new();
+        for Fault { kind, from, until } in self.faults {
+            lines.push((
+                *from,
+                format!("fault {kind}{}", if until.is_some() { " begins" } else { "" }),
+            ));
+            let ended = until.filter(|&until| until <= self.figures.length);
+            lines.extend(ended.map(|until| (until, format!("fault {kind} ends"))));
+        }
+        lines.extend(self.log.iter().map(|line| (line.at, line.text.clone())));
+        lines.extend(
+            machine.reports().iter().map(|report| (report.at, format!("CHIP  {}", report.text))),
+        );
+        let restart = |restart: &rc10_emu::Restart| {
+            (restart.at, format!("CHIP  restart, cause: {}", cause_of(restart, machine, self.log)))
+        };
+        lines.extend(machine.restarts().iter().map(restart));
+        // Stable: the program's last words come before the restart.
+        lines.sort_by_key(|line| line.0);
+        lines
+    }
+
+    pub(super) fn to_json(&self) -> Value {
+        let Self { rig, figures, recording, .. } = self;
+        let machine = &rig.machine;
+        let per = |part: u64| figures.instructions.checked_div(part);
+        let at = |at: Nanos, text: &str| json!({ "at_us": micros(at), "text": text });
+        let functions = machine.profile().by_function(machine.image());
+        json!({
+            "seed": recording.seed,
+            "board": machine.board().name,
+            "crystal_hz": machine.board().crystal_hz,
+            "virtual_seconds": seconds(figures.length),
+            "frames": figures.buses.iter().map(|bus| bus.frames).sum::<u64>(),
+            "content_hash": content_hash(rig),
+            "rx_lost": figures.lost(),
+            "tick_period_us": over_all(&figures.buses).map(spread),
+            "boot_us": figures.boot.map(micros),
+            "instructions": figures.instructions,
+            "instructions_per_tick": per(figures.ticks()),
+            "instructions_per_received_frame": per(figures.received()),
+            "stack_bytes": figures.stack_bytes,
+            "static_ram_bytes": machine.image().ram,
+            "flash_bytes": machine.image().flash,
+            "unowned_accesses": figures.unowned_accesses,
+            "gated_accesses": figures.gated_accesses,
+            "restarts": machine.restarts().iter().map(|restart| json!({
+                "at_us": micros(restart.at),
+                "cause": cause_of(restart, machine, self.log),
+            })).collect::<Vec<_>>(),
+            "buses": figures.buses.iter().zip(1..).map(|(bus, number)| json!({
+                "bus": number,
+                "frames": bus.frames,
+                "sent": bus.sent,
+                "received": bus.received,
+                "rx_lost": bus.lost,
+                "foreign": bus.foreign,
+                "failed": bus.failed,
+                "bus_offs": bus.bus_offs,
+                "load_percent": bus.load,
+                "tick_period_us": bus.tick_period.map(spread),
+            })).collect::<Vec<_>>(),
+            "lines": lines_json(recording),
+            "motors": recording.motors.iter().map(|track| json!({
+                "motor": track.motor.label,
+                "bus": track.motor.on.bus(),
+                "line": track.motor.on.line(),
+                "link": format!("{:?}", track.last.link),
+                "rpm": track.samples.last().map(|sample| sample.rpm),
+                "received": track.last.counters.received,
+                "malformed": track.last.counters.malformed,
+                "feedback_overwritten": track.overwritten,
+            })).collect::<Vec<_>>(),
+            "remote": remote_json(recording),
+            "problems": problems_json(self.run),
+            "functions": functions.iter().take(TOP_FUNCTIONS).map(|(name, instructions)| json!({
+                "function": name,
+                "instructions": instructions,
+            })).collect::<Vec<_>>(),
+            "reports": machine.reports().iter().map(|report| at(report.at, &report.text))
+                .collect::<Vec<_>>(),
+            "log": self.log.iter().map(|line| at(line.at, &line.text)).collect::<Vec<_>>(),
+        })
+    }
+
+    /// `took` is how long it took on this machine.
+    pub(super) fn text(&self, took: Duration) -> String {
+        let mut text = String::new();
+        // Writing to a string does not fail.
+        let _ = self.write(&mut text, took);
+        text
+    }
+
+    fn write(&self, text: &mut String, took: Duration) -> fmt::Result {
+        for (at, line) in self.timeline() {
+            writeln!(text, "{:>10.3} ms  {line}", micros(at) * 1e-3)?;
+        }
+        let virtual_seconds = seconds(self.figures.length);
+        let took = took.as_secs_f64();
+        let (seed, board) = (self.recording.seed, self.rig.machine.board());
+        writeln!(
+            text,
+            "\n{virtual_seconds:.3} s on the emulated chip in {took:.1} s, seed {seed}; board {}, {} with {} MHz\n",
+            board.name,
+            board.chip,
+            board.crystal_hz as f64 * 1e-6,
+        )?;
+        writeln!(text, "{}", motor_table(self.recording, self.run).text())?;
+        self.write_buses(text)?;
+        if let Some(lines) = line_table(self.recording) {
+            writeln!(text, "\n{}", lines.text())?;
+        }
+        writeln!(text, "{}", remote_lines(self.recording))?;
+        self.write_figures(text)?;
+        self.write_exceptions(text)?;
+        self.write_functions(text)
+    }
+
+    fn write_buses(&self, text: &mut String) -> fmt::Result {
+        writeln!(
+            text,
+            "{:<5} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>8} {:>8}  tick period us, min / mean / max",
+            "bus", "load %", "frames", "sent", "received", "lost", "foreign", "failed", "bus-offs",
+        )?;
+        for (bus, number) in self.figures.buses.iter().zip(1..) {
+            let BusFigures {
+                load, frames, sent, received, lost, foreign, failed, bus_offs, ..
+            } = bus;
+            let period = bus.tick_period.map_or("-".into(), |period| {
+                let [min, mean, max] = [period.min, period.mean, period.max].map(micros);
+                format!("{min:.2} / {mean:.2} / {max:.2}")
+            });
+            writeln!(
+                text,
+                "{number:<5} {load:>8.1} {frames:>8} {sent:>8} {received:>9} {lost:>6} {foreign:>8} \
+                 {failed:>8} {bus_offs:>8}  {period}",
+            )?;
+        }
+        Ok(())
+    }
+
+    fn write_figures(&self, text: &mut String) -> fmt::Result {
+        let figures = &self.figures;
+        let image = self.rig.machine.image();
+        match figures.boot.map(micros) {
+            Some(boot) => {
+                writeln!(
+                    text,
+                    "boot           {boot:.1} us from the final clock to the first frames"
+                )?;
+            }
+            None => writeln!(text, "boot           never: a bus has seen no frame from the chip")?,
+        }
+        let total = figures.instructions;
+        let per = |part: u64| total.checked_div(part).map_or("-".into(), |n| n.to_string());
+        writeln!(
+            text,
+            "instructions   {total} ({:.2} million a second), {} a tick, {} a received frame",
+            total as f64 * 1e-6 / seconds(figures.length),
+            per(figures.ticks()),
+            per(figures.received()),
+        )?;
+        writeln!(
+            text,
+            "memory         stack {} + static {} bytes of RAM, {} bytes of flash",
+            figures.stack_bytes, image.ram, image.flash
+        )?;
+        writeln!(
+            text,
+            "bad accesses   {} unowned, {} without a clock",
+            figures.unowned_accesses, figures.gated_accesses
+        )?;
+        writeln!(text, "content        {}\n", content_hash(self.rig))
+    }
+
+    /// The share of all instructions, per cent.
+    fn share(&self, instructions: u64) -> f64 {
+        instructions as f64 * 100.0 / self.figures.instructions.max(1) as f64
+    }
+
+    fn write_exceptions(&self, text: &mut String) -> fmt::Result {
+        writeln!(text, "{:>12} {:>6} {:>10}  exception", "instructions", "%", "entries")?;
+        for cost in self.rig.machine.profile().by_exception() {
+            let ExceptionCost { exception, entries, instructions, .. } = cost;
+            let name = match exception.checked_sub(16) {
+                Some(number) => format!("interrupt {number} ({})", self.handler(exception)),
+                None if exception == 0 => "thread mode".into(),
+                None => format!("exception {exception} ({})", self.handler(exception)),
+            };
+            let share = self.share(instructions);
+            writeln!(text, "{instructions:>12} {share:>6.1} {entries:>10}  {name}")?;
+        }
+        Ok(())
+    }
+
+    /// The function that handles an exception.
+    fn handler(&self, exception: u16) -> &str {
+        let machine = &self.rig.machine;
+        let address = machine.memory().word(FLASH + 4 * u32::from(exception)).unwrap_or(0) & !1;
+        machine.image().function_at(address).map_or("?", |(_, name)| name)
+    }
+
+    fn write_functions(&self, text: &mut String) -> fmt::Result {
+        writeln!(text, "\n{:>12} {:>6}  function", "instructions", "%")?;
+        let machine = &self.rig.machine;
+        let functions = machine.profile().by_function(machine.image());
+        for (name, instructions) in functions.into_iter().take(TOP_FUNCTIONS) {
+            writeln!(text, "{instructions:>12} {:>6.1}  {name}", self.share(instructions))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,130 @@
+//! Problems of the emulated chip itself.
+
+use std::collections::BTreeSet;
+
+use rc10_emu::{Figures, LogLine, Machine, Restart, Rig};
+use rc10_sim::fault::Kind;
+
+use crate::recording::Recording;
+use crate::recording::excuse::is_excused;
+use crate::recording::problem::{About, Problem};
+use crate::robot::description::Description;
+use crate::robot::motor::Place;
+use crate::run::board;
+
+/// Adds what the program warns of in its log, once each. Where a fault is injected, it has reason to.
+pub(super) fn warnings(log: &[LogLine], recording: &Recording, found: &mut Vec<Problem>) {
+    let mut told = BTreeSet::new();
+    for line in log.iter().filter(|_| recording.faults.is_empty()) {
+        let Some(text) = line.text.strip_prefix("warn").map(str::trim_start) else { continue };
+        if told.insert(text) {
+            let at = line.at.get() as f64 * 1e-9;
+            let text = format!("the program warns from {at:.2} s on: {text}");
+            found.push(Problem::new(About::Chip, "warning", text));
+        }
+    }
+}
+
+/// The cause of a restart; of a program that hung with the function that it hung in, by the address that its next run
+/// has told.
+pub(super) fn cause_of(restart: &Restart, machine: &Machine, log: &[LogLine]) -> String {
+    let cause = format!("{:?}", restart.cause);
+    let next = machine.restarts().iter().map(|other| other.at).find(|&at| at > restart.at);
+    let mut after = log.iter().skip_while(|line| line.at <= restart.at);
+    let told = after.find_map(|line| Some((line.at, line.text.split_once("hung at 0x")?.1)));
+    let address = told.filter(|(at, _)| next.is_none_or(|next| *at <= next));
+    let address = address.and_then(|(_, text)| u32::from_str_radix(text.get(..8)?, 16).ok());
+    match address.and_then(|address| machine.function_at(address)) {
+        Some(function) => format!("{cause}, hung in {function}"),
+        None => cause,
+    }
+}
+
+/// Adds what is to be said of the chip. What its faults must do is no problem.
+pub(super) fn search(
+    rig: &Rig,
+    description: &Description,
+    recording: &Recording,
+    log: &[LogLine],
+    found: &mut Vec<Problem>,
+) {
+    let figures = Figures::of(rig);
+    let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
+    let made_for = rig.machine.image().made_for.as_ref();
+    if let Some(text) = board::mismatch(made_for, &rig.machine.board()) {
+        problem(About::Chip, "wrong-board", text);
+    }
+    if figures.boot.is_none() {
+        let text = "a bus has seen no frame from it".to_owned();
+        problem(About::Chip, "silent", text);
+    }
+    // Between a crystal that stops and the restart the PLL is the chip's own oscillator's, and its
+    // outputs run for a moment before the core has switched to it: no order of steps avoids that.
+    let stops = recording.faults.iter().filter(|fault| fault.kind == Kind::CrystalStops);
+    let rescues: Vec<_> = stops
+        .map(|fault| {
+            let restarts = rig.machine.restarts().iter().map(|restart| restart.at);
+            (fault.from, restarts.into_iter().find(|&at| at > fault.from))
+        })
+        .collect();
+    let is_rescue = |at| {
+        rescues.iter().any(|&(from, until)| at >= from && until.is_some_and(|until| at <= until))
+    };
+    for report in rig.machine.reports().iter().filter(|report| !is_rescue(report.at)) {
+        let at = report.at.get() as f64 * 1e-6;
+        problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
+    }
+    let crashes = |kind: &Kind| {
+        use Kind::{CrystalStops, Hang, HardFault, Mask, Panic};
+        matches!(kind, Panic | HardFault | Hang(_) | Mask | CrystalStops)
+    };
+    let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
+    for restart in rig.machine.restarts().iter().skip(crashed) {
+        let at = restart.at.get() as f64 * 1e-6;
+        let cause = cause_of(restart, &rig.machine, log);
+        problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {cause}"));
+    }
+    for part in description.serials.iter().filter(|part| !rig.machine.listens(part.uart)) {
+        let uart = part.uart;
+        let (about, name) = (About::Part(part.label), rig.machine.board().name);
+        found.push(if part.label == "IMU" && rig.machine.board().imu.is_some() {
+            let text = format!("not read at UART {uart}: {name} has one of its own");
+            Problem::information(about, "not-read", text)
+        } else {
+            let text = format!(
+                "never read by the chip: the program does not switch on UART {uart}, at which it is"
+            );
+            Problem::new(about, "not-read", text)
+        });
+    }
+    let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
+    for (number, part) in (1..).zip(&description.lines) {
+        let garbled = rig.machine.garbled(part.uart);
+        if garbled > 0 {
+            let text = format!("{garbled} bytes of another baud rate or format");
+            problem(About::Line(number), "garbled", text);
+        }
+        if recording
+            .lines
+            .get(usize::from(number) - 1)
+            .is_some_and(|line| line.traffic.exchanges + line.traffic.timeouts == 0)
+        {
+            let text = format!("no command from UART {}: is its driver enabled?", part.uart);
+            problem(About::Line(number), "silent", text);
+        }
+    }
+    for (number, bus) in (1..).zip(&figures.buses) {
+        // Counted over the whole run: a fault on the bus excuses all of it.
+        let excused = recording
+            .faults
+            .iter()
+            .any(|fault| is_excused(&recording.faults, Place::Bus(number), fault.from.micros()));
+        for (count, kind, what) in
+            [(bus.lost, "rx-lost", "received frames lost"), (bus.bus_offs, "bus-off", "× bus-off")]
+        {
+            if count > 0 && !excused {
+                problem(About::Bus(number), kind, format!("{count} {what}"));
+            }
+        }
+    }
+}

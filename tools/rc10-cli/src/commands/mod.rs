@@ -1,0 +1,8 @@
+//! The commands of `rc10` that run, read or write something once.
+
+pub mod decode;
+pub mod emulate;
+pub mod new;
+pub mod pty;
+pub mod report;
+pub mod run;

@@ -1,0 +1,209 @@
+//! `rc10 report` and `rc10 csv`: a record, or captures, as a report and as tables.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io;
+use std::io::{BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use mcap::MAGIC;
+
+use crate::decode::BusOfChannel;
+use crate::decode::heard::hear;
+use crate::files::{Unfinished, make_folder};
+use crate::record::file::{Channel, Item, walk};
+use crate::record::replay::{numbers, replay};
+use crate::recording::sample::Source;
+use crate::show::figures::{Figures, to_json};
+use crate::show::print::print;
+use crate::show::report::write_files;
+use crate::terminal::{Plain, tell};
+use crate::world::robot::Robot;
+
+/// Arguments of `rc10 report`.
+#[derive(Args, Debug)]
+pub struct ReportArgs {
+    /// A record, which --record of `rc10 run` or `rc10 emu` wrote; or captures of the robot's buses: logs
+    /// of candump or python-can
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Which of the robot's buses an interface of a capture is; canN is bus N+1 unless told. Repeatable
+    #[arg(long = "bus", value_name = "CHANNEL=NUMBER")]
+    pub buses: Vec<BusOfChannel>,
+    /// Folder for report.html
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-report")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Exit code 3 if the run had problems
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// Makes the report of a record. Whether the run had problems.
+///
+/// # Errors
+/// As [`replay`], and if the folder cannot be written.
+pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
+    let names = args.files.iter().map(|file| file.display().to_string());
+    let named = names.collect::<Vec<_>>().join(", ");
+    let (recording, cut) = if is_record(&args.files[0])? {
+        let [file] = args.files.as_slice() else {
+            bail!("{named}: one record at a time");
+        };
+        ensure!(args.buses.is_empty(), "--bus is for captures: a record has the robot's own buses");
+        replay(&mut open(file)?, robot).with_context(|| named.clone())?
+    } else {
+        let heard = hear(&args.files, &args.buses, robot, &mut Plain(io::stderr().lock()));
+        (heard.with_context(|| named.clone())?, None)
+    };
+    let figures = Figures::of(&recording);
+    make_folder(&args.out)?;
+    write_files(&recording, &figures, &args.out)?;
+    let length = recording.length.get() as f64 / 1e6;
+    if let Some(why) = cut {
+        tell(format_args!("{named}: cut off after {length} s: {why}"));
+    }
+    for gap in recording.gaps.iter().take(GAPS) {
+        let at = gap.at.get() as f64 / 1e6;
+        tell(format_args!(
+            "{named}: {gap} at {at} s; it is left out, and what follows is that much nearer"
+        ));
+    }
+    if let more @ 1.. = recording.gaps.len().saturating_sub(GAPS) {
+        tell(format_args!("{named}: {more} such gaps more"));
+    }
+    if args.json {
+        writeln!(out, "{}", to_json(&recording, &figures, None))?;
+    } else {
+        let seed = match recording.source {
+            Source::Capture | Source::Robot => String::new(),
+            _ => format!(", seed {}", recording.seed),
+        };
+        let headline = format!("{length} s of {named}{seed}");
+        print(&recording, &figures, &headline, &args.out, out)?;
+    }
+    Ok(figures.any_problems())
+}
+
+/// Arguments of `rc10 csv`.
+#[derive(Args, Debug)]
+pub struct CsvArgs {
+    /// The record: what --record of `rc10 run` and `rc10 emu` wrote, or another MCAP file of `ros2msg`
+    /// numbers
+    pub record: PathBuf,
+    /// Folder for the files, one for each topic
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-csv")]
+    pub out: PathBuf,
+}
+
+/// Writes the numbers and events of a record as CSV files, one for each topic.
+///
+/// # Errors
+/// If the file is none, or the folder cannot be written.
+pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
+    let mut file = open(&args.record)?;
+    let named = || args.record.display().to_string();
+    let mut tables: BTreeMap<u16, Table> = BTreeMap::new();
+    let mut names = BTreeSet::new();
+    let cut = walk(&mut file, |item| {
+        match item {
+            Item::Channel(id, Channel { topic, columns, .. }) if !tables.contains_key(&id) => {
+                make_folder(&args.out)?;
+                let name = file_name(&topic, &mut names);
+                let beside = Unfinished::new(&args.out.join(&name));
+                let mut file = BufWriter::new(beside.create()?);
+                let head = columns.as_ref().map_or_else(|| "label".into(), |all| all.join(","));
+                writeln!(file, "time_s,{head}")?;
+                let is_text = columns.is_none();
+                tables.insert(id, Table { name, rows: 0, is_text, file, beside });
+            }
+            Item::Message(id, time, bytes) => {
+                let Some(Table { rows, is_text, file, .. }) = tables.get_mut(&id) else {
+                    bail!("a message of a channel that is not declared");
+                };
+                *rows += 1;
+                write!(file, "{}.{:09}", time / 1_000_000_000, time % 1_000_000_000)?;
+                if *is_text {
+                    write!(file, ",{}", label(bytes).replace([',', '\n', '"'], " "))?;
+                } else {
+                    // An empty cell for what there is not.
+                    for value in numbers(bytes)? {
+                        let value = if value.is_nan() { String::new() } else { value.to_string() };
+                        write!(file, ",{value}")?;
+                    }
+                }
+                writeln!(file)?;
+            }
+            _ => {}
+        }
+        Ok(())
+    })
+    .with_context(named)?;
+    for Table { name, rows, mut file, beside, .. } in tables.into_values() {
+        let path = args.out.join(name);
+        let written = file.flush().and_then(|()| beside.put(&path));
+        written.with_context(|| format!("cannot write {}", path.display()))?;
+        writeln!(out, "{rows:>8} rows  {}", path.display())?;
+    }
+    if let Some(why) = cut {
+        tell(format_args!("{}: cut off: {why}", args.record.display()));
+    }
+    Ok(())
+}
+
+/// A table that is being written. It is in its place when it is whole.
+struct Table {
+    name: String,
+    rows: usize,
+    is_text: bool,
+    file: BufWriter<File>,
+    beside: Unfinished,
+}
+
+/// A file's name for a topic, on every system: of letters, digits, `-` and `_`, none that Windows keeps for
+/// itself, and none that is taken.
+fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
+    let safe = |letter: char| match letter {
+        '/' => '-',
+        letter if letter.is_alphanumeric() || letter == '-' => letter,
+        _ => '_',
+    };
+    let mut name: String = topic.trim_start_matches('/').chars().take(80).map(safe).collect();
+    let device = name.to_lowercase();
+    let numbered = device.strip_prefix("com").or_else(|| device.strip_prefix("lpt"));
+    if matches!(device.as_str(), "con" | "prn" | "aux" | "nul")
+        || numbered.is_some_and(|rest| rest.chars().count() == 1)
+    {
+        name.push('_');
+    }
+    // Files that differ by case alone are one file elsewhere.
+    while !taken.insert(name.to_lowercase()) {
+        name.push('_');
+    }
+    name + ".csv"
+}
+
+/// The text of a message that is one string; nothing of others.
+fn label(bytes: &[u8]) -> String {
+    let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
+    String::from_utf8_lossy(text).into_owned()
+}
+
+/// So many gaps are told one by one.
+const GAPS: usize = 5;
+
+/// Whether a file begins as a record does.
+fn is_record(path: &Path) -> Result<bool> {
+    let cannot = || format!("cannot read {}", path.display());
+    let mut begin = Vec::new();
+    open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin).with_context(cannot)?;
+    Ok(begin == MAGIC)
+}
+
+fn open(path: &Path) -> Result<File> {
+    File::open(path).with_context(|| format!("cannot read {}", path.display()))
+}

@@ -1,0 +1,355 @@
+//! The meaning of the frames in a candump log: every frame goes through the robot's own buses and
+//! motors, so what is printed is what the robot would have understood.
+
+pub(crate) mod heard;
+pub(crate) mod print;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::FromStr;
+
+use rc10_can::embedded_can::Id;
+use rc10_can::{CanFrame, Micros};
+use rc10_motor::dji::{Model, RawFeedback};
+use rc10_motor::signals::{Marks, Message};
+use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus, dji};
+
+use crate::formats::candump::Line;
+use crate::robot::description::Description;
+use crate::robot::motor::Motor;
+
+/// `can0=1`: the interface `can0` is the robot's bus 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BusOfChannel {
+    /// The interface, as the log calls it.
+    pub channel: String,
+    /// The first one is 1.
+    pub bus: u8,
+}
+
+impl FromStr for BusOfChannel {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (channel, bus) = text
+            .split_once('=')
+            .filter(|(channel, _)| !channel.is_empty())
+            .ok_or_else(|| "write it as CHANNEL=NUMBER, such as can0=2".to_owned())?;
+        match bus.parse() {
+            Ok(number @ 1..) => Ok(Self { channel: channel.to_owned(), bus: number }),
+            _ => Err(format!("the robot's buses have numbers from 1 on, not {bus:?}")),
+        }
+    }
+}
+
+pub(crate) fn unreadable(file: &Path) -> String {
+    format!("cannot read {}", file.display())
+}
+
+/// The beginning of a line, with nothing in it that a terminal would obey.
+pub(crate) fn excerpt(text: &str) -> String {
+    const LONGEST: usize = 60;
+    let more = if text.chars().nth(LONGEST).is_some() { ".." } else { "" };
+    format!("\"{}\"{more}", text.chars().take(LONGEST).collect::<String>().escape_debug())
+}
+
+/// The messages in the tables of a bus's motors, in their order; a message that is sent to several
+/// motors comes once.
+pub(crate) fn known_on(robot: &Description, bus: u8) -> Vec<Known<'_>> {
+    let mut all: Vec<Known<'_>> = Vec::new();
+    for motor in robot.on_bus(bus) {
+        for message in motor.messages() {
+            match all.iter_mut().find(|(_, known)| *known == message && !message.from_device) {
+                Some((whose, _)) => *whose = None,
+                None => all.push((Some(motor), message)),
+            }
+        }
+    }
+    all
+}
+
+/// A message, and its motor; `None`: it is sent to several.
+pub(crate) type Known<'d> = (Option<&'d Motor>, Message);
+
+/// The robot's buses, which only listen here.
+pub(crate) struct Decoder<'d, 'm> {
+    pub(crate) robot: &'d Description,
+    /// The messages in the tables of the motors, bus by bus.
+    pub(crate) messages: Vec<Vec<Known<'d>>>,
+    pub(crate) buses: Vec<MotorBus<'m>>,
+    /// The newest time in the log: that of frames without one.
+    pub(crate) newest: Micros,
+}
+
+/// A decoded frame.
+pub(crate) enum Meaning<'d> {
+    Feedback {
+        motor: &'d Motor,
+        raw: Option<RawFeedback>,
+        feedback: Feedback,
+    },
+    /// A frame that a motor's tables describe.
+    Message {
+        /// `None`: several.
+        motor: Option<&'d Motor>,
+        message: Message,
+    },
+    /// A motor's answer to a request, of which its tables say nothing.
+    Unasked {
+        motor: &'d Motor,
+    },
+    Command(Vec<Lane<'d>>),
+    Malformed {
+        motor: Option<&'d Motor>,
+        error: FrameError,
+    },
+    Unknown,
+}
+
+/// Two bytes of a command frame.
+pub(crate) struct Lane<'d> {
+    /// 1 ..= 4.
+    number: u8,
+    raw: i16,
+    /// The motor that they command.
+    motor: Option<&'d Motor>,
+}
+
+/// Everything of DJI that can be on a bus, also where the robot has none: their command frames are
+/// known.
+const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
+
+impl<'d> Decoder<'d, '_> {
+    /// The meaning of a frame on a bus of the robot (the first one is 1).
+    pub(crate) fn decode(&mut self, bus: u8, line: &Line<'_>) -> Meaning<'d> {
+        let frame = &line.frame;
+        let at = line.at.unwrap_or(self.newest);
+        self.newest = at;
+        if let Id::Standard(id) = frame.id()
+            && !frame.is_remote()
+            && MODELS.iter().any(|model| model.command_ids.contains(&id.as_raw()))
+            && self.robot.on_bus(bus).any(|motor| motor.dji().is_some())
+        {
+            return command(self.robot, bus, frame);
+        }
+        // An LK drive takes commands at the identifier of its answers: what is sent to a motor is no
+        // feedback of it.
+        if let Some(message) = self.message(bus, frame, |_, message| !message.from_device) {
+            return message;
+        }
+        let described = |id: MotorId| self.robot.on_bus(bus).nth(id.index());
+        let Some(motors) = self.buses.get_mut(usize::from(bus) - 1) else {
+            return Meaning::Unknown;
+        };
+        let dispatch = motors.on_frame(frame, at);
+        let message = match dispatch {
+            Dispatch::Malformed(id, error) => {
+                return Meaning::Malformed { motor: described(id), error };
+            }
+            Dispatch::Unclaimed => self.message(bus, frame, |_, message| message.from_device),
+            Dispatch::Unasked(id) => {
+                let whose = described(id);
+                self.message(bus, frame, |motor, message| message.from_device && is(motor, whose))
+            }
+            // What its motor takes for feedback is nothing that marks would tell from it.
+            Dispatch::Motor(id) => {
+                let whose = described(id).filter(|motor| motor.dji().is_none());
+                self.message(bus, frame, |motor, message| {
+                    let is_marked = message.marks != Marks::NONE;
+                    message.from_device && !is_marked && is(motor, whose)
+                })
+            }
+        };
+        let (Dispatch::Motor(id) | Dispatch::Unasked(id)) = dispatch else {
+            return message.unwrap_or(Meaning::Unknown);
+        };
+        let status = self.buses.get(usize::from(bus) - 1).and_then(|motors| motors.status(id, at));
+        let (None, Some(motor), Some(status)) = (&message, described(id), status) else {
+            return message.unwrap_or(Meaning::Unknown);
+        };
+        if let Dispatch::Unasked(_) = dispatch {
+            return Meaning::Unasked { motor };
+        }
+        // DJI's motors tell more themselves than their tables do: the angle behind the gearbox.
+        let raw = motor.dji().and_then(|_| frame.all_eight()).map(RawFeedback::unpack);
+        Meaning::Feedback { motor, raw, feedback: status.feedback }
+    }
+
+    /// The most special message of a bus's motors that a frame is, of those that are wanted.
+    fn message(
+        &self,
+        bus: u8,
+        frame: &CanFrame,
+        wanted: impl Fn(Option<&'d Motor>, &Message) -> bool,
+    ) -> Option<Meaning<'d>> {
+        let mut messages = self.messages.get(usize::from(bus) - 1)?.iter().rev();
+        let &(motor, message) =
+            messages.find(|(motor, message)| message.matches(frame) && wanted(*motor, message))?;
+        Some(Meaning::Message { motor, message })
+    }
+
+    /// The motors of a bus with their status, in the order of the table.
+    pub(crate) fn motors(&self, bus: u8) -> impl Iterator<Item = (&'d Motor, MotorStatus)> {
+        let motors = self.buses.get(usize::from(bus) - 1).into_iter();
+        let status = |motors: &MotorBus<'_>, id| motors.status(id, self.newest);
+        let statuses =
+            motors.flat_map(move |motors| motors.ids().filter_map(move |id| status(motors, id)));
+        self.robot.on_bus(bus).zip(statuses)
+    }
+}
+
+/// Whether it is that very motor.
+fn is(one: Option<&Motor>, other: Option<&Motor>) -> bool {
+    one.zip(other).is_some_and(|(one, other)| std::ptr::eq(one, other))
+}
+
+/// The lanes of a command frame that a motor takes, and those that no motor takes.
+fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d> {
+    let Some(bytes) = frame.all_eight() else {
+        return Meaning::Malformed { motor: None, error: FrameError::Length };
+    };
+    let commands = |motor: &Motor, lane: usize| {
+        let place = motor.dji().and_then(|(model, id)| model.command_lane(id).ok());
+        place.is_some_and(|(id, byte)| Id::Standard(id) == frame.id() && byte == lane * 2)
+    };
+    let lanes = (1..).zip(bytes.chunks_exact(2)).enumerate().map(|(index, (number, pair))| Lane {
+        number,
+        raw: i16::from_be_bytes([pair[0], pair[1]]),
+        motor: robot.on_bus(bus).find(|motor| commands(motor, index)),
+    });
+    Meaning::Command(lanes.filter(|lane| lane.motor.is_some() || lane.raw != 0).collect())
+}
+
+/// Counters of the lines of a log.
+#[derive(Default)]
+pub(crate) struct Summary {
+    /// Number of the robot's buses.
+    buses: u8,
+    told: Vec<BusOfChannel>,
+    pub(crate) lines: u64,
+    pub(crate) broken_lines: u64,
+    frames: u64,
+    feedback: u64,
+    commands: u64,
+    malformed: u64,
+    unknown: u64,
+    channels: BTreeMap<String, Channel>,
+}
+
+/// Counters of one interface.
+#[derive(Default)]
+pub(crate) struct Channel {
+    bus: Option<u8>,
+    frames: u64,
+    /// Frames that say nothing to the robot, by identifier and whether it is a remote request.
+    unknown: BTreeMap<(Id, bool), u64>,
+    /// Those of identifiers that came when [`MOST_IDS`] others were in `unknown`.
+    unknown_further: u64,
+}
+
+/// Some devices put data into extended identifiers; a log of theirs shall not fill the memory.
+pub(crate) const MOST_IDS: usize = 1000;
+
+impl Summary {
+    pub(crate) fn new(told: &[BusOfChannel], buses: u8) -> anyhow::Result<Self> {
+        for (index, one) in told.iter().enumerate() {
+            let BusOfChannel { channel, bus } = one;
+            anyhow::ensure!(
+                (1..=buses).contains(bus),
+                "--bus {channel}={bus}: the robot has buses 1 to {buses}"
+            );
+            for other in &told[..index] {
+                let (channel, bus) = (&one.channel, one.bus);
+                anyhow::ensure!(*channel != other.channel, "--bus: {channel} is given twice");
+                let other_channel = &other.channel;
+                anyhow::ensure!(
+                    bus != other.bus,
+                    "--bus: {other_channel} and {channel} cannot both be bus {bus}"
+                );
+            }
+        }
+        Ok(Self { buses, told: told.to_vec(), ..Self::default() })
+    }
+
+    /// Which bus an interface is: what was told; else canN is bus N+1, if no other one was told to
+    /// be it.
+    pub(crate) fn bus_of(&self, channel: &str) -> Option<u8> {
+        if let Some(told) = self.told.iter().find(|told| told.channel == channel) {
+            return Some(told.bus);
+        }
+        let stock = (1..=self.buses).find(|bus| channel == format!("can{}", bus - 1));
+        stock.filter(|bus| self.told.iter().all(|told| told.bus != *bus))
+    }
+
+    /// Takes note of an interface; a hint when the first frame comes from one that is no bus.
+    pub(crate) fn greet(&mut self, name: &str) -> Option<String> {
+        if self.channels.contains_key(name) {
+            return None;
+        }
+        let bus = self.bus_of(name);
+        self.channels.insert(name.to_owned(), Channel { bus, ..Channel::default() });
+        if bus.is_some() {
+            return None;
+        }
+        let is_free = |bus: &u8| {
+            let taken = self.channels.values().any(|channel| channel.bus == Some(*bus));
+            !taken && self.told.iter().all(|told| told.bus != *bus)
+        };
+        let free = (1..=self.buses).find(is_free).unwrap_or(1);
+        Some(format!(
+            "{name}: no bus of the robot (1 to {}), its frames are not decoded; --bus {name}={free} \
+             makes it one",
+            self.buses
+        ))
+    }
+
+    /// Remarks on the interfaces that were told, but never came.
+    pub(crate) fn silent(&self) -> impl Iterator<Item = String> {
+        let came: Vec<&str> = self.channels.keys().map(String::as_str).collect();
+        let came = if came.is_empty() { "no frames".to_owned() } else { came.join(", ") };
+        let silent = self.told.iter().filter(|told| !self.channels.contains_key(&told.channel));
+        silent.map(move |BusOfChannel { channel, bus }| {
+            format!("--bus {channel}={bus}: no frame came on {channel}; the log has {came}")
+        })
+    }
+
+    /// Decodes and counts a frame; `None`: it is unknown.
+    pub(crate) fn count<'d>(
+        &mut self,
+        decoder: &mut Decoder<'d, '_>,
+        line: &Line<'_>,
+    ) -> Option<(u8, Meaning<'d>)> {
+        let channel = self.channels.get_mut(line.channel)?;
+        self.frames += 1;
+        channel.frames += 1;
+        let meaning = channel.bus.map(|bus| (bus, decoder.decode(bus, line)));
+        match &meaning {
+            Some((_, Meaning::Message { message, .. })) if !message.from_device => {
+                self.commands += 1;
+            }
+            Some((_, Meaning::Command(_))) => self.commands += 1,
+            Some((
+                _,
+                Meaning::Feedback { .. } | Meaning::Message { .. } | Meaning::Unasked { .. },
+            )) => self.feedback += 1,
+            Some((_, Meaning::Malformed { .. })) => self.malformed += 1,
+            None | Some((_, Meaning::Unknown)) => {
+                self.unknown += 1;
+                channel.note_unknown(&line.frame);
+                return None;
+            }
+        }
+        meaning
+    }
+}
+
+impl Channel {
+    fn note_unknown(&mut self, frame: &CanFrame) {
+        let key = (frame.id(), frame.is_remote());
+        if self.unknown.len() < MOST_IDS || self.unknown.contains_key(&key) {
+            *self.unknown.entry(key).or_default() += 1;
+        } else {
+            self.unknown_further += 1;
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! Whole files: written beside their place, and put there when they are whole.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use anyhow::{Context, Result};
+
+/// Makes the folder for a run's files, if it is not there.
+///
+/// # Errors
+/// If it cannot be made.
+pub fn make_folder(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))
+}
+
+/// A file that is written beside its place, and removed unless it is put there.
+pub(crate) struct Unfinished(PathBuf);
+
+impl Unfinished {
+    /// For this place.
+    pub(crate) fn new(path: &Path) -> Self {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        Self(path.with_file_name(format!(".{name}.{}", std::process::id())))
+    }
+
+    pub(crate) fn create(&self) -> Result<File> {
+        File::create(&self.0).with_context(|| format!("cannot write {}", self.0.display()))
+    }
+
+    pub(crate) fn put(self, path: &Path) -> io::Result<()> {
+        fs::rename(&self.0, path)
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+/// Writes a whole file or none.
+pub(crate) fn write_file(folder: &Path, name: &str, content: &[u8]) -> Result<()> {
+    let path = folder.join(name);
+    let beside = Unfinished::new(&path);
+    let written = fs::write(&beside.0, content).and_then(|()| beside.put(&path));
+    written.with_context(|| format!("cannot write {}", path.display()))
+}

@@ -1,0 +1,146 @@
+//! The form of the file. Source: the DBC format as `cantools` and `SavvyCAN` read it.
+
+use std::fmt::{self, Display, Formatter};
+
+use rc10_motor::signals::{ByteOrder, Kind, Presence};
+
+use crate::formats::dbc::model::{Dbc, Frame, NamedSignal, number};
+use crate::formats::dbc::names::Name;
+
+impl Dbc {
+    /// The file. Characters that Windows-1252 does not have are question marks.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let text = self.to_string().replace('π', "pi");
+        text.chars().map(|character| u8::try_from(character).unwrap_or(b'?')).collect()
+    }
+
+    fn node(&self, place: usize) -> &str {
+        &self.nodes[place].0.short
+    }
+
+    fn list(&self, places: &[usize], between: &str) -> String {
+        places.iter().map(|&place| self.node(place)).collect::<Vec<_>>().join(between)
+    }
+}
+
+impl Display for Dbc {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "VERSION \"\"\n\nNS_ :\n\nBS_:\n")?;
+        write!(f, "BU_:")?;
+        self.nodes.iter().try_for_each(|(name, _)| write!(f, " {}", name.short))?;
+        writeln!(f)?;
+        self.frames.iter().try_for_each(|frame| self.frame(f, frame))?;
+        writeln!(f)?;
+        for frame in self.frames.iter().filter(|frame| frame.senders.len() > 1) {
+            let senders = self.list(&frame.senders, ",");
+            writeln!(f, "BO_TX_BU_ {} : {senders};", number(frame.id))?;
+        }
+        self.comments(f)?;
+        self.long_names(f)?;
+        for (id, signal) in
+            self.signals().filter(|(_, signal)| signal.signal.values().next().is_some())
+        {
+            write!(f, "VAL_ {id} {}", signal.name.short)?;
+            for (raw, meaning) in signal.signal.values() {
+                write!(f, " {raw} {}", Text(meaning))?;
+            }
+            writeln!(f, " ;")?;
+        }
+        for (id, signal) in self.signals().filter(|(_, signal)| signal.signal.kind == Kind::Float) {
+            writeln!(f, "SIG_VALTYPE_ {id} {} : 1;", signal.name.short)?;
+        }
+        Ok(())
+    }
+}
+
+impl Dbc {
+    fn signals(&self) -> impl Iterator<Item = (u32, &NamedSignal)> {
+        let of = |frame: &'_ Frame| number(frame.id);
+        self.frames.iter().flat_map(move |frame| frame.signals.iter().map(move |s| (of(frame), s)))
+    }
+
+    fn frame(&self, f: &mut Formatter<'_>, frame: &Frame) -> fmt::Result {
+        let sender = frame.senders.first().map_or("Vector__XXX", |&place| self.node(place));
+        let (id, name, len) = (number(frame.id), &frame.name.short, frame.len);
+        writeln!(f, "\nBO_ {id} {name}: {len} {sender}")?;
+        for NamedSignal { name, signal, receivers } in &frame.signals {
+            write!(f, " SG_ {}", name.short)?;
+            match signal.presence {
+                Presence::Always => (),
+                Presence::Switch => write!(f, " M")?,
+                Presence::If(value) => write!(f, " m{value}")?,
+            }
+            let order = match signal.order {
+                ByteOrder::Little => 1,
+                ByteOrder::Big => 0,
+            };
+            let sign = if signal.kind == Kind::Unsigned { '+' } else { '-' };
+            let (start, bits) = (signal.start, signal.bits);
+            let (factor, offset) = (signal.factor, signal.offset);
+            write!(f, " : {start}|{bits}@{order}{sign} ({factor},{offset}) [0|0]")?;
+            writeln!(f, " {} {}", Text(signal.unit), self.list(receivers, ","))?;
+        }
+        Ok(())
+    }
+
+    fn comments(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let mut about = format!("{}, made by rc10 dbc.", self.bus);
+        if !self.left_out.is_empty() {
+            about += " Not in this file:";
+            self.left_out.iter().for_each(|line| about += &format!("\n* {line}"));
+        }
+        writeln!(f, "CM_ {};", Text(&about))?;
+        for (name, comment) in &self.nodes {
+            writeln!(f, "CM_ BU_ {} {};", name.short, Text(comment))?;
+        }
+        Ok(())
+    }
+
+    /// The names that were cut, in whole.
+    fn long_names(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let is_cut = |name: &Name| name.short != name.long;
+        let nodes: Vec<_> = self.nodes.iter().filter(|(name, _)| is_cut(name)).collect();
+        let frames: Vec<_> = self.frames.iter().filter(|frame| is_cut(&frame.name)).collect();
+        let signals: Vec<_> = self.signals().filter(|(_, signal)| is_cut(&signal.name)).collect();
+        for (any, object, attribute) in [
+            (!nodes.is_empty(), "BU_", "SystemNodeLongSymbol"),
+            (!frames.is_empty(), "BO_", "SystemMessageLongSymbol"),
+            (!signals.is_empty(), "SG_", "SystemSignalLongSymbol"),
+        ] {
+            if any {
+                writeln!(f, "BA_DEF_ {object}  \"{attribute}\" STRING ;")?;
+                writeln!(f, "BA_DEF_DEF_  \"{attribute}\" \"\";")?;
+            }
+        }
+        for (Name { short, long }, _) in nodes {
+            writeln!(f, "BA_ \"SystemNodeLongSymbol\" BU_ {short} \"{long}\";")?;
+        }
+        for Frame { name, id, .. } in frames {
+            let id = number(*id);
+            writeln!(f, "BA_ \"SystemMessageLongSymbol\" BO_ {id} \"{}\";", name.long)?;
+        }
+        for (id, NamedSignal { name: Name { short, long }, .. }) in signals {
+            writeln!(f, "BA_ \"SystemSignalLongSymbol\" SG_ {id} {short} \"{long}\";")?;
+        }
+        Ok(())
+    }
+}
+
+/// A quoted text. The format has no way to write a quotation mark in it that all tools read.
+struct Text<'t>(&'t str);
+
+impl Display for Text<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let text: String = self
+            .0
+            .chars()
+            .map(|character| match character {
+                '"' => '\'',
+                '\\' => '/',
+                character => character,
+            })
+            .collect();
+        write!(f, "\"{text}\"")
+    }
+}

@@ -1,0 +1,379 @@
+use std::collections::VecDeque;
+
+use rc10_can::CanFrame;
+use rc10_sim::{Bus, Nanos, TraceEntry};
+
+use crate::formats::slcan::{BELL, Command, DONE, Lines, Malformed, write_frame};
+
+/// `V`: hardware 01, software 01.
+const VERSION: &[u8] = b"V0101\r";
+/// `N`.
+const SERIAL_NUMBER: &[u8] = b"NRC10\r";
+/// `S8`: 1 Mbit/s, the rate of every simulated bus.
+const BUS_BIT_RATE: u8 = 8;
+/// Status flags, Lawicel: transmit queue full, data overrun.
+const TRANSMIT_FULL: u8 = 1 << 1;
+const DATA_OVERRUN: u8 = 1 << 3;
+/// Frames of the client that may wait for the bus.
+const TRANSMIT_QUEUE: usize = 64;
+/// Times begin again after a minute.
+const TIME_PERIOD_MILLIS: u64 = 60_000;
+
+/// Whether the adapter is on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Not: it hears and sends nothing.
+    Closed,
+    /// It hears, and does not send.
+    Listening,
+    /// It hears and sends.
+    Open,
+}
+
+/// Counters of an adapter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames of the wire that were written to the client.
+    pub to_client: u64,
+    /// Frames of the client that were taken for the wire.
+    pub from_client: u64,
+    /// Frames of the wire that the client was too slow to read.
+    pub not_read: u64,
+    /// Frames of the client that came while the channel was closed or only listening.
+    pub not_open: u64,
+    /// Frames of the client that came while its transmit queue was full.
+    pub queue_full: u64,
+    /// Frames of the client that still wait for the bus.
+    pub not_sent: u64,
+    /// Lines that were no command.
+    pub malformed: u64,
+    /// Number of times that the channel was to be opened at another bit rate than the bus's.
+    pub wrong_bit_rate: u64,
+}
+
+/// Flow control for a client that does not read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// Lossy: beyond this number of unread bytes, received frames are lost and counted.
+    Lossy(usize),
+    /// Lossless: everything is kept, and the caller waits for the client.
+    Lossless,
+}
+
+/// An adapter between a client's bytes and a simulated wire: a state machine without input, output
+/// and clock of its own. Its owner lets time pass in the world and calls
+/// [`hear`](Self::hear).
+///
+/// The client is a foreign node on the wire: see [`Bus::inject`]. It does not hear what it sends.
+pub struct Adapter {
+    wire: Bus,
+    flow: Flow,
+    /// The wire's own controller belongs to this adapter alone: it is plugged in while the channel
+    /// is open, and acknowledges.
+    has_controller: bool,
+    lines: Lines,
+    channel: Channel,
+    bit_rate: u8,
+    times: bool,
+    status: u8,
+    /// Given to the wire, and not seen there yet.
+    waiting: VecDeque<CanFrame>,
+    /// Bytes for the client to read.
+    out: Vec<u8>,
+    counts: Counts,
+}
+
+impl Adapter {
+    /// An adapter whose channel is closed. `has_controller`: no robot of ours is on the wire, and
+    /// the wire's own controller is this adapter's.
+    #[must_use]
+    pub fn new(wire: Bus, flow: Flow, has_controller: bool) -> Self {
+        let adapter = Self {
+            wire,
+            flow,
+            has_controller,
+            lines: Lines::default(),
+            channel: Channel::Closed,
+            bit_rate: BUS_BIT_RATE,
+            times: false,
+            status: 0,
+            waiting: VecDeque::new(),
+            out: Vec::new(),
+            counts: Counts::default(),
+        };
+        adapter.plug();
+        adapter
+    }
+
+    /// The commands that bytes of the client complete, to be [answered](Self::answer) one after
+    /// another.
+    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<Command, Malformed>> {
+        self.lines.take(bytes)
+    }
+
+    /// Does what a line says. `true` if the client has let time pass with it, for a caller that
+    /// counts time by the client's traffic: it sent a frame, or an empty line while the channel was
+    /// open.
+    pub fn answer(&mut self, command: Result<Command, Malformed>) -> bool {
+        let Ok(command) = command else {
+            self.counts.malformed += 1;
+            self.out.push(BELL);
+            return false;
+        };
+        match command {
+            Command::Nothing => {
+                self.out.push(DONE);
+                return self.channel != Channel::Closed;
+            }
+            Command::Send(frame) => return self.send(frame),
+            Command::Open => self.open(Channel::Open),
+            Command::Listen => self.open(Channel::Listening),
+            Command::Close => {
+                self.channel = Channel::Closed;
+                self.plug();
+                self.out.push(DONE);
+            }
+            Command::BitRate(rate) => {
+                self.bit_rate = rate;
+                self.out.push(DONE);
+            }
+            Command::Version => self.out.extend(VERSION),
+            Command::SerialNumber => self.out.extend(SERIAL_NUMBER),
+            Command::Status => {
+                let flags = std::mem::take(&mut self.status);
+                self.out.extend(format!("F{flags:02X}\r").into_bytes());
+            }
+            Command::Times(times) => {
+                self.times = times;
+                self.out.push(DONE);
+            }
+        }
+        false
+    }
+
+    fn open(&mut self, channel: Channel) {
+        if self.bit_rate != BUS_BIT_RATE {
+            self.counts.wrong_bit_rate += 1;
+            self.out.push(BELL);
+            return;
+        }
+        self.channel = channel;
+        self.plug();
+        self.out.push(DONE);
+    }
+
+    fn plug(&self) {
+        if self.has_controller {
+            self.wire.set_cut(self.channel != Channel::Open);
+        }
+    }
+
+    fn send(&mut self, frame: CanFrame) -> bool {
+        let taken = if self.channel != Channel::Open {
+            self.counts.not_open += 1;
+            false
+        } else if self.waiting.len() >= TRANSMIT_QUEUE {
+            self.counts.queue_full += 1;
+            self.status |= TRANSMIT_FULL;
+            false
+        } else {
+            self.wire.inject(&frame);
+            self.waiting.push_back(frame);
+            self.counts.from_client += 1;
+            true
+        };
+        self.out.push(if taken { DONE } else { BELL });
+        taken
+    }
+
+    /// Takes from the wire what went over it since the last call.
+    pub fn hear(&mut self) {
+        for entry in self.wire.take_trace() {
+            // The foreign node sends in order. An ESC that sends the very same frame meanwhile
+            // changes nothing: the client hears one of the two.
+            if !entry.from_controller && self.waiting.front() == Some(&entry.frame) {
+                self.waiting.pop_front();
+            } else if self.channel != Channel::Closed {
+                self.write(&entry);
+            }
+        }
+    }
+
+    fn write(&mut self, entry: &TraceEntry) {
+        if matches!(self.flow, Flow::Lossy(room) if self.out.len() >= room) {
+            self.counts.not_read += 1;
+            self.status |= DATA_OVERRUN;
+            return;
+        }
+        let time = self.times.then(|| millis(entry.end));
+        write_frame(&mut self.out, &entry.frame, time);
+        self.counts.to_client += 1;
+    }
+
+    /// The bytes that the client is to read next. The caller removes those that it has passed on.
+    pub const fn out(&mut self) -> &mut Vec<u8> {
+        &mut self.out
+    }
+
+    /// Counters of the traffic so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        Counts { not_sent: self.waiting.len() as u64, ..self.counts }
+    }
+
+    /// Whether it is on the bus.
+    #[must_use]
+    pub const fn channel(&self) -> Channel {
+        self.channel
+    }
+}
+
+fn millis(at: Nanos) -> u16 {
+    (at.get() / 1_000_000 % TIME_PERIOD_MILLIS) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_can::Micros;
+    use rc10_sim::{BusConfig, Esc, EscConfig, Model, World};
+
+    use super::*;
+
+    struct Bench {
+        world: World,
+        wire: Bus,
+        adapter: Adapter,
+        escs: Vec<Esc>,
+    }
+
+    impl Bench {
+        /// A wire with C620s and an adapter with the wire's controller.
+        fn new(escs: u8, flow: Flow) -> Self {
+            let mut world = World::new(5);
+            let wire = world.add_bus(BusConfig::default());
+            let add = |id| wire.add_esc(EscConfig::new(Model::C620, id)).unwrap();
+            let escs = (1..=escs).map(add).collect();
+            let adapter = Adapter::new(wire.clone(), flow, true);
+            Self { world, wire, adapter, escs }
+        }
+
+        /// Sends a text and lets milliseconds pass; what is answered and received.
+        fn say(&mut self, text: &str, millis: u64) -> String {
+            for command in self.adapter.take(text.as_bytes()) {
+                self.adapter.answer(command);
+            }
+            self.world.advance(self.world.now() + Micros::from_millis(millis));
+            self.adapter.hear();
+            String::from_utf8(std::mem::take(self.adapter.out())).unwrap()
+        }
+    }
+
+    #[test]
+    fn an_open_channel_hears_and_sends() {
+        let mut bench = Bench::new(1, Flow::Lossless);
+        assert_eq!(bench.say("C\rS8\r\rO\rO\r", 0), "\r\r\r\r\r");
+        assert_eq!(bench.adapter.channel(), Channel::Open);
+        let heard = bench.say("", 10);
+        let frames: Vec<_> = heard.split_terminator('\r').collect();
+        assert!((9..=11).contains(&frames.len()), "{heard:?}");
+        assert!(frames.iter().all(|line| line.starts_with("t2018") && line.len() == 21));
+        // 4 A to the motor. It obeys, and the client does not hear itself.
+        let heard = bench.say("t20080CCD000000000000\r", 2);
+        assert!(heard.starts_with("\rt2018") && !heard.contains("t200"), "{heard:?}");
+        assert_eq!(bench.escs[0].state().command, 0x0CCD);
+        assert_eq!(bench.adapter.counts().from_client, 1);
+        assert_eq!(bench.adapter.counts().not_sent, 0);
+    }
+
+    #[test]
+    fn a_closed_channel_hears_nothing_and_a_listening_one_sends_nothing() {
+        let mut bench = Bench::new(2, Flow::Lossless);
+        const SEND: &str = "t20080CCD000000000000\r";
+        assert_eq!(bench.say(SEND, 10), "\x07");
+        bench.say("L\r", 0);
+        let heard = bench.say(SEND, 10);
+        assert!(heard.starts_with("\x07t20"), "{heard:?}");
+        bench.say("C\r", 0);
+        assert_eq!(bench.say("", 10), "");
+        assert_eq!(bench.escs[0].state().commands, 0);
+        assert_eq!(bench.adapter.counts().not_open, 2);
+    }
+
+    /// Without a node that acknowledges, frames do not count. An open channel acknowledges.
+    #[test]
+    fn without_the_robot_the_adapter_acknowledges_while_it_is_open() {
+        let mut bench = Bench::new(1, Flow::Lossless);
+        assert_eq!(bench.say("L\r", 10), "\r");
+        assert_eq!(bench.wire.counters().frames, 0);
+        assert!(bench.say("O\r", 10).starts_with("\rt2018"));
+        let frames = bench.wire.counters().frames;
+        assert_eq!(bench.say("C\r", 10), "\r");
+        assert!(bench.wire.counters().frames <= frames + 1);
+    }
+
+    #[test]
+    fn what_is_no_command_changes_nothing() {
+        let mut bench = Bench::new(1, Flow::Lossless);
+        bench.say("O\rZ1\r", 0);
+        let (counts, channel) = (bench.adapter.counts(), bench.adapter.channel());
+        assert_eq!(bench.say("X\rt2018\rS9\rt20080CCD0000000000001\r", 0), "\x07".repeat(4));
+        assert_eq!(bench.adapter.counts(), Counts { malformed: 4, ..counts });
+        assert_eq!(bench.adapter.channel(), channel);
+        bench.say("", 10);
+        assert_eq!(bench.escs[0].state().commands, 0);
+    }
+
+    #[test]
+    fn at_another_bit_rate_the_channel_stays_closed() {
+        let mut bench = Bench::new(1, Flow::Lossless);
+        assert_eq!(bench.say("S6\rO\rL\r", 5), "\r\x07\x07");
+        assert_eq!(bench.adapter.counts().wrong_bit_rate, 2);
+        assert!(bench.say("S8\rO\r", 5).starts_with("\r\rt2018"));
+    }
+
+    #[test]
+    fn questions_are_answered_and_times_are_milliseconds_of_the_minute() {
+        let mut bench = Bench::new(2, Flow::Lossless);
+        assert_eq!(bench.say("V\rN\rF\r", 0), "V0101\rNRC10\rF00\r");
+        bench.say("", 59_990);
+        let heard = bench.say("O\rZ1\r", 20);
+        let times: Vec<_> = heard
+            .split_terminator('\r')
+            .filter(|line| line.starts_with("t201"))
+            .filter_map(|line| Some(u16::from_str_radix(line.get(21..)?, 16).unwrap()))
+            .collect();
+        assert!((19..=21).contains(&times.len()), "{heard:?}");
+        assert!(times[0].abs_diff(59_990) <= 1, "{times:?}");
+        assert!(times.windows(2).all(|pair| pair[1] == (pair[0] + 1) % 60_000), "{times:?}");
+        let heard = bench.say("Z0\r", 2);
+        assert!(
+            heard.split('\r').filter(|line| line.starts_with('t')).all(|line| line.len() == 21)
+        );
+    }
+
+    #[test]
+    fn what_is_not_read_is_counted_and_told() {
+        let mut bench = Bench::new(1, Flow::Lossy(100));
+        bench.say("O\r", 0);
+        let heard = bench.say("", 50);
+        let Counts { to_client, not_read, .. } = bench.adapter.counts();
+        assert_eq!(heard.len() as u64, 22 * to_client);
+        assert_eq!((to_client, to_client + not_read), (5, 50));
+        assert_eq!(bench.say("F\rF\r", 0), "F08\rF00\r");
+    }
+
+    #[test]
+    fn a_full_transmit_queue_refuses_and_says_so() {
+        let mut bench = Bench::new(1, Flow::Lossless);
+        bench.say("O\r", 0);
+        bench.wire.set_held_dominant(true);
+        let answers = bench.say(&"t1230\r".repeat(66), 1);
+        assert_eq!(answers, "\r".repeat(64) + "\x07\x07");
+        let counts = bench.adapter.counts();
+        assert_eq!((counts.from_client, counts.queue_full, counts.not_sent), (64, 2, 64));
+        assert_eq!(bench.say("F\r", 0), "F02\r");
+        bench.wire.set_held_dominant(false);
+        bench.say("", 100);
+        assert_eq!(bench.adapter.counts().not_sent, 0);
+    }
+}

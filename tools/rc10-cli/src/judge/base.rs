@@ -1,0 +1,587 @@
+//! A base, its wheels, and its IMU: whether they say the same.
+
+use rc10_can::Micros;
+use rc10_motor::TargetKind;
+use rc10_motor::dji::Effort;
+use rc10_sim::{Tread, Wheel};
+
+use crate::recording::excuse::is_excused;
+use crate::recording::problem::{About, Problem};
+use crate::recording::sample::{BaseHeard, SAMPLE_PERIOD, seconds, time_of};
+use crate::recording::wheels::Wheels;
+use crate::recording::{BaseTrack, MotorTrack, Recording};
+
+/// Samples of a window: 100 ms.
+pub const WINDOW: usize = 10;
+/// The base's yaw by its IMU and by its wheels differ if they do so by more than this in a window,
+/// rad: 0.2 rad/s ..
+pub const YAW: f64 = 0.02;
+/// .. and by this share of the larger.
+pub const YAW_SHARE: f64 = 0.1;
+/// A wheel's rim goes at a steady speed if its way differs by less than this from the windows
+/// before and after, m: 0.4 m/s².
+pub const STEADY: f64 = 0.004;
+/// Wheels roll if their rims go further than this in a window on average, m: 0.1 m/s.
+pub const ROLLING: f64 = 0.01;
+/// Wheels that roll at a steady speed and push with more than this share of their largest current
+/// push against one another, or against something else.
+pub const PUSH: f64 = 0.2;
+/// Wheels on a rigid base fit one another if they do not slip further than this in a window, m: 0.1 m/s.
+pub const SLIP: f64 = 0.01;
+/// A window in which a wheel is steered by more than this, degrees, is not judged.
+pub const STEERED: f64 = 5.0;
+/// Windows that make a problem ..
+pub const WINDOWS: usize = 3;
+/// .. and those in which wheels push at a steady speed.
+pub const PUSHING: usize = 2;
+/// A base that turned by less than this, rad, tells nothing of its measures.
+pub const TURNED: f64 = 1.0;
+/// Over a whole run IMU and wheels may differ by this share of how far the base turned.
+pub const TURNED_SHARE: f64 = 0.05;
+/// A measurement that shows what no sensor knows.
+pub(super) const MEASURE: &str =
+    "drive 1 m forward, see which way it goes, and measure it on the floor (docs/bring-up.md)";
+
+/// 100 ms in which all wheels followed their targets.
+struct Window {
+    end: Micros,
+    /// What the wheels measure, as they were steered.
+    wheels: Wheels,
+    /// Distance of each rim by the robot's measures, m, forward positive.
+    rims: Vec<f64>,
+    /// Turn of the base by its IMU, rad.
+    imu: Option<f64>,
+    /// Effort of the wheels on average, as a share of their largest current.
+    push: Option<f64>,
+    /// They rolled at a steady speed.
+    is_steady: bool,
+}
+
+impl Window {
+    /// The turn of the base by rims that move so, rad.
+    fn yaw(&self, rims: &[f64]) -> f64 {
+        let [_, _, yaw] = self.wheels.motion(rims);
+        yaw
+    }
+}
+
+/// A cause of trouble with a base, of those that its sensors can tell apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Cause {
+    /// Nothing.
+    None,
+    /// A wheel goes the other way.
+    Direction(usize),
+    /// A wheel goes faster or slower by this factor.
+    Scale(usize, f64),
+    /// The base turns faster or slower than its wheels say, by this factor.
+    Yaw(f64),
+    /// Two wheels are exchanged.
+    Swap(usize, usize),
+}
+
+/// A base, and what its sensors said.
+struct Judged<'r> {
+    base: &'r BaseTrack,
+    wheels: Vec<&'r MotorTrack>,
+    windows: Vec<Window>,
+}
+
+impl<'r> Judged<'r> {
+    fn new(recording: &'r Recording, base: &'r BaseTrack) -> Option<Self> {
+        let tracks = |lines: &[usize]| -> Option<Vec<&'r MotorTrack>> {
+            lines.iter().map(|line| recording.motors.get(*line)).collect()
+        };
+        let wheels = tracks(&base.wheels)?;
+        let all = [wheels.clone(), tracks(&base.steering)?].concat();
+        let mut windows = Vec::new();
+        let last = base.heard.len().saturating_sub(WINDOW + 1);
+        for from in (0..=last).step_by(WINDOW) {
+            // The wheels may have counted anew just before, and the IMU been set to zero.
+            let before = from.saturating_sub(WINDOW / 2);
+            let Some(heard) = base.heard.get(before..=from + WINDOW) else { break };
+            let end = time_of(from + WINDOW);
+            let followed = heard.iter().all(|one| one.wheels.iter().all(|wheel| wheel.follows));
+            let is_disturbed =
+                all.iter().any(|track| is_excused(&recording.faults, track.motor.on, end));
+            if followed && before < from && !is_disturbed && !is_steered(&heard[from - before..]) {
+                windows.push(window(&heard[from - before..], base, &wheels, end));
+            }
+        }
+        for index in 0..windows.len() {
+            let is_near = |other: Option<&Window>| {
+                other.is_some_and(|other| {
+                    let mut pairs = windows[index].rims.iter().zip(&other.rims);
+                    let apart = windows[index].end.get().abs_diff(other.end.get());
+                    apart == SAMPLE_PERIOD.get() * WINDOW as u64
+                        && pairs.all(|(a, b)| (a - b).abs() < STEADY)
+                })
+            };
+            let before = index.checked_sub(1).and_then(|before| windows.get(before));
+            let rims = &windows[index].rims;
+            let rolls = rims.iter().map(|rim| rim.abs()).sum::<f64>() / rims.len().max(1) as f64;
+            let is_steady = rolls > ROLLING && is_near(before) && is_near(windows.get(index + 1));
+            windows[index].is_steady = is_steady;
+        }
+        Some(Self { base, wheels, windows })
+    }
+
+    /// Whether rollers at an angle turn what wheels do into another motion.
+    fn is_mecanum(&self) -> bool {
+        let slants =
+            |wheel: &Wheel| matches!(wheel.tread, Tread::Rollers { slant } if slant != 0.0);
+        self.base.chassis.wheels.iter().any(slants)
+    }
+
+    fn labels<const N: usize>(&self, wheels: [usize; N]) -> [&'static str; N] {
+        wheels.map(|wheel| self.wheels[wheel].motor.label)
+    }
+
+    /// The true motion of the wheels' rims if a cause is true.
+    fn real(&self, cause: Cause, rims: &[f64]) -> Vec<f64> {
+        let sign = |wheel: usize| self.wheels[wheel].motor.sign();
+        let mut real = rims.to_vec();
+        match cause {
+            Cause::None | Cause::Yaw(_) => (),
+            Cause::Direction(wheel) => real[wheel] = -rims[wheel],
+            Cause::Scale(wheel, factor) => real[wheel] = factor * rims[wheel],
+            // Each at the other's place, and seen from the other side if that is mirrored.
+            Cause::Swap(a, b) => {
+                let sides = sign(a) * sign(b);
+                (real[a], real[b]) = (sides * rims[b], sides * rims[a]);
+            }
+        }
+        real
+    }
+
+    /// The turn of the base by its IMU if a cause is true, rad.
+    fn expected(&self, cause: Cause, window: &Window) -> f64 {
+        let factor = if let Cause::Yaw(factor) = cause { factor } else { 1.0 };
+        factor * window.yaw(&self.real(cause, &window.rims))
+    }
+
+    /// Windows with an IMU: what it says, and what the rims do.
+    fn turned(&self) -> impl Iterator<Item = (f64, &Window)> {
+        self.windows.iter().filter_map(|window| Some((window.imu?, window)))
+    }
+
+    /// Windows that can be judged by what the wheels push with.
+    fn pushing(&self) -> impl Iterator<Item = (f64, &Window)> {
+        let steady = self.windows.iter().filter(|window| window.is_steady);
+        steady.filter_map(|window| Some((window.push?, window)))
+    }
+
+    /// The cost of a cause: how badly it explains the measurements, 0 well, 2 not at all.
+    fn cost(&self, cause: Cause) -> f64 {
+        let square = |cause: Cause| {
+            let errors = self.turned().map(|(imu, it)| imu - self.expected(cause, it));
+            errors.map(|error| error * error).sum::<f64>()
+        };
+        let noise = self.turned().count() as f64 * YAW * YAW;
+        let yaw = if noise > 0.0 {
+            (square(cause) / square(Cause::None).max(noise)).min(1.0)
+        } else {
+            0.0
+        };
+        let fights = |window: &Window| window.wheels.slip(&self.real(cause, &window.rims));
+        let wrong = self.pushing().filter(|(push, it)| (*push > PUSH) != (fights(it) > STEADY));
+        let (wrong, all) = (wrong.count() as f64, self.pushing().count() as f64);
+        yaw + wrong / all.max(ENOUGH)
+    }
+
+    /// All causes that can be told apart, with their factors fitted to the IMU.
+    fn causes(&self) -> Vec<Cause> {
+        let mut causes = vec![Cause::None];
+        let count = self.wheels.len();
+        causes.extend((0..count).map(Cause::Direction));
+        for a in 0..count {
+            causes.extend((a + 1..count).map(|b| Cause::Swap(a, b)));
+        }
+        // The share of a motion that explains best what the IMU saw beyond the wheels.
+        let fit = |of: &dyn Fn(&Window) -> f64| {
+            let (mut product, mut square) = (0.0, 0.0);
+            for (imu, window) in self.turned() {
+                product += (imu - window.yaw(&window.rims)) * of(window);
+                square += of(window) * of(window);
+            }
+            (square > 0.0).then(|| 1.0 + product / square)
+        };
+        for wheel in 0..count {
+            let alone = |window: &Window| window.wheels.share(wheel)[2] * window.rims[wheel];
+            let factor = fit(&alone).filter(|factor| *factor > 0.0);
+            causes.extend(factor.map(|factor| Cause::Scale(wheel, factor)));
+        }
+        let factor = fit(&|window| window.yaw(&window.rims)).filter(|factor| *factor > 0.0);
+        causes.extend(factor.map(Cause::Yaw));
+        causes
+    }
+}
+
+/// Whether a wheel was steered meanwhile.
+fn is_steered(heard: &[BaseHeard]) -> bool {
+    let count = heard.first().map_or(0, |one| one.wheels.len());
+    (0..count).any(|wheel| {
+        let angles = || heard.iter().map(|one| one.wheels[wheel].steered);
+        angles().fold(f64::MIN, f64::max) - angles().fold(f64::MAX, f64::min) > STEERED
+    })
+}
+
+fn window(heard: &[BaseHeard], base: &BaseTrack, wheels: &[&MotorTrack], end: Micros) -> Window {
+    let (first, last) = (&heard[0], &heard[heard.len() - 1]);
+    let push = |(wheel, track): (usize, &&MotorTrack)| {
+        let currents = heard.iter().map(|one| one.wheels[wheel].current);
+        let sum = currents.sum::<Option<f64>>()?;
+        Some(sum.abs() / heard.len() as f64 / largest_current(track)?)
+    };
+    let pushes = wheels.iter().enumerate().map(push).sum::<Option<f64>>();
+    Window {
+        end,
+        wheels: Wheels::new(&base.chassis, &BaseHeard::steered(first, last)),
+        rims: base.ways(first, last),
+        imu: last.yaw.zip(first.yaw).map(|(last, first)| (last - first).to_radians()),
+        push: pushes.map(|sum| sum / wheels.len().max(1) as f64),
+        is_steady: false,
+    }
+}
+
+/// A, of a motor whose loops or model tell it.
+fn largest_current(track: &MotorTrack) -> Option<f64> {
+    let of_model = track.motor.dji().and_then(|(model, _)| match model.effort {
+        Effort::Current(amps) => Some(amps),
+        Effort::Voltage => None,
+    });
+    let loops = track.effort.as_ref().map(|effort| effort.loops);
+    let of_loops = loops.filter(|loops| loops.effort == TargetKind::Current);
+    of_model.or(of_loops.map(|loops| loops.cascade.speed.output_limit)).map(f64::from)
+}
+
+pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
+    let Some(base) = &recording.base else { return };
+    let Some(judged) = Judged::new(recording, base) else { return };
+    let differs = |imu: f64, wheels: f64| {
+        (imu - wheels).abs() > YAW + YAW_SHARE * imu.abs().max(wheels.abs())
+    };
+    let yaws = || judged.turned().map(|(imu, it)| (imu, it.yaw(&it.rims), it.end));
+    let apart: Vec<_> = yaws().filter(|(imu, wheels, _)| differs(*imu, *wheels)).collect();
+    let fights: Vec<_> = judged.pushing().filter(|(push, _)| *push > PUSH).collect();
+    let slips = judged.windows.iter().filter(|it| it.wheels.slip(&it.rims) > SLIP);
+    let slips = slips.count();
+    let turned: f64 = judged.turned().map(|(imu, _)| imu.abs()).sum();
+    let by_wheels: f64 = judged.turned().map(|(_, it)| it.yaw(&it.rims).abs()).sum();
+    let mut seen = Vec::new();
+    let most = turned.max(by_wheels);
+    if most > TURNED && (turned - by_wheels).abs() > TURNED_SHARE * most {
+        seen.push(format!(
+            "by its IMU it turned by {turned:.2} rad in all, by its wheels by {by_wheels:.2}"
+        ));
+    }
+    if apart.len() >= WINDOWS {
+        let worst = apart.iter().max_by(|a, b| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()));
+        let per_second = 1.0 / (WINDOW as f64 * seconds(SAMPLE_PERIOD));
+        if let Some((imu, wheels, end)) = worst {
+            seen.push(format!(
+                "in {} of {} windows of 100 ms its IMU and its wheels differ on how fast it turns: \
+                 {:.2} rad/s, and {:.2} by the wheels, at {:.1} s",
+                apart.len(),
+                yaws().count(),
+                imu * per_second,
+                wheels * per_second,
+                seconds(*end),
+            ));
+        }
+    }
+    if fights.len() >= PUSHING {
+        let mean = fights.iter().map(|(push, _)| push).sum::<f64>() / fights.len() as f64;
+        seen.push(format!(
+            "in {} of {} windows at a steady speed the wheels push with {:.0} % of their largest \
+             current: against one another, against something, or with too little grip",
+            fights.len(),
+            judged.pushing().count(),
+            mean * 100.0,
+        ));
+    }
+    if slips >= WINDOWS {
+        seen.push(format!(
+            "in {slips} of {} windows its wheels turn as on no rigid base",
+            judged.windows.len()
+        ));
+    }
+    if judged.windows.first().is_some_and(|window| !window.wheels.is_overdetermined()) {
+        let text = format!(
+            "its {} wheels fit one another whatever they do, because a motion is no less than that: \
+             one that slips or is wrong is seen by an IMU alone",
+            judged.wheels.len()
+        );
+        found.push(Problem::information(About::Robot, "not-overdetermined", text));
+    }
+    if seen.is_empty() {
+        found.push(agreement(&judged, turned, by_wheels, !recording.source.is_told()));
+        return;
+    }
+    // Whatever is wrong, one wheel's own factor explains some of it.
+    let handicap = |cause: &Cause| if matches!(cause, Cause::Scale(..)) { SIMPLER } else { 0.0 };
+    let cost = |cause: Cause| (judged.cost(cause) + handicap(&cause), cause);
+    let mut causes: Vec<_> = judged.causes().into_iter().map(cost).collect();
+    causes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (least, best) = causes[0];
+    let is_explained = best != Cause::None && least < EXPLAINED;
+    let likely = causes.iter().filter(|(cost, _)| is_explained && *cost < least + ALIKE);
+    let likely: Vec<Cause> = likely.map(|(_, cause)| *cause).collect();
+    let directions = likely.iter().filter(|cause| matches!(cause, Cause::Direction(_))).count();
+    let likely: Vec<String> = likely.into_iter().map(|cause| judged.sentence(cause)).collect();
+    let likely = match likely.len() {
+        0 => "why cannot be told from this run".to_owned(),
+        // Without an IMU they all look alike.
+        _ if directions > 2 => {
+            "it looks as if the direction, or the gear, of one of its wheels were wrong in the table"
+                .to_owned()
+        }
+        _ => format!("it looks as if {}", likely.join(", or ")),
+    };
+    // They follow their commands though the floor drags them: the IMU alone sees something of it.
+    let is_unsure = matches!(best, Cause::Yaw(_)) && is_explained && least > SURE;
+    let likely = if is_unsure && judged.is_mecanum() {
+        format!("{likely}; two wheels of one side that are exchanged look the same")
+    } else {
+        likely
+    };
+    let text = format!("the base does not do what its wheels say: {likely}; {}", seen.join("; "));
+    found.push(Problem::new(About::Robot, "base", text));
+}
+
+/// From this cost on a cause explains nothing; and causes that differ by less are alike.
+const EXPLAINED: f64 = 0.8;
+const ALIKE: f64 = 0.03;
+/// Up to this cost it is the wheels' radius and nothing else: a wrong radius alone has 0.03 at most.
+const SURE: f64 = 0.2;
+/// Fewer windows at a steady speed tell less.
+const ENOUGH: f64 = 10.0;
+/// The cost that is added to a cause with a fitted factor: it must explain more than one without.
+const SIMPLER: f64 = 0.05;
+
+impl Judged<'_> {
+    fn sentence(&self, cause: Cause) -> String {
+        match cause {
+            Cause::None => "all were well".into(),
+            Cause::Direction(wheel) => {
+                format!("the direction of {} were wrong in the table", self.labels([wheel])[0])
+            }
+            Cause::Scale(wheel, factor) => format!(
+                "{} turned about {factor:.1} times as fast as it says: another gear, or wheel, than \
+                 in the table",
+                self.labels([wheel])[0],
+            ),
+            Cause::Yaw(factor) => {
+                let distances = if self.is_mecanum() {
+                    "wheelbase and track together"
+                } else {
+                    "its wheels' distances from its middle"
+                };
+                format!(
+                    "the wheels' radius were {factor:.2} times that of the table, or {distances} \
+                     {:.2} times theirs",
+                    1.0 / factor,
+                )
+            }
+            Cause::Swap(a, b) => {
+                let [a, b] = self.labels([a, b]);
+                format!("{a} and {b} were exchanged (plugs or identifiers)")
+            }
+        }
+    }
+}
+
+/// The finding for a base with which nothing is wrong: what was checked, and what was not.
+fn agreement(judged: &Judged<'_>, turned: f64, by_wheels: f64, is_emulated: bool) -> Problem {
+    let text = if judged.windows.is_empty() {
+        format!("wheel radius: not checked, its wheels were never driven together: {MEASURE}")
+    } else if turned > TURNED {
+        format!(
+            "its wheels turned it by {by_wheels:.2} rad, its IMU says {turned:.2}; which way and how \
+             far it goes no sensor knows: {MEASURE}"
+        )
+    } else if judged.turned().next().is_some() {
+        format!("wheel radius: not checked, it hardly turned: {MEASURE}")
+    } else if is_emulated {
+        format!("wheel radius: not checked, the chip's IMU is not seen from here: {MEASURE}")
+    } else {
+        format!("wheel radius: not checked, no sensor knows: {MEASURE}")
+    };
+    Problem::information(About::Robot, "wheel-radius", text)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use rc10_motor::dji;
+    use rc10_sim::{Chassis, Steering};
+
+    use super::*;
+    use crate::recording::sample::{PathPoint, WheelHeard};
+    use crate::robot::motor::Motor;
+
+    /// A run in which four wheels did this in each window, and the IMU saw that.
+    pub(crate) fn run(
+        rims: impl Fn(usize) -> [f64; 4],
+        imu: impl Fn(usize) -> Option<f64>,
+        amps: f64,
+    ) -> Recording {
+        run_on(Chassis::default(), 0.0, rims, imu, amps)
+    }
+
+    /// The same of another base, whose wheels are steered by an angle, degrees.
+    fn run_on<const N: usize>(
+        chassis: Chassis,
+        steered: f64,
+        rims: impl Fn(usize) -> [f64; N],
+        imu: impl Fn(usize) -> Option<f64>,
+        amps: f64,
+    ) -> Recording {
+        let wheel = |(label, id)| MotorTrack {
+            motor: Motor::dji_on(label, 1, &dji::M3508, id),
+            samples: Vec::new(),
+            last: Default::default(),
+            overwritten: 0,
+            tracking: Vec::new(),
+            peak_current: 0.0,
+            effort: None,
+        };
+        let radius = chassis.wheels[0].radius;
+        let (mut angles, mut yaw) = ([0.0; N], 0.0);
+        let heard = (0..=300).map(|index: usize| {
+            let window = index.saturating_sub(1) / WINDOW;
+            if index > 0 {
+                for (angle, rim) in angles.iter_mut().zip(rims(window)) {
+                    *angle += (rim / radius).to_degrees() / WINDOW as f64;
+                }
+                yaw += imu(window).unwrap_or(0.0).to_degrees() / WINDOW as f64;
+            }
+            let wheel = |angle| WheelHeard { angle, current: Some(amps), follows: true, steered };
+            BaseHeard { wheels: angles.map(wheel).into(), yaw: imu(window).map(|_| yaw) }
+        });
+        let heard = heard.collect();
+        let path = vec![PathPoint { x: 0.0, y: 0.0, yaw: 0.0 }];
+        Recording {
+            length: Micros::from_millis(3000),
+            motors: [("a", 1), ("b", 2), ("c", 3), ("d", 4)]
+                .into_iter()
+                .take(N)
+                .map(wheel)
+                .collect(),
+            base: Some(BaseTrack {
+                wheels: (0..N).collect(),
+                steering: Vec::new(),
+                path,
+                estimate: Vec::new(),
+                reference: Vec::new(),
+                chassis,
+                heard,
+            }),
+            ..Recording::default()
+        }
+    }
+
+    fn said(recording: &Recording) -> (bool, String) {
+        let mut found = Vec::new();
+        base_and_wheels(recording, &mut found);
+        let [problem] = found.as_slice() else { panic!("{found:?}") };
+        (crate::recording::problem::any(&found), problem.text.clone())
+    }
+
+    #[test]
+    fn a_base_is_judged_by_what_its_robot_has() {
+        let forward = |_| [0.1; 4];
+        // Turns the base by 0.238 rad in each window.
+        let turning = |_| [-0.1, 0.1, -0.1, 0.1];
+        for (run, is_problem, words) in [
+            (run(forward, |_| Some(0.0), 1.0), false, "it hardly turned"),
+            (run(forward, |_| None, 1.0), false, "not checked, no sensor knows"),
+            (run(turning, |_| Some(0.238), 1.0), false, "its IMU says 6."),
+            (run(turning, |_| Some(0.119), 1.0), true, "the wheels' radius were 0.50 times"),
+            (run(forward, |_| Some(0.119), 1.0), true, "differ on how fast it turns"),
+            (run(forward, |_| None, 8.0), true, "push with 40 % of their largest current"),
+            (run(forward, |_| None, 8.0), true, "the direction, or the gear, of one of its wheels"),
+            (run(|_| [0.1, 0.1, 0.02, 0.1], |_| None, 1.0), true, "as on no rigid base"),
+        ] {
+            let (found, text) = said(&run);
+            assert!(found == is_problem && text.contains(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_a_fault_of_a_wire_does_is_none_of_the_base_s() {
+        let bad = || run(|_| [0.1; 4], |_| Some(0.119), 8.0);
+        let with = |fault: &str| Recording { faults: vec![fault.parse().unwrap()], ..bad() };
+        assert!(said(&bad()).0 && said(&with("cut:1@2.5s")).0 && said(&with("noise:1@1ms")).0);
+        assert!(!said(&with("cut:1@1ms")).0 && !said(&with("power:1@1ms..2.9s")).0);
+        assert!(said(&with("cut:2@1ms")).0, "its wheels are on bus 1");
+    }
+
+    #[test]
+    fn other_bases_are_judged_by_their_own_geometry() {
+        let omni = || Chassis::omni(4, 0.05, 0.25);
+        let swerve = || Chassis::swerve(0.05, 0.2, 0.3, Steering::default());
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let ahead = |_| [-half, -half, half, half].map(|share| 0.1 * share);
+        let said = |run: &Recording| {
+            let mut found = Vec::new();
+            base_and_wheels(run, &mut found);
+            let text: Vec<_> = found.iter().map(|problem| problem.text.as_str()).collect();
+            (crate::recording::problem::any(&found), text.join("; "))
+        };
+        for (run, is_problem, words) in [
+            (run_on(omni(), 0.0, ahead, |_| Some(0.0), 1.0), false, "it hardly turned"),
+            // Rims of 0.1 m in 0.25 m: 0.4 rad in each window.
+            (run_on(omni(), 0.0, |_| [0.1; 4], |_| Some(0.4), 1.0), false, "its IMU says 11.6"),
+            (
+                run_on(omni(), 0.0, |_| [0.1; 4], |_| Some(0.8), 1.0),
+                true,
+                "radius were 2.00 times that of the table, or its wheels' distances from its middle 0.50",
+            ),
+            (
+                run_on(omni(), 0.0, |_| [0.1, -0.1, 0.1, 0.1], |_| Some(0.4), 1.0),
+                true,
+                "the direction of b were wrong",
+            ),
+            (run_on(omni(), 0.0, |_| [0.1, 0.1, 0.04, 0.1], |_| None, 1.0), true, "no rigid base"),
+            // Sideways, and a wheel that does not go along.
+            (run_on(swerve(), 90.0, |_| [0.1; 4], |_| Some(0.0), 1.0), false, "it hardly turned"),
+            (
+                run_on(swerve(), 90.0, |_| [0.1, 0.1, 0.02, 0.1], |_| None, 1.0),
+                true,
+                "no rigid base",
+            ),
+        ] {
+            let (found, text) = said(&run);
+            assert!(found == is_problem && text.contains(words), "{text}");
+            assert!(!text.contains("whatever they do"), "{text}");
+        }
+        let differential = |rims: [f64; 2], yaw| {
+            run_on(Chassis::differential(0.05, 0.4), 0.0, move |_| rims, move |_| Some(yaw), 1.0)
+        };
+        for (run, is_problem, words) in [
+            (differential([0.1, 0.1], 0.0), false, "its 2 wheels fit one another whatever they do"),
+            (differential([-0.1, 0.1], 0.5), false, "its wheels turned it by 14.50 rad"),
+            (differential([0.1, 0.1], 0.5), true, "the direction of a were wrong"),
+            (differential([0.1, 0.1], -0.5), true, "the direction of b were wrong"),
+            (
+                run_on(Chassis::omni(3, 0.05, 0.25), 0.0, |_| [0.1, 0.0, 0.0], |_| None, 1.0),
+                false,
+                "its 3 wheels fit one another",
+            ),
+        ] {
+            let (found, text) = said(&run);
+            assert!(found == is_problem && text.contains(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn windows_in_which_wheels_are_steered_are_not_judged() {
+        let swerve = Chassis::swerve(0.05, 0.2, 0.3, Steering::default());
+        let mut run = run_on(swerve, 0.0, |_| [0.1, 0.1, 0.02, 0.1], |_| None, 1.0);
+        assert!(said(&run).0);
+        for (index, heard) in run.base.as_mut().unwrap().heard.iter_mut().enumerate() {
+            heard.wheels[1].steered = index as f64;
+        }
+        assert!(!said(&run).0);
+    }
+}

@@ -1,0 +1,52 @@
+//! What happened to a robot that really runs, read from its recording: it follows no script that would say
+//! so.
+
+use rc10_can::Micros;
+use rc10_motor::{ArmState, Link};
+
+use crate::recording::Recording;
+use crate::recording::sample::time_of;
+
+/// What happened, in words, in its order.
+#[must_use]
+pub fn happened(recording: &Recording) -> Vec<(Micros, String)> {
+    let mut found = Vec::new();
+    changes(&recording.arm, |at, arm| {
+        let what = match arm {
+            ArmState::Armed => "armed",
+            ArmState::Disarmed => "disarmed",
+            ArmState::Suspended => "suspended",
+            ArmState::EStopped => "emergency stop",
+        };
+        found.push((at, what.to_owned()));
+    });
+    for track in &recording.motors {
+        let links: Vec<Link> = track.samples.iter().map(|sample| sample.link).collect();
+        let mut was_lost = false;
+        changes(&links, |at, link| {
+            let what = match link {
+                Link::Lost => "lost",
+                Link::Online if was_lost => "back",
+                Link::Online | Link::NeverSeen => "heard",
+            };
+            was_lost |= link == Link::Lost;
+            found.push((at, format!("{} {what}", track.motor.label)));
+        });
+    }
+    for track in &recording.buses {
+        let offs: Vec<u32> = track.samples.iter().map(|sample| sample.bus_offs).collect();
+        changes(&offs, |at, _| found.push((at, format!("bus {} off", track.number))));
+    }
+    found.extend(recording.gaps.iter().map(|gap| (gap.at, gap.to_string())));
+    found.sort_by_key(|(at, _)| *at);
+    found
+}
+
+/// Tells where a sample is not like the one before.
+fn changes<T: Copy + PartialEq>(samples: &[T], mut tell: impl FnMut(Micros, T)) {
+    for (index, pair) in samples.windows(2).enumerate() {
+        if pair[0] != pair[1] {
+            tell(time_of(index + 1), pair[1]);
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Judges a run: what its recording has of problems, of the base's path, of what happened.
+
+pub(crate) mod base;
+pub(crate) mod consistency;
+pub mod happened;
+pub mod path;
+pub mod searches;
+
+use crate::recording::Recording;
+use crate::recording::problem::Problem;
+
+/// Looks for findings of one sort. Another one is a function here, and a line in `SEARCHES`.
+pub type Search = fn(&Recording, &mut Vec<Problem>);
+
+/// All of them, in the order in which their findings are told.
+const SEARCHES: [Search; 13] = [
+    searches::robot,
+    searches::heading,
+    searches::mechanisms,
+    searches::motors,
+    searches::efforts,
+    searches::buses,
+    searches::lines,
+    searches::remote,
+    searches::parts,
+    consistency::identifiers,
+    consistency::runaways,
+    base::base_and_wheels,
+    consistency::not_checked,
+];
+
+/// Everything that was found in a run.
+#[must_use]
+pub fn problems(recording: &Recording) -> Vec<Problem> {
+    let mut found = Vec::new();
+    SEARCHES.iter().for_each(|search| search(recording, &mut found));
+    found
+}

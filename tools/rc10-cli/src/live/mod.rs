@@ -1,0 +1,45 @@
+//! `rc10 live` and its like: a robot that runs, watched, tuned and recorded.
+//!
+//! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
+//! * [`SourceArgs`]: where the robot is. [`wire`]: a simulated console.
+//! * [`plan`]: what is watched how often. [`LiveRecord`]: a record of it.
+//! * [`Judge`]: its problems, as a report has them.
+//! * [`Viewers`]: other people's.
+//! * [`Pages`]: a web server for this PC alone; [`request`]: what it admits; [`History`]: the values on its pages.
+
+pub(crate) mod client;
+pub(crate) mod commands;
+pub(crate) mod connection;
+#[cfg(feature = "viewers")]
+pub(crate) mod foxglove;
+#[cfg(not(feature = "viewers"))]
+#[path = "no_foxglove.rs"]
+pub(crate) mod foxglove;
+pub(crate) mod history;
+pub(crate) mod judge;
+pub(crate) mod line;
+pub(crate) mod page;
+pub(crate) mod plan;
+pub(crate) mod record;
+pub mod request;
+pub(crate) mod server;
+pub(crate) mod session;
+pub(crate) mod source;
+pub(crate) mod viewers;
+
+pub use crate::live::line::{Source, Way};
+pub use crate::live::source::{PlaceArgs, SourceArgs};
+pub use crate::world::console::BAUD;
+pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame};
+pub use commands::{
+    GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs, get, params, record, set, stop_robot,
+};
+pub use history::{History, POINTS, thin};
+pub use judge::{Advice, Judge};
+pub use page::{LiveArgs, live};
+pub use plan::{Topic, plan, watch};
+pub use rc10_link::{Action, Urgent};
+pub use record::LiveRecord;
+pub use server::{Pages, Shown, Wish};
+pub use session::{Session, full_name};
+pub use viewers::{ViewerArgs, Viewers, signal_name};

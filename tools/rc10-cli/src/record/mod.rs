@@ -1,0 +1,514 @@
+//! A record: what was seen of a robot, look by look, in an [MCAP](https://mcap.dev) file that any viewer
+//! of such files opens.
+//!
+//! A topic for each motor (`/motors/LABEL` every millisecond, `/motors/LABEL/health` every 10 ms), and
+//! for each bus, line, part and signal; `/robot`, `/remote`, `/events`. Messages are what ROS 2 writes:
+//! `ros2msg` schemas and CDR, all fields `float64`, NaN where there is none. The times of a run count
+//! from power-on. [`fields`] has what stands where; [`replay()`] makes a recording of it again.
+
+pub mod fields;
+pub(crate) mod file;
+pub mod recorder;
+pub mod replay;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::thread::{self, JoinHandle};
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{McapError, McapResult, WriteOptions, Writer};
+use rc10_can::Micros;
+use rc10_motor::Fault;
+
+use self::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT, STATES};
+use crate::recording::look::{Moment, MotorLook};
+use crate::recording::remote::Loss;
+use crate::recording::sample::Source;
+use crate::recording::sample::WireEnd;
+use crate::robot::description::Description;
+use crate::robot::script::Event;
+use crate::robot::signal::Signal;
+use crate::world::robot::Robot;
+
+pub use crate::record::replay::{Kit, Replay, replay};
+
+/// What the layout of a record is called in its metadata, and its version: readers of another one
+/// refuse it. Fields may be added without a new one.
+pub(crate) const LAYOUT: &str = "rc10";
+pub(crate) const VERSION: &str = "1";
+/// What is known when all is over, in the metadata too.
+pub(crate) const END: &str = "rc10-end";
+
+/// Bytes before the fields of a message: CDR, little endian.
+pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
+
+/// Makes a message of numbers.
+pub(crate) fn pack(values: impl Iterator<Item = f64>, bytes: &mut Vec<u8>) {
+    bytes.clear();
+    bytes.extend(CDR);
+    values.for_each(|value| bytes.extend(value.to_le_bytes()));
+}
+
+/// Writes what was seen in a run as a record.
+pub struct RecordWriter {
+    file: RecordFile,
+    topics: Topics,
+}
+
+/// A record that is being written, in its place from its first byte on. What is whole of it stays there,
+/// whatever happens.
+pub(crate) struct RecordFile {
+    path: PathBuf,
+    /// `None` after an error.
+    writer: Option<Writer<BufWriter<File>>>,
+    /// The same file.
+    file: File,
+    /// Bytes that wait for their chunk to end.
+    waiting: usize,
+    /// The newest message, and that of the chunks that are whole, with their bytes.
+    newest: Micros,
+    whole: (Micros, u64),
+    syncing: Option<JoinHandle<io::Result<()>>>,
+    count: u32,
+    bytes: Vec<u8>,
+}
+
+/// A chunk has so many bytes: what can be lost, of a run that ends by force.
+const CHUNK: usize = 256 * 1024;
+
+impl RecordFile {
+    /// Begins a record at `path`, where no file is yet, or with `force` any file may be; `head` are its
+    /// metadata, but for the version.
+    ///
+    /// # Errors
+    /// If no file can be written there, or there is one.
+    pub(crate) fn new(
+        path: &Path,
+        force: bool,
+        mut head: BTreeMap<String, String>,
+    ) -> Result<Self> {
+        ensure!(!path.is_dir(), "cannot write {}: it is a folder", path.display());
+        let mut options = File::options();
+        options.write(true).create(force).truncate(force).create_new(!force);
+        let file = options.open(path).with_context(|| match path.exists() && !force {
+            true => format!("{} is there already: --force writes over it", path.display()),
+            false => format!("cannot write {}", path.display()),
+        })?;
+        // Chunks are written when they are whole.
+        let options = WriteOptions::new().compression(None).chunk_size(None).disable_seeking(true);
+        let writer = options.profile("ros2").library("rc10");
+        let cannot = || format!("cannot write {}", path.display());
+        let writer = writer.create(BufWriter::new(file.try_clone()?)).with_context(cannot)?;
+        let mut file = Self {
+            path: path.into(),
+            writer: Some(writer),
+            file,
+            waiting: 0,
+            newest: Micros::ZERO,
+            whole: (Micros::ZERO, 0),
+            syncing: None,
+            count: 0,
+            bytes: Vec::new(),
+        };
+        head.insert("version".to_owned(), VERSION.to_owned());
+        file.write(|writer| writer.write_metadata(&metadata(LAYOUT, head)))?;
+        file.flush()?;
+        Ok(file)
+    }
+
+    /// Declares a channel of numbers, with a schema of its own.
+    pub(crate) fn channel(
+        &mut self,
+        name: &str,
+        schema: &str,
+        topic: &str,
+        map: &BTreeMap<String, String>,
+    ) -> Result<u16> {
+        self.write(|writer| {
+            let id = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
+            writer.add_channel(id, topic, "cdr", map)
+        })
+    }
+
+    /// Writes a message of numbers.
+    fn put(
+        &mut self,
+        channel_id: u16,
+        now: Micros,
+        values: impl Iterator<Item = f64>,
+    ) -> Result<()> {
+        let mut bytes = std::mem::take(&mut self.bytes);
+        pack(values, &mut bytes);
+        let outcome = self.put_bytes(channel_id, now, &bytes);
+        self.bytes = bytes;
+        outcome
+    }
+
+    /// Writes a message.
+    pub(crate) fn put_bytes(&mut self, channel_id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
+        self.count = self.count.wrapping_add(1);
+        let time = now.get().saturating_mul(1000);
+        let header =
+            MessageHeader { channel_id, sequence: self.count, log_time: time, publish_time: time };
+        self.write(|writer| writer.write_to_known_channel(&header, bytes))?;
+        self.newest = self.newest.max(now);
+        self.waiting += bytes.len();
+        if self.waiting < CHUNK { Ok(()) } else { self.flush() }
+    }
+
+    fn write<T>(
+        &mut self,
+        write: impl FnOnce(&mut Writer<BufWriter<File>>) -> McapResult<T>,
+    ) -> Result<T> {
+        let Some(writer) = &mut self.writer else {
+            bail!("{}: it has ended", self.path.display());
+        };
+        write(writer).map_err(|error| self.keep(error))
+    }
+
+    /// Ends the chunk, and writes it.
+    fn flush(&mut self) -> Result<()> {
+        self.waiting = 0;
+        self.write(Writer::flush)?;
+        // What is no file on a disk has no length.
+        self.whole = (self.newest, self.file.metadata().map_or(0, |file| file.len()));
+        Ok(())
+    }
+
+    /// Lets the disk have what came so far, so that a power cut does not take it. A slow disk is not
+    /// waited for.
+    ///
+    /// # Errors
+    /// If it cannot be written, or the last time could not.
+    pub(crate) fn sync(&mut self) -> Result<()> {
+        self.flush()?;
+        match self.syncing.take().map(|last| (last.is_finished(), last)) {
+            Some((false, last)) => self.syncing = Some(last),
+            last => {
+                if let Some(Ok(Err(error))) = last.map(|(_, last)| last.join()) {
+                    return Err(self.keep(error.into()));
+                }
+                if let Ok(file) = self.file.try_clone() {
+                    let sync = move || file.sync_data();
+                    self.syncing = thread::Builder::new().spawn(sync).ok();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends it for this reason: what is whole stays, and half a chunk does not.
+    fn keep(&mut self, error: McapError) -> anyhow::Error {
+        self.writer = None;
+        let (length, bytes) = self.whole;
+        let _ = self.file.set_len(bytes);
+        let why = match error {
+            McapError::Io(error) if error.kind() == ErrorKind::StorageFull => {
+                "the disk is full".into()
+            }
+            McapError::Io(error) => error.to_string(),
+            error => error.to_string(),
+        };
+        anyhow!("{}; {why}", self.content(length))
+    }
+
+    fn content(&self, length: Micros) -> String {
+        format!("{}: {} s are in it", self.path.display(), length.get() as f64 / 1e6)
+    }
+
+    /// Ends it, after what was done with it had this `outcome`; `end` are the metadata of its end.
+    ///
+    /// # Errors
+    /// If it cannot be written, and that of the outcome.
+    pub(crate) fn finish(
+        mut self,
+        outcome: Result<()>,
+        end: BTreeMap<String, String>,
+    ) -> Result<()> {
+        if self.writer.is_none() {
+            return outcome;
+        }
+        self.flush()?;
+        self.write(|writer| writer.write_metadata(&metadata(END, end)))?;
+        self.write(|writer| writer.finish().map(drop))?;
+        let writer = self.writer.take().map(|writer| writer.into_inner().into_inner());
+        if let Some(Err(error)) = writer {
+            return Err(self.keep(error.into_error().into()));
+        }
+        if let Some(last) = self.syncing.take() {
+            let _ = last.join();
+            self.file.sync_data().map_err(|error| self.keep(error.into()))?;
+        }
+        let content = self.content(self.newest);
+        outcome.map_err(|error| anyhow!("{content}; {error:#}"))
+    }
+}
+
+/// Numbers of the channels.
+struct Topics {
+    motors: Vec<u16>,
+    health: Vec<u16>,
+    buses: Vec<u16>,
+    windows: Vec<u16>,
+    lines: Vec<u16>,
+    parts: Vec<u16>,
+    signals: Vec<u16>,
+    robot: u16,
+    remote: u16,
+    losses: u16,
+    events: u16,
+}
+
+/// What a record says of its run before the first look.
+pub struct Heading<'a> {
+    /// Seed of the world.
+    pub seed: u64,
+    /// Where its looks come from.
+    pub source: Source,
+    /// The robot, with the faults and mistakes of the run.
+    pub description: &'a Description,
+    /// Its own signals.
+    pub signals: &'a [Signal<'a>],
+}
+
+impl<'a> Heading<'a> {
+    /// Of a robot that is about to run in a simulation.
+    #[must_use]
+    pub fn of(robot: &'a Robot<'_>, seed: u64) -> Self {
+        let (description, signals) = (robot.description(), robot.signals());
+        Self { seed, source: Source::Simulation, description, signals }
+    }
+}
+
+/// The name of a topic: labels are words, topics are paths.
+pub(crate) fn topic(folder: &str, label: &str) -> String {
+    let word = |letter: char| if letter.is_alphanumeric() { letter } else { '_' };
+    format!("/{folder}/{}", label.chars().map(word).collect::<String>())
+}
+
+/// The schema of a table of fields.
+fn schema<T>(fields: &[&[Field<T>]]) -> String {
+    let line = |field: &Field<T>| format!("float64 {}  # {}\n", field.name, field.about);
+    let mut text: String = fields.iter().copied().flatten().map(line).collect();
+    for (state, names) in STATES {
+        let says = |field: &Field<T>| field.about.split([' ', ':', ',']).next() == Some(*state);
+        if fields.iter().copied().flatten().any(says) {
+            let names = names.iter().enumerate().map(|(number, name)| format!("{number} {name}"));
+            text += &format!("# {state}: {}\n", names.collect::<Vec<_>>().join(", "));
+        }
+    }
+    text
+}
+
+impl RecordWriter {
+    /// Begins a record at `path`, where no file is yet, or with `force` any file may be.
+    ///
+    /// # Errors
+    /// If no file can be written there, or there is one.
+    pub fn new(path: &Path, force: bool, heading: &Heading<'_>) -> Result<Self> {
+        let cannot = || format!("cannot write {}", path.display());
+        // What is wrong with the topics is known before there is a file.
+        let mut nowhere = Writer::new(io::Cursor::new(Vec::new()))?;
+        Topics::new(&mut nowhere, heading).with_context(cannot)?;
+        let mut file = RecordFile::new(path, force, heading_of(heading))?;
+        let topics = file.write(|writer| Ok(Topics::new(writer, heading)))?.with_context(cannot)?;
+        Ok(Self { file, topics })
+    }
+
+    /// Writes the robot's own signals.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
+        for (at, value) in values.iter().enumerate() {
+            let channel = self.topics.signals[at];
+            self.write(channel, now, VALUE, &value.unwrap_or(f64::NAN))?;
+        }
+        Ok(())
+    }
+
+    /// Writes a look at each motor.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn motors(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
+        for (at, look) in looks.iter().enumerate() {
+            self.write(self.topics.motors[at], now, MOTOR, look)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a sample.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn sample<'l>(
+        &mut self,
+        now: Micros,
+        looks: impl Iterator<Item = &'l MotorLook>,
+        moment: &Moment,
+    ) -> Result<()> {
+        for (at, look) in looks.enumerate() {
+            self.write(self.topics.health[at], now, MOTOR_HEALTH, look)?;
+        }
+        for (at, look) in moment.buses.iter().enumerate() {
+            self.write(self.topics.buses[at], now, BUS, look)?;
+        }
+        for (at, status) in moment.lines.iter().enumerate() {
+            self.write(self.topics.lines[at], now, LINE, status)?;
+        }
+        for (at, counters) in moment.parts.iter().enumerate() {
+            self.write(self.topics.parts[at], now, PART, counters)?;
+        }
+        if let Some(look) = &moment.remote {
+            self.write(self.topics.remote, now, REMOTE, look)?;
+        }
+        self.write(self.topics.robot, now, ROBOT, &moment.robot)
+    }
+
+    fn write<T>(
+        &mut self,
+        channel_id: u16,
+        now: Micros,
+        fields: &[&[Field<T>]],
+        it: &T,
+    ) -> Result<()> {
+        let values = fields.iter().copied().flatten().map(|field| (field.get)(it));
+        self.file.put(channel_id, now, values)
+    }
+
+    /// Ends the record.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn finish(
+        mut self,
+        length: Micros,
+        wires: &[WireEnd],
+        losses: &[Loss],
+        events: &[Event],
+        faults: impl Iterator<Item = Option<Fault>>,
+    ) -> Result<()> {
+        for (at, wire) in wires.iter().enumerate() {
+            for (window, load) in (1..).zip(&wire.load_windows) {
+                let end = Micros::from_millis(100 * window);
+                self.write(self.topics.windows[at], end, VALUE, load)?;
+            }
+        }
+        for loss in losses {
+            self.write(self.topics.losses, loss.lost.from, LOSS, loss)?;
+        }
+        for event in events {
+            let mut bytes = CDR.to_vec();
+            bytes.extend((event.label.len() as u32 + 1).to_le_bytes());
+            bytes.extend(event.label.bytes().chain([0]));
+            self.file.put_bytes(self.topics.events, event.at, &bytes)?;
+        }
+        let mut end = BTreeMap::from([("length_us".to_owned(), length.get().to_string())]);
+        for (number, wire) in (1..).zip(wires) {
+            end.insert(format!("log_hash_{number}"), wire.log_hash.clone());
+        }
+        for (number, fault) in (1..).zip(faults) {
+            if let Some(fault) = fault {
+                end.insert(format!("fault_{number}"), fault.text.to_owned());
+            }
+        }
+        self.file.finish(Ok(()), end)
+    }
+}
+
+/// The field of a message that is one number.
+pub(crate) const VALUE: &[&[Field<f64>]] = &[&[Field {
+    name: "value",
+    about: "NaN while there is none",
+    get: |value| *value,
+    set: |value, number| *value = number,
+    counts: false,
+}]];
+
+fn metadata(name: &str, metadata: BTreeMap<String, String>) -> Metadata {
+    Metadata { name: name.to_owned(), metadata }
+}
+
+fn heading_of(heading: &Heading<'_>) -> BTreeMap<String, String> {
+    let Heading { seed, source, description, .. } = heading;
+    let faults: Vec<_> = description.faults.iter().map(ToString::to_string).collect();
+    let mistakes: Vec<_> = description.mistakes.iter().map(ToString::to_string).collect();
+    let mut map = BTreeMap::from([
+        ("seed".to_owned(), seed.to_string()),
+        ("emulated".to_owned(), (*source == Source::Emulation).to_string()),
+        ("faults".to_owned(), faults.join("\n")),
+        ("mistakes".to_owned(), mistakes.join("\n")),
+    ]);
+    if let Some(remote) = &description.remote {
+        map.insert("receiver".to_owned(), remote.receiver.to_string());
+    }
+    map
+}
+
+impl Topics {
+    fn new<W: std::io::Write + std::io::Seek>(
+        file: &mut Writer<W>,
+        heading: &Heading<'_>,
+    ) -> Result<Self> {
+        let Heading { description, signals, .. } = heading;
+        let mut taken = BTreeMap::new();
+        let mut add = |name: &str,
+                       schema: &str,
+                       topics: Vec<(String, BTreeMap<String, String>)>|
+         -> Result<Vec<u16>> {
+            for (topic, map) in &topics {
+                let label = map.get("label").cloned().unwrap_or_default();
+                if let Some(other) = taken.insert(topic.clone(), label.clone()) {
+                    bail!("`{other}` and `{label}` are one topic, {topic}: rename one");
+                }
+            }
+            let id = file.add_schema(&format!("rc10/msg/{name}"), "ros2msg", schema.as_bytes())?;
+            let add = |(topic, map): &(String, _)| file.add_channel(id, topic, "cdr", map);
+            Ok(topics.iter().map(add).collect::<Result<Vec<u16>, _>>()?)
+        };
+        let named = |folder: &str, label: &str, extra: &[(&str, String)]| {
+            let own = [("label".to_owned(), label.to_owned())].into_iter();
+            let extra = extra.iter().map(|(key, value)| ((*key).to_owned(), value.clone()));
+            (topic(folder, label), own.chain(extra).collect::<BTreeMap<_, _>>())
+        };
+        let numbered = |folder: &str, count: usize| {
+            (1..=count).map(|number| named(folder, &number.to_string(), &[])).collect::<Vec<_>>()
+        };
+        let below = |topics: &[(String, BTreeMap<String, String>)], name: &str| {
+            let below = |(topic, map): &(String, _)| (format!("{topic}/{name}"), Clone::clone(map));
+            topics.iter().map(below).collect::<Vec<(String, BTreeMap<String, String>)>>()
+        };
+        let motor = |motor: &crate::robot::motor::Motor| {
+            let extra = [("model", motor.name().to_string()), ("on", motor.on.to_string())];
+            named("motors", motor.label, &extra)
+        };
+        let motors: Vec<_> = description.motors.iter().map(motor).collect();
+        let buses = numbered("buses", description.buses.into());
+        let parts = description.serials.iter().map(|part| named("parts", part.label, &[]));
+        let signals = signals
+            .iter()
+            .map(|signal| named("signals", signal.label, &[("unit", signal.unit.to_owned())]));
+        let mut values = below(&buses, "window_load");
+        let windows = values.len();
+        values.extend(signals);
+        let one = |topic: &str| vec![(topic.to_owned(), BTreeMap::new())];
+        let mut values = add("Value", &schema(VALUE), values)?;
+        Ok(Self {
+            signals: values.split_off(windows),
+            windows: values,
+            health: add("MotorHealth", &schema(MOTOR_HEALTH), below(&motors, "health"))?,
+            motors: add("Motor", &schema(MOTOR), motors)?,
+            buses: add("Bus", &schema(BUS), buses)?,
+            lines: add("Line", &schema(LINE), numbered("lines", description.lines.len()))?,
+            parts: add("Part", &schema(PART), parts.collect())?,
+            robot: add("Robot", &schema(ROBOT), one("/robot"))?[0],
+            remote: add("Remote", &schema(REMOTE), one("/remote"))?[0],
+            losses: add("Loss", &schema(LOSS), one("/remote/losses"))?[0],
+            events: add("Event", "string label\n", one("/events"))?[0],
+        })
+    }
+}

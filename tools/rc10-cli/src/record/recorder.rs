@@ -1,0 +1,563 @@
+//! Records what a robot does in its environment, simulated or emulated.
+
+use anyhow::Result;
+use rc10_can::Micros;
+use rc10_motor::{ArmState, DriveMode, Link, Loops, MotorStatus, TargetKind};
+use rc10_sim::{Esc, TraceEntry};
+use sha2::{Digest, Sha256};
+
+use crate::formats::candump;
+use crate::record::RecordWriter;
+use crate::recording::effort::EffortWatch;
+use crate::recording::load::Carrying;
+use crate::recording::look::{Moment, MotorLook};
+use crate::recording::margin::Margins;
+use crate::recording::remote::{Loss, RemoteTrack};
+use crate::recording::sample::RemoteSample;
+use crate::recording::sample::Source;
+use crate::recording::sample::{
+    BaseHeard, BusSample, LOOK_PERIOD, MotorSample, PathPoint, SAMPLE_PERIOD, Sum, WheelHeard,
+    WireEnd, hex_digits,
+};
+use crate::recording::signal::SignalRecorder;
+use crate::recording::wheels::Wheels;
+use crate::recording::{BaseTrack, BusTrack, MotorTrack, PartTrack, Recording, Tracking};
+use crate::robot::base::Base;
+use crate::robot::description::{Description, PoseSignals};
+use crate::robot::signal::Signal;
+
+/// A shaft that steers does not turn further than this between two samples, degrees: 1000 rpm.
+const STEERED_ANEW: f64 = 60.0;
+
+/// Recorder of what a robot does. It sees the wires and the shafts for itself; what the robot
+/// believes of its motors and buses it must be told. Looks that were recorded before it takes as well.
+pub struct Recorder<'d> {
+    description: &'d Description,
+    seed: u64,
+    source: Source,
+    motors: Vec<MotorRecorder>,
+    buses: Vec<BusRecorder>,
+    arm: Vec<ArmState>,
+    /// Per sample, if it has an IMU.
+    headings: Option<Vec<bool>>,
+    path: Vec<PathPoint>,
+    estimate: Vec<PathPoint>,
+    reference: Vec<PathPoint>,
+    heard: Vec<BaseHeard>,
+    /// The newest angles of the motors that steer, degrees; `None` of one that is not heard.
+    steers: Vec<Option<f64>>,
+    remote: Vec<RemoteSample>,
+    signals: Vec<SignalRecorder>,
+    /// The last one.
+    moment: Moment,
+    /// Where all looks are written, too.
+    record: Option<RecordWriter>,
+}
+
+/// The copy writes no record.
+impl Clone for Recorder<'_> {
+    fn clone(&self) -> Self {
+        Self {
+            description: self.description,
+            seed: self.seed,
+            source: self.source,
+            motors: self.motors.clone(),
+            buses: self.buses.clone(),
+            arm: self.arm.clone(),
+            headings: self.headings.clone(),
+            path: self.path.clone(),
+            estimate: self.estimate.clone(),
+            reference: self.reference.clone(),
+            heard: self.heard.clone(),
+            steers: self.steers.clone(),
+            remote: self.remote.clone(),
+            signals: self.signals.clone(),
+            moment: self.moment.clone(),
+            record: None,
+        }
+    }
+}
+
+#[derive(Clone, Default)]
+struct BusRecorder {
+    log: String,
+    /// Of what was in the log before, if that is not kept.
+    hash: Sha256,
+    frames: u64,
+    samples: Vec<BusSample>,
+}
+
+impl<'d> Recorder<'d> {
+    /// A recorder before the start. `seed` is that of the world; `loops` and `twins` are those of
+    /// the motors, in the order of the description. On an emulated chip it does not see what the
+    /// robot decides: `source`.
+    #[must_use]
+    pub fn new(
+        description: &'d Description,
+        seed: u64,
+        loops: &[Option<Loops>],
+        twins: &[Esc],
+        source: Source,
+    ) -> Self {
+        let watch = |(line, (loops, twin)): (usize, (&Option<Loops>, &Esc))| {
+            let loops = (*loops)?;
+            Some(EffortWatch::new(loops, margins(loops, line, twin, description.base.as_ref())))
+        };
+        let watches = loops.iter().zip(twins).enumerate().map(watch);
+        let motors = watches.map(MotorRecorder::new).collect();
+        Self { seed, source, motors, ..Self::of_capture(description) }
+    }
+
+    /// A recorder of what was captured of a robot: it has no world to look at, and judges no loops.
+    #[must_use]
+    pub fn of_capture(description: &'d Description) -> Self {
+        let motors = description.motors.iter().map(|_| MotorRecorder::new(None)).collect();
+        Self {
+            description,
+            seed: 0,
+            source: Source::Capture,
+            motors,
+            buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
+            arm: Vec::new(),
+            headings: None,
+            path: Vec::new(),
+            estimate: Vec::new(),
+            reference: Vec::new(),
+            heard: Vec::new(),
+            steers: Vec::new(),
+            remote: Vec::new(),
+            signals: Vec::new(),
+            moment: Moment::default(),
+            record: None,
+        }
+    }
+
+    /// The same of a robot that has an IMU, or has not.
+    #[must_use]
+    pub fn with_imu(mut self, has_imu: bool) -> Self {
+        self.headings = has_imu.then(Vec::new);
+        self
+    }
+
+    /// The same, with the robot's own signals.
+    #[must_use]
+    pub fn with_signals(mut self, signals: &[Signal<'_>]) -> Self {
+        self.signals = signals.iter().map(SignalRecorder::new).collect();
+        self
+    }
+
+    /// The same, and every look is written into a record.
+    #[must_use]
+    pub fn with_record(self, record: Option<RecordWriter>) -> Self {
+        Self { record, ..self }
+    }
+
+    /// Takes the values of the robot's own signals, in their order: every [`LOOK_PERIOD`].
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
+        self.signals.iter_mut().zip(values).for_each(|(signal, value)| signal.look(*value));
+        self.record.as_mut().map_or(Ok(()), |record| record.signals(now, values))
+    }
+
+    /// The time of the next look, if the run is to end at `end`.
+    #[must_use]
+    pub fn next_look(now: Micros, end: Micros) -> Micros {
+        (now + LOOK_PERIOD).min(end)
+    }
+
+    /// Whether it is time for a sample after a look, if the run is to end at `end`.
+    pub(crate) fn is_sample_due(now: Micros, end: Micros) -> bool {
+        now >= end || now.get().is_multiple_of(SAMPLE_PERIOD.get())
+    }
+
+    /// Takes frames of a bus down, 0 for the first, in the order of the wire.
+    pub fn frames(&mut self, bus: usize, entries: &[TraceEntry]) {
+        let Some(BusRecorder { log, hash, frames, .. }) = self.buses.get_mut(bus) else {
+            return;
+        };
+        // As can-utils would call them.
+        let channel = format!("can{bus}");
+        for entry in entries {
+            *frames += 1;
+            // A string takes everything.
+            let _ = candump::write_line(log, entry.at, &channel, &entry.frame);
+        }
+        if self.description.no_logs {
+            hash.update(&*log);
+            log.clear();
+        }
+    }
+
+    /// Looks at the motors: every [`LOOK_PERIOD`]. `status` is what is known of the motor in a line
+    /// of the robot's table. Whether it is time for a [`sample`](Self::sample), too.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn look(
+        &mut self,
+        (now, end): (Micros, Micros),
+        motors: &[Esc],
+        status: impl Fn(usize) -> MotorStatus,
+    ) -> Result<bool> {
+        let described = self.description.motors.iter().zip(&self.motors);
+        let looks = described.zip(motors).enumerate().map(|(line, ((motor, recorder), twin))| {
+            let mut status = status(line);
+            if self.source == Source::Emulation {
+                status.drive =
+                    if motor.is_driven(twin) { DriveMode::Run } else { DriveMode::Coast };
+            }
+            MotorLook::at(motor, status, twin, recorder.loops())
+        });
+        let looks: Vec<_> = looks.collect();
+        self.take_look(now, &looks)?;
+        Ok(Self::is_sample_due(now, end))
+    }
+
+    /// Takes a look at each motor.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn take_look(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
+        self.motors.iter_mut().zip(looks).for_each(|(recorder, look)| recorder.look(now, look));
+        self.record.as_mut().map_or(Ok(()), |record| record.motors(now, looks))
+    }
+
+    /// Takes a sample of everything: of the motors what was seen since the last one. What is known of
+    /// the wires is added to `moment`.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn sample(
+        &mut self,
+        now: Micros,
+        wires: &[rc10_sim::Bus],
+        mut moment: Moment,
+    ) -> Result<()> {
+        for (look, (recorder, wire)) in moment.buses.iter_mut().zip(self.buses.iter().zip(wires)) {
+            (look.frames, look.load) = (recorder.frames, wire.load());
+        }
+        self.take_sample(now, moment)
+    }
+
+    /// Takes a sample, as it was recorded before.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn take_sample(&mut self, now: Micros, moment: Moment) -> Result<()> {
+        self.motors.iter_mut().for_each(MotorRecorder::sample);
+        self.signals.iter_mut().for_each(SignalRecorder::sample);
+        for (recorder, look) in self.buses.iter_mut().zip(&moment.buses) {
+            recorder.samples.push(BusSample::of(&look.status));
+        }
+        self.arm.extend(moment.robot.arm);
+        self.headings.iter_mut().for_each(|it| it.push(moment.robot.yaw.is_some()));
+        self.remote.extend(moment.remote.map(|look| look.sample));
+        if let Some(base) = &self.description.base {
+            self.path.push(moment.robot.pose);
+            let wheels = self.wheels(base);
+            self.heard.push(BaseHeard { wheels, yaw: moment.robot.yaw });
+            let Description { estimate, reference, .. } = self.description;
+            self.estimate.extend(estimate.map(|labels| self.pose(labels)));
+            self.reference.extend(reference.map(|labels| self.pose(labels)));
+        }
+        if let Some(record) = &mut self.record {
+            record.sample(now, self.motors.iter().map(|motor| &motor.last), &moment)?;
+        }
+        self.moment = moment;
+        Ok(())
+    }
+
+    /// What the motors of a base's wheels say.
+    fn wheels(&mut self, base: &Base) -> Vec<WheelHeard> {
+        let status =
+            |line: usize| self.motors.get(line).map_or(MotorStatus::NEW, |motor| motor.last.status);
+        let follows =
+            |status: &MotorStatus| status.link == Link::Online && status.drive == DriveMode::Run;
+        let degrees =
+            |status: &MotorStatus| status.feedback.total_angle.microdegrees() as f64 * 1e-6;
+        let mut steering = base.steering.iter();
+        let mut steers = Vec::new();
+        let wheels = base.wheels.iter().zip(&base.chassis.wheels).enumerate();
+        let wheels = wheels.map(|(index, (line, wheel))| {
+            let motor = status(*line);
+            let mut heard = WheelHeard {
+                angle: degrees(&motor),
+                current: motor.feedback.current().map(|current| current.get().into()),
+                follows: follows(&motor),
+                steered: 0.0,
+            };
+            let gear = wheel.steering.and_then(|gear| Some((gear.gear, *steering.next()?)));
+            let Some((gear, line)) = gear else { return heard };
+            let motor = status(line);
+            heard.follows &= follows(&motor);
+            let shaft = (motor.link == Link::Online).then(|| degrees(&motor));
+            let last = self.steers.get(steers.len()).copied().flatten();
+            heard.steered = if self.source.is_simulated() {
+                // From where the wheels look at first, whatever the motor's own angle is there; one that
+                // jumps was set to zero.
+                let before = self.heard.last().and_then(|heard| heard.wheels.get(index));
+                let step = shaft.zip(last).map_or(0.0, |(now, last)| now - last);
+                let step = if step.abs() < STEERED_ANEW { step } else { 0.0 };
+                before.map_or(0.0, |before| before.steered) + step / gear
+            } else {
+                shaft.unwrap_or_default() / gear
+            };
+            steers.push(shaft.or(last));
+            heard
+        });
+        let wheels = wheels.collect();
+        self.steers = steers;
+        wheels
+    }
+
+    /// The pose that three of the robot's own signals are.
+    fn pose(&self, labels: PoseSignals) -> PathPoint {
+        let value = |label: &str| {
+            let signals = self.signals.iter().map(SignalRecorder::newest);
+            let (_, unit, value) = signals.into_iter().find(|(name, ..)| *name == label)?;
+            value.map(|value| (unit, value))
+        };
+        let [x, y, yaw] = labels.map(value);
+        let (Some((_, x)), Some((_, y)), Some((unit, yaw))) = (x, y, yaw) else {
+            return PathPoint::NOWHERE;
+        };
+        PathPoint { x, y, yaw: if unit == "rad" { yaw } else { yaw.to_radians() } }
+    }
+
+    /// The recording. `losses` are those of the remote.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn finish(
+        mut self,
+        length: Micros,
+        wires: &[rc10_sim::Bus],
+        losses: Vec<Loss>,
+    ) -> Result<Recording> {
+        let ends = self.buses.iter_mut().zip(wires).map(|(recorder, wire)| {
+            let log = std::mem::take(&mut recorder.log);
+            let hash = std::mem::take(&mut recorder.hash).chain_update(&log);
+            WireEnd { load_windows: wire.load_windows(), log_hash: hex_digits(hash), log }
+        });
+        let ends = ends.collect();
+        self.finish_with(length, ends, losses)
+    }
+
+    /// The recording, with what is known of the wires.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn finish_with(
+        mut self,
+        length: Micros,
+        wires: Vec<WireEnd>,
+        losses: Vec<Loss>,
+    ) -> Result<Recording> {
+        // A robot that really runs follows its driver, and no script.
+        let is_scripted = self.source != Source::Robot;
+        let events = if is_scripted { self.description.events(length) } else { Vec::new() };
+        if let Some(record) = self.record.take() {
+            let faults = self.motors.iter().map(|motor| motor.last.status.fault);
+            record.finish(length, &wires, &losses, &events, faults)?;
+        }
+        let motors = self.description.motors.iter().zip(self.motors);
+        let motors = motors.map(|(described, recorder)| MotorTrack {
+            motor: described.clone(),
+            samples: recorder.samples,
+            last: recorder.last.status,
+            overwritten: recorder.last.seen.overwritten,
+            tracking: recorder.tracking,
+            peak_current: recorder.peak_current,
+            effort: recorder.effort.map(EffortWatch::finish),
+        });
+        let Moment { buses, lines, parts, remote, .. } = self.moment;
+        let buses = (1..=u8::MAX).zip(buses.into_iter().zip(self.buses).zip(wires));
+        let buses = buses.map(|(number, ((look, recorder), wire))| BusTrack {
+            number,
+            load: look.load,
+            load_windows: wire.load_windows,
+            last: look.status,
+            samples: recorder.samples,
+            frames: look.frames,
+            log_hash: wire.log_hash,
+            log: wire.log,
+        });
+        let (base, control) = (self.description.base.as_ref(), self.description.remote.as_ref());
+        let parts = self.description.serials.iter().zip(parts);
+        Ok(Recording {
+            seed: self.seed,
+            length,
+            motors: motors.collect(),
+            buses: buses.collect(),
+            lines,
+            base: base.map(|base| BaseTrack {
+                wheels: base.wheels.clone(),
+                steering: base.steering.clone(),
+                path: self.path,
+                estimate: self.estimate,
+                reference: self.reference,
+                chassis: base.chassis.clone(),
+                heard: self.heard,
+            }),
+            events,
+            remote: remote.zip(control).map(|(look, control)| RemoteTrack {
+                receiver: control.receiver,
+                sent: look.sent,
+                heard: look.is_told.then_some(look.heard),
+                losses,
+                samples: self.remote,
+            }),
+            parts: parts
+                .map(|(part, heard)| PartTrack { label: part.label, uart: part.uart, heard })
+                .collect(),
+            arm: self.arm,
+            headings: self.headings.unwrap_or_default(),
+            signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
+            found: Vec::new(),
+            not_at_rest: None,
+            no_logs: self.description.no_logs,
+            source: self.source,
+            faults: Vec::new(),
+            gaps: Vec::new(),
+        })
+    }
+}
+
+/// Gain margins of the loops of the motor in a line of the table, with what its wheel carries of a base;
+/// `None` if what it moves is not described.
+#[must_use]
+pub fn margins(loops: Loops, line: usize, twin: &Esc, base: Option<&Base>) -> Option<Margins> {
+    let mut plant = twin.plant();
+    if plant.load_inertia <= 0.0 {
+        return None;
+    }
+    if let Some(base) = base
+        && let Some(wheel) = base.wheels.iter().position(|wheel| *wheel == line)
+        && let Some(wheel) = base.chassis.wheels.get(wheel)
+    {
+        // Its share of what all of them move as the base goes ahead.
+        let shares = Wheels::new(&base.chassis, &[]).ahead();
+        plant.load_inertia += base.chassis.mass * wheel.radius.powi(2) / shares;
+    }
+    Some(Margins::of(loops, &plant))
+}
+
+/// Samples of one motor in this run, and what the next one is made of.
+#[derive(Clone)]
+struct MotorRecorder {
+    samples: Vec<MotorSample>,
+    tracking: Vec<Tracking>,
+    peak_current: f64,
+    effort: Option<EffortWatch>,
+    /// The last look, and whether it is newer than the last sample.
+    last: MotorLook,
+    is_new: bool,
+    measured: Sum,
+    current: Sum,
+    rpm: Sum,
+}
+
+impl MotorRecorder {
+    fn new(effort: Option<EffortWatch>) -> Self {
+        Self {
+            samples: Vec::new(),
+            tracking: Vec::new(),
+            peak_current: 0.0,
+            effort,
+            last: MotorLook::NEW,
+            is_new: false,
+            measured: Sum::default(),
+            current: Sum::default(),
+            rpm: Sum::default(),
+        }
+    }
+
+    /// Its loops, if they are judged.
+    fn loops(&self) -> Option<Loops> {
+        self.effort.as_ref().map(EffortWatch::loops)
+    }
+
+    fn look(&mut self, now: Micros, look: &MotorLook) {
+        let seen = look.seen;
+        if let (Some(target), DriveMode::Run) = (seen.target, seen.drive) {
+            self.track(seen.kind, target - seen.measured);
+        }
+        self.peak_current = self.peak_current.max(seen.current.abs());
+        if let Some(watch) = &mut self.effort {
+            watch.look(now, look.effort);
+            let MotorSample { kind, target, measured, .. } = seen;
+            let (feedback, effort) = (look.feedback(), look.effort);
+            watch.look_at_load(now, &Carrying { kind, target, measured, feedback, effort });
+        }
+        if self.is_new && self.last.seen.kind != seen.kind {
+            self.measured = Sum::default();
+        }
+        self.measured.add(seen.measured);
+        self.current.add(seen.current);
+        self.rpm.add(seen.rpm);
+        (self.last, self.is_new) = (*look, true);
+    }
+
+    fn track(&mut self, kind: TargetKind, error: f64) {
+        let known = self.tracking.iter().position(|tracking| tracking.kind == kind);
+        let index = known.unwrap_or_else(|| {
+            self.tracking.push(Tracking { kind, looks: 0, squares: 0.0, peak: 0.0 });
+            self.tracking.len() - 1
+        });
+        let tracking = &mut self.tracking[index];
+        tracking.looks += 1;
+        tracking.squares += error * error;
+        tracking.peak = tracking.peak.max(error.abs());
+    }
+
+    fn sample(&mut self) {
+        if !std::mem::take(&mut self.is_new) {
+            return;
+        }
+        let cell = |sum: &mut Sum| std::mem::take(sum).cell().unwrap_or_default();
+        self.samples.push(MotorSample {
+            measured_cell: cell(&mut self.measured),
+            current_cell: cell(&mut self.current),
+            rpm_cell: cell(&mut self.rpm),
+            ..self.last.seen
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_app::Rpm;
+    use rc10_motor::Target;
+    use rc10_motor::dji::M3508;
+    use rc10_sim::{BusConfig, World};
+
+    use super::*;
+    use crate::robot::motor::Motor;
+
+    /// Three looks at a motor that measured 97, 50 and 96 rpm. In the second it was not driven, so
+    /// there was no target to follow.
+    #[test]
+    fn looks_without_a_target_are_not_in_the_error() {
+        let motor = Motor::dji_on("wheel", 1, &M3508, 1);
+        let wire = World::new(1).add_bus(BusConfig::default());
+        let twin = motor.plug_in(&[wire], &[]).unwrap();
+        let mut recorder = MotorRecorder::new(None);
+        for (rpm, drive) in
+            [(97.0, DriveMode::Run), (50.0, DriveMode::Coast), (96.0, DriveMode::Run)]
+        {
+            let mut status = MotorStatus::NEW;
+            status.drive = drive;
+            status.target = Target::Speed(Rpm::new(100.0));
+            status.feedback.speed = Rpm::new(rpm);
+            recorder.look(Micros::ZERO, &MotorLook::at(&motor, status, &twin, None));
+            recorder.sample();
+        }
+        let targets: Vec<_> = recorder.samples.iter().map(|sample| sample.target).collect();
+        assert_eq!(targets, [Some(100.0), None, Some(100.0)]);
+        let expected = Tracking { kind: TargetKind::Speed, looks: 2, squares: 25.0, peak: 4.0 };
+        assert_eq!(recorder.tracking, [expected]);
+        assert!((expected.rms() - 12.5_f64.sqrt()).abs() < 1e-9);
+    }
+}

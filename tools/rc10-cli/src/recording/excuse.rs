@@ -1,0 +1,52 @@
+//! Whether an injected fault explains what a run has: its effects on a bus or line, and how long they last.
+
+use rc10_can::Micros;
+use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
+
+use crate::recording::sample::SAMPLE_PERIOD;
+use crate::robot::motor::Place;
+
+/// From when to when a fault may have its effects on a bus or line.
+pub(crate) fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
+    let from = fault.from.micros();
+    let until = fault.until.map(|until| until.micros());
+    match fault.kind {
+        FaultKind::RemoteLost | FaultKind::Part(..) => None,
+        FaultKind::Panic
+        | FaultKind::HardFault
+        | FaultKind::Hang(_)
+        | FaultKind::Mask
+        | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
+        // For good: bit rates are what the chip's own oscillator makes of them.
+        FaultKind::CrystalDead => Some((from, None)),
+        FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
+        _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
+        _ => None,
+    }
+}
+
+pub(crate) fn is_on(fault: &Fault, on: Place) -> bool {
+    let (index, number) = match (fault.kind.wire(), on) {
+        (Some(Wire::Bus(index)), Place::Bus(number)) => (index, number),
+        (Some(Wire::Line(index)), Place::Line(number)) => (index, number),
+        _ => return false,
+    };
+    index + 1 == usize::from(number)
+}
+
+/// Whether an injected fault may have its effects on a bus or line at a time.
+pub(crate) fn is_excused(faults: &[Fault], on: Place, at: Micros) -> bool {
+    let effects = faults.iter().filter_map(|fault| effects(fault, on));
+    effects.into_iter().any(|(from, until)| {
+        from <= at && until.is_none_or(|until| at.since(SAMPLE_PERIOD) <= until)
+    })
+}
+
+/// A motor that cannot be heard is known as lost within this time.
+pub const LOST_WITHIN: Micros = Micros::from_millis(50);
+
+/// A motor is back within this time from the end of a fault on.
+pub const BACK_WITHIN: Micros = Micros::from_millis(500);
+
+/// A chip that crashed or hung is back, and armed by hand, within this time.
+pub const RESTART_WITHIN: Micros = Micros::from_millis(1500);

@@ -1,0 +1,98 @@
+//! Findings about a run, as data: console, JSON, report and exit code say the same.
+
+use serde_json::{Value, json};
+use std::fmt;
+
+/// The severity of a finding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Something to mend: `--strict` ends with exit code 3.
+    Problem,
+    /// Good to know.
+    Information,
+}
+
+/// The subject of a problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum About {
+    /// The robot as a whole.
+    Robot,
+    /// The motor of this label.
+    Motor(&'static str),
+    /// A bus; the first one is 1.
+    Bus(u8),
+    /// An RS-485 line; the first one is 1.
+    Line(u8),
+    /// The remote control.
+    Remote,
+    /// The part on a UART with this label.
+    Part(&'static str),
+    /// The emulated chip, and the program on it.
+    Chip,
+}
+
+impl fmt::Display for About {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Robot => f.write_str("robot"),
+            Self::Motor(label) | Self::Part(label) => f.write_str(label),
+            Self::Bus(number) => write!(f, "bus {number}"),
+            Self::Line(number) => write!(f, "line {number}"),
+            Self::Remote => f.write_str("remote"),
+            Self::Chip => f.write_str("chip"),
+        }
+    }
+}
+
+/// One finding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Its severity.
+    pub severity: Severity,
+    /// The subject of a problem.
+    pub about: About,
+    /// For programs: the same word for the same finding, in small letters with hyphens.
+    pub kind: &'static str,
+    /// For people: a sentence without its subject.
+    pub text: String,
+}
+
+impl Problem {
+    /// Something to mend.
+    #[must_use]
+    pub const fn new(about: About, kind: &'static str, text: String) -> Self {
+        Self { severity: Severity::Problem, about, kind, text }
+    }
+
+    /// Something that is good to know.
+    #[must_use]
+    pub const fn information(about: About, kind: &'static str, text: String) -> Self {
+        Self { severity: Severity::Information, about, kind, text }
+    }
+
+    /// As JSON.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        json!({
+            "severity": match self.severity {
+                Severity::Problem => "problem",
+                Severity::Information => "information",
+            },
+            "about": self.about.to_string(),
+            "kind": self.kind,
+            "text": self.text,
+        })
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.about, self.text)
+    }
+}
+
+/// Whether there is something to mend.
+#[must_use]
+pub fn any(problems: &[Problem]) -> bool {
+    problems.iter().any(|problem| problem.severity == Severity::Problem)
+}

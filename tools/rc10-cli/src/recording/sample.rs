@@ -1,0 +1,249 @@
+//! Samples of a run: motors, buses and base at one moment, and the range of values between two.
+
+use rc10_motor::ArmState;
+use std::fmt::Write as _;
+
+use rc10_can::Micros;
+use rc10_motor::embassy::BusStatus;
+use rc10_motor::{DriveMode, Link, MotorCounters, TargetKind};
+use rc10_sim::Base;
+use sha2::{Digest, Sha256};
+
+/// Samples are taken this far apart.
+pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
+
+/// A sample is made from looks this far apart: as often as control loops run.
+pub const LOOK_PERIOD: Micros = Micros::from_millis(1);
+
+/// The range of values between two samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// The lowest.
+    pub min: f32,
+    /// Their mean.
+    pub mean: f32,
+    /// The highest.
+    pub max: f32,
+}
+
+impl Cell {
+    /// Of zero.
+    pub(crate) const ZERO: Self = Self { min: 0.0, mean: 0.0, max: 0.0 };
+
+    /// Of a value that does not change.
+    #[must_use]
+    pub const fn of(value: f64) -> Self {
+        let value = value as f32;
+        Self { min: value, mean: value, max: value }
+    }
+}
+
+/// Values on their way to a [`Cell`].
+#[derive(Clone, Default)]
+pub(crate) struct Sum {
+    count: u32,
+    sum: f64,
+    min: f64,
+    max: f64,
+}
+
+impl Sum {
+    pub(crate) fn add(&mut self, value: f64) {
+        if self.count == 0 {
+            (self.min, self.max) = (value, value);
+        }
+        (self.min, self.max) = (self.min.min(value), self.max.max(value));
+        self.sum += value;
+        self.count += 1;
+    }
+
+    /// Lowest, mean and highest; `None` of no values.
+    pub(crate) fn range(&self) -> Option<[f64; 3]> {
+        (self.count > 0).then(|| [self.min, self.sum / f64::from(self.count), self.max])
+    }
+
+    pub(crate) fn cell(&self) -> Option<Cell> {
+        let [min, mean, max] = self.range()?.map(|value| value as f32);
+        Some(Cell { min, mean, max })
+    }
+}
+
+/// One motor at one moment, and since the one before.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorSample {
+    /// Its target, in the unit of `kind`; `None` while it does not follow a target.
+    pub target: Option<f64>,
+    /// Its measurement, in the same unit: rpm for speeds, degrees for angles.
+    pub measured: f64,
+    /// `measured` since the sample before, as long as it was of this kind.
+    pub measured_cell: Cell,
+    /// Kind of the target: it says what `target` and `measured` are.
+    pub kind: TargetKind,
+    /// Current in the winding, A, as the simulated motor knows it.
+    pub current: f64,
+    /// The same since the sample before.
+    pub current_cell: Cell,
+    /// Speed of the output shaft, rpm, as the simulated motor knows it.
+    pub rpm: f64,
+    /// The same since the sample before.
+    pub rpm_cell: Cell,
+    /// Whether it is heard.
+    pub link: Link,
+    /// Its drive mode. On an emulated chip [`DriveMode::Run`] if the simulated motor is driven,
+    /// else [`DriveMode::Coast`].
+    pub drive: DriveMode,
+    /// Its counters so far.
+    pub counters: MotorCounters,
+    /// Its feedback frames so far that were overwritten in the ESC.
+    pub overwritten: u64,
+}
+
+/// Counters of a bus at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusSample {
+    /// Ticks that did not happen.
+    pub overruns: u32,
+    /// Received frames lost.
+    pub lost: u32,
+    /// Commands replaced before they left.
+    pub replaced: u32,
+    /// Frames refused.
+    pub refused: u32,
+    /// Times it was off.
+    pub bus_offs: u32,
+}
+
+impl BusSample {
+    pub(crate) const fn of(status: &BusStatus) -> Self {
+        Self {
+            overruns: status.overruns,
+            lost: status.health.receive_lost,
+            replaced: status.replaced,
+            refused: status.refused,
+            bus_offs: status.health.bus_offs,
+        }
+    }
+}
+
+/// Measurements of a base by the robot's own sensors at one moment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BaseHeard {
+    /// Its wheels, in the order of [`BaseTrack::wheels`].
+    pub wheels: Vec<WheelHeard>,
+    /// Heading by its IMU, degrees counter-clockwise, all turns counted.
+    pub yaw: Option<f64>,
+}
+
+impl BaseHeard {
+    /// The steering angles of the wheels between two moments, degrees.
+    #[must_use]
+    pub fn steered(from: &Self, to: &Self) -> Vec<f64> {
+        let pairs = from.wheels.iter().zip(&to.wheels);
+        pairs.map(|(from, to)| f64::midpoint(from.steered, to.steered)).collect()
+    }
+}
+
+/// Feedback of a wheel's motor, as the robot counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelHeard {
+    /// Degrees of the output shaft, all turns counted.
+    pub angle: f64,
+    /// Current in the winding, A, if the device tells it.
+    pub current: Option<f64>,
+    /// It is heard, and follows a target; so does the motor that steers it.
+    pub follows: bool,
+    /// The angle by which the wheel is steered, degrees.
+    pub steered: f64,
+}
+
+impl PathPoint {
+    /// Not known.
+    pub(crate) const NOWHERE: Self = Self { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
+
+    /// Of a base; NaN without one.
+    pub(crate) fn of(base: Option<&Base>) -> Self {
+        base.map(Base::pose).map_or(Self::NOWHERE, |pose| Self {
+            x: pose.x,
+            y: pose.y,
+            yaw: pose.yaw,
+        })
+    }
+}
+
+/// A position of the base.
+#[derive(Clone, Copy, Debug)]
+pub struct PathPoint {
+    /// Metres.
+    pub x: f64,
+    /// Metres, to the left of where it started.
+    pub y: f64,
+    /// Radians, counter-clockwise.
+    pub yaw: f64,
+}
+
+/// A finished hash in hex digits.
+pub(crate) fn hex_digits(hash: Sha256) -> String {
+    hash.finalize().iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+/// What is known of a bus's wire when all is over.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WireEnd {
+    /// Its load in each 100 ms, percent.
+    pub load_windows: Vec<f64>,
+    /// Its frames, as a candump log; empty if that was not kept.
+    pub log: String,
+    /// SHA-256 of that log in hex digits.
+    pub log_hash: String,
+}
+
+/// A time in seconds.
+pub(crate) fn seconds(time: Micros) -> f64 {
+    // Divided: correctly rounded, so that 0.9 s is printed as 0.9.
+    time.get() as f64 / 1e6
+}
+
+/// The time at which a sample was taken.
+pub(crate) fn time_of(index: usize) -> Micros {
+    Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
+}
+
+/// Where a recording comes from: that decides what is known of the robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// A simulation, which knows all.
+    #[default]
+    Simulation,
+    /// An emulated chip: what was on the wires and at the shafts, and not what the robot believed.
+    Emulation,
+    /// A capture of a real robot's buses: what was on the wires.
+    Capture,
+    /// A robot that ran and told of itself: what it believed.
+    Robot,
+}
+
+impl Source {
+    /// Whether it is known what the robot believed, and what its motors were told.
+    #[must_use]
+    pub const fn is_told(self) -> bool {
+        matches!(self, Self::Simulation | Self::Robot)
+    }
+
+    /// Whether all chance in it is of a seed, and its time is virtual.
+    #[must_use]
+    pub const fn is_simulated(self) -> bool {
+        matches!(self, Self::Simulation | Self::Emulation)
+    }
+}
+
+/// A remote and its robot at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RemoteSample {
+    /// Whether the receiver's frames come from the remote.
+    pub is_live: bool,
+    /// Whether the robot is armed, if it says so.
+    pub arm: Option<ArmState>,
+}

@@ -1,0 +1,265 @@
+//! A robot as the tools see it: plain data that say what its motors are and what surrounds them.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, anyhow};
+use rc10_can::Micros;
+use rc10_emu::Board;
+use rc10_motor::{MotorId, Names, numbers};
+use rc10_sim::{Fault, Serial, World};
+
+use crate::robot::base::Base;
+use crate::robot::mistake::Mistake;
+use crate::robot::motor::{Motor, Place, Plant};
+use crate::robot::remote::{Line, Lost, RemoteControl};
+use crate::robot::script::{Event, Script};
+
+/// The bit rate of all buses.
+pub(crate) const BITS_PER_SECOND: u32 = 1_000_000;
+
+/// A robot before it runs: its motors, buses, base, remote and script.
+#[derive(Clone, Debug, Default)]
+pub struct Description {
+    /// All motors; those of one bus in the order in which they are attached to it.
+    pub motors: Vec<Motor>,
+    /// Number of its buses: they are counted from 1 to this.
+    pub buses: u8,
+    /// Its RS-485 lines; the first one is line 1.
+    pub lines: Vec<LinePart>,
+    /// The base on its wheels, if that is simulated.
+    pub base: Option<Base>,
+    /// Its own signals that say where it believes to be: [`Robot::estimate`](crate::world::robot::Robot::estimate).
+    pub estimate: Option<PoseSignals>,
+    /// Those that say where it is to be: [`Robot::reference`](crate::world::robot::Robot::reference).
+    pub reference: Option<PoseSignals>,
+    /// Its remote control, if it has one, with the script of its operator.
+    pub remote: Option<RemoteControl>,
+    /// The other parts on its UARTs.
+    pub serials: Vec<SerialPart>,
+    /// The switches and markers on its motors' shafts: the first is at the board's first input for them.
+    pub contacts: Vec<ContactPart>,
+    /// Bits a second of its firmware's console, if not 921,600.
+    pub console: Option<u32>,
+    /// Its script, for reports.
+    pub script: Script,
+    /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
+    pub firmware: Option<fn(Option<Board>) -> Result<PathBuf>>,
+    /// Faults that are injected in this run: [`Robot::set_faults`](crate::world::robot::Robot::set_faults).
+    pub faults: Vec<Fault>,
+    /// Differences between the world and this description:
+    /// [`Robot::set_mistakes`](crate::world::robot::Robot::set_mistakes).
+    pub mistakes: Vec<Mistake>,
+    /// The buses' logs are hashed, and not kept: [`Robot::set_no_logs`](crate::world::robot::Robot::set_no_logs).
+    pub no_logs: bool,
+}
+
+/// An RS-485 line of the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct LinePart {
+    /// The chip's UART, with its driver enable: 2 for USART2.
+    pub uart: u8,
+}
+
+/// A part on a UART of the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct SerialPart {
+    /// Label of the part.
+    pub label: &'static str,
+    /// The chip's UART: 1 for USART1.
+    pub uart: u8,
+    /// Puts its simulated twin at the end of a link.
+    pub twin: fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial>,
+}
+
+/// A switch or marker on a motor's shaft: [`rc10_sim::Contact`].
+#[derive(Clone, Copy, Debug)]
+pub struct ContactPart {
+    /// The motor: a line of [`Description::motors`].
+    pub(crate) motor: usize,
+    /// Where in a turn of its output shaft it is closed: degrees since the start, as the motor itself
+    /// counts, the lower angle first.
+    pub closed: [f64; 2],
+}
+
+impl ContactPart {
+    /// On the shaft of a motor, closed between these angles, whichever the turn.
+    #[must_use]
+    pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
+        Self { motor: motor.index(), closed }
+    }
+}
+
+/// Labels of three signals that are a pose together: m forward and m to the left of where the robot began
+/// to count, and the way it looks, in the signal's unit: `rad`, else degrees counter-clockwise.
+pub type PoseSignals = [&'static str; 3];
+
+/// The number of times that a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
+fn mentions(text: &str, name: &str) -> usize {
+    let ends = text.match_indices(name).map(|(at, name)| &text[at + name.len()..]);
+    ends.filter(|rest| !rest.starts_with(|next: char| next.is_ascii_digit())).count()
+}
+
+impl Description {
+    /// The robot of a declaration: its motors with what `plant` says is on their shafts, its buses and
+    /// its lines, which are on USART2 and on. What else there is stands beside it:
+    ///
+    /// ```
+    /// use rc10_cli::{Description, Plant};
+    /// # use rc10_motor::{Entry, Place::Bus, dji::{Config, Dji, M2006}, motors};
+    /// # motors! {
+    /// #     pub enum Name;
+    /// #     pub struct Motors;
+    /// #     buses: [100.0];
+    /// #     lines: 0;
+    /// #     Arm: Dji = Entry::new("arm", Bus(1), Config::new(&M2006, 1)),
+    /// # }
+    /// let robot = Description::of(|name| match name {
+    ///     Name::Arm => Plant::inertia(0.02),
+    /// });
+    /// assert_eq!((robot.buses, robot.motors[0].label), (1, "arm"));
+    /// ```
+    #[must_use]
+    pub fn of<N: Names>(plant: impl Fn(N) -> Plant) -> Self {
+        let motors = N::ALL.iter().map(|name| Motor::of(name.entry(), plant(*name)));
+        Self {
+            motors: motors.collect(),
+            buses: u8::try_from(N::BUSES.len()).unwrap_or(u8::MAX),
+            lines: (0..N::LINES).map(|line| LinePart { uart: 2 + line }).collect(),
+            ..Self::default()
+        }
+    }
+
+    /// The motors of a bus, in the order in which they are attached.
+    pub fn on_bus(&self, bus: u8) -> impl Iterator<Item = &Motor> {
+        self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
+    }
+
+    /// The events before `end`, in order of time: those of its script, of its remote's operator,
+    /// and the losses of that remote. What the operator does while the remote is lost is not
+    /// received; only the last of it is, when the remote is back.
+    #[must_use]
+    pub fn events(&self, end: Micros) -> Vec<Event> {
+        let mut events = self.script.until(end);
+        if let Some(remote) = &self.remote {
+            let line = |line: &Line| Event { at: line.at, label: line.label };
+            let script = Script {
+                events: remote.script.iter().map(line).collect(),
+                repeats_after: remote.repeats_after,
+            };
+            let mut hands = script.until(end);
+            for &Lost { from, until } in &remote.lost {
+                let unheard =
+                    |event: &Event| event.at >= from && until.is_none_or(|until| event.at < until);
+                let last = hands.iter().copied().rfind(unheard);
+                hands.retain(|event| !unheard(event));
+                events.push(Event { at: from, label: "remote lost" });
+                events.extend(until.map(|at| Event { at, label: "remote back" }));
+                events.extend(until.zip(last).map(|(at, last)| Event { at, ..last }));
+            }
+            events.extend(hands);
+        }
+        events.retain(|event| event.at < end);
+        events.sort_by_key(|event| event.at);
+        events
+    }
+
+    /// Adds to an error that names motors by model and identifier what the robot calls them, and
+    /// where they are plugged in: a line each.
+    #[must_use]
+    pub fn label(&self, error: anyhow::Error) -> anyhow::Error {
+        let text = format!("{error:#}");
+        let named = |motor: &&Motor| mentions(&text, &motor.name().to_string()) > 0;
+        let mut motors: Vec<&Motor> = self.motors.iter().filter(named).collect();
+        // Two that are in each other's way hang on the same bus; others may be called the same.
+        let mentioned = |on| -> usize {
+            let mut names: Vec<String> = Vec::new();
+            names.extend(motors.iter().filter(|m| m.on == on).map(|m| m.name().to_string()));
+            let count = names.len();
+            names.dedup();
+            names.iter().map(|name| mentions(&text, name)).sum::<usize>().min(count)
+        };
+        let most = motors.iter().map(|motor| mentioned(motor.on)).max();
+        let places: Vec<Place> = motors.iter().map(|motor| motor.on).collect();
+        let best: Vec<Place> =
+            places.into_iter().filter(|on| Some(mentioned(*on)) == most).collect();
+        motors.retain(|motor| best.contains(&motor.on));
+        if motors.is_empty() {
+            return error;
+        }
+        let whose =
+            |motor: &&Motor| format!("\n      {}: {} is {}", motor.on, motor.label, motor.name());
+        let whose: String = motors.iter().map(whose).collect();
+        anyhow!("{text}{whose}")
+    }
+
+    /// Which of the motors that are plugged in at the same place the one in an entry of
+    /// [`Description::motors`] is.
+    #[must_use]
+    pub fn number(&self, entry: usize) -> Option<MotorId> {
+        numbers(self.motors.iter().map(|motor| motor.on)).nth(entry)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji::{self, Dji};
+    use rc10_motor::{ArmSwitch, MotorBus, Safety};
+
+    use super::*;
+    use crate::robot::remote::tests as tests_of_remotes;
+
+    #[test]
+    fn what_hands_do_while_the_remote_is_lost_is_told_when_it_is_back() {
+        let told = |faults: &[&str]| {
+            let mut remote = tests_of_remotes::control();
+            (remote.script[0].label, remote.script[1].label) = ("down", "up");
+            remote.lose(&tests_of_remotes::faults(faults)).unwrap();
+            let description = Description { remote: Some(remote), ..<_>::default() };
+            let events = description.events(Micros::from_millis(2500));
+            let told = |event: &Event| format!("{} {}", event.at.get() / 1000, event.label);
+            events.iter().map(told).collect::<Vec<_>>().join(", ")
+        };
+        assert_eq!(told(&[]), "0 down, 100 up, 1000 down, 1100 up, 2000 down, 2100 up");
+        assert_eq!(told(&["remote-lost@50ms"]), "0 down, 50 remote lost");
+        let twice = told(&["remote-lost@1s..1.05s", "remote-lost@1.1s..2.2s"]);
+        let expected = "0 down, 100 up, 1000 remote lost, 1050 remote back, 1050 down, \
+                        1100 remote lost, 2200 remote back, 2200 up";
+        assert_eq!(twice, expected);
+    }
+
+    #[test]
+    fn errors_say_what_the_robot_calls_their_motors() {
+        let motors = vec![
+            Motor::dji_on("wheel left", 1, &dji::M3508, 1),
+            Motor::dji_on("wheel right", 1, &dji::M3508, 1),
+            Motor::dji_on("lift", 2, &dji::M3508, 1),
+            Motor::dji_on("yaw", 2, &dji::GM6020_CURRENT, 11),
+        ];
+        let description = Description { motors, buses: 2, ..<_>::default() };
+        let labelled = |error: anyhow::Error| description.label(error).to_string();
+        let switch = ArmSwitch::new();
+        let mut motors = [1, 1].map(|id| Dji::new(dji::Config::new(&dji::M3508, id)).unwrap());
+        let mut bus = MotorBus::new(&switch);
+        let [left, right] = &mut motors;
+        bus.attach(left, Safety::COAST).unwrap();
+        let clash = bus.attach(right, Safety::COAST).unwrap_err();
+        assert_eq!(
+            labelled(clash.into()),
+            "M3508 id 1 cannot share a bus with M3508 id 1: both send feedback with identifier \
+             0x201; set another on one, or plug it in elsewhere\n      bus 1: wheel left is M3508 id 1\n      bus 1: wheel right is M3508 id 1"
+        );
+        let id = Dji::new(dji::Config::new(&dji::GM6020_CURRENT, 11)).unwrap_err();
+        assert_eq!(
+            labelled(id.into()),
+            "GM6020 (current mode) id 11: `id` is 11, but must be 1 to 7\n      \
+             bus 2: yaw is GM6020 (current mode) id 11"
+        );
+        let mut gains = dji::M3508.cascade;
+        gains.speed.kp = -0.063;
+        let gains = Dji::new(dji::Config::new(&dji::M3508, 1).with_cascade(gains)).unwrap_err();
+        assert!(labelled(gains.into()).starts_with(
+            "M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative\n      bus 1: "
+        ));
+        assert_eq!(labelled(anyhow!("M3508 id 12 is none of them")), "M3508 id 12 is none of them");
+    }
+}

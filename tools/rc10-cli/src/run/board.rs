@@ -1,0 +1,104 @@
+//! The board under the emulated chip, and whether the program is for it.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use rc10_emu::{Board, Image, MadeFor};
+
+/// A board, by its name on the command line.
+pub(crate) fn named(name: &str) -> Result<Board, String> {
+    Board::named(name).ok_or_else(|| {
+        let names = Board::ALL.map(|board| board.name);
+        format!("there is no such board: {}", names.join(", "))
+    })
+}
+
+/// A crystal in MHz, as hertz: 4 to 50, which the chip can take.
+pub(crate) fn crystal(megahertz: &str) -> Result<u64, String> {
+    let hz = megahertz.parse::<f64>().ok().map(|megahertz| (megahertz * 1e6).round());
+    match hz {
+        Some(hz) if (4e6..=50e6).contains(&hz) => Ok(hz as u64),
+        _ => Err("a crystal has 4 to 50 MHz".into()),
+    }
+}
+
+/// The board that a program is run on: the one that is asked for, the one that it is for, or the team's.
+pub(crate) fn of(program: &[u8], asked: Option<Board>, crystal: Option<u64>) -> Result<Board> {
+    let board = match (asked, Image::parse(program)?.made_for) {
+        (Some(board), _) => board,
+        (None, None) => Board::default(),
+        (None, Some(MadeFor { board, chip, crystal_hz })) => {
+            // One that is not ours is like the one with the same chip.
+            let alike = Board::ALL.into_iter().find(|known| known.chip == chip);
+            let alike = alike.unwrap_or_default();
+            Board::named(&board).unwrap_or(Board { crystal_hz, ..alike })
+        }
+    };
+    let crystal_hz = crystal.unwrap_or(board.crystal_hz);
+    Ok(Board { crystal_hz, ..board })
+}
+
+/// What is wrong if a program runs on a board: one sentence, or none.
+pub(crate) fn mismatch(made_for: Option<&MadeFor>, board: &Board) -> Option<String> {
+    let MadeFor { board: name, chip, crystal_hz } = made_for?;
+    let megahertz = |hz: u64| hz as f64 / 1e6;
+    let mut text = String::new();
+    if name != board.name {
+        let _ = write!(
+            text,
+            "the program is for {name} ({chip}), the board is {} ({})",
+            board.name, board.chip
+        );
+    }
+    if *crystal_hz != board.crystal_hz {
+        if !text.is_empty() {
+            text += "; ";
+        }
+        let rate = 1000.0 * board.crystal_hz as f64 / *crystal_hz as f64;
+        let _ = write!(
+            text,
+            "the program is for a crystal of {} MHz, the board's has {}: buses at 1000 kbit/s would run at {} kbit/s",
+            megahertz(*crystal_hz),
+            megahertz(board.crystal_hz),
+            (rate * 10.0).round() / 10.0
+        );
+    }
+    (!text.is_empty()).then_some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_crystal_and_another_board_are_told() {
+        let of = |board: &Board| MadeFor {
+            board: board.name.into(),
+            chip: board.chip.into(),
+            crystal_hz: board.crystal_hz,
+        };
+        let ours = of(&Board::H723ZG);
+        assert_eq!(mismatch(Some(&ours), &Board::H723ZG), None);
+        assert_eq!(mismatch(None, &Board::H723ZG), None);
+        let soldered = Board { crystal_hz: 24_000_000, ..Board::H723ZG };
+        let told = mismatch(Some(&ours), &soldered);
+        let expected = "the program is for a crystal of 25 MHz, the board's has 24: buses at 1000 kbit/s would run at \
+                        960 kbit/s";
+        assert_eq!(told.as_deref(), Some(expected));
+        let told = mismatch(Some(&of(&Board::DM_MC02)), &Board::H723ZG);
+        let expected = "the program is for dm-mc02 (STM32H723VG), the board is h723zg (STM32H723ZG); the program is for a \
+                        crystal of 24 MHz, the board's has 25: buses at 1000 kbit/s would run at 1041.7 kbit/s";
+        assert_eq!(told.as_deref(), Some(expected));
+    }
+
+    #[test]
+    fn boards_and_crystals_are_what_there_is() {
+        assert_eq!(named("dm-mc02"), Ok(Board::DM_MC02));
+        assert_eq!(named("DM-MC02"), Err("there is no such board: h723zg, dm-mc02".into()));
+        assert_eq!(crystal("24"), Ok(24_000_000));
+        assert_eq!(crystal("19.2"), Ok(19_200_000));
+        for wrong in ["3.9", "51", "NaN", "inf", "-24", "24MHz", ""] {
+            assert_eq!(crystal(wrong), Err("a crystal has 4 to 50 MHz".into()), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Builds the firmware of a robot, for its run on the emulated chip.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+use rc10_emu::Board;
+
+/// Builds a program of this checkout's `firmware/`, by the name of its package, for a board or the one that it
+/// is for by itself; says where its ELF file is.
+///
+/// # Errors
+/// If there is no checkout, or the program cannot be built.
+pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    ensure!(
+        root.join("firmware").is_dir(),
+        "there is no firmware/ here to build: say which ELF file to run"
+    );
+    let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args(["xtask", "firmware", package])
+        .args(board.map(|board| board.name))
+        .current_dir(&root)
+        .stderr(Stdio::inherit())
+        .output()
+        .context("cannot start cargo to build the firmware")?;
+    ensure!(output.status.success(), "the firmware was not built: the error above says why");
+    // It ends with the path.
+    match String::from_utf8_lossy(&output.stdout).lines().last() {
+        Some(path) => Ok(path.into()),
+        None => bail!("cargo xtask firmware does not say what it built"),
+    }
+}
+
+/// Builds the program in the folder `firmware` of a robot's own repository, by its own settings, for a board or
+/// the one that it is for by itself; says where its ELF file is.
+///
+/// # Errors
+/// If there is none, or it cannot be built.
+pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathBuf> {
+    let folder = Path::new(repository).join("firmware");
+    ensure!(
+        folder.is_dir(),
+        "there is no {} to build: say which ELF file to run",
+        folder.display()
+    );
+    let features = board.map(|board| ["--no-default-features", "--features", board.name]);
+    let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args(["build", "--release", "--message-format=json-render-diagnostics"])
+        .args(features.into_iter().flatten())
+        .current_dir(&folder)
+        .stderr(Stdio::inherit())
+        .output()
+        .context("cannot start cargo to build the firmware")?;
+    if !output.status.success() {
+        ensure!(has_target(&folder), "the chip's target is missing: rustup target add {TARGET}");
+        bail!("the firmware was not built: the error above says why");
+    }
+    let messages = String::from_utf8_lossy(&output.stdout);
+    let messages =
+        messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let mut programs = messages.filter_map(|it| Some(PathBuf::from(it["executable"].as_str()?)));
+    programs.next_back().with_context(|| format!("{} has no program", folder.display()))
+}
+
+/// The chip's target.
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Whether the compiler that is used in a folder has the chip's target, or does not say.
+fn has_target(folder: &Path) -> bool {
+    let ask = Command::new("rustc")
+        .args(["--print", "target-libdir", "--target", TARGET])
+        .current_dir(folder)
+        .output();
+    ask.map_or(true, |told| Path::new(String::from_utf8_lossy(&told.stdout).trim()).is_dir())
+}

@@ -1,0 +1,933 @@
+//! The figures of a run: tables for people, JSON for programs.
+
+use std::fmt::Write as _;
+
+use rc10_can::{Micros, Timing};
+use rc10_module::Counters;
+use rc10_motor::{DriveMode, Link, TargetKind, Verdict};
+use serde_json::{Value, json};
+
+use crate::judge::path::PathFigures;
+use crate::judge::problems;
+use crate::recording::problem::{Problem, Severity, any};
+use crate::recording::remote::{Loss, RemoteTrack};
+use crate::recording::sample::Source;
+use crate::recording::sample::seconds;
+use crate::recording::signal::SignalTrack;
+use crate::recording::{MotorTrack, PartTrack, Recording, Tracking};
+
+/// The figures of a run: computed once, and printed as text, JSON and HTML.
+pub struct Figures {
+    /// One per motor, in the order of the robot's table.
+    pub motors: Vec<MotorFigures>,
+    /// Its path against what the robot says of it, if it says that.
+    pub path: Option<PathFigures>,
+    /// Its problems, and the information.
+    pub problems: Vec<Problem>,
+}
+
+/// The figures of one motor.
+pub struct MotorFigures {
+    /// Unit of the newest target and measurement.
+    pub unit: &'static str,
+    /// Newest target, if it followed one.
+    pub target: Option<f64>,
+    /// Newest measurement.
+    pub measured: Option<f64>,
+    /// Tracking of its targets, by kind; the kind that it followed longest first.
+    pub tracking: Vec<Tracking>,
+    /// Largest current either way, A.
+    pub peak_current: Option<f64>,
+    /// Verdict on its control loops.
+    pub loops: &'static str,
+}
+
+impl Figures {
+    /// Of a run.
+    #[must_use]
+    pub fn of(recording: &Recording) -> Self {
+        let motors = recording.motors.iter();
+        let motors = motors.map(|track| MotorFigures::of(track, recording.source));
+        let path = PathFigures::of(recording);
+        Self { motors: motors.collect(), path, problems: problems(recording) }
+    }
+
+    /// Whether there is something to mend.
+    #[must_use]
+    pub fn any_problems(&self) -> bool {
+        any(&self.problems)
+    }
+
+    /// The problems, or the information.
+    pub fn found(&self, severity: Severity) -> impl Iterator<Item = &Problem> {
+        self.problems.iter().filter(move |problem| problem.severity == severity)
+    }
+}
+
+impl MotorFigures {
+    fn of(track: &MotorTrack, source: Source) -> Self {
+        let last = track.samples.last();
+        // A device that tells a torque has no current to be seen from outside.
+        let has_current = source.is_simulated() || track.last.feedback.current().is_some();
+        let mut tracking = track.tracking.clone();
+        // Stable: the first of two that are as long is the one that came first.
+        tracking.sort_by_key(|tracking| std::cmp::Reverse(tracking.looks));
+        Self {
+            unit: unit(last.map_or(TargetKind::Speed, |sample| sample.kind)),
+            target: last.and_then(|sample| sample.target),
+            measured: last.map(|sample| sample.measured),
+            tracking,
+            peak_current: (has_current && !track.samples.is_empty()).then_some(track.peak_current),
+            loops: match &track.effort {
+                None => "not judged",
+                Some(effort) if effort.windows == 0 => "not driven",
+                Some(effort) if effort.oscillates() => "shakes",
+                Some(effort) if effort.saturates() => "at its limit",
+                Some(_) => "calm",
+            },
+        }
+    }
+
+    /// The error of each kind of target: `6.70 deg angle, 7.09 rpm speed`.
+    #[must_use]
+    pub fn errors(&self) -> String {
+        let one = |tracking: &Tracking| {
+            let Tracking { kind, .. } = *tracking;
+            format!("{:.2} {} {}", tracking.rms(), unit(kind), noun(kind))
+        };
+        self.tracking.iter().map(one).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The unit of the targets of a kind, and of what is measured beside them.
+#[must_use]
+pub const fn unit(kind: TargetKind) -> &'static str {
+    match kind {
+        TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion => {
+            "deg"
+        }
+        _ => "rpm",
+    }
+}
+
+const fn noun(kind: TargetKind) -> &'static str {
+    match kind {
+        TargetKind::Angle => "angle",
+        TargetKind::TotalAngle => "total angle",
+        TargetKind::Impedance => "impedance",
+        TargetKind::Motion => "motion",
+        _ => "speed",
+    }
+}
+
+// ---- tables, as text and as HTML ---------------------------------------------------------------
+
+/// A table: its first columns are words.
+pub struct Table {
+    /// The columns' titles.
+    pub head: Vec<&'static str>,
+    /// Number of columns that are words.
+    pub words: usize,
+    /// The rows.
+    pub rows: Vec<Vec<Entry>>,
+}
+
+/// One cell of a table.
+pub struct Entry {
+    /// The words or the number.
+    pub text: String,
+    /// It should be something else.
+    pub bad: bool,
+}
+
+pub(crate) fn words(text: impl ToString) -> Entry {
+    Entry { text: text.to_string(), bad: false }
+}
+
+/// A count that should be zero.
+fn loss(count: impl Into<u64>) -> Entry {
+    let count = count.into();
+    Entry { text: grouped(count), bad: count > 0 }
+}
+
+fn count(count: impl Into<u64>) -> Entry {
+    words(grouped(count.into()))
+}
+
+pub(crate) fn number(value: Option<f64>, digits: usize, unit: &str) -> Entry {
+    words(optional(value, digits, unit))
+}
+
+/// A number with a unit; a dash for none.
+pub(crate) fn optional(value: Option<f64>, digits: usize, unit: &str) -> String {
+    match value.filter(|value| value.is_finite()) {
+        Some(value) => format!("{value:.digits$}{unit}"),
+        None => "–".to_owned(),
+    }
+}
+
+/// 1234567 as "1 234 567", with spaces that do not break.
+pub(crate) fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.char_indices() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push('\u{202f}');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+impl Table {
+    /// Leaves out the columns of these titles.
+    fn without(mut self, titles: &[&str]) -> Self {
+        let keep: Vec<bool> = self.head.iter().map(|title| !titles.contains(title)).collect();
+        let left = keep.iter().take(self.words).filter(|keep| **keep).count();
+        let mut kept = keep.iter();
+        self.head.retain(|_| kept.next().is_some_and(|keep| *keep));
+        for row in &mut self.rows {
+            let mut kept = keep.iter();
+            row.retain(|_| kept.next().is_some_and(|keep| *keep));
+        }
+        Self { words: left, ..self }
+    }
+
+    /// As text for a terminal: columns of one width, as wide as they must be.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let titles = self.head.iter().map(|title| title.chars().count());
+        let mut widths: Vec<usize> = titles.collect();
+        for row in &self.rows {
+            for (width, entry) in widths.iter_mut().zip(row) {
+                *width = entry.text.chars().count().max(*width);
+            }
+        }
+        let line = |texts: &mut dyn Iterator<Item = &str>| {
+            let mut line = String::new();
+            for (column, (text, &width)) in texts.zip(&widths).enumerate() {
+                let _ = match column < self.words {
+                    true => write!(line, "{text:<width$}  "),
+                    false => write!(line, "{text:>width$}  "),
+                };
+            }
+            line.trim_end().replace('\u{202f}', " ") + "\n"
+        };
+        let mut text = line(&mut self.head.iter().copied());
+        for row in &self.rows {
+            text += &line(&mut row.iter().map(|entry| entry.text.as_str()));
+        }
+        text
+    }
+}
+
+/// A line per motor.
+#[must_use]
+pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
+    let motors = recording.motors.iter().zip(&figures.motors);
+    let rows = motors.map(|(track, figures)| {
+        let (motor, last) = (&track.motor, &track.last);
+        let counters = last.counters;
+        let unit = format!(" {}", figures.unit);
+        let link = Entry { bad: last.link != Link::Online, ..words(link_name(last.link)) };
+        let is_bad = matches!(figures.loops, "shakes" | "at its limit");
+        vec![
+            words(motor.label),
+            words(motor.name()),
+            words(crate::robot::motor::short(motor.on)),
+            link,
+            words(drive_name(last.drive)),
+            Entry { bad: is_bad, ..words(figures.loops) },
+            number(figures.target, 1, &unit),
+            number(figures.measured, 1, &unit),
+            words(match figures.errors() {
+                errors if errors.is_empty() => "–".into(),
+                errors => errors,
+            }),
+            number(figures.peak_current, 2, " A"),
+            count(counters.received),
+            loss(counters.malformed),
+            loss(counters.lost),
+            loss(track.overwritten),
+            loss(counters.refused.total()),
+        ]
+    });
+    let table = Table {
+        head: vec![
+            "motor",
+            "model",
+            "bus",
+            "link",
+            "drive",
+            "loop",
+            "target",
+            "measured",
+            "RMS error",
+            "peak",
+            "received",
+            "malformed",
+            "lost",
+            "overwritten",
+            "refused",
+        ],
+        words: 6,
+        rows: rows.collect(),
+    };
+    match recording.source {
+        Source::Simulation => table,
+        // It knows what it has heard.
+        Source::Robot => table.without(&["loop", "overwritten"]),
+        // The chip alone knows these.
+        Source::Emulation => table.without(&["drive", "target", "RMS error", "refused"]),
+        Source::Capture => table.without(&[
+            "drive",
+            "loop",
+            "target",
+            "RMS error",
+            "lost",
+            "overwritten",
+            "refused",
+        ]),
+    }
+}
+
+/// A line per bus.
+#[must_use]
+pub fn bus_table(recording: &Recording) -> Table {
+    let rows = recording.buses.iter().map(|track| {
+        let (plan, last) = (&track.last.load, &track.last);
+        let percent = |value: f64| number(Some(value), 1, " %");
+        let micros = |value: Option<f64>, digits| number(value, digits, " µs");
+        let verdict = plan.verdict();
+        vec![
+            words(format!("bus {}", track.number)),
+            Entry { bad: verdict == Verdict::DoesNotFit, ..words(verdict_name(verdict)) },
+            percent(plan.least.into()),
+            percent(plan.typical.into()),
+            percent(plan.worst.into()),
+            percent(track.load),
+            count(track.frames),
+            loss(last.health.receive_lost),
+            loss(last.replaced),
+            loss(last.refused),
+            loss(last.overruns),
+            micros(last.period.min().map(f64::from), 0),
+            micros(last.period.mean().map(f64::from), 1),
+            micros(last.period.max().map(f64::from), 0),
+        ]
+    });
+    let table = Table {
+        head: vec![
+            "bus",
+            "plan",
+            "planned load: least",
+            "typical",
+            "worst",
+            "measured",
+            "frames",
+            "rx lost",
+            "replaced",
+            "refused",
+            "overruns",
+            "tick period: min",
+            "mean",
+            "max",
+        ],
+        words: 2,
+        rows: rows.collect(),
+    };
+    match recording.source {
+        Source::Simulation => table,
+        // It does not count what others say on its wires.
+        Source::Robot => table.without(&["measured", "frames", "tick period: min", "mean", "max"]),
+        Source::Emulation | Source::Capture => table.without(&[
+            "rx lost",
+            "replaced",
+            "refused",
+            "overruns",
+            "tick period: min",
+            "mean",
+            "max",
+        ]),
+    }
+}
+
+/// A line per RS-485 line; `None` for a robot without any.
+#[must_use]
+pub fn line_table(recording: &Recording) -> Option<Table> {
+    if recording.lines.is_empty() {
+        return None;
+    }
+    let rows = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
+        let traffic = &line.traffic;
+        let micros = |value: Option<f64>, digits| self::number(value, digits, " µs");
+        vec![
+            words(format!("line {number}")),
+            count(traffic.exchanges),
+            loss(traffic.timeouts),
+            loss(traffic.crc_errors),
+            loss(traffic.garbage),
+            loss(traffic.unexpected),
+            loss(line.port_errors),
+            loss(line.overruns),
+            micros(traffic.exchange.min().map(f64::from), 0),
+            micros(traffic.exchange.mean().map(f64::from), 1),
+            micros(traffic.exchange.max().map(f64::from), 0),
+            micros(traffic.cycle.min().map(f64::from), 0),
+            micros(traffic.cycle.mean().map(f64::from), 1),
+            micros(traffic.cycle.max().map(f64::from), 0),
+        ]
+    });
+    let table = Table {
+        head: vec![
+            "line",
+            "exchanges",
+            "timeouts",
+            "CRC errors",
+            "garbage bytes",
+            "unexpected",
+            "port errors",
+            "overruns",
+            "exchange: min",
+            "mean",
+            "max",
+            "cycle: min",
+            "mean",
+            "max",
+        ],
+        words: 1,
+        rows: rows.collect(),
+    };
+    // What only the robot knows.
+    let hidden = ["port errors", "overruns"];
+    Some(if recording.source.is_told() { table } else { table.without(&hidden) })
+}
+
+pub(crate) const fn link_name(link: Link) -> &'static str {
+    match link {
+        Link::NeverSeen => "never heard",
+        Link::Online => "online",
+        Link::Lost => "lost",
+    }
+}
+
+const fn drive_name(drive: DriveMode) -> &'static str {
+    match drive {
+        DriveMode::Off => "off",
+        DriveMode::Coast => "coast",
+        DriveMode::Brake => "brake",
+        DriveMode::Hold => "hold",
+        DriveMode::Run => "run",
+    }
+}
+
+const fn verdict_name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Fits => "fits",
+        Verdict::Tight => "tight",
+        Verdict::DoesNotFit => "does not fit",
+    }
+}
+
+/// The verdict of a run, in a line or more: for the end of the output.
+#[must_use]
+pub fn verdict(recording: &Recording, figures: &Figures) -> String {
+    let mut text = headline(recording, figures);
+    text.push('\n');
+    for problem in figures.found(Severity::Problem) {
+        let _ = writeln!(text, "  {problem}");
+    }
+    let mut information = figures.found(Severity::Information).peekable();
+    if information.peek().is_some() {
+        text += "Good to know\n";
+    }
+    for problem in information {
+        let _ = writeln!(text, "  {problem}");
+    }
+    text
+}
+
+/// The first line of it.
+#[must_use]
+pub fn headline(recording: &Recording, figures: &Figures) -> String {
+    match figures.found(Severity::Problem).count() {
+        0 if recording.faults.is_empty() => {
+            let count = recording.motors.len();
+            match recording.source {
+                Source::Capture => format!("✓ All {count} motors of the captured buses online"),
+                _ => format!("✓ All {count} motors online · no frame lost · no overruns"),
+            }
+        }
+        0 => "✓ No problem but the faults that were asked for".into(),
+        1 => "✗ 1 problem".into(),
+        count => format!("✗ {count} problems"),
+    }
+}
+
+/// An empty line, one for the receiver and one per time that the remote was lost; nothing for a
+/// robot without one.
+#[must_use]
+pub fn remote_lines(recording: &Recording) -> String {
+    let Some(track) = &recording.remote else { return String::new() };
+    let mut text = String::new();
+    let _ = write_remote(&mut text, track);
+    text
+}
+
+fn write_remote(text: &mut String, track: &RemoteTrack) -> std::fmt::Result {
+    let RemoteTrack { receiver, sent, heard, losses, .. } = track;
+    write!(text, "\nremote {receiver}: {} frames sent, {} of them live", sent.frames, sent.live)?;
+    if let Some(heard) = heard {
+        let Counters { frames, damaged, skipped, port_errors, .. } = heard;
+        write!(text, "; {frames} heard, {damaged} damaged, {skipped} bytes skipped, ")?;
+        write!(text, "{port_errors} port errors")?;
+    }
+    writeln!(text)?;
+    for loss in losses {
+        writeln!(text, "{}", sentence(loss))?;
+    }
+    Ok(())
+}
+
+/// One loss in words.
+#[must_use]
+pub fn sentence(loss: &Loss) -> String {
+    let &Loss { lost, last_frame, coasting, back, resumed, disarmed } = loss;
+    let at = |what: &str, time: Micros| format!("{what} {:.4} s", seconds(time));
+    let mut parts = Vec::new();
+    parts
+        .push(last_frame.map_or("no good frame before".into(), |time| at("last good frame", time)));
+    parts.push(match (coasting, loss.reaction()) {
+        (Some(time), Some(reaction)) => {
+            format!("{}, {:.1} ms after it", at("all coast", time), seconds(reaction) * 1e3)
+        }
+        (Some(time), None) if time > lost.from => at("all coast", time),
+        (Some(_), _) => "all coasted already".into(),
+        (None, _) if back.is_some() => "back before the robot let go".into(),
+        (None, _) => "the run ended before the robot let go".into(),
+    });
+    match disarmed {
+        Some(time) if time > lost.from => parts.push(at("disarmed", time)),
+        Some(_) => parts.push("not armed".into()),
+        None if coasting.is_some() && back.is_none() => {
+            parts.push("the run ended before more happened".into());
+        }
+        None => (),
+    }
+    parts.extend(back.map(|time| at("good frames again", time)));
+    parts.extend(resumed.map(|time| at("resumed", time)));
+    let from = seconds(lost.from);
+    let until = lost.until.map_or(String::new(), |until| format!(" to {:.3} s", seconds(until)));
+    let lost = if until.is_empty() { "at" } else { "from" };
+    format!("remote lost {lost} {from:.3} s{until}: {}", parts.join("; "))
+}
+
+/// The remote as JSON; null without one.
+#[must_use]
+pub fn remote_json(recording: &Recording) -> Value {
+    let Some(track) = &recording.remote else { return Value::Null };
+    let micros = |time: Option<Micros>| time.map(Micros::get);
+    let losses = track.losses.iter().map(|loss| {
+        json!({
+            "from_us": loss.lost.from.get(),
+            "until_us": micros(loss.lost.until),
+            "last_good_frame_us": micros(loss.last_frame),
+            "all_coast_us": micros(loss.coasting),
+            "frame_to_coast_us": micros(loss.reaction()),
+            "disarmed_us": micros(loss.disarmed),
+            "good_frame_again_us": micros(loss.back),
+            "resumed_us": micros(loss.resumed),
+        })
+    });
+    let heard = track.heard.as_ref().map(heard_json);
+    json!({
+        "receiver": track.receiver.to_string(),
+        "frames_sent": track.sent.frames,
+        "live_frames_sent": track.sent.live,
+        "heard": heard,
+        "losses": losses.collect::<Vec<_>>(),
+    })
+}
+
+/// A line per part on a UART beside the remote's receiver; `None` if there is none.
+#[must_use]
+pub fn part_table(recording: &Recording) -> Option<Table> {
+    let row = |part: &PartTrack| {
+        let Counters { frames, damaged, skipped, port_errors, .. } = part.heard;
+        vec![
+            words(part.label),
+            words(format!("UART {}", part.uart)),
+            count(frames),
+            loss(damaged),
+            loss(skipped),
+            loss(port_errors),
+        ]
+    };
+    let rows: Vec<Vec<Entry>> = recording.parts.iter().map(row).collect();
+    let head = vec!["part", "at", "frames", "damaged", "bytes skipped", "port errors"];
+    (!rows.is_empty()).then_some(Table { head, words: 2, rows })
+}
+
+/// The parts on UARTs as JSON.
+#[must_use]
+pub fn parts_json(recording: &Recording) -> Value {
+    let part = |part: &PartTrack| {
+        let mut json = heard_json(&part.heard);
+        (json["part"], json["uart"]) = (part.label.into(), part.uart.into());
+        json
+    };
+    recording.parts.iter().map(part).collect()
+}
+
+fn heard_json(heard: &Counters) -> Value {
+    json!({
+        "frames": heard.frames,
+        "damaged": heard.damaged,
+        "bytes_skipped": heard.skipped,
+        "port_errors": heard.port_errors,
+    })
+}
+
+/// All figures as one JSON object. `wall` is how many seconds of real time the run took, if it is one.
+#[must_use]
+pub fn to_json(recording: &Recording, figures: &Figures, wall: Option<f64>) -> Value {
+    let motors = recording.motors.iter().zip(&figures.motors).map(|(track, figures)| {
+        let MotorFigures { unit, target, measured, peak_current, loops, .. } = figures;
+        let longest = figures.tracking.first();
+        let refused = track.last.counters.refused;
+        json!({
+            "motor": track.motor.label,
+            "model": track.motor.name().model,
+            "id": track.motor.name().id,
+            "bus": track.motor.on.bus(),
+            "line": track.motor.on.line(),
+            "link": format!("{:?}", track.last.link),
+            "drive": format!("{:?}", track.last.drive),
+            "unit": unit,
+            "target": target,
+            "measured": measured,
+            // Of the kind of target that it followed longest.
+            "error_rms": longest.map(Tracking::rms),
+            "tracking": figures.tracking.iter().map(tracking_json).collect::<Vec<_>>(),
+            "loop": loops,
+            "peak_current_a": peak_current,
+            "received": track.last.counters.received,
+            "malformed": track.last.counters.malformed,
+            "lost": track.last.counters.lost,
+            "expired": track.last.counters.expired,
+            "refused": {
+                "not_finite": refused.not_finite,
+                "out_of_range": refused.out_of_range,
+                "unsupported": refused.unsupported,
+            },
+            "feedback_overwritten": track.overwritten,
+        })
+    });
+    let buses = recording.buses.iter().map(|bus| {
+        json!({
+            "bus": bus.number,
+            "planned_load_percent": {
+                "least": f64::from(bus.last.load.least),
+                "typical": f64::from(bus.last.load.typical),
+                "worst": f64::from(bus.last.load.worst),
+            },
+            "load_percent": bus.load,
+            "frames": bus.frames,
+            "received": bus.last.received.received,
+            "malformed": bus.last.received.malformed,
+            "unclaimed": bus.last.received.unclaimed,
+            "lost": bus.last.health.receive_lost,
+            "submitted": bus.last.submitted,
+            "replaced": bus.last.replaced,
+            "refused": bus.last.refused,
+            "overruns": bus.last.overruns,
+            "ticks": bus.last.ticks,
+            "tick_period_us": timing(&bus.last.period),
+            "tick_execution_us": timing(&bus.last.execution),
+        })
+    });
+    let ticks: u64 = recording.buses.iter().map(|bus| u64::from(bus.last.ticks)).sum();
+    json!({
+        "seed": recording.seed,
+        "virtual_seconds": recording.length.get() as f64 * 1e-6,
+        "wall_seconds": wall,
+        "ticks": ticks,
+        "trace_hash": recording.trace_hash(),
+        "motors": motors.collect::<Vec<_>>(),
+        "buses": buses.collect::<Vec<_>>(),
+        "lines": lines_json(recording),
+        "remote": remote_json(recording),
+        "parts": parts_json(recording),
+        "signals": signals_json(recording),
+        "path": figures.path.as_ref().map(PathFigures::to_json),
+        "problems": problems_json(figures),
+    })
+}
+
+fn timing(timing: &Timing) -> Value {
+    json!({ "min": timing.min(), "mean": timing.mean(), "max": timing.max() })
+}
+
+/// The RS-485 lines as JSON. Of an emulated chip's own ticks nothing is known.
+pub(crate) fn lines_json(recording: &Recording) -> Value {
+    let lines = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
+        let traffic = &line.traffic;
+        let mut figures = json!({
+            "line": number,
+            "exchanges": traffic.exchanges,
+            "timeouts": traffic.timeouts,
+            "crc_errors": traffic.crc_errors,
+            "garbage_bytes": traffic.garbage,
+            "unexpected": traffic.unexpected,
+            "exchange_us": timing(&traffic.exchange),
+            "cycle_us": timing(&traffic.cycle),
+        });
+        if recording.source.is_told() {
+            figures["port_errors"] = line.port_errors.into();
+            figures["overruns"] = line.overruns.into();
+            figures["ticks"] = line.ticks.into();
+            figures["tick_period_us"] = timing(&line.period);
+        }
+        figures
+    });
+    lines.collect()
+}
+
+/// The problems and the information as JSON.
+#[must_use]
+pub fn problems_json(figures: &Figures) -> Value {
+    figures.problems.iter().map(Problem::to_json).collect()
+}
+
+fn tracking_json(tracking: &Tracking) -> Value {
+    json!({
+        "kind": noun(tracking.kind),
+        "unit": unit(tracking.kind),
+        "seconds": seconds(tracking.time()),
+        "rms": tracking.rms(),
+        "peak": tracking.peak,
+    })
+}
+
+/// A line per signal; `None` for a robot without any.
+#[must_use]
+pub fn signal_table(recording: &Recording) -> Option<Table> {
+    let row = |track: &SignalTrack| {
+        let unit = if track.unit.is_empty() { String::new() } else { format!(" {}", track.unit) };
+        let state = |value: f64| track.states.split(',').nth(value as usize).unwrap_or_default();
+        let value = |value: Option<f64>| match value {
+            Some(value) if !track.states.is_empty() => words(state(value)),
+            value => number(value, 2, &unit),
+        };
+        let [lowest, mean, highest] = match track.range {
+            Some(range) => range.map(Some),
+            None => [None; 3],
+        };
+        let absent =
+            (track.absent > Micros::ZERO).then(|| crate::recording::sample::seconds(track.absent));
+        vec![
+            words(track.label),
+            value(track.last),
+            value(lowest),
+            value(mean.filter(|_| track.states.is_empty())),
+            value(highest),
+            number(absent, 3, " s"),
+        ]
+    };
+    let rows: Vec<Vec<Entry>> = recording.signals.iter().map(row).collect();
+    let head = vec!["signal", "at the end", "lowest", "mean", "highest", "without a value"];
+    (!rows.is_empty()).then_some(Table { head, words: 1, rows })
+}
+
+/// The signals as JSON.
+#[must_use]
+pub fn signals_json(recording: &Recording) -> Value {
+    let signal = |track: &SignalTrack| {
+        let of = |index: usize| track.range.map(|range| range[index]);
+        json!({
+            "signal": track.label,
+            "unit": track.unit,
+            "last": track.last,
+            "lowest": of(0),
+            "mean": of(1),
+            "highest": of(2),
+            "absent_us": track.absent.get(),
+        })
+    };
+    recording.signals.iter().map(signal).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji::M3508;
+    use rc10_motor::{MotorCounters, MotorStatus};
+
+    use super::*;
+    use crate::recording::sample::{Cell, MotorSample};
+    use crate::recording::signal::SignalRecorder;
+    use crate::robot::motor::Motor;
+    use crate::robot::remote::Lost;
+    use crate::robot::signal::Signal;
+    use std::rc::Rc;
+
+    /// A track of three samples, the second without a target, and with these errors in its looks.
+    fn track(label: &'static str, kind: TargetKind, errors: &[f64]) -> MotorTrack {
+        let sample = |(target, measured)| MotorSample {
+            target,
+            measured,
+            measured_cell: Cell::of(measured),
+            kind,
+            current: 0.0,
+            current_cell: Cell::of(0.0),
+            rpm: 0.0,
+            rpm_cell: Cell::of(0.0),
+            link: Link::Online,
+            drive: DriveMode::Run,
+            counters: MotorCounters::default(),
+            overwritten: 0,
+        };
+        MotorTrack {
+            motor: Motor::dji_on(label, 1, &M3508, 1),
+            samples: [(Some(30.0), 27.0), (None, -90.0), (Some(30.0), 26.0)].map(sample).into(),
+            last: MotorStatus::NEW,
+            overwritten: 0,
+            tracking: vec![Tracking {
+                kind,
+                looks: errors.len() as u64,
+                squares: errors.iter().map(|error| error * error).sum(),
+                peak: errors.iter().fold(0.0, |peak: f64, error| peak.max(error.abs())),
+            }],
+            peak_current: 12.5,
+            effort: None,
+        }
+    }
+
+    #[test]
+    fn numbers_stand_with_their_units_in_table_and_json() {
+        let recording = Recording {
+            motors: vec![
+                track("wheel", TargetKind::Speed, &[3.0, 4.0]),
+                track("gimbal", TargetKind::Angle, &[3.0, -4.0]),
+                track("lift", TargetKind::TotalAngle, &[3.0, 4.0]),
+                track("leg", TargetKind::Impedance, &[3.0, 4.0]),
+            ],
+            ..Recording::default()
+        };
+        let figures = Figures::of(&recording);
+        let table = motor_table(&recording, &figures);
+        let json = to_json(&recording, &figures, None);
+        let column = |title| table.head.iter().position(|head| *head == title).unwrap();
+        for (index, (unit, noun)) in
+            [("rpm", "speed"), ("deg", "angle"), ("deg", "total angle"), ("deg", "impedance")]
+                .into_iter()
+                .enumerate()
+        {
+            let text = |title| table.rows[index][column(title)].text.as_str();
+            assert_eq!(text("target"), format!("30.0 {unit}"));
+            assert_eq!(text("measured"), format!("26.0 {unit}"));
+            assert_eq!(text("RMS error"), format!("3.54 {unit} {noun}"));
+            assert_eq!(text("peak"), "12.50 A");
+            let motor = &json["motors"][index];
+            assert_eq!((&motor["unit"], &motor["target"]), (&json!(unit), &json!(30.0)));
+            assert_eq!(
+                (&motor["measured"], &motor["peak_current_a"]),
+                (&json!(26.0), &json!(12.5))
+            );
+            assert_eq!(motor["error_rms"], json!(12.5_f64.sqrt()));
+            let tracking = json!([{
+                "kind": noun,
+                "unit": unit,
+                "seconds": 0.002,
+                "rms": 12.5_f64.sqrt(),
+                "peak": 4.0,
+            }]);
+            assert_eq!(motor["tracking"], tracking);
+        }
+    }
+
+    #[test]
+    fn a_loss_is_told_to_its_end() {
+        let at = |millis| Some(Micros::from_millis(millis));
+        let lost = Lost { from: Micros::from_millis(4000), until: at(4500) };
+        let (last_frame, coasting) = (at(3995), at(4101));
+        let back =
+            Loss { lost, last_frame, coasting, back: at(4512), resumed: at(4520), disarmed: None };
+        let for_good = Loss {
+            lost: Lost { until: None, ..lost },
+            back: None,
+            resumed: None,
+            disarmed: at(5000),
+            ..back
+        };
+        let nothing = Loss { coasting: None, disarmed: None, ..for_good };
+        // Stopped by hand before.
+        let stopped = Loss { coasting: at(4000), disarmed: at(4000), ..for_good };
+        assert_eq!((back.reaction(), stopped.reaction()), (at(106), None));
+        for (loss, words) in [
+            (
+                back,
+                "remote lost from 4.000 s to 4.500 s: last good frame 3.9950 s; all coast \
+                 4.1010 s, 106.0 ms after it; good frames again 4.5120 s; resumed 4.5200 s",
+            ),
+            (
+                for_good,
+                "remote lost at 4.000 s: last good frame 3.9950 s; all coast 4.1010 s, 106.0 ms \
+                 after it; disarmed 5.0000 s",
+            ),
+            (
+                Loss { disarmed: None, ..for_good },
+                "remote lost at 4.000 s: last good frame 3.9950 s; all coast 4.1010 s, 106.0 ms \
+                 after it; the run ended before more happened",
+            ),
+            (
+                nothing,
+                "remote lost at 4.000 s: last good frame 3.9950 s; the run ended before the robot \
+                 let go",
+            ),
+            (
+                Loss { lost, back: at(4010), ..nothing },
+                "remote lost from 4.000 s to 4.500 s: last good frame 3.9950 s; back before \
+                 the robot let go; good frames again 4.0100 s",
+            ),
+            (
+                stopped,
+                "remote lost at 4.000 s: last good frame 3.9950 s; all coasted already; not armed",
+            ),
+            (
+                Loss { last_frame: None, ..stopped },
+                "remote lost at 4.000 s: no good frame before; all coasted already; not armed",
+            ),
+        ] {
+            assert_eq!(sentence(&loss), words);
+        }
+    }
+
+    #[test]
+    fn a_signal_has_its_range_and_the_time_without_a_value() {
+        let signal = Signal { label: "wall", unit: "mm", states: "", read: Rc::new(|_| None) };
+        let mut recorder = SignalRecorder::new(&signal);
+        let values = [Some(1.0), Some(4.0), None, Some(-2.0), Some(f64::NAN), Some(f64::INFINITY)];
+        for pair in values.chunks(2) {
+            pair.iter().for_each(|value| recorder.look(*value));
+            recorder.sample();
+        }
+        let track = recorder.finish();
+        let cell = |min, mean, max| Some(Cell { min, mean, max });
+        assert_eq!(track.samples, [cell(1.0, 2.5, 4.0), cell(-2.0, -2.0, -2.0), None]);
+        assert_eq!((track.last, track.range), (None, Some([-2.0, 1.0, 4.0])));
+        assert_eq!(track.absent, Micros::from_millis(3));
+        let recording = Recording { signals: vec![track], ..Recording::default() };
+        let text = signal_table(&recording).unwrap().text();
+        let line: Vec<&str> = text.lines().nth(1).unwrap().split_whitespace().collect();
+        assert_eq!(line.join(" "), "wall – -2.00 mm 1.00 mm 4.00 mm 0.003 s");
+        let json = signals_json(&recording);
+        assert_eq!((&json[0]["lowest"], &json[0]["last"]), (&json!(-2.0), &Value::Null));
+        assert_eq!(json[0]["absent_us"], 3000);
+    }
+
+    #[test]
+    fn a_robot_without_signals_has_no_table() {
+        assert!(signal_table(&Recording::default()).is_none());
+        assert_eq!(signals_json(&Recording::default()), json!([]));
+    }
+}

@@ -1,0 +1,57 @@
+//! The end of a run: its tables on the terminal, its report and logs in a folder.
+
+use std::io;
+use std::io::Write;
+use std::path::Path;
+
+use crate::recording::Recording;
+use crate::recording::sample::Source;
+use crate::show::figures::{
+    Figures, Table, bus_table, line_table, motor_table, part_table, remote_lines, signal_table,
+    verdict,
+};
+
+pub(crate) fn print(
+    recording: &Recording,
+    figures: &Figures,
+    headline: &str,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    writeln!(out, "{headline}\n")?;
+    let (motors, buses) = (motor_table(recording, figures), bus_table(recording));
+    let lines = line_table(recording).as_ref().map_or_else(String::new, Table::text);
+    let lines = if lines.is_empty() { lines } else { format!("\n{lines}") };
+    writeln!(out, "{}\n{}{lines}{}", motors.text(), buses.text(), remote_lines(recording))?;
+    for table in [part_table(recording), signal_table(recording)].iter().flatten() {
+        writeln!(out, "{}", table.text())?;
+    }
+    if let Some(path) = &figures.path {
+        writeln!(out, "{}", path.lines())?;
+    }
+    if recording.source == Source::Simulation {
+        writeln!(
+            out,
+            "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\
+             on the chip: cargo xtask count.\n"
+        )?;
+    }
+    if recording.source.is_simulated() {
+        writeln!(out, "trace {}", recording.trace_hash())?;
+    }
+    print_files(recording, folder, out)?;
+    write!(out, "\n{}", verdict(recording, figures))
+}
+
+/// Says where the files of a run are.
+pub(crate) fn print_files(
+    recording: &Recording,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    writeln!(out, "open  {}", folder.join("report.html").display())?;
+    if recording.no_logs {
+        return Ok(());
+    }
+    writeln!(out, "logs  {}  (rc10 decode reads them)", folder.join("bus*.log").display())
+}

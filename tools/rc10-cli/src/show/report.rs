@@ -1,0 +1,1128 @@
+//! One run as a page to look at: a self-contained HTML file that loads nothing from anywhere.
+//!
+//! The tables are HTML; the plots are drawn in the browser by `report.js` from the samples, which
+//! the page carries as JSON.
+
+use anyhow::Result;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use rc10_can::Micros;
+use rc10_motor::{ArmState, DriveMode, Link, TargetKind};
+use serde_json::{Value, json};
+
+use crate::files::write_file;
+use crate::judge::happened::happened;
+use crate::judge::path::{Apart, PathFigures, Paths};
+use crate::recording::problem::{Problem, Severity};
+use crate::recording::remote::RemoteTrack;
+use crate::recording::sample::RemoteSample;
+use crate::recording::sample::Source;
+use crate::recording::sample::{Cell, MotorSample, PathPoint, SAMPLE_PERIOD, seconds};
+use crate::recording::signal::SignalTrack;
+use crate::recording::{BusTrack, MotorTrack, Recording};
+use crate::robot::motor::Place;
+use crate::show::figures::{
+    Entry, Figures, Table, bus_table, grouped, headline, line_table, motor_table, optional,
+    part_table, sentence, signal_table,
+};
+
+/// Width of the windows of [`BusTrack::load_windows`].
+const LOAD_WINDOW: Micros = Micros::from_millis(100);
+/// More samples than this would not fit on a screen: of a longer run only every n-th is drawn.
+const DRAWN: usize = 4000;
+/// More events than this are not listed; the plots have them all.
+const LISTED: usize = 60;
+
+/// The run as one HTML page: verdict, events, plots and tables. The same recording gives the same
+/// bytes. Values that are not finite are left out of the plots. Of a run of more than 40 s two (three,
+/// ...) samples are drawn as one; lowest and highest values are those of all.
+#[must_use]
+pub fn report(recording: &Recording, figures: &Figures) -> String {
+    let (motion, signals) = (motion_charts(recording), signal_charts(recording));
+    let (currents, loads) = (current_charts(recording), load_charts(recording));
+    let all = || motion.iter().chain(&signals).chain(&currents).chain(&loads);
+    let mut charts = all().enumerate();
+    let mut next = |count: usize| -> String {
+        charts.by_ref().take(count).map(|(number, chart)| figure(number, chart)).collect()
+    };
+    let main = motion.len().min(1);
+    let (seed, is_capture) = (recording.seed, recording.source == Source::Capture);
+    let is_real = !recording.source.is_simulated();
+    format!(
+        include_str!("report.html"),
+        style = include_str!("report.css"),
+        script = include_str!("report.js"),
+        seed = if is_real { String::new() } else { format!("seed <b>{seed}</b> · ") },
+        seed_in_title = if is_real { String::new() } else { format!(", seed {seed}") },
+        virtual_time = if is_real { "" } else { " of virtual time" },
+        length = seconds(recording.length),
+        motors = recording.motors.len(),
+        buses = recording.buses.len(),
+        lines = match recording.lines.len() {
+            0 => String::new(),
+            1 => " and <b>1</b> RS-485 line".to_owned(),
+            lines => format!(" and <b>{lines}</b> RS-485 lines"),
+        },
+        verdict = verdict(recording, figures),
+        ran = match recording.source {
+            Source::Simulation => "simulated run",
+            Source::Emulation => "run on an emulated chip",
+            Source::Capture => "capture of its buses",
+            Source::Robot => "run",
+        },
+        tiles = tiles(recording, figures),
+        losses = losses(recording),
+        events = events(recording),
+        stopped = match recording.base {
+            // What the motors are told to do is not known.
+            _ if is_capture => "",
+            Some(_) => " · shaded: disarmed or stopped, the wheels do not follow their targets",
+            None => " · shaded: disarmed or stopped, no motor follows its target",
+        },
+        main_motion = next(main),
+        path = if recording.base.is_some() { PATH } else { "" },
+        motion = next(motion.len() - main),
+        signals = signal_section(recording, &next(signals.len())),
+        currents = next(currents.len()),
+        loads = next(loads.len()),
+        motor_table = table(&motor_table(recording, figures)),
+        bus_table = table(&bus_table(recording)),
+        line_table = line_table(recording).as_ref().map_or_else(String::new, table),
+        remote = remote_section(recording),
+        parts = part_table(recording).map_or_else(String::new, |parts| {
+            format!("<section>\n<h2>Parts on UARTs</h2>\n{}</section>\n", table(&parts))
+        }),
+        data = data(recording, all()),
+    )
+}
+
+// ---- what the run was like ---------------------------------------------------------------------
+
+/// The box at the top.
+fn verdict(recording: &Recording, figures: &Figures) -> String {
+    let list = |severity| {
+        let item = |problem: &Problem| format!("<li>{}</li>", escape(&problem.to_string()));
+        let items: String = figures.found(severity).map(item).collect();
+        if items.is_empty() { items } else { format!("<ul>{items}</ul>") }
+    };
+    let class = if figures.any_problems() { "bad" } else { "good" };
+    let mut html = format!(
+        "<div class=\"verdict {class}\">{}{}</div>",
+        headline(recording, figures),
+        list(Severity::Problem)
+    );
+    let information = list(Severity::Information);
+    if !information.is_empty() {
+        let _ = write!(html, "<div class=\"verdict information\">Good to know{information}</div>");
+    }
+    html
+}
+
+fn tiles(recording: &Recording, figures: &Figures) -> String {
+    let online = recording.motors.iter().filter(|track| track.last.link == Link::Online).count();
+    let frames: u64 = recording.buses.iter().map(|track| track.frames).sum();
+    let busiest = recording.buses.iter().map(|track| track.load).reduce(f64::max);
+    let longest = recording.buses.iter().filter_map(|track| track.last.period.max()).max();
+    let current = recording.motors.iter().map(|track| track.peak_current).reduce(f64::max);
+    let mut tiles = vec![
+        (format!("{online} of {}", recording.motors.len()), "motors online at the end"),
+        (grouped(frames), "frames on the wires"),
+        (optional(busiest, 1, " %"), "load of the busiest bus"),
+        (optional(current, 1, " A"), "largest current"),
+    ];
+    if recording.source == Source::Robot {
+        // It does not count what others say on its wires.
+        tiles.drain(1..3);
+    }
+    if let Some(longest) = longest.filter(|_| recording.source == Source::Simulation) {
+        let period = optional(Some(longest.into()), 0, " µs");
+        tiles.push((period, "longest tick period, 1000 µs planned"));
+    }
+    if let Some(base) = &recording.base {
+        // A robot does not see itself from above.
+        let (path, by) = match recording.source {
+            Source::Robot => (&base.by_wheels(), "driven by the base, as its wheels say"),
+            _ => (&base.path, "driven by the base"),
+        };
+        tiles.push((optional(Some(driven(path)), 1, " m"), by));
+    }
+    if let Some(PathFigures { is_true, furthest, end, estimate }) = figures.path {
+        let metres = |apart: Apart| optional(Some(apart.metres), 3, " m");
+        let [furthest_is, end_is] = if is_true {
+            ["furthest from its reference path", "from its reference at the end"]
+        } else {
+            ["furthest from its reference path, by its estimate", "at the end, by its estimate"]
+        };
+        tiles.extend(furthest.map(|apart| (metres(apart), furthest_is)));
+        tiles.extend(end.map(|apart| (metres(apart), end_is)));
+        tiles.extend(estimate.map(|apart| (metres(apart), "its odometry is off at the end")));
+    }
+    tiles
+        .iter()
+        .map(|(value, name)| {
+            format!("<div class=\"tile\"><b>{value}</b><span>{name}</span></div>\n")
+        })
+        .collect()
+}
+
+/// Each time that the remote was lost, in words.
+fn losses(recording: &Recording) -> String {
+    let losses = recording.remote.iter().flat_map(|track| &track.losses);
+    losses.map(|loss| format!("<p class=\"loss\">{}</p>\n", escape(&sentence(loss)))).collect()
+}
+
+/// Metres.
+fn driven(path: &[PathPoint]) -> f64 {
+    let steps = path.windows(2);
+    let steps = steps.map(|step| (step[1].x - step[0].x).hypot(step[1].y - step[0].y));
+    steps.filter(|metres| metres.is_finite()).sum()
+}
+
+/// The driver's events, or what happened to a robot that really ran; what happened at the same time is one.
+fn merged_events(recording: &Recording) -> Vec<(Micros, String)> {
+    let mut merged: Vec<(Micros, String)> = Vec::new();
+    let events = match recording.source {
+        Source::Robot => happened(recording),
+        _ => recording.events.iter().map(|event| (event.at, event.label.to_owned())).collect(),
+    };
+    for (at, what) in events {
+        match merged.last_mut() {
+            Some((before, label)) if *before == at => {
+                label.push_str(" + ");
+                label.push_str(&what);
+            }
+            _ => merged.push((at, what)),
+        }
+    }
+    merged
+}
+
+fn events(recording: &Recording) -> String {
+    let mut list = String::new();
+    let events = merged_events(recording);
+    for (number, (at, label)) in (1..).zip(events.iter().take(LISTED)) {
+        let (at, label) = (seconds(*at), escape(label));
+        let _ = writeln!(list, "<li><b>{number}</b> {label} <time>{at:.2} s</time></li>");
+    }
+    if let more @ 1.. = events.len().saturating_sub(LISTED) {
+        let _ = writeln!(list, "<li>… and {more} more</li>");
+    }
+    list
+}
+
+// ---- tables ------------------------------------------------------------------------------------
+
+/// The section on the losses of a remote; nothing for a robot without one.
+fn remote_section(recording: &Recording) -> String {
+    let Some(track) = &recording.remote else { return String::new() };
+    let RemoteTrack { receiver, sent, heard, losses, .. } = track;
+    let frames = |count: u64| grouped(count);
+    let mut html = format!(
+        "<section>\n<h2>Remote</h2>\n<p class=\"hint\">{receiver}: {} frames sent, {} of them live",
+        frames(sent.frames),
+        frames(sent.live),
+    );
+    if let Some(heard) = heard {
+        let (frames, damaged) = (grouped(heard.frames.into()), grouped(heard.damaged.into()));
+        let errors = grouped(heard.port_errors.into());
+        let _ = write!(html, "; {frames} heard, {damaged} damaged, {errors} port errors");
+    }
+    html.push_str("</p>\n");
+    if !losses.is_empty() {
+        let at = |time: Option<Micros>| cell(&optional(time.map(seconds), 4, " s"));
+        let rows = losses.iter().map(|loss| {
+            let millis = loss.reaction().map(|time| seconds(time) * 1e3);
+            vec![
+                format!("<td class=\"words\">{:.4} s</td>", seconds(loss.lost.from)),
+                at(loss.lost.until),
+                at(loss.last_frame),
+                at(loss.coasting),
+                cell(&optional(millis, 1, " ms")),
+                at(loss.disarmed),
+                at(loss.back),
+                at(loss.resumed),
+            ]
+        });
+        let head = "lost at | until | last good frame | all coast | after that frame | disarmed | \
+                    good frames again | resumed";
+        html.push_str(&table_of(head.split(" | "), 1, rows));
+    }
+    html.push_str("</section>\n");
+    html
+}
+
+/// The robot's own signals: their plots and their table; nothing for a robot without any.
+fn signal_section(recording: &Recording, figures: &str) -> String {
+    signal_table(recording).map_or_else(String::new, |signals| {
+        format!(
+            "<section>\n<h2>Signals</h2>\n<div class=\"grid\">\n{figures}</div>\n{}</section>\n",
+            table(&signals)
+        )
+    })
+}
+
+fn table(table: &Table) -> String {
+    let row = |row: &Vec<Entry>| {
+        let cells = row.iter().enumerate().map(|(column, entry)| {
+            let class = match (column < table.words, entry.bad) {
+                (true, true) => " class=\"words bad\"",
+                (true, false) => " class=\"words\"",
+                (false, true) => " class=\"bad\"",
+                (false, false) => "",
+            };
+            format!("<td{class}>{}</td>", escape(&entry.text))
+        });
+        cells.collect::<Vec<_>>()
+    };
+    table_of(table.head.iter().copied(), table.words, table.rows.iter().map(row))
+}
+
+/// A table whose first `left` columns are words, from HTML cells.
+fn table_of<'h>(
+    head: impl Iterator<Item = &'h str>,
+    left: usize,
+    rows: impl Iterator<Item = Vec<String>>,
+) -> String {
+    let mut html = "<div class=\"table\"><table>\n<thead><tr>".to_owned();
+    for (column, title) in head.enumerate() {
+        let class = if column < left { " class=\"words\"" } else { "" };
+        let _ = write!(html, "<th scope=\"col\"{class}>{title}</th>");
+    }
+    html.push_str("</tr></thead>\n<tbody>\n");
+    for row in rows {
+        html.push_str("<tr>");
+        html.extend(row);
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</tbody>\n</table></div>\n");
+    html
+}
+
+fn cell(text: &str) -> String {
+    format!("<td>{}</td>", escape(text))
+}
+
+// ---- numbers -----------------------------------------------------------------------------------
+
+/// The quantity of the target and of the measured value of a motor.
+#[derive(Clone, Copy, PartialEq)]
+struct Scale {
+    kind: TargetKind,
+    noun: &'static str,
+    unit: &'static str,
+    /// 360 is 0.
+    wraps: bool,
+}
+
+impl Scale {
+    /// Of the first target the motor had; a motor that never had one shows its speed.
+    fn of(track: &MotorTrack) -> Self {
+        let kind = track.samples.iter().find(|sample| sample.target.is_some());
+        match kind.map_or(TargetKind::Speed, |sample| sample.kind) {
+            kind @ TargetKind::Angle => Self { kind, noun: "angle", unit: "°", wraps: true },
+            kind @ (TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion) => {
+                Self { kind, noun: "angle", unit: "°", wraps: false }
+            }
+            kind @ TargetKind::SpeedMotion => {
+                Self { kind, noun: "speed", unit: "rpm", wraps: false }
+            }
+            _ => Self { kind: TargetKind::Speed, noun: "speed", unit: "rpm", wraps: false },
+        }
+    }
+
+    /// The measurements since the sample before; nothing while the motor followed targets of
+    /// another kind.
+    fn measured(self, sample: &MotorSample) -> Cell {
+        match self.kind {
+            kind if kind == sample.kind => sample.measured_cell,
+            TargetKind::Speed | TargetKind::SpeedMotion => sample.rpm_cell,
+            _ => Cell::of(f64::NAN),
+        }
+    }
+
+    fn target(self, sample: &MotorSample) -> f64 {
+        sample.target.filter(|_| self.kind == sample.kind).unwrap_or(f64::NAN)
+    }
+}
+
+/// A number of sample periods, in seconds.
+fn periods(count: usize) -> Value {
+    let count = u64::try_from(count).unwrap_or(u64::MAX);
+    number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
+}
+
+/// The path of the base; empty, if there is none.
+fn path(recording: &Recording) -> &[PathPoint] {
+    recording.base.as_ref().map_or(&[], |base| &base.path)
+}
+
+/// Every n-th sample is drawn: this n.
+fn stride(recording: &Recording) -> usize {
+    let samples = recording.motors.iter().map(|track| track.samples.len());
+    samples.max().unwrap_or(0).max(path(recording).len()).div_ceil(DRAWN).max(1)
+}
+
+/// A JSON number of few digits; null if it is not finite.
+fn number(value: f64, digits: i32) -> Value {
+    let power = 10_f64.powi(digits);
+    // Adding zero turns -0 into 0.
+    json!((value * power).round() / power + 0.0)
+}
+
+/// Means of a motor's samples with their ranges. `stride` samples are one.
+fn cells(samples: &[MotorSample], stride: usize, of: impl Fn(&MotorSample) -> Cell) -> Value {
+    ranges(&samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
+}
+
+/// Means, and how far the lowest and highest values are from them, in hundredths.
+fn ranges(merged: &[Cell]) -> Value {
+    let hundredths = |span: f32| {
+        let span = (span * 100.0).round();
+        // Whole numbers are short.
+        json!(if span.is_finite() { span as u32 } else { 0 })
+    };
+    json!({
+        "measured": numbers(merged.iter().map(|cell| cell.mean.into()), 2),
+        "below": merged.iter().map(|cell| hundredths(cell.mean - cell.min)).collect::<Value>(),
+        "above": merged.iter().map(|cell| hundredths(cell.max - cell.mean)).collect::<Value>(),
+    })
+}
+
+/// Several cells as one. An angle that went round meanwhile has no range: the newest is taken.
+fn merge(chunk: &[MotorSample], of: impl Fn(&MotorSample) -> Cell) -> Cell {
+    let cells = chunk.iter().map(&of);
+    let newest = cells.clone().last().unwrap_or_default();
+    let whole = joined(cells);
+    let is_angle = chunk.iter().all(|sample| sample.kind == TargetKind::Angle);
+    if is_angle && whole.max - whole.min > 180.0 { newest } else { whole }
+}
+
+/// Several cells as one; NaN of none.
+fn joined(cells: impl Iterator<Item = Cell> + Clone) -> Cell {
+    let count = cells.clone().count() as f32;
+    Cell {
+        min: cells.clone().map(|cell| cell.min).fold(f32::NAN, f32::min),
+        max: cells.clone().map(|cell| cell.max).fold(f32::NAN, f32::max),
+        mean: cells.map(|cell| cell.mean).sum::<f32>() / count,
+    }
+}
+
+fn numbers(values: impl Iterator<Item = f64>, digits: i32) -> Value {
+    values.map(|value| number(value, digits)).collect()
+}
+
+/// Text that can stand anywhere in HTML.
+fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            other => escaped.push(other),
+        }
+    }
+    escaped
+}
+
+// ---- plots -------------------------------------------------------------------------------------
+
+/// One plot over time.
+struct Chart {
+    title: String,
+    note: &'static str,
+    /// The data that `report.js` draws.
+    body: Value,
+}
+
+fn figure(number: usize, chart: &Chart) -> String {
+    let (title, note) = (escape(&chart.title), chart.note);
+    format!(
+        "<figure>\n<figcaption><h3>{title} <small>{note}</small></h3></figcaption>\n\
+         <div class=\"legend\"></div>\n<div class=\"plot\"><canvas data-plot=\"{number}\" \
+         role=\"img\" aria-label=\"{title} over time\"></canvas></div>\n</figure>\n"
+    )
+}
+
+/// The plot of the path, which has no time axis.
+const PATH: &str = "<figure>
+<figcaption><h3>Path of the base <small>seen from above, an arrow each 0.5 s</small></h3></figcaption>
+<div class=\"legend\"></div>
+<div class=\"plot\"><canvas data-plot=\"path\" role=\"img\" aria-label=\"Path of the base in the plane, in metres\"></canvas></div>
+</figure>
+";
+
+/// Measured values and targets. Motors whose labels start with the same word share a plot, if
+/// they have targets of the same kind: a new motor finds its place by itself.
+fn motion_charts(recording: &Recording) -> Vec<Chart> {
+    let plot = |track: &MotorTrack| (split(track.motor.label).0, Scale::of(track));
+    let stride = stride(recording);
+    let chart = |((word, scale), tracks): ((&str, Scale), Vec<&MotorTrack>)| {
+        let series = tracks.iter().map(|track| {
+            let targets = track.samples.iter().step_by(stride);
+            let mut series = cells(&track.samples, stride, |sample| scale.measured(sample));
+            series["name"] = split(track.motor.label).1.into();
+            if recording.source.is_told() {
+                series["target"] = numbers(targets.map(|sample| scale.target(sample)), 2);
+            }
+            series
+        });
+        let mut body = curves(stride, scale.unit, 1, 2.0, series.collect());
+        body["wraps"] = scale.wraps.into();
+        Chart { title: format!("{} {}", capital(word), scale.noun), note: "", body }
+    };
+    by_plot(&recording.motors, plot).into_iter().map(chart).collect()
+}
+
+/// Tracks with the same key together, in the order of their coming.
+fn by_plot<T, K: PartialEq>(tracks: &[T], key: impl Fn(&T) -> K) -> Vec<(K, Vec<&T>)> {
+    let mut groups: Vec<(K, Vec<&T>)> = Vec::new();
+    for track in tracks {
+        let key = key(track);
+        match groups.iter_mut().find(|group| group.0 == key) {
+            Some((_, tracks)) => tracks.push(track),
+            None => groups.push((key, vec![track])),
+        }
+    }
+    groups
+}
+
+/// A plot of samples: `places` decimals, and an axis that spans at least `least`.
+fn curves(stride: usize, unit: &str, places: u8, least: f64, series: Value) -> Value {
+    json!({
+        "unit": unit,
+        "from": periods(1),
+        "step": periods(stride),
+        "places": places,
+        "least": least,
+        "series": series,
+    })
+}
+
+/// The robot's own signals. Those of one unit whose labels start with the same word share a plot.
+fn signal_charts(recording: &Recording) -> Vec<Chart> {
+    let plot = |track: &SignalTrack| (split(track.label).0, track.unit);
+    let stride = stride(recording);
+    let chart = |((word, unit), tracks): ((&str, &str), Vec<&SignalTrack>)| {
+        let series = tracks.iter().map(|track| {
+            let chunks = track.samples.chunks(stride);
+            let merged = chunks.map(|chunk| joined(chunk.iter().copied().flatten()));
+            let mut series = ranges(&merged.collect::<Vec<_>>());
+            series["name"] = split(track.label).1.into();
+            series
+        });
+        let title = if let [track] = tracks.as_slice() { track.label } else { word };
+        let body = curves(stride, unit, 2, 0.1, series.collect());
+        Chart { title: capital(title), note: "", body }
+    };
+    by_plot(&recording.signals, plot).into_iter().map(chart).collect()
+}
+
+fn current_charts(recording: &Recording) -> Vec<Chart> {
+    let stride = stride(recording);
+    let chart = |bus: &BusTrack| {
+        let tracks =
+            recording.motors.iter().filter(|track| track.motor.on == Place::Bus(bus.number));
+        let series = tracks.map(|track| {
+            let mut series = cells(&track.samples, stride, |sample| sample.current_cell);
+            series["name"] = track.motor.label.into();
+            series
+        });
+        let body = curves(stride, "A", 2, 0.2, series.collect());
+        let note = match recording.source {
+            Source::Capture | Source::Robot => "current by feedback, where it is told",
+            _ => "current in the windings",
+        };
+        Chart { title: format!("Bus {}", bus.number), note, body }
+    };
+    recording.buses.iter().map(chart).collect()
+}
+
+fn load_charts(recording: &Recording) -> Vec<Chart> {
+    let chart = |bus: &BusTrack| {
+        let plan = bus.last.load;
+        let plan = [plan.least, plan.typical, plan.worst];
+        let body = json!({
+            "unit": "%",
+            "from": 0,
+            "step": seconds(LOAD_WINDOW),
+            "places": 1,
+            "least": 1,
+            "stairs": true,
+            "plan": numbers(plan.into_iter().map(f64::from), 1),
+            "series": [{
+                "name": "measured in each 100 ms",
+                "measured": numbers(bus.load_windows.iter().copied(), 1),
+            }],
+        });
+        let note = "dashed: planned, typically · band: planned, least to worst";
+        Chart { title: format!("Bus {}", bus.number), note, body }
+    };
+    recording.buses.iter().map(chart).collect()
+}
+
+/// A label as its first word and the rest; a label of one word is both.
+fn split(label: &str) -> (&str, &str) {
+    label.split_once(' ').unwrap_or((label, label))
+}
+
+fn capital(word: &str) -> String {
+    let mut rest = word.chars();
+    rest.next().map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
+}
+
+/// The data of the plots, as JSON that can stand in a script element.
+fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> String {
+    let events = merged_events(recording);
+    let stride = stride(recording);
+    let path =
+        |of: fn(&PathPoint) -> f64| numbers(path(recording).iter().step_by(stride).map(of), 3);
+    let data = json!({
+        "length": seconds(recording.length),
+        "period": periods(1),
+        "events": events.iter().map(|(at, label)| json!([seconds(*at), label])).collect::<Value>(),
+        "states": STATES,
+        "lanes": remote_lanes(recording).into_iter().chain(recording.motors.iter().map(|track| lane(track, recording.source)))
+            .collect::<Value>(),
+        "stops": stops(recording),
+        "charts": charts.map(|chart| &chart.body).collect::<Vec<_>>(),
+        "path": {
+            "from": periods(1),
+            "step": periods(stride),
+            "x": path(|at| at.x),
+            "y": path(|at| at.y),
+            "yaw": path(|at| at.yaw),
+            "lines": path_lines(recording, stride),
+        },
+    });
+    // Inside strings only, because JSON has no such sign elsewhere.
+    data.to_string().replace('<', "\\u003c")
+}
+
+/// The other lines in the picture of the path: where its wheels say that it was, where the robot
+/// believed to be, and where it was to be; `report.css` has the colours.
+fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
+    let Some(base) = &recording.base else { return Vec::new() };
+    let Paths { estimate, reference } = Paths::of(base);
+    let line = |(name, paint, points): (&str, &str, Vec<PathPoint>)| {
+        let numbers = |of: fn(&PathPoint) -> f64| numbers(points.iter().step_by(stride).map(of), 3);
+        (!points.is_empty()).then(|| {
+            json!({ "name": name, "paint": paint, "x": numbers(|at| at.x), "y": numbers(|at| at.y) })
+        })
+    };
+    [
+        ("by its wheels", "muted", base.by_wheels()),
+        ("by its own estimate", "line-1", estimate),
+        ("its reference", "line-2", reference),
+    ]
+    .into_iter()
+    .filter_map(line)
+    .collect()
+}
+
+/// States that can be seen of a motor, a robot, and a remote; `report.css` has a colour for each.
+const STATES: [&str; 13] = [
+    "run",
+    "hold",
+    "brake",
+    "coast",
+    "off",
+    "lost",
+    "unheard",
+    "armed",
+    "suspended",
+    "stopped",
+    "disarmed",
+    "heard",
+    "driven",
+];
+
+const fn state(sample: &MotorSample) -> u8 {
+    match (sample.link, sample.drive) {
+        (Link::NeverSeen, _) => 6,
+        (Link::Lost, _) => 5,
+        (Link::Online, DriveMode::Off) => 4,
+        (Link::Online, DriveMode::Coast) => 3,
+        (Link::Online, DriveMode::Brake) => 2,
+        (Link::Online, DriveMode::Hold) => 1,
+        (Link::Online, DriveMode::Run) => 0,
+    }
+}
+
+fn lane(track: &MotorTrack, source: Source) -> Value {
+    // On an emulated chip it is seen whether a motor is driven, not why; in a capture whether it is heard.
+    let seen = |sample| match (state(sample), source) {
+        (0, Source::Emulation) => 12,
+        (0..=4, Source::Capture) => 11,
+        (state, _) => state,
+    };
+    json!({ "name": track.motor.label, "runs": runs(track.samples.iter().map(seen)) })
+}
+
+/// Whether the remote was heard, and whether the robot was armed.
+fn remote_lanes(recording: &Recording) -> Vec<Value> {
+    let Some(track) = &recording.remote else { return Vec::new() };
+    let heard = track.samples.iter().map(|sample| if sample.is_live { 11 } else { 5_u8 });
+    let mut lanes = vec![json!({ "name": "remote", "runs": runs(heard) })];
+    let arm = |sample: &RemoteSample| {
+        Some(match sample.arm? {
+            ArmState::Armed => 7_u8,
+            ArmState::Suspended => 8,
+            ArmState::EStopped => 9,
+            ArmState::Disarmed => 10,
+        })
+    };
+    if let Some(arms) = track.samples.iter().map(arm).collect::<Option<Vec<u8>>>() {
+        lanes.push(json!({ "name": "robot", "runs": runs(arms.into_iter()) }));
+    }
+    lanes
+}
+
+/// The times in which no wheel of the base, or without one no motor, follows its target: the robot
+/// is disarmed, or something stopped it.
+fn stops(recording: &Recording) -> Value {
+    if recording.source == Source::Capture {
+        return json!([]);
+    }
+    let wheel = |place: usize| match &recording.base {
+        Some(base) => base.wheels.contains(&place),
+        None => true,
+    };
+    let wheels = recording.motors.iter().enumerate().filter(|(place, _)| wheel(*place));
+    let wheels: Vec<_> = wheels.map(|(_, track)| track.samples.as_slice()).collect();
+    let samples = wheels.iter().map(|samples| samples.len()).min().unwrap_or(0);
+    let state = |index: usize| {
+        let all = |test: fn(DriveMode) -> bool| wheels.iter().all(|wheel| test(wheel[index].drive));
+        if all(|drive| drive == DriveMode::Off) {
+            "disarmed"
+        } else if all(|drive| drive != DriveMode::Run) {
+            "stopped"
+        } else {
+            ""
+        }
+    };
+    let stopped = |run: &Value| run[2] != "";
+    runs((0..samples).map(state)).into_iter().filter(stopped).collect()
+}
+
+/// `[from, to, value]` in seconds, for each stretch of equal values.
+fn runs<T: PartialEq + Into<Value>>(values: impl Iterator<Item = T>) -> Vec<Value> {
+    let mut stretches: Vec<(usize, usize, T)> = Vec::new();
+    for (index, value) in values.enumerate() {
+        match stretches.last_mut() {
+            Some((_, end, same)) if *same == value => *end = index + 1,
+            _ => stretches.push((index, index + 1, value)),
+        }
+    }
+    let json =
+        |(from, to, value): (usize, usize, T)| json!([periods(from), periods(to), value.into()]);
+    stretches.into_iter().map(json).collect()
+}
+
+/// Writes the report and the buses' logs of a run into a folder that is there.
+///
+/// # Errors
+/// If they cannot be written.
+pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> Result<()> {
+    write_file(folder, "report.html", report(recording, figures).as_bytes())?;
+    for bus in &recording.buses {
+        let name = format!("bus{}.log", bus.number);
+        if recording.no_logs {
+            // One of a run before would be taken for this one's.
+            let _ = fs::remove_file(folder.join(name));
+        } else {
+            write_file(folder, &name, bus.log.as_bytes())?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_module::Counters;
+    use rc10_motor::embassy::BusStatus;
+    use rc10_motor::{BusLoad, MotorCounters, MotorStatus};
+
+    use rc10_sim::remote::Sent;
+
+    use super::*;
+    use crate::recording::remote::Loss;
+    use crate::recording::{BaseTrack, PartTrack, Tracking};
+    use crate::robot::remote::{Lost, Receiver};
+    use crate::robot::script::Event;
+    use crate::team;
+
+    /// All motors follow a target exactly; nothing is wrong.
+    fn recording(length: Micros) -> Recording {
+        let samples = usize::try_from(length.get() / SAMPLE_PERIOD.get()).unwrap();
+        let motors = team::description().motors.into_iter().map(|motor| {
+            let kind = match motor.label.split_once(' ') {
+                Some(("gimbal", _)) => TargetKind::Angle,
+                Some(("lift", _)) => TargetKind::TotalAngle,
+                _ => TargetKind::Speed,
+            };
+            let sample = |index: usize| {
+                let wave = 123.4 * (index as f64 / 40.0 + f64::from(motor.name().id)).sin();
+                MotorSample {
+                    target: Some(wave),
+                    measured: wave,
+                    measured_cell: Cell::of(wave),
+                    kind,
+                    current: wave / 10.0,
+                    current_cell: Cell::of(wave / 10.0),
+                    rpm: wave,
+                    rpm_cell: Cell::of(wave),
+                    link: Link::Online,
+                    drive: DriveMode::Run,
+                    counters: MotorCounters::default(),
+                    overwritten: 0,
+                }
+            };
+            let mut last = MotorStatus::NEW;
+            (last.link, last.drive) = (Link::Online, DriveMode::Run);
+            let tracking =
+                vec![Tracking { kind, looks: samples as u64 * 10, squares: 0.0, peak: 0.0 }];
+            let samples = (0..samples).map(sample).collect();
+            MotorTrack {
+                motor,
+                samples,
+                last,
+                overwritten: 0,
+                tracking,
+                peak_current: 12.34,
+                effort: None,
+            }
+        });
+        let mut status = BusStatus::default();
+        status.load = BusLoad { frames_per_second: 5000, least: 55.5, typical: 59.0, worst: 67.5 };
+        let bus = |number| BusTrack {
+            number,
+            load: 57.25,
+            load_windows: vec![57.25; samples / 10],
+            last: status,
+            samples: Vec::new(),
+            frames: 50_123,
+            log: Default::default(),
+            log_hash: Default::default(),
+        };
+        let path = |index: usize| PathPoint { x: index as f64 / 100.0, y: 0.5, yaw: -0.0 };
+        let event = |millis, label| Event { at: Micros::from_millis(millis), label };
+        Recording {
+            seed: 42,
+            length,
+            motors: motors.collect(),
+            buses: (1..=3).map(bus).collect(),
+            lines: Vec::new(),
+            base: Some(BaseTrack {
+                wheels: vec![0, 1, 2, 3],
+                steering: Vec::new(),
+                path: (0..samples).map(path).collect(),
+                estimate: Vec::new(),
+                reference: Vec::new(),
+                chassis: rc10_sim::Chassis::default(),
+                heard: Vec::new(),
+            }),
+            events: vec![
+                event(100, "arm"),
+                event(900, "square: forward"),
+                event(900, "feeder on"),
+                event(1500, "stand <still> & \"wait\""),
+            ],
+            ..Recording::default()
+        }
+    }
+
+    fn page_of(recording: &Recording) -> String {
+        report(recording, &Figures::of(recording))
+    }
+
+    fn two_seconds() -> Recording {
+        recording(Micros::from_millis(2000))
+    }
+
+    /// The data the plots are drawn from, as a browser would read it.
+    fn embedded(page: &str) -> Value {
+        let (_, rest) = page.split_once("type=\"application/json\">").unwrap();
+        serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+    }
+
+    #[test]
+    fn shows_every_motor_bus_and_event() {
+        let page = page_of(&two_seconds());
+        for motor in team::description().motors {
+            assert!(page.contains(&format!("<td class=\"words\">{}</td>", motor.label)));
+        }
+        for text in ["bus 1", "bus 3", "seed 42", "<b>2</b> s of", "arm <time>0.10 s", "59.0 %"] {
+            assert!(page.contains(text), "{text}");
+        }
+        let data = embedded(&page);
+        assert_eq!(data["events"][1], json!([0.9, "square: forward + feeder on"]));
+        let drawn = data["charts"].as_array().unwrap().len();
+        assert_eq!(drawn, 4 + 3 + 3);
+        assert_eq!(page.matches("data-plot=").count(), drawn + 2);
+    }
+
+    #[test]
+    fn loads_nothing() {
+        let page = page_of(&two_seconds());
+        for reference in ["http", "src=", "href=", "url(", "@import", "fetch("] {
+            assert!(!page.contains(reference), "{reference}");
+        }
+    }
+
+    #[test]
+    fn is_the_same_for_the_same_recording() {
+        assert_eq!(page_of(&two_seconds()), page_of(&two_seconds()));
+    }
+
+    #[test]
+    fn stays_small_however_long_the_run() {
+        let ten_seconds = page_of(&recording(Micros::from_millis(10_000)));
+        assert!(ten_seconds.len() < 500_000, "{} bytes", ten_seconds.len());
+        let page = page_of(&recording(Micros::from_millis(100_000)));
+        assert!(page.len() < 1_500_000, "{} bytes", page.len());
+        let chart = &embedded(&page)["charts"][0];
+        assert_eq!(chart["series"][0]["measured"].as_array().unwrap().len(), 3334);
+        assert_eq!(chart["step"], 0.03);
+    }
+
+    #[test]
+    fn text_is_escaped() {
+        let page = page_of(&two_seconds());
+        assert!(page.contains("stand &lt;still&gt; &amp; &quot;wait&quot;"));
+        assert!(!page.contains("<still>"));
+        assert_eq!(embedded(&page)["events"][2][1], "stand <still> & \"wait\"");
+        assert_eq!(escape("it's"), "it&#39;s");
+    }
+
+    #[test]
+    fn numbers_are_short_and_what_is_not_finite_is_null() {
+        let values = [1.0 / 3.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.001, 2.0];
+        assert_eq!(numbers(values.into_iter(), 2).to_string(), "[0.33,null,null,null,0.0,2.0]");
+        let mut recording = two_seconds();
+        recording.motors[0].samples[3].measured_cell = Cell::of(f64::NAN);
+        recording.motors[0].samples[4].target = None;
+        recording.motors[0].samples[5].current_cell = Cell::of(f64::INFINITY);
+        recording.base.as_mut().unwrap().path[6].x = f64::NAN;
+        recording.buses[0].load = f64::NAN;
+        let data = embedded(&page_of(&recording));
+        let wheel = &data["charts"][0]["series"][0];
+        assert!(wheel["measured"][2].is_f64() && wheel["measured"][3].is_null());
+        assert!(wheel["target"][3].is_f64() && wheel["target"][4].is_null());
+        assert!(data["charts"][4]["series"][0]["measured"][5].is_null());
+        assert!(data["path"]["x"][6].is_null());
+    }
+
+    #[test]
+    fn the_verdict_names_what_is_wrong() {
+        let mut recording = two_seconds();
+        let good = "✓ All 11 motors online · no frame lost · no overruns";
+        assert!(page_of(&recording).contains(good));
+        recording.motors[4].last.link = Link::Lost;
+        recording.motors[4].last.counters.lost = 2;
+        recording.motors[5].overwritten = 7;
+        recording.buses[2].last.overruns = 3;
+        let page = page_of(&recording);
+        assert!(!page.contains(good));
+        for text in [
+            "✗ 4 problems",
+            "<li>gimbal yaw: lost at the end</li>",
+            "<li>gimbal yaw: 2 × lost during the run</li>",
+            "<li>gimbal pitch: 7 feedback frames overwritten because the bus was busy</li>",
+            "<li>bus 3: 3 ticks overrun</li>",
+            "<b>10 of 11</b>",
+            "<td class=\"bad\">7</td>",
+        ] {
+            assert!(page.contains(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_stop_is_when_no_wheel_runs() {
+        let mut recording = two_seconds();
+        for motor in &mut recording.motors[..4] {
+            motor.samples[..10].iter_mut().for_each(|sample| sample.drive = DriveMode::Off);
+            motor.samples[50..100].iter_mut().for_each(|sample| sample.drive = DriveMode::Coast);
+        }
+        recording.motors[0].samples[150].drive = DriveMode::Coast;
+        let stops = embedded(&page_of(&recording))["stops"].clone();
+        assert_eq!(stops, json!([[0.0, 0.1, "disarmed"], [0.5, 1.0, "stopped"]]));
+    }
+
+    #[test]
+    fn a_robot_without_a_base_has_no_path_and_stops_when_no_motor_runs() {
+        let mut recording = two_seconds();
+        let with = page_of(&recording);
+        recording.base = None;
+        for motor in &mut recording.motors[..4] {
+            motor.samples[50..100].iter_mut().for_each(|sample| sample.drive = DriveMode::Coast);
+        }
+        assert_eq!(embedded(&page_of(&recording))["stops"], json!([]));
+        for motor in &mut recording.motors[4..] {
+            motor.samples[60..100].iter_mut().for_each(|sample| sample.drive = DriveMode::Hold);
+        }
+        let without = page_of(&recording);
+        assert_eq!(embedded(&without)["stops"], json!([[0.6, 1.0, "stopped"]]));
+        for text in ["data-plot=\"path\"", "driven by the base", "the wheels do not follow"] {
+            assert!(with.contains(text) && !without.contains(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_path_has_lines_for_what_its_robot_says() {
+        let mut recording = two_seconds();
+        assert_eq!(embedded(&page_of(&recording))["path"]["lines"], json!([]));
+        let base = recording.base.as_mut().unwrap();
+        let moved = |by: f64| base.path.iter().map(move |at| PathPoint { y: at.y + by, ..*at });
+        // Where it begins its estimate is right.
+        base.estimate = moved(0.0)
+            .enumerate()
+            .map(|(index, at)| PathPoint { y: at.y + if index > 100 { 0.02 } else { 0.0 }, ..at })
+            .collect();
+        base.reference = moved(0.25).collect();
+        let page = page_of(&recording);
+        for text in [
+            "<b>0.250 m</b><span>furthest from its reference path",
+            "<b>0.250 m</b><span>from its reference at the end",
+            "<b>0.020 m</b><span>its odometry is off at the end",
+        ] {
+            assert!(page.contains(text), "{text}");
+        }
+        let lines = &embedded(&page)["path"]["lines"];
+        let names: Vec<_> = (0..2).map(|index| &lines[index]["name"]).collect();
+        assert_eq!(names, ["by its own estimate", "its reference"]);
+        assert_eq!((&lines[0]["y"][150], &lines[1]["y"][150]), (&json!(0.52), &json!(0.75)));
+        assert_eq!(lines[1]["x"].as_array().unwrap().len(), 200);
+    }
+
+    #[test]
+    fn a_remote_has_its_lanes_and_a_line_for_each_time_that_it_was_lost() {
+        let mut recording = two_seconds();
+        assert!(!page_of(&recording).contains("<h2>Remote</h2>"));
+        let at = |millis| Some(Micros::from_millis(millis));
+        let loss = Loss {
+            lost: Lost { from: Micros::from_millis(500), until: at(1500) },
+            last_frame: at(497),
+            coasting: at(600),
+            back: None,
+            resumed: None,
+            disarmed: at(1497),
+        };
+        let sample = |index: usize| RemoteSample {
+            is_live: index < 50,
+            arm: Some(match index {
+                ..60 => ArmState::Armed,
+                60..150 => ArmState::Suspended,
+                _ => ArmState::Disarmed,
+            }),
+        };
+        let mut track = RemoteTrack {
+            receiver: Receiver::Sbus,
+            sent: Sent::default(),
+            heard: None,
+            losses: vec![loss],
+            samples: (0..200).map(sample).collect(),
+        };
+        recording.remote = Some(track.clone());
+        let page = page_of(&recording);
+        for text in [
+            "<p class=\"loss\">remote lost from 0.500 s to 1.500 s: last good frame 0.4970 s; ",
+            "sbus: 0 frames",
+            "<td>0.4970 s</td>",
+            "<td>103.0 ms</td>",
+            "<td>1.4970 s</td>",
+        ] {
+            assert!(page.contains(text), "{text}");
+        }
+        assert!(page.contains("no frame lost"), "let go in time");
+        let data = embedded(&page);
+        let name = |state: &Value| data["states"][state.as_u64().unwrap() as usize].clone();
+        let lane = |index: usize| -> Vec<Value> {
+            data["lanes"][index]["runs"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|run| name(&run[2]))
+                .collect()
+        };
+        assert_eq!(lane(0), ["heard", "lost"]);
+        assert_eq!(lane(1), ["armed", "suspended", "disarmed"]);
+        assert_eq!(data["lanes"].as_array().unwrap().len(), 13);
+        // A train of pulses that was cut off by it, and another one.
+        track.receiver = Receiver::Ppm;
+        let mut heard = Counters::default();
+        heard.damaged = 1;
+        track.heard = Some(heard);
+        recording.remote = Some(track.clone());
+        assert!(page_of(&recording).contains("no frame lost"));
+        heard.damaged = 31;
+        track.heard = Some(heard);
+        recording.remote = Some(track.clone());
+        assert!(page_of(&recording).contains("<li>remote: 30 damaged frames</li>"));
+        track.heard = None;
+        track.losses[0].coasting = at(618);
+        track.samples[0].arm = None;
+        recording.remote = Some(track);
+        let page = page_of(&recording);
+        assert!(page.contains("<li>remote: lost: the motors coasted after 121.0 ms only</li>"));
+        assert_eq!(embedded(&page)["lanes"].as_array().unwrap().len(), 12);
+    }
+
+    #[test]
+    fn signals_of_its_own_have_plots_and_a_table() {
+        let mut recording = two_seconds();
+        assert!(!page_of(&recording).contains("<h2>Signals</h2>"));
+        let track = |label, unit| SignalTrack {
+            states: "",
+            label,
+            unit,
+            samples: (0..200).map(|at: u8| (at >= 50).then(|| Cell::of(at.into()))).collect(),
+            last: Some(199.0),
+            range: Some([50.0, 124.5, 199.0]),
+            absent: Micros::from_millis(500),
+        };
+        recording.signals =
+            vec![track("wall left", "mm"), track("wall right", "mm"), track("heading <x>", "deg")];
+        let page = page_of(&recording);
+        for text in
+            ["<h2>Signals</h2>", "<h3>Wall <small>", "<h3>Heading &lt;x&gt; <small>", "199.00 mm"]
+        {
+            assert!(page.contains(text), "{text}");
+        }
+        let data = embedded(&page);
+        let charts = data["charts"].as_array().unwrap();
+        assert_eq!(charts.len(), 4 + 2 + 3 + 3);
+        assert_eq!(page.matches("data-plot=").count(), charts.len() + 2);
+        let wall = &charts[4];
+        assert_eq!((&wall["unit"], &wall["series"][1]["name"]), (&json!("mm"), &json!("right")));
+        let measured = &wall["series"][0]["measured"];
+        assert!(measured[49].is_null() && measured[50] == 50.0 && measured[199] == 199.0);
+        assert_eq!(charts[5]["series"].as_array().unwrap().len(), 1);
+    }
+
+    #[test]
+    fn parts_on_uarts_have_a_table() {
+        let mut recording = two_seconds();
+        assert!(!page_of(&recording).contains("Parts on UARTs"));
+        let mut heard = Counters::default();
+        (heard.frames, heard.damaged) = (1234, 5);
+        recording.parts = vec![PartTrack { label: "IMU", uart: 7, heard }];
+        let page = page_of(&recording);
+        for text in
+            ["Parts on UARTs", "<td class=\"words\">UART 7</td>", "<li>IMU: 5 damaged frames"]
+        {
+            assert!(page.contains(text), "{text}");
+        }
+        recording.parts[0].heard = Counters::default();
+        assert!(page_of(&recording).contains("<li>IMU: never heard at UART 7</li>"));
+    }
+
+    #[test]
+    fn an_empty_recording_is_a_page_too() {
+        assert_eq!(embedded(&page_of(&Recording::default()))["charts"], json!([]));
+    }
+}

@@ -1,0 +1,87 @@
+//! The robot of `rc10-robot`, for the tools. It is the robot of the `rc10` command.
+
+pub(crate) mod operator;
+
+use anyhow::{Context, Result};
+use rc10_motor::{MotorBus, Started};
+use rc10_robot::table::{BASE, BUSES, CONSOLE, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
+use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
+use rc10_sim::imu::Hwt101;
+use rc10_sim::{Nanos, Serial, World};
+use rc10_tasks::status;
+
+use crate::robot::base::Base;
+use crate::robot::description::{Description, SerialPart};
+use crate::robot::motor::Plant;
+use crate::robot::remote::RemoteControl;
+use crate::run::build::build_firmware_of;
+use crate::world::robot::Robot;
+
+/// Its IMU is there: `firmware/board/src/h723zg.rs`.
+const IMU_UART: u8 = 7;
+
+/// The description of the team's robot.
+#[must_use]
+pub fn description() -> Description {
+    Description {
+        base: Some(Base::of(WHEELS, &BASE)),
+        remote: Some(RemoteControl::new(
+            RECEIVER,
+            &operator::SCRIPT,
+            Some(operator::SCRIPT_LENGTH),
+        )),
+        serials: vec![SerialPart { label: "IMU", uart: IMU_UART, twin: imu_twin }],
+        console: Some(CONSOLE),
+        firmware: Some(|board| build_firmware_of("rc10-firmware", board)),
+        ..Description::of(plant)
+    }
+}
+
+/// kg m² and N m at the output shaft; our estimates. The wheels get theirs from the base, and the
+/// weight of the lift pulls every one of its shafts down. It hangs a quarter of a turn above its floor
+/// at power-on: so one can see whether it is held or let go.
+fn plant(name: Name) -> Plant {
+    match name {
+        Name::Yaw => Plant::inertia(0.02),
+        Name::Pitch => Plant::inertia(0.01),
+        Name::Feeder => Plant::inertia(0.002),
+        lift if LIFT.contains(&lift) => Plant {
+            load: -1.0,
+            travel: Some([-90.0, f64::from(LIFT_TOP) + 30.0]),
+            ..Plant::inertia(0.01)
+        },
+        _ => Plant::default(),
+    }
+}
+
+fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> {
+    let base = base.context("it must stand on a base")?;
+    let phase = world.chance(Nanos::new(5_000_000));
+    Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base, phase)))
+}
+
+/// The robot with all its tasks, before it runs.
+#[must_use]
+pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> {
+    robot_of(description(), io, buses)
+}
+
+/// The same of another description: with another script, for example.
+#[must_use]
+pub fn robot_of<'r>(
+    description: Description,
+    io: &'r Shared<'_>,
+    buses: [MotorBus<'r>; BUSES],
+) -> Robot<'r> {
+    Robot::of(description, Started { buses, lines: [] }, &io.common)
+        .task(chassis::run(io))
+        .task(mechanisms::run(io))
+        .task(driver::run(io))
+        .task(status::run(io))
+        .serial(&io.imu_reception, async |port| imu::run(io, port).await)
+        .live(&io.common, &io.live)
+        .yaw("heading", |now| {
+            let heading = io.heading.read()?.value.total(now)?;
+            Some(heading.microdegrees() as f64 * 1e-6)
+        })
+}

@@ -1,0 +1,279 @@
+//! The environment of a robot, without the robot: wires, ESCs with their motors and loads, a base.
+
+use rc10_sim::Nanos;
+use std::convert::Infallible;
+use std::pin::Pin;
+
+use anyhow::{Context, Result, ensure};
+use rc10_can::Micros;
+use rc10_motor::rc10_app::Direction;
+use rc10_sim::remote::Remote;
+use rc10_sim::{
+    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
+};
+
+use crate::robot::description::Description;
+use crate::robot::operator::Operator;
+use crate::robot::remote::{Receiver, ReceiverWire};
+use crate::world::built::Built;
+use crate::world::console::Line;
+
+/// The environment of a robot: a simulated world.
+pub struct Environment {
+    /// Time, and everything in it.
+    pub world: World,
+    /// The wires; bus 1 is the first.
+    pub wires: Vec<rc10_sim::Bus>,
+    /// The RS-485 lines; line 1 is the first.
+    pub lines: Vec<rc10_sim::Line>,
+    /// The motors' twins, in the order of [`Description::motors`].
+    pub motors: Vec<Esc>,
+    /// The base on its wheels, if the robot has one.
+    pub base: Option<Base>,
+    /// The parts on its UARTs, in the order of [`Description::serials`].
+    pub serials: Vec<Serial>,
+    /// The switches and markers on its motors' shafts, in the order of [`Description::contacts`].
+    pub contacts: Vec<Contact>,
+    /// Its remote with the receiver, if it has one.
+    pub remote: Option<RemoteLink>,
+    /// The operator of that remote.
+    pub operator: Option<Operator>,
+    /// The line from its console to a PC, if there is one: [`with_console`](Self::with_console).
+    pub console: Option<Line>,
+}
+
+/// A remote, and its receiver at the end of a wire.
+#[derive(Clone)]
+pub struct RemoteLink {
+    /// The remote.
+    pub remote: Remote,
+    /// The kind of receiver.
+    pub receiver: Receiver,
+    /// Its wire.
+    pub wire: ReceiverWire,
+}
+
+type Named<T> = Vec<(String, T)>;
+
+impl Environment {
+    /// The environment of a description, with its mistakes, and all chance from `seed`.
+    ///
+    /// # Errors
+    /// If a mistake cannot be made; if a motor has no simulated ESC, or is on a bus that the robot
+    /// does not have; if the wheels of the base are not as many motors, one each; or if a contact is on
+    /// no motor, or would never be closed or never open.
+    pub fn new(description: &Description, seed: u64) -> Result<Self> {
+        Self::starting_at(Micros::ZERO, description, seed)
+    }
+
+    /// The same in a world that starts at a later time.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn starting_at(start: Micros, description: &Description, seed: u64) -> Result<Self> {
+        let mut world = World::starting_at(start, seed);
+        let wires: Vec<_> =
+            (0..description.buses).map(|_| world.add_bus(BusConfig::default())).collect();
+        let lines: Vec<_> =
+            description.lines.iter().map(|_| world.add_line(LineConfig::default())).collect();
+        let mut motors = Vec::new();
+        let built = Built::new(description)?;
+        for (index, motor) in built.motors.iter().enumerate() {
+            let twin = motor.plug_in(&wires, &lines);
+            let twin = twin.with_context(|| format!("motor table, {}", motor.label))?;
+            built.finish(index, &twin).with_context(|| format!("mistake, {}", motor.label))?;
+            motors.push(twin);
+        }
+        let mut base = None;
+        if let Some((under, chassis)) = description.base.as_ref().zip(built.chassis) {
+            let mounted = |line: usize| {
+                let motor = built.motors.get(line).zip(motors.get(line));
+                let (motor, esc) =
+                    motor.with_context(|| format!("base: there is no motor in line {line}"))?;
+                let mounting = match motor.direction {
+                    Direction::Forward => Mounting::Normal,
+                    Direction::Reversed => Mounting::Mirrored,
+                };
+                anyhow::Ok((esc, mounting))
+            };
+            let mut steering = under.steering.iter();
+            let mut wheels = Vec::new();
+            for (line, wheel) in under.wheels.iter().zip(&chassis.wheels) {
+                let steers = wheel.steering.and_then(|_| steering.next());
+                let steering = steers.map(|line| mounted(*line)).transpose()?;
+                wheels.push(WheelMotors { drive: mounted(*line)?, steering });
+            }
+            let is_whole = under.wheels.len() == chassis.wheels.len() && steering.next().is_none();
+            ensure!(
+                is_whole,
+                "base: {} motors turn and {} steer, but that is not what its {} wheels need",
+                under.wheels.len(),
+                under.steering.len(),
+                chassis.wheels.len()
+            );
+            base = Some(world.add_base(chassis, wheels).context("base")?);
+        }
+        let mut serials = Vec::new();
+        for part in &description.serials {
+            let twin = (part.twin)(&mut world, base.as_ref());
+            serials.push(twin.with_context(|| format!("parts on UARTs, {}", part.label))?);
+        }
+        let mut contacts = Vec::new();
+        for part in &description.contacts {
+            let line = part.motor;
+            let (motor, esc) = (built.motors.get(line).zip(motors.get(line)))
+                .with_context(|| format!("contacts: there is no motor in line {line}"))?;
+            let contact = Contact::new(esc, part.closed);
+            contacts.push(contact.with_context(|| format!("contacts, {}", motor.label))?);
+        }
+        let (mut remote, mut operator) = (None, None);
+        if let Some(control) = &description.remote {
+            let hands = Remote::new();
+            operator = Some(Operator::new(&hands, control));
+            let receiver = control.receiver;
+            let wire = ReceiverWire::new(receiver, &mut world, &hands);
+            remote = Some(RemoteLink { remote: hands, receiver, wire });
+        }
+        let console = None;
+        Ok(Self { world, wires, lines, motors, base, serials, contacts, remote, operator, console })
+    }
+
+    /// The faults of a description, in this environment.
+    ///
+    /// # Errors
+    /// If one is on a bus or a line that is not there.
+    pub fn faults(&self, description: &Description) -> Result<Faults> {
+        let faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
+        let (serials, contacts) = self.parts(description);
+        Ok(faults.with_parts(serials, contacts))
+    }
+
+    /// The parts on its UARTs by their labels, and its contacts by those of their motors.
+    pub(crate) fn parts(&self, description: &Description) -> (Named<Serial>, Named<Contact>) {
+        let serials = description.serials.iter().map(|part| part.label.to_owned());
+        let motors = description.contacts.iter().filter_map(|it| description.motors.get(it.motor));
+        let labels = motors.map(|motor| motor.label.to_owned());
+        (
+            serials.zip(self.serials.iter().cloned()).collect(),
+            labels.zip(self.contacts.iter().cloned()).collect(),
+        )
+    }
+
+    /// With a PC at its console.
+    #[must_use]
+    pub fn with_console(mut self, baud: u32) -> Self {
+        self.console = Some(Line::new(&mut self.world, baud));
+        self
+    }
+
+    /// Runs the robot's tasks and its operator up to a time. A robot that has
+    /// nothing more to do does not stop time.
+    pub fn run(&mut self, tasks: &mut Tasks<'_>, until: Micros) {
+        let Self { world, operator, .. } = self;
+        operate(operator.as_mut(), until, |until| {
+            if world.run(Pin::new(tasks), until).is_ready() {
+                world.advance(until);
+            }
+            Ok(())
+        })
+        .unwrap_or_else(|never: Infallible| match never {});
+    }
+}
+
+/// Lets time pass by `run`, up to each moment at which an operator does something, and to `until`.
+///
+/// # Errors
+/// That of `run`.
+pub fn operate<E>(
+    mut operator: Option<&mut Operator>,
+    until: Micros,
+    mut run: impl FnMut(Micros) -> Result<(), E>,
+) -> Result<(), E> {
+    loop {
+        let next = operator.as_ref().and_then(|operator| operator.next());
+        let next = next.filter(|next| *next < until);
+        run(next.unwrap_or(until))?;
+        match (&mut operator, next) {
+            (Some(operator), Some(next)) => operator.act(next),
+            _ => return Ok(()),
+        }
+    }
+}
+
+/// The first whole microsecond that is not before it: tasks know no finer time.
+pub(crate) const fn rounded_up(time: Nanos) -> Micros {
+    Micros::new(time.get().div_ceil(1000))
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji;
+
+    use super::*;
+    use crate::robot::base::Base;
+    use crate::robot::description::ContactPart;
+    use crate::robot::motor::{Motor, Place};
+
+    #[test]
+    fn what_cannot_be_built_is_named() {
+        const OTHER: dji::Model = dji::Model { name: "M3508 without gearbox", ..dji::M3508 };
+        let complaint = |motor: Motor, wheels: Option<&[usize]>| {
+            let base = wheels.map(|wheels| Base {
+                wheels: wheels.into(),
+                steering: Vec::new(),
+                chassis: <_>::default(),
+            });
+            let description =
+                Description { motors: vec![motor; 4], buses: 2, base, ..<_>::default() };
+            Environment::new(&description, 1).err().map(|error| format!("{error:#}"))
+        };
+        let arm = Motor::dji_on("arm", 2, &dji::M2006, 1);
+        assert_eq!(complaint(arm.clone(), None), None);
+        for (motor, wheels, words) in [
+            (
+                Motor { on: Place::Bus(0), ..arm.clone() },
+                None,
+                "motor table, arm: there is no bus 0",
+            ),
+            (
+                Motor { on: Place::Bus(3), ..arm.clone() },
+                None,
+                "motor table, arm: there is no bus 3",
+            ),
+            (
+                Motor::dji_on("arm", 2, &OTHER, 1),
+                None,
+                "motor table, arm: there is no simulated M3508 without gearbox: give the motor a \
+                 twin of its own, by `Plant::with_twin`",
+            ),
+            (arm.clone(), Some(&[0, 1, 2, 4][..]), "base: there is no motor in line 4"),
+            (
+                arm.clone(),
+                Some(&[0, 1, 2][..]),
+                "base: 3 motors turn and 0 steer, but that is not what its 4 wheels need",
+            ),
+        ] {
+            assert_eq!(complaint(motor, wheels).as_deref(), Some(words));
+        }
+        for (motor, closed, words) in [
+            (0, [350.0, 370.0], None),
+            (4, [350.0, 370.0], Some("contacts: there is no motor in line 4")),
+            (
+                1,
+                [20.0, 20.0],
+                Some(
+                    "contacts, arm: closed from 20 to 20 degrees is no part of a turn: less than all \
+                     of it, the lower angle first",
+                ),
+            ),
+        ] {
+            let contacts = vec![ContactPart { motor, closed }];
+            let motors = vec![arm.clone(); 4];
+            let description = Description { motors, buses: 2, contacts, ..<_>::default() };
+            let said = Environment::new(&description, 1).err().map(|error| format!("{error:#}"));
+            assert_eq!(said.as_deref(), words);
+        }
+        assert!(complaint(Motor::dji_on("arm", 2, &dji::M2006, 9), None).is_some());
+        assert!(complaint(arm, Some(&[0, 1, 2, 2])).is_some());
+    }
+}

@@ -1,0 +1,54 @@
+//! The ports by which a run watches a robot's motors, buses and lines.
+
+use std::rc::Rc;
+
+use rc10_can::Micros;
+use rc10_module::Reception;
+use rc10_motor::ArmSwitch;
+use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
+use rc10_tasks::arming::Axis;
+use rc10_tasks::live::Parameter;
+
+use crate::robot::description::Description;
+use crate::robot::motor::Place;
+use crate::robot::signal::Signal;
+
+/// Ports of a running robot's buses and lines; the first of each is number 1.
+#[derive(Clone, Default)]
+pub struct Ports<'r> {
+    /// The buses.
+    pub buses: Vec<&'r BusPort>,
+    /// The lines.
+    pub lines: Vec<&'r Rs485Port>,
+    /// Its arm switch.
+    pub switch: Option<&'r ArmSwitch>,
+    /// What was not at rest when its remote was to arm it.
+    pub not_at_rest: Option<Rc<dyn Fn() -> Option<Axis> + 'r>>,
+    /// Counters of its remote's receiver.
+    pub reception: Option<&'r Reception>,
+    /// Counters of the parts on its UARTs, in the order of [`Description::serials`].
+    pub parts: Vec<&'r Reception>,
+    /// Signals of its own.
+    pub signals: Vec<Signal<'r>>,
+    /// Parameters of its own.
+    pub parameters: Vec<&'r Parameter>,
+    /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted; and the
+    /// label of the signal that says the same of the robot that really runs.
+    pub yaw: Option<(&'static str, Yaw<'r>)>,
+}
+
+/// Which way a robot looks at a time, if it knows.
+pub type Yaw<'r> = Rc<dyn Fn(Micros) -> Option<f64> + 'r>;
+
+impl<'r> Ports<'r> {
+    /// The port of the motor in an entry of [`Description::motors`], if it is plugged in here.
+    #[must_use]
+    pub fn motor(&self, description: &Description, entry: usize) -> Option<MotorPort<'r>> {
+        let motor = description.number(entry)?;
+        let index = |number: u8| usize::from(number).checked_sub(1);
+        match description.motors.get(entry)?.on {
+            Place::Bus(number) => Some(self.buses.get(index(number)?)?.motor(motor)),
+            Place::Line(number) => Some(self.lines.get(index(number)?)?.motor(motor)),
+        }
+    }
+}

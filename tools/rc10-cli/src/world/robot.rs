@@ -1,0 +1,575 @@
+//! A robot that is set up: its description with the running part that a robot crate hands over.
+
+use std::iter::zip;
+use std::pin::Pin;
+use std::rc::Rc;
+
+use anyhow::{Context, Result, bail, ensure};
+use embassy_time::Instant;
+use rc10_can::Micros;
+use rc10_module::Reception;
+use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
+use rc10_motor::unitree::Rs485Bus;
+use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
+use rc10_sim::fault::{Kind, is_called};
+use rc10_sim::{Contact, Fault, Faults, TaskName, Tasks, UartPort};
+use rc10_tasks::live::{self, Link, Live};
+use rc10_tasks::{Common, remote};
+
+use crate::robot::description::{BITS_PER_SECOND, Description, PoseSignals};
+use crate::robot::mistake::Mistake;
+use crate::robot::motor::{Motor, Place};
+use crate::robot::remote::{Receiver, ReceiverPort};
+use crate::robot::signal::Signal;
+use crate::world::built::Built;
+use crate::world::console::ConsolePort;
+use crate::world::environment::Environment;
+use crate::world::hang;
+use crate::world::ports::Ports;
+
+/// Bytes that a frame of eight bytes takes in a log, between those of a standard and an extended
+/// one.
+const LOG_LINE: u64 = 47;
+
+/// A robot that is set up and has not begun: its description, its buses with their motors, and its
+/// tasks.
+pub struct Robot<'r> {
+    description: Description,
+    buses: Vec<MotorBus<'r>>,
+    lines: Vec<Rs485Bus<'r>>,
+    ports: Ports<'r>,
+    tasks: Vec<Task<'r>>,
+    listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
+    serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
+    /// A task that reads the contacts, and how many.
+    contacts: Option<(usize, ReadContacts<'r>)>,
+    /// Serves a PC at its console.
+    console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
+    /// It runs even if motors do not fit on a bus.
+    is_forced: bool,
+}
+
+type ReadContacts<'r> = Box<dyn FnOnce(&[Contact]) -> Option<Task<'r>> + 'r>;
+
+type Task<'r> = (TaskName, Pin<Box<dyn Future<Output = ()> + 'r>>);
+
+fn boxed<'r, T>(name: TaskName, task: impl Future<Output = T> + 'r) -> Task<'r> {
+    let future = async {
+        task.await;
+    };
+    (name, Box::pin(future))
+}
+
+impl<'r> Robot<'r> {
+    /// A robot without buses and tasks.
+    #[must_use]
+    pub const fn new(description: Description) -> Self {
+        let ports = Ports {
+            buses: Vec::new(),
+            lines: Vec::new(),
+            switch: None,
+            not_at_rest: None,
+            reception: None,
+            parts: Vec::new(),
+            signals: Vec::new(),
+            parameters: Vec::new(),
+            yaw: None,
+        };
+        Self {
+            description,
+            buses: Vec::new(),
+            lines: Vec::new(),
+            ports,
+            tasks: Vec::new(),
+            listen: None,
+            serials: Vec::new(),
+            contacts: None,
+            console: None,
+            is_forced: false,
+        }
+    }
+
+    /// A robot with the buses and lines of its declaration, the switch that arms it, a console for a
+    /// PC, and, if a remote is described, the task that listens to its receiver.
+    #[must_use]
+    pub fn of<N: Names, const BUSES: usize, const LINES: usize>(
+        description: Description,
+        started: Started<'r, BUSES, LINES>,
+        shared: &'r Common<'_, N, BUSES, LINES>,
+    ) -> Self {
+        let (Started { buses, lines }, ports) = (started, shared.ports);
+        let has_remote = description.remote.is_some();
+        let robot = Self::new(description).switch(&shared.switch).live(shared, &());
+        let robot = zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
+        let robot =
+            zip(lines, &ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
+        if !has_remote {
+            return robot;
+        }
+        robot.remote(&shared.remote_reception, async |receiver, port| match port {
+            ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
+            ReceiverPort::Pulses(mut port) => {
+                remote::listen_pulses(shared, async || port.rising_edge().await).await
+            }
+        })
+    }
+
+    /// Adds its next bus, and the port that its tasks know it by.
+    #[must_use]
+    pub fn bus(mut self, bus: MotorBus<'r>, port: &'r BusPort) -> Self {
+        self.buses.push(bus);
+        self.ports.buses.push(port);
+        self
+    }
+
+    /// Adds its next RS-485 line, and the port that its tasks know it by.
+    #[must_use]
+    pub fn line(mut self, line: Rs485Bus<'r>, port: &'r Rs485Port) -> Self {
+        self.lines.push(line);
+        self.ports.lines.push(port);
+        self
+    }
+
+    /// Adds a task of its own; the buses' tasks are there already.
+    #[must_use]
+    #[track_caller]
+    pub fn task<T, F: Future<Output = T> + 'r>(mut self, task: F) -> Self {
+        self.tasks.push(boxed(TaskName::of::<F>(), task));
+        self
+    }
+
+    /// Adds the task that reads its contacts, the switches and markers on its motors' shafts: they are
+    /// inputs, low while they are closed, in the order in which they are described.
+    ///
+    /// ```
+    /// # use rc10_cli::{Description, Robot};
+    /// # async fn run(index: impl embedded_hal::digital::InputPin) {}
+    /// # let robot = Robot::new(Description::default());
+    /// let robot = robot.contacts(|[index]| run(index));
+    /// ```
+    #[must_use]
+    #[track_caller]
+    pub fn contacts<const N: usize, F: Future + 'r>(
+        mut self,
+        read: impl FnOnce([Contact; N]) -> F + 'r,
+    ) -> Self {
+        let name = TaskName::of::<F>();
+        let read: ReadContacts<'r> =
+            Box::new(move |contacts| Some(boxed(name, read(contacts.to_vec().try_into().ok()?))));
+        self.contacts = Some((N, read));
+        self
+    }
+
+    /// Says what arms it, so that reports can show when it was.
+    #[must_use]
+    pub const fn switch(mut self, switch: &'r ArmSwitch) -> Self {
+        self.ports.switch = Some(switch);
+        self
+    }
+
+    /// Says which way its IMU says that it looks, degrees counter-clockwise with all turns counted:
+    /// so that a run can compare its wheels with that. `signal` is the label of the signal of its own that
+    /// says the same of the robot that really runs.
+    #[must_use]
+    pub fn yaw(mut self, signal: &'static str, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
+        self.ports.yaw = Some((signal, Rc::new(yaw)));
+        self
+    }
+
+    /// Says which signals of its own are its pose by its odometry, so that a run can compare that with
+    /// where the base is: labels of x and y in m, and of the way it looks, in rad if that is the
+    /// signal's unit, else in degrees. Where it says something first, it is taken to be right.
+    ///
+    /// ```
+    /// # use rc10_cli::{Description, Robot};
+    /// # let (robot, x, y, heading) = (Robot::new(Description::default()), 0.0, 0.0, 0.0);
+    /// let robot = robot
+    ///     .signal("odometry x", "m", move |_| Some(x))
+    ///     .signal("odometry y", "m", move |_| Some(y))
+    ///     .signal("odometry yaw", "rad", move |_| Some(heading))
+    ///     .estimate(["odometry x", "odometry y", "odometry yaw"]);
+    /// ```
+    #[must_use]
+    pub const fn estimate(mut self, signals: PoseSignals) -> Self {
+        self.description.estimate = Some(signals);
+        self
+    }
+
+    /// Says which signals of its own are the pose that its base is to have now, in the axes of its
+    /// [`estimate`](Self::estimate), so that a run can compare its path with that. The same labels.
+    #[must_use]
+    pub const fn reference(mut self, signals: PoseSignals) -> Self {
+        self.description.reference = Some(signals);
+        self
+    }
+
+    /// Adds the task that listens to the receiver of its remote, and where that counts.
+    #[must_use]
+    #[track_caller]
+    pub fn remote<F: Future + 'r>(
+        mut self,
+        reception: &'r Reception,
+        listen: impl FnOnce(Receiver, ReceiverPort) -> F + 'r,
+    ) -> Self {
+        self.ports.reception = Some(reception);
+        let name = TaskName::of::<F>();
+        self.listen = Some(Box::new(move |receiver, port| boxed(name, listen(receiver, port))));
+        self
+    }
+
+    /// Adds a signal of its own: a value of its tasks that a run records, with its unit; `None`
+    /// while there is none.
+    #[must_use]
+    pub fn signal(
+        mut self,
+        label: &'static str,
+        unit: &'static str,
+        read: impl Fn(Micros) -> Option<f64> + 'r,
+    ) -> Self {
+        self.ports.signals.push(Signal { label, unit, states: "", read: Rc::new(read) });
+        self
+    }
+
+    /// Shows a PC at its console `own` too, and lets it change that; a run records its signals.
+    #[must_use]
+    #[track_caller]
+    pub fn live<N: Names, const BUSES: usize, const LINES: usize>(
+        self,
+        shared: &'r Common<'_, N, BUSES, LINES>,
+        own: &'r dyn Live,
+    ) -> Self {
+        let mut robot = self;
+        robot.ports.not_at_rest = Some(Rc::new(|| shared.not_at_rest.read()?.value));
+        own.signals(&mut |signal| {
+            let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
+            let live::Signal { label, unit, states, .. } = *signal;
+            robot.ports.signals.push(Signal { label, unit, states, read: Rc::new(read) });
+        });
+        own.parameters(&mut |parameter| robot.ports.parameters.push(parameter));
+        let name = TaskName::of::<Link<ConsolePort>>();
+        robot.console = Some(Box::new(move |port| {
+            boxed(name, async move {
+                let link = Link::new(port.clone());
+                link.serve(&live::Robot::new(shared, own), port, Instant::from_ticks(0)).await;
+            })
+        }));
+        robot
+    }
+
+    /// Adds the task that speaks with its next part on a UART, and where its bytes are counted.
+    #[must_use]
+    #[track_caller]
+    pub fn serial<F: Future + 'r>(
+        mut self,
+        reception: &'r Reception,
+        speak: impl FnOnce(UartPort) -> F + 'r,
+    ) -> Self {
+        self.ports.parts.push(reception);
+        let name = TaskName::of::<F>();
+        self.serials.push(Box::new(move |port| boxed(name, speak(port))));
+        self
+    }
+
+    /// Plugs another receiver in.
+    ///
+    /// # Errors
+    /// If it has no remote, or none with such a receiver.
+    pub fn set_remote(&mut self, receiver: Receiver) -> Result<()> {
+        match &mut self.description.remote {
+            Some(remote) => remote.plug(receiver),
+            None => bail!("this robot has no remote control: no --remote"),
+        }
+    }
+
+    /// Says what will go wrong around it.
+    ///
+    /// # Errors
+    /// If a fault is on a bus or a line that it does not have; if it has no remote to lose, or one
+    /// is lost that is lost already.
+    pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
+        let Description { buses, lines, remote, serials, contacts, motors, .. } =
+            &mut self.description;
+        Faults::check(faults, usize::from(*buses), lines.len())?;
+        for fault in faults {
+            let Kind::Part(defect, name) = &fault.kind else { continue };
+            let (what, labels): (_, Vec<&str>) = if defect.is_of_contact() {
+                let motors = contacts.iter().filter_map(|it| motors.get(it.motor));
+                ("contact", motors.map(|motor| motor.label).collect())
+            } else {
+                ("part on a UART", serials.iter().map(|part| part.label).collect())
+            };
+            ensure!(
+                labels.iter().any(|label| is_called(label, name)),
+                "{}: there is no {what} `{name}`; there are: {}",
+                fault.kind,
+                if labels.is_empty() { "none".into() } else { labels.join(", ") }
+            );
+        }
+        match remote {
+            Some(remote) => remote.lose(faults)?,
+            None => ensure!(
+                faults.iter().all(|fault| fault.kind != Kind::RemoteLost),
+                "this robot has no remote control: no remote-lost"
+            ),
+        }
+        self.description.faults = faults.into();
+        Ok(())
+    }
+
+    /// Says what is built otherwise than described: the world around it will be, and it will not
+    /// know.
+    ///
+    /// # Errors
+    /// If a mistake concerns a motor or a base that it does not have.
+    pub fn set_mistakes(&mut self, mistakes: &[Mistake]) -> Result<()> {
+        self.description.mistakes = mistakes.into();
+        Built::new(&self.description).map(|_| ())
+    }
+
+    /// Whether the buses' logs are only hashed: those of an hour are too large for many a memory.
+    pub const fn set_no_logs(&mut self, no_logs: bool) {
+        self.description.no_logs = no_logs;
+    }
+
+    /// Bytes that the buses' logs of a run take, by the planned load; 0 if they are not kept.
+    #[must_use]
+    pub fn log_size(&self, length: Micros) -> u64 {
+        if self.description.no_logs {
+            return 0;
+        }
+        let frames = |bus: &MotorBus<'_>| u64::from(bus.load(BITS_PER_SECOND).frames_per_second);
+        let a_second: u64 = self.buses.iter().map(frames).sum();
+        a_second * LOG_LINE * length.get() / 1_000_000
+    }
+
+    /// Whether it serves a PC.
+    pub(crate) const fn has_console(&self) -> bool {
+        self.console.is_some()
+    }
+
+    /// Its description.
+    #[must_use]
+    pub const fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Its own signals.
+    pub(crate) fn signals(&self) -> &[Signal<'r>] {
+        &self.ports.signals
+    }
+
+    /// The ports of its buses and lines.
+    #[must_use]
+    pub fn ports(&self) -> Ports<'r> {
+        self.ports.clone()
+    }
+
+    /// Whether the motors fit on their buses: says on stderr which buses are tight. `force` lets the
+    /// robot run all the same, and then says what will be lost.
+    ///
+    /// # Errors
+    /// If its buses are not as described; without `force`, if the motors of a bus do not fit on it.
+    pub fn fit(&mut self, force: bool) -> Result<()> {
+        self.is_forced = force;
+        if force {
+            self.buses.iter_mut().for_each(MotorBus::allow_overload);
+        }
+        self.check()?;
+        for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
+            if bus.load(BITS_PER_SECOND).verdict() != Verdict::Fits {
+                eprintln!("rc10: warning: {}", overload(number, bus, &self.description));
+            }
+        }
+        Ok(())
+    }
+
+    /// The control loops of each motor in its table, where they run here and not in the device.
+    #[must_use]
+    pub fn loops(&self) -> Vec<Option<Loops>> {
+        let loops = |entry: usize| {
+            let motor = self.description.number(entry)?;
+            let index = |number: u8| usize::from(number).checked_sub(1);
+            match self.description.motors.get(entry)?.on {
+                Place::Bus(number) => self.buses.get(index(number)?)?.loops(motor),
+                Place::Line(number) => self.lines.get(index(number)?)?.loops(motor),
+            }
+        };
+        (0..self.description.motors.len()).map(loops).collect()
+    }
+
+    /// Its buses' runners on the wires around it, bus 1 on the first of them, those of its lines on
+    /// the lines, its own tasks, and those of what is on its UARTs.
+    ///
+    /// # Errors
+    /// If its buses, lines or UARTs are not as described.
+    pub fn tasks(self, around: &Environment) -> Result<Tasks<'r>> {
+        self.check()?;
+        let mut tasks = Tasks::new();
+        let buses = self.buses.into_iter().zip(self.ports.buses);
+        for ((bus, shared), wire) in buses.zip(&around.wires) {
+            tasks.add(run_bus(wire.port(), bus, shared));
+        }
+        let lines = self.lines.into_iter().zip(self.ports.lines);
+        for ((line, shared), wire) in lines.zip(&around.lines) {
+            tasks.add(run_rs485(wire.port(), line, shared));
+        }
+        let mut own = self.tasks;
+        if let (Some(listen), Some(remote)) = (self.listen, &around.remote) {
+            own.push(listen(remote.receiver, remote.wire.port()));
+        }
+        if let (Some(serve), Some(line)) = (self.console, &around.console) {
+            own.push(serve(line.port()));
+        }
+        if let Some((described, read)) = self.contacts {
+            let count = around.contacts.len();
+            own.push(read(&around.contacts).with_context(|| {
+                format!("{described} contacts are read, but {count} are around it")
+            })?);
+        }
+        for (speak, link) in self.serials.into_iter().zip(&around.serials) {
+            own.push(speak(link.port()));
+        }
+        own.into_iter().for_each(|(name, task)| tasks.add_as(name, task));
+        hang::watch(&tasks.running());
+        Ok(tasks)
+    }
+
+    /// Takes it apart: its description, and its buses and lines, which do not run.
+    ///
+    /// # Errors
+    /// If its buses are not as described.
+    pub fn into_buses(self) -> Result<(Description, Vec<MotorBus<'r>>, Vec<Rs485Bus<'r>>)> {
+        self.check()?;
+        Ok((self.description, self.buses, self.lines))
+    }
+
+    /// Whether the motors on the buses and lines are those of the description: otherwise every
+    /// figure would stand beside another motor's name.
+    fn check(&self) -> Result<()> {
+        let (buses, described) = (self.buses.len(), self.description.buses);
+        ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
+        let (lines, described) = (self.lines.len(), self.description.lines.len());
+        ensure!(lines == described, "{lines} lines, but {described} described");
+        match (&self.description.remote, &self.listen) {
+            (None, Some(_)) => bail!("it listens to a remote, but none is described"),
+            (Some(_), None) => bail!("a remote is described, but it listens to none"),
+            _ => (),
+        }
+        let (serials, described) = (self.serials.len(), self.description.serials.len());
+        ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
+        let read = self.contacts.as_ref().map_or(0, |(count, _)| *count);
+        let described = self.description.contacts.len();
+        ensure!(read == described, "{read} contacts are read, but {described} described");
+        let signals = &self.ports.signals;
+        for (index, Signal { label, .. }) in signals.iter().enumerate() {
+            let is_new = signals[..index].iter().all(|other| other.label != *label);
+            ensure!(is_new, "two signals are called `{label}`");
+        }
+        let Description { estimate, reference, .. } = &self.description;
+        for label in estimate.iter().chain(reference).flatten() {
+            let is_there = signals.iter().any(|signal| signal.label == *label);
+            ensure!(is_there, "its pose is said by a signal `{label}`, which there is not");
+        }
+        for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
+            let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;
+            ensure!(
+                fits || self.is_forced,
+                "{}\n--force runs it all the same",
+                overload(number, bus, &self.description)
+            );
+            self.check_place(Place::Bus(number), bus.motors().map(|(_, name)| name))?;
+        }
+        for (number, line) in (1..=u8::MAX).zip(&self.lines) {
+            self.check_place(Place::Line(number), line.motors().map(|(_, name)| name))?;
+        }
+        Ok(())
+    }
+
+    fn check_place(&self, on: Place, attached: impl Iterator<Item = MotorName>) -> Result<()> {
+        let described = self.description.motors.iter().filter(|motor| motor.on == on);
+        let described: Vec<MotorName> = described.map(Motor::name).collect();
+        let attached: Vec<MotorName> = attached.collect();
+        let list = |motors: &[MotorName]| {
+            motors.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+        };
+        ensure!(
+            attached == described,
+            "{on} has the motors [{}], but described are [{}]",
+            list(&attached),
+            list(&described)
+        );
+        Ok(())
+    }
+}
+
+/// The text on a bus that is tight, or too small for its motors: how much they need, which they
+/// are, and what to change.
+fn overload(number: u8, bus: &MotorBus<'_>, description: &Description) -> String {
+    let load = bus.load(BITS_PER_SECOND);
+    let mut rates: Vec<(u32, Vec<String>)> = Vec::new();
+    let mut described = description.on_bus(number);
+    let mut motors = bus.motors();
+    bus.for_each_can_ids(|ids| {
+        let rate: u32 = ids.received().iter().map(|frames| frames.rate.per_second()).sum();
+        let label = described.next().map_or_else(String::new, |motor| format!("{} ", motor.label));
+        let name = motors.next().map_or_else(String::new, |(_, name)| format!("{label}({name})"));
+        match rates.iter_mut().find(|(known, _)| *known == rate) {
+            Some((_, names)) => names.push(name),
+            None => rates.push((rate, vec![name])),
+        }
+    });
+    let mut text = format!("bus {number}: {load}");
+    for (rate, names) in rates {
+        text += &format!("\n  {rate} feedback frames/s each: {}", names.join(", "));
+    }
+    text + "\nset their feedback to 500 Hz, on the devices and in the robot's table, or put some of \
+            them on another bus"
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::Safety;
+    use rc10_motor::dji::{self, Dji};
+
+    use super::*;
+
+    #[test]
+    fn buses_that_are_not_as_described_are_refused_in_words() {
+        let (switch, port) = (ArmSwitch::new(), BusPort::new());
+        let mut motors = [1, 2].map(|id| Dji::new(dji::Config::new(&dji::M3508, id)).unwrap());
+        let mut complaint = |description: Description| {
+            let mut bus = MotorBus::new(&switch);
+            for motor in &mut motors {
+                bus.attach(motor, Safety::COAST).unwrap();
+            }
+            let robot = Robot::new(description).bus(bus, &port);
+            robot.into_buses().err().map(|error| error.to_string())
+        };
+        let left = Motor::dji_on("left", 1, &dji::M3508, 1);
+        let right = Motor::dji_on("right", 1, &dji::M3508, 2);
+        let described = |buses, motors: [Motor; 2]| Description {
+            buses,
+            motors: motors.into(),
+            ..<_>::default()
+        };
+        assert_eq!(complaint(described(1, [left.clone(), right.clone()])), None);
+        let two = "1 buses, but 2 described";
+        assert_eq!(complaint(described(2, [left.clone(), right.clone()])).as_deref(), Some(two));
+        let turned = "bus 1 has the motors [M3508 id 1, M3508 id 2], \
+                      but described are [M3508 id 2, M3508 id 1]";
+        assert_eq!(complaint(described(1, [right, left])).as_deref(), Some(turned));
+        let robot = Robot::new(Description::default());
+        let robot = ["wall", "speed", "wall"]
+            .into_iter()
+            .fold(robot, |robot, label| robot.signal(label, "", |_| None));
+        let error = robot.into_buses().err().map(|error| error.to_string());
+        assert_eq!(error.as_deref(), Some("two signals are called `wall`"));
+        let robot = Robot::new(Description::default()).contacts(|[_]| async {});
+        let error = robot.into_buses().err().map(|error| error.to_string());
+        assert_eq!(error.as_deref(), Some("1 contacts are read, but 0 described"));
+        let robot = Robot::new(Description::default()).signal("x", "m", |_| None);
+        let error = robot.estimate(["x", "y", "yaw"]).into_buses().err().map(|it| it.to_string());
+        let missing = "its pose is said by a signal `y`, which there is not";
+        assert_eq!(error.as_deref(), Some(missing));
+    }
+}
