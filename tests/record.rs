@@ -11,7 +11,7 @@ use std::path::Path;
 use crate::common::scratch::Scratch;
 use rc10_can::Micros;
 use rc10_cli::record::{Heading, RecordWriter, replay};
-use rc10_cli::run::simulate::simulate_into;
+use rc10_cli::run::simulate::{heading, simulate_into};
 use rc10_cli::show::figures::{Figures, to_json};
 use rc10_cli::show::report::report;
 use rc10_cli::world::robot::Robot;
@@ -53,7 +53,7 @@ fn run(
     robot.set_faults(&faults).unwrap();
     robot.set_mistakes(&mistakes).unwrap();
     robot.set_no_logs(true);
-    let record = RecordWriter::new(path, true, &Heading::of(&robot, 7)).unwrap();
+    let record = RecordWriter::new(path, true, &heading(&robot, 7)).unwrap();
     let recording = simulate_into(robot, 7, length, Some(record)).unwrap();
     Recording { faults, ..recording }
 }
@@ -138,7 +138,7 @@ fn what_is_no_record_of_this_robot_is_refused_in_words() {
         let mut description = robot.description().clone();
         description.motors[0] =
             Motor::new("wheel front left", Place::Bus(1), Config::new(&M3508, 5).device());
-        let heading = Heading { description: &description, ..Heading::of(&robot, 1) };
+        let heading = Heading { description: &description, ..heading(&robot, 1) };
         let record = RecordWriter::new(&path, true, &heading).unwrap();
         simulate_into(robot, 1, Micros::from_millis(5), Some(record)).unwrap();
     });
@@ -182,18 +182,18 @@ fn a_record_that_cannot_be_written_leaves_nothing_behind() {
     let folder = Scratch::new("nothing");
     let nowhere = folder.join("missing").join("run.mcap");
     let error = of_team(|robot| {
-        RecordWriter::new(&nowhere, false, &Heading::of(&robot, 1)).err().unwrap().to_string()
+        RecordWriter::new(&nowhere, false, &heading(&robot, 1)).err().unwrap().to_string()
     });
     assert!(error.starts_with("cannot write ") && error.ends_with("run.mcap"), "{error}");
     let error = of_team(|robot| {
-        RecordWriter::new(&folder, false, &Heading::of(&robot, 1)).err().unwrap().to_string()
+        RecordWriter::new(&folder, false, &heading(&robot, 1)).err().unwrap().to_string()
     });
     assert!(error.ends_with("it is a folder"), "{error}");
     let path = folder.join("run.mcap");
     let error = of_team(|robot| {
         let mut description = robot.description().clone();
         description.motors[1].label = "wheel_front left";
-        let heading = Heading { description: &description, ..Heading::of(&robot, 1) };
+        let heading = Heading { description: &description, ..heading(&robot, 1) };
         format!("{:#}", RecordWriter::new(&path, true, &heading).err().unwrap())
     });
     let why = "`wheel front left` and `wheel_front left` are one topic, /motors/wheel_front_left";
@@ -219,7 +219,7 @@ fn a_record_is_not_lost_and_takes_no_place_of_another() {
     assert_eq!((whole.0.length, whole.1), (Micros::from_millis(1000), None));
     // Its program ends while it is written.
     let early = folder.join("early.mcap");
-    of_team(|robot| drop(RecordWriter::new(&early, false, &Heading::of(&robot, 1)).unwrap()));
+    of_team(|robot| drop(RecordWriter::new(&early, false, &heading(&robot, 1)).unwrap()));
     let (recording, cut) =
         of_team(|robot| replay(&mut File::open(&early).unwrap(), robot)).unwrap();
     assert_eq!((recording.length, cut), (Micros::ZERO, Some("its end is missing".into())));

@@ -12,7 +12,7 @@ use embedded_hal_async::spi::{ErrorType, Operation, SpiDevice};
 use rc10_can::Micros;
 use rc10_cli::formats::{candump, slcan};
 use rc10_cli::live::Client;
-use rc10_cli::record::{Heading, RecordWriter, replay};
+use rc10_cli::record::{RecordWriter, replay};
 use rc10_cli::run::simulate::simulate_into;
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{Robot, team};
@@ -108,7 +108,8 @@ pub fn lines(bytes: &[u8]) {
 static RECORD: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let path = std::env::temp_dir().join(format!("rc10-fuzz-{}.mcap", std::process::id()));
     of_team(|robot| {
-        let record = RecordWriter::new(&path, true, &Heading::of(&robot, 1)).unwrap();
+        let record =
+            RecordWriter::new(&path, true, &rc10_cli::run::simulate::heading(&robot, 1)).unwrap();
         simulate_into(robot, 1, Micros::from_millis(12), Some(record)).unwrap();
     });
     let mut bytes = std::fs::read(&path).unwrap();

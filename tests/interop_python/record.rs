@@ -3,9 +3,9 @@
 use std::process::Command;
 
 use rc10_can::Micros;
-use rc10_cli::record::{Heading, RecordWriter};
+use rc10_cli::record::RecordWriter;
 use rc10_cli::recording::Recording;
-use rc10_cli::run::simulate::simulate_into;
+use rc10_cli::run::simulate::{heading, simulate_into};
 use rc10_cli::team;
 use rc10_robot::{Motors, Ports, Shared};
 use serde_json::Value;
@@ -23,7 +23,7 @@ fn mcap_ros2_reads_every_value_of_a_record() {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
-    let record = RecordWriter::new(&path, false, &Heading::of(&robot, 4)).unwrap();
+    let record = RecordWriter::new(&path, false, &heading(&robot, 4)).unwrap();
     let run = simulate_into(robot, 4, LENGTH, Some(record)).unwrap();
     let printed = must_succeed(Command::new(python).arg(script("read_record.py")).arg(&path));
     let topics: Value = serde_json::from_str(&printed).unwrap();

@@ -8,6 +8,7 @@ mod deny;
 mod emulate;
 mod firmware;
 mod first;
+mod floors;
 mod fuzz;
 mod golden;
 mod scaffold;
@@ -27,6 +28,7 @@ cargo xtask emulate   the firmware on an emulated chip: every scenario, against 
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
+cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools, or of another crate's src
 cargo xtask first   CPU seconds of the first compile, that of cargo run --release
 cargo xtask deny    licences and sources of all packages, and that no lock file is stale
 cargo xtask golden [check]   makes the golden files of rc10-app anew, with numpy, scipy and ruckig; or compares them
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         },
         Some("scaffold") => scaffold::run,
         Some("first") => first::run,
+        Some("floors") => || floors::run(std::env::args().nth(2).as_deref()),
         Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),
         Some("emulate") => {
             || emulate::run(&firmware::build_all(setup::chip_toolchain()?.as_deref())?, None)

@@ -8,7 +8,6 @@ use rc10_sim::fault::Fault;
 
 use crate::robot::mistake;
 use crate::robot::mistake::Mistake;
-use crate::world::robot::Robot;
 
 /// What goes wrong on purpose.
 #[derive(Args, Clone, Debug, Default)]
@@ -22,18 +21,6 @@ pub struct Injected {
 }
 
 impl Injected {
-    /// Puts it into a robot that is to be simulated by `command`.
-    ///
-    /// # Errors
-    /// If that cannot happen to the robot, or there is no chip that it could happen to.
-    pub fn put_into(&self, robot: &mut Robot<'_>, command: &str) -> Result<()> {
-        if let Some(Fault { kind, .. }) = self.faults.iter().find(|fault| fault.kind.is_of_chip()) {
-            bail!("--fault {kind}: {command} has no chip to do that to; rc10 emu does it");
-        }
-        robot.set_faults(&self.faults)?;
-        robot.set_mistakes(&self.mistakes)
-    }
-
     /// Whether nothing does.
     #[must_use]
     pub const fn is_empty(&self) -> bool {

@@ -10,10 +10,10 @@ use rc10_can::Micros;
 
 use crate::args::{Injected, check_end, seconds, seed};
 use crate::files::make_folder;
-use crate::record::{Heading, RecordWriter};
+use crate::record::RecordWriter;
 use crate::robot::remote;
 use crate::robot::remote::Receiver;
-use crate::run::simulate::simulate_into;
+use crate::run::simulate::{heading, simulate_into};
 use crate::show::figures::{Figures, to_json};
 use crate::show::print::print;
 use crate::show::report::write_files;
@@ -88,7 +88,7 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     if let Some(receiver) = args.remote {
         robot.set_remote(receiver)?;
     }
-    args.injected.put_into(&mut robot, "rc10 run")?;
+    robot.inject(&args.injected, "rc10 run")?;
     robot.fit(args.force)?;
     robot.set_no_logs(args.no_logs);
     // Before the work, so that a wrong folder is known at once.
@@ -101,7 +101,7 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     }
     let started = Instant::now();
     let record = match &args.record {
-        Some(path) => Some(RecordWriter::new(path, args.force, &Heading::of(&robot, args.seed))?),
+        Some(path) => Some(RecordWriter::new(path, args.force, &heading(&robot, args.seed))?),
         None => None,
     };
     let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;

@@ -14,8 +14,8 @@ use crate::record::recorder::Recorder;
 use crate::recording::Recording;
 use crate::recording::look::{BusLook, Moment, MotorLook};
 use crate::recording::sample::{LOOK_PERIOD, MotorSample, WireEnd};
-use crate::robot::description::BITS_PER_SECOND;
 use crate::robot::description::Description;
+use crate::robot::motor::BITS_PER_SECOND;
 use crate::robot::motor::Place;
 use crate::world::robot::Robot;
 

@@ -131,7 +131,7 @@ struct Simulated<'r> {
 
 impl<'r> Simulated<'r> {
     fn new(mut robot: Robot<'r>, args: &SourceArgs) -> Result<Self> {
-        args.injected.put_into(&mut robot, "--sim")?;
+        robot.inject(&args.injected, "--sim")?;
         robot.fit(false)?;
         ensure!(robot.has_console(), "this robot has no console in the simulator: see Robot::live");
         let mut around = Environment::new(robot.description(), args.seed)?;

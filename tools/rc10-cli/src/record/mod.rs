@@ -31,7 +31,6 @@ use crate::recording::sample::WireEnd;
 use crate::robot::description::Description;
 use crate::robot::script::Event;
 use crate::robot::signal::Signal;
-use crate::world::robot::Robot;
 
 pub use crate::record::replay::{Kit, Replay, replay};
 
@@ -272,15 +271,6 @@ pub struct Heading<'a> {
     pub description: &'a Description,
     /// Its own signals.
     pub signals: &'a [Signal<'a>],
-}
-
-impl<'a> Heading<'a> {
-    /// Of a robot that is about to run in a simulation.
-    #[must_use]
-    pub fn of(robot: &'a Robot<'_>, seed: u64) -> Self {
-        let (description, signals) = (robot.description(), robot.signals());
-        Self { seed, source: Source::Simulation, description, signals }
-    }
 }
 
 /// The name of a topic: labels are words, topics are paths.

@@ -13,7 +13,7 @@ use rc10_sim::remote::Sent;
 
 use crate::recording::sample::RemoteSample;
 use crate::recording::sample::{MotorSample, PathPoint};
-use crate::robot::description::BITS_PER_SECOND;
+use crate::robot::motor::BITS_PER_SECOND;
 use crate::robot::motor::Motor;
 
 /// One motor in one millisecond.

@@ -14,9 +14,6 @@ use crate::robot::motor::{Motor, Place, Plant};
 use crate::robot::remote::{Line, Lost, RemoteControl};
 use crate::robot::script::{Event, Script};
 
-/// The bit rate of all buses.
-pub(crate) const BITS_PER_SECOND: u32 = 1_000_000;
-
 /// A robot before it runs: its motors, buses, base, remote and script.
 #[derive(Clone, Debug, Default)]
 pub struct Description {

@@ -8,3 +8,4 @@ pub mod operator;
 pub mod remote;
 pub mod script;
 pub mod signal;
+pub mod twin;

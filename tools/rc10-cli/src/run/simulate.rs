@@ -7,8 +7,8 @@ use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorStatus};
 
 use crate::judge::searches::{UNARMED_FOR, armed_for};
-use crate::record::RecordWriter;
 use crate::record::recorder::Recorder;
+use crate::record::{Heading, RecordWriter};
 use crate::recording::Recording;
 use crate::recording::look::{BusLook, Moment, RobotLook};
 use crate::recording::problem::{About, Problem};
@@ -17,6 +17,13 @@ use crate::recording::sample::{PathPoint, seconds};
 use crate::run::watch::{Sight, Watch};
 use crate::world::environment::{Environment, rounded_up};
 use crate::world::robot::Robot;
+
+/// What a record of a robot says that is about to run in a simulation.
+#[must_use]
+pub fn heading<'a>(robot: &'a Robot<'_>, seed: u64) -> Heading<'a> {
+    let (description, signals) = (robot.description(), robot.signals());
+    Heading { seed, source: Source::Simulation, description, signals }
+}
 
 /// Runs a robot for `length` of virtual time.
 ///

@@ -16,9 +16,10 @@ use rc10_sim::{Contact, Fault, Faults, TaskName, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 
-use crate::robot::description::{BITS_PER_SECOND, Description, PoseSignals};
+use crate::args::Injected;
+use crate::robot::description::{Description, PoseSignals};
 use crate::robot::mistake::Mistake;
-use crate::robot::motor::{Motor, Place};
+use crate::robot::motor::{BITS_PER_SECOND, Motor, Place};
 use crate::robot::remote::{Receiver, ReceiverPort};
 use crate::robot::signal::Signal;
 use crate::world::built::Built;
@@ -324,6 +325,19 @@ impl<'r> Robot<'r> {
     pub fn set_mistakes(&mut self, mistakes: &[Mistake]) -> Result<()> {
         self.description.mistakes = mistakes.into();
         Built::new(&self.description).map(|_| ())
+    }
+
+    /// Lets this go wrong in a simulation by `command`.
+    ///
+    /// # Errors
+    /// If that cannot happen to the robot, or there is no chip that it could happen to.
+    pub fn inject(&mut self, injected: &Injected, command: &str) -> Result<()> {
+        let Injected { faults, mistakes } = injected;
+        if let Some(Fault { kind, .. }) = faults.iter().find(|fault| fault.kind.is_of_chip()) {
+            bail!("--fault {kind}: {command} has no chip to do that to; rc10 emu does it");
+        }
+        self.set_faults(faults)?;
+        self.set_mistakes(mistakes)
     }
 
     /// Whether the buses' logs are only hashed: those of an hour are too large for many a memory.

@@ -4,13 +4,78 @@ use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::signals::Message;
-use rc10_motor::{Device, cybergear, damiao, dji, lk, odrive, unitree, vesc};
+use rc10_motor::{Device, Place, cybergear, damiao, dji, lk, odrive, unitree, vesc};
 use rc10_sim::damiao::{DamiaoConfig, Mode};
 use rc10_sim::odrive::Version;
-use rc10_sim::{Bus, Esc, EscConfig, Line, Plant};
+use rc10_sim::{Bus, Esc, EscConfig, Line, Nonlinear};
+
+use crate::robot::motor::{Motor, Plant};
+
+impl Motor {
+    /// The messages in its frames.
+    #[must_use]
+    pub fn messages(&self) -> Vec<Message> {
+        match &self.plant.own {
+            Some(own) => own.messages.to_vec(),
+            None => messages(&self.device),
+        }
+    }
+
+    /// Facts about its frames that no DBC file can say: a sentence each.
+    #[must_use]
+    pub const fn not_in_dbc(&self) -> &'static [&'static str] {
+        match &self.plant.own {
+            Some(own) => own.not_in_dbc,
+            None => not_in_dbc(&self.device),
+        }
+    }
+
+    /// Puts its simulated twin where it belongs: on one of the wires or lines.
+    ///
+    /// # Errors
+    /// If there is no such bus or line, the device is not made for it, there is no simulated twin
+    /// for it, or its identifier is none.
+    pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
+        let Plant { inertia, load, nonlinear, travel, rotor, own } = &self.plant;
+        let index = |number: u8| usize::from(number).checked_sub(1);
+        let nowhere = || format!("there is no {}", self.on);
+        let twin = match self.on {
+            Place::Bus(number) => {
+                let wire = index(number).and_then(|at| wires.get(at)).with_context(nowhere)?;
+                match own {
+                    Some(own) => (own.twin)(wire, *inertia)?,
+                    None => on_bus(&self.device, wire, *inertia)?,
+                }
+            }
+            Place::Line(number) => {
+                let line = index(number).and_then(|at| lines.get(at)).with_context(nowhere)?;
+                on_line(&self.device, line, *inertia)?
+            }
+        };
+        twin.set_load(self.sign() * load);
+        if *nonlinear != Nonlinear::NONE {
+            // Seen from the other side an angle and a torque change their signs.
+            let nonlinear = Nonlinear {
+                gravity_torque: self.sign() * nonlinear.gravity_torque,
+                gravity_offset: self.sign() * nonlinear.gravity_offset,
+                ..*nonlinear
+            };
+            twin.set_plant(rc10_sim::Plant { nonlinear, ..twin.plant() });
+        }
+        if let Some(travel) = travel {
+            let mut travel = travel.map(|end| self.sign() * end);
+            travel.sort_by(f64::total_cmp);
+            twin.set_travel(Some(travel));
+        }
+        if let Some(degrees) = rotor {
+            twin.set_rotor_angle(*degrees);
+        }
+        Ok(twin)
+    }
+}
 
 /// Puts it on a wire, with an inertia (kg m²) on its shaft.
-pub(super) fn on_bus(device: &Device, wire: &Bus, inertia: f64) -> Result<Esc> {
+fn on_bus(device: &Device, wire: &Bus, inertia: f64) -> Result<Esc> {
     match device {
         Device::Dji(config) => dji(config, wire, inertia),
         Device::Vesc(config) => vesc(config, wire, inertia),
@@ -29,7 +94,7 @@ pub(super) fn on_bus(device: &Device, wire: &Bus, inertia: f64) -> Result<Esc> {
 }
 
 /// Puts it on a line, with an inertia (kg m²) on its shaft.
-pub(super) fn on_line(device: &Device, line: &Line, inertia: f64) -> Result<Esc> {
+fn on_line(device: &Device, line: &Line, inertia: f64) -> Result<Esc> {
     let Device::GoM8010(config) = device else {
         bail!("it has only CAN: it is plugged into a line")
     };
@@ -80,7 +145,7 @@ fn vesc(config: &vesc::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
 }
 
 /// With the gearbox of the robot's table in place of the plant's.
-fn geared(esc: Esc, plant: &Plant, ratio: f32) -> Esc {
+fn geared(esc: Esc, plant: &rc10_sim::Plant, ratio: f32) -> Esc {
     if (plant.gear_ratio - f64::from(ratio)).abs() > 1e-6 {
         esc.set_gear(ratio.into());
     }
@@ -152,7 +217,7 @@ fn odrive(config: &odrive::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
 }
 
 /// The messages in its frames; none of one that is not known.
-pub(super) fn messages(device: &Device) -> Vec<Message> {
+fn messages(device: &Device) -> Vec<Message> {
     // Scales follow from the model, and have to live as long as the messages: as long as the tool.
     match device {
         Device::Dji(config) => {
@@ -175,7 +240,7 @@ pub(super) fn messages(device: &Device) -> Vec<Message> {
 }
 
 /// Facts about its frames that no DBC file can say: a sentence each.
-pub(super) const fn not_in_dbc(device: &Device) -> &'static [&'static str] {
+const fn not_in_dbc(device: &Device) -> &'static [&'static str] {
     match device {
         Device::Dji(_) => dji::signals::NOT_IN_DBC,
         Device::Vesc(_) => vesc::signals::NOT_IN_DBC,
@@ -185,5 +250,40 @@ pub(super) const fn not_in_dbc(device: &Device) -> &'static [&'static str] {
         Device::ODrive(_) => odrive::signals::NOT_IN_DBC,
         Device::GoModule(_) => unitree::signals::NOT_IN_DBC,
         _ => &[],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji::M3508;
+    use rc10_sim::{BusConfig, World};
+
+    use super::*;
+    use crate::formats::candump::Direction;
+
+    /// An arm is the same arm when its motor looks the other way: what it counts is negative then.
+    #[test]
+    fn a_weight_pulls_down_whichever_way_its_motor_looks() {
+        let nonlinear = Nonlinear {
+            gravity_torque: 1.0,
+            gravity_offset: 30.0,
+            backlash: 2.0,
+            ..Nonlinear::NONE
+        };
+        let fall = |direction| {
+            let mut world = World::new(1);
+            let wire = world.add_bus(BusConfig::default());
+            let plant = Plant { nonlinear, ..Plant::inertia(0.05) };
+            let arm = Motor { plant, direction, ..Motor::dji_on("arm", 1, &M3508, 1) };
+            let twin = arm.plug_in(&[wire], &[]).unwrap();
+            world.advance(rc10_can::Micros::from_millis(300));
+            let state = twin.state();
+            [state.load_degrees, state.output_degrees].map(|degrees| arm.sign() * degrees)
+        };
+        let [load, shaft] = fall(Direction::Forward);
+        // It began 30 degrees over the horizontal.
+        assert!(load < -20.0 && (shaft - load - 1.0).abs() < 1e-6, "{load} {shaft}");
+        let other = fall(Direction::Reversed);
+        assert!((other[0] - load).abs() < 1e-6 && (other[1] - shaft).abs() < 1e-6, "{other:?}");
     }
 }

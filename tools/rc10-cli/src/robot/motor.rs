@@ -1,19 +1,20 @@
 //! A robot's motors as the tools see them: what they are, what is on their shafts, and their
 //! simulated twins.
 
-pub(crate) mod twin;
-
 use rc10_motor::dji::Model;
 use std::fmt;
 use std::rc::Rc;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::Message;
 use rc10_motor::{Entry, Loops, MotorName, SafeState, TargetKind, dji};
 use rc10_sim::{Esc, Nonlinear};
 
 pub use rc10_motor::{Device, Place};
+
+/// The bit rate of all buses.
+pub(crate) const BITS_PER_SECOND: u32 = 1_000_000;
 
 /// One motor of a robot, and what is on its shaft.
 #[derive(Clone, Debug)]
@@ -63,9 +64,9 @@ pub struct Plant {
 /// A simulated twin of a device on CAN that this crate does not know, and the messages in its frames.
 #[derive(Clone)]
 pub struct OwnTwin {
-    twin: Rc<Twin>,
-    messages: Rc<[Message]>,
-    not_in_dbc: &'static [&'static str],
+    pub(super) twin: Rc<Twin>,
+    pub(super) messages: Rc<[Message]>,
+    pub(super) not_in_dbc: &'static [&'static str],
 }
 
 /// Puts a twin on a wire, with an inertia on its shaft.
@@ -153,24 +154,6 @@ impl Motor {
         }
     }
 
-    /// The messages in its frames.
-    #[must_use]
-    pub fn messages(&self) -> Vec<Message> {
-        match &self.plant.own {
-            Some(own) => own.messages.to_vec(),
-            None => twin::messages(&self.device),
-        }
-    }
-
-    /// Facts about its frames that no DBC file can say: a sentence each.
-    #[must_use]
-    pub const fn not_in_dbc(&self) -> &'static [&'static str] {
-        match &self.plant.own {
-            Some(own) => own.not_in_dbc,
-            None => twin::not_in_dbc(&self.device),
-        }
-    }
-
     /// Whether its twin obeys another command than to coast.
     pub(crate) fn is_driven(&self, twin: &Esc) -> bool {
         let state = twin.state();
@@ -205,82 +188,5 @@ impl Motor {
     /// 1 if it counts as the motor does, -1 if the other way.
     pub(crate) fn sign(&self) -> f64 {
         self.direction.sign().into()
-    }
-
-    /// Puts its simulated twin where it belongs: on one of the wires or lines.
-    ///
-    /// # Errors
-    /// If there is no such bus or line, the device is not made for it, there is no simulated twin
-    /// for it, or its identifier is none.
-    pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
-        let Plant { inertia, load, nonlinear, travel, rotor, own } = &self.plant;
-        let index = |number: u8| usize::from(number).checked_sub(1);
-        let nowhere = || format!("there is no {}", self.on);
-        let twin = match self.on {
-            Place::Bus(number) => {
-                let wire = index(number).and_then(|at| wires.get(at)).with_context(nowhere)?;
-                match own {
-                    Some(own) => (own.twin)(wire, *inertia)?,
-                    None => twin::on_bus(&self.device, wire, *inertia)?,
-                }
-            }
-            Place::Line(number) => {
-                let line = index(number).and_then(|at| lines.get(at)).with_context(nowhere)?;
-                twin::on_line(&self.device, line, *inertia)?
-            }
-        };
-        twin.set_load(self.sign() * load);
-        if *nonlinear != Nonlinear::NONE {
-            // Seen from the other side an angle and a torque change their signs.
-            let nonlinear = Nonlinear {
-                gravity_torque: self.sign() * nonlinear.gravity_torque,
-                gravity_offset: self.sign() * nonlinear.gravity_offset,
-                ..*nonlinear
-            };
-            twin.set_plant(rc10_sim::Plant { nonlinear, ..twin.plant() });
-        }
-        if let Some(travel) = travel {
-            let mut travel = travel.map(|end| self.sign() * end);
-            travel.sort_by(f64::total_cmp);
-            twin.set_travel(Some(travel));
-        }
-        if let Some(degrees) = rotor {
-            twin.set_rotor_angle(*degrees);
-        }
-        Ok(twin)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use rc10_motor::dji::M3508;
-    use rc10_sim::{BusConfig, World};
-
-    use super::*;
-
-    /// An arm is the same arm when its motor looks the other way: what it counts is negative then.
-    #[test]
-    fn a_weight_pulls_down_whichever_way_its_motor_looks() {
-        let nonlinear = Nonlinear {
-            gravity_torque: 1.0,
-            gravity_offset: 30.0,
-            backlash: 2.0,
-            ..Nonlinear::NONE
-        };
-        let fall = |direction| {
-            let mut world = World::new(1);
-            let wire = world.add_bus(BusConfig::default());
-            let plant = Plant { nonlinear, ..Plant::inertia(0.05) };
-            let arm = Motor { plant, direction, ..Motor::dji_on("arm", 1, &M3508, 1) };
-            let twin = arm.plug_in(&[wire], &[]).unwrap();
-            world.advance(rc10_can::Micros::from_millis(300));
-            let state = twin.state();
-            [state.load_degrees, state.output_degrees].map(|degrees| arm.sign() * degrees)
-        };
-        let [load, shaft] = fall(Direction::Forward);
-        // It began 30 degrees over the horizontal.
-        assert!(load < -20.0 && (shaft - load - 1.0).abs() < 1e-6, "{load} {shaft}");
-        let other = fall(Direction::Reversed);
-        assert!((other[0] - load).abs() < 1e-6 && (other[1] - shaft).abs() < 1e-6, "{other:?}");
     }
 }
