@@ -15,6 +15,8 @@ pub enum ErrorState {
     BusOff,
 }
 
+crate::states!(ErrorState: Active, Warning, Passive, BusOff);
+
 /// The last error a controller saw on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -24,6 +24,7 @@ mod length;
 pub mod m_can;
 mod pattern;
 mod port;
+mod states;
 mod time;
 
 pub use bit_timing::{BitTiming, BitTimingError, BitTimingLimits};

@@ -17,6 +17,8 @@ pub enum ArmState {
     EStopped,
 }
 
+rc10_can::states!(ArmState: Disarmed, Armed, Suspended, EStopped);
+
 impl fmt::Display for ArmState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -201,3 +201,5 @@ pub enum Condition {
     /// Its device does not do what it is told, and does not say why: it may have a fault.
     NotFollowing,
 }
+
+rc10_can::states!(Condition: Ready, Starting, Unregulated, SlowFeedback, NoReports, NotFollowing);

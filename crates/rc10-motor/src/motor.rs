@@ -27,6 +27,8 @@ pub enum DriveMode {
     Run,
 }
 
+rc10_can::states!(DriveMode: Off, Coast, Brake, Hold, Run);
+
 /// The behaviour of a motor that may not follow its target: its command expired, or the emergency
 /// stop is latched. (A motor whose feedback is lost always coasts: nothing can be held blindly.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -56,6 +56,8 @@ pub enum Link {
     Lost,
 }
 
+rc10_can::states!(Link: NeverSeen, Online, Lost);
+
 /// Counters of a motor's frames, commands and targets. `received` starts over after 2³² (49 days at
 /// 1 kHz); the others stay at their largest value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -159,54 +159,42 @@ pub(crate) fn without_effort(kinds: TargetSet, target: &Target) -> Result<(), Ta
     }
 }
 
-/// An enum that knows its names.
-macro_rules! named {
-    ($(#[$meta:meta])* pub enum $Name:ident {
-        $(#[$first_doc:meta])* $first:ident, $($(#[$doc:meta])* $kind:ident,)*
-    }) => {
-        $(#[$meta])*
-        pub enum $Name { $(#[$first_doc])* $first, $($(#[$doc])* $kind,)* }
-
-        impl $Name {
-            /// All names, by number, with commas between them.
-            pub const NAMES: &str = concat!(stringify!($first) $(, ",", stringify!($kind))*);
-        }
-    };
+/// The kinds of [`Target`], without their values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+#[repr(u8)]
+pub enum TargetKind {
+    /// [`Target::Coast`].
+    Coast,
+    /// [`Target::Current`].
+    Current,
+    /// [`Target::Duty`].
+    Duty,
+    /// [`Target::Speed`].
+    Speed,
+    /// [`Target::Angle`].
+    Angle,
+    /// [`Target::TotalAngle`].
+    TotalAngle,
+    /// [`Target::Torque`].
+    Torque,
+    /// [`Target::Impedance`].
+    Impedance,
+    /// [`Target::Brake`].
+    Brake,
+    /// [`Target::Handbrake`].
+    Handbrake,
+    /// [`Target::Motion`] with an angle.
+    Motion,
+    /// [`Target::Motion`] of a speed alone.
+    SpeedMotion,
 }
 
-named! {
-    /// The kinds of [`Target`], without their values.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-    #[non_exhaustive]
-    #[repr(u8)]
-    pub enum TargetKind {
-        /// [`Target::Coast`].
-        Coast,
-        /// [`Target::Current`].
-        Current,
-        /// [`Target::Duty`].
-        Duty,
-        /// [`Target::Speed`].
-        Speed,
-        /// [`Target::Angle`].
-        Angle,
-        /// [`Target::TotalAngle`].
-        TotalAngle,
-        /// [`Target::Torque`].
-        Torque,
-        /// [`Target::Impedance`].
-        Impedance,
-        /// [`Target::Brake`].
-        Brake,
-        /// [`Target::Handbrake`].
-        Handbrake,
-        /// [`Target::Motion`] with an angle.
-        Motion,
-        /// [`Target::Motion`] of a speed alone.
-        SpeedMotion,
-    }
-}
+rc10_can::states!(
+    TargetKind: Coast, Current, Duty, Speed, Angle, TotalAngle, Torque, Impedance, Brake, Handbrake,
+    Motion, SpeedMotion
+);
 
 impl Target {
     /// Its kind.

@@ -82,6 +82,8 @@ pub enum Axis {
     Dial,
 }
 
+rc10_can::states!(Axis: LeftX, LeftY, RightX, RightY, Dial);
+
 impl Axis {
     /// Both sticks.
     pub const STICKS: &'static [Self] = &[Self::LeftX, Self::LeftY, Self::RightX, Self::RightY];

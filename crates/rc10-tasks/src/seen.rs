@@ -63,7 +63,7 @@ pub trait Value: Copy {
 
 /// Makes a [`Value`] of a type: by its link's number, its exact one, and back.
 macro_rules! value {
-    ($Type:ty $(, $const:ident = $is:expr)*: |$it:ident| $short:expr, $exact:expr; |$number:ident| $of:expr) => {
+    ($Type:ident $([$const:ident = $is:expr])*: |$it:ident| $short:expr, $exact:expr; |$number:ident| $of:expr) => {
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_precision_loss,
@@ -94,9 +94,9 @@ value!(f64: |it| it as f32, it; |number| number);
 value!(u8: |it| it.into(), it.into(); |number| number as Self);
 value!(bool: |it| f32::from(u8::from(it)), f64::from(u8::from(it)); |number| number > 0.0);
 // Whole numbers up to 2^24 are exact; counters begin again there, so that their steps stay whole.
-value!(u32, COUNTS = true: |it| (it & 0x00FF_FFFF) as f32, it.into(); |number| number as Self);
+value!(u32 [COUNTS = true]: |it| (it & 0x00FF_FFFF) as f32, it.into(); |number| number as Self);
 // Beyond that it is only shown.
-value!(u64, COUNTS = true: |it| it as f32, it as f64; |number| number as Self);
+value!(u64 [COUNTS = true]: |it| it as f32, it as f64; |number| number as Self);
 // In seconds.
 value!(Micros: |it| it.exact() as f32, it.get() as f64 * 1e-6; |number| Self::new((number * 1e6 + 0.5) as u64));
 value!(Rpm: |it| it.get(), it.get().into(); |number| Self::new(number as f32));
@@ -131,7 +131,7 @@ impl<T: Value> Value for Option<T> {
 /// Makes a [`Value`] of each state. A number that no state has is the first.
 macro_rules! state_values {
     ($($State:ident),+) => {
-        $(value!($State, STATES = Self::NAMES: |it| (it as u8).into(), (it as u8).into(); |number| {
+        $(value!($State [STATES = Self::NAMES]: |it| (it as u8).into(), (it as u8).into(); |number| {
             Self::ALL.get(number as usize).copied().unwrap_or(Self::ALL[0])
         });)+
     };
@@ -179,9 +179,7 @@ fn target(status: &MotorStatus) -> Wanted {
         Target::TotalAngle(it) => Wanted::Angle(it),
         Target::Impedance(it) => Wanted::Number(it.angle.get()),
         Target::Motion(it) => it.angle.map_or(Wanted::Number(it.speed.get()), Wanted::Angle),
-        Target::Current(it) | Target::Brake(it) | Target::Handbrake(it) => {
-            Wanted::Number(it.get())
-        }
+        Target::Current(it) | Target::Brake(it) | Target::Handbrake(it) => Wanted::Number(it.get()),
         Target::Duty(it) => Wanted::Number(it),
         Target::Torque(it) => Wanted::Number(it.get()),
         _ => Wanted::Number(f32::NAN),

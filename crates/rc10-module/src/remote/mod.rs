@@ -153,6 +153,8 @@ pub enum RemoteLink {
     Lost,
 }
 
+rc10_can::states!(RemoteLink: Online, Interrupted, Lost);
+
 /// Time without a good frame after which the robot is suspended.
 pub const INTERRUPTED_AFTER: Micros = Micros::from_millis(100);
 /// Time without a good frame after which the robot is disarmed.

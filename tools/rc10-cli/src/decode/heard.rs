@@ -1,5 +1,6 @@
 //! The recording of a capture: what the robot's own motors understand of the traffic of its buses.
 
+use crate::recording::look::Shaft;
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::PathBuf;
@@ -13,7 +14,7 @@ use crate::formats::candump::{Line, Numbered, Reader};
 use crate::record::recorder::Recorder;
 use crate::recording::Recording;
 use crate::recording::look::{BusLook, Moment, MotorLook};
-use crate::recording::sample::{LOOK_PERIOD, MotorSample, WireEnd};
+use crate::recording::sample::{LOOK_PERIOD, WireEnd};
 use crate::robot::description::Description;
 use crate::robot::motor::BITS_PER_SECOND;
 use crate::robot::motor::Place;
@@ -156,19 +157,10 @@ fn load(bits: u64, time: Micros) -> f64 {
 fn look(status: Option<MotorStatus>) -> MotorLook {
     let mut status = status.unwrap_or(MotorStatus::NEW);
     status.drive = DriveMode::Coast;
-    let speed = f64::from(status.feedback.speed.get());
+    let rpm = f64::from(status.feedback.speed.get());
     let current = status.feedback.current().map_or(0.0, |current| current.get().into());
-    let seen = MotorSample {
-        kind: TargetKind::Speed,
-        measured: speed,
-        rpm: speed,
-        current,
-        link: status.link,
-        drive: status.drive,
-        counters: status.counters,
-        ..MotorLook::NEW.seen
-    };
-    MotorLook { status, seen, effort: None }
+    let shaft = Shaft { rpm, current, overwritten: 0 };
+    MotorLook { kind: TargetKind::Speed, measured: rpm, shaft, ..MotorLook::of(status) }
 }
 
 /// What was on a bus.

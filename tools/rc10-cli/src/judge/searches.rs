@@ -535,7 +535,7 @@ mod tests {
     fn recorded(seen: impl Fn(u64) -> (Link, u32)) -> Recording {
         let sample = |index| {
             let (link, lost) = seen(time_of(index).get() / 1000);
-            let mut sample = MotorSample { link, ..MotorLook::NEW.seen };
+            let mut sample = MotorSample { link, ..MotorLook::NEW.seen() };
             sample.counters.lost = lost;
             sample
         };

@@ -1,5 +1,7 @@
 //! What of a robot is watched how often: its motors often, all else ten times a second.
 
+use rc10_motor::MotorStatus;
+use rc10_tasks::seen::Seen;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
@@ -7,7 +9,7 @@ use rc10_link::GROUPS;
 use rc10_link::samples::VALUES;
 
 use super::client::{Client, Sample, Signal};
-use crate::record::fields::{MOTOR, names};
+use crate::record::fields::{MOTOR, about, line};
 use crate::record::{pack, topic};
 
 /// A group of signals that a page or a record is made of. The first group is for what a page asks for
@@ -37,12 +39,11 @@ impl Topic {
     /// What its messages are made of, as a `ros2msg` schema.
     #[must_use]
     pub fn schema(&self) -> String {
-        let line = |(_, signal): &(u16, Signal)| {
-            let mut about = vec![signal.unit.clone(), signal.states.join(", ")];
-            about.retain(|text| !text.is_empty());
-            format!("float64 {}  # {}\n", signal.name, about.join(", "))
+        let one = |(_, signal): &(u16, Signal)| {
+            let states = signal.states.iter().map(String::as_str);
+            line(&signal.name, about(&signal.folder, &signal.name), &signal.unit, states)
         };
-        self.signals.iter().map(line).collect()
+        self.signals.iter().map(one).collect()
     }
 
     /// The name of that schema.
@@ -84,12 +85,12 @@ pub fn plan(client: &Client) -> (Vec<Topic>, Vec<Signal>) {
 }
 
 fn plan_of<'s>(signals: impl Iterator<Item = (u16, &'s Signal)>) -> (Vec<Topic>, Vec<Signal>) {
-    let often: Vec<_> = names(MOTOR).collect();
+    let often = &MotorStatus::FIELDS[MOTOR];
     let mut topics: BTreeMap<(bool, String), Topic> = BTreeMap::new();
     for (index, signal) in signals {
         let is_motor = signal.folder == "motors";
         let is_often = if is_motor {
-            often.contains(&signal.name.as_str())
+            often.iter().any(|it| it.name == signal.name)
         } else {
             signal.folder == "signals"
         };
@@ -145,7 +146,6 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::record::fields::MOTOR_HEALTH;
 
     /// The signals of a robot with so many motors.
     fn signals(motors: usize) -> Vec<(u16, Signal)> {
@@ -156,8 +156,8 @@ mod tests {
             ..Signal::default()
         };
         let of_motor = |at: usize| {
-            let all = names(MOTOR).chain(names(MOTOR_HEALTH));
-            all.map(move |name| one("motors", format!("motor {at}"), name))
+            let all = MotorStatus::FIELDS.iter();
+            all.map(move |it| one("motors", format!("motor {at}"), it.name))
         };
         let own = (0..5).map(|at| one("signals", format!("own {at}"), "value"));
         let buses = (1..=3).map(|at| one("buses", at.to_string(), "ticks"));

@@ -11,9 +11,18 @@ pub(crate) mod file;
 pub mod recorder;
 pub mod replay;
 
+use crate::recording::look::BusLook;
+use crate::recording::look::RemoteLook;
+use crate::recording::look::RobotLook;
+use crate::recording::look::Shaft;
+use rc10_module::Counters;
+use rc10_motor::embassy::BusStatus;
+use rc10_motor::embassy::Rs485Status;
+use rc10_tasks::seen::{Seen, Whole};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
 
@@ -23,7 +32,7 @@ use mcap::{McapError, McapResult, WriteOptions, Writer};
 use rc10_can::Micros;
 use rc10_motor::Fault;
 
-use self::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT, STATES};
+use self::fields::{MOTOR, MOTOR_HEALTH, Single, schema};
 use crate::recording::look::{Moment, MotorLook};
 use crate::recording::remote::Loss;
 use crate::recording::sample::Source;
@@ -37,7 +46,7 @@ pub use crate::record::replay::{Kit, Replay, replay};
 /// What the layout of a record is called in its metadata, and its version: readers of another one
 /// refuse it. Fields may be added without a new one.
 pub(crate) const LAYOUT: &str = "rc10";
-pub(crate) const VERSION: &str = "1";
+pub(crate) const VERSION: &str = "2";
 /// What is known when all is over, in the metadata too.
 pub(crate) const END: &str = "rc10-end";
 
@@ -250,12 +259,15 @@ impl RecordFile {
 struct Topics {
     motors: Vec<u16>,
     health: Vec<u16>,
+    shafts: Vec<u16>,
     buses: Vec<u16>,
+    wires: Vec<u16>,
     windows: Vec<u16>,
     lines: Vec<u16>,
     parts: Vec<u16>,
     signals: Vec<u16>,
     robot: u16,
+    pose: u16,
     remote: u16,
     losses: u16,
     events: u16,
@@ -277,20 +289,6 @@ pub struct Heading<'a> {
 pub(crate) fn topic(folder: &str, label: &str) -> String {
     let word = |letter: char| if letter.is_alphanumeric() { letter } else { '_' };
     format!("/{folder}/{}", label.chars().map(word).collect::<String>())
-}
-
-/// The schema of a table of fields.
-fn schema<T>(fields: &[&[Field<T>]]) -> String {
-    let line = |field: &Field<T>| format!("float64 {}  # {}\n", field.name, field.about);
-    let mut text: String = fields.iter().copied().flatten().map(line).collect();
-    for (state, names) in STATES {
-        let says = |field: &Field<T>| field.about.split([' ', ':', ',']).next() == Some(*state);
-        if fields.iter().copied().flatten().any(says) {
-            let names = names.iter().enumerate().map(|(number, name)| format!("{number} {name}"));
-            text += &format!("# {state}: {}\n", names.collect::<Vec<_>>().join(", "));
-        }
-    }
-    text
 }
 
 impl RecordWriter {
@@ -315,7 +313,7 @@ impl RecordWriter {
     pub(crate) fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
         for (at, value) in values.iter().enumerate() {
             let channel = self.topics.signals[at];
-            self.write(channel, now, VALUE, &value.unwrap_or(f64::NAN))?;
+            self.write(channel, now, &Single { value: value.unwrap_or(f64::NAN) })?;
         }
         Ok(())
     }
@@ -326,7 +324,8 @@ impl RecordWriter {
     /// If the file cannot be written.
     pub(crate) fn motors(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
         for (at, look) in looks.iter().enumerate() {
-            self.write(self.topics.motors[at], now, MOTOR, look)?;
+            self.write_some(self.topics.motors[at], now, MOTOR, look)?;
+            self.write(self.topics.shafts[at], now, &look.shaft)?;
         }
         Ok(())
     }
@@ -342,32 +341,37 @@ impl RecordWriter {
         moment: &Moment,
     ) -> Result<()> {
         for (at, look) in looks.enumerate() {
-            self.write(self.topics.health[at], now, MOTOR_HEALTH, look)?;
+            self.write_some(self.topics.health[at], now, MOTOR_HEALTH, look)?;
         }
         for (at, look) in moment.buses.iter().enumerate() {
-            self.write(self.topics.buses[at], now, BUS, look)?;
+            self.write(self.topics.buses[at], now, &look.status)?;
+            self.write(self.topics.wires[at], now, look)?;
         }
         for (at, status) in moment.lines.iter().enumerate() {
-            self.write(self.topics.lines[at], now, LINE, status)?;
+            self.write(self.topics.lines[at], now, status)?;
         }
         for (at, counters) in moment.parts.iter().enumerate() {
-            self.write(self.topics.parts[at], now, PART, counters)?;
+            self.write(self.topics.parts[at], now, counters)?;
         }
         if let Some(look) = &moment.remote {
-            self.write(self.topics.remote, now, REMOTE, look)?;
+            self.write(self.topics.remote, now, look)?;
         }
-        self.write(self.topics.robot, now, ROBOT, &moment.robot)
+        self.write(self.topics.robot, now, &moment.robot.whole)?;
+        self.write(self.topics.pose, now, &moment.robot)
     }
 
-    fn write<T>(
+    fn write<T: Seen>(&mut self, channel_id: u16, now: Micros, it: &T) -> Result<()> {
+        self.write_some(channel_id, now, 0..T::FIELDS.len(), it)
+    }
+
+    fn write_some(
         &mut self,
         channel_id: u16,
         now: Micros,
-        fields: &[&[Field<T>]],
-        it: &T,
+        range: Range<usize>,
+        it: &impl Seen,
     ) -> Result<()> {
-        let values = fields.iter().copied().flatten().map(|field| (field.get)(it));
-        self.file.put(channel_id, now, values)
+        self.file.put(channel_id, now, range.map(|at| it.exact(at)))
     }
 
     /// Ends the record.
@@ -385,11 +389,11 @@ impl RecordWriter {
         for (at, wire) in wires.iter().enumerate() {
             for (window, load) in (1..).zip(&wire.load_windows) {
                 let end = Micros::from_millis(100 * window);
-                self.write(self.topics.windows[at], end, VALUE, load)?;
+                self.write(self.topics.windows[at], end, &Single { value: *load })?;
             }
         }
         for loss in losses {
-            self.write(self.topics.losses, loss.lost.from, LOSS, loss)?;
+            self.write(self.topics.losses, loss.lost.from, loss)?;
         }
         for event in events {
             let mut bytes = CDR.to_vec();
@@ -410,15 +414,6 @@ impl RecordWriter {
     }
 }
 
-/// The field of a message that is one number.
-pub(crate) const VALUE: &[&[Field<f64>]] = &[&[Field {
-    name: "value",
-    about: "NaN while there is none",
-    get: |value| *value,
-    set: |value, number| *value = number,
-    counts: false,
-}]];
-
 fn metadata(name: &str, metadata: BTreeMap<String, String>) -> Metadata {
     Metadata { name: name.to_owned(), metadata }
 }
@@ -437,6 +432,11 @@ fn heading_of(heading: &Heading<'_>) -> BTreeMap<String, String> {
         map.insert("receiver".to_owned(), remote.receiver.to_string());
     }
     map
+}
+
+/// The schema of all numbers of a type.
+fn all<T: Seen>() -> String {
+    schema::<T>(0..T::FIELDS.len())
 }
 
 impl Topics {
@@ -486,18 +486,25 @@ impl Topics {
         let windows = values.len();
         values.extend(signals);
         let one = |topic: &str| vec![(topic.to_owned(), BTreeMap::new())];
-        let mut values = add("Value", &schema(VALUE), values)?;
+        let mut values = add("Value", &all::<Single>(), values)?;
         Ok(Self {
             signals: values.split_off(windows),
             windows: values,
-            health: add("MotorHealth", &schema(MOTOR_HEALTH), below(&motors, "health"))?,
-            motors: add("Motor", &schema(MOTOR), motors)?,
-            buses: add("Bus", &schema(BUS), buses)?,
-            lines: add("Line", &schema(LINE), numbered("lines", description.lines.len()))?,
-            parts: add("Part", &schema(PART), parts.collect())?,
-            robot: add("Robot", &schema(ROBOT), one("/robot"))?[0],
-            remote: add("Remote", &schema(REMOTE), one("/remote"))?[0],
-            losses: add("Loss", &schema(LOSS), one("/remote/losses"))?[0],
+            health: add(
+                "MotorHealth",
+                &schema::<MotorLook>(MOTOR_HEALTH),
+                below(&motors, "health"),
+            )?,
+            shafts: add("Shaft", &all::<Shaft>(), below(&motors, "shaft"))?,
+            motors: add("Motor", &schema::<MotorLook>(MOTOR), motors)?,
+            wires: add("Wire", &all::<BusLook>(), below(&buses, "wire"))?,
+            buses: add("Bus", &all::<BusStatus>(), buses)?,
+            lines: add("Line", &all::<Rs485Status>(), numbered("lines", description.lines.len()))?,
+            parts: add("Part", &all::<Counters>(), parts.collect())?,
+            robot: add("Robot", &all::<Whole>(), one("/robot"))?[0],
+            pose: add("Pose", &all::<RobotLook>(), one("/robot/pose"))?[0],
+            remote: add("Remote", &all::<RemoteLook>(), one("/remote"))?[0],
+            losses: add("Loss", &all::<Loss>(), one("/remote/losses"))?[0],
             events: add("Event", "string label\n", one("/events"))?[0],
         })
     }

@@ -251,7 +251,7 @@ impl<'d> Recorder<'d> {
         for (recorder, look) in self.buses.iter_mut().zip(&moment.buses) {
             recorder.samples.push(BusSample::of(&look.status));
         }
-        self.arm.extend(moment.robot.arm);
+        self.arm.extend(moment.robot.whole.arm);
         self.headings.iter_mut().for_each(|it| it.push(moment.robot.yaw.is_some()));
         self.remote.extend(moment.remote.map(|look| look.sample));
         if let Some(base) = &self.description.base {
@@ -367,12 +367,12 @@ impl<'d> Recorder<'d> {
             motor: described.clone(),
             samples: recorder.samples,
             last: recorder.last.status,
-            overwritten: recorder.last.seen.overwritten,
+            overwritten: recorder.last.shaft.overwritten,
             tracking: recorder.tracking,
             peak_current: recorder.peak_current,
             effort: recorder.effort.map(EffortWatch::finish),
         });
-        let Moment { buses, lines, parts, remote, .. } = self.moment;
+        let Moment { robot, buses, lines, parts, remote } = self.moment;
         let buses = (1..=u8::MAX).zip(buses.into_iter().zip(self.buses).zip(wires));
         let buses = buses.map(|(number, ((look, recorder), wire))| BusTrack {
             number,
@@ -416,7 +416,7 @@ impl<'d> Recorder<'d> {
             headings: self.headings.unwrap_or_default(),
             signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
             found: Vec::new(),
-            not_at_rest: None,
+            not_at_rest: robot.whole.not_at_rest,
             no_logs: self.description.no_logs,
             source: self.source,
             faults: Vec::new(),
@@ -480,7 +480,7 @@ impl MotorRecorder {
     }
 
     fn look(&mut self, now: Micros, look: &MotorLook) {
-        let seen = look.seen;
+        let seen = look.seen();
         if let (Some(target), DriveMode::Run) = (seen.target, seen.drive) {
             self.track(seen.kind, target - seen.measured);
         }
@@ -491,7 +491,7 @@ impl MotorRecorder {
             let (feedback, effort) = (look.feedback(), look.effort);
             watch.look_at_load(now, &Carrying { kind, target, measured, feedback, effort });
         }
-        if self.is_new && self.last.seen.kind != seen.kind {
+        if self.is_new && self.last.kind != seen.kind {
             self.measured = Sum::default();
         }
         self.measured.add(seen.measured);
@@ -521,7 +521,7 @@ impl MotorRecorder {
             measured_cell: cell(&mut self.measured),
             current_cell: cell(&mut self.current),
             rpm_cell: cell(&mut self.rpm),
-            ..self.last.seen
+            ..self.last.seen()
         });
     }
 }

@@ -1,5 +1,9 @@
 //! Reads a record: `rc10 report` and `rc10 csv`.
 
+use crate::recording::look::RemoteLook;
+use crate::recording::look::Shaft;
+use rc10_motor::embassy::BusStatus;
+use rc10_tasks::seen::{Seen, Whole};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use std::iter::zip;
@@ -10,11 +14,11 @@ use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
 use rc10_motor::rc10_app::mechanism::Stage;
-use rc10_motor::{DriveMode, Fault as MotorFault, Loops, TargetKind};
+use rc10_motor::{Fault as MotorFault, Loops};
 
-use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
+use super::fields::{Single, place};
 use super::file::{Channel, Item, walk};
-use super::{CDR, END, LAYOUT, VALUE, VERSION, topic};
+use super::{CDR, END, LAYOUT, VERSION, topic};
 use crate::record::recorder::Recorder;
 use crate::recording::look::{BusLook, Moment, MotorLook};
 use crate::recording::problem::Problem;
@@ -38,27 +42,27 @@ pub(crate) fn numbers(bytes: &[u8]) -> Result<impl Iterator<Item = f64>> {
 }
 
 /// Puts a message into what it is about.
-fn unpack<T>(fields: &[&[Field<T>]], columns: &[String], values: &[f64], it: &mut T) {
+fn unpack<T: Seen>(columns: &[String], values: &[f64], it: &mut T) {
     for (name, value) in columns.iter().zip(values) {
         // One that a newer writer has added says nothing here.
-        if let Some(field) = fields.iter().copied().flatten().find(|field| field.name == name) {
-            (field.set)(it, *value);
+        if let Some(at) = place::<T>(name) {
+            it.put(at, *value);
         }
     }
 }
 
 /// Whether a number of such a message counts since power-on.
 fn counts(about: About, name: &str) -> bool {
-    fn of<T>(fields: &[&[Field<T>]], name: &str) -> bool {
-        fields.iter().copied().flatten().any(|field| field.name == name && field.counts)
+    fn of<T: Seen>(name: &str) -> bool {
+        place::<T>(name).is_some_and(|at| T::COUNTS[at])
     }
     match about {
-        About::Motor(_) => of(MOTOR, name),
-        About::Health(_) => of(MOTOR_HEALTH, name),
-        About::Bus(_) => of(BUS, name),
-        About::Line(_) => of(LINE, name),
-        About::Part(_) => of(PART, name),
-        About::Remote => of(REMOTE, name),
+        About::Motor(..) => of::<MotorLook>(name),
+        About::Bus(_) => of::<BusStatus>(name),
+        About::Line(_) => of::<Rs485Status>(name),
+        About::Part(_) => of::<Counters>(name),
+        About::Robot => of::<Whole>(name),
+        About::Remote => of::<RemoteLook>(name),
         _ => false,
     }
 }
@@ -112,14 +116,17 @@ const LONGEST: Micros = Micros::from_millis(4 * 3_600_000);
 /// What the messages of a channel are about.
 #[derive(Clone, Copy)]
 enum About {
-    Motor(usize),
-    Health(usize),
+    /// `true`: what is told often, so that all motors belong to one moment.
+    Motor(usize, bool),
+    Shaft(usize),
     Bus(usize),
+    Wire(usize),
     Window(usize),
     Line(usize),
     Part(usize),
     Signal(usize),
     Robot,
+    Pose,
     Remote,
     Loss,
     Other,
@@ -234,17 +241,20 @@ fn about(name: &str, Names { motors, parts, signals }: &Names) -> About {
     let numbered = |folder: &str| name.strip_prefix(folder);
     let found = match name {
         "/robot" => Some(About::Robot),
+        "/robot/pose" => Some(About::Pose),
         "/remote" => Some(About::Remote),
         "/remote/losses" => Some(About::Loss),
         _ => None,
     };
     found
-        .or_else(|| place(motors, name).map(About::Motor))
-        .or_else(|| place(motors, name.strip_suffix("/health")?).map(About::Health))
+        .or_else(|| place(motors, name).map(|at| About::Motor(at, true)))
+        .or_else(|| place(motors, name.strip_suffix("/health")?).map(|at| About::Motor(at, false)))
+        .or_else(|| place(motors, name.strip_suffix("/shaft")?).map(About::Shaft))
         .or_else(|| place(parts, name).map(About::Part))
         .or_else(|| place(signals, name).map(About::Signal))
         .or_else(|| number(numbered("/lines/")?).map(About::Line))
         .or_else(|| number(numbered("/buses/")?).map(About::Bus))
+        .or_else(|| number(numbered("/buses/")?.strip_suffix("/wire")?).map(About::Wire))
         .or_else(|| number(numbered("/buses/")?.strip_suffix("/window_load")?).map(About::Window))
         .unwrap_or(About::Other)
 }
@@ -463,59 +473,62 @@ impl<'d> Replay<'d> {
         }
         match about {
             About::Window(at) => {
-                let mut load = 0.0;
-                unpack(VALUE, &columns, &values, &mut load);
+                let mut load = Single::default();
+                unpack(&columns, &values, &mut load);
                 if let Some(wire) = self.wires.get_mut(at) {
-                    wire.load_windows.push(load);
+                    wire.load_windows.push(load.value);
                 }
             }
             About::Loss => {
                 let mut loss = Loss::new(Lost { from: Micros::ZERO, until: None });
-                unpack(LOSS, &columns, &values, &mut loss);
+                unpack(&columns, &values, &mut loss);
                 self.losses.push(loss);
             }
-            About::Motor(at) => {
-                self.has_looks = true;
-                unpack(MOTOR, &columns, &values, &mut self.looks[at]);
-            }
-            About::Health(at) => {
-                self.has_moment = true;
+            About::Motor(at, is_often) => {
+                *(if is_often { &mut self.has_looks } else { &mut self.has_moment }) = true;
                 let (look, text) = (&mut self.looks[at], self.faults[at]);
-                unpack(MOTOR_HEALTH, &columns, &values, look);
+                unpack(&columns, &values, look);
                 let fault = look.status.fault.map(|fault| MotorFault::new(fault.code, text));
                 look.status.fault = fault;
             }
+            About::Shaft(at) => unpack(&columns, &values, &mut self.looks[at].shaft),
             About::Signal(at) => {
                 self.has_signals = true;
-                let mut value = f64::NAN;
-                unpack(VALUE, &columns, &values, &mut value);
-                self.signals[at] = (!value.is_nan()).then_some(value);
+                let mut told = Single { value: f64::NAN };
+                unpack(&columns, &values, &mut told);
+                self.signals[at] = Some(told.value).filter(|value| !value.is_nan());
                 if self.is_robot && self.heading == Some(at) {
                     self.moment.robot.yaw = self.signals[at];
                 }
             }
             About::Bus(at) => self.with_moment(|moment| {
                 if let Some(bus) = moment.buses.get_mut(at) {
-                    unpack(BUS, &columns, &values, bus);
+                    unpack(&columns, &values, &mut bus.status);
+                }
+            }),
+            About::Wire(at) => self.with_moment(|moment| {
+                if let Some(bus) = moment.buses.get_mut(at) {
+                    unpack(&columns, &values, bus);
                 }
             }),
             About::Line(at) => self.with_moment(|moment| {
                 if let Some(line) = moment.lines.get_mut(at) {
-                    unpack(LINE, &columns, &values, line);
+                    unpack(&columns, &values, line);
                 }
             }),
             About::Part(at) => self.with_moment(|moment| {
                 let count = moment.parts.len().max(at + 1);
                 moment.parts.resize(count, Counters::default());
-                unpack(PART, &columns, &values, &mut moment.parts[at]);
+                unpack(&columns, &values, &mut moment.parts[at]);
             }),
             About::Robot => {
-                self.with_moment(|moment| {
-                    unpack(ROBOT, &columns, &values, &mut moment.robot);
-                });
+                self.with_moment(|moment| unpack(&columns, &values, &mut moment.robot.whole));
+            }
+            About::Pose => {
+                self.with_moment(|moment| unpack(&columns, &values, &mut moment.robot));
             }
             About::Remote => self.with_moment(|moment| {
-                unpack(REMOTE, &columns, &values, moment.remote.get_or_insert_default());
+                unpack(&columns, &values, moment.remote.get_or_insert_default());
             }),
             About::Other => {}
         }
@@ -530,21 +543,10 @@ impl<'d> Replay<'d> {
     /// The looks at motors that told of themselves: what is seen of them is what they measure.
     fn told(&self) -> Vec<MotorLook> {
         let told = |look: &MotorLook| {
-            let mut look = look.settled();
-            let (seen, feedback) = (&mut look.seen, look.status.feedback);
-            seen.rpm = feedback.speed.get().into();
-            seen.current = feedback.current().map_or(0.0, |current| current.get().into());
-            let follows = matches!(
-                seen.kind,
-                TargetKind::Speed
-                    | TargetKind::Angle
-                    | TargetKind::TotalAngle
-                    | TargetKind::Impedance
-                    | TargetKind::Motion
-                    | TargetKind::SpeedMotion
-            );
-            seen.target = seen.target.filter(|_| follows && seen.drive == DriveMode::Run);
-            look
+            let feedback = look.feedback();
+            let rpm = feedback.speed.get().into();
+            let current = feedback.current().map_or(0.0, |current| current.get().into());
+            MotorLook { shaft: Shaft { rpm, current, ..look.shaft }, ..*look }
         };
         self.looks.iter().map(told).collect()
     }
@@ -558,8 +560,7 @@ impl<'d> Replay<'d> {
             self.recorder.signals(self.at, &self.signals)?;
         }
         if std::mem::take(&mut self.has_looks) {
-            let looks: Vec<_> = self.looks.iter().map(|look| look.settled()).collect();
-            self.recorder.take_look(self.at, &looks)?;
+            self.recorder.take_look(self.at, &self.looks)?;
         }
         if std::mem::take(&mut self.has_moment) {
             self.recorder.take_sample(self.at, self.moment.clone())?;
@@ -595,6 +596,8 @@ impl Replay<'_> {
 
 #[cfg(test)]
 mod tests {
+    use rc10_motor::DriveMode;
+    use rc10_motor::TargetKind;
     use super::*;
 
     #[test]

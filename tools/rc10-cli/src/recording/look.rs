@@ -1,30 +1,42 @@
 //! A look at a robot and its world, as plain data: what a [`Recorder`](crate::record::recorder::Recorder) takes,
 //! and what a record keeps.
 
-use rc10_app::TotalAngle;
-use rc10_app::angle::shortest_way_degrees;
 use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
-use rc10_motor::{
-    ArmState, DriveMode, Feedback, Link, Loops, Motion, MotorBus, MotorStatus, Target, TargetKind,
-};
+use rc10_motor::{DriveMode, Feedback, Loops, MotorBus, MotorStatus, TargetKind};
 use rc10_sim::Esc;
 use rc10_sim::remote::Sent;
+use rc10_tasks::seen::{Field, Seen, Value, Whole};
 
-use crate::recording::sample::RemoteSample;
-use crate::recording::sample::{MotorSample, PathPoint};
-use crate::robot::motor::BITS_PER_SECOND;
-use crate::robot::motor::Motor;
+use crate::recording::sample::{Cell, MotorSample, PathPoint, RemoteSample};
+use crate::robot::motor::{BITS_PER_SECOND, Motor};
 
 /// One motor in one millisecond.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorLook {
     /// What is known of it: by the robot, or by the frames on its bus.
     pub status: MotorStatus,
-    /// What is seen of it. Its cells are empty.
-    pub seen: MotorSample,
+    /// Kind of its target.
+    pub kind: TargetKind,
+    /// Its target, as its kind has it; NaN without one.
+    pub target: f64,
+    /// The same as measured.
+    pub measured: f64,
     /// The effort of its loops, in their unit; `None` while they do not drive, and where none run here.
     pub effort: Option<f64>,
+    /// Its shaft, as the simulated motor knows it.
+    pub shaft: Shaft,
+}
+
+/// The shaft of a simulated motor, and its ESC.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Shaft {
+    /// Speed of the output shaft, rpm.
+    pub rpm: f64,
+    /// Current in the winding, A.
+    pub current: f64,
+    /// Feedback frames that were overwritten in the ESC.
+    pub overwritten: u64,
 }
 
 /// Everything else at one moment. Rarer than looks at motors.
@@ -56,8 +68,8 @@ pub struct BusLook {
 /// The robot and its base at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct RobotLook {
-    /// Whether it is armed, if that is known.
-    pub arm: Option<ArmState>,
+    /// What it tells of itself.
+    pub whole: Whole,
     /// Where its base is in the world; NaN without one.
     pub pose: PathPoint,
     /// Which way it looks by its IMU, degrees, all turns counted.
@@ -76,7 +88,7 @@ impl BusLook {
 
 impl Default for RobotLook {
     fn default() -> Self {
-        Self { arm: None, pose: PathPoint::of(None), yaw: None }
+        Self { whole: Whole::default(), pose: PathPoint::of(None), yaw: None }
     }
 }
 
@@ -94,33 +106,41 @@ pub struct RemoteLook {
 }
 
 impl MotorLook {
-    /// Of a motor that was never heard, and does nothing.
+    /// A motor that was never heard, and does nothing.
     pub const NEW: Self = Self {
         status: MotorStatus::NEW,
-        seen: MotorSample {
-            target: None,
-            measured: 0.0,
-            measured_cell: crate::recording::sample::Cell::ZERO,
-            kind: TargetKind::Coast,
-            current: 0.0,
-            current_cell: crate::recording::sample::Cell::ZERO,
-            rpm: 0.0,
-            rpm_cell: crate::recording::sample::Cell::ZERO,
-            link: Link::NeverSeen,
-            drive: DriveMode::Off,
-            counters: MotorStatus::NEW.counters,
-            overwritten: 0,
-        },
+        kind: TargetKind::Coast,
+        target: f64::NAN,
+        measured: 0.0,
         effort: None,
+        shaft: Shaft { rpm: 0.0, current: 0.0, overwritten: 0 },
     };
 
-    /// At a motor and its twin. `loops` are those that it has here and not in its device.
+    /// Looks at a motor by what it tells.
+    #[must_use]
+    pub fn of(status: MotorStatus) -> Self {
+        let mut look = Self { status, ..Self::NEW };
+        for at in 0..MotorStatus::FIELDS.len() {
+            look.put(at, status.exact(at));
+        }
+        Self { status, ..look }
+    }
+
+    /// Looks at a motor and its twin. The loops of the one in an emulated chip tell no effort: it is what
+    /// the twin obeys.
     #[must_use]
     pub fn at(motor: &Motor, status: MotorStatus, twin: &Esc, loops: Option<Loops>) -> Self {
+        let mut look = Self::of(status);
         // An effort that was asked for is not judged: no loop has made it.
-        let effort = loops.filter(|_| status.is_looped());
-        let effort = effort.map(|loops| motor.effort(twin, loops));
-        Self { status, seen: sample(motor, &status, twin), effort }
+        let obeyed = || loops.filter(|_| status.is_looped()).map(|it| motor.effort(twin, it));
+        look.effort = look.effort.or_else(obeyed);
+        let state = twin.state();
+        look.shaft = Shaft {
+            rpm: state.output_rpm * motor.sign(),
+            current: state.current * motor.sign(),
+            overwritten: state.feedback_overwritten,
+        };
+        look
     }
 
     /// Its newest measurements.
@@ -129,57 +149,57 @@ impl MotorLook {
         &self.status.feedback
     }
 
-    /// The same, to be changed.
-    pub const fn feedback_mut(&mut self) -> &mut Feedback {
-        &mut self.status.feedback
-    }
-
-    /// With the status as it was seen: after it was read back.
+    /// A sample of it, whose cells are empty. Beside a target that is not followed stands the speed.
     #[must_use]
-    pub const fn settled(mut self) -> Self {
-        let MotorSample { link, drive, counters, .. } = self.seen;
-        (self.status.link, self.status.drive, self.status.counters) = (link, drive, counters);
-        self
+    pub fn seen(&self) -> MotorSample {
+        use TargetKind::{Angle, Impedance, Motion, Speed, SpeedMotion, TotalAngle};
+        let Self { status, kind, target, measured, shaft, .. } = *self;
+        let follows = matches!(kind, Speed | Angle | TotalAngle | Impedance | Motion | SpeedMotion);
+        let is_driven = status.drive == DriveMode::Run;
+        MotorSample {
+            target: Some(target).filter(|it| follows && is_driven && !it.is_nan()),
+            measured: if follows { measured } else { status.feedback.speed.get().into() },
+            measured_cell: Cell::ZERO,
+            kind,
+            current: shaft.current,
+            current_cell: Cell::ZERO,
+            rpm: shaft.rpm,
+            rpm_cell: Cell::ZERO,
+            link: status.link,
+            drive: status.drive,
+            counters: status.counters,
+            overwritten: shaft.overwritten,
+        }
     }
 }
 
-fn sample(motor: &Motor, status: &MotorStatus, esc: &Esc) -> MotorSample {
-    let feedback = status.feedback;
-    let (wanted, measured) = match status.target {
-        Target::Angle(wanted) => {
-            let measured = feedback.angle.get();
-            // Shown next to its target, also across the end of the turn.
-            let way = shortest_way_degrees(wanted, feedback.angle).get();
-            (
-                Some(f64::from(wanted.get())),
-                f64::from(if way.is_finite() { wanted.get() + way } else { measured }),
-            )
+/// What its status tells, but for what is computed of its target: a record has that, and no target.
+impl Seen for MotorLook {
+    const FIELDS: &'static [Field] = MotorStatus::FIELDS;
+    const ABOUT: &'static [&'static str] = MotorStatus::ABOUT;
+    const COUNTS: &'static [bool] = MotorStatus::COUNTS;
+
+    fn short(&self, at: usize) -> f32 {
+        self.exact(at) as f32
+    }
+
+    fn exact(&self, at: usize) -> f64 {
+        match Self::FIELDS[at].name {
+            "target_kind" => self.kind.exact(),
+            "target" => self.target,
+            "measured" => self.measured,
+            "effort" => self.effort.exact(),
+            _ => self.status.exact(at),
         }
-        Target::TotalAngle(wanted) | Target::Motion(Motion { angle: Some(wanted), .. }) => {
-            let degrees = |angle: TotalAngle| angle.microdegrees() as f64 * 1e-6;
-            (Some(degrees(wanted)), degrees(feedback.total_angle))
+    }
+
+    fn put(&mut self, at: usize, number: f64) {
+        match Self::FIELDS[at].name {
+            "target_kind" => self.kind = Value::of(number),
+            "target" => self.target = number,
+            "measured" => self.measured = number,
+            "effort" => self.effort = Value::of(number),
+            _ => self.status.put(at, number),
         }
-        // What its spring pulls to.
-        Target::Impedance(wanted) => {
-            let measured = feedback.total_angle.degrees();
-            (Some(wanted.angle.get().into()), measured.get().into())
-        }
-        Target::Speed(wanted) | Target::Motion(Motion { angle: None, speed: wanted, .. }) => {
-            (Some(wanted.get().into()), feedback.speed.get().into())
-        }
-        _ => (None, feedback.speed.get().into()),
-    };
-    let state = esc.state();
-    MotorSample {
-        target: wanted.filter(|_| status.drive == DriveMode::Run),
-        measured,
-        kind: status.target.kind(),
-        current: state.current * motor.sign(),
-        rpm: state.output_rpm * motor.sign(),
-        link: status.link,
-        drive: status.drive,
-        counters: status.counters,
-        overwritten: state.feedback_overwritten,
-        ..MotorLook::NEW.seen
     }
 }

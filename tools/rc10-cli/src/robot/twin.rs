@@ -259,7 +259,7 @@ mod tests {
     use rc10_sim::{BusConfig, World};
 
     use super::*;
-    use crate::formats::candump::Direction;
+    use rc10_motor::rc10_app::Direction;
 
     /// An arm is the same arm when its motor looks the other way: what it counts is negative then.
     #[test]

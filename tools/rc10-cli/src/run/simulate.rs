@@ -5,6 +5,7 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorStatus};
+use rc10_tasks::seen::Whole;
 
 use crate::judge::searches::{UNARMED_FOR, armed_for};
 use crate::record::recorder::Recorder;
@@ -95,7 +96,10 @@ pub fn simulate_into(
         }
         let bus = |port: &&BusPort| BusLook { status: port.status(), ..BusLook::default() };
         let robot = RobotLook {
-            arm: arm(),
+            whole: ports
+                .whole
+                .as_ref()
+                .map_or_else(|| Whole { arm: arm(), ..Whole::default() }, |whole| whole()),
             pose: PathPoint::of(around.base.as_ref()),
             yaw: ports.yaw.as_ref().and_then(|(_, yaw)| yaw(now)),
         };
@@ -109,7 +113,6 @@ pub fn simulate_into(
         recorder.sample(now, &around.wires, moment)?;
     }
     let mut recording = recorder.finish(around.world.now(), &around.wires, watch.finish())?;
-    recording.not_at_rest = ports.not_at_rest.and_then(|read| read());
     let was_driven = armed_for(&recording) >= UNARMED_FOR;
     let unread = ports.parameters.iter().filter(|it| was_driven && !it.was_read());
     recording.found.extend(unread.map(|it| {

@@ -6,8 +6,8 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::ArmSwitch;
 use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
-use rc10_tasks::arming::Axis;
 use rc10_tasks::live::Parameter;
+use rc10_tasks::seen::Whole;
 
 use crate::robot::description::Description;
 use crate::robot::motor::Place;
@@ -22,8 +22,8 @@ pub struct Ports<'r> {
     pub lines: Vec<&'r Rs485Port>,
     /// Its arm switch.
     pub switch: Option<&'r ArmSwitch>,
-    /// What was not at rest when its remote was to arm it.
-    pub not_at_rest: Option<Rc<dyn Fn() -> Option<Axis> + 'r>>,
+    /// What it tells of itself as a whole, now.
+    pub whole: Option<Rc<dyn Fn() -> Whole + 'r>>,
     /// Counters of its remote's receiver.
     pub reception: Option<&'r Reception>,
     /// Counters of the parts on its UARTs, in the order of [`Description::serials`].

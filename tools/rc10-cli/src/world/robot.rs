@@ -69,7 +69,7 @@ impl<'r> Robot<'r> {
             buses: Vec::new(),
             lines: Vec::new(),
             switch: None,
-            not_at_rest: None,
+            whole: None,
             reception: None,
             parts: Vec::new(),
             signals: Vec::new(),
@@ -240,7 +240,9 @@ impl<'r> Robot<'r> {
         own: &'r dyn Live,
     ) -> Self {
         let mut robot = self;
-        robot.ports.not_at_rest = Some(Rc::new(|| shared.not_at_rest.read()?.value));
+        let seen = Rc::new(live::Robot::new(shared, own));
+        let served = Rc::clone(&seen);
+        robot.ports.whole = Some(Rc::new(move || seen.whole()));
         own.signals(&mut |signal| {
             let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
             let live::Signal { label, unit, states, .. } = *signal;
@@ -251,7 +253,7 @@ impl<'r> Robot<'r> {
         robot.console = Some(Box::new(move |port| {
             boxed(name, async move {
                 let link = Link::new(port.clone());
-                link.serve(&live::Robot::new(shared, own), port, Instant::from_ticks(0)).await;
+                link.serve(&served, port, Instant::from_ticks(0)).await;
             })
         }));
         robot
