@@ -3,6 +3,7 @@
 #![allow(clippy::cast_possible_truncation, reason = "files of a test are short")]
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -482,7 +483,7 @@ fn the_commands_say_what_they_did() {
     let lines: Vec<_> = table.lines().collect();
     assert!(lines[0].starts_with("time_s,target_kind,target,measured,link,"), "{}", lines[0]);
     assert_eq!(lines.len(), 501);
-    assert!(lines.iter().all(|line| line.split(',').count() == 13));
+    assert!(lines.iter().all(|line| line.split(',').count() == 11));
     assert!(lines[500].starts_with("0.500000000,"), "{}", lines[500]);
     let events = fs::read_to_string(folder.join("csv/events.csv")).unwrap();
     assert!(events.starts_with("time_s,label\n0.000000000,switches down\n"), "{events}");
@@ -490,6 +491,60 @@ fn the_commands_say_what_they_did() {
     assert!(error.starts_with("cannot read "), "{error}");
     let error = command(&["csv", &path("out/bus1.log")]).unwrap_err();
     assert!(error.contains("bus1.log: it is no MCAP file"), "{error}");
+}
+
+/// The columns of a CSV file, and its rows by their milliseconds.
+fn table(file: &Path) -> (String, BTreeMap<u64, Vec<f64>>) {
+    let text = fs::read_to_string(file).unwrap();
+    let (head, rows) = text.split_once('\n').unwrap();
+    let number = |cell: &str| if cell.is_empty() { f64::NAN } else { cell.parse().unwrap() };
+    let row = |line: &str| {
+        let numbers: Vec<f64> = line.split(',').map(number).collect();
+        ((numbers[0] * 1e3).round() as u64, numbers[1..].to_vec())
+    };
+    (head.to_owned(), rows.lines().map(row).collect())
+}
+
+/// One drive, recorded as it was simulated, and over the link: the same columns, and the same values but
+/// for what the link rounds to 32 bits.
+#[test]
+fn both_records_of_a_drive_are_equal() {
+    let folder = Scratch::new("both");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let [run, live] = [path("run.mcap"), path("live.mcap")];
+    command(&["run", "--seconds", "4", "--record", &run, "--out", &path("out")]).unwrap();
+    command(&["record", "--sim", "--seconds", "3", "--output", &live]).unwrap();
+    for (record, out) in [(run, path("run")), (live, path("live"))] {
+        command(&["csv", &record, "--out", &out]).unwrap();
+    }
+    let error = |one: f64, other: f64| match (one.is_nan(), other.is_nan()) {
+        (true, true) => 0.0,
+        (false, false) => (one - other).abs() / one.abs().max(1.0),
+        _ => f64::INFINITY,
+    };
+    let worst = |told: &BTreeMap<u64, Vec<f64>>, seen: &BTreeMap<u64, Vec<f64>>, shift: u64| {
+        let rows = told.iter().map(|(at, row)| (row, seen.get(&(at + shift))));
+        let pairs = rows.flat_map(|(row, seen)| row.iter().zip(seen.into_iter().flatten()));
+        pairs.map(|(one, other)| error(*one, *other)).fold(0.0, f64::max)
+    };
+    // A record over the link begins with its first sample.
+    let names = |name: &str| (folder.join("live").join(name), folder.join("run").join(name));
+    let (told, seen) = names("motors-wheel_front_left.csv");
+    let ((_, told), (_, seen)) = (table(&told), table(&seen));
+    let shifts = (0..900).map(|shift| (worst(&told, &seen, shift), shift));
+    let (_, shift) = shifts.min_by(|one, other| one.0.total_cmp(&other.0)).unwrap();
+    let mut tables = 0;
+    for file in fs::read_dir(folder.join("live")).unwrap() {
+        let name = file.unwrap().file_name().into_string().unwrap();
+        let (told, seen) = names(&name);
+        let ((columns, told), (expected, seen)) = (table(&told), table(&seen));
+        assert_eq!(columns, expected, "{name}");
+        let worst = worst(&told, &seen, shift);
+        assert!(told.len() >= 29 && worst < 2e-7, "{name}: {worst}, {shift} ms later");
+        tables += 1;
+    }
+    // Eleven motors often and seldom, three buses, the robot, and its signals.
+    assert!(tables > 26, "{tables}");
 }
 
 /// Of the logs of a run there is what its motors said: the same counters, speeds and loads.

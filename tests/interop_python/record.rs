@@ -39,6 +39,7 @@ fn compare(run: &Recording, topics: &Value) {
     for track in &run.motors {
         let topic = format!("/motors/{}", track.motor.label.replace(' ', "_"));
         let (looks, health) = (&topics[&topic], &topics[format!("{topic}/health")]);
+        let shafts = &topics[format!("{topic}/shaft")];
         assert_eq!((&looks["count"], &health["count"]), (&2000.into(), &200.into()), "{topic}");
         let (last, sample) = (&looks["last"], track.samples.last().unwrap());
         assert_eq!(last["at"], LENGTH.get() * 1000);
@@ -46,14 +47,15 @@ fn compare(run: &Recording, topics: &Value) {
         let feedback = &track.last.feedback;
         for (field, value) in [
             ("measured", sample.measured),
-            ("shaft_speed", sample.rpm),
-            ("winding_current", sample.current),
             ("link", 1.0),
             ("speed", feedback.speed.get().into()),
             ("total_angle", feedback.total_angle.microdegrees() as f64 * 1e-6),
         ] {
             assert_eq!(number(&last[field]), value, "{topic} {field}");
         }
+        let shaft = &shafts["last"];
+        assert_eq!(number(&shaft["shaft_speed"]), sample.rpm);
+        assert_eq!(number(&shaft["winding_current"]), sample.current);
         assert_eq!(last["current"].as_f64(), feedback.current().map(|amps| amps.get().into()));
         let counters = &track.last.counters;
         assert_eq!(number(&health["last"]["received"]), f64::from(counters.received));
@@ -61,13 +63,14 @@ fn compare(run: &Recording, topics: &Value) {
         // All of them: the mean of the run is that of its samples.
         let means = track.samples.iter().map(|sample| f64::from(sample.rpm_cell.mean));
         let mean = means.sum::<f64>() / track.samples.len() as f64;
-        let read = number(&looks["sums"]["shaft_speed"]) / 2000.0;
+        let read = number(&shafts["sums"]["shaft_speed"]) / 2000.0;
         assert!((read - mean).abs() < 1e-3 * mean.abs().max(1.0), "{topic}: {read}, {mean}");
     }
     for bus in &run.buses {
         let found = &topics[format!("/buses/{}", bus.number)]["last"];
-        assert_eq!(number(&found["frames"]), bus.frames as f64);
-        assert_eq!(number(&found["load"]), bus.load);
+        let wire = &topics[format!("/buses/{}/wire", bus.number)]["last"];
+        assert_eq!(number(&wire["frames"]), bus.frames as f64);
+        assert_eq!(number(&wire["load"]), bus.load);
         assert_eq!(number(&found["period_max"]), f64::from(bus.last.period.max().unwrap()));
         let windows = &topics[format!("/buses/{}/window_load", bus.number)];
         assert_eq!(windows["count"], bus.load_windows.len());

@@ -1,4 +1,5 @@
-//! Everything that must hold before a commit. All steps run, also after one failed.
+//! What must hold before a commit, in two sizes: for each day, and `--all`, as a CI machine runs it. All
+//! steps run, also after one failed.
 
 use std::env;
 use std::fmt;
@@ -10,9 +11,9 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::cargo::{chip, free, host, root, run as run_command};
-use crate::firmware::{DM_MC02, ON_DM_MC02, build_all, build_with, flash_nothing};
+use crate::firmware::{DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
-use crate::{count, deny, emulate, golden, scaffold, size};
+use crate::{count, deny, emulate, floors, golden, scaffold, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
@@ -70,8 +71,9 @@ impl From<Result<()>> for Outcome {
     }
 }
 
-#[derive(Default)]
 struct Report {
+    /// The rarer steps, too.
+    is_whole: bool,
     steps: Vec<(&'static str, Outcome, u64)>,
 }
 
@@ -84,13 +86,25 @@ impl Report {
         self.steps.push((name, outcome, start.elapsed().as_secs()));
     }
 
+    /// A step of the whole check alone.
+    fn rare(&mut self, name: &'static str, work: impl FnOnce() -> Outcome) {
+        if self.is_whole {
+            self.step(name, work);
+        }
+    }
+
+    /// Prints the table of docs/check.md.
+    ///
     /// # Errors
     /// If a step failed; or was skipped where the output is not looked at (`CI=true`).
     fn conclude(&self) -> Result<()> {
         println!("\n== summary");
+        println!("| step | s | |\n|---|---:|---|");
         for (name, outcome, seconds) in &self.steps {
-            println!("{name:<12}{seconds:>5} s  {outcome}");
+            println!("| {name} | {seconds} | {outcome} |");
         }
+        let all: u64 = self.steps.iter().map(|(.., seconds)| seconds).sum();
+        println!("| together | {all} | {:.1} min |", all as f64 / 60.0);
         let automatic = env::var("CI").is_ok_and(|value| value == "true");
         let bad = |outcome: &Outcome| match outcome {
             Outcome::Passed => false,
@@ -106,10 +120,14 @@ impl Report {
     }
 }
 
+/// Scenarios on the emulated chip that the daily check runs: boot, budgets, and every way to crash.
+const DAILY: [&str; 3] =
+    ["boots_and_keeps_its_period", "within_their_budgets", "makes_every_bus_safe"];
+
 /// # Errors
 /// If a step failed, or was skipped on a CI machine.
-pub fn run() -> Result<()> {
-    let mut report = Report::default();
+pub fn run(is_whole: bool) -> Result<()> {
+    let mut report = Report { is_whole, steps: Vec::new() };
     // The compiler of the chip's steps, or why there is none.
     let mut rustc: Result<Option<PathBuf>, String> = Err("not set up".to_owned());
     report.step("setup", || match chip_toolchain() {
@@ -126,7 +144,7 @@ pub fn run() -> Result<()> {
         Ok(()) => Outcome::Passed,
         Err(error) => Outcome::Skipped(format!("no tests against Python here: {error:#}")),
     });
-    report.step("deny", || deny::run().into());
+    report.rare("deny", || deny::run().into());
     report.step("format", || {
         with_component("fmt", || {
             run_command(&mut host("fmt --all --check"))?;
@@ -146,12 +164,15 @@ pub fn run() -> Result<()> {
             ))?;
             // Alone, without its feature `embassy`, as other firmware uses it.
             run_command(&mut host("clippy --package rc10-motor -- -D warnings"))?;
+            if !is_whole {
+                return Ok(());
+            }
             // With Foxglove's SDK, which a plain build does not have.
             run_command(&mut host("clippy --package viewers --all-targets -- -D warnings"))?;
             run_command(&mut host(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings")))
         })
     });
-    report.step("lint chip", || match &rustc {
+    report.rare("lint chip", || match &rustc {
         // clippy is a compiler of its own and knows only its own toolchain's targets.
         Ok(None) => with_component("clippy", || {
             let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
@@ -176,15 +197,16 @@ pub fn run() -> Result<()> {
         }),
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });
+    report.step("floors", || floors::run(None).into());
     report.step("test", || run_command(&mut host("test --workspace --exclude viewers")).into());
-    report.step("golden", || match golden::python() {
+    report.rare("golden", || match golden::python() {
         Ok(_) => golden::run(true).into(),
         Err(error) => Outcome::Skipped(format!("no numpy, scipy and ruckig here: {error:#}")),
     });
-    report.step("viewers", || {
+    report.rare("viewers", || {
         run_command(&mut host("test --package viewers -- --show-output")).into()
     });
-    report.step("other PCs", || OTHER_PCS.into_iter().try_for_each(compiles_for).into());
+    report.rare("other PCs", || OTHER_PCS.into_iter().try_for_each(compiles_for).into());
     report.step("robots", || {
         let run = |(package, robot): (&str, &str)| {
             let arguments = format!("run --strict --out target/rc10-{robot}");
@@ -200,15 +222,15 @@ pub fn run() -> Result<()> {
         ];
         robots.into_iter().try_for_each(run).into()
     });
-    report.step("two wheels", || two_wheels().into());
-    report.step("new robot", || new_robot(rustc.is_ok()).into());
-    report.step("package", || {
+    report.rare("two wheels", || two_wheels().into());
+    report.rare("new robot", || new_robot(rustc.is_ok()).into());
+    report.rare("package", || {
         let packages = PUBLISHED.map(|name| format!(" --package {name}")).concat();
         // Their dependencies are here by now: a registry out of reach fails nothing.
         let packages = format!("package --offline --allow-dirty --quiet{packages}");
         run_command(&mut free(&packages)).into()
     });
-    report.step("scaffold", || scaffold::run().into());
+    report.rare("scaffold", || scaffold::run().into());
     report.step("docs", || {
         run_command(
             host("doc --workspace --exclude viewers --no-deps").env("RUSTDOCFLAGS", "-Dwarnings"),
@@ -218,6 +240,10 @@ pub fn run() -> Result<()> {
     let mut program = None;
     report.step("firmware", || {
         with_chip(&rustc, |rustc| {
+            if !is_whole {
+                program = Some(build_with(TEAM, None, rustc)?);
+                return Ok(());
+            }
             program = Some(build_all(rustc)?);
             flash_nothing(rustc)?;
             build_with("usb", None, rustc).map(drop)
@@ -228,11 +254,11 @@ pub fn run() -> Result<()> {
         None => Outcome::Skipped("no firmware".to_owned()),
     });
     report.step("emulate", || match &program {
-        Some(program) => emulate::run(program, None).into(),
+        Some(program) => emulate::run(program, if is_whole { &[] } else { &DAILY }).into(),
         None => Outcome::Skipped("no firmware".to_owned()),
     });
-    report.step("other chips", || with_chip(&rustc, other_chips));
-    report.step("count", || {
+    report.rare("other chips", || with_chip(&rustc, other_chips));
+    report.rare("count", || {
         with_chip(&rustc, |rustc| count::run(&build_with("count", None, rustc)?))
     });
     report.conclude()

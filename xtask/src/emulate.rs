@@ -7,15 +7,15 @@ use anyhow::Result;
 
 use crate::cargo::{host, run as run_command};
 
-/// Runs every scenario on the program, or those of a module.
+/// Runs the scenarios on the program that have one of these in their names, or every one.
 ///
 /// # Errors
 /// If one of them fails.
-pub fn run(program: &Path, module: Option<&str>) -> Result<()> {
-    let run = |test: &str, module: Option<&str>| {
+pub fn run(program: &Path, names: &[&str]) -> Result<()> {
+    let run = |test: &str, names: &[&str]| {
         let test = format!("test --package rc10 --test {test} -- --include-ignored --show-output");
-        run_command(host(&test).args(module).env("RC10_FIRMWARE", program))
+        run_command(host(&test).args(names).env("RC10_FIRMWARE", program))
     };
-    run("firmware", module)?;
-    if module.is_none() { run("all", Some("live_page::")) } else { Ok(()) }
+    run("firmware", names)?;
+    if names.is_empty() { run("all", &["live_page::"]) } else { Ok(()) }
 }

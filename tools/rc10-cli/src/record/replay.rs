@@ -596,9 +596,9 @@ impl Replay<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use rc10_motor::DriveMode;
     use rc10_motor::TargetKind;
-    use super::*;
 
     #[test]
     fn counters_count_from_the_begin_of_a_record() {
