@@ -10,13 +10,13 @@ use std::{fs, io};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_sim::{Faults, Tasks};
 
 use crate::args::{Injected, seed};
 use crate::live::line::{Source, Way};
 use crate::run::emulation::{Emulation, Setup};
+use crate::run::running::Running;
+use crate::run::simulation::Simulation;
 use crate::world::console::{BAUD, Line};
-use crate::world::environment::{Environment, rounded_up};
 use crate::world::robot::Robot;
 
 /// Where the robot is.
@@ -77,13 +77,17 @@ impl SourceArgs {
     /// If it cannot be opened: why, and what helps.
     pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<Way<'r>> {
         if self.sim {
-            let source = Box::new(Paced::new(Simulated::new(robot, self)?, paced));
+            let (baud, mut robot) = (self.baud_of(&robot), robot);
+            robot.inject(&self.injected, "--sim")?;
+            robot.fit(false)?;
+            let simulation = Simulation::new(robot, self.seed, Some(baud))?;
+            let source = Box::new(Paced::new(simulation, paced)?);
             return Ok(Way { source, name: "the simulated robot".into(), is_real: false });
         }
         if let Some(elf) = &self.emu {
-            let (emulated, path) = Emulated::new(robot, elf.clone(), self)?;
+            let (emulation, path) = emulated(robot, elf.clone(), self)?;
             let name = format!("{} on the emulated chip", path.display());
-            let source = Box::new(Paced::new(emulated, paced));
+            let source = Box::new(Paced::new(emulation, paced)?);
             return Ok(Way { source, name, is_real: false });
         }
         ensure!(
@@ -115,99 +119,30 @@ fn only_port() -> Result<String> {
     }
 }
 
-/// Something that runs in virtual time, with a line to its console.
-trait World {
-    fn now(&self) -> Micros;
-    fn line(&self) -> &Line;
-    fn run(&mut self, until: Micros) -> Result<()>;
-}
-
-struct Simulated<'r> {
-    around: Environment,
-    tasks: Tasks<'r>,
-    faults: Faults,
-    line: Line,
-}
-
-impl<'r> Simulated<'r> {
-    fn new(mut robot: Robot<'r>, args: &SourceArgs) -> Result<Self> {
-        robot.inject(&args.injected, "--sim")?;
-        robot.fit(false)?;
-        ensure!(robot.has_console(), "this robot has no console in the simulator: see Robot::live");
-        let mut around = Environment::new(robot.description(), args.seed)?;
-        let line = Line::new(&mut around.world, args.baud_of(&robot));
-        around.console = Some(line.clone());
-        let faults = around.faults(robot.description())?;
-        let tasks = robot.tasks(&around)?;
-        Ok(Self { around, tasks, faults, line })
-    }
-}
-
-impl World for Simulated<'_> {
-    fn now(&self) -> Micros {
-        self.around.world.now()
-    }
-    fn line(&self) -> &Line {
-        &self.line
-    }
-    fn run(&mut self, until: Micros) -> Result<()> {
-        while self.now() < until {
-            let fault = self.faults.next(self.around.world.now_ns());
-            let next = fault.map_or(until, rounded_up).min(until);
-            self.around.run(&mut self.tasks, next);
-            for (bus, wire) in self.around.wires.iter().enumerate() {
-                self.faults.heard(bus, &wire.take_trace());
-            }
-            // As in a run: the remote's are in its operator's hands.
-            let _ = self.faults.act(self.now().into());
-        }
-        Ok(())
-    }
-}
-
-struct Emulated<'r> {
-    emulation: Emulation<'r>,
-    line: Line,
-}
-
-impl<'r> Emulated<'r> {
-    fn new(
-        mut robot: Robot<'r>,
-        elf: Option<PathBuf>,
-        args: &SourceArgs,
-    ) -> Result<(Self, PathBuf)> {
-        robot.fit(false)?;
-        let path = match (elf, robot.description().firmware) {
-            (Some(path), _) => path,
-            (None, Some(build)) => build(None)?,
-            (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
-        };
-        let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let console = Some(args.baud_of(&robot));
-        let Injected { faults, mistakes } = args.injected.clone();
-        let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };
-        let named = || path.display().to_string();
-        let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
-        let line = emulation.console.clone().context("no console")?;
-        Ok((Self { emulation, line }, path))
-    }
-}
-
-impl World for Emulated<'_> {
-    fn now(&self) -> Micros {
-        self.emulation.rig.machine.now().micros()
-    }
-    fn line(&self) -> &Line {
-        &self.line
-    }
-    fn run(&mut self, until: Micros) -> Result<()> {
-        self.emulation.run(until.into())
-    }
+/// Puts a program into a chip: the robot's own firmware, unless one is named. Where it is, too.
+fn emulated<'r>(
+    mut robot: Robot<'r>,
+    elf: Option<PathBuf>,
+    args: &SourceArgs,
+) -> Result<(Emulation<'r>, PathBuf)> {
+    robot.fit(false)?;
+    let path = match (elf, robot.description().firmware) {
+        (Some(path), _) => path,
+        (None, Some(build)) => build(None)?,
+        (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
+    };
+    let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let console = Some(args.baud_of(&robot));
+    let Injected { faults, mistakes } = args.injected.clone();
+    let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };
+    let named = || path.display().to_string();
+    Ok((Emulation::new(&program, robot, &setup).with_context(named)?, path))
 }
 
 /// A world that does not go faster than the clock on the wall.
 struct Paced<W> {
     world: W,
+    line: Line,
     /// When the world began, by this clock; it is moved when the world cannot follow.
     began: Option<Instant>,
 }
@@ -217,17 +152,20 @@ const STEP: Micros = Micros::from_millis(4);
 /// A world that is further behind stays so: it does not hurry.
 const BEHIND: Duration = Duration::from_millis(100);
 
-impl<W: World> Paced<W> {
-    fn new(world: W, paced: bool) -> Self {
-        Self { world, began: paced.then(Instant::now) }
+impl<W: Running> Paced<W> {
+    fn new(world: W, paced: bool) -> Result<Self> {
+        let line = world.console().cloned().context("no console")?;
+        Ok(Self { world, line, began: paced.then(Instant::now) })
     }
 }
 
-impl<W: World> Source for Paced<W> {
+impl<W: Running> Source for Paced<W> {
     fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
-        self.world.line().send(out);
+        self.line.send(out);
         let until = self.world.now() + STEP;
-        self.world.run(until)?;
+        self.world.run_to(until)?;
+        // A page shows what the robot tells, and no frames.
+        drop(self.world.take_frames());
         if let Some(began) = &mut self.began {
             let due = *began + Duration::from_micros(until.get());
             let now = Instant::now();
@@ -237,7 +175,7 @@ impl<W: World> Source for Paced<W> {
                 std::thread::sleep(due.saturating_duration_since(now));
             }
         }
-        Ok((self.world.line().take(), until))
+        Ok((self.line.take(), until))
     }
 }
 

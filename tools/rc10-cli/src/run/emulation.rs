@@ -6,14 +6,10 @@ use rc10_emu::{Board, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::fault::{Fault, Kind};
-use rc10_sim::{Esc, Nanos, TraceEntry};
+use rc10_sim::{Bus, Esc, Nanos, TraceEntry};
 use sha2::{Digest as _, Sha256};
 
-use crate::record::recorder::Recorder;
-use crate::record::{Heading, RecordWriter};
-use crate::recording::Recording;
 use crate::recording::look::{BusLook, Moment, RobotLook};
-use crate::recording::sample::Source;
 use crate::recording::sample::{PathPoint, hex_digits};
 use crate::robot::description::Description;
 use crate::robot::mistake::Mistake;
@@ -21,7 +17,8 @@ use crate::robot::motor::{Device, Place};
 use crate::robot::operator::Operator;
 use crate::robot::remote::ReceiverWire;
 use crate::run::line::LineListener;
-use crate::run::watch::{Sight, Watch};
+use crate::run::running::Running;
+use crate::run::watch::Sight;
 use crate::run::{board, foreign};
 use crate::world::console::{CONSOLE, Line};
 use crate::world::environment::{Environment, RemoteLink, operate};
@@ -61,13 +58,13 @@ pub struct Emulation<'r> {
     pub console: Option<Line>,
     pub(crate) description: Description,
     base: Option<rc10_sim::Base>,
-    seed: u64,
+    pub(crate) seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
     /// Its lines. The same.
     lines: Vec<LineListener<'r>>,
     /// The control loops that its code has for each motor.
-    loops: Vec<Option<Loops>>,
+    pub(crate) loops: Vec<Option<Loops>>,
     heard: Vec<usize>,
     operator: Option<Operator>,
 }
@@ -181,17 +178,46 @@ impl<'r> Emulation<'r> {
         operate(operator.as_mut(), until.micros(), |until| rig.run(until.into()))?;
         rig.run(until)
     }
+}
 
-    /// A look at the remote and the motors from outside; `None` without a remote.
-    fn sight(&self) -> Option<Sight<'_>> {
-        let remote = self.remote.as_ref()?;
-        let motors = &self.description.motors;
-        Some(Sight { sent: remote.remote.sent(), motors, twins: &self.motors, arm: None })
+impl Running for Emulation<'_> {
+    fn description(&self) -> &Description {
+        &self.description
     }
 
-    /// The new frames on the wires since the last call, bus by bus; the listeners have heard them.
-    fn listen(&mut self) -> Vec<Vec<TraceEntry>> {
-        let mut news = Vec::new();
+    fn now(&self) -> Micros {
+        self.rig.machine.now().micros()
+    }
+
+    fn run_to(&mut self, until: Micros) -> Result<()> {
+        self.run(until.into())?;
+        let machine = &self.rig.machine;
+        if let (None, Some(other)) = (machine.ready(), foreign::chip_of(machine.reports())) {
+            bail!("this ELF is not for an STM32H723: {other}");
+        }
+        Ok(())
+    }
+
+    fn console(&self) -> Option<&Line> {
+        self.console.as_ref()
+    }
+
+    fn twins(&self) -> &[Esc] {
+        &self.motors
+    }
+
+    fn wires(&self) -> &[Bus] {
+        self.rig.buses()
+    }
+
+    fn sight(&self) -> Option<Sight<'_>> {
+        let sent = self.remote.as_ref()?.remote.sent();
+        Some(Sight { sent, motors: &self.description.motors, twins: &self.motors, arm: None })
+    }
+
+    /// The listeners have heard them.
+    fn take_frames(&mut self) -> Vec<Vec<TraceEntry>> {
+        let mut frames = Vec::new();
         for ((log, heard), bus) in
             self.rig.logs().iter().zip(&mut self.heard).zip(&mut self.listeners)
         {
@@ -200,82 +226,20 @@ impl<'r> Emulation<'r> {
             for entry in new.iter().filter(|entry| !entry.from_controller) {
                 bus.on_frame(&entry.frame, entry.at);
             }
-            news.push(new);
+            frames.push(new);
         }
         for (bytes, line) in self.rig.take_line_bytes().iter().zip(&mut self.lines) {
             line.listen(bytes);
         }
-        news
+        frames
     }
 
-    /// Runs up to a time and writes down what the wires and the motors do.
-    ///
-    /// # Errors
-    /// As [`Rig::run`].
-    pub fn record(self, length: Micros) -> Result<(Self, Recording)> {
-        self.record_into(length, None)
+    /// The chip's memory is not looked into.
+    fn signals(&self, _: Micros) -> Vec<Option<f64>> {
+        Vec::new()
     }
 
-    /// The same, with every look written into a record.
-    ///
-    /// # Errors
-    /// As [`record`](Self::record), and if that cannot be written.
-    pub fn record_into(
-        mut self,
-        length: Micros,
-        record: Option<RecordWriter>,
-    ) -> Result<(Self, Recording)> {
-        let description = self.description.clone();
-        let (loops, twins, source) = (&self.loops, &self.motors, Source::Emulation);
-        let mut recorder =
-            Recorder::new(&description, self.seed, loops, twins, source).with_record(record);
-        let mut watch = Watch::new(description.remote.as_ref());
-        let mut now = Micros::ZERO;
-        let mut next_look = Recorder::next_look(now, length);
-        while now < length {
-            now = watch.next(now).map_or(next_look, |look| look.min(next_look));
-            self.run(now.into())?;
-            if let Some(sight) = self.sight() {
-                watch.look(now, sight);
-            }
-            if now < next_look {
-                continue;
-            }
-            next_look = Recorder::next_look(now, length);
-            let machine = &self.rig.machine;
-            if let (None, Some(other)) = (machine.ready(), foreign::chip_of(machine.reports())) {
-                bail!("this ELF is not for an STM32H723: {other}");
-            }
-            let news = self.listen();
-            for (bus, entries) in news.iter().enumerate() {
-                recorder.frames(bus, entries);
-            }
-            if !recorder.look((now, length), &self.motors, |line| self.status(line, now))? {
-                continue;
-            }
-            let pose = PathPoint::of(self.base.as_ref());
-            let moment = Moment {
-                // What the chip hears of its IMU is not seen from here.
-                robot: RobotLook { pose, ..RobotLook::default() },
-                buses: self.listeners.iter().map(BusLook::heard).collect(),
-                lines: self.lines.iter().map(LineListener::status).collect(),
-                parts: Vec::new(),
-                remote: self.sight().map(|sight| sight.remote(None)),
-            };
-            recorder.sample(now, self.rig.buses(), moment)?;
-        }
-        let recording = recorder.finish(length, self.rig.buses(), watch.finish())?;
-        Ok((self, recording))
-    }
-
-    /// What a record of it begins with.
-    #[must_use]
-    pub fn heading(&self) -> Heading<'_> {
-        let Self { seed, description, .. } = self;
-        Heading { seed: *seed, source: Source::Emulation, description, signals: &[] }
-    }
-
-    /// The status of a motor, by the frames that are heard of it.
+    /// By the frames that are heard of it.
     fn status(&self, entry: usize, now: Micros) -> MotorStatus {
         let index = |number: u8| usize::from(number).checked_sub(1);
         let heard = || {
@@ -286,6 +250,18 @@ impl<'r> Emulation<'r> {
             }
         };
         heard().unwrap_or(MotorStatus::NEW)
+    }
+
+    fn moment(&self, _: Micros) -> Moment {
+        let pose = PathPoint::of(self.base.as_ref());
+        Moment {
+            // What the chip hears of its IMU is not seen from here.
+            robot: RobotLook { pose, ..RobotLook::default() },
+            buses: self.listeners.iter().map(BusLook::heard).collect(),
+            lines: self.lines.iter().map(LineListener::status).collect(),
+            parts: Vec::new(),
+            remote: self.sight().map(|sight| sight.remote(None)),
+        }
     }
 }
 

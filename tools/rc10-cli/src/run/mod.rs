@@ -5,5 +5,7 @@ pub mod build;
 pub mod emulation;
 pub mod foreign;
 pub mod line;
+pub mod running;
 pub mod simulate;
+pub mod simulation;
 pub mod watch;

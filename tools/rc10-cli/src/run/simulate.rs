@@ -1,23 +1,50 @@
-//! A robot in its environment: its own tasks, against simulated motors on simulated wires.
+//! Records a robot that runs: the one loop in which it is looked at.
 
 use anyhow::Result;
 use rc10_can::Micros;
-use rc10_module::Reception;
-use rc10_motor::embassy::BusPort;
-use rc10_motor::{ArmSwitch, MotorStatus};
-use rc10_tasks::seen::Whole;
 
 use crate::judge::searches::{UNARMED_FOR, armed_for};
 use crate::record::recorder::Recorder;
 use crate::record::{Heading, RecordWriter};
 use crate::recording::Recording;
-use crate::recording::look::{BusLook, Moment, RobotLook};
 use crate::recording::problem::{About, Problem};
-use crate::recording::sample::Source;
-use crate::recording::sample::{PathPoint, seconds};
-use crate::run::watch::{Sight, Watch};
-use crate::world::environment::{Environment, rounded_up};
+use crate::recording::sample::{Source, seconds};
+use crate::run::emulation::Emulation;
+use crate::run::running::Running;
+use crate::run::simulation::Simulation;
+use crate::run::watch::Watch;
 use crate::world::robot::Robot;
+
+/// Runs a robot up to a time, and takes down what is seen of it.
+fn record(
+    running: &mut impl Running,
+    mut recorder: Recorder<'_>,
+    length: Micros,
+) -> Result<Recording> {
+    let mut watch = Watch::new(running.description().remote.as_ref());
+    let mut now = running.now();
+    let mut next_look = Recorder::next_look(now, length);
+    while now < length {
+        now = watch.next(now).unwrap_or(next_look).min(next_look);
+        running.run_to(now)?;
+        if let Some(sight) = running.sight() {
+            watch.look(now, sight);
+        }
+        if now < next_look {
+            continue;
+        }
+        next_look = Recorder::next_look(now, length);
+        for (bus, frames) in running.take_frames().iter().enumerate() {
+            recorder.frames(bus, frames);
+        }
+        recorder.signals(now, &running.signals(now))?;
+        let status = |entry| running.status(entry, now);
+        if recorder.look((now, length), running.twins(), status)? {
+            recorder.sample(now, running.wires(), running.moment(now))?;
+        }
+    }
+    recorder.finish(now, running.wires(), watch.finish())
+}
 
 /// What a record of a robot says that is about to run in a simulation.
 #[must_use]
@@ -34,7 +61,7 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     simulate_into(robot, seed, length, None)
 }
 
-/// The same, with every look written into a record.
+/// Runs a robot for `length` of virtual time, and writes every look into a record.
 ///
 /// # Errors
 /// As [`simulate`], and if the record cannot be written.
@@ -42,84 +69,23 @@ pub fn simulate_into(
     robot: Robot<'_>,
     seed: u64,
     length: Micros,
-    record: Option<RecordWriter>,
+    writer: Option<RecordWriter>,
 ) -> Result<Recording> {
-    let loops = robot.loops();
-    let (description, ports) = (robot.description().clone(), robot.ports());
-    let mut around = Environment::new(&description, seed)?;
-    let mut tasks = robot.tasks(&around)?;
-    let motor =
-        |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
-    let mut recorder =
-        Recorder::new(&description, seed, &loops, &around.motors, Source::Simulation)
-            .with_imu(ports.yaw.is_some())
-            .with_signals(&ports.signals)
-            .with_record(record);
-    let mut watch = Watch::new(description.remote.as_ref());
-    let mut faults = around.faults(&description)?;
-    // A robot need not say what arms it: its buses and lines know.
-    let arm = || {
-        let told = ports.switch.map(ArmSwitch::state);
-        let bus = || ports.buses.first().map(|port| port.status().arm);
-        told.or_else(bus).or_else(|| ports.lines.first().map(|port| port.status().arm))
-    };
-    let mut next_look = Recorder::next_look(around.world.now(), length);
-    while around.world.now() < length {
-        let watched = watch.next(around.world.now()).unwrap_or(next_look);
-        let next_fault = faults.next(around.world.now_ns()).map_or(next_look, rounded_up);
-        around.run(&mut tasks, watched.min(next_look).min(next_fault));
-        let now = around.world.now();
-        for (bus, wire) in around.wires.iter().enumerate() {
-            let news = wire.take_trace();
-            faults.heard(bus, &news);
-            recorder.frames(bus, &news);
-        }
-        // The remote's are in its operator's hands, those of a chip are refused.
-        let _ = faults.act(now.into());
-        let sight = around.remote.as_ref().map(|link| Sight {
-            sent: link.remote.sent(),
-            motors: &description.motors,
-            twins: &around.motors,
-            arm: ports.switch.map(ArmSwitch::state),
-        });
-        if let Some(sight) = sight {
-            watch.look(now, sight);
-        }
-        if now < next_look {
-            continue;
-        }
-        next_look = Recorder::next_look(now, length);
-        let values: Vec<_> = ports.signals.iter().map(|signal| (signal.read)(now)).collect();
-        recorder.signals(now, &values)?;
-        if !recorder.look((now, length), &around.motors, motor)? {
-            continue;
-        }
-        let bus = |port: &&BusPort| BusLook { status: port.status(), ..BusLook::default() };
-        let robot = RobotLook {
-            whole: ports
-                .whole
-                .as_ref()
-                .map_or_else(|| Whole { arm: arm(), ..Whole::default() }, |whole| whole()),
-            pose: PathPoint::of(around.base.as_ref()),
-            yaw: ports.yaw.as_ref().and_then(|(_, yaw)| yaw(now)),
-        };
-        let moment = Moment {
-            robot,
-            buses: ports.buses.iter().map(bus).collect(),
-            lines: ports.lines.iter().map(|port| port.status()).collect(),
-            parts: ports.parts.iter().map(|reception| reception.read()).collect(),
-            remote: sight.map(|sight| sight.remote(ports.reception.map(Reception::read))),
-        };
-        recorder.sample(now, &around.wires, moment)?;
-    }
-    let mut recording = recorder.finish(around.world.now(), &around.wires, watch.finish())?;
+    let mut running = Simulation::new(robot, seed, None)?;
+    let (description, ports) = (running.description().clone(), running.ports.clone());
+    let (loops, twins) = (&running.loops, running.twins());
+    let recorder = Recorder::new(&description, seed, loops, twins, Source::Simulation)
+        .with_imu(ports.yaw.is_some())
+        .with_signals(&ports.signals)
+        .with_record(writer);
+    let mut recording = record(&mut running, recorder, length)?;
     let was_driven = armed_for(&recording) >= UNARMED_FOR;
     let unread = ports.parameters.iter().filter(|it| was_driven && !it.was_read());
     recording.found.extend(unread.map(|it| {
         let text = "no task has read this parameter: setting it changes nothing".to_owned();
         Problem::new(About::Part(it.label), "unread-parameter", text)
     }));
-    recording.found.extend(tasks.ended().iter().map(|(name, at)| {
+    recording.found.extend(running.tasks.ended().iter().map(|(name, at)| {
         let at = seconds(*at);
         let text = format!(
             "its task {name} ended at {at:.3} s, and a task goes on for ever: is an `.await` missing, \
@@ -128,6 +94,40 @@ pub fn simulate_into(
         Problem::new(About::Robot, "task-ended", text)
     }));
     Ok(recording)
+}
+
+impl Emulation<'_> {
+    /// Runs up to a time and takes down what the wires and the motors do.
+    ///
+    /// # Errors
+    /// As [`Rig::run`](rc10_emu::Rig::run).
+    pub fn record(self, length: Micros) -> Result<(Self, Recording)> {
+        self.record_into(length, None)
+    }
+
+    /// Runs up to a time, and writes every look into a record.
+    ///
+    /// # Errors
+    /// As [`record`](Self::record), and if that cannot be written.
+    pub fn record_into(
+        mut self,
+        length: Micros,
+        writer: Option<RecordWriter>,
+    ) -> Result<(Self, Recording)> {
+        let description = self.description.clone();
+        let (loops, twins, source) = (&self.loops, &self.motors, Source::Emulation);
+        let recorder =
+            Recorder::new(&description, self.seed, loops, twins, source).with_record(writer);
+        let recording = record(&mut self, recorder, length)?;
+        Ok((self, recording))
+    }
+
+    /// What a record of it begins with.
+    #[must_use]
+    pub fn heading(&self) -> Heading<'_> {
+        let Self { seed, description, .. } = self;
+        Heading { seed: *seed, source: Source::Emulation, description, signals: &[] }
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,40 @@
+//! A robot that runs in virtual time: in the simulator, or its program on the emulated chip.
+
+use anyhow::Result;
+use rc10_can::Micros;
+use rc10_motor::MotorStatus;
+use rc10_sim::{Bus, Esc, TraceEntry};
+
+use crate::recording::look::Moment;
+use crate::robot::description::Description;
+use crate::run::watch::Sight;
+use crate::world::console::Line;
+
+/// A robot that runs, and what can be seen of it.
+pub trait Running {
+    /// Its description, with the faults and mistakes of the run.
+    fn description(&self) -> &Description;
+    /// The time since power-on.
+    fn now(&self) -> Micros;
+    /// Lets everything go on up to a time.
+    ///
+    /// # Errors
+    /// If it cannot go on.
+    fn run_to(&mut self, until: Micros) -> Result<()>;
+    /// The line from its console to a PC, if there is one.
+    fn console(&self) -> Option<&Line>;
+    /// The twins of its motors, in the order of the description.
+    fn twins(&self) -> &[Esc];
+    /// The wires of its buses.
+    fn wires(&self) -> &[Bus];
+    /// Looks at the remote and the motors from outside; `None` without a remote.
+    fn sight(&self) -> Option<Sight<'_>>;
+    /// Takes the frames that were on the wires since the last call, bus by bus.
+    fn take_frames(&mut self) -> Vec<Vec<TraceEntry>>;
+    /// Values of its own signals, if they are known.
+    fn signals(&self, now: Micros) -> Vec<Option<f64>>;
+    /// The status of a motor.
+    fn status(&self, entry: usize, now: Micros) -> MotorStatus;
+    /// All else.
+    fn moment(&self, now: Micros) -> Moment;
+}
