@@ -19,7 +19,7 @@ pub fn run() -> Result<()> {
     let empty = || if target.exists() { fs::remove_dir_all(&target) } else { Ok(()) };
     empty()?;
     let before = of_children()?;
-    let built = run_command(host("build --release").env("CARGO_TARGET_DIR", &target));
+    let built = run_command(host("build --release --bin rc10").env("CARGO_TARGET_DIR", &target));
     let after = of_children()?;
     empty()?;
     built?;

@@ -1,7 +1,4 @@
-'use strict';
 const $ = (id) => document.getElementById(id);
-const COLOURS = ['#1565c0', '#e65100', '#2e7d32', '#6a1b9a', '#c62828', '#00838f', '#9e9d24', '#4e342e', '#ad1457', '#37474f'];
-const SHADES = ['#cfd8dc', '#a5d6a7', '#ffcc80', '#ef9a9a', '#90caf9', '#ce93d8', '#fff59d', '#bcaaa4'];
 let state = { signals: [], parameters: [], losses: {} };
 let chosen = new Set();
 let span = 10;          // seconds in the window
@@ -266,22 +263,21 @@ function draw() {
   for (const plot of have.values()) plot.remove();
 }
 
-const LEFT = 56, RIGHT = 8;
-function canvas(plot, height) {
-  const it = plot.lastChild, scale = window.devicePixelRatio || 1, width = it.clientWidth;
-  if (it.width !== Math.round(width * scale) || it.height !== Math.round(height * scale)) { it.width = Math.round(width * scale); it.height = Math.round(height * scale); it.style.height = height + 'px'; }
-  const g = it.getContext('2d');
-  g.setTransform(scale, 0, 0, scale, 0, 0); g.clearRect(0, 0, width, height); g.font = '11px system-ui';
-  return [g, width];
+const LEFT = 56, WIDE = 130, RIGHT = 8;
+// A canvas of this height, and the box of its plot.
+function sheet(plot, left, height) {
+  const canvas = plot.lastChild;
+  canvas.style.height = height + 'px';
+  const { pen, width } = Plot.open(canvas);
+  return [pen, { left, top: 6, right: width - RIGHT, bottom: height - 20 }];
 }
+const view = () => [from * 1e-6, from * 1e-6 + span];
 const at = (series, seconds) => {
   if (!series || !series.times.length) return NaN;
   let low = 0, high = series.times.length - 1;
   while (low < high) { const middle = (low + high + 1) >> 1; if (series.times[middle] <= seconds) low = middle; else high = middle - 1; }
   return series.values[low];
 };
-const step = (range) => { const raw = range / 5, power = 10 ** Math.floor(Math.log10(raw)), part = raw / power; return power * (part < 1.5 ? 1 : part < 3.5 ? 2 : part < 7.5 ? 5 : 10); };
-
 function legend(plot, title, entries) {
   plot.firstChild.replaceChildren(Object.assign(document.createElement('span'), { textContent: title, className: 'unit' }), ...entries.map(([colour, name, text]) => {
     const line = document.createElement('span'), i = document.createElement('i'), b = document.createElement('b');
@@ -290,64 +286,45 @@ function legend(plot, title, entries) {
 }
 
 function lines(plot, unit, signals) {
-  const height = 190, [g, width] = canvas(plot, height), bottom = height - 18;
+  const [pen, box] = sheet(plot, LEFT, 190);
   let low = Infinity, high = -Infinity;
   for (const it of signals) for (const value of (data.get(it.index) || { values: [] }).values) if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
   if (low > high) { low = -1; high = 1; }
   const margin = (high - low) * 0.06 || Math.abs(high) * 0.1 || 1; low -= margin; high += margin;
-  const x = (seconds) => LEFT + seconds / span * (width - LEFT - RIGHT), y = (value) => bottom - (value - low) / (high - low) * (bottom - 6);
-  g.fillStyle = '#66717f'; g.strokeStyle = '#edf0f3'; g.lineWidth = 1;
-  const dy = step(high - low);
-  g.textAlign = 'right'; g.textBaseline = 'middle';
-  for (let value = Math.ceil(low / dy) * dy; value <= high; value += dy) { g.beginPath(); g.moveTo(LEFT, y(value)); g.lineTo(width - RIGHT, y(value)); g.stroke(); g.fillText(number(+value.toPrecision(6)), LEFT - 6, y(value)); }
-  axis(g, width, height, bottom, x);
-  signals.forEach((it, place) => {
+  const x = Plot.across(box, [0, span]), y = Plot.up(box, [low, high]);
+  Plot.valueAxis(pen, box, [low, high], '');
+  Plot.timeAxis(pen, box, view(), false);
+  Plot.inside(pen, box, () => signals.forEach((it, place) => {
     const series = data.get(it.index); if (!series) return;
-    g.strokeStyle = COLOURS[place % COLOURS.length]; g.lineWidth = 1.5; g.setLineDash(it.name === 'target' ? [5, 4] : []); g.beginPath();
-    let pen = false;
-    for (let i = 0; i < series.times.length; i += 1) {
-      const value = series.values[i];
-      if (!Number.isFinite(value)) { pen = false; continue; }
-      pen ? g.lineTo(x(series.times[i]), y(value)) : g.moveTo(x(series.times[i]), y(value)); pen = true;
-    }
-    g.save(); g.beginPath; g.restore(); g.stroke(); g.setLineDash([]);
-  });
-  mark(g, x, 6, bottom);
-  legend(plot, unit, signals.map((it, place) => [COLOURS[place % COLOURS.length], (it.label + ' ' + it.name).trim(), number(at(data.get(it.index), cursor === null ? Infinity : cursor))]));
+    const point = (i) => Number.isFinite(series.values[i]) ? [x(series.times[i]), y(series.values[i])] : null;
+    Plot.trace(pen, [0, series.times.length - 1], point, { paint: Plot.colour(place), width: 1.5, dash: it.name === 'target' ? [5, 4] : [] });
+  }));
+  mark(pen, box, x);
+  legend(plot, unit, signals.map((it, place) => [Plot.colour(place), (it.label + ' ' + it.name).trim(), number(at(data.get(it.index), cursor === null ? Infinity : cursor))]));
 }
 
 function lanes(plot, signals) {
-  const each = 16, height = signals.length * each + 22, [g, width] = canvas(plot, height), bottom = height - 18;
-  const wide = 130, x = (seconds) => wide + seconds / span * (width - wide - RIGHT);
+  const each = 16, [pen, box] = sheet(plot, WIDE, signals.length * each + 28), x = Plot.across(box, [0, span]);
   signals.forEach((it, place) => {
-    const series = data.get(it.index), top = 2 + place * each;
-    g.fillStyle = '#1b2430'; g.textAlign = 'right'; g.textBaseline = 'middle';
-    g.fillText((it.label + ' ' + it.name).trim(), wide - 6, top + each / 2 - 1, wide - 10);
-    if (!series) return;
+    const series = data.get(it.index) || { times: [], values: [] }, runs = [];
     for (let i = 0; i < series.times.length; i += 1) {
       const value = series.values[i]; if (!Number.isFinite(value)) continue;
       let last = i; while (last + 1 < series.times.length && series.values[last + 1] === value) last += 1;
-      const begin = Math.max(wide, x(series.times[i])), stop = Math.min(width - RIGHT, x(last + 1 < series.times.length ? series.times[last + 1] : series.times[last]));
-      g.fillStyle = SHADES[value % SHADES.length]; g.fillRect(begin, top, Math.max(1, stop - begin), each - 3);
-      const name = it.states[value] || String(value);
-      if (stop - begin > 8 * name.length) { g.fillStyle = '#1b2430'; g.textAlign = 'left'; g.fillText(name, begin + 4, top + each / 2 - 1); }
+      const to = last + 1 < series.times.length ? series.times[last + 1] : series.times[last];
+      runs.push({ from: series.times[i], to, paint: 'shade-' + value % 8, words: it.states[value] || String(value) });
       i = last;
     }
+    Plot.lane(pen, box, x, [box.top + place * each, each - 3], (it.label + ' ' + it.name).trim(), runs);
   });
-  axis(g, width, height, bottom, x);
-  mark(g, x, 0, bottom);
+  Plot.timeAxis(pen, box, view(), false);
+  mark(pen, box, x);
   legend(plot, 'states', cursor === null ? [] : signals.map((it) => ['transparent', (it.label + ' ' + it.name).trim(), it.states[at(data.get(it.index), cursor)] || '–']));
 }
 
-function axis(g, width, height, bottom, x) {
-  g.fillStyle = '#66717f'; g.strokeStyle = '#edf0f3'; g.textAlign = 'center'; g.textBaseline = 'alphabetic';
-  const dx = step(span), first = from * 1e-6;
-  for (let second = Math.ceil(first / dx) * dx; second <= first + span; second += dx) { const place = x(second - first); g.beginPath(); g.moveTo(place, 0); g.lineTo(place, bottom); g.stroke(); g.fillText(+second.toFixed(3) + ' s', place, height - 5); }
-}
-function mark(g, x, top, bottom) { if (cursor === null) return; g.strokeStyle = '#37474f'; g.lineWidth = 1; g.beginPath(); g.moveTo(x(cursor), top); g.lineTo(x(cursor), bottom); g.stroke(); }
+function mark(pen, box, x) { if (cursor !== null) Plot.stroke(pen, [[x(cursor), box.top], [x(cursor), box.bottom]], Plot.style('text')); }
 
 function listen(it) {
-  const left = () => it.parentNode.dataset.unit === 'states' ? 130 : LEFT, seconds = (event) => (event.offsetX - left()) / (it.clientWidth - left() - RIGHT) * span;
+  const left = () => it.parentNode.dataset.unit === 'states' ? WIDE : LEFT, seconds = (event) => (event.offsetX - left()) / (it.clientWidth - left() - RIGHT) * span;
   it.onmousemove = (event) => {
     const now = seconds(event);
     if (event.buttons & 1) { hold(); end -= event.movementX / (it.clientWidth - left() - RIGHT) * span * 1e6; } else cursor = now >= 0 && now <= span ? now : null;

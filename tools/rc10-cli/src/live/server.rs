@@ -114,7 +114,7 @@ fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Rep
 fn page() -> String {
     include_str!("page.html")
         .replace("/*STYLE*/", include_str!("page.css"))
-        .replace("/*SCRIPT*/", include_str!("page.js"))
+        .replace("/*SCRIPT*/", concat!(include_str!("../show/plot.js"), include_str!("page.js")))
 }
 
 /// Points, for each signal asked for: their count, and for each the seconds since `from` and the value, in

@@ -2,9 +2,10 @@
 (() => {
   "use strict";
   const data = JSON.parse(document.getElementById("data").textContent);
-  const COLOURS = 8, FONT = "11px system-ui, sans-serif", LANE = 15, SLANT = Math.PI / 3;
+  const { FONT, ticks, style, line, colour, restyle, open, text, stroke, inside, up, timeAxis, valueAxis, lane } = Plot;
+  const LANE = 15, SLANT = Math.PI / 3;
   const whole = [0, Math.max(data.length, data.period)];
-  let view = whole, cursor = null, ink = {};
+  let view = whole, cursor = null;
 
   // ---- small things ----------------------------------------------------------------------------
   const element = (tag, parent, name, text) => {
@@ -14,74 +15,19 @@
     return parent.appendChild(made);
   };
   const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-  const nice = (rough) => {
-    const power = 10 ** Math.floor(Math.log10(rough)), share = rough / power;
-    return power * (share < 1.4 ? 1 : share < 3.2 ? 2 : share < 7 ? 5 : 10);
-  };
-  const digits = (step) => Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const ticks = (low, high, count) => {
-    const step = nice(Math.max(high - low, 1e-9) / Math.max(count, 1)), all = [];
-    for (let n = Math.ceil(low / step - 1e-6); n * step <= high + step * 1e-6; n++) {
-      all.push([n * step, (n * step).toFixed(digits(step)).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−")]);
-    }
-    return all;
-  };
   const show = (value, places) => (value == null ? "–" : value.toFixed(places).replace("-", "−"));
-  const style = (name) => ink[name] ??= getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
-  const colour = (index) => style("line-" + (index % COLOURS));
-
   // Lowest and highest value of a sample: `below` and `above` are hundredths.
   const bounds = ({ measured, below, above }, index) => {
     const mean = measured[index];
     return mean == null ? [null, null] : [mean - (below?.[index] ?? 0) / 100, mean + (above?.[index] ?? 0) / 100];
   };
 
-  // A canvas cleared and scaled to the screen's pixels.
-  const open = (canvas) => {
-    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
-    const pen = canvas.getContext("2d");
-    pen.scale(ratio, ratio);
-    pen.font = FONT;
-    pen.lineJoin = "round";
-    return { pen, width, height };
-  };
-  const text = (pen, words, x, y, align, baseline) => {
-    pen.textAlign = align;
-    pen.textBaseline = baseline;
-    pen.fillText(words, x, y);
-  };
-  const stroke = (pen, points, paint, width = 1) => {
-    pen.strokeStyle = paint;
-    pen.lineWidth = width;
-    pen.beginPath();
-    points.forEach(([x, y], index) => (index ? pen.lineTo(x, y) : pen.moveTo(x, y)));
-    pen.stroke();
-  };
-  const inside = (pen, box, draw) => {
-    pen.save();
-    pen.beginPath();
-    pen.rect(box.left, box.top, box.right - box.left, box.bottom - box.top);
-    pen.clip();
-    draw();
-    pen.restore();
-  };
-
   // ---- what all time plots share ---------------------------------------------------------------
-  const across = (box) => (time) => box.left + (time - view[0]) / (view[1] - view[0]) * (box.right - box.left);
+  const across = (box) => Plot.across(box, view);
   const shade = (pen, box, x) => inside(pen, box, () => data.stops.forEach(([from, to]) => {
     pen.fillStyle = style("stop");
     pen.fillRect(x(from), box.top, x(to) - x(from), box.bottom - box.top);
   }));
-  const timeAxis = (pen, box, x, named) => {
-    ticks(view[0], view[1], (box.right - box.left) / 60).forEach(([time, words]) => {
-      stroke(pen, [[x(time), box.bottom], [x(time), box.bottom + 4]], style("muted"));
-      pen.fillStyle = style("muted");
-      text(pen, words, x(time), box.bottom + 7, "center", "top");
-    });
-    if (named) text(pen, "time / s", box.right, box.bottom + 20, "right", "top");
-  };
   const marks = (x) => data.events.map(([time, label], index) => ({ time, x: x(time), label, number: String(index + 1) }))
     .filter(({ time }) => time >= view[0] && time <= view[1]);
   const eventLines = (pen, box, events) => {
@@ -185,7 +131,7 @@
         const button = element("button", this.legend);
         button.type = "button";
         button.setAttribute("aria-pressed", "true");
-        element("i", button).style.background = `var(--line-${index % COLOURS})`;
+        element("i", button).style.background = `var(--${line(index)})`;
         element("span", button, "", name);
         button.addEventListener("click", () => {
           if (!this.hidden.delete(index)) this.hidden.add(index);
@@ -226,15 +172,10 @@
       const x = across(box), { from, step } = chart;
       const first = Math.max(0, Math.floor((view[0] - from) / step) - 1), last = Math.ceil((view[1] - from) / step) + 1;
       const [low, high] = this.range(first, last);
-      const y = (value) => box.bottom - (value - low) / (high - low) * (box.bottom - box.top);
+      const y = up(box, [low, high]);
       shade(pen, box, x);
-      ticks(low, high, (box.bottom - box.top) / 34).forEach(([value, words]) => {
-        stroke(pen, [[box.left, y(value)], [box.right, y(value)]], style("rule"));
-        pen.fillStyle = style("muted");
-        text(pen, words, box.left - 6, y(value), "right", "middle");
-      });
-      text(pen, chart.unit, box.left - 6, box.top - 3, "right", "bottom");
-      timeAxis(pen, box, x, true);
+      valueAxis(pen, box, [low, high], chart.unit);
+      timeAxis(pen, box, view, true);
       const events = marks(x);
       eventLines(pen, box, events);
       flags(pen, box, events);
@@ -243,14 +184,8 @@
         for (const series of this.shown()) {
           const { measured, target, index } = series;
           this.envelope(pen, series, x, y, first, last);
-          pen.strokeStyle = colour(index);
-          pen.lineWidth = 1.6;
-          this.trace(pen, measured, x, y, first, last);
-          if (!target) continue;
-          pen.lineWidth = 1.2;
-          pen.setLineDash([6, 4]);
-          this.trace(pen, target, x, y, first, last);
-          pen.setLineDash([]);
+          this.trace(pen, measured, x, y, [first, last], { paint: colour(index) });
+          if (target) this.trace(pen, target, x, y, [first, last], { paint: colour(index), width: 1.2, dash: [6, 4] });
         }
       });
       this.point();
@@ -282,20 +217,11 @@
       pen.globalAlpha = 1;
     }
     // One line; it breaks where there is no value, and where an angle goes round.
-    trace(pen, values, x, y, first, last) {
+    trace(pen, values, x, y, [first, last], how) {
       const { from, step, wraps, stairs } = this.chart;
-      let before = null;
-      pen.beginPath();
-      for (let index = first; index <= Math.min(last, values.length - 1); index++) {
-        const value = values[index];
-        if (value !== null) {
-          const joined = before !== null && !(wraps && Math.abs(value - before) > 180);
-          pen[joined ? "lineTo" : "moveTo"](x(from + index * step), y(value));
-          if (stairs) pen.lineTo(x(from + (index + 1) * step), y(value));
-        }
-        before = value;
-      }
-      pen.stroke();
+      const point = (index, until = index) => (values[index] == null ? null : [x(from + until * step), y(values[index])]);
+      const joins = (one, other) => !(wraps && Math.abs(values[other] - values[one]) > 180);
+      Plot.trace(pen, [first, Math.min(last, values.length - 1)], point, { ...how, stairs, joins });
     }
     read(seen) {
       const { from, step, stairs, series, places, unit } = this.chart;
@@ -334,16 +260,11 @@
       const box = { left: this.left, top: this.top, right: width - 48, bottom: height - 36 };
       this.place(box);
       const x = across(box), events = marks(x);
-      data.lanes.forEach(({ name, runs }, lane) => {
-        const top = box.top + lane * LANE + 3;
-        pen.fillStyle = style("text");
-        text(pen, name, box.left - 8, top + LANE / 2 - 1, "right", "middle");
-        inside(pen, box, () => runs.forEach(([from, to, state]) => {
-          pen.fillStyle = style("state-" + data.states[state]);
-          pen.fillRect(x(from), top, x(to) - x(from) + 0.3, LANE - 4);
-        }));
+      data.lanes.forEach(({ name, runs }, number) => {
+        const named = runs.map(([from, to, state]) => ({ from, to, paint: "state-" + data.states[state] }));
+        lane(pen, box, x, [box.top + number * LANE + 3, LANE - 4], name, named);
       });
-      timeAxis(pen, box, x, true);
+      timeAxis(pen, box, view, true);
       eventLines(pen, box, events);
       this.names(pen, box, events);
       this.point();
@@ -494,7 +415,7 @@
   });
   const reset = document.getElementById("reset");
   const draw = () => {
-    ink = {};
+    restyle();
     plots.forEach((plot) => plot.draw());
   };
   function point(time) {

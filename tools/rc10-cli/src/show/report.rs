@@ -53,7 +53,7 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
     format!(
         include_str!("report.html"),
         style = include_str!("report.css"),
-        script = include_str!("report.js"),
+        script = concat!(include_str!("plot.js"), include_str!("report.js")),
         seed = if is_real { String::new() } else { format!("seed <b>{seed}</b> · ") },
         seed_in_title = if is_real { String::new() } else { format!(", seed {seed}") },
         virtual_time = if is_real { "" } else { " of virtual time" },
