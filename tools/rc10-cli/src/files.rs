@@ -15,8 +15,8 @@ pub fn make_folder(folder: &Path) -> Result<()> {
         .with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
-/// A file that is written beside its place, and removed unless it is put there.
-pub(crate) struct Unfinished(PathBuf);
+/// A file or folder that is written beside its place, and removed unless it is put there.
+pub(crate) struct Unfinished(pub(crate) PathBuf);
 
 impl Unfinished {
     /// For this place.
@@ -36,7 +36,8 @@ impl Unfinished {
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
+        let _ =
+            if self.0.is_dir() { fs::remove_dir_all(&self.0) } else { fs::remove_file(&self.0) };
     }
 }
 

@@ -11,6 +11,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_emu::Board;
 
+use crate::files::Unfinished;
 use crate::run::board;
 
 /// Arguments of `rc10 new`.
@@ -92,7 +93,7 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
         fs::create_dir_all(folder).with_context(cannot)?;
         fs::write(&path, text).with_context(cannot)?;
     }
-    fs::rename(&beside.0, &place).with_context(cannot)?;
+    beside.put(&place).with_context(cannot)?;
     writeln!(
         out,
         "{name}  a robot on four mecanum wheels with a feeder, for the board {} with an {}; next:\n  \
@@ -104,15 +105,6 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
         args.board.name, args.board.chip
     )?;
     Ok(())
-}
-
-/// A folder that is removed unless it was moved away.
-struct Unfinished(PathBuf);
-
-impl Drop for Unfinished {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
 }
 
 fn check_name(name: &str, locked: &str) -> Result<()> {
