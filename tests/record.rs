@@ -133,8 +133,8 @@ fn what_is_no_record_of_this_robot_is_refused_in_words() {
     let mut newer = fs::read(&path).unwrap();
     // The value follows its name and four bytes of length.
     let at = newer.windows(7).position(|word| word == b"version").unwrap() + 11;
-    newer[at] = b'2';
-    assert_eq!(refused(&newer), "its layout has version 2, and this rc10 reads version 1");
+    newer[at] = b'3';
+    assert_eq!(refused(&newer), "its layout has version 3, and this rc10 reads version 2");
     of_team(|robot| {
         let mut description = robot.description().clone();
         description.motors[0] =
@@ -162,13 +162,15 @@ fn a_record_that_is_cut_off_or_damaged_is_read_as_far_as_it_goes() {
     assert!(cut.is_some());
     assert!((Micros::from_millis(100)..Micros::from_millis(1000)).contains(&half.length));
     assert!(half.motors.iter().all(|track| !track.samples.is_empty()));
-    // A byte in the middle of a chunk: its checksum tells, if it can be unpacked at all.
+    // A byte of a message in the middle of a chunk: its checksum tells.
     let told = [3, 4, 5].map(|part| {
         let mut damaged = good.clone();
         damaged[good.len() / part] ^= 1;
-        of_team(|robot| replay(&mut Cursor::new(&damaged), robot)).unwrap().1.expect("it is told")
+        of_team(|robot| replay(&mut Cursor::new(&damaged), robot)).unwrap().1.unwrap_or_default()
     });
-    assert!(told.iter().any(|why| why.to_lowercase().contains("crc")), "{told:?}");
+    // One of them may be of the times in a chunk's head, which a reader of all has no use for.
+    let by_crc = told.iter().filter(|why| why.to_lowercase().contains("crc")).count();
+    assert!(by_crc >= 2, "{told:?}");
     for part in 0..60 {
         let _ = refused(&good[..good.len() * part / 60]);
         let mut damaged = good.clone();

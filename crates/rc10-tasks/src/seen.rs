@@ -104,10 +104,12 @@ value!(Amps: |it| it.get(), it.get().into(); |number| Self::new(number as f32));
 value!(NewtonMetres: |it| it.get(), it.get().into(); |number| Self::new(number as f32));
 value!(Celsius: |it| it.get(), it.get().into(); |number| Self::new(number as f32));
 value!(Volts: |it| it.get(), it.get().into(); |number| Self::new(number as f32));
-// In degrees: for a link by its halves, for a conversion of 64 bits takes 60 instructions.
+// In degrees: for a link by the halves of its size, for a conversion of 64 bits takes 60 instructions.
 value!(TotalAngle: |it| {
-    let (high, low) = ((it.microdegrees() >> 32) as i32, it.microdegrees() as u32);
-    (high as f32 * 4_294_967_296.0 + low as f32) * 1e-6
+    let size = it.microdegrees().unsigned_abs();
+    let (high, low) = ((size >> 32) as u32, size as u32);
+    let degrees = (high as f32 * 4_294_967_296.0 + low as f32) * 1e-6;
+    if it.microdegrees() < 0 { -degrees } else { degrees }
 }, it.microdegrees() as f64 * 1e-6; |number| {
     let micro = number * 1e6;
     Self::from_microdegrees((micro + if micro < 0.0 { -0.5 } else { 0.5 }) as i64)

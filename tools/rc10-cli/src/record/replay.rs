@@ -647,7 +647,9 @@ mod tests {
 
     #[test]
     fn figures_begin_when_all_was_told() {
-        let run = recorded(&["measured"], &[(0, None), (300, Some(&[100.0])), (350, None)]);
+        let told = [f64::from(TargetKind::Speed as u8), 100.0];
+        let names = ["target_kind", "measured"];
+        let run = recorded(&names, &[(0, None), (300, Some(&told)), (350, None)]);
         let samples = &run.motors[0].samples;
         let measured: Vec<f32> = samples.iter().map(|sample| sample.measured_cell.mean).collect();
         assert!(!measured.is_empty() && measured.iter().all(|it| (it - 100.0).abs() < 1e-9));
