@@ -58,12 +58,13 @@ Examples:
 
 Exit code 0: every line was read; 1: some were broken; 2: the file cannot be read.";
 
-/// Prints what a log of the robot's buses says to `out`, and the lines that cannot be read to `err`,
-/// with the interfaces that are no bus or never came. Whether there were lines that cannot be read.
+/// Prints what a log of the robot's buses says to `out`, and its broken lines and unknown
+/// interfaces to `err`; returns whether there were broken lines.
 ///
 /// # Errors
 /// The file cannot be read; a bus or an interface is given twice, or the robot has no such bus; the
-/// robot is not as described; or whatever the outputs fail with (an [`io::Error`], so that a closed pipe can be told apart).
+/// robot is not as described; or an output fails (an [`io::Error`], so that a closed pipe can be
+/// told apart).
 pub fn decode(
     args: &DecodeArgs,
     robot: Robot<'_>,

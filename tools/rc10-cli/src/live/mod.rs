@@ -1,11 +1,10 @@
-//! `rc10 live` and its like: a robot that runs, watched, tuned and recorded.
+//! `rc10 live` and related commands: a robot that runs, watched, tuned and recorded.
 //!
 //! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
-//! * [`SourceArgs`]: where the robot is. [`wire`]: a simulated console.
-//! * [`plan`]: what is watched how often. [`LiveRecord`]: a record of it.
-//! * [`Judge`]: its problems, as a report has them.
-//! * [`Viewers`]: other people's.
-//! * [`Pages`]: a web server for this PC alone; [`request`]: what it admits; [`History`]: the values on its pages.
+//! * [`SourceArgs`]: the choice of the robot.
+//! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
+//! * [`Judge`]: problems, as in a report. [`Viewers`]: other programs' viewers.
+//! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
 pub(crate) mod client;
 pub(crate) mod commands;

@@ -46,20 +46,17 @@ pub struct LiveArgs {
     pub seconds: Option<Micros>,
 }
 
-/// From one sample of the motors to the next, ms, while a page asks for none faster.
+/// Period of samples of the motors, ms, unless a page asks for a shorter one.
 const OFTEN: u16 = 10;
-/// From one look of the pages at the state to the next.
+/// Period of the state for the pages.
 const TELL: Micros = Micros::from_millis(50);
-/// A wish that waits for the robot's answer, since that time.
+/// A request that waits for the robot's answer: its number, its time, and the way back.
 type Waiting = (u16, Micros, Sender<Result<Value, String>>);
-/// How many may wait, and for how long: more would only lie before the next one on the line.
+/// Limit of waiting requests: more would delay the next one on the line.
 const MOST_WAITING: usize = 16;
 const PATIENCE: Micros = Micros::from_millis(5000);
 
-/// Serves the page until Ctrl-C.
-///
-/// # Errors
-/// If there is no way to the robot, or the page cannot be served.
+/// Serves the page until Ctrl-C; fails without a line to the robot, or if the port is taken.
 pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let kit = Kit::of(&robot);
     let source = args.at.source();
@@ -104,40 +101,38 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     Ok(())
 }
 
-/// Whether a file was not made because there is one.
 fn is_there(error: &anyhow::Error) -> bool {
     let error = error.downcast_ref::<io::Error>();
     error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
 }
 
-/// A speed as a jog has it: faster than any is allowed to be is refused by the robot.
+/// A speed for a jog; the robot refuses speeds that are too high.
 fn tenths(rpm: f32) -> i16 {
     (rpm * 10.0).round().clamp(-32_767.0, 32_767.0) as i16
 }
 
-/// What is between the robot and the pages.
+/// The session with the robot, and the pages that show it.
 struct Show<'r, 'k> {
     session: Session<'r>,
     pages: Pages,
     folder: PathBuf,
     kit: &'k Kit<'k>,
     judge: Judge<'k>,
-    /// Why it is not judged.
+    /// Why the robot is not judged.
     stranger: Option<String>,
     topics: Vec<Topic>,
-    /// Signals for which there is no room.
+    /// Number of signals without room.
     left: usize,
     record: Option<(LiveRecord, PathBuf)>,
     records: u32,
-    /// What the page should say once.
+    /// A message that the page shows once.
     note: Option<String>,
     waiting: Vec<Waiting>,
-    /// The signals that a page shows, and how often.
+    /// The signals that a page shows, and their period.
     chosen: (u16, Vec<u16>),
-    /// The robot has described itself, and is watched.
+    /// Whether the robot has described itself and is watched.
     met: bool,
     viewers: Viewers,
-    /// When the state was told last.
     told: Option<Micros>,
 }
 
@@ -174,14 +169,13 @@ impl Show<'_, '_> {
         if self.stranger.is_none() {
             samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
         }
-        // Pages ask five times a second: it need not be made in every step.
+        // Pages ask five times a second: every step would be too often.
         let now = self.session.now();
         let is_due = self.told.is_none_or(|told| now.since(told) >= TELL);
         let state = is_due.then(|| self.state().to_string().into());
         let mut shown = look(&self.pages.shown);
         for sample in &samples {
             if sample.at + RESTART < shown.now {
-                // The robot was restarted.
                 shown.history.clear();
                 shown.now = Micros::ZERO;
             }
@@ -196,7 +190,7 @@ impl Show<'_, '_> {
         Ok(())
     }
 
-    /// Tells pages what became of their wishes.
+    /// Passes the robot's answers on to the pages.
     fn answer(&mut self) {
         let now = self.session.now();
         let client = &mut self.session.client;
@@ -239,12 +233,11 @@ impl Show<'_, '_> {
         };
         match asked {
             Ok(id) => self.waiting.push((id, now, tell)),
-            // The page may have gone.
             Err(why) => drop(tell.send(Err(format!("{why:#}")))),
         }
     }
 
-    /// What a gain would do, before it is sent; null if nothing is known against it.
+    /// The effect of a gain before it is sent; null if nothing is known against it.
     fn advise(&self, name: &str, value: f32) -> Result<Value> {
         if self.stranger.is_some() {
             return Ok(Value::Null);
@@ -252,7 +245,7 @@ impl Show<'_, '_> {
         let wanted = self.session.parameter(name)?;
         let [least, most] = wanted.range;
         if !(least..=most).contains(&value) {
-            // The robot says why it refuses.
+            // The robot gives the reason for its refusal.
             return Ok(Value::Null);
         }
         let known = self.session.client.parameters().filter(|it| it.label == wanted.label);
@@ -262,7 +255,7 @@ impl Show<'_, '_> {
         Ok(bad.map_or(Value::Null, |advice| advice.text.into()))
     }
 
-    /// Whether the robot may be asked for something that is not urgent.
+    /// Whether the robot may get a request that is not urgent.
     fn may_ask(&self) -> Result<()> {
         if let Some(stranger) = &self.stranger {
             bail!("{stranger}: only stopped, disarmed and watched");
@@ -295,7 +288,7 @@ impl Show<'_, '_> {
         }))
     }
 
-    /// Watches what a page shows, if that is to be more often than everything is.
+    /// Watches the signals of a page, if it needs them at a higher rate.
     fn choose(&mut self) -> usize {
         let (period, signals) = &self.chosen;
         let period = (*period).max(1);
@@ -315,7 +308,7 @@ impl Show<'_, '_> {
                 self.records += 1;
                 let path = self.folder.join(format!("{:03}.mcap", self.records));
                 match LiveRecord::new(&path, false, &self.topics, self.kit.description()) {
-                    // Of another time, or of another program that shows a robot.
+                    // The file of another time, or of another program that shows a robot.
                     Err(error) if is_there(&error) => {}
                     record => break Some((record?, path)),
                 }

@@ -1,7 +1,7 @@
 //! The page of `rc10 live`, and the data on it: a web server for this PC alone.
 //!
-//! It is our own, on `std::net`: a small one of others could be ended by any web page, and with it the STOP
-//! button; a large one brings a runtime, and makes the first compile slower. `connection` has the sockets,
+//! It is our own, on `std::net`: any web page could end a small one of others, and with it the STOP
+//! button; a large one brings a runtime and a slower first compile. `connection` has the sockets,
 //! [`request`](crate::live::request) the rules.
 
 use crate::live::connection::look;
@@ -22,55 +22,52 @@ use super::connection::Reply;
 use super::history::{History, thin};
 use super::request::{Plots, Request};
 
-/// What a page wants.
+/// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wish {
-    /// To see these signals often: the period in ms, and their numbers.
+    /// Watch signals often: the period in ms, and their numbers.
     Watch(u16, Vec<u16>),
-    /// To change parameters, by their full names.
+    /// Change parameters, by their full names.
     Set(Vec<(String, f32)>),
-    /// What this value of a parameter would do.
+    /// Give the effect of this value of a parameter.
     Advise(String, f32),
-    /// A stop, or disarming.
+    /// Stop or disarm.
     Urge(Urgent),
-    /// Something done: its name, the motor's label, and a speed in rpm.
+    /// Do an action: its name, the motor's label, and a speed in rpm.
     Do(String, String, f32),
-    /// A record to begin, or to end.
+    /// Begin or end a record.
     Record(bool),
 }
 
-/// A wish, and where its answer goes.
+/// A request of a page, and the way back for its answer.
 pub type Asked = (Wish, Sender<Result<Value, String>>);
 
-/// What pages see: written by the one that speaks with the robot.
+/// The data of the pages: written by the thread that talks to the robot.
 #[derive(Default)]
 pub struct Shown {
-    /// The newest values, and those before.
+    /// Values of the last minutes.
     pub history: History,
-    /// The robot's time.
+    /// Time of the robot.
     pub now: Micros,
-    /// All but the values, as JSON.
+    /// All else, as JSON.
     pub state: Arc<str>,
 }
 
 /// A server that runs.
 pub struct Pages {
-    /// Where pages see what there is.
+    /// The data of the pages.
     pub shown: Arc<Mutex<Shown>>,
-    /// What pages want.
+    /// Requests of the pages.
     pub wishes: Receiver<Asked>,
-    /// Where it is, for a browser.
+    /// The address for a browser.
     pub address: String,
 }
 
-/// How long a wish may take.
+/// Time limit of a request.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Pages {
-    /// Begins to serve, on this PC only; port 0 is any that is free.
-    ///
-    /// # Errors
-    /// If the port is taken.
+    /// Begins to serve, on this PC only (port 0: any free one); fails if the port is taken.
     pub fn serve(port: u16) -> Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", port))
             .with_context(|| format!("no page at port {port} of this PC"))?;
@@ -97,7 +94,6 @@ fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Rep
             Some(plots) => ok("application/octet-stream", data(&plots, shown)),
             None => Reply::text(400, Plots::FORM),
         },
-        // Browsers ask for it.
         (false, "/favicon.ico") => ok("image/x-icon", Vec::new()),
         (true, "/wish") => {
             let outcome = wish(&request.body).and_then(|wish| grant(wish, tell));
@@ -117,14 +113,14 @@ fn page() -> String {
         .replace("/*SCRIPT*/", include_str!("page.js"))
 }
 
-/// Points, for each signal asked for: their count, and for each the seconds since `from` and the value, in
-/// 32 bits, little endian. Before all that the robot's time, µs, in 64 bits as a float.
+/// The robot's time, µs, as a 64-bit float; then for each signal the number of its points as 32
+/// bits, and for each point the seconds since `from` and the value as 32-bit floats. Little endian.
 fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
     let mut bytes = (look(shown).now.get() as f64).to_le_bytes().to_vec();
     let mut values = Vec::new();
     for signal in &plots.signals {
         values.clear();
-        // The robot's samples wait for this lock: it is held for one copy at a time.
+        // The robot's samples wait for this lock, so each copy takes it anew.
         look(shown).history.copy(*signal, plots.span, &mut values);
         let points = thin(&values, plots.span, plots.columns);
         bytes.extend((points.len() as u32).to_le_bytes());
@@ -137,7 +133,6 @@ fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
     bytes
 }
 
-/// Reads a wish.
 fn wish(body: &[u8]) -> Result<Wish, String> {
     let value: Value = serde_json::from_slice(body).map_err(|error| error.to_string())?;
     parse(&value).ok_or_else(|| format!("not understood: {value}"))
@@ -160,7 +155,7 @@ fn parse(value: &Value) -> Option<Wish> {
         return Some(Wish::Advise(name, change.get(1)?.as_f64()? as f32));
     }
     if let Some(action) = value.get("do") {
-        // By its label: its number is another one after the next flashing.
+        // By its label: its number may change with the next firmware.
         let motor = value.get("motor").and_then(Value::as_str).unwrap_or_default();
         let speed = value.get("speed").and_then(Value::as_f64).unwrap_or_default() as f32;
         return Some(match action.as_str()? {
@@ -176,7 +171,7 @@ fn grant(wish: Wish, tell: &Sender<Asked>) -> Result<Value, String> {
     let (answer, answered) = channel();
     let is_urgent = matches!(wish, Wish::Urge(_));
     tell.send((wish, answer)).map_err(|_| "rc10 live has ended")?;
-    // Whoever speaks with the robot may be held up: this is told all the same.
+    // The thread that talks to the robot may be held up; a stop must not wait for it to say so.
     let (patience, why) = if is_urgent {
         (Duration::from_micros(NOT_HEARD.get()), "NOT HEARD by the robot yet: it is sent on and on")
     } else {

@@ -1,5 +1,5 @@
-//! slcan: CAN frames as lines of ASCII, as serial adapters speak them and python-can, `SavvyCAN` and
-//! Linux' `slcand` understand them.
+//! slcan: CAN frames as lines of ASCII, as serial adapters, python-can, `SavvyCAN` and Linux'
+//! `slcand` use them.
 //!
 //! | line | what it says | answer |
 //! |---|---|---|
@@ -12,13 +12,13 @@
 //! | `Z0`, `Z1` | received frames without, with a time: milliseconds modulo 60,000, in hex | `\r` |
 //! | | nothing: ends whatever was on the line | `\r` |
 //!
-//! A line ends with `\r`. Frames are received in the form in which they are sent. What cannot be
-//! understood or done is answered with a bell (7) and changes nothing.
+//! A line ends with `\r`. Received frames have the same form as sent ones. A line that is invalid
+//! or cannot be done is answered with a bell (7) and changes nothing.
 //!
 //! Source: Lawicel, CANUSB manual 1.0D, and python-can's `slcan` interface. More tolerant than the
 //! manual: the channel may be opened or closed twice, time stamps switched while it is open, and
-//! without `S` the bit rate is the bus's; bit 31 of an extended identifier says nothing. Not there: `s` (bit timing registers), `M`, `m` (filters),
-//! `P`, `A`, `X` (polling).
+//! without `S` the bit rate is the bus's; bit 31 of an extended identifier is ignored. Missing: `s`
+//! (bit timing registers), `M`, `m` (filters), `P`, `A`, `X` (polling).
 
 pub(crate) mod adapter;
 
@@ -27,21 +27,21 @@ use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 
 pub use crate::formats::slcan::adapter::{Adapter, Channel, Counts, Flow};
 
-/// Ends a line, and says yes.
+/// End of a line; also the answer to a command that was done.
 pub const DONE: u8 = b'\r';
-/// Says no.
+/// Answer to a command that is invalid or was refused.
 pub const BELL: u8 = 7;
 
-/// `SavvyCAN` sets it in the identifiers of extended frames that it sends; it says nothing new.
+/// Bit that `SavvyCAN` sets in the identifiers of extended frames; it is ignored.
 const EXTENDED: u32 = 1 << 31;
 
-/// The longest line: an extended data frame of eight bytes, with its time.
+/// Longest line: an extended data frame of eight bytes, with its time.
 const LONGEST_LINE: usize = 30;
 
 /// A command of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Nothing: an empty line.
+    /// An empty line.
     Nothing,
     /// Opens the channel.
     Open,
@@ -59,7 +59,7 @@ pub enum Command {
     SerialNumber,
     /// Asks for the status flags.
     Status,
-    /// Has received frames with or without a time.
+    /// Switches the times of received frames on or off.
     Times(bool),
 }
 
@@ -67,17 +67,14 @@ pub enum Command {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Malformed;
 
-/// Reads one line, without its end.
+/// Reads one line, without its end; [`Malformed`] if it differs from the table above in any digit.
 ///
 /// ```
-/// use rc10_cli::slcan::{Command, Malformed, parse};
+/// use rc10_cli::formats::slcan::{Command, Malformed, parse};
 /// let Ok(Command::Send(frame)) = parse(b"t20121A2b") else { panic!() };
 /// assert_eq!(frame.to_string(), "201#1A2B");
 /// assert_eq!(parse(b"t20121A2"), Err(Malformed));
 /// ```
-///
-/// # Errors
-/// [`Malformed`] if it is none of the lines above, to the last digit.
 pub fn parse(line: &[u8]) -> Result<Command, Malformed> {
     let command = match line {
         [] => Command::Nothing,
@@ -123,13 +120,12 @@ fn frame(line: &[u8]) -> Option<CanFrame> {
     CanFrame::data_frame(id, data.get(..len)?).ok()
 }
 
-/// Up to eight hex digits, in upper or lower case.
 fn hex(digits: &[u8]) -> Option<u32> {
     let digit = |byte: u8| char::from(byte).to_digit(16);
     digits.iter().try_fold(0, |value, &byte| Some(value << 4 | digit(byte)?))
 }
 
-/// Writes a frame as a line with its end; `millis`: with its time.
+/// Writes a frame as a line with its end, and with the time `millis` if given.
 pub fn write_frame(out: &mut Vec<u8>, frame: &CanFrame, millis: Option<u16>) {
     let letter = match (frame.is_extended_id(), frame.is_remote()) {
         (false, false) => b't',
@@ -152,7 +148,7 @@ fn write_hex(out: &mut Vec<u8>, value: u32, digits: u32) {
     out.extend((0..digits).rev().map(|place| DIGITS[(value >> (4 * place) & 15) as usize]));
 }
 
-/// Cuts a stream of bytes into lines, however it comes in pieces.
+/// Cuts a stream of bytes into lines.
 #[derive(Debug, Default)]
 pub struct Lines {
     line: Vec<u8>,
@@ -160,8 +156,8 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// The commands of the lines that end within `bytes`, in order. Line feeds say nothing: some
-    /// terminals send them after each `\r`.
+    /// The commands of the lines that end within `bytes`. Line feeds, which some terminals send,
+    /// are ignored.
     pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<Command, Malformed>> {
         let mut commands = Vec::new();
         for &byte in bytes {
