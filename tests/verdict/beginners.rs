@@ -70,7 +70,7 @@ const HOMING: HomingConfig = HomingConfig {
     timeout: Seconds::new(4.0),
 };
 
-/// What a beginner does wrong.
+/// The settings of a beginner's robot that may be wrong.
 #[derive(Clone, Copy)]
 struct Beginner {
     weight: f32,

@@ -38,7 +38,7 @@ pub fn plant(name: Name) -> Plant {
     }
 }
 
-/// What hands do, from when on.
+/// The operator's controls, from these times on.
 pub const SCRIPT: [Line; 13] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm: it homes", ARMED),

@@ -263,7 +263,7 @@ fn the_stick_does_not_drive_it_beyond_its_range() {
     });
 }
 
-/// Feeds so many pieces, one at a time.
+/// Feeds this number of pieces, one at a time.
 fn feed(bench: &mut Bench<'_>, pieces: u32) {
     for _ in 0..pieces {
         bench.hands(FEED, 50);

@@ -19,7 +19,7 @@ pub fn plant(name: Name) -> Plant {
     })
 }
 
-/// What hands do: they arm it.
+/// The operator's controls: they arm the robot.
 pub const HANDS: [Line; 2] = [
     Line {
         at: Micros::ZERO,

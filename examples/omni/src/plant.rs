@@ -10,7 +10,7 @@ use rc10_sim::{Base, Nanos, Nonlinear, Serial, World};
 
 use crate::table::{FULL_STICK, Name};
 
-/// Of the robot, kg; our estimate.
+/// Mass of the robot, kg; our estimate.
 pub const MASS: f64 = 12.0;
 
 /// At the output shaft; our estimates. The wheels get theirs from the base.
@@ -29,7 +29,7 @@ pub fn plant(name: Name) -> Plant {
     }
 }
 
-/// Its IMU, on the base.
+/// Puts the robot's IMU on the base.
 ///
 /// # Errors
 /// Without a base.
@@ -39,10 +39,10 @@ pub fn imu(world: &mut World, base: Option<&Base>) -> Result<Serial> {
     Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base, phase)))
 }
 
-/// It begins again after this.
+/// Period of the script.
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
 
-/// What hands do, from when on.
+/// The operator's controls, from these times on.
 pub const SCRIPT: [Line; 12] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),

@@ -42,7 +42,7 @@ fn operated(script: &[Line]) -> Description {
     world
 }
 
-/// What it said last that it does, before a time.
+/// The robot's last activity before a time.
 fn activity(run: &Recording, millis: usize) -> Option<f32> {
     let signal = run.signals.iter().find(|signal| signal.label == "activity").unwrap();
     signal.samples[millis / 10 - 1].map(|cell| cell.max)

@@ -11,7 +11,7 @@ use rc10_tasks::status;
 use crate::table::{BASE, Name, RECEIVER, WHEELS};
 use crate::{Motors, Shared, task};
 
-/// Its description.
+/// The description of the robot.
 #[must_use]
 pub fn description() -> Description {
     Description {
@@ -39,7 +39,7 @@ fn plant(name: Name) -> Plant {
     }
 }
 
-/// What hands do, from when on.
+/// The operator's controls, from these times on.
 const SCRIPT: [Line; 6] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),

@@ -30,7 +30,7 @@ pub fn base() -> Base {
     Base::new(DRIVES, chassis).with_steering(STEERS)
 }
 
-/// What hands do, from when on.
+/// The operator's controls, from these times on.
 pub const SCRIPT: [Line; 8] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),

@@ -537,7 +537,7 @@ mod tests {
         }
     }
 
-    /// As candump prints it on a console.
+    /// Writes a frame as candump prints it on a console.
     fn console(at: Micros, channel: &str, frame: &CanFrame) -> String {
         let text = frame.to_string();
         let id = text.split('#').next().unwrap();

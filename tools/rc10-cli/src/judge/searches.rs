@@ -552,7 +552,7 @@ mod tests {
         problems(recording).into_iter().map(|problem| (problem.kind, problem.text)).collect()
     }
 
-    /// What is found with these faults.
+    /// The problems that are found with these faults.
     fn found(faults: &[&str], seen: impl Fn(u64) -> (Link, u32)) -> Vec<(&'static str, String)> {
         let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
         told(&Recording { faults, ..recorded(seen) })

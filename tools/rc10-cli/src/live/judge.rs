@@ -195,7 +195,7 @@ mod tests {
         test(&mut Judge::new(&kit), topics);
     }
 
-    /// What the robot has beside what is the team's.
+    /// The parts of a test robot that differ from the team's.
     struct Crane(Mechanism);
 
     impl Live for Crane {
@@ -211,7 +211,7 @@ mod tests {
         Topic { name, label, folder, often: group == 1, group, signals: vec![(0, signal)] }
     }
 
-    /// All motors are heard at this millisecond, and were lost so many times.
+    /// All motors are heard at this millisecond, and were lost this number of times.
     fn tell(judge: &mut Judge<'_>, topics: &[Topic], at: u64, lost: u8, arm: ArmState) {
         let value = |name: &str| match name {
             "link" => 1.0,

@@ -144,7 +144,7 @@ mod tests {
 
     use super::*;
 
-    /// The signals of a robot with so many motors.
+    /// The signals of a robot with this number of motors.
     fn signals(motors: usize) -> Vec<(u16, Signal)> {
         let one = |folder: &str, label: String, name: &str| Signal {
             folder: folder.into(),

@@ -58,12 +58,12 @@ seen!(RobotLook {
 /// A message of one number.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Single {
-    /// The number; NaN while it has no value.
+    /// The number; NaN without a value.
     pub value: f64,
 }
 
 seen!(Single {
-    value: "", "NaN while there is none" => .value;
+    value: "", "NaN without a value" => .value;
 });
 
 /// The line of a schema for a number: name, unit, description, and the numbers of states.

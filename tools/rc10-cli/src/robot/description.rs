@@ -252,6 +252,9 @@ mod tests {
         assert!(labelled(gains.into()).starts_with(
             "M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative\n      bus 1: "
         ));
-        assert_eq!(labelled(anyhow!("M3508 id 12 is none of them")), "M3508 id 12 is none of them");
+        assert_eq!(
+            labelled(anyhow!("M3508 id 12 is not one of them")),
+            "M3508 id 12 is not one of them"
+        );
     }
 }
