@@ -2,7 +2,7 @@
 
 use rc10_can::Micros;
 use rc10_cli::Plant;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::remote::{Controls, Switch};
 
 use crate::table::Name;
@@ -20,11 +20,11 @@ pub fn plant(name: Name) -> Plant {
 }
 
 /// The operator's controls: they arm the robot.
-pub const HANDS: [Line; 2] = [
-    Line {
+pub const HANDS: [ScriptLine; 2] = [
+    ScriptLine {
         at: Micros::ZERO,
         label: "switches down",
         controls: Controls { right_switch: Switch::Down, ..Controls::REST },
     },
-    Line { at: Micros::from_millis(100), label: "arm", controls: Controls::REST },
+    ScriptLine { at: Micros::from_millis(100), label: "arm", controls: Controls::REST },
 ];

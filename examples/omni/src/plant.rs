@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use rc10_can::Micros;
 use rc10_cli::Plant;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Base, Nanos, Nonlinear, Serial, World};
@@ -43,7 +43,7 @@ pub fn imu(world: &mut World, base: Option<&Base>) -> Result<Serial> {
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
 
 /// The operator's controls, from these times on.
-pub const SCRIPT: [Line; 12] = [
+pub const SCRIPT: [ScriptLine; 12] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", Controls { left: stick(0.0, 1.0), ..ARMED }),
@@ -70,8 +70,8 @@ const SHOOTING: Controls = Controls { left_switch: Switch::Up, dial: 0.5, ..ARME
 
 /// A line of a script, for a world of one's own.
 #[must_use]
-pub const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+pub const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }
 
 /// A stick: to the side and away: m/s for the left stick; rad/s and degrees per second for the right one.

@@ -2,7 +2,7 @@
 
 use rc10_can::Micros;
 use rc10_cli::robot::base::Base;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::build::build_firmware_in;
 use rc10_cli::{Description, Plant, RemoteControl, Robot};
 use rc10_sim::remote::{Controls, Stick, Switch};
@@ -40,7 +40,7 @@ fn plant(name: Name) -> Plant {
 }
 
 /// The operator's controls, from these times on.
-const SCRIPT: [Line; 6] = [
+const SCRIPT: [ScriptLine; 6] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", Controls { left: Stick { x: 0.0, y: 0.6 }, ..ARMED }),
@@ -54,6 +54,6 @@ const ARMED: Controls = Controls::REST;
 /// Counter-clockwise.
 const SPIN: Stick = Stick { x: -0.5, y: 0.0 };
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }

@@ -1,7 +1,7 @@
 //! What is on the motors' shafts, and what hands do with the remote.
 
 use rc10_can::Micros;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::{Base, Plant};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Chassis, Steering, Wheel};
@@ -31,7 +31,7 @@ pub fn base() -> Base {
 }
 
 /// The operator's controls, from these times on.
-pub const SCRIPT: [Line; 8] = [
+pub const SCRIPT: [ScriptLine; 8] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", moves(1.0, 0.0, 0.0)),
@@ -45,8 +45,8 @@ pub const SCRIPT: [Line; 8] = [
 /// Armed, sticks let go.
 const ARMED: Controls = Controls::REST;
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }
 
 /// Forward and to the left, m/s; counter-clockwise, rad/s.

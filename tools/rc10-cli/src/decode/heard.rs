@@ -10,7 +10,7 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::{DriveMode, MotorStatus, TargetKind};
 
 use super::{BusOfChannel, Decoder, Summary, excerpt, known_on, unreadable};
-use crate::formats::candump::{Line, Numbered, Reader};
+use crate::formats::candump::{CandumpLine, Numbered, Reader};
 use crate::record::recorder::Recorder;
 use crate::recording::Recording;
 use crate::recording::look::{BusLook, Moment, MotorLook};
@@ -27,7 +27,7 @@ const A_DAY: Micros = Micros::from_millis(86_400_000);
 const MOST_TOLD: u64 = 10;
 const WINDOW: Micros = Micros::from_millis(100);
 
-struct Heard {
+struct CapturedFrame {
     at: Micros,
     bus: u8,
     frame: CanFrame,
@@ -74,7 +74,7 @@ pub(crate) fn hear(
             let Some(at) = line.at else {
                 bail!("{named}: line {number} has no time: write the log with candump -l or -ta");
             };
-            heard.push(Heard { at, bus, frame: line.frame });
+            heard.push(CapturedFrame { at, bus, frame: line.frame });
         }
     }
     if broken > MOST_TOLD {
@@ -101,7 +101,7 @@ pub(crate) fn hear(
 fn record(
     robot: &Description,
     decoder: &mut Decoder<'_, '_>,
-    heard: &[Heard],
+    heard: &[CapturedFrame],
     last: Micros,
 ) -> Result<Recording> {
     // Whole milliseconds, up to the last frame's effect.
@@ -112,9 +112,9 @@ fn record(
     let mut now = Micros::ZERO;
     while now < length {
         now += LOOK_PERIOD;
-        while let Some(Heard { at, bus, frame }) = rest.next_if(|heard| heard.at <= now) {
+        while let Some(CapturedFrame { at, bus, frame }) = rest.next_if(|heard| heard.at <= now) {
             traffic[usize::from(*bus) - 1].add(*at, frame);
-            let line = Line { at: Some(*at), channel: "", frame: *frame, direction: None };
+            let line = CandumpLine { at: Some(*at), channel: "", frame: *frame, direction: None };
             decoder.decode(*bus, &line);
         }
         let status = |entry: usize| {

@@ -14,7 +14,7 @@ use rc10_motor::dji::{Model, RawFeedback};
 use rc10_motor::signals::{Marks, Message};
 use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus, dji};
 
-use crate::formats::candump::Line;
+use crate::formats::candump::CandumpLine;
 use crate::robot::description::Description;
 use crate::robot::motor::Motor;
 
@@ -112,7 +112,7 @@ const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dj
 
 impl<'d> Decoder<'d, '_> {
     /// The meaning of a frame on a bus; the first bus is 1.
-    pub(crate) fn decode(&mut self, bus: u8, line: &Line<'_>) -> Meaning<'d> {
+    pub(crate) fn decode(&mut self, bus: u8, line: &CandumpLine<'_>) -> Meaning<'d> {
         let frame = &line.frame;
         let at = line.at.unwrap_or(self.newest);
         self.newest = at;
@@ -300,7 +300,7 @@ impl Summary {
     pub(crate) fn count<'d>(
         &mut self,
         decoder: &mut Decoder<'d, '_>,
-        line: &Line<'_>,
+        line: &CandumpLine<'_>,
     ) -> Option<(u8, Meaning<'d>)> {
         let channel = self.channels.get_mut(line.channel)?;
         self.frames += 1;

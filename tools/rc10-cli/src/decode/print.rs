@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
 use crate::formats::candump;
-use crate::formats::candump::{Line, SecondsOf};
+use crate::formats::candump::{CandumpLine, SecondsOf};
 use crate::robot::description::Description;
 use crate::robot::motor::Motor;
 
@@ -39,7 +39,7 @@ impl<'o> Printer<'o> {
     pub(crate) fn frame(
         &mut self,
         number: u64,
-        line: &Line<'_>,
+        line: &CandumpLine<'_>,
         bus: u8,
         meaning: &Meaning<'_>,
     ) -> io::Result<()> {
@@ -157,7 +157,7 @@ fn signal_text((signal, value, name): (&Signal, f64, Option<&'static str>)) -> S
     }
 }
 
-fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
+fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> String {
     let at = line.at.map_or_else(|| "-".to_owned(), |at| SecondsOf(at).to_string());
     let start = format!("{at:>17}  {:<5}", line.channel);
     match meaning {
@@ -202,7 +202,7 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
 }
 
 /// The error of a frame, with figures that a motor on the chip does not keep.
-fn reason(line: &Line<'_>, motor: Option<&Motor>, error: FrameError) -> String {
+fn reason(line: &CandumpLine<'_>, motor: Option<&Motor>, error: FrameError) -> String {
     match error {
         // All frames of DJI motors have eight.
         FrameError::Length if motor.is_none_or(|motor| motor.dji().is_some()) => {
@@ -221,7 +221,7 @@ fn lane_text(lane: &Lane<'_>) -> String {
     format!("{} {:>7.3} {unit}{beyond}", motor.label, rounded(value, 3))
 }
 
-fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value {
+fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -> Value {
     let direction = line.direction.map(|direction| match direction {
         candump::Direction::Received => "received",
         candump::Direction::Sent => "sent",

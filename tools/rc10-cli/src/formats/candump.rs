@@ -25,7 +25,7 @@ const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// One frame of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Line<'t> {
+pub struct CandumpLine<'t> {
     /// Time of the frame, if the line has one; with `candump -td` the time since the line before.
     pub at: Option<Micros>,
     /// Interface of the frame, such as `can0`.
@@ -137,7 +137,7 @@ impl std::error::Error for LineError {}
 ///
 /// # Errors
 /// [`LineError`]: what is wrong with it.
-pub fn parse(text: &str) -> Result<Option<Line<'_>>, LineError> {
+pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, LineError> {
     let mut rest = text.trim();
     if rest.is_empty() || rest.starts_with('#') {
         return Ok(None);
@@ -175,7 +175,7 @@ pub fn parse(text: &str) -> Result<Option<Line<'_>>, LineError> {
             frame
         }
     };
-    Ok(Some(Line { at, channel, frame, direction }))
+    Ok(Some(CandumpLine { at, channel, frame, direction }))
 }
 
 fn word<'t>(rest: &mut &'t str) -> Option<&'t str> {
@@ -328,7 +328,7 @@ pub struct Numbered<'t> {
     /// The text of the line, or its beginning if it is too long, with bad bytes replaced.
     pub text: &'t str,
     /// The frame of the line, or the error in it; `None` for a line without a frame.
-    pub line: Result<Option<Line<'t>>, LineError>,
+    pub line: Result<Option<CandumpLine<'t>>, LineError>,
 }
 
 impl<R: BufRead> Reader<R> {
@@ -551,7 +551,7 @@ mod tests {
         let mut numbers = Numbers(1);
         for _ in 0..5000 {
             let (at, frame) = (Micros::new(numbers.below(1 << 48)), numbers.frame());
-            let expected = Line { at: Some(at), channel: "can2", frame, direction: None };
+            let expected = CandumpLine { at: Some(at), channel: "can2", frame, direction: None };
             let mut file = String::new();
             write_line(&mut file, at, "can2", &frame).unwrap();
             assert_eq!(parse(&file), Ok(Some(expected)), "{file}");

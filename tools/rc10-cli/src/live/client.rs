@@ -83,7 +83,7 @@ pub const NOT_HEARD: Micros = Micros::from_millis(150);
 
 /// A stop or disarming that is sent until it is answered.
 #[derive(Clone, Copy, Debug)]
-struct Pressed {
+struct UrgentRequest {
     what: Urgent,
     id: u16,
     since: Micros,
@@ -118,7 +118,7 @@ pub struct Client {
     out: Vec<u8>,
     /// Sent before `out`.
     first: Vec<u8>,
-    pressed: Vec<Pressed>,
+    urgent: Vec<UrgentRequest>,
     greeted: Option<Micros>,
     hellos: u32,
     heard: Option<Micros>,
@@ -222,7 +222,7 @@ impl Client {
             stream: Stream::new(FromRobot),
             out: Vec::new(),
             first: Vec::new(),
-            pressed: Vec::new(),
+            urgent: Vec::new(),
             greeted: None,
             hellos: 0,
             heard: None,
@@ -356,18 +356,18 @@ impl Client {
     /// Requests a stop or disarming of any robot, known or not: sent every 20 ms, before everything
     /// else, until it is confirmed. Returns the number for [`answer`](Self::answer).
     pub fn urge(&mut self, what: Urgent, now: Micros) -> u16 {
-        if let Some(pressed) = self.pressed.iter().find(|it| it.what == what) {
-            return pressed.id;
+        if let Some(urgent) = self.urgent.iter().find(|it| it.what == what) {
+            return urgent.id;
         }
         let id = self.id();
-        self.pressed.push(Pressed { what, id, since: now, sent: None });
+        self.urgent.push(UrgentRequest { what, id, since: now, sent: None });
         id
     }
 
     /// Progress of a stop or disarming; `None` if it was not requested or is done.
     #[must_use]
     pub fn urgency(&self, what: Urgent, now: Micros) -> Option<Urgency> {
-        let age = now.since(self.pressed.iter().find(|it| it.what == what)?.since);
+        let age = now.since(self.urgent.iter().find(|it| it.what == what)?.since);
         Some(if age < NOT_HEARD { Urgency::Sent } else { Urgency::NotHeard })
     }
 
@@ -390,7 +390,7 @@ impl Client {
 
     /// Asks for what is missing, if it is time.
     pub fn step(&mut self, now: Micros) {
-        for Pressed { what, id, sent, .. } in &mut self.pressed {
+        for UrgentRequest { what, id, sent, .. } in &mut self.urgent {
             if sent.is_none_or(|sent| now.since(sent) >= URGE) {
                 *sent = Some(now);
                 self.first.extend(frame(&Ask::Urge { id: *id, what: *what }));
@@ -526,7 +526,7 @@ impl Client {
                     }
                     _ => Answer::Refused("for a reason that this program does not know".into()),
                 };
-                self.pressed.retain(|it| it.id != id || answer != Answer::Done);
+                self.urgent.retain(|it| it.id != id || answer != Answer::Done);
                 // Other answers are for another program on the same line.
                 if self.asked.remove(&id) {
                     self.answers.insert(id, answer);

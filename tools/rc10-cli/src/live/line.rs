@@ -17,7 +17,7 @@ pub trait Source {
 }
 
 /// A connection to a robot, and its name for people.
-pub struct Way<'r> {
+pub struct RobotConnection<'r> {
     /// The line.
     pub source: Box<dyn Source + 'r>,
     /// Name of the connection.

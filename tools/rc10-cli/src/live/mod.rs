@@ -26,7 +26,7 @@ pub(crate) mod session;
 pub(crate) mod source;
 pub(crate) mod viewers;
 
-pub use crate::live::line::{Source, Way};
+pub use crate::live::line::{RobotConnection, Source};
 pub use crate::live::source::{PlaceArgs, SourceArgs};
 pub use crate::world::console::BAUD;
 pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame};
@@ -39,6 +39,6 @@ pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};
 pub use rc10_link::{Action, Urgent};
 pub use record::LiveRecord;
-pub use server::{Pages, Shown, Wish};
+pub use server::{PageRequest, Pages, Shown};
 pub use session::{Session, full_name};
 pub use viewers::{ViewerArgs, Viewers, signal_name};

@@ -16,7 +16,7 @@ use super::connection::look;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
 use super::record::{LiveRecord, RESTART, room, tell_leftovers};
-use super::server::{Asked, Pages, Wish};
+use super::server::{PageRequest, Pages, PendingRequest};
 use super::session::{Session, full_name};
 use super::source::PlaceArgs;
 use super::viewers::{ViewerArgs, Viewers};
@@ -69,7 +69,7 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     }
     writeln!(out, "live  {}\n{}; Ctrl-C ends it", pages.address, session.name())?;
     out.flush()?;
-    let mut show = Show {
+    let mut live = LivePage {
         session,
         pages,
         folder: args.out.clone(),
@@ -85,17 +85,17 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         chosen: (OFTEN, Vec::new()),
         met: false,
         viewers,
-        told: None,
+        state_at: None,
     };
     tell_leftovers(&args.out);
     let mut outcome = Ok(());
     while outcome.is_ok() && !stop.load(Ordering::Relaxed) {
-        outcome = show.step();
-        if args.seconds.is_some_and(|end| show.session.now() >= end) {
+        outcome = live.step();
+        if args.seconds.is_some_and(|end| live.session.now() >= end) {
             break;
         }
     }
-    let Some((record, path)) = show.record.take() else { return outcome };
+    let Some((record, path)) = live.record.take() else { return outcome };
     record.finish(outcome)?;
     writeln!(out, "record  {}", path.display())?;
     Ok(())
@@ -112,7 +112,7 @@ fn tenths(rpm: f32) -> i16 {
 }
 
 /// The session with the robot, and the pages that show it.
-struct Show<'r, 'k> {
+struct LivePage<'r, 'k> {
     session: Session<'r>,
     pages: Pages,
     folder: PathBuf,
@@ -133,14 +133,14 @@ struct Show<'r, 'k> {
     /// Whether the robot has described itself and is watched.
     met: bool,
     viewers: Viewers,
-    told: Option<Micros>,
+    state_at: Option<Micros>,
 }
 
-impl Show<'_, '_> {
+impl LivePage<'_, '_> {
     fn step(&mut self) -> Result<()> {
         // First, so that a stop goes out with these bytes.
-        while let Ok(asked) = self.pages.wishes.try_recv() {
-            self.grant(asked);
+        while let Ok(request) = self.pages.requests.try_recv() {
+            self.handle(request);
         }
         self.session.step()?;
         self.answer();
@@ -171,7 +171,7 @@ impl Show<'_, '_> {
         }
         // Pages ask five times a second: every step would be too often.
         let now = self.session.now();
-        let is_due = self.told.is_none_or(|told| now.since(told) >= TELL);
+        let is_due = self.state_at.is_none_or(|at| now.since(at) >= TELL);
         let state = is_due.then(|| self.state().to_string().into());
         let mut shown = look(&self.pages.shown);
         for sample in &samples {
@@ -185,7 +185,7 @@ impl Show<'_, '_> {
             }
         }
         if let Some(state) = state {
-            (shown.state, self.told) = (state, Some(now));
+            (shown.state, self.state_at) = (state, Some(now));
         }
         Ok(())
     }
@@ -208,30 +208,30 @@ impl Show<'_, '_> {
         });
     }
 
-    fn grant(&mut self, (wish, tell): Asked) {
+    fn handle(&mut self, (request, tell): PendingRequest) {
         let now = self.session.now();
-        let asked = match wish {
-            Wish::Watch(period, signals) => {
+        let sent = match request {
+            PageRequest::Watch(period, signals) => {
                 self.chosen = (period, signals);
                 let count = self.choose();
                 let _ = tell.send(Ok(count.into()));
                 return;
             }
-            Wish::Record(on) => {
+            PageRequest::Record(on) => {
                 let _ = tell.send(self.switch_record(on).map_err(|error| format!("{error:#}")));
                 return;
             }
-            Wish::Advise(name, value) => {
+            PageRequest::Advise(name, value) => {
                 let _ = tell.send(self.advise(&name, value).map_err(|error| format!("{error:#}")));
                 return;
             }
-            Wish::Urge(what) => Ok(self.session.client.urge(what, now)),
-            Wish::Set(wanted) => self.may_ask().and_then(|()| self.set(wanted)),
-            Wish::Do(action, label, speed) => {
+            PageRequest::Urge(what) => Ok(self.session.client.urge(what, now)),
+            PageRequest::Set(wanted) => self.may_ask().and_then(|()| self.set(wanted)),
+            PageRequest::Do(action, label, speed) => {
                 self.may_ask().and_then(|()| self.act(&action, &label, speed))
             }
         };
-        match asked {
+        match sent {
             Ok(id) => self.waiting.push((id, now, tell)),
             Err(why) => drop(tell.send(Err(format!("{why:#}")))),
         }

@@ -24,7 +24,7 @@ use super::request::{Plots, Request};
 
 /// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Wish {
+pub enum PageRequest {
     /// Watch signals often: the period in ms, and their numbers.
     Watch(u16, Vec<u16>),
     /// Change parameters, by their full names.
@@ -40,7 +40,7 @@ pub enum Wish {
 }
 
 /// A request of a page, and the way back for its answer.
-pub type Asked = (Wish, Sender<Result<Value, String>>);
+pub type PendingRequest = (PageRequest, Sender<Result<Value, String>>);
 
 /// The data of the pages: written by the thread that talks to the robot.
 #[derive(Default)]
@@ -58,7 +58,7 @@ pub struct Pages {
     /// The data of the pages.
     pub shown: Arc<Mutex<Shown>>,
     /// Requests of the pages.
-    pub wishes: Receiver<Asked>,
+    pub requests: Receiver<PendingRequest>,
     /// The address for a browser.
     pub address: String,
 }
@@ -73,15 +73,15 @@ impl Pages {
             .with_context(|| format!("no page at port {port} of this PC"))?;
         let address = listener.local_addr()?;
         let shown = Arc::new(Mutex::new(Shown { state: "null".into(), ..Shown::default() }));
-        let (tell, wishes) = channel();
+        let (queue, requests) = channel();
         let seen = Arc::clone(&shown);
-        let answer = move |request: &Request| respond(request, &seen, &tell);
+        let answer = move |request: &Request| respond(request, &seen, &queue);
         thread::spawn(move || connection::serve(&listener, address.port(), answer));
-        Ok(Self { shown, wishes, address: format!("http://{address}/") })
+        Ok(Self { shown, requests, address: format!("http://{address}/") })
     }
 }
 
-fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Reply {
+fn respond(request: &Request, shown: &Mutex<Shown>, queue: &Sender<PendingRequest>) -> Reply {
     let ok = |kind, body| Reply { status: 200, kind, body };
     let (path, query) = request.target.split_once('?').unwrap_or((&request.target, ""));
     match (request.is_post, path) {
@@ -96,7 +96,7 @@ fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Rep
         },
         (false, "/favicon.ico") => ok("image/x-icon", Vec::new()),
         (true, "/wish") => {
-            let outcome = wish(&request.body).and_then(|wish| grant(wish, tell));
+            let outcome = read_request(&request.body).and_then(|it| forward(it, queue));
             let (status, body) = match outcome {
                 Ok(value) => (200, json!({ "ok": value })),
                 Err(why) => (409, json!({ "refused": why })),
@@ -133,44 +133,46 @@ fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
     bytes
 }
 
-fn wish(body: &[u8]) -> Result<Wish, String> {
+fn read_request(body: &[u8]) -> Result<PageRequest, String> {
     let value: Value = serde_json::from_slice(body).map_err(|error| error.to_string())?;
     parse(&value).ok_or_else(|| format!("not understood: {value}"))
 }
 
-fn parse(value: &Value) -> Option<Wish> {
+fn parse(value: &Value) -> Option<PageRequest> {
     let short = |value: &Value| u16::try_from(value.as_u64()?).ok();
     if let Some(signals) = value.get("watch") {
         let signals: Option<Vec<u16>> = signals.as_array()?.iter().map(short).collect();
-        return Some(Wish::Watch(short(value.get("period")?)?, signals?));
+        return Some(PageRequest::Watch(short(value.get("period")?)?, signals?));
     }
     if let Some(changes) = value.get("set") {
         let change = |change: &Value| {
             Some((change.get(0)?.as_str()?.to_owned(), change.get(1)?.as_f64()? as f32))
         };
-        return Some(Wish::Set(changes.as_array()?.iter().map(change).collect::<Option<_>>()?));
+        return Some(PageRequest::Set(
+            changes.as_array()?.iter().map(change).collect::<Option<_>>()?,
+        ));
     }
     if let Some(change) = value.get("advise") {
         let name = change.get(0)?.as_str()?.to_owned();
-        return Some(Wish::Advise(name, change.get(1)?.as_f64()? as f32));
+        return Some(PageRequest::Advise(name, change.get(1)?.as_f64()? as f32));
     }
     if let Some(action) = value.get("do") {
         // By its label: its number may change with the next firmware.
         let motor = value.get("motor").and_then(Value::as_str).unwrap_or_default();
         let speed = value.get("speed").and_then(Value::as_f64).unwrap_or_default() as f32;
         return Some(match action.as_str()? {
-            "stop" => Wish::Urge(Urgent::Stop),
-            "disarm" => Wish::Urge(Urgent::Disarm),
-            action => Wish::Do(action.into(), motor.into(), speed),
+            "stop" => PageRequest::Urge(Urgent::Stop),
+            "disarm" => PageRequest::Urge(Urgent::Disarm),
+            action => PageRequest::Do(action.into(), motor.into(), speed),
         });
     }
-    Some(Wish::Record(value.get("record")?.as_bool()?))
+    Some(PageRequest::Record(value.get("record")?.as_bool()?))
 }
 
-fn grant(wish: Wish, tell: &Sender<Asked>) -> Result<Value, String> {
+fn forward(request: PageRequest, queue: &Sender<PendingRequest>) -> Result<Value, String> {
     let (answer, answered) = channel();
-    let is_urgent = matches!(wish, Wish::Urge(_));
-    tell.send((wish, answer)).map_err(|_| "rc10 live has ended")?;
+    let is_urgent = matches!(request, PageRequest::Urge(_));
+    queue.send((request, answer)).map_err(|_| "rc10 live has ended")?;
     // The thread that talks to the robot may be held up; a stop must not wait for it to say so.
     let (patience, why) = if is_urgent {
         (Duration::from_micros(NOT_HEARD.get()), "NOT HEARD by the robot yet: it is sent on and on")
@@ -185,15 +187,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wishes_are_read_or_refused() {
+    fn requests_are_read_or_refused() {
         let read = |text: &str| parse(&serde_json::from_str(text).unwrap());
         let change = ("arm.speed_kp".to_owned(), 0.5);
-        assert_eq!(read(r#"{"set":[["arm.speed_kp",0.5]]}"#), Some(Wish::Set(vec![change])));
-        assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(Wish::Watch(5, vec![1, 2])));
-        let zero = Wish::Do("zero".into(), "arm".into(), 0.0);
+        assert_eq!(read(r#"{"set":[["arm.speed_kp",0.5]]}"#), Some(PageRequest::Set(vec![change])));
+        assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(PageRequest::Watch(5, vec![1, 2])));
+        let zero = PageRequest::Do("zero".into(), "arm".into(), 0.0);
         assert_eq!(read(r#"{"do":"zero","motor":"arm"}"#), Some(zero));
-        assert_eq!(read(r#"{"do":"stop"}"#), Some(Wish::Urge(Urgent::Stop)));
-        assert_eq!(read(r#"{"record":true}"#), Some(Wish::Record(true)));
+        assert_eq!(read(r#"{"do":"stop"}"#), Some(PageRequest::Urge(Urgent::Stop)));
+        assert_eq!(read(r#"{"record":true}"#), Some(PageRequest::Record(true)));
         for bad in ["{}", "[]", r#"{"set":[[3,1]]}"#, r#"{"set":[[1,null]]}"#, r#"{"do":3}"#] {
             assert_eq!(read(bad), None, "{bad}");
         }

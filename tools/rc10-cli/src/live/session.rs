@@ -11,11 +11,11 @@ use rc10_can::Micros;
 use rc10_link::VERSION;
 
 use super::client::{Answer, Client, Parameter};
-use crate::live::line::Way;
+use crate::live::line::RobotConnection;
 
 /// A client, and its connection to a robot.
 pub struct Session<'r> {
-    way: Way<'r>,
+    connection: RobotConnection<'r>,
     /// The client.
     pub client: Client,
     now: Micros,
@@ -28,16 +28,16 @@ const PATIENCE: Micros = Micros::from_millis(5000);
 impl<'r> Session<'r> {
     /// Creates a session on an open connection.
     #[must_use]
-    pub fn new(way: Way<'r>) -> Self {
+    pub fn new(connection: RobotConnection<'r>) -> Self {
         // Another program may use a real line, too, and must not take our answers for its own.
-        let first = if way.is_real { RandomState::new().hash_one(0) as u16 } else { 0 };
-        Self { way, client: Client::with_first_id(first), now: Micros::ZERO, heard: 0 }
+        let first = if connection.is_real { RandomState::new().hash_one(0) as u16 } else { 0 };
+        Self { connection, client: Client::with_first_id(first), now: Micros::ZERO, heard: 0 }
     }
 
     /// Name of the connection.
     #[must_use]
     pub fn name(&self) -> &str {
-        &self.way.name
+        &self.connection.name
     }
 
     /// The time on the line.
@@ -49,7 +49,7 @@ impl<'r> Session<'r> {
     /// Sends and receives, for a few milliseconds; fails if the line has ended.
     pub fn step(&mut self) -> Result<()> {
         self.client.step(self.now);
-        let (bytes, now) = self.way.source.exchange(&self.client.take_out())?;
+        let (bytes, now) = self.connection.source.exchange(&self.client.take_out())?;
         self.heard += bytes.len() as u64;
         self.now = now;
         self.client.hear(&bytes, now);
@@ -59,7 +59,7 @@ impl<'r> Session<'r> {
     /// Why the robot is not heard; `None` if it is.
     #[must_use]
     pub fn trouble(&self) -> Option<String> {
-        if let Some(trouble) = self.way.source.trouble() {
+        if let Some(trouble) = self.connection.source.trouble() {
             return Some(trouble.to_owned());
         }
         if self.client.is_up(self.now) {
@@ -85,7 +85,7 @@ impl<'r> Session<'r> {
     /// Runs until the robot has described itself; fails if it does not.
     pub fn meet(&mut self) -> Result<()> {
         self.until(|client| client.is_described().then_some(()))
-            .with_context(|| format!("{}: no robot", self.way.name))
+            .with_context(|| format!("{}: no robot", self.connection.name))
     }
 
     fn until<T>(&mut self, mut look: impl FnMut(&mut Client) -> Option<T>) -> Result<T> {
@@ -167,8 +167,10 @@ mod tests {
     /// The simulated robot has one program, and one run of it is as the other.
     #[test]
     fn questions_are_counted_from_a_number_by_chance_where_others_may_speak() {
-        let first = |way| Session::new(way).client.act(Action::Zero(0));
-        let of = |is_real| first(Way { source: Box::new(Nowhere), name: String::new(), is_real });
+        let first = |connection| Session::new(connection).client.act(Action::Zero(0));
+        let of = |is_real| {
+            first(RobotConnection { source: Box::new(Nowhere), name: String::new(), is_real })
+        };
         assert_ne!([of(true), of(true), of(true), of(true)], [1; 4]);
         assert_eq!([of(false), of(false)], [1; 2]);
         let ports = rc10_robot::Ports::new();

@@ -13,9 +13,9 @@ use rc10_can::Micros;
 use rc10_sim::{Faults, Tasks};
 
 use crate::args::{Injected, seed};
-use crate::live::line::{Source, Way};
+use crate::live::line::{RobotConnection, Source};
 use crate::run::emulation::{Emulation, Setup};
-use crate::world::console::{BAUD, Line};
+use crate::world::console::{BAUD, ConsoleLine};
 use crate::world::environment::{Environment, rounded_up};
 use crate::world::robot::Robot;
 
@@ -75,16 +75,20 @@ impl SourceArgs {
     ///
     /// # Errors
     /// If it cannot be opened: why, and what helps.
-    pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<Way<'r>> {
+    pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<RobotConnection<'r>> {
         if self.sim {
             let source = Box::new(Paced::new(Simulated::new(robot, self)?, paced));
-            return Ok(Way { source, name: "the simulated robot".into(), is_real: false });
+            return Ok(RobotConnection {
+                source,
+                name: "the simulated robot".into(),
+                is_real: false,
+            });
         }
         if let Some(elf) = &self.emu {
             let (emulated, path) = Emulated::new(robot, elf.clone(), self)?;
             let name = format!("{} on the emulated chip", path.display());
             let source = Box::new(Paced::new(emulated, paced));
-            return Ok(Way { source, name, is_real: false });
+            return Ok(RobotConnection { source, name, is_real: false });
         }
         ensure!(
             self.injected.is_empty(),
@@ -100,7 +104,7 @@ impl SourceArgs {
             None => serial(&port, baud),
         };
         let source = Box::new(Wire::new(open)?);
-        Ok(Way { source, name, is_real: true })
+        Ok(RobotConnection { source, name, is_real: true })
     }
 }
 
@@ -118,7 +122,7 @@ fn only_port() -> Result<String> {
 /// Something that runs in virtual time, with a line to its console.
 trait World {
     fn now(&self) -> Micros;
-    fn line(&self) -> &Line;
+    fn line(&self) -> &ConsoleLine;
     fn run(&mut self, until: Micros) -> Result<()>;
 }
 
@@ -126,7 +130,7 @@ struct Simulated<'r> {
     around: Environment,
     tasks: Tasks<'r>,
     faults: Faults,
-    line: Line,
+    line: ConsoleLine,
 }
 
 impl<'r> Simulated<'r> {
@@ -135,7 +139,7 @@ impl<'r> Simulated<'r> {
         robot.fit(false)?;
         ensure!(robot.has_console(), "this robot has no console in the simulator: see Robot::live");
         let mut around = Environment::new(robot.description(), args.seed)?;
-        let line = Line::new(&mut around.world, args.baud_of(&robot));
+        let line = ConsoleLine::new(&mut around.world, args.baud_of(&robot));
         around.console = Some(line.clone());
         let faults = around.faults(robot.description())?;
         let tasks = robot.tasks(&around)?;
@@ -147,7 +151,7 @@ impl World for Simulated<'_> {
     fn now(&self) -> Micros {
         self.around.world.now()
     }
-    fn line(&self) -> &Line {
+    fn line(&self) -> &ConsoleLine {
         &self.line
     }
     fn run(&mut self, until: Micros) -> Result<()> {
@@ -167,7 +171,7 @@ impl World for Simulated<'_> {
 
 struct Emulated<'r> {
     emulation: Emulation<'r>,
-    line: Line,
+    line: ConsoleLine,
 }
 
 impl<'r> Emulated<'r> {
@@ -197,7 +201,7 @@ impl World for Emulated<'_> {
     fn now(&self) -> Micros {
         self.emulation.rig.machine.now().micros()
     }
-    fn line(&self) -> &Line {
+    fn line(&self) -> &ConsoleLine {
         &self.line
     }
     fn run(&mut self, until: Micros) -> Result<()> {

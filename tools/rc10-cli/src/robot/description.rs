@@ -11,7 +11,7 @@ use rc10_sim::{Fault, Serial, World};
 use crate::robot::base::Base;
 use crate::robot::mistake::Mistake;
 use crate::robot::motor::{Motor, Place, Plant};
-use crate::robot::remote::{Line, Lost, RemoteControl};
+use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
 use crate::robot::script::{Event, Script};
 
 /// A robot before it runs: its motors, buses, base, remote and script.
@@ -135,7 +135,7 @@ impl Description {
     pub fn events(&self, end: Micros) -> Vec<Event> {
         let mut events = self.script.until(end);
         if let Some(remote) = &self.remote {
-            let line = |line: &Line| Event { at: line.at, label: line.label };
+            let line = |line: &ScriptLine| Event { at: line.at, label: line.label };
             let script = Script {
                 events: remote.script.iter().map(line).collect(),
                 repeats_after: remote.repeats_after,

@@ -3,13 +3,13 @@
 use rc10_can::Micros;
 use rc10_sim::remote::Remote;
 
-use crate::robot::remote::{Line, Lost, RemoteControl};
+use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
 
 /// The operator of a remote, who follows a script to the microsecond.
 #[derive(Clone, Debug)]
 pub struct Operator {
     remote: Remote,
-    script: Vec<Line>,
+    script: Vec<ScriptLine>,
     repeats_after: Option<Micros>,
     /// The next line of the script, and the begin of its round.
     line: usize,

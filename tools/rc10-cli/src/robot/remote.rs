@@ -21,7 +21,7 @@ pub struct RemoteControl {
     /// The chip's pin for receivers that send pulses.
     pub pulse_pin: (char, usize),
     /// Script of the operator, in the order of time. Before its first line all sticks are at rest.
-    pub script: Vec<Line>,
+    pub script: Vec<ScriptLine>,
     /// Period after which the script repeats, if it does.
     pub repeats_after: Option<Micros>,
     /// Times without the transmitter, in order.
@@ -30,7 +30,7 @@ pub struct RemoteControl {
 
 /// A line of the operator's script: controls from a time on.
 #[derive(Clone, Copy, Debug)]
-pub struct Line {
+pub struct ScriptLine {
     /// Time since power-on.
     pub at: Micros,
     /// Label for reports.
@@ -111,7 +111,7 @@ pub enum ReceiverPort {
 impl RemoteControl {
     /// Creates a remote for any receiver, at UART5 and PF8, whose script may repeat after a period.
     #[must_use]
-    pub fn new(receiver: Receiver, script: &[Line], repeats_after: Option<Micros>) -> Self {
+    pub fn new(receiver: Receiver, script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
         Self {
             receiver,
             receivers: Receiver::ALL.into(),
@@ -157,7 +157,7 @@ pub(crate) mod tests {
     use super::*;
 
     pub(crate) fn control() -> RemoteControl {
-        let line = |millis, right_switch| Line {
+        let line = |millis, right_switch| ScriptLine {
             at: Micros::from_millis(millis),
             label: "",
             controls: Controls { right_switch, ..Controls::REST },

@@ -23,7 +23,7 @@ use crate::robot::remote::ReceiverWire;
 use crate::run::line::LineListener;
 use crate::run::watch::{Sight, Watch};
 use crate::run::{board, foreign};
-use crate::world::console::{CONSOLE, Line};
+use crate::world::console::{CONSOLE, ConsoleLine};
 use crate::world::environment::{Environment, RemoteLink, operate};
 use crate::world::robot::Robot;
 
@@ -58,7 +58,7 @@ pub struct Emulation<'r> {
     /// The remote and its receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
     /// The line from its console to a PC, if there is one.
-    pub console: Option<Line>,
+    pub console: Option<ConsoleLine>,
     pub(crate) description: Description,
     base: Option<rc10_sim::Base>,
     seed: u64,

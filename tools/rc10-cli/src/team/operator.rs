@@ -5,14 +5,14 @@ use rc10_can::Micros;
 use rc10_robot::table::{FEEDER, FULL_STICK, GIMBAL_RATES, LIFT_RATE};
 use rc10_sim::remote::{Controls, Stick, Switch};
 
-use crate::robot::remote::Line;
+use crate::robot::remote::ScriptLine;
 
 /// Period of the script.
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
 
 /// Times in ms since power-on, and the controls from then on. A stick that turns a motor for some
 /// time turns it by about the angle that stands there; for the gimbal yaw and pitch in brackets.
-pub const SCRIPT: [Line; 22] = [
+pub const SCRIPT: [ScriptLine; 22] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "square: forward", drive(1.2, 0.0, 0.0)),
@@ -45,8 +45,8 @@ pub const SCRIPT: [Line; 22] = [
 /// Controls of an armed robot in driving mode with sticks at rest.
 const ARMED: Controls = Controls::REST;
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }
 
 /// Moves the base: m/s forward, m/s left, rad/s counter-clockwise.
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn no_stick_is_asked_for_more_than_it_can() {
-        for Line { label, controls: Controls { left, right, .. }, .. } in SCRIPT {
+        for ScriptLine { label, controls: Controls { left, right, .. }, .. } in SCRIPT {
             let within =
                 [left.x, left.y, right.x, right.y].map(|axis| (-1.0..=1.0).contains(&axis));
             assert_eq!(within, [true; 4], "{label}");

@@ -32,9 +32,9 @@ impl SerialDevice for Pc {
 
 /// The PC's end of a console.
 #[derive(Clone)]
-pub struct Line(Serial);
+pub struct ConsoleLine(Serial);
 
-impl Line {
+impl ConsoleLine {
     /// Creates a line with this bit rate.
     #[must_use]
     pub fn new(world: &mut World, baud: u32) -> Self {
@@ -66,7 +66,7 @@ impl Line {
     }
 }
 
-/// The robot's end of a [`Line`].
+/// The robot's end of a [`ConsoleLine`].
 #[derive(Clone)]
 pub struct ConsolePort(UartPort);
 

@@ -16,7 +16,7 @@ use crate::robot::description::Description;
 use crate::robot::operator::Operator;
 use crate::robot::remote::{Receiver, ReceiverWire};
 use crate::world::built::Built;
-use crate::world::console::Line;
+use crate::world::console::ConsoleLine;
 
 /// The environment of a robot: a simulated world.
 pub struct Environment {
@@ -39,7 +39,7 @@ pub struct Environment {
     /// The operator of the remote.
     pub operator: Option<Operator>,
     /// The line from the console to a PC: [`with_console`](Self::with_console).
-    pub console: Option<Line>,
+    pub console: Option<ConsoleLine>,
 }
 
 /// A remote, and its receiver at the end of a wire.
@@ -156,7 +156,7 @@ impl Environment {
     /// Adds a PC at the console.
     #[must_use]
     pub fn with_console(mut self, baud: u32) -> Self {
-        self.console = Some(Line::new(&mut self.world, baud));
+        self.console = Some(ConsoleLine::new(&mut self.world, baud));
         self
     }
 

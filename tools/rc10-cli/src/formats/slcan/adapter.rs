@@ -3,7 +3,7 @@ use std::collections::VecDeque;
 use rc10_can::CanFrame;
 use rc10_sim::{Bus, Nanos, TraceEntry};
 
-use crate::formats::slcan::{BELL, Command, DONE, Lines, Malformed, write_frame};
+use crate::formats::slcan::{BELL, DONE, Lines, Malformed, SlcanCommand, write_frame};
 
 /// `V`: hardware 01, software 01.
 const VERSION: &[u8] = b"V0101\r";
@@ -101,42 +101,42 @@ impl Adapter {
     }
 
     /// The commands that the client's bytes complete, for [`answer`](Self::answer).
-    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<Command, Malformed>> {
+    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<SlcanCommand, Malformed>> {
         self.lines.take(bytes)
     }
 
     /// Executes a command. Returns whether the client has let time pass with it (lockstep): by a
     /// frame, or by an empty line while the channel is open.
-    pub fn answer(&mut self, command: Result<Command, Malformed>) -> bool {
+    pub fn answer(&mut self, command: Result<SlcanCommand, Malformed>) -> bool {
         let Ok(command) = command else {
             self.counts.malformed += 1;
             self.out.push(BELL);
             return false;
         };
         match command {
-            Command::Nothing => {
+            SlcanCommand::Nothing => {
                 self.out.push(DONE);
                 return self.channel != Channel::Closed;
             }
-            Command::Send(frame) => return self.send(frame),
-            Command::Open => self.open(Channel::Open),
-            Command::Listen => self.open(Channel::Listening),
-            Command::Close => {
+            SlcanCommand::Send(frame) => return self.send(frame),
+            SlcanCommand::Open => self.open(Channel::Open),
+            SlcanCommand::Listen => self.open(Channel::Listening),
+            SlcanCommand::Close => {
                 self.channel = Channel::Closed;
                 self.plug();
                 self.out.push(DONE);
             }
-            Command::BitRate(rate) => {
+            SlcanCommand::BitRate(rate) => {
                 self.bit_rate = rate;
                 self.out.push(DONE);
             }
-            Command::Version => self.out.extend(VERSION),
-            Command::SerialNumber => self.out.extend(SERIAL_NUMBER),
-            Command::Status => {
+            SlcanCommand::Version => self.out.extend(VERSION),
+            SlcanCommand::SerialNumber => self.out.extend(SERIAL_NUMBER),
+            SlcanCommand::Status => {
                 let flags = std::mem::take(&mut self.status);
                 self.out.extend(format!("F{flags:02X}\r").into_bytes());
             }
-            Command::Times(times) => {
+            SlcanCommand::Times(times) => {
                 self.times = times;
                 self.out.push(DONE);
             }

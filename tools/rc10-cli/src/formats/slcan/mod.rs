@@ -40,7 +40,7 @@ const LONGEST_LINE: usize = 30;
 
 /// A command of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
+pub enum SlcanCommand {
     /// An empty line.
     Nothing,
     /// Opens the channel.
@@ -70,24 +70,24 @@ pub struct Malformed;
 /// Reads one line, without its end; [`Malformed`] if it differs from the table above in any digit.
 ///
 /// ```
-/// use rc10_cli::formats::slcan::{Command, Malformed, parse};
-/// let Ok(Command::Send(frame)) = parse(b"t20121A2b") else { panic!() };
+/// use rc10_cli::formats::slcan::{SlcanCommand, Malformed, parse};
+/// let Ok(SlcanCommand::Send(frame)) = parse(b"t20121A2b") else { panic!() };
 /// assert_eq!(frame.to_string(), "201#1A2B");
 /// assert_eq!(parse(b"t20121A2"), Err(Malformed));
 /// ```
-pub fn parse(line: &[u8]) -> Result<Command, Malformed> {
+pub fn parse(line: &[u8]) -> Result<SlcanCommand, Malformed> {
     let command = match line {
-        [] => Command::Nothing,
-        b"O" => Command::Open,
-        b"L" => Command::Listen,
-        b"C" => Command::Close,
-        b"V" => Command::Version,
-        b"N" => Command::SerialNumber,
-        b"F" => Command::Status,
-        b"Z0" => Command::Times(false),
-        b"Z1" => Command::Times(true),
-        [b'S', rate @ b'0'..=b'8'] => Command::BitRate(rate - b'0'),
-        _ => Command::Send(frame(line).ok_or(Malformed)?),
+        [] => SlcanCommand::Nothing,
+        b"O" => SlcanCommand::Open,
+        b"L" => SlcanCommand::Listen,
+        b"C" => SlcanCommand::Close,
+        b"V" => SlcanCommand::Version,
+        b"N" => SlcanCommand::SerialNumber,
+        b"F" => SlcanCommand::Status,
+        b"Z0" => SlcanCommand::Times(false),
+        b"Z1" => SlcanCommand::Times(true),
+        [b'S', rate @ b'0'..=b'8'] => SlcanCommand::BitRate(rate - b'0'),
+        _ => SlcanCommand::Send(frame(line).ok_or(Malformed)?),
     };
     Ok(command)
 }
@@ -158,7 +158,7 @@ pub struct Lines {
 impl Lines {
     /// The commands of the lines that end within `bytes`. Line feeds, which some terminals send,
     /// are ignored.
-    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<Command, Malformed>> {
+    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<SlcanCommand, Malformed>> {
         let mut commands = Vec::new();
         for &byte in bytes {
             match byte {
@@ -209,12 +209,12 @@ mod tests {
             let mut out = Vec::new();
             write_frame(&mut out, &frame, None);
             assert_eq!(String::from_utf8_lossy(&out), line);
-            assert_eq!(Lines::default().take(&out), [Ok(Command::Send(frame))]);
+            assert_eq!(Lines::default().take(&out), [Ok(SlcanCommand::Send(frame))]);
             let lower: Vec<u8> = [&out[..1], &out[1..].to_ascii_lowercase()].concat();
-            assert_eq!(Lines::default().take(&lower), [Ok(Command::Send(frame))]);
+            assert_eq!(Lines::default().take(&lower), [Ok(SlcanCommand::Send(frame))]);
         }
         let savvy = frame_of("12345678#01");
-        assert_eq!(parse(b"T92345678101"), Ok(Command::Send(savvy)));
+        assert_eq!(parse(b"T92345678101"), Ok(SlcanCommand::Send(savvy)));
         let mut out = Vec::new();
         write_frame(&mut out, &frame_of("201#01"), Some(59_999));
         assert_eq!(out, b"t201101EA5F\r");
@@ -264,7 +264,7 @@ mod tests {
         let text = b"\rC\rS8\rS0\rO\rL\rV\rN\rF\rZ0\rZ1\r\r\n";
         let commands: Vec<_> =
             Lines::default().take(text).into_iter().map(Result::unwrap).collect();
-        use Command::*;
+        use SlcanCommand::*;
         let expected = [
             Nothing,
             Close,
@@ -286,7 +286,7 @@ mod tests {
     fn a_line_of_any_length_is_one_bell_and_takes_no_room() {
         let mut lines = Lines::default();
         assert_eq!(lines.take(&[b'0'; 100_000]), []);
-        assert_eq!(lines.take(b"\rO\r"), [Err(Malformed), Ok(Command::Open)]);
+        assert_eq!(lines.take(b"\rO\r"), [Err(Malformed), Ok(SlcanCommand::Open)]);
         assert!(lines.line.capacity() < 100);
     }
 
@@ -310,7 +310,7 @@ mod tests {
         fn frames_come_back_as_they_were(frame in any_frame(), millis in 0..60_000_u16) {
             let mut line = Vec::new();
             write_frame(&mut line, &frame_of(&frame.to_string()), None);
-            prop_assert_eq!(Lines::default().take(&line), [Ok(Command::Send(frame))]);
+            prop_assert_eq!(Lines::default().take(&line), [Ok(SlcanCommand::Send(frame))]);
             let mut timed = Vec::new();
             write_frame(&mut timed, &frame, Some(millis));
             prop_assert!(timed.len() <= LONGEST_LINE + 1);
@@ -334,7 +334,7 @@ mod tests {
             let whole = Lines::default().take(&text);
             // Garbage may be a command of its own: behind it stands the frame, whatever it was.
             let good = |commands: &[_]| {
-                let frames = frames.iter().map(|(frame, _)| Ok(Command::Send(*frame)));
+                let frames = frames.iter().map(|(frame, _)| Ok(SlcanCommand::Send(*frame)));
                 let mut wanted = frames.peekable();
                 for command in commands {
                     wanted.next_if_eq(command);
