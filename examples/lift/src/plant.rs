@@ -1,4 +1,4 @@
-//! What is on the motors' shafts, and what hands do with the remote.
+//! The loads of the motors, and the operator's script.
 
 use rc10_can::Micros;
 use rc10_cli::Plant;

@@ -1,4 +1,4 @@
-//! The robot as the tools see it: its tasks, what is on its motors' shafts, and what hands do with the remote.
+//! The robot for the tools: its tasks, the loads of its motors, and the operator's script.
 
 use rc10_can::Micros;
 use rc10_cli::robot::base::Base;

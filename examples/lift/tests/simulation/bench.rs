@@ -102,7 +102,7 @@ impl Bench<'_> {
         (0..2).for_each(|motor| self.set_weight(motor, 1.0));
     }
 
-    /// Hands do something for a time, in ms.
+    /// Sets the controls for a time, in ms.
     pub fn hands(&mut self, controls: Controls, millis: u64) {
         self.around.remote.as_ref().unwrap().remote.set(controls);
         self.run(millis);

@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interface_is_the_bus_it_is_told_to_be() {
+    fn an_interface_is_the_given_bus() {
         let log = b"(1.0) slcan0 203#0000000000000000\n(1.0) can1 203#0000000000000000\n";
         let told = summary(log, &["slcan0=2"]);
         let channels = |summary: &Value| summary["channels"].clone();
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_pipe_can_be_told_apart() {
+    fn a_closed_pipe_is_recognised() {
         let args = DecodeArgs { file: PathBuf::from("test.log"), buses: Vec::new(), json: true };
         let error = decode_team(MIXED, &args, &mut Closed, &mut io::sink()).unwrap_err();
         let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);

@@ -211,7 +211,7 @@ fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d>
 #[derive(Default)]
 pub(crate) struct Summary {
     buses: u8,
-    told: Vec<BusOfChannel>,
+    given: Vec<BusOfChannel>,
     pub(crate) lines: u64,
     pub(crate) broken_lines: u64,
     frames: u64,
@@ -236,14 +236,14 @@ pub(crate) struct Channel {
 pub(crate) const MOST_IDS: usize = 1000;
 
 impl Summary {
-    pub(crate) fn new(told: &[BusOfChannel], buses: u8) -> anyhow::Result<Self> {
-        for (index, one) in told.iter().enumerate() {
+    pub(crate) fn new(given: &[BusOfChannel], buses: u8) -> anyhow::Result<Self> {
+        for (index, one) in given.iter().enumerate() {
             let BusOfChannel { channel, bus } = one;
             anyhow::ensure!(
                 (1..=buses).contains(bus),
                 "--bus {channel}={bus}: the robot has buses 1 to {buses}"
             );
-            for other in &told[..index] {
+            for other in &given[..index] {
                 let (channel, bus) = (&one.channel, one.bus);
                 anyhow::ensure!(*channel != other.channel, "--bus: {channel} is given twice");
                 let other_channel = &other.channel;
@@ -253,16 +253,16 @@ impl Summary {
                 );
             }
         }
-        Ok(Self { buses, told: told.to_vec(), ..Self::default() })
+        Ok(Self { buses, given: given.to_vec(), ..Self::default() })
     }
 
     /// The bus of an interface: as given, else canN is bus N+1 if that is free.
     pub(crate) fn bus_of(&self, channel: &str) -> Option<u8> {
-        if let Some(told) = self.told.iter().find(|told| told.channel == channel) {
-            return Some(told.bus);
+        if let Some(given) = self.given.iter().find(|given| given.channel == channel) {
+            return Some(given.bus);
         }
         let stock = (1..=self.buses).find(|bus| channel == format!("can{}", bus - 1));
-        stock.filter(|bus| self.told.iter().all(|told| told.bus != *bus))
+        stock.filter(|bus| self.given.iter().all(|given| given.bus != *bus))
     }
 
     /// Registers an interface; returns a hint if it is no bus.
@@ -277,7 +277,7 @@ impl Summary {
         }
         let is_free = |bus: &u8| {
             let taken = self.channels.values().any(|channel| channel.bus == Some(*bus));
-            !taken && self.told.iter().all(|told| told.bus != *bus)
+            !taken && self.given.iter().all(|given| given.bus != *bus)
         };
         let free = (1..=self.buses).find(is_free).unwrap_or(1);
         Some(format!(
@@ -291,7 +291,7 @@ impl Summary {
     pub(crate) fn silent(&self) -> impl Iterator<Item = String> {
         let came: Vec<&str> = self.channels.keys().map(String::as_str).collect();
         let came = if came.is_empty() { "no frames".to_owned() } else { came.join(", ") };
-        let silent = self.told.iter().filter(|told| !self.channels.contains_key(&told.channel));
+        let silent = self.given.iter().filter(|given| !self.channels.contains_key(&given.channel));
         silent.map(move |BusOfChannel { channel, bus }| {
             format!("--bus {channel}={bus}: no frame came on {channel}; the log has {came}")
         })

@@ -7,7 +7,7 @@ use rc10_sim::{Tread, Wheel};
 
 use crate::recording::excuse::is_excused;
 use crate::recording::problem::{About, Problem};
-use crate::recording::sample::{BaseHeard, SAMPLE_PERIOD, seconds, time_of};
+use crate::recording::sample::{BaseMeasurement, SAMPLE_PERIOD, seconds, time_of};
 use crate::recording::wheels::Wheels;
 use crate::recording::{BaseTrack, MotorTrack, Recording};
 
@@ -207,7 +207,7 @@ impl<'r> Judged<'r> {
     }
 }
 
-fn is_steered(heard: &[BaseHeard]) -> bool {
+fn is_steered(heard: &[BaseMeasurement]) -> bool {
     let count = heard.first().map_or(0, |one| one.wheels.len());
     (0..count).any(|wheel| {
         let angles = || heard.iter().map(|one| one.wheels[wheel].steered);
@@ -215,7 +215,12 @@ fn is_steered(heard: &[BaseHeard]) -> bool {
     })
 }
 
-fn window(heard: &[BaseHeard], base: &BaseTrack, wheels: &[&MotorTrack], end: Micros) -> Window {
+fn window(
+    heard: &[BaseMeasurement],
+    base: &BaseTrack,
+    wheels: &[&MotorTrack],
+    end: Micros,
+) -> Window {
     let (first, last) = (&heard[0], &heard[heard.len() - 1]);
     let push = |(wheel, track): (usize, &&MotorTrack)| {
         let currents = heard.iter().map(|one| one.wheels[wheel].current);
@@ -225,7 +230,7 @@ fn window(heard: &[BaseHeard], base: &BaseTrack, wheels: &[&MotorTrack], end: Mi
     let pushes = wheels.iter().enumerate().map(push).sum::<Option<f64>>();
     Window {
         end,
-        wheels: Wheels::new(&base.chassis, &BaseHeard::steered(first, last)),
+        wheels: Wheels::new(&base.chassis, &BaseMeasurement::steered(first, last)),
         rims: base.ways(first, last),
         imu: last.yaw.zip(first.yaw).map(|(last, first)| (last - first).to_radians()),
         push: pushes.map(|sum| sum / wheels.len().max(1) as f64),
@@ -405,7 +410,7 @@ pub(super) mod tests {
     use rc10_sim::{Chassis, Steering};
 
     use super::*;
-    use crate::recording::sample::{PathPoint, WheelHeard};
+    use crate::recording::sample::{PathPoint, WheelMeasurement};
     use crate::robot::motor::Motor;
 
     /// A run in which four wheels did this in each window, and the IMU saw that.
@@ -444,8 +449,9 @@ pub(super) mod tests {
                 }
                 yaw += imu(window).unwrap_or(0.0).to_degrees() / WINDOW as f64;
             }
-            let wheel = |angle| WheelHeard { angle, current: Some(amps), follows: true, steered };
-            BaseHeard { wheels: angles.map(wheel).into(), yaw: imu(window).map(|_| yaw) }
+            let wheel =
+                |angle| WheelMeasurement { angle, current: Some(amps), follows: true, steered };
+            BaseMeasurement { wheels: angles.map(wheel).into(), yaw: imu(window).map(|_| yaw) }
         });
         let heard = heard.collect();
         let path = vec![PathPoint { x: 0.0, y: 0.0, yaw: 0.0 }];

@@ -548,14 +548,14 @@ mod tests {
         Recording { length, motors: vec![track], ..Recording::default() }
     }
 
-    fn told(recording: &Recording) -> Vec<(&'static str, String)> {
+    fn found_in(recording: &Recording) -> Vec<(&'static str, String)> {
         problems(recording).into_iter().map(|problem| (problem.kind, problem.text)).collect()
     }
 
     /// The problems that are found with these faults.
     fn found(faults: &[&str], seen: impl Fn(u64) -> (Link, u32)) -> Vec<(&'static str, String)> {
         let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-        told(&Recording { faults, ..recorded(seen) })
+        found_in(&Recording { faults, ..recorded(seen) })
     }
 
     /// What never happened to a motor that is heard and not driven, with the robot for these milliseconds
@@ -565,13 +565,13 @@ mod tests {
             std::iter::repeat_n(*state, (millis * 1000 / SAMPLE_PERIOD.get()) as usize)
         });
         let recording = recorded(|_| (Link::Online, 0));
-        let told = told(&Recording { source, arm: samples.collect(), ..recording });
+        let told = found_in(&Recording { source, arm: samples.collect(), ..recording });
         told.into_iter().map(|(kind, _)| kind).filter(|kind| kind.starts_with("never-")).collect()
     }
 
     /// In 8 s: armed or not, a heading up to some time.
     #[test]
-    fn a_heading_counts_while_it_is_armed_and_one_that_was_lost_is_told_from_one_that_never_came() {
+    fn a_lost_heading_and_a_missing_one_differ_and_count_while_armed() {
         use ArmState::{Armed, Disarmed};
         for (arm, until, cause) in [
             (Armed, 0, Some("it never came")),
@@ -583,7 +583,7 @@ mod tests {
             let headings = (0..800).map(|at| time_of(at) <= Micros::from_millis(until));
             let recording = recorded(|_| (Link::Online, 0));
             let (headings, source) = (headings.collect(), Source::Robot);
-            let told = told(&Recording { headings, source, arm: vec![arm; 800], ..recording });
+            let told = found_in(&Recording { headings, source, arm: vec![arm; 800], ..recording });
             let found = told.into_iter().find(|(kind, _)| *kind == "no-heading");
             assert_eq!(found.is_some(), cause.is_some(), "{arm:?} {until}: {found:?}");
             assert!(found.is_none_or(|(_, text)| cause.is_some_and(|it| text.contains(it))));
@@ -603,7 +603,7 @@ mod tests {
             let mut effort = crate::recording::effort::EffortWatch::new(loops, None).finish();
             effort.load = load;
             recording.motors[0].effort = Some(effort);
-            told(&recording).into_iter().filter(|(kind, _)| *kind == "feed-forward").count()
+            found_in(&recording).into_iter().filter(|(kind, _)| *kind == "feed-forward").count()
         };
         let said = 0.5 * f64::from(loops.cascade.speed.output_limit);
         for (factor, windows, weight, motion) in [
@@ -660,7 +660,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_that_does_not_come_back_is_told_whatever_other_fault_there_is() {
+    fn a_motor_that_does_not_come_back_is_reported_beside_other_faults() {
         let faults = ["cut:1@1s..1.2s", "cut:1@5s..5.1s"];
         let seen = |at| if at < 1010 { (Link::Online, 0) } else { (Link::Lost, 1) };
         let told = found(&faults, seen);

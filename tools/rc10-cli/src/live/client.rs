@@ -429,7 +429,7 @@ impl Client {
             if body.first() == Some(&0) {
                 self.sample(&body);
             } else if let Ok((tell, _)) = postcard::take_from_bytes::<Tell<'_>>(&body) {
-                self.told(tell, now);
+                self.on_message(tell, now);
             } else {
                 self.losses.unknown += 1;
             }
@@ -460,7 +460,7 @@ impl Client {
         });
     }
 
-    fn told(&mut self, tell: Tell<'_>, now: Micros) {
+    fn on_message(&mut self, tell: Tell<'_>, now: Micros) {
         match tell {
             Tell::Welcome {
                 version,
@@ -587,7 +587,7 @@ mod tests {
         [&head[..], body, &crc(body).to_le_bytes()].concat()
     }
 
-    fn told(tell: &Tell<'_>, more: &[u8]) -> Vec<u8> {
+    fn encoded(tell: &Tell<'_>, more: &[u8]) -> Vec<u8> {
         let mut body = postcard::to_slice(tell, &mut [0; 256]).unwrap().to_vec();
         body.extend(more);
         raw(&body)
@@ -604,11 +604,11 @@ mod tests {
     fn a_tool_of_today_reads_a_robot_of_tomorrow() {
         let (mut client, now) = (Client::new(), Micros::from_millis(10));
         client.step(now);
-        client.hear(&told(&welcome(VERSION + 1, 1, 7), &[1, 2, 3]), now);
+        client.hear(&encoded(&welcome(VERSION + 1, 1, 7), &[1, 2, 3]), now);
         assert!(client.is_up(now) && client.version() == VERSION + 1);
         let topic = Topic { folder: "motors", label: "arm" };
         let signal = Tell::Signal { index: 0, topic, name: "flux", unit: "Wb", states: "" };
-        client.hear(&told(&signal, b"a field of tomorrow"), now);
+        client.hear(&encoded(&signal, b"a field of tomorrow"), now);
         assert!(client.is_described());
         assert_eq!(client.signals().next().unwrap().1.name, "flux");
         // A message of tomorrow, and a sample of a shape that there is not.
@@ -617,10 +617,10 @@ mod tests {
         assert_eq!(client.losses().unknown, 2);
         // Garbage, a damaged frame, and text around a good one.
         let mut bytes = b"armed, 11 of 11 motors online\r\n".to_vec();
-        let mut damaged = told(&signal, &[]);
+        let mut damaged = encoded(&signal, &[]);
         damaged[9] ^= 0x40;
         bytes.extend(damaged);
-        bytes.extend(told(&welcome(VERSION, 1, 8), &[]));
+        bytes.extend(encoded(&welcome(VERSION, 1, 8), &[]));
         client.hear(&bytes, now);
         assert_eq!((client.version(), client.losses().damaged), (VERSION, 1));
     }
@@ -646,7 +646,7 @@ mod tests {
         let mut client = Client::new();
         let ids: Vec<_> = (0..=ASKED).map(|_| client.act(Action::Zero(0))).collect();
         for id in [ids[0], ids[ASKED]] {
-            client.hear(&told(&Tell::Answer { id, outcome: Outcome::Done }, &[]), Micros::ZERO);
+            client.hear(&encoded(&Tell::Answer { id, outcome: Outcome::Done }, &[]), Micros::ZERO);
         }
         assert_eq!([ids[0], ids[ASKED]].map(|id| client.answer(id).is_some()), [false, true]);
     }
@@ -654,16 +654,16 @@ mod tests {
     #[test]
     fn a_robot_that_restarts_is_asked_for_everything_again() {
         let (mut client, now) = (Client::new(), Micros::from_millis(10));
-        client.hear(&told(&welcome(VERSION, 1, 5_000_000), &[]), now);
+        client.hear(&encoded(&welcome(VERSION, 1, 5_000_000), &[]), now);
         let topic = Topic { folder: "motors", label: "arm" };
         let signal = Tell::Signal { index: 0, topic, name: "speed", unit: "rpm", states: "" };
-        client.hear(&told(&signal, &[]), now);
+        client.hear(&encoded(&signal, &[]), now);
         assert!(client.is_described());
-        client.hear(&told(&welcome(VERSION, 1, 3_000), &[]), now);
+        client.hear(&encoded(&welcome(VERSION, 1, 3_000), &[]), now);
         assert!(!client.is_described());
         // What it was stays until it says otherwise.
         assert_eq!(client.signals().count(), 1);
-        client.hear(&told(&signal, &[]), now);
+        client.hear(&encoded(&signal, &[]), now);
         assert!(client.is_described());
         // One that is silent is gone.
         assert!(!client.is_up(Micros::from_millis(1100)));

@@ -168,9 +168,9 @@ mod tests {
 
     use super::*;
 
-    /// It is older than all who say nothing, of whom some have to go.
+    /// Its connection is older than all silent ones, of which some are closed.
     #[test]
-    fn who_is_being_answered_stays_when_there_are_too_many() {
+    fn a_connection_with_an_answer_stays_when_there_are_too_many() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let ((tell, begun), (go_on, wait)) = (channel(), channel());
@@ -185,7 +185,7 @@ mod tests {
         thread::spawn(move || serve(&listener, port, answer));
         let send = |text: &str| {
             let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-            // It may be one of those that have to go.
+            // It may be one of those that are closed.
             let _ = stream.write_all(text.as_bytes());
             stream
         };

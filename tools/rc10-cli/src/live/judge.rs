@@ -151,7 +151,7 @@ impl<'k> Judge<'k> {
             Some((begun, replay)) if is_due && self.before.since(*begun) >= LEAST => {
                 let recording = replay.clone().finish()?;
                 let happened = happened(&recording).into_iter();
-                let told = |(at, what)| (*begun + recording.told(at), what);
+                let told = |(at, what)| (*begun + recording.robot_time(at), what);
                 self.happened = happened.map(told).collect();
                 self.found = problems(&recording);
                 self.judged = Some(self.before);
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_happened_is_told_in_the_robot_s_time() {
+    fn events_have_the_robot_s_time() {
         with_judge(|judge, topics| {
             for at in (7000..69_000).step_by(100) {
                 let arm = if at < 40_000 { ArmState::Armed } else { ArmState::EStopped };

@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn room_is_told_in_minutes_where_it_is_little() {
+    fn little_room_is_given_in_minutes() {
         let minutes = |minutes: f64| minutes / 60.0 * HOUR;
         for (free, period, text) in [
             (minutes(150.0), 10, "the disk has room for some 2.5 h of the record"),

@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_is_read_when_it_is_whole_and_no_more_of_it() {
+    fn a_whole_request_is_read_and_no_more() {
         let text = post("Content-Length: 2\r\n", "{}GET / HTTP/1.1\r\n");
         let request = read_all(&text).unwrap().unwrap();
         assert_eq!((request.target.as_str(), request.body.as_slice()), ("/wish", &b"{}"[..]));

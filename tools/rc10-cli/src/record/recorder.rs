@@ -16,8 +16,8 @@ use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::RemoteSample;
 use crate::recording::sample::Source;
 use crate::recording::sample::{
-    BaseHeard, BusSample, LOOK_PERIOD, MotorSample, PathPoint, SAMPLE_PERIOD, Sum, WheelHeard,
-    WireEnd, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, SAMPLE_PERIOD, Sum,
+    WheelMeasurement, WireEnd, hex_digits,
 };
 use crate::recording::signal::SignalRecorder;
 use crate::recording::wheels::Wheels;
@@ -42,7 +42,7 @@ pub struct Recorder<'d> {
     path: Vec<PathPoint>,
     estimate: Vec<PathPoint>,
     reference: Vec<PathPoint>,
-    heard: Vec<BaseHeard>,
+    heard: Vec<BaseMeasurement>,
     /// The newest angles of the motors that steer, degrees; `None` of one that is not heard.
     steers: Vec<Option<f64>>,
     remote: Vec<RemoteSample>,
@@ -239,7 +239,7 @@ impl<'d> Recorder<'d> {
         if let Some(base) = &self.description.base {
             self.path.push(moment.robot.pose);
             let wheels = self.wheels(base);
-            self.heard.push(BaseHeard { wheels, yaw: moment.robot.yaw });
+            self.heard.push(BaseMeasurement { wheels, yaw: moment.robot.yaw });
             let Description { estimate, reference, .. } = self.description;
             self.estimate.extend(estimate.map(|labels| self.pose(labels)));
             self.reference.extend(reference.map(|labels| self.pose(labels)));
@@ -252,7 +252,7 @@ impl<'d> Recorder<'d> {
     }
 
     /// Measurements of the motors of a base's wheels.
-    fn wheels(&mut self, base: &Base) -> Vec<WheelHeard> {
+    fn wheels(&mut self, base: &Base) -> Vec<WheelMeasurement> {
         let status =
             |line: usize| self.motors.get(line).map_or(MotorStatus::NEW, |motor| motor.last.status);
         let follows =
@@ -264,7 +264,7 @@ impl<'d> Recorder<'d> {
         let wheels = base.wheels.iter().zip(&base.chassis.wheels).enumerate();
         let wheels = wheels.map(|(index, (line, wheel))| {
             let motor = status(*line);
-            let mut heard = WheelHeard {
+            let mut heard = WheelMeasurement {
                 angle: degrees(&motor),
                 current: motor.feedback.current().map(|current| current.get().into()),
                 follows: follows(&motor),

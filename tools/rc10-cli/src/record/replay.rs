@@ -528,7 +528,7 @@ impl<'d> Replay<'d> {
     }
 
     /// Looks at motors that told of themselves: their measurements.
-    fn told(&self) -> Vec<MotorLook> {
+    fn measured_looks(&self) -> Vec<MotorLook> {
         let told = |look: &MotorLook| {
             let feedback = look.feedback();
             let rpm = feedback.speed.get().into();
@@ -568,7 +568,7 @@ impl Replay<'_> {
         if self.has_told != [true; 2] {
             return Ok(());
         }
-        let looks = self.told();
+        let looks = self.measured_looks();
         self.recorder.signals(self.at, &self.signals)?;
         self.recorder.take_look(self.at, &looks)?;
         while self.next_sample <= self.at {
@@ -633,7 +633,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_begin_when_all_was_told() {
+    fn figures_begin_when_all_values_have_come() {
         let run = recorded(&["measured"], &[(0, None), (300, Some(&[100.0])), (350, None)]);
         let samples = &run.motors[0].samples;
         let measured: Vec<f32> = samples.iter().map(|sample| sample.measured_cell.mean).collect();

@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_robot_tells_seldom_is_judged_by_time() {
+    fn rare_samples_are_judged_by_time() {
         let told = |period: u64, effort: &dyn Fn(u64) -> f64| {
             let loops = Loops { effort: TargetKind::Current, cascade: dji::M3508.cascade };
             let limit = f64::from(loops.cascade.speed.output_limit);

@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weight_is_told_with_its_factor() {
+    fn a_weight_is_found_with_its_factor() {
         let arm = Gravity::Arm { effort: 2.0, level: Degrees::ZERO };
         for factor in [1.0, -1.0, 0.4, 2.5] {
             let track = watched(arm, 0.0, |degrees, _| factor * 2.0 * degrees.to_radians().cos());
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_turns_evenly_or_neither_is_told_apart() {
+    fn standing_and_turning_evenly_are_distinguished() {
         for sign in [1.0, -1.0] {
             let of = |rpm: &dyn Fn(u64) -> f64| windows(|at| sign * rpm(at));
             assert_eq!(of(&|_| 1.9), [9, 0]);

@@ -26,7 +26,7 @@ use crate::recording::effort::EffortTrack;
 use crate::recording::problem::Problem;
 use crate::recording::remote::RemoteTrack;
 use crate::recording::sample::{
-    BaseHeard, BusSample, LOOK_PERIOD, MotorSample, PathPoint, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, hex_digits,
 };
 use crate::recording::signal::SignalTrack;
 use crate::recording::wheels::Wheels;
@@ -96,7 +96,7 @@ impl fmt::Display for Gap {
 impl Recording {
     /// A time of the recording as the robot counts it, with the gaps before it.
     #[must_use]
-    pub fn told(&self, at: Micros) -> Micros {
+    pub fn robot_time(&self, at: Micros) -> Micros {
         let before = self.gaps.iter().filter(|gap| gap.at < at);
         before.fold(at, |at, gap| if gap.is_back { at - gap.length } else { at + gap.length })
     }
@@ -203,7 +203,7 @@ pub struct BaseTrack {
     /// Masses and measures by the robot's table.
     pub chassis: Chassis,
     /// Measurements of the robot's sensors, per sample.
-    pub heard: Vec<BaseHeard>,
+    pub heard: Vec<BaseMeasurement>,
 }
 
 impl BaseTrack {
@@ -213,12 +213,12 @@ impl BaseTrack {
         let fixed = Wheels::new(&self.chassis, &[]);
         let mut at = PathPoint { x: 0.0, y: 0.0, yaw: 0.0 };
         let before = self.heard.first().into_iter().chain(&self.heard);
-        let step = |(before, now): (&BaseHeard, &BaseHeard)| {
+        let step = |(before, now): (&BaseMeasurement, &BaseMeasurement)| {
             let ways = self.ways(before, now);
             let [forward, left, turn] = if self.steering.is_empty() {
                 fixed.motion(&ways)
             } else {
-                Wheels::new(&self.chassis, &BaseHeard::steered(before, now)).motion(&ways)
+                Wheels::new(&self.chassis, &BaseMeasurement::steered(before, now)).motion(&ways)
             };
             let (sin, cos) = (at.yaw + turn / 2.0).sin_cos();
             at.x += forward * cos - left * sin;
@@ -231,7 +231,7 @@ impl BaseTrack {
 
     /// Distance of each wheel's rim between two moments, by the robot's measures, m.
     #[must_use]
-    pub fn ways(&self, from: &BaseHeard, to: &BaseHeard) -> Vec<f64> {
+    pub fn ways(&self, from: &BaseMeasurement, to: &BaseMeasurement) -> Vec<f64> {
         let angles = from.wheels.iter().zip(&to.wheels).map(|(from, to)| to.angle - from.angle);
         let ways = angles.zip(&self.chassis.wheels);
         ways.map(|(degrees, wheel)| degrees.to_radians() * wheel.radius).collect()

@@ -125,14 +125,14 @@ impl BusSample {
 
 /// Measurements of a base by the robot's own sensors at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct BaseHeard {
+pub struct BaseMeasurement {
     /// The wheels, in the order of [`BaseTrack::wheels`](super::BaseTrack::wheels).
-    pub wheels: Vec<WheelHeard>,
+    pub wheels: Vec<WheelMeasurement>,
     /// Heading by the IMU, degrees counter-clockwise, all turns counted.
     pub yaw: Option<f64>,
 }
 
-impl BaseHeard {
+impl BaseMeasurement {
     /// The steering angles of the wheels between two moments, degrees.
     #[must_use]
     pub fn steered(from: &Self, to: &Self) -> Vec<f64> {
@@ -143,7 +143,7 @@ impl BaseHeard {
 
 /// Feedback of a wheel's motor, in the robot's direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WheelHeard {
+pub struct WheelMeasurement {
     /// Degrees of the output shaft, all turns counted.
     pub angle: f64,
     /// Current in the winding, A, if the device tells it.

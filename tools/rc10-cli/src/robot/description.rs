@@ -201,7 +201,7 @@ mod tests {
     use crate::robot::remote::tests as tests_of_remotes;
 
     #[test]
-    fn what_hands_do_while_the_remote_is_lost_is_told_when_it_is_back() {
+    fn actions_during_a_loss_become_events_at_its_end() {
         let told = |faults: &[&str]| {
             let mut remote = tests_of_remotes::control();
             (remote.script[0].label, remote.script[1].label) = ("down", "up");

@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_mistake_is_told_why() {
+    fn invalid_mistakes_are_refused_with_a_reason() {
         for (text, why) in [
             ("direction", "needs the label of a motor"),
             ("direction:", "needs the label of a motor"),

@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn another_crystal_and_another_board_are_told() {
+    fn another_crystal_or_board_is_reported() {
         let of = |board: &Board| MadeFor {
             board: board.name.into(),
             chip: board.chip.into(),

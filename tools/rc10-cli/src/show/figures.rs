@@ -844,7 +844,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_is_told_to_its_end() {
+    fn a_loss_is_described_to_its_end() {
         let at = |millis| Some(Micros::from_millis(millis));
         let lost = Lost { from: Micros::from_millis(4000), until: at(4500) };
         let (last_frame, coasting) = (at(3995), at(4101));

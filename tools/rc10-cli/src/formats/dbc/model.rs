@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_that_all_have_is_there_once_and_tells_them_apart() {
+    fn a_shared_multiplexor_appears_once() {
         const ONE: &[Signal] = &[SWITCH, Signal::big("SPEED", 1, 2).when(Presence::If(1))];
         const TWO: &[Signal] = &[SWITCH, Signal::big("SPEED", 1, 2).when(Presence::If(2))];
         let dbc = Dbc::new("bus", &[node("one", ONE), node("two", TWO)]);

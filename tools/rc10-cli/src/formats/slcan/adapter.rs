@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_read_is_counted_and_told() {
+    fn unread_frames_are_counted_and_reported() {
         let mut bench = Bench::new(1, Flow::Lossy(100));
         bench.say("O\r", 0);
         let heard = bench.say("", 50);
