@@ -1,4 +1,4 @@
-//! A chip with its program, in the environment of a robot.
+//! The emulated chip with a program, in the environment of a robot.
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
@@ -27,29 +27,29 @@ use crate::world::console::{CONSOLE, ConsoleLine};
 use crate::world::environment::{Environment, RemoteLink, operate};
 use crate::world::robot::Robot;
 
-/// Options of an emulation: its differences from a plain run.
+/// Options of an emulation.
 #[derive(Clone, Debug, Default)]
 pub struct Setup {
     /// Seed of the world.
     pub seed: u64,
     /// Instructions a second at the full clock, if not as many as a Cortex-M4 executes.
     pub speed: Option<u64>,
-    /// The feedback rate set on all motors, if not the one that the robot expects.
+    /// Feedback rate of all motors, if not the one that the robot expects.
     pub rate: Option<FeedbackRate>,
     /// Injected faults.
     pub faults: Vec<Fault>,
     /// Differences between the world and the robot's table.
     pub mistakes: Vec<Mistake>,
-    /// Bits a second of a PC at its console, if there is to be one.
+    /// Bit rate of a PC at the console, if there is to be one.
     pub console: Option<u32>,
-    /// The board that the chip is on, if not the one that the program is for.
+    /// Board of the chip, if not the one that the program is for.
     pub board: Option<Board>,
-    /// Its crystal, if it has another than its own: hertz.
+    /// Crystal of the board in hertz, if it is another one than usual.
     pub crystal: Option<u64>,
 }
 
-/// A chip in a robot's environment, and what the robot's own code on this machine hears on the
-/// wires meanwhile.
+/// A chip in a robot's environment, and the robot's own code on this machine, which listens to the
+/// wires.
 pub struct Emulation<'r> {
     /// The scenario.
     pub rig: Rig,
@@ -57,16 +57,15 @@ pub struct Emulation<'r> {
     pub motors: Vec<Esc>,
     /// The remote and its receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
-    /// The line from its console to a PC, if there is one.
+    /// The line from the console to a PC, if there is one.
     pub console: Option<ConsoleLine>,
     pub(crate) description: Description,
     base: Option<rc10_sim::Base>,
     seed: u64,
-    /// The robot's buses: they only listen.
+    /// The robot's buses, which only listen.
     listeners: Vec<MotorBus<'r>>,
-    /// Its lines. The same.
     lines: Vec<LineListener<'r>>,
-    /// The control loops that its code has for each motor.
+    /// The control loops of each motor in the robot's code.
     loops: Vec<Option<Loops>>,
     heard: Vec<usize>,
     operator: Option<Operator>,
@@ -76,8 +75,7 @@ impl<'r> Emulation<'r> {
     /// Puts a program into a chip, and the chip into the environment of a robot.
     ///
     /// # Errors
-    /// If the program or the robot's description is none, or a fault concerns a bus that is not
-    /// there.
+    /// The program or the robot's description is invalid, or a fault concerns a missing bus.
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let mut robot = robot;
         robot.set_faults(&setup.faults)?;
@@ -172,10 +170,7 @@ impl<'r> Emulation<'r> {
         self.base.as_ref()
     }
 
-    /// Lets everything go on up to a time since power-on.
-    ///
-    /// # Errors
-    /// As [`Rig::run`].
+    /// Runs up to a time since power-on; fails as [`Rig::run`] does.
     pub fn run(&mut self, until: Nanos) -> Result<()> {
         let Self { rig, operator, .. } = self;
         operate(operator.as_mut(), until.micros(), |until| rig.run(until.into()))?;
@@ -189,7 +184,7 @@ impl<'r> Emulation<'r> {
         Some(Sight { sent: remote.remote.sent(), motors, twins: &self.motors, arm: None })
     }
 
-    /// The new frames on the wires since the last call, bus by bus; the listeners have heard them.
+    /// The new frames on the wires since the last call, bus by bus, after the listeners.
     fn listen(&mut self) -> Vec<Vec<TraceEntry>> {
         let mut news = Vec::new();
         for ((log, heard), bus) in
@@ -208,18 +203,12 @@ impl<'r> Emulation<'r> {
         news
     }
 
-    /// Runs up to a time and writes down what the wires and the motors do.
-    ///
-    /// # Errors
-    /// As [`Rig::run`].
+    /// Runs up to a time and records wires and motors; fails as [`Rig::run`] does.
     pub fn record(self, length: Micros) -> Result<(Self, Recording)> {
         self.record_into(length, None)
     }
 
-    /// The same, with every look written into a record.
-    ///
-    /// # Errors
-    /// As [`record`](Self::record), and if that cannot be written.
+    /// Runs like [`record`](Self::record) and writes every look into a record; fails if it cannot.
     pub fn record_into(
         mut self,
         length: Micros,
@@ -255,7 +244,7 @@ impl<'r> Emulation<'r> {
             }
             let pose = PathPoint::of(self.base.as_ref());
             let moment = Moment {
-                // What the chip hears of its IMU is not seen from here.
+                // The IMU's messages to the chip cannot be seen from here.
                 robot: RobotLook { pose, ..RobotLook::default() },
                 buses: self.listeners.iter().map(BusLook::heard).collect(),
                 lines: self.lines.iter().map(LineListener::status).collect(),
@@ -268,14 +257,13 @@ impl<'r> Emulation<'r> {
         Ok((self, recording))
     }
 
-    /// What a record of it begins with.
+    /// The begin of the emulation's record.
     #[must_use]
     pub fn heading(&self) -> Heading<'_> {
         let Self { seed, description, .. } = self;
         Heading { seed: *seed, source: Source::Emulation, description, signals: &[] }
     }
 
-    /// The status of a motor, by the frames that are heard of it.
     fn status(&self, entry: usize, now: Micros) -> MotorStatus {
         let index = |number: u8| usize::from(number).checked_sub(1);
         let heard = || {

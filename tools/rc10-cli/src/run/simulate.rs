@@ -1,4 +1,4 @@
-//! A robot in its environment: its own tasks, against simulated motors on simulated wires.
+//! Runs of a robot in the simulator: its own tasks, against simulated motors and wires.
 
 use anyhow::Result;
 use rc10_can::Micros;
@@ -19,25 +19,19 @@ use crate::run::watch::{Sight, Watch};
 use crate::world::environment::{Environment, rounded_up};
 use crate::world::robot::Robot;
 
-/// What a record of a robot says that is about to run in a simulation.
+/// The begin of a simulated run's record.
 #[must_use]
 pub fn heading<'a>(robot: &'a Robot<'_>, seed: u64) -> Heading<'a> {
     let (description, signals) = (robot.description(), robot.signals());
     Heading { seed, source: Source::Simulation, description, signals }
 }
 
-/// Runs a robot for `length` of virtual time.
-///
-/// # Errors
-/// If the robot is not as described, or its environment cannot be built.
+/// Runs a robot for `length` of virtual time; fails unless robot and environment are as described.
 pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording> {
     simulate_into(robot, seed, length, None)
 }
 
-/// The same, with every look written into a record.
-///
-/// # Errors
-/// As [`simulate`], and if the record cannot be written.
+/// Runs a robot like [`simulate`] and writes every look into a record; fails if it cannot.
 pub fn simulate_into(
     robot: Robot<'_>,
     seed: u64,
