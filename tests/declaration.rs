@@ -10,7 +10,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// What the files are written with, but for the check.
+/// The names that the files use, without the check.
 #[allow(dead_code, unused_imports, reason = "each robot takes some")]
 mod wrong_robots {
     pub use rc10_motor::Place::{Bus, Line};
@@ -40,7 +40,7 @@ macro_rules! robots {
                 use crate::declaration::wrong_robots;
                 include!(concat!("declaration/wrong/", stringify!($robot), ".rs"));
 
-                /// What is said of it at run time.
+                /// The error of the check at run time.
                 pub fn said() -> String {
                     <Name as rc10_motor::Names>::check().unwrap_err().to_string()
                 }

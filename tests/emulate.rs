@@ -5,7 +5,7 @@ use std::process::Command;
 
 use crate::common::scratch::Scratch;
 
-/// Its output before it ends with exit code 2.
+/// Error output of a run that ends with exit code 2.
 fn complaint(arguments: &[&str]) -> String {
     let output =
         Command::new(env!("CARGO_BIN_EXE_rc10")).arg("emu").args(arguments).output().unwrap();

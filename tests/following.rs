@@ -4,7 +4,7 @@
 use rc10_app::Twist;
 use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::simulate::simulate;
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{Description, RemoteControl, Robot, team};
@@ -13,7 +13,12 @@ use rc10_robot::table::{DRIVEN, FULL_STICK, LIFT, Name, RECEIVER, WHEELS};
 use rc10_sim::remote::{Controls, Stick, Switch};
 
 /// A run with these mistakes; with the operator's own script unless there is another.
-fn run(mistakes: &[String], script: Option<&'static [Line]>, seed: u64, millis: u64) -> Recording {
+fn run(
+    mistakes: &[String],
+    script: Option<&'static [ScriptLine]>,
+    seed: u64,
+    millis: u64,
+) -> Recording {
     let ports = rc10_robot::Ports::new();
     let io = &rc10_robot::Shared::new(&ports);
     let mut motors = rc10_robot::Motors::new();
@@ -115,7 +120,7 @@ fn gimbal_lift_and_wheels_follow_though_everything_is_off_by_30_percent() {
 }
 
 /// Ahead and to a stand, to the left and to a stand, round and to a stand: for 1.5 s each.
-const STARTS: [Line; 8] = [
+const STARTS: [ScriptLine; 8] = [
     at(0, Controls { right_switch: Switch::Down, ..Controls::REST }),
     at(100, Controls::REST),
     at(500, drive(1.0, 0.0, 0.0)),
@@ -126,8 +131,8 @@ const STARTS: [Line; 8] = [
     at(8000, Controls::REST),
 ];
 
-const fn at(millis: u64, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label: "", controls }
+const fn at(millis: u64, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label: "", controls }
 }
 
 const fn drive(forward: f64, left: f64, turn: f64) -> Controls {

@@ -20,7 +20,7 @@ mod drivers;
 mod others;
 mod record;
 
-/// The interpreter of the virtual environment, or why there is none.
+/// The interpreter of the virtual environment; `None` if it cannot be set up.
 fn python() -> Option<&'static Path> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     match PYTHON.get_or_init(environment) {
@@ -39,7 +39,7 @@ fn environment() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("python");
     let interpreter = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
     let python = folder.join(interpreter);
-    // Written last: an environment without it, or with another one, is none.
+    // Written last: an environment without it, or with another one, is set up anew.
     let stamp = folder.join("requirements.txt");
     if fs::read_to_string(&stamp).is_ok_and(|there| there == wanted) {
         return Ok(python);

@@ -13,7 +13,7 @@ use rc10_cli::live::{
 use rc10_cli::record::{Kit, replay};
 use rc10_cli::recording::problem::Severity;
 use rc10_cli::team;
-use rc10_cli::world::console::Line;
+use rc10_cli::world::console::ConsoleLine;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::{ArmState, DriveMode, Motion, Names, Target};
@@ -179,7 +179,7 @@ fn two_pcs_that_set_at_once_come_one_after_the_other_and_both_are_told() {
     let mut motors = Motors::new();
     let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
     let mut around = Environment::new(robot.description(), 1).unwrap().with_console(BAUD);
-    let second = Line::new(&mut around.world, BAUD);
+    let second = ConsoleLine::new(&mut around.world, BAUD);
     let mut tasks = robot.tasks(&around).unwrap();
     let (port, seen) = (second.port(), live::Robot::new(&shared, &shared.live));
     tasks.add(async move {

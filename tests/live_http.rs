@@ -412,7 +412,7 @@ fn two_pages_record_in_one_folder() {
     assert!(!folder.join("003.mcap").exists());
 }
 
-/// As on a disk that is full.
+/// A record ends as on a full disk, and the page is told.
 #[test]
 #[cfg(unix)]
 fn a_record_that_cannot_go_on_is_told() {

@@ -143,7 +143,7 @@ fn a_test_day(name: &str, source: &[&OsStr]) {
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&report.stdout);
-    // It begins long after the robot did: what was counted before is none of its problems.
+    // The report begins long after the robot did: earlier counts are no problems.
     assert!(report.status.success() && text.contains("wheel front left"), "{text}");
 
     // An armed robot's motor gets no new zero; and a gain that would shake is said so before it is sent.

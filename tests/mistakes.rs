@@ -105,7 +105,7 @@ fn a_robot_as_its_table_says_gives_no_alarm() {
             assert_eq!(code, Some(0), "seed {seed}: {text}");
         }
     }
-    // A fault of a wire is none of the base's.
+    // A fault of a wire is no problem of the base.
     for fault in ["cut:1@1s..1.5s", "power:1@4s..4.2s", "load:1@1s..3s", "remote-lost@4s..4.3s"] {
         let (_, text) = rc10(&["--fault", fault]);
         assert!(!text.contains("it looks as if") && !text.contains("runs away"), "{fault}: {text}");

@@ -79,9 +79,9 @@ fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
         let refused = port.status().counters.refused;
         assert_eq!((refused.unsupported, refused.not_finite, refused.out_of_range), (1, 6, 0));
         assert_eq!(refused.to_string(), "1 of a kind it does not take, 6 not finite");
-        let nobody = shared.motor(nth(3));
-        assert!(nobody.command(Target::Coast).is_err());
-        assert_eq!(nobody.request(Request::SetZero).await, Err(RequestError::NoSuchMotor));
+        let missing = shared.motor(nth(3));
+        assert!(missing.command(Target::Coast).is_err());
+        assert_eq!(missing.request(Request::SetZero).await, Err(RequestError::NoSuchMotor));
     });
 }
 

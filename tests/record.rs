@@ -300,7 +300,7 @@ impl Dice {
     }
 }
 
-/// What may happen to a file.
+/// Damages a file at random.
 fn mutated(good: &[u8], dice: &mut Dice) -> Vec<u8> {
     let mut bytes = good.to_vec();
     // Half of them where the lengths are, and not in the numbers of the messages.

@@ -243,7 +243,7 @@ fn after_a_second_it_is_disarmed_and_only_a_hand_arms_it() {
                 scene.run(millis(2000));
                 scene.transmitter(true);
                 scene.run(millis(2000));
-                assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}: nobody has armed it");
+                assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}: it was not armed");
                 assert_eq!(scene.last_current(), None, "{receiver}");
                 for name in WHEELS.into_iter().chain(LIFT) {
                     assert_eq!((scene.drive(name), scene.is_driven(name)), (DriveMode::Off, false));
@@ -286,7 +286,7 @@ fn a_failsafe_flag_stops_at_once() {
 }
 
 #[test]
-fn nobody_notices_a_gap_that_is_short() {
+fn a_short_gap_has_no_effect() {
     for receiver in Receiver::ALL {
         scene(receiver, 9, |scene| {
             let mut scene = lose_while_driving(scene, Micros::ZERO);

@@ -194,9 +194,9 @@ struct Segment {
     bytes: Vec<u8>,
     /// Number of bytes before it.
     start: usize,
-    /// It begins with a fault, and no silence behind it.
+    /// Whether it begins with a fault, and no silence behind it.
     after_fault: bool,
-    /// It ends with silence, so that all of it is judged.
+    /// Whether it ends with silence, so that all of it is judged.
     is_over: bool,
 }
 

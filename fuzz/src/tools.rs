@@ -97,7 +97,7 @@ pub fn lines(bytes: &[u8]) {
         assert_eq!(read.frame, line.frame, "{again}");
     }
     for command in slcan::Lines::default().take(bytes).into_iter().flatten() {
-        let slcan::Command::Send(frame) = command else { continue };
+        let slcan::SlcanCommand::Send(frame) = command else { continue };
         let mut again = Vec::new();
         slcan::write_frame(&mut again, &frame, None);
         assert_eq!(slcan::parse(&again[..again.len() - 1]), Ok(command));

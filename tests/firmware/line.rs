@@ -124,7 +124,7 @@ fn cycle(
     [least, sum / count, most]
 }
 
-/// What the buses promise, whatever happens on the line.
+/// Checks that the buses keep their periods, whatever happens on the line.
 fn buses_are_punctual(emulation: &Emulation<'_>) {
     let figures = Figures::of(&emulation.rig);
     keeps_its_period(&figures);
@@ -213,7 +213,7 @@ fn an_exchange_stays_within_its_budget() {
     });
 }
 
-/// Nobody knows how long a motor thinks before it replies. The simulated ones take 20 us.
+/// The delay of a real motor's reply is unknown. The simulated ones take 20 us.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn slower_motors_are_polled_as_fast_as_they_can() {
@@ -236,7 +236,7 @@ fn slower_motors_are_polled_as_fast_as_they_can() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_motor_that_is_gone_leaves_the_others_alone_and_returns() {
-    /// It has the longest way to go when it is back.
+    /// The motor that has the longest way to go when it is back.
     const GONE: usize = 7;
     let (away, end) = (millis(300), millis(950));
     for (what, back) in [("silent", 620), ("unplugged", 655), ("without power", 690)] {

@@ -23,7 +23,7 @@ pub(super) struct Watched<'e, 'r> {
     pub(super) emulation: &'e mut Emulation<'r>,
     pub(super) client: Client,
     pub(super) samples: Vec<Sample>,
-    /// What came, whatever it is.
+    /// All bytes received so far.
     heard: Vec<u8>,
 }
 

@@ -209,7 +209,7 @@ fn a_zero_while_armed_is_refused_and_moves_nothing() {
     });
 }
 
-/// What was 20 s on its way, and what comes twice.
+/// A jog that is 20 s old is refused, and so is a repeated one.
 #[test]
 fn a_late_jog_and_a_repeated_one_turn_nothing() {
     with_scene(BAUD, |scene, shared| {

@@ -132,7 +132,7 @@ fn without_an_imu_it_stops_until_it_is_armed_anew() {
             scene.imu().set_power(true);
             scene.imu().set_cut(false);
             let (x, y) = scene.drive_along(WORLD, 0.0);
-            assert!(x.hypot(y) < 0.02, "{x} m, {y} m: nobody knows where forward is");
+            assert!(x.hypot(y) < 0.02, "{x} m, {y} m: forward is not known");
             let ahead = scene.pose().yaw;
             scene.arm_by_hand();
             is_straight(scene.drive_along(WORLD, ahead));

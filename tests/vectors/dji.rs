@@ -82,7 +82,7 @@ fn decode(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     let frame = frame(vector.object("frame")?)?.ok_or("no classic CAN frame")?;
     let bytes = *frame.all_eight().ok_or("a feedback frame has eight bytes")?;
     if frame.is_extended_id() || !FEEDBACK_IDS.contains(&frame.raw_id()) {
-        return Err(format!("{frame} is nobody's feedback, and must not be decoded"));
+        return Err(format!("{frame} is no motor's feedback, and must not be decoded"));
     }
     let raw = RawFeedback::unpack(&bytes);
     for (field, expected) in vector.object("expect")?.into_expectations()? {

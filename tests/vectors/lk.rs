@@ -42,7 +42,7 @@ pub fn words(sentence: &str) -> Check<Vec<String>> {
 /// A command to a drive.
 #[derive(Default)]
 struct Order {
-    /// Its name, without the rest.
+    /// The name of the order, without its parameters.
     name: String,
     model: Option<String>,
     id: Option<i64>,

@@ -71,7 +71,7 @@ fn optional_number(inputs: &mut Fields, field: &str) -> Check<Option<f32>> {
     inputs.optional(field).map(|value| Ok(float(&value)? as f32)).transpose()
 }
 
-/// A VESC's own id; 255 is none.
+/// Reads a VESC's own id; 255 is invalid.
 fn vesc(value: &Value) -> Check<VescId> {
     VescId::new(narrow(value)?).ok_or_else(|| format!("no VESC has the id {value}"))
 }

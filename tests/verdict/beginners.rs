@@ -7,7 +7,7 @@ use embassy_time::{Duration as Span, Ticker};
 use rc10_app::mechanism::{Braking, Homing, HomingConfig, HomingStatus, Reference};
 use rc10_app::{Degrees, Direction, FeedForward, Gravity, Rpm, RpmPerSecond, Seconds, TotalAngle};
 use rc10_can::Micros;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::{CommandLine, ContactPart, Description, Plant, RemoteControl, Robot};
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
@@ -70,7 +70,7 @@ const HOMING: HomingConfig = HomingConfig {
     timeout: Seconds::new(4.0),
 };
 
-/// What a beginner does wrong.
+/// The settings of a beginner's robot that may be wrong.
 #[derive(Clone, Copy)]
 struct Beginner {
     weight: f32,
@@ -156,10 +156,13 @@ impl Beginner {
 
     /// Exit code and output of `run --strict`.
     fn run(self) -> (u8, String) {
-        let hands =
-            |millis, label, controls| Line { at: Micros::from_millis(millis), label, controls };
+        let hands = |millis, label, controls| ScriptLine {
+            at: Micros::from_millis(millis),
+            label,
+            controls,
+        };
         let armed = Controls { left: Stick { x: 0.0, y: self.left_y.into() }, ..Controls::REST };
-        let script: &'static [Line] = Box::leak(Box::new([
+        let script: &'static [ScriptLine] = Box::leak(Box::new([
             hands(0, "down", Controls { right_switch: Switch::Down, ..armed }),
             hands(100, "arm", armed),
         ]));

@@ -88,7 +88,7 @@ impl Good {
         Self { package, seconds, seed, receiver, loads }
     }
 
-    /// What is found in it.
+    /// The problems that are found in the run.
     fn problems(&self) -> String {
         with_robot(self.package, |mut robot| {
             robot.set_no_logs(true);

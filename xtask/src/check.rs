@@ -128,7 +128,7 @@ const DAILY: [&str; 3] =
 /// If a step failed, or was skipped on a CI machine.
 pub fn run(is_whole: bool) -> Result<()> {
     let mut report = Report { is_whole, steps: Vec::new() };
-    // The compiler of the chip's steps, or why there is none.
+    // The compiler for the steps on the chip, or why it is missing.
     let mut rustc: Result<Option<PathBuf>, String> = Err("not set up".to_owned());
     report.step("setup", || match chip_toolchain() {
         Ok(found) => {

@@ -144,7 +144,7 @@ fn same_walks(walked: &[(u32, u64)]) -> Result<()> {
     Ok(())
 }
 
-/// What a run of the program told.
+/// The results of a run of the program.
 struct Ran {
     measurements: Vec<Measurement>,
     /// The numbers of the walks, and their hashes.

@@ -1,4 +1,4 @@
-//! What a newcomer's first command costs to compile.
+//! The compile time of a newcomer's first command.
 
 use std::fs;
 

@@ -20,7 +20,7 @@ const MOST: usize = 9;
 /// A module, or a name in one, from the crate's root on.
 type Place = Vec<String>;
 
-/// What a file uses of its own crate.
+/// The parts of its own crate that a file uses.
 #[derive(Default)]
 struct Uses {
     module: Place,

@@ -105,7 +105,7 @@ impl Axis {
         self.of(remote).abs() <= AT_REST
     }
 
-    /// What it is called.
+    /// Returns the name of the switch.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -137,7 +137,7 @@ pub const STEADY: Micros = Micros::from_millis(40);
 pub struct SwitchAt {
     /// The switch.
     pub switch: SwitchName,
-    /// Its position.
+    /// Position of the switch.
     pub position: Switch,
 }
 
@@ -296,7 +296,7 @@ impl fmt::Display for ArmingError {
 
 impl core::error::Error for ArmingError {}
 
-/// What the switches of a remote ask for.
+/// A request of a remote's switches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Zone {
     Stops,

@@ -91,11 +91,12 @@ pub async fn listen_for<N: Names, const BUSES: usize, const LINES: usize>(
 /// Setting it up takes 0.12 s.
 const LONGEST_READ: Duration = Duration::from_millis(250);
 
-/// Reads a BMI088 once a millisecond, for ever; hands on each heading, each sample or in words why there is none, and its time.
+/// Reads a BMI088 once a millisecond, for ever; passes on each heading, and each sample or why it
+/// is missing, with its time.
 ///
-/// `reception` counts samples as frames, those that the chips spoilt as damaged, and errors of the SPI bus as errors of
-/// the port. The sensor lies flat, its z axis up. Where the robot does not stand still for a second after power-on, its heading
-/// drifts: see [`Attitude`].
+/// `reception` counts samples as frames, invalid samples of the chips as damaged, and errors of the
+/// SPI bus as errors of the port. The sensor lies flat, its z axis up. If the robot does not stand
+/// still for a second after power-on, its heading drifts: see [`Attitude`].
 pub async fn measure<A, G, D>(
     mut imu: Bmi088<A, G, D>,
     switch: &ArmSwitch,

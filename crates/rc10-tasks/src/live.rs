@@ -103,7 +103,7 @@ impl<'r> Robot<'r> {
     }
 }
 
-/// What tells a robot from another one.
+/// Returns the identity of a robot, by which a PC tells it from others.
 fn declaration(slots: &[Slot], counts: [usize; 2], own: &dyn Live) -> Declaration {
     let mut sum = Declaration::default();
     for Slot { label, on, .. } in slots {
@@ -129,7 +129,7 @@ struct State {
     groups: RefCell<[Group; GROUPS]>,
     /// There may be something to tell beside samples.
     is_asked: Cell<bool>,
-    /// It was said hello to, and has not answered.
+    /// Whether a greeting has arrived and is not answered yet.
     is_greeted: Cell<bool>,
     /// The signals, and the parameters, that are still to be told of.
     signals: Cell<Range>,
@@ -147,7 +147,7 @@ type Range = (u16, u16);
 /// Requests, and answers, that may wait.
 const WAITING: usize = 4;
 
-/// What takes its time.
+/// A request whose answer takes time.
 enum Job {
     Set(Change),
     Ask(u8, Request),
@@ -285,7 +285,7 @@ impl State {
         self.wake.signal(());
     }
 
-    /// What is to be done to a motor, if it may be.
+    /// Returns the job of an action on a motor, if that is allowed.
     fn job(&self, id: u16, heard: u64, action: Action, robot: &Robot<'_>) -> Result<Job, Refusal> {
         Ok(match action {
             // The motor's bus sees to it again, in the tick that does it.

@@ -20,7 +20,7 @@ use crate::arming::Axis;
 pub struct Field {
     /// Name of the number, in small letters.
     pub name: &'static str,
-    /// Its unit; empty if it has none.
+    /// Unit of the number; empty if it has no unit.
     pub unit: &'static str,
     /// Names of its values from 0 on, with commas between, if it is a state.
     pub states: &'static str,
@@ -28,15 +28,15 @@ pub struct Field {
 
 /// Something of which numbers can be seen.
 pub trait Seen {
-    /// Its numbers.
+    /// The numbers of the type.
     const FIELDS: &'static [Field];
     /// A few words on each.
     const ABOUT: &'static [&'static str];
     /// Which of them count since power-on.
     const COUNTS: &'static [bool];
 
-    /// Returns a number as a link tells it: rounded to 32 bits, counters by their low 24. NaN if there
-    /// is none.
+    /// Returns a number as a link sends it: rounded to 32 bits, counters by their low 24. NaN for a
+    /// missing value.
     fn short(&self, at: usize) -> f32;
     /// Returns a number as it is.
     fn exact(&self, at: usize) -> f64;
@@ -48,7 +48,7 @@ pub trait Seen {
 pub trait Value: Copy {
     /// Names of its values, if it is a state.
     const STATES: &'static str = "";
-    /// It counts since power-on.
+    /// Whether the number counts since power-on.
     const COUNTS: bool = false;
 
     /// Returns it as a link tells it.
@@ -426,7 +426,7 @@ pub struct Whole {
     pub cycles: Option<u32>,
     /// Targets that its motors refused.
     pub refused: u32,
-    /// What was not at rest when the remote was to arm it.
+    /// The axis that was not at rest when the remote was to arm the robot.
     pub not_at_rest: Option<Axis>,
 }
 

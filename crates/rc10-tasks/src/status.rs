@@ -25,7 +25,7 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub arm: ArmState,
     /// Why it cannot be armed, if it cannot.
     pub unfit: Option<Unfit>,
-    /// What was not at rest when the remote was to arm it.
+    /// The axis that was not at rest when the remote was to arm the robot.
     pub not_at_rest: Option<Axis>,
     /// Motors that are heard.
     pub online: u8,

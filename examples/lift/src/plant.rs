@@ -1,8 +1,8 @@
-//! What is on the motors' shafts, and what hands do with the remote.
+//! The loads of the motors, and the operator's script.
 
 use rc10_can::Micros;
 use rc10_cli::Plant;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::Nonlinear;
 use rc10_sim::remote::{Controls, Stick, Switch};
 
@@ -38,8 +38,8 @@ pub fn plant(name: Name) -> Plant {
     }
 }
 
-/// What hands do, from when on.
-pub const SCRIPT: [Line; 13] = [
+/// The operator's controls, from these times on.
+pub const SCRIPT: [ScriptLine; 13] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm: it homes", ARMED),
     at(2000, "to the middle", Controls { right: Stick { x: 1.0, y: 0.0 }, ..ARMED }),
@@ -60,6 +60,6 @@ const ARMED: Controls = Controls::REST;
 
 const FEED: Controls = Controls { left_switch: Switch::Up, ..ARMED };
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }

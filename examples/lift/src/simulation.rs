@@ -8,7 +8,7 @@ use crate::plant::{INDEX, SCRIPT, plant};
 use crate::table::RECEIVER;
 use crate::{Motors, Name, Shared, task};
 
-/// Its description.
+/// The description of the robot.
 #[must_use]
 pub fn description() -> Description {
     Description {

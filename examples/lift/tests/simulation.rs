@@ -133,7 +133,7 @@ fn a_blocked_motor_stops_it_and_is_named() {
                     bench.forget();
                     longest = longest.max(bench.until(1, |bench| bench.stage() == Stage::Failed));
                     assert_eq!(bench.blamed(), Some(blocked));
-                    // It stands and stays, whatever hands do.
+                    // It stands and stays, whatever the operator does.
                     bench.hands(HIGHEST, 500);
                     let stands = bench.heights();
                     bench.hands(LOWEST, 500);
@@ -263,7 +263,7 @@ fn the_stick_does_not_drive_it_beyond_its_range() {
     });
 }
 
-/// Feeds so many pieces, one at a time.
+/// Feeds this number of pieces, one at a time.
 fn feed(bench: &mut Bench<'_>, pieces: u32) {
     for _ in 0..pieces {
         bench.hands(FEED, 50);

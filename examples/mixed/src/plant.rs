@@ -1,8 +1,8 @@
-//! What is on the motors' shafts, and what hands do with the remote.
+//! The loads of the motors, and the operator's script.
 
 use rc10_can::Micros;
 use rc10_cli::Plant;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::remote::{Controls, Switch};
 
 use crate::table::Name;
@@ -19,12 +19,12 @@ pub fn plant(name: Name) -> Plant {
     })
 }
 
-/// What hands do: they arm it.
-pub const HANDS: [Line; 2] = [
-    Line {
+/// The operator's controls: they arm the robot.
+pub const HANDS: [ScriptLine; 2] = [
+    ScriptLine {
         at: Micros::ZERO,
         label: "switches down",
         controls: Controls { right_switch: Switch::Down, ..Controls::REST },
     },
-    Line { at: Micros::from_millis(100), label: "arm", controls: Controls::REST },
+    ScriptLine { at: Micros::from_millis(100), label: "arm", controls: Controls::REST },
 ];

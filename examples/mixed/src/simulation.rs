@@ -11,7 +11,7 @@ use crate::table::{BUSES, RECEIVER, REPLY};
 use crate::task::{self, SCRIPT};
 use crate::{Motors, Shared};
 
-/// Its description.
+/// The description of the robot.
 #[must_use]
 pub fn description() -> Description {
     let event = |&(at, label, _): &(u32, &'static str, _)| Event {
@@ -37,7 +37,7 @@ pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Resu
 /// The same with buses and a line that have their motors.
 ///
 /// # Errors
-/// As [`robot`].
+/// Those of [`robot`].
 pub fn with<'r>(
     shared: &'r Shared<'_>,
     started: Started<'r, BUSES, 1>,

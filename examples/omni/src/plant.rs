@@ -1,16 +1,16 @@
-//! What is on the motors' shafts, and what hands do with the remote.
+//! The loads of the motors, and the operator's script.
 
 use anyhow::{Context, Result};
 use rc10_can::Micros;
 use rc10_cli::Plant;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Base, Nanos, Nonlinear, Serial, World};
 
 use crate::table::{FULL_STICK, Name};
 
-/// Of the robot, kg; our estimate.
+/// Mass of the robot, kg; our estimate.
 pub const MASS: f64 = 12.0;
 
 /// At the output shaft; our estimates. The wheels get theirs from the base.
@@ -29,7 +29,7 @@ pub fn plant(name: Name) -> Plant {
     }
 }
 
-/// Its IMU, on the base.
+/// Puts the robot's IMU on the base.
 ///
 /// # Errors
 /// Without a base.
@@ -39,11 +39,11 @@ pub fn imu(world: &mut World, base: Option<&Base>) -> Result<Serial> {
     Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base, phase)))
 }
 
-/// It begins again after this.
+/// Period of the script.
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
 
-/// What hands do, from when on.
-pub const SCRIPT: [Line; 12] = [
+/// The operator's controls, from these times on.
+pub const SCRIPT: [ScriptLine; 12] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", Controls { left: stick(0.0, 1.0), ..ARMED }),
@@ -70,8 +70,8 @@ const SHOOTING: Controls = Controls { left_switch: Switch::Up, dial: 0.5, ..ARME
 
 /// A line of a script, for a world of one's own.
 #[must_use]
-pub const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+pub const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }
 
 /// A stick: to the side and away: m/s for the left stick; rad/s and degrees per second for the right one.

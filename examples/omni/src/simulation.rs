@@ -8,7 +8,7 @@ use crate::plant::{MASS, SCRIPT, SCRIPT_LENGTH, imu, plant};
 use crate::table::{BASE, RECEIVER, WHEELS};
 use crate::{Motors, Shared, task};
 
-/// Its description.
+/// The description of the robot.
 #[must_use]
 pub fn description() -> Description {
     Description {
@@ -31,7 +31,7 @@ pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Resu
 /// The same in another world: heavier, or with another operator.
 ///
 /// # Errors
-/// As those of [`robot`].
+/// Those of [`robot`].
 pub fn robot_in<'r>(
     world: Description,
     shared: &'r Shared<'_>,

@@ -10,7 +10,7 @@ use rc10_cli::Description;
 use rc10_cli::judge::path::PathFigures;
 use rc10_cli::recording::Recording;
 use rc10_cli::recording::sample::PathPoint;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::simulate::simulate;
 use rc10_motor::{Link, Names};
 use rc10_sim::remote::{Controls, Switch};
@@ -31,18 +31,18 @@ fn run_in(world: Description, seed: u64, fault: Option<&str>, millis: u64) -> Re
 const DISARMED: Controls = Controls { right_switch: Switch::Down, ..ARMED };
 
 /// Nothing but the path, from 0.3 s on.
-const PATH: [Line; 3] =
+const PATH: [ScriptLine; 3] =
     [at(0, "switches down", DISARMED), at(100, "arm", ARMED), at(300, "along the path", ALONG)];
 
 /// The robot with another operator.
-fn operated(script: &[Line]) -> Description {
+fn operated(script: &[ScriptLine]) -> Description {
     let mut world = simulation::description();
     let remote = world.remote.as_mut().unwrap();
     (remote.script, remote.repeats_after) = (script.to_vec(), None);
     world
 }
 
-/// What it said last that it does, before a time.
+/// The robot's last activity before a time.
 fn activity(run: &Recording, millis: usize) -> Option<f32> {
     let signal = run.signals.iter().find(|signal| signal.label == "activity").unwrap();
     signal.samples[millis / 10 - 1].map(|cell| cell.max)
@@ -105,7 +105,7 @@ fn it_does_what_the_sticks_say() {
 
 #[test]
 fn it_keeps_its_heading_by_hand() {
-    const AHEAD: [Line; 4] = [
+    const AHEAD: [ScriptLine; 4] = [
         PATH[0],
         PATH[1],
         at(300, "ahead", Controls { left: stick(0.0, 1.0), ..ARMED }),
@@ -200,7 +200,7 @@ fn wheels_without_power_give_the_path_up() {
 
 #[test]
 fn sticks_take_over() {
-    const TAKEN: [Line; 5] = [
+    const TAKEN: [ScriptLine; 5] = [
         PATH[0],
         PATH[1],
         PATH[2],
@@ -221,7 +221,7 @@ fn sticks_take_over() {
 
 #[test]
 fn the_switch_gives_the_path_up_and_starts_another() {
-    const TWICE: [Line; 5] = [
+    const TWICE: [ScriptLine; 5] = [
         PATH[0],
         PATH[1],
         PATH[2],

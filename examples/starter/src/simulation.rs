@@ -1,8 +1,8 @@
-//! The robot as the tools see it: its tasks, what is on its motors' shafts, and what hands do with the remote.
+//! The robot for the tools: its tasks, the loads of its motors, and the operator's script.
 
 use rc10_can::Micros;
 use rc10_cli::robot::base::Base;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::build::build_firmware_in;
 use rc10_cli::{Description, Plant, RemoteControl, Robot};
 use rc10_sim::remote::{Controls, Stick, Switch};
@@ -11,7 +11,7 @@ use rc10_tasks::status;
 use crate::table::{BASE, Name, RECEIVER, WHEELS};
 use crate::{Motors, Shared, task};
 
-/// Its description.
+/// The description of the robot.
 #[must_use]
 pub fn description() -> Description {
     Description {
@@ -39,8 +39,8 @@ fn plant(name: Name) -> Plant {
     }
 }
 
-/// What hands do, from when on.
-const SCRIPT: [Line; 6] = [
+/// The operator's controls, from these times on.
+const SCRIPT: [ScriptLine; 6] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", Controls { left: Stick { x: 0.0, y: 0.6 }, ..ARMED }),
@@ -54,6 +54,6 @@ const ARMED: Controls = Controls::REST;
 /// Counter-clockwise.
 const SPIN: Stick = Stick { x: -0.5, y: 0.0 };
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }

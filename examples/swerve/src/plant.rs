@@ -1,7 +1,7 @@
-//! What is on the motors' shafts, and what hands do with the remote.
+//! The loads of the motors, and the operator's script.
 
 use rc10_can::Micros;
-use rc10_cli::robot::remote::Line;
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::{Base, Plant};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Chassis, Steering, Wheel};
@@ -30,8 +30,8 @@ pub fn base() -> Base {
     Base::new(DRIVES, chassis).with_steering(STEERS)
 }
 
-/// What hands do, from when on.
-pub const SCRIPT: [Line; 8] = [
+/// The operator's controls, from these times on.
+pub const SCRIPT: [ScriptLine; 8] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", moves(1.0, 0.0, 0.0)),
@@ -45,8 +45,8 @@ pub const SCRIPT: [Line; 8] = [
 /// Armed, sticks let go.
 const ARMED: Controls = Controls::REST;
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }
 
 /// Forward and to the left, m/s; counter-clockwise, rad/s.

@@ -9,7 +9,7 @@ use crate::plant::{SCRIPT, base, plant};
 use crate::table::RECEIVER;
 use crate::{Motors, Shared, task};
 
-/// Its description.
+/// The description of the robot.
 #[must_use]
 pub fn description() -> Description {
     Description {

@@ -7,7 +7,7 @@ use std::ops::Range;
 use rc10_can::Micros;
 use rc10_cli::judge::path::PathFigures;
 use rc10_cli::recording::Recording;
-use rc10_cli::recording::sample::BaseHeard;
+use rc10_cli::recording::sample::BaseMeasurement;
 use rc10_cli::run::simulate::simulate;
 use rc10_module::remote::DEAD_BAND;
 use rc10_motor::Link;
@@ -65,7 +65,7 @@ fn slip(run: &Recording, samples: Range<usize>) -> f64 {
     for at in samples {
         let (from, to) = (&base.heard[at], &base.heard[at + 1]);
         let [vx, vy, wz] = twist(run, at..at + 1);
-        let rims = base.ways(from, to).into_iter().zip(BaseHeard::steered(from, to));
+        let rims = base.ways(from, to).into_iter().zip(BaseMeasurement::steered(from, to));
         for ((way, steered), wheel) in rims.zip(&base.chassis.wheels) {
             let (sin, cos) = (wheel.direction + steered.to_radians()).sin_cos();
             let rim = way / 0.01;

@@ -48,7 +48,7 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// Of a robot at rest and disarmed.
+    /// Creates the state of a robot at rest and disarmed.
     pub const fn new() -> Self {
         Self { switch: ArmSwitch::new(), ports: Ports::new(), timing: Statistics::new() }
     }

@@ -1,4 +1,4 @@
-//! What wrong robots are declared with.
+//! The names that wrong robots are declared with.
 
 pub use rc10_motor::Place::{Bus, Line};
 pub use rc10_motor::damiao::{self, Damiao};

@@ -9,7 +9,7 @@ use rc10_sim::fault::Fault;
 use crate::robot::mistake;
 use crate::robot::mistake::Mistake;
 
-/// What goes wrong on purpose.
+/// The faults and mistakes that a run is to have.
 #[derive(Args, Clone, Debug, Default)]
 pub struct Injected {
     #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
@@ -21,7 +21,7 @@ pub struct Injected {
 }
 
 impl Injected {
-    /// Whether nothing does.
+    /// Whether there are no faults and no mistakes.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.faults.is_empty() && self.mistakes.is_empty()
@@ -48,13 +48,11 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
     }
 }
 
-/// A seed.
 pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {
     text.parse().map_err(|_| "must be a whole number from 0 to 18446744073709551615")
 }
 
-/// # Errors
-/// If a fault would begin when all is over.
+/// Fails if a fault would begin after the end of the run.
 pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
     match faults.iter().find(|fault| fault.from >= end.into()) {
         Some(Fault { kind, from, .. }) => {

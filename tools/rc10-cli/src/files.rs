@@ -6,10 +6,7 @@ use std::{fs, io};
 
 use anyhow::{Context, Result};
 
-/// Makes the folder for a run's files, if it is not there.
-///
-/// # Errors
-/// If it cannot be made.
+/// Makes the folder for a run's files, if it is not there; fails if it cannot be made.
 pub fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))
@@ -19,7 +16,6 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 pub(crate) struct Unfinished(pub(crate) PathBuf);
 
 impl Unfinished {
-    /// For this place.
     pub(crate) fn new(path: &Path) -> Self {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         Self(path.with_file_name(format!(".{name}.{}", std::process::id())))
@@ -41,7 +37,7 @@ impl Drop for Unfinished {
     }
 }
 
-/// Writes a whole file or none.
+/// Writes a whole file or nothing.
 pub(crate) fn write_file(folder: &Path, name: &str, content: &[u8]) -> Result<()> {
     let path = folder.join(name);
     let beside = Unfinished::new(&path);

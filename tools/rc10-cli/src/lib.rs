@@ -1,26 +1,17 @@
-//! The `rc10` command, and what it is made of: runs a robot in a simulated world, draws a report,
-//! decodes CAN captures, writes DBC files, puts a simulated bus on a pseudo-terminal. The only place
-//! where robots, the simulator and the emulator meet.
+//! The `rc10` command and its library: runs a robot in a simulated world, draws a report, decodes
+//! CAN captures, writes DBC files, puts a simulated bus on a pseudo-terminal. The only place where
+//! robots, the simulator and the emulator meet.
 //!
 //! A robot crate needs no copy of this one: it hands a [`Robot`], which is a [`Description`] with
 //! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
 //!
-//! * [`description`]: what the tools must know of a robot. [`motor`]: each [`Motor`] with its
-//!   [`Place`] on a bus or line, its [`Device`], and what its shaft
-//!   carries. [`script`]: what the robot does by itself. [`team`]: the robot of
-//!   `rc10-robot`.
-//! * [`remote`]: its remote control, its operator, and what happens when it is lost.
-//! * [`environment`]: the simulated world around a robot, from its description alone. [`mistake`]:
-//!   what is not as described. [`built`]: the robot with its mistakes.
-//! * [`robot`]: a description with its buses and tasks, ready to run. [`ports`]: how a run watches
-//!   them.
-//! * [`look`]: what is seen of a robot at one moment. [`recorder`]: takes looks down. [`record`]: looks
-//!   in a file, and a recording of them again.
-//! * [`simulate`]: runs the robot's own tasks, on this machine.
-//! * [`recording`]: the recording of a run. [`figures`], [`problems`], [`happened`], [`path`] and [`report`]
-//!   are made from it. [`wheels`]: what a base's wheels say of its motion.
-//! * [`run`], [`emulate`], [`live`], [`decode`], [`dbc`], [`new`], [`pty`]: the commands. [`candump`]: logs, read and
-//!   written. [`slcan`]: what a pseudo-terminal speaks.
+//! * [`robot`]: a robot as plain data: motors, base, remote, script. [`team`]: that of `rc10-robot`.
+//! * [`world`]: the simulated environment of a robot, and a robot with its tasks, ready to run.
+//! * [`run`]: runs in the simulator and on the emulated chip.
+//! * [`record`]: takes looks at a robot, and keeps them in a file. [`recording`]: a whole run.
+//! * [`judge`], [`show`]: problems, figures, tables and the report of a recording.
+//! * [`live`]: a robot that runs. [`decode`], [`formats`]: captures, and files of other programs.
+//! * [`commands`]: the other commands.
 #![forbid(unsafe_code)]
 // Figures for people and plots: a rounded digit does no harm here.
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
@@ -108,7 +99,7 @@ enum Command {
     Pty(PtyArgs),
 }
 
-/// For any robot: what `--robot` chooses from, its own help says.
+/// Examples for any robot; the help of `--robot` lists its choices.
 const EXAMPLES: &str = "\
 Examples:
   rc10                                   ten seconds of the robot, and target/rc10/report.html
@@ -139,25 +130,23 @@ impl Arguments {
     }
 }
 
-/// The arguments of the command line.
+/// The parsed arguments of the command line.
 pub struct CommandLine(Command);
 
 impl CommandLine {
-    /// Reads it from arguments; the first is the command's own name.
-    ///
-    /// # Errors
-    /// If they are not as the help says.
+    /// Parses arguments, the first of which is the command's own name; fails unless they fit the
+    /// help.
     pub fn parse<T: Into<OsString> + Clone>(
         arguments: impl IntoIterator<Item = T>,
     ) -> anyhow::Result<Self> {
         Ok(Arguments::try_parse_from(arguments)?.command_line())
     }
 
-    /// Does it with `robot`, and writes to standard output. Exit code 0: fine; 1: the input has broken lines; 3: the run had
-    /// problems, and `--strict` was given.
+    /// Runs the command with `robot`, and writes to standard output. Exit code 0: fine; 1: the
+    /// input has broken lines; 3: the run had problems, and `--strict` was given.
     ///
     /// # Errors
-    /// If the robot is not as described, its motors do not fit on a bus, or a file cannot be read or
+    /// The robot is not as described, does not fit on its buses, or a file cannot be read or
     /// written.
     pub fn run(self, robot: Robot<'_>) -> anyhow::Result<ExitCode> {
         let mut out = io::BufWriter::new(io::stdout().lock());
@@ -166,10 +155,7 @@ impl CommandLine {
         Ok(ExitCode::from(code))
     }
 
-    /// The same, written elsewhere; the exit code as a number.
-    ///
-    /// # Errors
-    /// As [`run`](Self::run).
+    /// Runs the command like [`run`](Self::run) with another output; returns the exit code.
     pub fn run_to(self, robot: Robot<'_>, out: &mut dyn Write) -> anyhow::Result<u8> {
         let out = &mut Plain(out);
         Ok(match self.0 {
@@ -199,16 +185,14 @@ impl CommandLine {
     }
 }
 
-/// The exit code of a run.
 const fn strict(is_strict: bool, has_problems: bool) -> u8 {
     if is_strict && has_problems { 3 } else { 0 }
 }
 
-/// The command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. An error
-/// that names a motor by model and identifier is told with its label and bus of the `description`.
-/// Exit code 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up,
-/// motors that do not fit on a bus, or a file that cannot be read or written; 3: the run had problems,
-/// and `--strict` was given.
+/// Runs the command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. An
+/// error that names a motor by model and identifier gets its label and bus from the `description`.
+/// Exit code 2: bad arguments, a robot that cannot be set up, motors that do not fit on a bus, or a
+/// file that cannot be read or written; the others are those of [`CommandLine::run`].
 #[must_use]
 pub fn main_for(
     description: &Description,
@@ -246,7 +230,7 @@ pub fn main() -> ExitCode {
     })
 }
 
-/// Which robot stands in this folder, if it is another one than this program's.
+/// The robot in this folder, if it is another one than this program's.
 fn other_robot() -> Option<String> {
     // By cargo, the folder's own is run, or one that was named.
     if env::var_os("CARGO_MANIFEST_DIR").is_some() {

@@ -1,4 +1,4 @@
-//! What is printed: a file or a robot does nothing to the terminal by the names in it.
+//! Output to the terminal, without control characters that names in it may have.
 
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -13,12 +13,12 @@ fn plain(text: &str) -> String {
     text.chars().map(plain).collect()
 }
 
-/// Says something on stderr, if there is one: a terminal may have been closed.
+/// Prints to stderr; a closed terminal is no error.
 pub(crate) fn tell(what: impl Display) {
     let _ = writeln!(io::stderr(), "rc10: {}", plain(&what.to_string()));
 }
 
-/// A way out for whole texts, without their control characters.
+/// An output for whole texts that removes their control characters.
 pub(crate) struct Plain<W>(pub(crate) W);
 
 impl<W: Write> Write for Plain<W> {

@@ -242,7 +242,7 @@ fn a_stop_from_elsewhere_is_not_undone_by_an_armed_remote() {
     }
 }
 
-/// Whoever stopped, wherever the switch lies and however often: a hand must have moved it since.
+/// After any stop a hand must move the switch, wherever it is and after any number of stops.
 #[test]
 fn a_stop_lasts_until_a_hand_has_moved_the_switch() {
     for config in CONFIGS {

@@ -5,9 +5,9 @@ use rc10_app::mechanism::Stage;
 /// A value of a robot's own that a PC may watch. Setting it is one store.
 #[derive(Debug)]
 pub struct Signal {
-    /// Its name.
+    /// Name of the signal.
     pub label: &'static str,
-    /// Its unit; empty if it has none.
+    /// Unit of the signal; empty if it has no unit.
     pub unit: &'static str,
     /// If it is a state: the names of its values from 0 on, with commas between.
     pub states: &'static str,
@@ -27,7 +27,7 @@ impl Signal {
         self.value.store(value.to_bits(), Ordering::Relaxed);
     }
 
-    /// Its value; NaN while it has none.
+    /// Returns the value; NaN while the signal has none.
     #[inline]
     #[must_use]
     pub fn get(&self) -> f32 {
@@ -77,9 +77,9 @@ impl Signal {
 /// A number of a robot's own that a PC may change, within a range. Reading it is one load.
 #[derive(Debug)]
 pub struct Parameter {
-    /// Its name.
+    /// Name of the parameter.
     pub label: &'static str,
-    /// Its unit; empty if it has none.
+    /// Unit of the parameter; empty if it has no unit.
     pub unit: &'static str,
     /// The lowest and the highest value.
     pub range: [f32; 2],
@@ -109,7 +109,7 @@ impl Parameter {
         Self { label, unit, range, initial, value, was_read }
     }
 
-    /// Its value, for a task.
+    /// Returns the value, for a task.
     #[inline]
     #[must_use]
     pub fn get(&self) -> f32 {
@@ -117,7 +117,7 @@ impl Parameter {
         self.peek()
     }
 
-    /// Its value, for a PC.
+    /// Returns the value, for a PC.
     pub(super) fn peek(&self) -> f32 {
         f32::from_bits(self.value.load(Ordering::Relaxed))
     }

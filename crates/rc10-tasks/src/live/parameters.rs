@@ -61,7 +61,7 @@ struct Field {
     units: [&'static str; 3],
 }
 
-/// What one request changes.
+/// The part of a motor that a request changes.
 #[derive(Clone, Copy, PartialEq)]
 enum Part {
     Speed,

@@ -44,7 +44,7 @@ pub(super) fn signals(robot: &Robot<'_>) -> u16 {
     robot.own_signals() + count_of(|see| robot.own.signals(see))
 }
 
-/// A signal in words; one without a name if there is none with this number.
+/// A signal in words; without a name if no signal has this number.
 pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
     let nothing = Topic { folder: "", label: "" };
     let none = Tell::Signal { index, topic: nothing, name: "", unit: "", states: "" };

@@ -10,7 +10,7 @@ use crate::table::{FEEDER, INDEXING, INDEXING_FORWARD};
 /// feeds. Pieces that are asked for meanwhile are fed afterwards.
 #[derive(Default)]
 pub struct IndexedFeeder {
-    /// What it counts, and is asked for.
+    /// The feeder, which counts and gets requests.
     pub feeder: Feeder,
     state: State,
 }

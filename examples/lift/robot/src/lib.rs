@@ -26,12 +26,12 @@ pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
 pub struct Shared<'p> {
     /// The switch, the ports, the remote and the status.
     pub common: Common<'p, Name, { table::BUSES }>,
-    /// What a PC may watch beside the motors.
+    /// Signals and mechanisms for a PC beside the motors' own.
     pub live: Live,
 }
 
 rc10_tasks::live! {
-    /// What a PC may watch beside the motors.
+    /// Signals and mechanisms for a PC beside the motors' own.
     pub struct Live {
         mechanisms {
             lift: "lift";

@@ -37,14 +37,14 @@ pub const BUSES: usize = 2;
 /// The lift's motors.
 pub const LIFT: [Name; 2] = [Name::LiftLeft, Name::LiftRight];
 
-/// The weight on each shaft, N m, and the inertia that it moves with its rotor, kg m².
+/// Weight on each shaft of the lift, N m.
 pub const WEIGHT: f32 = 1.0;
-/// See [`WEIGHT`].
+/// Inertia of each shaft of the lift, with its rotor, kg m².
 pub const INERTIA: f32 = 0.0137;
 
 /// 1 rpm in rad/s.
 const RADIANS: f32 = core::f32::consts::TAU / 60.0;
-/// Of a motor of the lift, N m/A.
+/// Torque constant of a motor of the lift, N m/A.
 const TORQUE: f32 = Config::new(&M3508, 1).torque_constant();
 
 /// What a shaft of the lift takes, in A: friction of the gearbox, inertia and weight.
@@ -55,14 +55,14 @@ const LIFTING: FeedForward = FeedForward {
     gravity: Gravity::Lift(WEIGHT / TORQUE),
 };
 
-/// What the feeder takes, in A: friction of the gearbox.
+/// Feed-forward of the feeder, in A: friction of the gearbox.
 const FEEDING: FeedForward = FeedForward { friction: 0.28, ..FeedForward::NONE };
 
 /// The bottom is found by running onto it, with both motors.
 pub const HOMING: AxesHomingConfig = AxesHomingConfig {
     homing: HomingConfig {
         reference: Reference::Stop(Stall {
-            // A. Lowering takes an upward current: downward there is none before the stop.
+            // A. Lowering takes an upward current; a downward one comes only at the stop.
             effort: 2.0,
             standstill: Rpm::new(2.0),
             time: Seconds::new(0.06),

@@ -102,7 +102,7 @@ impl Bench<'_> {
         (0..2).for_each(|motor| self.set_weight(motor, 1.0));
     }
 
-    /// Hands do something for a time, in ms.
+    /// Sets the controls for a time, in ms.
     pub fn hands(&mut self, controls: Controls, millis: u64) {
         self.around.remote.as_ref().unwrap().remote.set(controls);
         self.run(millis);
@@ -118,7 +118,7 @@ impl Bench<'_> {
         }
     }
 
-    /// Runs until it is so, for at most so many seconds; how many ms it took.
+    /// Runs until a condition is true, with a limit in seconds; returns the time in ms.
     pub fn until(&mut self, seconds: u64, is_so: impl Fn(&Self) -> bool) -> u64 {
         let began = self.now;
         while !is_so(self) {
@@ -152,14 +152,14 @@ impl Bench<'_> {
         })
     }
 
-    /// What the robot believes of them.
+    /// Height and tilt by the robot's own signals.
     pub fn believed(&self) -> [f64; 2] {
         let live = &self.shared.live;
         let (height, tilt) = (f64::from(live.height.get()), f64::from(live.tilt.get()));
         [height + tilt / 2.0, height - tilt / 2.0]
     }
 
-    /// Of the lift.
+    /// The stage of the lift.
     pub fn stage(&self) -> Stage {
         stage(&self.shared.live.lift)
     }
@@ -189,7 +189,7 @@ impl Bench<'_> {
         self.motor(LIFT[motor]).set_travel(travel);
     }
 
-    /// As a multiple of what the robot knows.
+    /// Sets a motor's weight as a multiple of the robot's table.
     pub fn set_weight(&self, motor: usize, factor: f64) {
         self.motor(LIFT[motor]).set_load(-UP[motor] * f64::from(WEIGHT) * factor);
     }
@@ -213,7 +213,7 @@ impl Bench<'_> {
         if std::mem::replace(&mut self.told, told) == told || self.stage() != Stage::Ready {
             return;
         }
-        // New targets: they are those of the moment before. In the mean of both the corrections are none.
+        // New targets are those of the moment before. In the mean of both, corrections cancel out.
         let mut profile = [0.0; 2];
         for motor in 0..2 {
             let Target::Motion(Motion { angle: Some(angle), .. }) = status[motor].target else {
@@ -229,7 +229,7 @@ impl Bench<'_> {
     }
 }
 
-/// What a mechanism does, roughly.
+/// A coarse stage of a mechanism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     Idle,
@@ -238,7 +238,7 @@ pub enum Stage {
     Failed,
 }
 
-/// That of a mechanism.
+/// The coarse stage of a mechanism.
 pub fn stage(mechanism: &Mechanism) -> Stage {
     use rc10_motor::rc10_app::mechanism::Stage as Exact;
     match Exact::ALL[usize::try_from(number(mechanism.signal())).unwrap()] {

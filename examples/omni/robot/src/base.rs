@@ -19,19 +19,19 @@ use crate::table::{
     TAKES_OVER,
 };
 
-/// What the base does: the value of the signal "activity". Without a robot that is armed and a remote
-/// that is heard there is none.
+/// The activity of the base: the value of the signal "activity". It has no value unless the robot
+/// is armed and its remote is heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activity {
-    /// It is driven by hand.
+    /// Driven by hand.
     ByHand = 0,
-    /// It comes to a stand, and plans its path.
+    /// Coming to a stand, and planning a path.
     Planning = 1,
-    /// It follows its path.
+    /// Following the path.
     Following = 2,
-    /// It is behind, and its path waits for it.
+    /// Behind on the path, which waits for the base.
     Waiting = 3,
-    /// It is at the end of its path, and held there.
+    /// At the end of the path, and held there.
     Arrived = 4,
     /// It gave its path up, and stands until the switch or a stick is moved.
     GaveUp = 5,
@@ -67,7 +67,7 @@ pub struct Driver {
     course: Course,
 }
 
-/// What it is about, with what that takes.
+/// The activity of the base, with its data.
 enum Course {
     /// `is_ready` for a path: the switch was seen in another position.
     ByHand {
@@ -106,7 +106,7 @@ impl Driver {
         tell(shared, Some(activity), target);
     }
 
-    /// What the operator wants.
+    /// Follows the operator's choice of the course.
     fn choose(&mut self, remote: &Remote) {
         let sticks = [remote.left.x, remote.left.y, remote.right.x];
         let is_by_hand = matches!(self.course, Course::ByHand { .. });

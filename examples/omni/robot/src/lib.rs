@@ -28,7 +28,7 @@ pub struct Shared<'p> {
 }
 
 rc10_tasks::live! {
-    /// What a PC may watch beside the motors.
+    /// Signals for a PC beside the motors' own.
     pub struct Live {
         signals {
             x: "odometry x", "m";
@@ -45,7 +45,7 @@ rc10_tasks::live! {
 }
 
 impl<'p> Shared<'p> {
-    /// Of a robot that has not begun.
+    /// Creates the state of a robot that has not begun.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
     #[inline(always)]
     #[must_use]

@@ -1,4 +1,4 @@
-//! What is on the base: an arm, a turret and a flywheel.
+//! The mechanisms on the base: an arm, a turret and a flywheel.
 
 use rc10_app::profile::synchronise;
 use rc10_app::{AngleProfile, ProfileLimits, Rpm, Seconds, TotalAngle};
@@ -13,7 +13,7 @@ use crate::table::{
 /// Mechanisms that are driven, while the robot is armed.
 pub struct Mechanisms {
     arm: AngleProfile,
-    /// Its bottom and its top.
+    /// Lowest and highest angle of the arm.
     range: [TotalAngle; 2],
     /// The arm's newest stick.
     raised: f32,

@@ -146,12 +146,12 @@ pub const REST: f32 = 0.02;
 pub const ARM_RATE: Rpm = Rpm::new(15.0);
 /// The angles that it may take, degrees.
 pub const ARM_RANGE: [i32; 2] = [0, 120];
-/// Of its motion, in rpm.
+/// Limits of the arm's motion, in rpm.
 pub const ARM_LIMITS: ProfileLimits =
     ProfileLimits { velocity: ARM_RATE.get(), acceleration: 200.0, jerk: 4000.0 };
 /// Speed of the turret with the dial at its end: 180 degrees per second.
 pub const TURRET_RATE: Rpm = Rpm::new(30.0);
-/// Of its motion, in rpm.
+/// Limits of the turret's motion, in rpm.
 pub const TURRET_LIMITS: ProfileLimits =
     ProfileLimits { velocity: TURRET_RATE.get(), acceleration: 150.0, jerk: 3000.0 };
 /// Speed of the flywheel while it is switched on.

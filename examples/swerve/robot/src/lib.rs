@@ -20,14 +20,14 @@ type Common<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }>;
 
 /// Everything that its tasks share.
 pub struct Shared<'p> {
-    /// What every robot has.
+    /// The state that every robot has.
     pub common: Common<'p>,
     /// Where it is by its wheels.
     pub live: Live,
 }
 
 rc10_tasks::live! {
-    /// What a PC may watch beside the motors.
+    /// Signals for a PC beside the motors' own.
     pub struct Live {
         signals {
             x: "odometry x", "m";
@@ -48,7 +48,7 @@ impl<'p> Deref for Shared<'p> {
 }
 
 impl<'p> Shared<'p> {
-    /// Of a robot that has not begun.
+    /// Creates the state of a robot that has not begun.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
     #[inline(always)]
     #[must_use]

@@ -37,7 +37,7 @@ const RPM: f32 = 30.0 / PI;
 /// Below this speed over the floor, m/s, the rate of its direction is not a wheel's to follow.
 const SLOW: f32 = 0.3;
 
-/// What the sticks have made so far.
+/// The motion that the sticks have commanded so far.
 struct Drive {
     limiter: TwistLimiter,
     hold: HeadingHold,
@@ -164,7 +164,7 @@ fn push(twist: Twist, change: Twist) -> Twist {
     Twist::new(mass * x, mass * y, BODY.yaw_inertia / SQUARES * change.wz)
 }
 
-/// Of the distances of the modules from the middle, m².
+/// Sum of the squared distances of the modules from the middle, m².
 const SQUARES: f32 = {
     let (mut sum, mut at) = (0.0, 0);
     while at < 4 {

@@ -58,12 +58,13 @@ Examples:
 
 Exit code 0: every line was read; 1: some were broken; 2: the file cannot be read.";
 
-/// Prints what a log of the robot's buses says to `out`, and the lines that cannot be read to `err`,
-/// with the interfaces that are no bus or never came. Whether there were lines that cannot be read.
+/// Prints what a log of the robot's buses says to `out`, and its broken lines and unknown
+/// interfaces to `err`; returns whether there were broken lines.
 ///
 /// # Errors
 /// The file cannot be read; a bus or an interface is given twice, or the robot has no such bus; the
-/// robot is not as described; or whatever the outputs fail with (an [`io::Error`], so that a closed pipe can be told apart).
+/// robot is not as described; or an output fails (an [`io::Error`], so that a closed pipe can be
+/// told apart).
 pub fn decode(
     args: &DecodeArgs,
     robot: Robot<'_>,
@@ -296,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interface_is_the_bus_it_is_told_to_be() {
+    fn an_interface_is_the_given_bus() {
         let log = b"(1.0) slcan0 203#0000000000000000\n(1.0) can1 203#0000000000000000\n";
         let told = summary(log, &["slcan0=2"]);
         let channels = |summary: &Value| summary["channels"].clone();
@@ -376,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_pipe_can_be_told_apart() {
+    fn a_closed_pipe_is_recognised() {
         let args = DecodeArgs { file: PathBuf::from("test.log"), buses: Vec::new(), json: true };
         let error = decode_team(MIXED, &args, &mut Closed, &mut io::sink()).unwrap_err();
         let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);

@@ -1,6 +1,5 @@
-//! `rc10 new`: a robot of one's own, in a repository of its own. It is `examples/starter` of the checkout that
-//! this program was built from, under another name, so that what is written here has been compiled and tested
-//! there.
+//! `rc10 new`: copies `examples/starter` of the checkout that this program was built from into a
+//! folder of its own, under another name. So the new robot has been compiled and tested there.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -30,7 +29,7 @@ pub struct NewArgs {
     pub rev: Option<String>,
 }
 
-/// What is copied as it is, but for the name.
+/// Files that are copied unchanged, but for the name.
 const FILES: [&str; 11] = [
     "README.md",
     "src/lib.rs",
@@ -45,7 +44,7 @@ const FILES: [&str; 11] = [
     "firmware/.cargo/config.toml",
 ];
 
-/// Words of the language, crates that are always there, and what cargo or Windows has under such a name.
+/// Rust keywords, crates that are always there, and names that cargo or Windows reserves.
 const RESERVED: &str = "abstract alloc as async aux await become box break build con const continue core crate \
     deps do dyn else enum examples extern false final fn for gen if impl in incremental let loop macro match mod \
     move mut nul override prn priv pub ref return self simulation static std struct super test trait true try \
@@ -54,9 +53,8 @@ const RESERVED: &str = "abstract alloc as async aux await become box break build
 /// Makes the folder, whole or not at all.
 ///
 /// # Errors
-/// If the name is none, the folder is there already or cannot be written, or the checkout has gone.
+/// The name is invalid, the folder exists or cannot be written, or the checkout is gone.
 pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
-    // Two folders up; it is absolute, and as people wrote it.
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new("."));
     ensure!(
         root.join("examples/starter").is_dir(),
@@ -65,7 +63,7 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
     );
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
     let here = here.with_context(|| format!("cannot write the folder {} here", args.name))?;
-    // Its settings would be joined with those of the checkout, and nothing would link.
+    // Cargo would join the settings of both, and nothing would link.
     let is_inside = root.canonicalize().is_ok_and(|root| here.starts_with(root));
     ensure!(!is_inside, "here is inside RC10's checkout: make your robot beside it, such as in ..");
     let (git, board) = (args.git.clone().zip(args.rev.clone()), args.board);
@@ -125,7 +123,7 @@ fn check_name(name: &str, locked: &str) -> Result<()> {
     Ok(())
 }
 
-/// The checkout that robots point at, or take what they are made of from.
+/// The checkout that new robots depend on.
 struct Checkout {
     root: PathBuf,
     git: Option<(String, String)>,
@@ -138,7 +136,6 @@ impl Checkout {
         fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
     }
 
-    /// The files of a robot of this name.
     fn files(&self, name: &str) -> Result<Vec<(String, String)>> {
         let word = name.replace('-', "_");
         let renamed = |file: &str, text: &str| {
@@ -152,7 +149,7 @@ impl Checkout {
         let robot = self.read("examples/starter/robot/Cargo.toml")?;
         let simulation = self.read("examples/starter/Cargo.toml")?;
         let firmware = self.read("examples/starter/firmware/Cargo.toml")?;
-        // There it is a member of the workspace of all programs for the chip.
+        // In the checkout it is a member of the workspace of all programs for the chip.
         let mut own: Vec<_> = firmware.lines().collect();
         own.retain(|line| !line.starts_with("workspace = \"") && !line.starts_with("build = "));
         own.retain(|line| !line.starts_with('#'));
@@ -191,7 +188,7 @@ impl Checkout {
         Ok(files)
     }
 
-    /// The head of a workspace's manifest: what the members take from there, by the checkout's own.
+    /// The head of a workspace's manifest, with the dependencies that the members use.
     fn workspace(&self, manifest: &str, folder: &str, members: &[&str]) -> Result<String> {
         let text = self.read(manifest)?;
         let used: BTreeSet<&str> = members
@@ -214,7 +211,6 @@ impl Checkout {
             } else if let Some(package) =
                 name.strip_prefix("profile.").and_then(|name| name.split_once(".package."))
             {
-                // Of those that a robot has.
                 let own = [
                     "rc10-firmware",
                     "lift-firmware",
@@ -236,7 +232,7 @@ impl Checkout {
         Ok(head.trim_end().to_owned() + "\n\n")
     }
 
-    /// A dependency that is seen from elsewhere.
+    /// A dependency's line, with its path as seen from another folder.
     fn pointed(&self, rest: &str, folder: &str) -> Result<String> {
         let Some((before, after)) = rest.split_once("path = \"") else {
             return Ok(rest.to_owned());
@@ -256,7 +252,7 @@ impl Checkout {
     }
 }
 
-/// A text with one word, which stands there once, for another.
+/// Replaces a word that must stand exactly once in a text.
 fn replaced(text: &str, word: &str, other: &str) -> Result<String> {
     ensure!(text.matches(word).count() == 1, "not understood: where is {word}?");
     Ok(text.replace(word, other))

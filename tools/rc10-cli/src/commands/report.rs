@@ -43,10 +43,8 @@ pub struct ReportArgs {
     pub strict: bool,
 }
 
-/// Makes the report of a record. Whether the run had problems.
-///
-/// # Errors
-/// As [`replay`], and if the folder cannot be written.
+/// Makes the report of a record; returns whether the run had problems. Fails like [`replay`], or if
+/// the folder cannot be written.
 pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     let names = args.files.iter().map(|file| file.display().to_string());
     let named = names.collect::<Vec<_>>().join(", ");
@@ -100,10 +98,8 @@ pub struct CsvArgs {
     pub out: PathBuf,
 }
 
-/// Writes the numbers and events of a record as CSV files, one for each topic.
-///
-/// # Errors
-/// If the file is none, or the folder cannot be written.
+/// Writes the numbers and events of a record as CSV files, one for each topic. Fails if the file is
+/// invalid or the folder cannot be written.
 pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
     let mut file = open(&args.record)?;
     let named = || args.record.display().to_string();
@@ -130,7 +126,6 @@ pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
                 if *is_text {
                     write!(file, ",{}", label(bytes).replace([',', '\n', '"'], " "))?;
                 } else {
-                    // An empty cell for what there is not.
                     for value in numbers(bytes)? {
                         let value = if value.is_nan() { String::new() } else { value.to_string() };
                         write!(file, ",{value}")?;
@@ -155,7 +150,7 @@ pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
-/// A table that is being written. It is in its place when it is whole.
+/// A table, which gets its final name when it is whole.
 struct Table {
     name: String,
     rows: usize,
@@ -164,8 +159,7 @@ struct Table {
     beside: Unfinished,
 }
 
-/// A file's name for a topic, on every system: of letters, digits, `-` and `_`, none that Windows keeps for
-/// itself, and none that is taken.
+/// A file name for a topic, valid on every system and not taken yet.
 fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
     let safe = |letter: char| match letter {
         '/' => '-',
@@ -187,16 +181,14 @@ fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
     name + ".csv"
 }
 
-/// The text of a message that is one string; nothing of others.
+/// The text of a message that is one string; else empty.
 fn label(bytes: &[u8]) -> String {
     let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
     String::from_utf8_lossy(text).into_owned()
 }
 
-/// So many gaps are told one by one.
 const GAPS: usize = 5;
 
-/// Whether a file begins as a record does.
 fn is_record(path: &Path) -> Result<bool> {
     let cannot = || format!("cannot read {}", path.display());
     let mut begin = Vec::new();

@@ -57,7 +57,7 @@ pub struct RunArgs {
     pub force: bool,
 }
 
-/// Logs of this many bytes are told of before they are written.
+/// Size of logs, in bytes, from which on it is announced before they are written.
 const LARGE: u64 = 100_000_000;
 
 /// The settings of `rc10` without any argument.
@@ -78,11 +78,10 @@ impl Default for RunArgs {
     }
 }
 
-/// Runs a robot, writes the files, prints the figures. Whether the run had problems.
+/// Runs a robot, writes the files and prints the figures; returns whether the run had problems.
 ///
 /// # Errors
-/// If the folder cannot be written, the robot is not as described, or its motors do not fit on
-/// their buses.
+/// The folder cannot be written, or the robot is not as described or does not fit on its buses.
 pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.injected.faults, args.seconds)?;
     if let Some(receiver) = args.remote {
@@ -91,7 +90,7 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     robot.inject(&args.injected, "rc10 run")?;
     robot.fit(args.force)?;
     robot.set_no_logs(args.no_logs);
-    // Before the work, so that a wrong folder is known at once.
+    // First, so that a wrong folder is known at once.
     make_folder(&args.out)?;
     if let size @ LARGE.. = robot.log_size(args.seconds) {
         let (folder, size) = (args.out.display(), size / 1_000_000);

@@ -10,7 +10,7 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::{DriveMode, MotorStatus, TargetKind};
 
 use super::{BusOfChannel, Decoder, Summary, excerpt, known_on, unreadable};
-use crate::formats::candump::{Line, Numbered, Reader};
+use crate::formats::candump::{CandumpLine, Numbered, Reader};
 use crate::record::recorder::Recorder;
 use crate::recording::Recording;
 use crate::recording::look::{BusLook, Moment, MotorLook};
@@ -20,28 +20,25 @@ use crate::robot::motor::BITS_PER_SECOND;
 use crate::robot::motor::Place;
 use crate::world::robot::Robot;
 
-/// No capture is longer, in virtual time: a clock that jumped makes one of years.
+/// Longest capture, in virtual time: a clock that jumped would make one of years.
 const LONGEST: Micros = Micros::from_millis(3_600_000);
-/// Times from here on are those of a calendar: they are counted from the first frame.
+/// Times from here on are calendar times: they are counted from the first frame.
 const A_DAY: Micros = Micros::from_millis(86_400_000);
-/// Lines that cannot be read are told one by one up to this number.
 const MOST_TOLD: u64 = 10;
-/// The windows of a bus's load.
 const WINDOW: Micros = Micros::from_millis(100);
 
-/// A frame of a capture.
-struct Heard {
+struct CapturedFrame {
     at: Micros,
     bus: u8,
     frame: CanFrame,
 }
 
-/// The recording of what candump logs have of a robot: motors and buses that occur in them. What cannot
-/// be read, and interfaces that are no bus, are said on `err`.
+/// Makes the recording of candump logs: the motors and buses that occur in them. Broken lines and
+/// unknown interfaces are reported on `err`.
 ///
 /// # Errors
-/// If a file cannot be read, none has a frame with a time on a bus of the robot, or they last more than
-/// an hour; if a bus or an interface is given twice; if the robot is not as described.
+/// A file cannot be read; no file has a frame with a time on a bus of the robot; they last more
+/// than an hour; a bus or an interface is given twice; or the robot is not as described.
 pub(crate) fn hear(
     files: &[PathBuf],
     told: &[BusOfChannel],
@@ -77,7 +74,7 @@ pub(crate) fn hear(
             let Some(at) = line.at else {
                 bail!("{named}: line {number} has no time: write the log with candump -l or -ta");
             };
-            heard.push(Heard { at, bus, frame: line.frame });
+            heard.push(CapturedFrame { at, bus, frame: line.frame });
         }
     }
     if broken > MOST_TOLD {
@@ -104,7 +101,7 @@ pub(crate) fn hear(
 fn record(
     robot: &Description,
     decoder: &mut Decoder<'_, '_>,
-    heard: &[Heard],
+    heard: &[CapturedFrame],
     last: Micros,
 ) -> Result<Recording> {
     // Whole milliseconds, up to the last frame's effect.
@@ -115,9 +112,9 @@ fn record(
     let mut now = Micros::ZERO;
     while now < length {
         now += LOOK_PERIOD;
-        while let Some(Heard { at, bus, frame }) = rest.next_if(|heard| heard.at <= now) {
+        while let Some(CapturedFrame { at, bus, frame }) = rest.next_if(|heard| heard.at <= now) {
             traffic[usize::from(*bus) - 1].add(*at, frame);
-            let line = Line { at: Some(*at), channel: "", frame: *frame, direction: None };
+            let line = CandumpLine { at: Some(*at), channel: "", frame: *frame, direction: None };
             decoder.decode(*bus, &line);
         }
         let status = |entry: usize| {
@@ -139,7 +136,7 @@ fn record(
         .iter()
         .map(|traffic| WireEnd { load_windows: traffic.windows(length), ..WireEnd::default() });
     let mut recording = recorder.finish_with(length, wires.collect(), Vec::new())?;
-    // Nothing is known of a bus that was not captured, nor of lines.
+    // Nothing is known of lines, and of a bus that was not captured.
     let is_captured = |bus: u8| traffic[usize::from(bus) - 1].frames > 0;
     recording.motors.retain(|track| track.motor.on.bus().is_some_and(is_captured));
     recording.buses.retain(|track| is_captured(track.number));
@@ -148,12 +145,12 @@ fn record(
     Ok(recording)
 }
 
-/// The share of a bus that these bits took in a time, percent.
+/// Bus load in percent, from the bits in a time.
 fn load(bits: u64, time: Micros) -> f64 {
     100.0 * bits as f64 / (f64::from(BITS_PER_SECOND) * time.get() as f64 * 1e-6)
 }
 
-/// A look at a motor of which nothing but its feedback is known.
+/// A look at a motor whose feedback alone is known.
 fn look(status: Option<MotorStatus>) -> MotorLook {
     let mut status = status.unwrap_or(MotorStatus::NEW);
     status.drive = DriveMode::Coast;
@@ -163,12 +160,10 @@ fn look(status: Option<MotorStatus>) -> MotorLook {
     MotorLook { kind: TargetKind::Speed, measured: rpm, shaft, ..MotorLook::of(status) }
 }
 
-/// What was on a bus.
 #[derive(Clone, Default)]
 struct Traffic {
     frames: u64,
     bits: u64,
-    /// Bits of the frames in each 100 ms.
     in_window: Vec<u64>,
 }
 

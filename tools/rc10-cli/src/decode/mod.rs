@@ -1,5 +1,5 @@
-//! The meaning of the frames in a candump log: every frame goes through the robot's own buses and
-//! motors, so what is printed is what the robot would have understood.
+//! The meaning of the frames in a candump log: each goes through the robot's own buses and motors,
+//! so what is printed is what the robot would have understood.
 
 pub(crate) mod heard;
 pub(crate) mod print;
@@ -14,7 +14,7 @@ use rc10_motor::dji::{Model, RawFeedback};
 use rc10_motor::signals::{Marks, Message};
 use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus, dji};
 
-use crate::formats::candump::Line;
+use crate::formats::candump::CandumpLine;
 use crate::robot::description::Description;
 use crate::robot::motor::Motor;
 
@@ -46,15 +46,14 @@ pub(crate) fn unreadable(file: &Path) -> String {
     format!("cannot read {}", file.display())
 }
 
-/// The beginning of a line, with nothing in it that a terminal would obey.
+/// The beginning of a line, without control characters.
 pub(crate) fn excerpt(text: &str) -> String {
     const LONGEST: usize = 60;
     let more = if text.chars().nth(LONGEST).is_some() { ".." } else { "" };
     format!("\"{}\"{more}", text.chars().take(LONGEST).collect::<String>().escape_debug())
 }
 
-/// The messages in the tables of a bus's motors, in their order; a message that is sent to several
-/// motors comes once.
+/// The messages of a bus's motors, in order; a message to several motors comes once.
 pub(crate) fn known_on(robot: &Description, bus: u8) -> Vec<Known<'_>> {
     let mut all: Vec<Known<'_>> = Vec::new();
     for motor in robot.on_bus(bus) {
@@ -68,33 +67,29 @@ pub(crate) fn known_on(robot: &Description, bus: u8) -> Vec<Known<'_>> {
     all
 }
 
-/// A message, and its motor; `None`: it is sent to several.
+/// A message and its motor; `None` if it is for several motors.
 pub(crate) type Known<'d> = (Option<&'d Motor>, Message);
 
-/// The robot's buses, which only listen here.
 pub(crate) struct Decoder<'d, 'm> {
     pub(crate) robot: &'d Description,
-    /// The messages in the tables of the motors, bus by bus.
     pub(crate) messages: Vec<Vec<Known<'d>>>,
     pub(crate) buses: Vec<MotorBus<'m>>,
-    /// The newest time in the log: that of frames without one.
+    /// The newest time in the log, for frames without a time.
     pub(crate) newest: Micros,
 }
 
-/// A decoded frame.
 pub(crate) enum Meaning<'d> {
     Feedback {
         motor: &'d Motor,
         raw: Option<RawFeedback>,
         feedback: Feedback,
     },
-    /// A frame that a motor's tables describe.
     Message {
-        /// `None`: several.
+        /// `None` if it is for several motors.
         motor: Option<&'d Motor>,
         message: Message,
     },
-    /// A motor's answer to a request, of which its tables say nothing.
+    /// A motor's answer to a request that its tables do not describe.
     Unasked {
         motor: &'d Motor,
     },
@@ -106,22 +101,18 @@ pub(crate) enum Meaning<'d> {
     Unknown,
 }
 
-/// Two bytes of a command frame.
 pub(crate) struct Lane<'d> {
-    /// 1 ..= 4.
     number: u8,
     raw: i16,
-    /// The motor that they command.
     motor: Option<&'d Motor>,
 }
 
-/// Everything of DJI that can be on a bus, also where the robot has none: their command frames are
-/// known.
+/// All DJI models: their command frames are known also on a bus where the robot has none.
 const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
 
 impl<'d> Decoder<'d, '_> {
-    /// The meaning of a frame on a bus of the robot (the first one is 1).
-    pub(crate) fn decode(&mut self, bus: u8, line: &Line<'_>) -> Meaning<'d> {
+    /// The meaning of a frame on a bus; the first bus is 1.
+    pub(crate) fn decode(&mut self, bus: u8, line: &CandumpLine<'_>) -> Meaning<'d> {
         let frame = &line.frame;
         let at = line.at.unwrap_or(self.newest);
         self.newest = at;
@@ -132,8 +123,7 @@ impl<'d> Decoder<'d, '_> {
         {
             return command(self.robot, bus, frame);
         }
-        // An LK drive takes commands at the identifier of its answers: what is sent to a motor is no
-        // feedback of it.
+        // An LK drive takes commands at the identifier of its answers: this is no feedback.
         if let Some(message) = self.message(bus, frame, |_, message| !message.from_device) {
             return message;
         }
@@ -151,7 +141,7 @@ impl<'d> Decoder<'d, '_> {
                 let whose = described(id);
                 self.message(bus, frame, |motor, message| message.from_device && is(motor, whose))
             }
-            // What its motor takes for feedback is nothing that marks would tell from it.
+            // The motor takes it for feedback, and no mark in it says otherwise.
             Dispatch::Motor(id) => {
                 let whose = described(id).filter(|motor| motor.dji().is_none());
                 self.message(bus, frame, |motor, message| {
@@ -175,7 +165,7 @@ impl<'d> Decoder<'d, '_> {
         Meaning::Feedback { motor, raw, feedback: status.feedback }
     }
 
-    /// The most special message of a bus's motors that a frame is, of those that are wanted.
+    /// The most specific wanted message of a bus's motors that matches a frame.
     fn message(
         &self,
         bus: u8,
@@ -188,7 +178,6 @@ impl<'d> Decoder<'d, '_> {
         Some(Meaning::Message { motor, message })
     }
 
-    /// The motors of a bus with their status, in the order of the table.
     pub(crate) fn motors(&self, bus: u8) -> impl Iterator<Item = (&'d Motor, MotorStatus)> {
         let motors = self.buses.get(usize::from(bus) - 1).into_iter();
         let status = |motors: &MotorBus<'_>, id| motors.status(id, self.newest);
@@ -198,12 +187,11 @@ impl<'d> Decoder<'d, '_> {
     }
 }
 
-/// Whether it is that very motor.
 fn is(one: Option<&Motor>, other: Option<&Motor>) -> bool {
     one.zip(other).is_some_and(|(one, other)| std::ptr::eq(one, other))
 }
 
-/// The lanes of a command frame that a motor takes, and those that no motor takes.
+/// The lanes of a command frame: those of a motor, and others that are not zero.
 fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d> {
     let Some(bytes) = frame.all_eight() else {
         return Meaning::Malformed { motor: None, error: FrameError::Length };
@@ -220,12 +208,10 @@ fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d>
     Meaning::Command(lanes.filter(|lane| lane.motor.is_some() || lane.raw != 0).collect())
 }
 
-/// Counters of the lines of a log.
 #[derive(Default)]
 pub(crate) struct Summary {
-    /// Number of the robot's buses.
     buses: u8,
-    told: Vec<BusOfChannel>,
+    given: Vec<BusOfChannel>,
     pub(crate) lines: u64,
     pub(crate) broken_lines: u64,
     frames: u64,
@@ -236,29 +222,28 @@ pub(crate) struct Summary {
     channels: BTreeMap<String, Channel>,
 }
 
-/// Counters of one interface.
 #[derive(Default)]
 pub(crate) struct Channel {
     bus: Option<u8>,
     frames: u64,
-    /// Frames that say nothing to the robot, by identifier and whether it is a remote request.
+    /// Frames without a meaning, by identifier and whether it is a remote request.
     unknown: BTreeMap<(Id, bool), u64>,
-    /// Those of identifiers that came when [`MOST_IDS`] others were in `unknown`.
+    /// Such frames that came when [`MOST_IDS`] other identifiers were in `unknown`.
     unknown_further: u64,
 }
 
-/// Some devices put data into extended identifiers; a log of theirs shall not fill the memory.
+/// Limit of kept identifiers: some devices put data into extended ones.
 pub(crate) const MOST_IDS: usize = 1000;
 
 impl Summary {
-    pub(crate) fn new(told: &[BusOfChannel], buses: u8) -> anyhow::Result<Self> {
-        for (index, one) in told.iter().enumerate() {
+    pub(crate) fn new(given: &[BusOfChannel], buses: u8) -> anyhow::Result<Self> {
+        for (index, one) in given.iter().enumerate() {
             let BusOfChannel { channel, bus } = one;
             anyhow::ensure!(
                 (1..=buses).contains(bus),
                 "--bus {channel}={bus}: the robot has buses 1 to {buses}"
             );
-            for other in &told[..index] {
+            for other in &given[..index] {
                 let (channel, bus) = (&one.channel, one.bus);
                 anyhow::ensure!(*channel != other.channel, "--bus: {channel} is given twice");
                 let other_channel = &other.channel;
@@ -268,20 +253,19 @@ impl Summary {
                 );
             }
         }
-        Ok(Self { buses, told: told.to_vec(), ..Self::default() })
+        Ok(Self { buses, given: given.to_vec(), ..Self::default() })
     }
 
-    /// Which bus an interface is: what was told; else canN is bus N+1, if no other one was told to
-    /// be it.
+    /// The bus of an interface: as given, else canN is bus N+1 if that is free.
     pub(crate) fn bus_of(&self, channel: &str) -> Option<u8> {
-        if let Some(told) = self.told.iter().find(|told| told.channel == channel) {
-            return Some(told.bus);
+        if let Some(given) = self.given.iter().find(|given| given.channel == channel) {
+            return Some(given.bus);
         }
         let stock = (1..=self.buses).find(|bus| channel == format!("can{}", bus - 1));
-        stock.filter(|bus| self.told.iter().all(|told| told.bus != *bus))
+        stock.filter(|bus| self.given.iter().all(|given| given.bus != *bus))
     }
 
-    /// Takes note of an interface; a hint when the first frame comes from one that is no bus.
+    /// Registers an interface; returns a hint if it is no bus.
     pub(crate) fn greet(&mut self, name: &str) -> Option<String> {
         if self.channels.contains_key(name) {
             return None;
@@ -293,7 +277,7 @@ impl Summary {
         }
         let is_free = |bus: &u8| {
             let taken = self.channels.values().any(|channel| channel.bus == Some(*bus));
-            !taken && self.told.iter().all(|told| told.bus != *bus)
+            !taken && self.given.iter().all(|given| given.bus != *bus)
         };
         let free = (1..=self.buses).find(is_free).unwrap_or(1);
         Some(format!(
@@ -303,21 +287,20 @@ impl Summary {
         ))
     }
 
-    /// Remarks on the interfaces that were told, but never came.
+    /// Remarks on interfaces that were given, but did not occur.
     pub(crate) fn silent(&self) -> impl Iterator<Item = String> {
         let came: Vec<&str> = self.channels.keys().map(String::as_str).collect();
         let came = if came.is_empty() { "no frames".to_owned() } else { came.join(", ") };
-        let silent = self.told.iter().filter(|told| !self.channels.contains_key(&told.channel));
+        let silent = self.given.iter().filter(|given| !self.channels.contains_key(&given.channel));
         silent.map(move |BusOfChannel { channel, bus }| {
             format!("--bus {channel}={bus}: no frame came on {channel}; the log has {came}")
         })
     }
 
-    /// Decodes and counts a frame; `None`: it is unknown.
     pub(crate) fn count<'d>(
         &mut self,
         decoder: &mut Decoder<'d, '_>,
-        line: &Line<'_>,
+        line: &CandumpLine<'_>,
     ) -> Option<(u8, Meaning<'d>)> {
         let channel = self.channels.get_mut(line.channel)?;
         self.frames += 1;

@@ -13,16 +13,14 @@ use serde_json::{Map, Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
 use crate::formats::candump;
-use crate::formats::candump::{Line, SecondsOf};
+use crate::formats::candump::{CandumpLine, SecondsOf};
 use crate::robot::description::Description;
 use crate::robot::motor::Motor;
 
-/// Prints frames as they come, then the summary.
 pub(crate) struct Printer<'o> {
     out: &'o mut dyn Write,
     json: bool,
     columns: Columns,
-    /// The text between one JSON value and the next.
     separator: &'static str,
 }
 
@@ -41,7 +39,7 @@ impl<'o> Printer<'o> {
     pub(crate) fn frame(
         &mut self,
         number: u64,
-        line: &Line<'_>,
+        line: &CandumpLine<'_>,
         bus: u8,
         meaning: &Meaning<'_>,
     ) -> io::Result<()> {
@@ -61,23 +59,21 @@ impl<'o> Printer<'o> {
     }
 }
 
-/// A number rounded to `places` decimals, and never a negative zero.
+/// A number rounded to `places` decimals, never a negative zero.
 fn rounded(value: f64, places: i32) -> f64 {
     let power = 10_f64.powi(places);
     (value * power).round() / power + 0.0
 }
 
-/// A number for a column, with three places.
 fn three(value: f32) -> f64 {
     rounded(value.into(), 3)
 }
 
-/// `M3508 id 3`.
 fn device(motor: &Motor) -> String {
     motor.name().to_string()
 }
 
-/// Widths of the columns that name a motor: as the longest text in them.
+/// Widths of the columns that name a motor: that of the longest text in them.
 struct Columns {
     label: usize,
     device: usize,
@@ -94,7 +90,6 @@ impl Columns {
         self.columns(motor.label, &device(motor))
     }
 
-    /// In the place of one motor.
     fn several(&self) -> String {
         self.columns("several", "")
     }
@@ -105,8 +100,7 @@ impl Columns {
     }
 }
 
-/// The effort that a raw command asks of a motor, the way the robot counts, and its unit: amperes,
-/// or per cent of the full voltage.
+/// Effort and unit of a raw command in the robot's direction: amperes, or percent of full voltage.
 fn effort(motor: &Motor, model: &Model, raw: i16) -> (f64, &'static str) {
     let share = f64::from(raw) / f64::from(model.full_scale);
     let share = match motor.direction {
@@ -123,7 +117,6 @@ fn beyond_full_scale(model: &Model, raw: i16) -> bool {
     raw.unsigned_abs() > model.full_scale.unsigned_abs()
 }
 
-/// The signals that are in a frame, with their values.
 fn signals<'m>(
     message: &'m Message,
     frame: &CanFrame,
@@ -143,8 +136,8 @@ fn signals<'m>(
     })
 }
 
-/// The same as text, without what says nothing: "REGISTER PMAX" if "PMAX 12.5 rad" follows, and bits
-/// of errors that are not set.
+/// The signals as text, without error bits that are not set, and no "REGISTER PMAX" before "PMAX
+/// 12.5 rad".
 fn signals_text(message: &Message, frame: &CanFrame) -> String {
     let all: Vec<_> = signals(message, frame).collect();
     let follows = |name: Option<&str>| all.iter().any(|(signal, ..)| name == Some(signal.name));
@@ -164,7 +157,7 @@ fn signal_text((signal, value, name): (&Signal, f64, Option<&'static str>)) -> S
     }
 }
 
-fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
+fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> String {
     let at = line.at.map_or_else(|| "-".to_owned(), |at| SecondsOf(at).to_string());
     let start = format!("{at:>17}  {:<5}", line.channel);
     match meaning {
@@ -208,8 +201,8 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
     }
 }
 
-/// The error of a frame, with the figures that a motor on the chip does not keep.
-fn reason(line: &Line<'_>, motor: Option<&Motor>, error: FrameError) -> String {
+/// The error of a frame, with figures that a motor on the chip does not keep.
+fn reason(line: &CandumpLine<'_>, motor: Option<&Motor>, error: FrameError) -> String {
     match error {
         // All frames of DJI motors have eight.
         FrameError::Length if motor.is_none_or(|motor| motor.dji().is_some()) => {
@@ -228,7 +221,7 @@ fn lane_text(lane: &Lane<'_>) -> String {
     format!("{} {:>7.3} {unit}{beyond}", motor.label, rounded(value, 3))
 }
 
-fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value {
+fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -> Value {
     let direction = line.direction.map(|direction| match direction {
         candump::Direction::Received => "received",
         candump::Direction::Sent => "sent",
@@ -325,7 +318,7 @@ fn lane_object(lane: &Lane<'_>) -> Value {
     object
 }
 
-/// Six places of an f32, so that 0.1 is not 0.10000000149.
+/// An f32 with six decimals, so that 0.1 is not 0.10000000149.
 fn six(value: f32) -> f64 {
     rounded(value.into(), 6)
 }
@@ -342,7 +335,6 @@ fn id_text(id: Id) -> String {
     }
 }
 
-/// The buses that came in the log, each with its interface.
 fn buses(summary: &Summary) -> impl Iterator<Item = (&str, u8)> {
     let channels = summary.channels.iter();
     channels.filter_map(|(name, channel)| Some((name.as_str(), channel.bus?)))

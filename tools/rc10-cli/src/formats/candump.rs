@@ -17,7 +17,7 @@ use std::io::{self, BufRead, Read};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, FrameTooLong, Micros};
 
-/// No line of a candump log has more bytes; longer ones are not kept.
+/// Longest line in bytes; the rest of a longer one is not kept.
 const LONGEST_LINE: usize = 1000;
 
 /// Set in the identifier of an error frame (linux/can.h, `CAN_ERR_FLAG`).
@@ -25,18 +25,18 @@ const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// One frame of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Line<'t> {
-    /// When, if the line says so. `candump -td` writes the time since the line before instead.
+pub struct CandumpLine<'t> {
+    /// Time of the frame, if the line has one; with `candump -td` the time since the line before.
     pub at: Option<Micros>,
-    /// On which interface, such as `can0`.
+    /// Interface of the frame, such as `can0`.
     pub channel: &'t str,
     /// The frame that was on the wire.
     pub frame: CanFrame,
-    /// The way that it went, as the machine that wrote the log saw it, if the line says so.
+    /// Direction of the frame, as seen by the machine that wrote the log, if the line has one.
     pub direction: Option<Direction>,
 }
 
-/// The way that a frame went.
+/// Direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// Into the machine that wrote the log.
@@ -45,14 +45,14 @@ pub enum Direction {
     Sent,
 }
 
-/// Why a line is no frame that can be read.
+/// Why a line cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
-    /// It has bytes that are no UTF-8.
+    /// Bytes that are not UTF-8.
     NotText,
-    /// It is longer than any line of a candump log.
+    /// A line that is longer than any line of a candump log.
     TooLong,
-    /// It has neither form.
+    /// A line in neither form.
     NotAFrame,
     /// The text in parentheses is no time in seconds.
     Time,
@@ -68,7 +68,7 @@ pub enum LineError {
     OddDigits(usize),
     /// More than eight data bytes.
     TooManyBytes(usize),
-    /// Another number of data bytes than the line announces.
+    /// A number of data bytes other than announced.
     ByteCount {
         /// The number in brackets.
         announced: usize,
@@ -77,11 +77,11 @@ pub enum LineError {
     },
     /// The length of a remote request is not one digit, 0 to 8.
     RemoteLength,
-    /// Something that does not belong there stands behind the frame.
+    /// Text behind the frame that does not belong there.
     Trailing,
     /// A CAN FD or CAN XL frame.
     FlexibleDataRate,
-    /// A report of the controller about an error on the bus, not a frame.
+    /// An error frame of the controller.
     ErrorFrame,
 }
 
@@ -127,17 +127,17 @@ impl std::error::Error for LineError {}
 /// Reads one line, without or with its end; `None` if it says nothing: empty, or a comment.
 ///
 /// ```
-/// use rc10_cli::candump::parse;
+/// use rc10_cli::formats::candump::parse;
 /// let line = parse("(1732150000.000150) can0 201#000100080BB81E00 R")?.unwrap();
 /// assert_eq!(line.at.unwrap().get(), 1_732_150_000_000_150);
 /// assert_eq!((line.channel, line.frame.raw_id()), ("can0", 0x201));
 /// assert_eq!(parse("  can0  201   [2]  00 01")?.unwrap().frame.bytes(), [0, 1]);
-/// # Ok::<(), rc10_cli::candump::LineError>(())
+/// # Ok::<(), rc10_cli::formats::candump::LineError>(())
 /// ```
 ///
 /// # Errors
 /// [`LineError`]: what is wrong with it.
-pub fn parse(text: &str) -> Result<Option<Line<'_>>, LineError> {
+pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, LineError> {
     let mut rest = text.trim();
     if rest.is_empty() || rest.starts_with('#') {
         return Ok(None);
@@ -175,10 +175,9 @@ pub fn parse(text: &str) -> Result<Option<Line<'_>>, LineError> {
             frame
         }
     };
-    Ok(Some(Line { at, channel, frame, direction }))
+    Ok(Some(CandumpLine { at, channel, frame, direction }))
 }
 
-/// Takes the first word away.
 fn word<'t>(rest: &mut &'t str) -> Option<&'t str> {
     let text = rest.trim_start();
     let end = text.find(char::is_whitespace).unwrap_or(text.len());
@@ -195,7 +194,7 @@ fn direction_of(letter: &str) -> Option<Direction> {
     }
 }
 
-/// From decimal seconds, exactly. Digits after the sixth are cut off.
+/// Reads decimal seconds exactly; digits after the sixth are cut off.
 fn micros(text: &str) -> Option<Micros> {
     let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));
     let digits = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
@@ -208,7 +207,7 @@ fn micros(text: &str) -> Option<Micros> {
     seconds.checked_mul(1_000_000)?.checked_add(fraction).map(Micros::new)
 }
 
-/// `201` `000100080BB81E00`, `201` `R8`.
+/// Reads `201` `000100080BB81E00`, or `201` `R8`.
 fn file_frame(identifier: &str, data: &str) -> Result<CanFrame, LineError> {
     if data.starts_with('#') {
         return Err(LineError::FlexibleDataRate);
@@ -222,7 +221,7 @@ fn file_frame(identifier: &str, data: &str) -> Result<CanFrame, LineError> {
     bytes.frame(id)
 }
 
-/// `201` `[8]  00 01 00 08 0B B8 1E 00`, `201` `[8]  remote request`.
+/// Reads `201` `[8]  00 01 00 08 0B B8 1E 00`, or `201` `[8]  remote request`.
 fn console_frame(identifier: &str, mut rest: &str) -> Result<CanFrame, LineError> {
     let announced = word(&mut rest)
         .and_then(|len| len.strip_prefix('[')?.strip_suffix(']'))
@@ -282,7 +281,7 @@ fn remote(id: Id, len: &str) -> Result<CanFrame, LineError> {
     }
 }
 
-/// Data bytes as they are read: those that a frame has no room for are counted only.
+/// Data bytes that were read; those beyond a frame's room are only counted.
 #[derive(Default)]
 struct Bytes {
     data: [u8; 8],
@@ -290,7 +289,6 @@ struct Bytes {
 }
 
 impl Bytes {
-    /// Pairs of hex digits.
     fn add(&mut self, text: &str) -> Result<(), LineError> {
         if let Some(character) = text.chars().find(|character| !character.is_ascii_hexdigit()) {
             return Err(LineError::NotHex(character));
@@ -327,23 +325,19 @@ pub struct Reader<R> {
 pub struct Numbered<'t> {
     /// The number of the line, counted from 1.
     pub number: u64,
-    /// The text of the line; the beginning of it, if it is too long. Bytes that are no text are
-    /// replaced.
+    /// The text of the line, or its beginning if it is too long, with bad bytes replaced.
     pub text: &'t str,
     /// The frame of the line, or the error in it; `None` for a line without a frame.
-    pub line: Result<Option<Line<'t>>, LineError>,
+    pub line: Result<Option<CandumpLine<'t>>, LineError>,
 }
 
 impl<R: BufRead> Reader<R> {
-    /// A reader from the start of `source`.
+    /// Creates a reader from the start of `source`.
     pub const fn new(source: R) -> Self {
         Self { source, bytes: Vec::new(), text: String::new(), number: 0 }
     }
 
-    /// The next line; `None` at the end. A line that cannot be read does not end the log.
-    ///
-    /// # Errors
-    /// Whatever the source fails with.
+    /// Reads the next line; `None` at the end. Fails if the source does, not for a broken line.
     pub fn next_line(&mut self) -> io::Result<Option<Numbered<'_>>> {
         self.bytes.clear();
         let limit = LONGEST_LINE as u64 + 1;
@@ -374,10 +368,7 @@ impl<R: BufRead> Reader<R> {
     }
 }
 
-/// Writes a frame as a line of a log, in the file form.
-///
-/// # Errors
-/// Whatever `out` fails with; a `String` never does.
+/// Writes a frame as a line in the file form; fails only if `out` does, so never for a `String`.
 pub fn write_line(
     out: &mut impl fmt::Write,
     at: Micros,
@@ -387,7 +378,7 @@ pub fn write_line(
     writeln!(out, "({}) {channel} {frame}", SecondsOf(at))
 }
 
-/// A time as a log writes it, `1732150000.000150`: every digit of it.
+/// A time as in a log, `1732150000.000150`, with every digit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SecondsOf(pub Micros);
 
@@ -546,7 +537,7 @@ mod tests {
         }
     }
 
-    /// As candump prints it on a console.
+    /// Writes a frame as candump prints it on a console.
     fn console(at: Micros, channel: &str, frame: &CanFrame) -> String {
         let text = frame.to_string();
         let id = text.split('#').next().unwrap();
@@ -560,7 +551,7 @@ mod tests {
         let mut numbers = Numbers(1);
         for _ in 0..5000 {
             let (at, frame) = (Micros::new(numbers.below(1 << 48)), numbers.frame());
-            let expected = Line { at: Some(at), channel: "can2", frame, direction: None };
+            let expected = CandumpLine { at: Some(at), channel: "can2", frame, direction: None };
             let mut file = String::new();
             write_line(&mut file, at, "can2", &frame).unwrap();
             assert_eq!(parse(&file), Ok(Some(expected)), "{file}");

@@ -1,4 +1,4 @@
-//! A base, its wheels, and its IMU: whether they say the same.
+//! Whether a base's wheels and its IMU agree.
 
 use rc10_can::Micros;
 use rc10_motor::TargetKind;
@@ -7,45 +7,41 @@ use rc10_sim::{Tread, Wheel};
 
 use crate::recording::excuse::is_excused;
 use crate::recording::problem::{About, Problem};
-use crate::recording::sample::{BaseHeard, SAMPLE_PERIOD, seconds, time_of};
+use crate::recording::sample::{BaseMeasurement, SAMPLE_PERIOD, seconds, time_of};
 use crate::recording::wheels::Wheels;
 use crate::recording::{BaseTrack, MotorTrack, Recording};
 
 /// Samples of a window: 100 ms.
 pub const WINDOW: usize = 10;
-/// The base's yaw by its IMU and by its wheels differ if they do so by more than this in a window,
-/// rad: 0.2 rad/s ..
+/// Smallest disagreement of the yaw by IMU and by wheels in a window, rad: 0.2 rad/s.
 pub const YAW: f64 = 0.02;
-/// .. and by this share of the larger.
+/// Share of the larger yaw that a disagreement must exceed, too.
 pub const YAW_SHARE: f64 = 0.1;
-/// A wheel's rim goes at a steady speed if its way differs by less than this from the windows
-/// before and after, m: 0.4 m/s².
+/// Largest difference of a rim's distance from the neighbouring windows at a steady speed, m: 0.4
+/// m/s².
 pub const STEADY: f64 = 0.004;
 /// Wheels roll if their rims go further than this in a window on average, m: 0.1 m/s.
 pub const ROLLING: f64 = 0.01;
-/// Wheels that roll at a steady speed and push with more than this share of their largest current
-/// push against one another, or against something else.
+/// Share of the largest current with which rolling wheels at a steady speed push against something.
 pub const PUSH: f64 = 0.2;
-/// Wheels on a rigid base fit one another if they do not slip further than this in a window, m: 0.1 m/s.
+/// Wheels on a rigid base agree if they slip less than this in a window, m: 0.1 m/s.
 pub const SLIP: f64 = 0.01;
 /// A window in which a wheel is steered by more than this, degrees, is not judged.
 pub const STEERED: f64 = 5.0;
-/// Windows that make a problem ..
+/// Number of windows that make a problem.
 pub const WINDOWS: usize = 3;
-/// .. and those in which wheels push at a steady speed.
+/// Number of windows, with wheels that push at a steady speed, that make a problem.
 pub const PUSHING: usize = 2;
 /// A base that turned by less than this, rad, tells nothing of its measures.
 pub const TURNED: f64 = 1.0;
 /// Over a whole run IMU and wheels may differ by this share of how far the base turned.
 pub const TURNED_SHARE: f64 = 0.05;
-/// A measurement that shows what no sensor knows.
 pub(super) const MEASURE: &str =
     "drive 1 m forward, see which way it goes, and measure it on the floor (docs/bring-up.md)";
 
 /// 100 ms in which all wheels followed their targets.
 struct Window {
     end: Micros,
-    /// What the wheels measure, as they were steered.
     wheels: Wheels,
     /// Distance of each rim by the robot's measures, m, forward positive.
     rims: Vec<f64>,
@@ -53,34 +49,29 @@ struct Window {
     imu: Option<f64>,
     /// Effort of the wheels on average, as a share of their largest current.
     push: Option<f64>,
-    /// They rolled at a steady speed.
     is_steady: bool,
 }
 
 impl Window {
-    /// The turn of the base by rims that move so, rad.
+    /// The turn of the base by these distances of the rims, rad.
     fn yaw(&self, rims: &[f64]) -> f64 {
         let [_, _, yaw] = self.wheels.motion(rims);
         yaw
     }
 }
 
-/// A cause of trouble with a base, of those that its sensors can tell apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Cause {
-    /// Nothing.
     None,
-    /// A wheel goes the other way.
+    /// A wheel turns the other way.
     Direction(usize),
-    /// A wheel goes faster or slower by this factor.
+    /// A wheel turns faster or slower by this factor.
     Scale(usize, f64),
-    /// The base turns faster or slower than its wheels say, by this factor.
+    /// The base turns by this factor of what its wheels say.
     Yaw(f64),
-    /// Two wheels are exchanged.
     Swap(usize, usize),
 }
 
-/// A base, and what its sensors said.
 struct Judged<'r> {
     base: &'r BaseTrack,
     wheels: Vec<&'r MotorTrack>,
@@ -126,7 +117,7 @@ impl<'r> Judged<'r> {
         Some(Self { base, wheels, windows })
     }
 
-    /// Whether rollers at an angle turn what wheels do into another motion.
+    /// Whether the wheels have rollers at an angle, which change the direction of motion.
     fn is_mecanum(&self) -> bool {
         let slants =
             |wheel: &Wheel| matches!(wheel.tread, Tread::Rollers { slant } if slant != 0.0);
@@ -137,7 +128,7 @@ impl<'r> Judged<'r> {
         wheels.map(|wheel| self.wheels[wheel].motor.label)
     }
 
-    /// The true motion of the wheels' rims if a cause is true.
+    /// The true motion of the rims if a cause is true.
     fn real(&self, cause: Cause, rims: &[f64]) -> Vec<f64> {
         let sign = |wheel: usize| self.wheels[wheel].motor.sign();
         let mut real = rims.to_vec();
@@ -154,24 +145,23 @@ impl<'r> Judged<'r> {
         real
     }
 
-    /// The turn of the base by its IMU if a cause is true, rad.
     fn expected(&self, cause: Cause, window: &Window) -> f64 {
         let factor = if let Cause::Yaw(factor) = cause { factor } else { 1.0 };
         factor * window.yaw(&self.real(cause, &window.rims))
     }
 
-    /// Windows with an IMU: what it says, and what the rims do.
+    /// Windows with an IMU: its yaw, and the window.
     fn turned(&self) -> impl Iterator<Item = (f64, &Window)> {
         self.windows.iter().filter_map(|window| Some((window.imu?, window)))
     }
 
-    /// Windows that can be judged by what the wheels push with.
+    /// Windows that can be judged by the effort of the wheels.
     fn pushing(&self) -> impl Iterator<Item = (f64, &Window)> {
         let steady = self.windows.iter().filter(|window| window.is_steady);
         steady.filter_map(|window| Some((window.push?, window)))
     }
 
-    /// The cost of a cause: how badly it explains the measurements, 0 well, 2 not at all.
+    /// The cost of a cause: 0 if it explains the measurements, 2 if it does not at all.
     fn cost(&self, cause: Cause) -> f64 {
         let square = |cause: Cause| {
             let errors = self.turned().map(|(imu, it)| imu - self.expected(cause, it));
@@ -197,7 +187,7 @@ impl<'r> Judged<'r> {
         for a in 0..count {
             causes.extend((a + 1..count).map(|b| Cause::Swap(a, b)));
         }
-        // The share of a motion that explains best what the IMU saw beyond the wheels.
+        // The share of a motion that best explains the IMU's yaw beyond the wheels'.
         let fit = |of: &dyn Fn(&Window) -> f64| {
             let (mut product, mut square) = (0.0, 0.0);
             for (imu, window) in self.turned() {
@@ -217,8 +207,7 @@ impl<'r> Judged<'r> {
     }
 }
 
-/// Whether a wheel was steered meanwhile.
-fn is_steered(heard: &[BaseHeard]) -> bool {
+fn is_steered(heard: &[BaseMeasurement]) -> bool {
     let count = heard.first().map_or(0, |one| one.wheels.len());
     (0..count).any(|wheel| {
         let angles = || heard.iter().map(|one| one.wheels[wheel].steered);
@@ -226,7 +215,12 @@ fn is_steered(heard: &[BaseHeard]) -> bool {
     })
 }
 
-fn window(heard: &[BaseHeard], base: &BaseTrack, wheels: &[&MotorTrack], end: Micros) -> Window {
+fn window(
+    heard: &[BaseMeasurement],
+    base: &BaseTrack,
+    wheels: &[&MotorTrack],
+    end: Micros,
+) -> Window {
     let (first, last) = (&heard[0], &heard[heard.len() - 1]);
     let push = |(wheel, track): (usize, &&MotorTrack)| {
         let currents = heard.iter().map(|one| one.wheels[wheel].current);
@@ -236,7 +230,7 @@ fn window(heard: &[BaseHeard], base: &BaseTrack, wheels: &[&MotorTrack], end: Mi
     let pushes = wheels.iter().enumerate().map(push).sum::<Option<f64>>();
     Window {
         end,
-        wheels: Wheels::new(&base.chassis, &BaseHeard::steered(first, last)),
+        wheels: Wheels::new(&base.chassis, &BaseMeasurement::steered(first, last)),
         rims: base.ways(first, last),
         imu: last.yaw.zip(first.yaw).map(|(last, first)| (last - first).to_radians()),
         push: pushes.map(|sum| sum / wheels.len().max(1) as f64),
@@ -244,7 +238,7 @@ fn window(heard: &[BaseHeard], base: &BaseTrack, wheels: &[&MotorTrack], end: Mi
     }
 }
 
-/// A, of a motor whose loops or model tell it.
+/// The largest current in A, if the motor's loops or model have one.
 fn largest_current(track: &MotorTrack) -> Option<f64> {
     let of_model = track.motor.dji().and_then(|(model, _)| match model.effort {
         Effort::Current(amps) => Some(amps),
@@ -338,7 +332,7 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
         }
         _ => format!("it looks as if {}", likely.join(", or ")),
     };
-    // They follow their commands though the floor drags them: the IMU alone sees something of it.
+    // The wheels follow their commands though the floor drags them: only the IMU sees it.
     let is_unsure = matches!(best, Cause::Yaw(_)) && is_explained && least > SURE;
     let likely = if is_unsure && judged.is_mecanum() {
         format!("{likely}; two wheels of one side that are exchanged look the same")
@@ -349,14 +343,14 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
     found.push(Problem::new(About::Robot, "base", text));
 }
 
-/// From this cost on a cause explains nothing; and causes that differ by less are alike.
+/// Cost from which on a cause explains nothing; causes that differ by less are alike.
 const EXPLAINED: f64 = 0.8;
 const ALIKE: f64 = 0.03;
-/// Up to this cost it is the wheels' radius and nothing else: a wrong radius alone has 0.03 at most.
+/// Largest cost at which it is the wheels' radius alone: a wrong radius has 0.03 at most.
 const SURE: f64 = 0.2;
-/// Fewer windows at a steady speed tell less.
+/// Number of windows at a steady speed that are needed.
 const ENOUGH: f64 = 10.0;
-/// The cost that is added to a cause with a fitted factor: it must explain more than one without.
+/// Cost added to a cause with a fitted factor: it must explain more than one without.
 const SIMPLER: f64 = 0.05;
 
 impl Judged<'_> {
@@ -391,7 +385,7 @@ impl Judged<'_> {
     }
 }
 
-/// The finding for a base with which nothing is wrong: what was checked, and what was not.
+/// The finding for a base without a problem: what was checked, and what was not.
 fn agreement(judged: &Judged<'_>, turned: f64, by_wheels: f64, is_emulated: bool) -> Problem {
     let text = if judged.windows.is_empty() {
         format!("wheel radius: not checked, its wheels were never driven together: {MEASURE}")
@@ -416,7 +410,7 @@ pub(super) mod tests {
     use rc10_sim::{Chassis, Steering};
 
     use super::*;
-    use crate::recording::sample::{PathPoint, WheelHeard};
+    use crate::recording::sample::{PathPoint, WheelMeasurement};
     use crate::robot::motor::Motor;
 
     /// A run in which four wheels did this in each window, and the IMU saw that.
@@ -455,8 +449,9 @@ pub(super) mod tests {
                 }
                 yaw += imu(window).unwrap_or(0.0).to_degrees() / WINDOW as f64;
             }
-            let wheel = |angle| WheelHeard { angle, current: Some(amps), follows: true, steered };
-            BaseHeard { wheels: angles.map(wheel).into(), yaw: imu(window).map(|_| yaw) }
+            let wheel =
+                |angle| WheelMeasurement { angle, current: Some(amps), follows: true, steered };
+            BaseMeasurement { wheels: angles.map(wheel).into(), yaw: imu(window).map(|_| yaw) }
         });
         let heard = heard.collect();
         let path = vec![PathPoint { x: 0.0, y: 0.0, yaw: 0.0 }];

@@ -1,9 +1,8 @@
-//! Whether what a robot's own sensors say fits together: its wheels with one another, with its IMU
-//! and with what they push; its motors with their targets; its identifiers with the frames on the bus.
+//! Whether a robot's own sensors agree: its wheels with one another, with its IMU and with their
+//! effort; its motors with their targets; its identifiers with the frames on the bus.
 //!
-//! A property that no sensor can know, a wheel's true radius for example, is said as information,
-//! with what would show it. The thresholds, and how far the shipped robots are from them:
-//! `docs/verdict.md`.
+//! A property that no sensor can know, such as a wheel's true radius, is given as information, with
+//! what would show it. Thresholds, and the shipped robots' distance from them: `docs/verdict.md`.
 
 use rc10_motor::{DriveMode, Link, TargetKind};
 use rc10_sim::fault::{Fault, Kind};
@@ -14,19 +13,18 @@ use crate::recording::sample::{MotorSample, seconds, time_of};
 use crate::recording::{MotorTrack, Recording};
 use crate::robot::motor::{Device, Place};
 
-/// A device that answers more often than this many times its rate is two.
+/// Multiple of a device's rate beyond which two devices answer.
 pub const TWICE: f64 = 1.5;
-/// Samples for which a motor that runs away goes away from its target: 200 ms.
+/// Samples for which a runaway motor moves away from its target: 200 ms.
 pub const AWAY: usize = 20;
 
 // ---- identifiers -------------------------------------------------------------------------------
 
-/// A device that is set to another motor's identifier: one is never heard, the other answers twice.
+/// Finds a device with another motor's identifier: one is never heard, the other answers twice.
 pub(super) fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.motors {
         let (motor, on) = (&track.motor, track.motor.on);
         let Device::Dji(rc10_motor::dji::Config { rate, .. }) = motor.device else { continue };
-        // A bus is filled with repetitions of a motor's feedback.
         let is_filled = |fault: &Fault| matches!(fault.kind, Kind::Load(_)) && is_on(fault, on);
         let due = seconds(recording.length) * f64::from(rate.hz());
         let received = f64::from(track.last.counters.received);
@@ -74,7 +72,7 @@ pub(super) fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
 
 // ---- one motor and its target ------------------------------------------------------------------
 
-/// Motors that drive themselves away from their targets, faster and faster or further and further.
+/// Finds motors that drive away from their targets, ever faster or further.
 pub(super) fn runaways(recording: &Recording, found: &mut Vec<Problem>) {
     found.extend(recording.motors.iter().filter_map(|track| runaway(recording, track)));
 }
@@ -110,7 +108,7 @@ fn is_away(samples: &[MotorSample]) -> bool {
     let error = |sample: &MotorSample| {
         let error = sample.target? - sample.measured;
         let goes_away = error * if is_angle { sample.rpm } else { sample.measured } < 0.0;
-        // What a load or the floor drags along takes power; what runs away gives it.
+        // A load or the floor that drags the motor takes power; a runaway motor gives it.
         let drives = sample.drive == DriveMode::Run && sample.current * sample.rpm > 0.0;
         (sample.kind == kind && goes_away && drives).then_some(error)
     };
@@ -119,7 +117,6 @@ fn is_away(samples: &[MotorSample]) -> bool {
     };
     let (first, last) = (errors[0], errors[errors.len() - 1]);
     let target = samples[samples.len() - 1].target.unwrap_or_default().abs();
-    // More than an overshoot.
     let far = if is_angle { 90.0 } else { 50.0 + 0.5 * target };
     last.abs() > far
         && last * first > 0.0

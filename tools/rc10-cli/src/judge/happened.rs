@@ -1,5 +1,4 @@
-//! What happened to a robot that really runs, read from its recording: it follows no script that would say
-//! so.
+//! The events of a real robot, from its recording: it follows no script that would name them.
 
 use rc10_can::Micros;
 use rc10_motor::{ArmState, Link};
@@ -7,7 +6,7 @@ use rc10_motor::{ArmState, Link};
 use crate::recording::Recording;
 use crate::recording::sample::time_of;
 
-/// What happened, in words, in its order.
+/// Events in words, in the order of time.
 #[must_use]
 pub fn happened(recording: &Recording) -> Vec<(Micros, String)> {
     let mut found = Vec::new();
@@ -42,7 +41,7 @@ pub fn happened(recording: &Recording) -> Vec<(Micros, String)> {
     found
 }
 
-/// Tells where a sample is not like the one before.
+/// Calls `tell` where a sample differs from the one before.
 fn changes<T: Copy + PartialEq>(samples: &[T], mut tell: impl FnMut(Micros, T)) {
     for (index, pair) in samples.windows(2).enumerate() {
         if pair[0] != pair[1] {

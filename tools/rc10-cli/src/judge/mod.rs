@@ -1,4 +1,4 @@
-//! Judges a run: what its recording has of problems, of the base's path, of what happened.
+//! Judges a run: its problems, its base's path, its events.
 
 pub(crate) mod base;
 pub(crate) mod consistency;
@@ -9,10 +9,9 @@ pub mod searches;
 use crate::recording::Recording;
 use crate::recording::problem::Problem;
 
-/// Looks for findings of one sort. Another one is a function here, and a line in `SEARCHES`.
+/// A search for findings of one sort. To add one, write a function here and a line in `SEARCHES`.
 pub type Search = fn(&Recording, &mut Vec<Problem>);
 
-/// All of them, in the order in which their findings are told.
 const SEARCHES: [Search; 13] = [
     searches::robot,
     searches::heading,

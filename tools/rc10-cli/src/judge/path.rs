@@ -1,7 +1,7 @@
-//! Where a base went, where its robot believed that it was, and where it was to be.
+//! The path of a base: the true one, the robot's estimate, and the reference.
 //!
-//! A robot counts in axes of its own: they are laid so that its estimate is right where it says
-//! something first ([`Robot::estimate`](crate::world::robot::Robot::estimate)).
+//! A robot counts in axes of its own: they are laid so that its first estimate is right
+//! ([`Robot::estimate`](crate::world::robot::Robot::estimate)).
 
 use rc10_can::Micros;
 use serde_json::{Value, json};
@@ -9,36 +9,36 @@ use serde_json::{Value, json};
 use crate::recording::sample::{PathPoint, seconds, time_of};
 use crate::recording::{BaseTrack, Recording};
 
-/// How far two poses are apart.
+/// The distance between two poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
-    /// The samples' time.
+    /// Time of the sample.
     pub at: Micros,
-    /// m.
+    /// Distance in m.
     pub metres: f64,
-    /// Degrees, up to 180.
+    /// Angle in degrees, up to 180.
     pub degrees: f64,
 }
 
 /// The figures of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathFigures {
-    /// The path is that of the world; else it is the robot's own estimate.
+    /// Whether the path is the world's; else it is the robot's own estimate.
     pub is_true: bool,
-    /// Where it was furthest from its reference of the same moment.
+    /// Largest distance from the reference of the same moment.
     pub furthest: Option<Apart>,
-    /// From its reference at the end.
+    /// Distance from the reference at the end.
     pub end: Option<Apart>,
-    /// From its estimate at the end; none where the estimate is all that is known.
+    /// Distance from the estimate at the end; `None` where the estimate is all that is known.
     pub estimate: Option<Apart>,
 }
 
-/// The poses of a base in the axes of the world, a point per sample; NaN where there is none, and empty
-/// if there is none at all.
+/// The poses of a base in the world's axes, a point per sample, NaN without a pose; empty without
+/// any.
 pub struct Paths {
-    /// Where the robot believed to be.
+    /// The robot's estimate.
     pub estimate: Vec<PathPoint>,
-    /// Where it was to be.
+    /// The poses that the base should have.
     pub reference: Vec<PathPoint>,
 }
 
@@ -56,7 +56,7 @@ impl PathPoint {
         })
     }
 
-    /// This pose, where one `from` is one at `to`.
+    /// The same pose in other axes, in which `from` is at `to`.
     fn laid(&self, from: &Self, to: &Self) -> Self {
         let (sin, cos) = (to.yaw - from.yaw).sin_cos();
         let (x, y) = (self.x - from.x, self.y - from.y);
@@ -69,7 +69,7 @@ impl PathPoint {
 }
 
 impl Paths {
-    /// Of a base.
+    /// Lays the paths of a base into the axes of the world.
     #[must_use]
     pub fn of(base: &BaseTrack) -> Self {
         let mut pairs = base.estimate.iter().zip(&base.path);
@@ -86,7 +86,7 @@ impl Paths {
 }
 
 impl PathFigures {
-    /// Of a run; `None` if its robot says nothing of where it is or is to be.
+    /// Figures of a run; `None` if its robot has neither estimate nor reference.
     #[must_use]
     pub fn of(recording: &Recording) -> Option<Self> {
         let base = recording.base.as_ref()?;
@@ -107,7 +107,7 @@ impl PathFigures {
         (end.is_some() || estimate.is_some()).then_some(Self { is_true, furthest, end, estimate })
     }
 
-    /// In words, a line each.
+    /// The figures as text, a line each.
     #[must_use]
     pub fn lines(&self) -> String {
         let by = if self.is_true { "" } else { ", by its own estimate" };
@@ -130,7 +130,7 @@ impl PathFigures {
         text
     }
 
-    /// As JSON.
+    /// The figures as JSON.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let apart = |apart: Option<Apart>| {

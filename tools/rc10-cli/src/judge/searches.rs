@@ -1,8 +1,7 @@
-//! Problems of a run: data, made once. Console, JSON, report and exit code say
-//! the same.
+//! The searches for problems of a run, which console, JSON, report and exit code share.
 //!
 //! An effect that an injected fault must have is no problem; its absence is one. The thresholds,
-//! and how far the shipped robots are from them: `docs/verdict.md`.
+//! and the shipped robots' distance from them: `docs/verdict.md`.
 
 use rc10_can::Micros;
 use rc10_module::Counters;
@@ -23,15 +22,15 @@ use crate::recording::{BusTrack, MotorTrack, PartTrack, Recording, load, margin}
 use crate::robot::motor::Place;
 use crate::robot::remote::Receiver;
 
-/// Of frames or commands, one in this many may be lost to be information only: 0.1 %.
+/// One lost frame or command in this many, 0.1 %, is still information only.
 pub const RARE: u64 = 1000;
-/// A robot that lost its remote lets go within this time from the last good frame on.
+/// Longest time from the last good frame of a lost remote until the robot lets go.
 pub const REACTION: Micros = Micros::from_millis(120);
-/// A motor without a target is a problem if the robot was armed for this long.
+/// Armed time from which on a motor without a target is a problem.
 pub const ARMED_FOR: Micros = Micros::from_millis(500);
-/// A robot that is not armed in a run of this length is a problem.
+/// Length of a run from which on a robot that is not armed is a problem.
 pub const UNARMED_FOR: Micros = Micros::from_millis(1000);
-/// A part on a UART is heard within this time of a run.
+/// Time in a run within which a part on a UART is heard.
 pub const PART_WITHIN: Micros = Micros::from_millis(500);
 
 // ---- injected faults ---------------------------------------------------------------------------
@@ -59,24 +58,22 @@ fn unexcused<T>(
     total.saturating_sub(excused)
 }
 
-/// The sample of a time; `None` after the end of the run.
 fn sample_at<T>(samples: &[T], at: Micros) -> Option<&T> {
     samples.get(usize::try_from(at.get().div_ceil(SAMPLE_PERIOD.get())).ok()?.checked_sub(1)?)
 }
 
-/// Whether motors of the bus of a fault cannot be heard while it lasts, as far as can be seen.
+/// Whether a fault must make motors of its bus inaudible, as far as that can be seen.
 const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
     match kind {
         FaultKind::Power(_) => true,
-        // What is cut off, the chip alone knows: on the wire its motors still speak.
+        // The chip alone knows what is cut off: on the wire its motors still speak.
         FaultKind::Cut(_) => recording.source.is_told(),
         FaultKind::Short(_) | FaultKind::Dominant(_) => true,
         _ => false,
     }
 }
 
-/// Finds the effects that a fault must have on a motor and does not have. Returns whether the motor
-/// was back after each fault.
+/// Finds missing effects of faults on a motor; returns whether it was back after each fault.
 fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) -> bool {
     let on = track.motor.on;
     let about = About::Motor(track.motor.label);
@@ -121,7 +118,6 @@ pub(super) fn robot(recording: &Recording, found: &mut Vec<Problem>) {
     let forbids = |kind: &FaultKind| {
         matches!(kind, FaultKind::RemoteLost | FaultKind::CrystalDead | FaultKind::CrystalStops)
     };
-    // A robot that really runs may rest.
     let has_reason = recording.source == Source::Robot
         || recording.faults.iter().any(|fault| forbids(&fault.kind));
     if never_armed && recording.length >= UNARMED_FOR && !has_reason && !recording.motors.is_empty()
@@ -159,7 +155,7 @@ pub(super) fn heading(recording: &Recording, found: &mut Vec<Problem>) {
     }
 }
 
-/// Mechanisms that gave up, or never began.
+/// Finds mechanisms that gave up or never began.
 pub(super) fn mechanisms(recording: &Recording, found: &mut Vec<Problem>) {
     for track in recording.signals.iter().filter(|track| track.states == Stage::NAMES) {
         let about = About::Part(track.label);
@@ -192,7 +188,7 @@ pub(super) fn mechanisms(recording: &Recording, found: &mut Vec<Problem>) {
     }
 }
 
-/// What a stage means, and what to look at.
+/// The meaning of a stage, and what to check.
 fn why_it_gave_up(stage: Stage) -> String {
     let hint = match stage {
         Stage::NotTouched => {
@@ -213,7 +209,6 @@ fn why_it_gave_up(stage: Stage) -> String {
     format!("{}{hint}", stage.name())
 }
 
-/// For how long the robot was armed.
 pub(crate) fn armed_for(recording: &Recording) -> Micros {
     let armed = recording.arm.iter().filter(|arm| **arm == ArmState::Armed).count();
     Micros::new(armed as u64 * SAMPLE_PERIOD.get())
@@ -306,7 +301,7 @@ fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Probl
     }
 }
 
-/// A count that should be zero: information below 0.1 % of `all`, and of a single one.
+/// A problem of a count that should be zero; only information for one, or below 0.1 % of `all`.
 fn share(about: About, kind: &'static str, count: u64, all: u64, what: &str) -> Option<Problem> {
     if count == 0 {
         return None;
@@ -366,7 +361,7 @@ pub(super) fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
     }
 }
 
-/// A feed-forward that is not what the motor carries: the integral has to hold the rest.
+/// Finds a feed-forward that is not what the motor carries: the integral has to hold the rest.
 fn feed_forward(about: About, effort: &EffortTrack, found: &mut Vec<Problem>) {
     let (unit, limit) = (effort.unit(), f64::from(effort.loops.cascade.speed.output_limit));
     let friction = f64::from(effort.loops.cascade.feed_forward.friction);
@@ -439,7 +434,7 @@ pub(super) fn lines(recording: &Recording, found: &mut Vec<Problem>) {
     for (number, line) in (1..).zip(&recording.lines) {
         let (about, traffic) = (About::Line(number), &line.traffic);
         let all = traffic.exchanges.into();
-        // A line's counters are not sampled: what a fault of it does to them cannot be told apart.
+        // A line's counters are not sampled, so the effects of its faults cannot be told apart.
         let is_faulty = recording.faults.iter().any(|fault| is_on(fault, Place::Line(number)));
         for (count, kind, what) in [
             (traffic.timeouts, "timeout", "commands without an answer"),
@@ -460,7 +455,6 @@ pub(super) fn lines(recording: &Recording, found: &mut Vec<Problem>) {
     }
 }
 
-/// Parts on UARTs beside the remote's receiver.
 pub(super) fn parts(recording: &Recording, found: &mut Vec<Problem>) {
     for PartTrack { label, uart, heard } in &recording.parts {
         let about = About::Part(label);
@@ -475,8 +469,7 @@ pub(super) fn parts(recording: &Recording, found: &mut Vec<Problem>) {
     }
 }
 
-/// Frames of a serial device that came damaged, and errors of its port; `excused` of the frames have
-/// another cause.
+/// Damaged frames and port errors of a serial device; `excused` of the frames have another cause.
 fn damage(about: About, heard: &Counters, excused: u32, found: &mut Vec<Problem>) {
     let (damaged, all) = (heard.damaged.saturating_sub(excused).into(), heard.frames.into());
     found.extend(share(about, "damaged", damaged, all, "damaged frames"));
@@ -517,7 +510,7 @@ pub(super) fn remote(recording: &Recording, found: &mut Vec<Problem>) {
     }
 }
 
-/// It was lost for long enough, and the motors went on being driven.
+/// Whether motors were still driven after a loss that was long enough.
 fn is_driven_on(loss: &Loss, end: Micros) -> bool {
     let due = loss.last_frame.unwrap_or(loss.lost.from).max(loss.lost.from) + REACTION;
     let over = loss.back.or(loss.lost.until).unwrap_or(end).min(end);
@@ -555,14 +548,14 @@ mod tests {
         Recording { length, motors: vec![track], ..Recording::default() }
     }
 
-    fn told(recording: &Recording) -> Vec<(&'static str, String)> {
+    fn found_in(recording: &Recording) -> Vec<(&'static str, String)> {
         problems(recording).into_iter().map(|problem| (problem.kind, problem.text)).collect()
     }
 
-    /// What is found with these faults.
+    /// The problems that are found with these faults.
     fn found(faults: &[&str], seen: impl Fn(u64) -> (Link, u32)) -> Vec<(&'static str, String)> {
         let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-        told(&Recording { faults, ..recorded(seen) })
+        found_in(&Recording { faults, ..recorded(seen) })
     }
 
     /// What never happened to a motor that is heard and not driven, with the robot for these milliseconds
@@ -572,13 +565,13 @@ mod tests {
             std::iter::repeat_n(*state, (millis * 1000 / SAMPLE_PERIOD.get()) as usize)
         });
         let recording = recorded(|_| (Link::Online, 0));
-        let told = told(&Recording { source, arm: samples.collect(), ..recording });
+        let told = found_in(&Recording { source, arm: samples.collect(), ..recording });
         told.into_iter().map(|(kind, _)| kind).filter(|kind| kind.starts_with("never-")).collect()
     }
 
     /// In 8 s: armed or not, a heading up to some time.
     #[test]
-    fn a_heading_counts_while_it_is_armed_and_one_that_was_lost_is_told_from_one_that_never_came() {
+    fn a_lost_heading_and_a_missing_one_differ_and_count_while_armed() {
         use ArmState::{Armed, Disarmed};
         for (arm, until, cause) in [
             (Armed, 0, Some("it never came")),
@@ -590,7 +583,7 @@ mod tests {
             let headings = (0..800).map(|at| time_of(at) <= Micros::from_millis(until));
             let recording = recorded(|_| (Link::Online, 0));
             let (headings, source) = (headings.collect(), Source::Robot);
-            let told = told(&Recording { headings, source, arm: vec![arm; 800], ..recording });
+            let told = found_in(&Recording { headings, source, arm: vec![arm; 800], ..recording });
             let found = told.into_iter().find(|(kind, _)| *kind == "no-heading");
             assert_eq!(found.is_some(), cause.is_some(), "{arm:?} {until}: {found:?}");
             assert!(found.is_none_or(|(_, text)| cause.is_some_and(|it| text.contains(it))));
@@ -610,7 +603,7 @@ mod tests {
             let mut effort = crate::recording::effort::EffortWatch::new(loops, None).finish();
             effort.load = load;
             recording.motors[0].effort = Some(effort);
-            told(&recording).into_iter().filter(|(kind, _)| *kind == "feed-forward").count()
+            found_in(&recording).into_iter().filter(|(kind, _)| *kind == "feed-forward").count()
         };
         let said = 0.5 * f64::from(loops.cascade.speed.output_limit);
         for (factor, windows, weight, motion) in [
@@ -667,7 +660,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_that_does_not_come_back_is_told_whatever_other_fault_there_is() {
+    fn a_motor_that_does_not_come_back_is_reported_beside_other_faults() {
         let faults = ["cut:1@1s..1.2s", "cut:1@5s..5.1s"];
         let seen = |at| if at < 1010 { (Link::Online, 0) } else { (Link::Lost, 1) };
         let told = found(&faults, seen);

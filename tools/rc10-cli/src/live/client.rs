@@ -11,39 +11,39 @@ use rc10_link::{
 };
 use rc10_module::Stream;
 
-/// A signal of the robot, as it describes it.
+/// A signal that the robot describes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Signal {
-    /// What it is about: "motors", and "lift left".
+    /// Folder of the signal's subject, such as "motors".
     pub folder: String,
-    /// See [`folder`](Self::folder).
+    /// Label of the subject, such as "lift left".
     pub label: String,
-    /// Its name there.
+    /// Name of the signal within its subject.
     pub name: String,
-    /// Its unit.
+    /// Unit of the signal.
     pub unit: String,
-    /// Names of its values, if it is a state.
+    /// Names of the values of a state.
     pub states: Vec<String>,
 }
 
-/// A parameter of the robot, as it describes it.
+/// A parameter that the robot describes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameter {
-    /// Its number.
+    /// Number of the parameter.
     pub index: u16,
-    /// What it is about.
+    /// Folder of the parameter's subject.
     pub folder: String,
-    /// See [`folder`](Self::folder).
+    /// Label of the subject.
     pub label: String,
-    /// Its name there.
+    /// Name of the parameter within its subject.
     pub name: String,
-    /// Its unit.
+    /// Unit of the parameter.
     pub unit: String,
     /// The lowest and highest value.
     pub range: [f32; 2],
-    /// Its value.
+    /// Current value.
     pub value: f32,
-    /// Its value at power-on.
+    /// Value at power-on.
     pub initial: f32,
 }
 
@@ -54,43 +54,43 @@ pub struct Sample {
     pub group: usize,
     /// Time since the robot's power-on.
     pub at: Micros,
-    /// The value of each of the group's signals, by number.
+    /// The values of the group's signals, by number.
     pub values: Vec<(u16, f32)>,
 }
 
-/// What became of a request.
+/// The answer to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// Done.
+    /// The request was carried out.
     Done,
-    /// A register's value.
+    /// Value of a register.
     Register(u32),
     /// Refused, for this reason.
     Refused(String),
 }
 
-/// How far a stop, or disarming, has come.
+/// Progress of a stop or a disarming.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Urgency {
-    /// It is sent again and again, and the robot has not said that it is done.
+    /// Sent again and again, and not confirmed yet.
     Sent,
-    /// The same for [`NOT_HEARD`] and longer.
+    /// Not confirmed for [`NOT_HEARD`] or longer.
     NotHeard,
 }
 
-/// From here on a stop that is not answered is told as not heard.
+/// Time from which on a stop without an answer counts as not heard.
 pub const NOT_HEARD: Micros = Micros::from_millis(150);
 
-/// A stop, or disarming, that is sent until it is answered.
+/// A stop or disarming that is sent until it is answered.
 #[derive(Clone, Copy, Debug)]
-struct Pressed {
+struct UrgentRequest {
     what: Urgent,
     id: u16,
     since: Micros,
     sent: Option<Micros>,
 }
 
-/// What was lost on the way.
+/// Losses on the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Samples that the robot sent and that did not arrive.
@@ -103,7 +103,6 @@ pub struct Losses {
     pub unknown: u64,
 }
 
-/// A group of signals.
 #[derive(Clone, Debug, Default)]
 struct Group {
     period: u16,
@@ -117,23 +116,19 @@ struct Group {
 pub struct Client {
     stream: Stream<FromRobot>,
     out: Vec<u8>,
-    /// Goes out before it.
+    /// Sent before `out`.
     first: Vec<u8>,
-    /// A stop, and disarming.
-    pressed: Vec<Pressed>,
+    urgent: Vec<UrgentRequest>,
     greeted: Option<Micros>,
-    /// Hellos so far.
     hellos: u32,
     heard: Option<Micros>,
     version: u16,
-    /// The newest time that the robot told.
     at: Option<Micros>,
     signals: Table<Signal>,
     parameters: Table<Parameter>,
     changes: Option<u32>,
     groups: [Group; GROUPS],
     declaration: Declaration,
-    /// Requests without an answer so far.
     asked: BTreeSet<u16>,
     answers: BTreeMap<u16, Answer>,
     next_id: u16,
@@ -142,10 +137,10 @@ pub struct Client {
     damaged_there: u32,
 }
 
-/// Descriptions that come piece by piece.
+/// A table of descriptions that arrive page by page.
 struct Table<T> {
     rows: Vec<Option<T>>,
-    /// How many of them, from the first on, are as the robot says now.
+    /// Number of rows, from the first on, that are current.
     fresh: usize,
     asked: Option<Micros>,
 }
@@ -155,18 +150,17 @@ impl<T: Clone> Table<T> {
         Self { rows: Vec::new(), fresh: 0, asked: None }
     }
 
-    /// As many as the robot says.
     fn size(&mut self, size: u16) {
         self.rows.resize(size.into(), None);
         self.fresh = self.fresh.min(self.rows.len());
     }
 
-    /// All are to be asked again; they stand until then.
+    /// Asks for all rows again; the old ones stay until then.
     const fn renew(&mut self) {
         (self.fresh, self.asked) = (0, None);
     }
 
-    /// They come in order; one that comes out of it is asked for again.
+    /// Stores the next row in order; others are asked for again.
     fn put(&mut self, index: u16, row: T) {
         let index = usize::from(index);
         if index != self.fresh {
@@ -181,7 +175,7 @@ impl<T: Clone> Table<T> {
         }
     }
 
-    /// The first that is missing, if it is time to ask for it.
+    /// The first missing row, if it is time to ask for it.
     fn next(&mut self, now: Micros) -> Option<u16> {
         let waits = self.asked.is_some_and(|asked| now.since(asked) < AGAIN);
         if waits || self.is_whole() {
@@ -197,15 +191,15 @@ impl<T: Clone> Table<T> {
     }
 }
 
-/// From one hello to the next: a jog needs a time of the robot that is not old.
+/// Period of hellos: a jog needs a recent time of the robot.
 const GREET: Micros = Micros::from_millis(100);
-/// From one time that an urgent request is sent to the next.
+/// Period at which an urgent request is sent.
 const URGE: Micros = Micros::from_millis(20);
-/// Requests whose answers are waited for.
+/// Limit of requests that wait for an answer.
 const ASKED: usize = 256;
-/// A robot whose time goes back by more was restarted: a sample may have overtaken a greeting.
+/// Largest step back of the robot's time without a restart: a sample may overtake a greeting.
 const LATE: Micros = Micros::from_millis(2);
-/// Until what was not answered is asked again.
+/// Time after which a request without an answer is repeated.
 const AGAIN: Micros = Micros::from_millis(150);
 
 impl Default for Client {
@@ -215,21 +209,20 @@ impl Default for Client {
 }
 
 impl Client {
-    /// One that has heard nothing.
+    /// Creates a client before its first byte.
     #[must_use]
     pub fn new() -> Self {
         Self::with_first_id(0)
     }
 
-    /// The same, whose requests are numbered from here on: where another program may speak on the same
-    /// line, at random.
+    /// Creates a client with this first request number: random if another program may use the line.
     #[must_use]
     pub fn with_first_id(next_id: u16) -> Self {
         Self {
             stream: Stream::new(FromRobot),
             out: Vec::new(),
             first: Vec::new(),
-            pressed: Vec::new(),
+            urgent: Vec::new(),
             greeted: None,
             hellos: 0,
             heard: None,
@@ -255,7 +248,7 @@ impl Client {
         self.heard.is_some_and(|heard| now.since(heard).get() < SILENCE)
     }
 
-    /// Whether everything that the robot has is known.
+    /// Whether all signals and parameters are known.
     #[must_use]
     pub fn is_described(&self) -> bool {
         self.heard.is_some() && self.signals.is_whole() && self.parameters.is_whole()
@@ -285,13 +278,13 @@ impl Client {
         self.parameters.rows.iter().flatten().filter(|row| !row.name.is_empty())
     }
 
-    /// Which robot it is.
+    /// The identity of the robot.
     #[must_use]
     pub const fn declaration(&self) -> Declaration {
         self.declaration
     }
 
-    /// The number of the motor that is called so.
+    /// The number of the motor with this label.
     #[must_use]
     pub fn motor(&self, label: &str) -> Option<u8> {
         let mut labels: Vec<&str> = Vec::new();
@@ -303,13 +296,13 @@ impl Client {
         u8::try_from(labels.iter().position(|it| *it == label)?).ok()
     }
 
-    /// It differs whenever a parameter has changed.
+    /// A counter that differs whenever a parameter has changed.
     #[must_use]
     pub const fn changes(&self) -> Option<u32> {
         self.changes
     }
 
-    /// What was lost so far.
+    /// Losses so far.
     #[must_use]
     pub fn losses(&self) -> Losses {
         let counters = self.stream.counters();
@@ -320,8 +313,7 @@ impl Client {
         }
     }
 
-    /// Watches some signals from now on, in one group, every `period` milliseconds. Those beyond a
-    /// frame's room are not watched; returns how many are.
+    /// Watches signals in one group, every `period` ms; returns how many fit, the rest is left out.
     pub fn watch(
         &mut self,
         group: usize,
@@ -341,8 +333,8 @@ impl Client {
         self.groups[group].order.len()
     }
 
-    /// Changes parameters, all or none. The number by which [`answer`](Self::answer) knows it; `None` if
-    /// they are too many for one request.
+    /// Changes parameters, all or none; returns the number for [`answer`](Self::answer), or `None`
+    /// for too many.
     pub fn set(&mut self, changes: &[(u16, f32)]) -> Option<u16> {
         let mut all = heapless::Vec::new();
         for &(parameter, value) in changes {
@@ -353,7 +345,7 @@ impl Client {
         Some(id)
     }
 
-    /// Has the robot do something, once.
+    /// Requests an action, once.
     pub fn act(&mut self, action: Action) -> u16 {
         let (id, declaration) = (self.id(), self.declaration);
         let heard = self.at.unwrap_or_default().get();
@@ -361,26 +353,25 @@ impl Client {
         id
     }
 
-    /// Has the robot stop or disarm: it is sent every 20 ms, before everything else, until the robot
-    /// says that it is done, however long that takes; to any robot, and one that was not heard of
-    /// yet. The number by which [`answer`](Self::answer) knows it.
+    /// Requests a stop or disarming of any robot, known or not: sent every 20 ms, before everything
+    /// else, until it is confirmed. Returns the number for [`answer`](Self::answer).
     pub fn urge(&mut self, what: Urgent, now: Micros) -> u16 {
-        if let Some(pressed) = self.pressed.iter().find(|it| it.what == what) {
-            return pressed.id;
+        if let Some(urgent) = self.urgent.iter().find(|it| it.what == what) {
+            return urgent.id;
         }
         let id = self.id();
-        self.pressed.push(Pressed { what, id, since: now, sent: None });
+        self.urgent.push(UrgentRequest { what, id, since: now, sent: None });
         id
     }
 
-    /// How far a stop, or disarming, has come; `None` if there is none, or it is done.
+    /// Progress of a stop or disarming; `None` if it was not requested or is done.
     #[must_use]
     pub fn urgency(&self, what: Urgent, now: Micros) -> Option<Urgency> {
-        let age = now.since(self.pressed.iter().find(|it| it.what == what)?.since);
+        let age = now.since(self.urgent.iter().find(|it| it.what == what)?.since);
         Some(if age < NOT_HEARD { Urgency::Sent } else { Urgency::NotHeard })
     }
 
-    /// What became of a request; told once.
+    /// The answer to a request, once.
     pub fn answer(&mut self, id: u16) -> Option<Answer> {
         self.answers.remove(&id)
     }
@@ -397,9 +388,9 @@ impl Client {
         bytes
     }
 
-    /// Asks what is to be asked now.
+    /// Asks for what is missing, if it is time.
     pub fn step(&mut self, now: Micros) {
-        for Pressed { what, id, sent, .. } in &mut self.pressed {
+        for UrgentRequest { what, id, sent, .. } in &mut self.urgent {
             if sent.is_none_or(|sent| now.since(sent) >= URGE) {
                 *sent = Some(now);
                 self.first.extend(frame(&Ask::Urge { id: *id, what: *what }));
@@ -409,7 +400,7 @@ impl Client {
             let is_new = self.greeted.replace(now).is_none();
             self.ask(&Ask::Hello { version: VERSION });
             self.hellos = self.hellos.wrapping_add(1);
-            // Again and again, in case the robot has not heard it or was restarted.
+            // Repeated, in case the robot has not heard it or was restarted.
             let repeats = is_new || self.hellos.is_multiple_of(2);
             for group in (0..GROUPS).filter(|_| repeats) {
                 let Group { period, signals, .. } = self.groups[group].clone();
@@ -428,7 +419,7 @@ impl Client {
         }
     }
 
-    /// Takes what came in.
+    /// Takes received bytes.
     pub fn hear(&mut self, bytes: &[u8], now: Micros) {
         let mut bodies = Vec::new();
         if !bytes.is_empty() {
@@ -438,7 +429,7 @@ impl Client {
             if body.first() == Some(&0) {
                 self.sample(&body);
             } else if let Ok((tell, _)) = postcard::take_from_bytes::<Tell<'_>>(&body) {
-                self.told(tell, now);
+                self.on_message(tell, now);
             } else {
                 self.losses.unknown += 1;
             }
@@ -452,7 +443,7 @@ impl Client {
         };
         let Some(group) = self.groups.get_mut(usize::from(head.group)) else { return };
         if words.len() != group.order.len() {
-            // Of the signals that were watched before.
+            // A sample of the signals that were watched before.
             return;
         }
         if let Some(last) = group.last {
@@ -469,7 +460,7 @@ impl Client {
         });
     }
 
-    fn told(&mut self, tell: Tell<'_>, now: Micros) {
+    fn on_message(&mut self, tell: Tell<'_>, now: Micros) {
         match tell {
             Tell::Welcome {
                 version,
@@ -487,7 +478,7 @@ impl Client {
                     || before != declaration
                     || !self.is_up(now)
                 {
-                    // It was restarted, or may be another one.
+                    // A restarted robot, or another one.
                     self.signals.renew();
                     self.parameters.renew();
                     self.groups.iter_mut().for_each(|group| group.last = None);
@@ -498,7 +489,7 @@ impl Client {
                 self.signals.size(signals);
                 self.parameters.size(parameters);
                 if self.changes.replace(changes).is_some_and(|before| before != changes) {
-                    // By this PC or another.
+                    // Changed by this PC or another one.
                     self.parameters.renew();
                 }
             }
@@ -535,8 +526,8 @@ impl Client {
                     }
                     _ => Answer::Refused("for a reason that this program does not know".into()),
                 };
-                self.pressed.retain(|it| it.id != id || answer != Answer::Done);
-                // Others are those of another program on the same line.
+                self.urgent.retain(|it| it.id != id || answer != Answer::Done);
+                // Other answers are for another program on the same line.
                 if self.asked.remove(&id) {
                     self.answers.insert(id, answer);
                 }
@@ -574,8 +565,7 @@ impl Client {
     }
 }
 
-/// The frame of a request.
-/// The bytes of a question.
+/// The bytes of a request.
 #[must_use]
 pub fn frame(ask: &Ask) -> Vec<u8> {
     let mut frame = Writer::<{ ASK + AROUND }>::new();
@@ -597,7 +587,7 @@ mod tests {
         [&head[..], body, &crc(body).to_le_bytes()].concat()
     }
 
-    fn told(tell: &Tell<'_>, more: &[u8]) -> Vec<u8> {
+    fn encoded(tell: &Tell<'_>, more: &[u8]) -> Vec<u8> {
         let mut body = postcard::to_slice(tell, &mut [0; 256]).unwrap().to_vec();
         body.extend(more);
         raw(&body)
@@ -614,11 +604,11 @@ mod tests {
     fn a_tool_of_today_reads_a_robot_of_tomorrow() {
         let (mut client, now) = (Client::new(), Micros::from_millis(10));
         client.step(now);
-        client.hear(&told(&welcome(VERSION + 1, 1, 7), &[1, 2, 3]), now);
+        client.hear(&encoded(&welcome(VERSION + 1, 1, 7), &[1, 2, 3]), now);
         assert!(client.is_up(now) && client.version() == VERSION + 1);
         let topic = Topic { folder: "motors", label: "arm" };
         let signal = Tell::Signal { index: 0, topic, name: "flux", unit: "Wb", states: "" };
-        client.hear(&told(&signal, b"a field of tomorrow"), now);
+        client.hear(&encoded(&signal, b"a field of tomorrow"), now);
         assert!(client.is_described());
         assert_eq!(client.signals().next().unwrap().1.name, "flux");
         // A message of tomorrow, and a sample of a shape that there is not.
@@ -627,10 +617,10 @@ mod tests {
         assert_eq!(client.losses().unknown, 2);
         // Garbage, a damaged frame, and text around a good one.
         let mut bytes = b"armed, 11 of 11 motors online\r\n".to_vec();
-        let mut damaged = told(&signal, &[]);
+        let mut damaged = encoded(&signal, &[]);
         damaged[9] ^= 0x40;
         bytes.extend(damaged);
-        bytes.extend(told(&welcome(VERSION, 1, 8), &[]));
+        bytes.extend(encoded(&welcome(VERSION, 1, 8), &[]));
         client.hear(&bytes, now);
         assert_eq!((client.version(), client.losses().damaged), (VERSION, 1));
     }
@@ -656,7 +646,7 @@ mod tests {
         let mut client = Client::new();
         let ids: Vec<_> = (0..=ASKED).map(|_| client.act(Action::Zero(0))).collect();
         for id in [ids[0], ids[ASKED]] {
-            client.hear(&told(&Tell::Answer { id, outcome: Outcome::Done }, &[]), Micros::ZERO);
+            client.hear(&encoded(&Tell::Answer { id, outcome: Outcome::Done }, &[]), Micros::ZERO);
         }
         assert_eq!([ids[0], ids[ASKED]].map(|id| client.answer(id).is_some()), [false, true]);
     }
@@ -664,16 +654,16 @@ mod tests {
     #[test]
     fn a_robot_that_restarts_is_asked_for_everything_again() {
         let (mut client, now) = (Client::new(), Micros::from_millis(10));
-        client.hear(&told(&welcome(VERSION, 1, 5_000_000), &[]), now);
+        client.hear(&encoded(&welcome(VERSION, 1, 5_000_000), &[]), now);
         let topic = Topic { folder: "motors", label: "arm" };
         let signal = Tell::Signal { index: 0, topic, name: "speed", unit: "rpm", states: "" };
-        client.hear(&told(&signal, &[]), now);
+        client.hear(&encoded(&signal, &[]), now);
         assert!(client.is_described());
-        client.hear(&told(&welcome(VERSION, 1, 3_000), &[]), now);
+        client.hear(&encoded(&welcome(VERSION, 1, 3_000), &[]), now);
         assert!(!client.is_described());
         // What it was stays until it says otherwise.
         assert_eq!(client.signals().count(), 1);
-        client.hear(&told(&signal, &[]), now);
+        client.hear(&encoded(&signal, &[]), now);
         assert!(client.is_described());
         // One that is silent is gone.
         assert!(!client.is_up(Micros::from_millis(1100)));

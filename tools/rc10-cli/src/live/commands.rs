@@ -84,10 +84,7 @@ pub struct StopArgs {
     pub disarm: bool,
 }
 
-/// Stops a robot: again and again until it says that it is stopped, or Ctrl-C.
-///
-/// # Errors
-/// If there is no way to the robot, or it has not answered.
+/// Stops a robot: repeats it until the robot confirms, or until Ctrl-C. Fails without an answer.
 pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let ended = stop()?;
     let source = args.at.source();
@@ -115,10 +112,7 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
     bail!("the robot has not answered: it may not be stopped")
 }
 
-/// Lists the robot's parameters.
-///
-/// # Errors
-/// If there is no robot.
+/// Lists the robot's parameters; fails without a robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let source = args.at.source();
     let mut session = Session::new(source.open(robot, false)?);
@@ -144,10 +138,7 @@ pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     Ok(())
 }
 
-/// Prints the values of parameters, one a line.
-///
-/// # Errors
-/// If there is no robot, or no such parameter.
+/// Prints the values of parameters, one a line. Fails without a robot or without such a parameter.
 pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let mut session = Session::new(args.source.open(robot, false)?);
     session.meet()?;
@@ -157,10 +148,7 @@ pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
     Ok(())
 }
 
-/// Changes parameters: all of them or none.
-///
-/// # Errors
-/// If there is no robot, no such parameter, or the robot refuses.
+/// Changes parameters, all or none. Fails without a robot or such a parameter, or if it refuses.
 pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let mut wanted = Vec::new();
     for change in &args.changes {
@@ -185,10 +173,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
     Ok(())
 }
 
-/// Records a robot.
-///
-/// # Errors
-/// If there is no robot, or the file cannot be written.
+/// Records a robot; fails without a robot, or if the file cannot be written.
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
@@ -229,7 +214,7 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     Ok(())
 }
 
-/// Records until that is to end.
+/// Records until the time is over or Ctrl-C.
 fn go_on(
     args: &RecordArgs,
     session: &mut Session<'_>,

@@ -1,4 +1,4 @@
-//! Connections of browsers: few, and each with little time, so that a new one always gets in.
+//! Connections of browsers: few, and with short timeouts, so that a new one always gets in.
 
 use crate::live::request::read;
 use std::io::Read as _;
@@ -11,26 +11,25 @@ use std::{io, thread};
 
 use super::request::Request;
 
-/// Connections at once.
 const MOST: usize = 32;
-/// From the first byte of a request to its last.
+/// Time limit from the first byte of a request to its last.
 const WHOLE: Duration = Duration::from_secs(2);
-/// How long nothing may come, or an answer may not be taken.
+/// Time limit of silence, and for taking an answer.
 const IDLE: Duration = Duration::from_secs(10);
-/// After an error of the listener: others may close files meanwhile.
+/// Pause after an error of the listener: other connections may close their files meanwhile.
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// An answer.
+/// An answer to a browser.
 pub struct Reply {
-    /// The status of HTTP.
+    /// HTTP status.
     pub status: u16,
-    /// The type of its content.
+    /// MIME type of the content.
     pub kind: &'static str,
-    /// The content.
+    /// Content.
     pub body: Vec<u8>,
 }
 
-/// What a connection does; when there are too many, the first of these has to go.
+/// The phase of a connection; if there are too many, the oldest in the lowest phase is closed.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Phase {
     Reading,
@@ -40,11 +39,10 @@ enum Phase {
 
 struct Connection {
     stream: TcpStream,
-    /// Since when it does what.
     phase: Mutex<(Phase, Instant)>,
 }
 
-/// Answers all that comes, for ever.
+/// Answers all requests, for ever.
 pub fn serve<A>(listener: &TcpListener, port: u16, answer: A)
 where
     A: Fn(&Request) -> Reply + Clone + Send + 'static,
@@ -52,7 +50,7 @@ where
     let mut open = Vec::new();
     loop {
         let Ok((stream, _)) = listener.accept() else {
-            // Most likely there are too many files.
+            // The likely cause is too many open files.
             shut_one(&mut open);
             thread::sleep(PAUSE);
             continue;
@@ -65,7 +63,7 @@ where
         let connection = Arc::new(Connection { stream, phase });
         open.push(Arc::downgrade(&connection));
         let answer = answer.clone();
-        // Without a thread it is closed; an error of it ends it alone.
+        // Without a thread the connection is closed; an error ends it alone.
         let _ = thread::Builder::new().spawn(move || connection.serve(port, answer));
     }
 }
@@ -101,7 +99,7 @@ impl Connection {
         *look(&self.phase) = (phase, Instant::now());
     }
 
-    /// Waits for a request, or for what is refused.
+    /// Waits for a request, or for a refusal.
     fn receive(&self, bytes: &mut Vec<u8>, port: u16) -> io::Result<Result<Request, Reply>> {
         let mut until = Instant::now() + if bytes.is_empty() { IDLE } else { WHOLE };
         loop {
@@ -120,9 +118,8 @@ impl Connection {
         }
     }
 
-    /// Reads something, at least a byte.
     fn read(&self, piece: &mut [u8], until: Instant) -> io::Result<usize> {
-        // No time left is an error here.
+        // A timeout of zero is an error here.
         self.stream.set_read_timeout(Some(until.saturating_duration_since(Instant::now())))?;
         match (&self.stream).read(piece)? {
             0 => Err(io::ErrorKind::UnexpectedEof.into()),
@@ -143,7 +140,8 @@ impl Connection {
         (&self.stream).write_all(&[head.as_bytes(), body].concat())
     }
 
-    /// Closes it. A little of what still comes is dropped: with unread bytes, closing would take back the answer.
+    /// Closes the connection. Some more bytes are read and dropped, or closing would discard the
+    /// answer.
     fn end(&self) -> io::Result<()> {
         self.enter(Phase::Reading);
         self.stream.shutdown(Shutdown::Write)?;
@@ -153,10 +151,15 @@ impl Connection {
 }
 
 impl Reply {
-    /// A sentence.
+    /// A reply of plain text.
     pub fn text(status: u16, text: &str) -> Self {
         Self { status, kind: "text/plain", body: text.into() }
     }
+}
+
+/// Locks a value; a thread that panicked left it whole.
+pub fn look<T>(behind: &Mutex<T>) -> MutexGuard<'_, T> {
+    behind.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -165,9 +168,9 @@ mod tests {
 
     use super::*;
 
-    /// It is older than all who say nothing, of whom some have to go.
+    /// Its connection is older than all silent ones, of which some are closed.
     #[test]
-    fn who_is_being_answered_stays_when_there_are_too_many() {
+    fn a_connection_with_an_answer_stays_when_there_are_too_many() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let ((tell, begun), (go_on, wait)) = (channel(), channel());
@@ -182,7 +185,7 @@ mod tests {
         thread::spawn(move || serve(&listener, port, answer));
         let send = |text: &str| {
             let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-            // It may be one of those that have to go.
+            // It may be one of those that are closed.
             let _ = stream.write_all(text.as_bytes());
             stream
         };
@@ -198,9 +201,4 @@ mod tests {
         go_on.send(()).unwrap();
         assert!(is_answered(slow));
     }
-}
-
-/// What is behind a lock; a thread that panicked left it whole.
-pub fn look<T>(behind: &Mutex<T>) -> MutexGuard<'_, T> {
-    behind.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,5 +1,4 @@
-//! A robot that runs, for [Foxglove](https://docs.foxglove.dev/docs/sdk/websocket-server): the topics of a
-//! record, live.
+//! The topics of a record, live, for [Foxglove](https://docs.foxglove.dev).
 
 use std::sync::Arc;
 
@@ -14,15 +13,11 @@ pub struct Foxglove {
     port: u16,
     context: Arc<Context>,
     topics: Vec<Topic>,
-    /// The channel of each.
     channels: Vec<Arc<RawChannel>>,
 }
 
 impl Foxglove {
-    /// Waits for viewers on this PC, at this port; 0 is any that is free.
-    ///
-    /// # Errors
-    /// If the port is taken.
+    /// Serves viewers on this PC at this port (0: any free one); fails if the port is taken.
     pub fn new(port: u16) -> Result<Self> {
         let context = Context::new();
         let server = WebSocketServer::new().name("RC10").bind("127.0.0.1", port).context(&context);
@@ -31,15 +26,12 @@ impl Foxglove {
         Ok(Self { port: server.port(), context, topics: Vec::new(), channels: Vec::new() })
     }
 
-    /// What a viewer opens.
+    /// The address for a viewer.
     pub fn address(&self) -> String {
         format!("ws://127.0.0.1:{}", self.port)
     }
 
-    /// The robot has described itself.
-    ///
-    /// # Errors
-    /// If two topics have one name.
+    /// Declares the topics of a robot; fails if two have one name.
     pub fn meet(&mut self, topics: &[Topic]) -> Result<()> {
         if self.topics == topics {
             return Ok(());
@@ -58,10 +50,10 @@ impl Foxglove {
         Ok(())
     }
 
-    /// Hands a sample on, at the robot's time. A viewer that does not keep up loses the oldest.
+    /// Sends a sample at the robot's time. A slow viewer loses the oldest.
     pub fn take(&mut self, sample: &Sample) {
         let at = PartialMetadata::with_log_time(sample.at.get() * 1000);
-        // There is nothing in it that fails.
+        // No message can fail here.
         let _ = messages(&self.topics, sample, |topic, bytes| {
             self.channels[topic].log_with_meta(bytes, at);
             Ok(())

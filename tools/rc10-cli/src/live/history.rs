@@ -1,12 +1,12 @@
-//! The values of signals over the last minutes, and fewer points of them that look the same.
+//! The values of signals over the last minutes, and their reduction to points for a plot.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use rc10_can::Micros;
 
-/// Values of one signal that are kept.
+/// Limit of values of one signal.
 const KEPT: usize = 200_000;
-/// Values of all signals that are kept: 320 MB, and up to twice that while buffers grow.
+/// Limit of values of all signals: 320 MB, and up to twice that while buffers grow.
 const KEPT_IN_ALL: usize = 20_000_000;
 
 /// The values of signals, newest last.
@@ -16,12 +16,11 @@ pub struct History {
     count: usize,
 }
 
-/// Points that stand for the values in one column of pixels, at most: where they begin, their lowest and
-/// highest, where they end.
+/// Most points of one column of pixels: first, lowest, highest and last value.
 pub const POINTS: usize = 4;
 
 impl History {
-    /// Adds a value; one that is not newer than the newest is known already.
+    /// Adds a value, unless it is not newer than the newest.
     pub fn push(&mut self, signal: u16, at: Micros, value: f32) {
         let series = self.series.entry(signal).or_default();
         if series.back().is_some_and(|(newest, _)| *newest >= at) {
@@ -37,7 +36,7 @@ impl History {
         }
     }
 
-    /// Forgets everything: the robot was restarted, or is another one.
+    /// Removes all values: the robot was restarted, or is another one.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
@@ -48,7 +47,8 @@ impl History {
         self.series.get(&signal)?.back().copied()
     }
 
-    /// Adds a signal's values in a span of time, and one before and one behind, so that lines reach the edges.
+    /// Adds a signal's values in a span to `values`, and one on each side, so that lines reach the
+    /// edges.
     pub fn copy(&self, signal: u16, [from, to]: [Micros; 2], values: &mut Vec<(Micros, f32)>) {
         let Some(series) = self.series.get(&signal) else { return };
         let first = series.partition_point(|(at, _)| *at < from).saturating_sub(1);
@@ -57,8 +57,8 @@ impl History {
     }
 }
 
-/// The points that look like these values in a span of time of this number of columns: at most [`POINTS`] in
-/// each, in the order of time. NaN is kept as a gap.
+/// Reduces values in a span to at most [`POINTS`] in each column that look the same, in order. NaN
+/// stays as a gap.
 #[must_use]
 pub fn thin(values: &[(Micros, f32)], [from, to]: [Micros; 2], columns: u32) -> Vec<(Micros, f32)> {
     let width = to.since(from).get().div_ceil(columns.max(1).into()).max(1);
@@ -70,7 +70,7 @@ pub fn thin(values: &[(Micros, f32)], [from, to]: [Micros; 2], columns: u32) -> 
     points
 }
 
-/// Adds the points that stand for some values.
+/// Adds the points of one column.
 fn stand_for(some: &[(Micros, f32)], points: &mut Vec<(Micros, f32)>) {
     if some.len() <= POINTS {
         points.extend(some);

@@ -17,21 +17,20 @@ use crate::recording::problem::Problem;
 use crate::recording::sample::Source;
 use crate::world::environment::Environment;
 
-/// Recordings overlap: the older of two covers this time at least, and less than twice as much.
+/// Recordings overlap: the older of two covers at least this time, and less than twice as much.
 const SPAN: Micros = Micros::from_millis(30_000);
-/// A recording that is shorter is not judged: not everything has been told once.
+/// Shortest recording that is judged: before, not everything has arrived once.
 const LEAST: Micros = Micros::from_millis(1000);
-/// From one judgement to the next.
 const OFTEN: Micros = Micros::from_millis(1000);
 
-/// What is known of a gain before a robot gets it.
+/// The effect of a gain before the robot gets it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Advice {
-    /// The gain margin of the loop that it would be worst for, a factor.
+    /// Gain margin of the loop that becomes worst, a factor.
     pub margin: f64,
-    /// The margin that is asked for.
+    /// The required margin.
     pub least: f64,
-    /// The same in words: a sentence without its subject, the gain.
+    /// The effect in words: a sentence without its subject, the gain.
     pub text: String,
 }
 
@@ -57,14 +56,14 @@ pub struct Judge<'k> {
     recordings: VecDeque<(Micros, Replay<'k>)>,
     before: Micros,
     judged: Option<Micros>,
-    /// What was found last.
+    /// The last findings.
     pub found: Vec<Problem>,
-    /// What happened meanwhile, in the robot's time.
+    /// Events, in the robot's time.
     pub happened: Vec<(Micros, String)>,
 }
 
 impl<'k> Judge<'k> {
-    /// One that has heard nothing.
+    /// Creates a judge before its first sample.
     #[must_use]
     pub const fn new(kit: &'k Kit<'k>) -> Self {
         Self {
@@ -77,7 +76,7 @@ impl<'k> Judge<'k> {
         }
     }
 
-    /// Why the robot that describes itself so is none that this program can judge; `None` if it is its own.
+    /// Why this program cannot judge a robot with these topics; `None` if it is its own.
     #[must_use]
     pub fn stranger(&self, topics: &[Topic]) -> Option<String> {
         let theirs = topics.iter().filter(|topic| topic.folder == "motors");
@@ -95,9 +94,8 @@ impl<'k> Judge<'k> {
         Some(format!("another robot is heard, and its problems are not looked for: {what}"))
     }
 
-    /// What becomes of a motor's loops if the parameter `name` of the motor `label` gets this value, where
-    /// `now` are the motor's parameters with their values. `None` if it is no gain that a margin depends
-    /// on, or what the motor moves is not described.
+    /// The effect on a motor's loops if the parameter `name` of the motor `label` gets this value;
+    /// `now` are its parameters. `None` if no margin depends on it, or the load is not described.
     #[must_use]
     pub fn advise<'n>(
         &self,
@@ -126,13 +124,10 @@ impl<'k> Judge<'k> {
         }
     }
 
-    /// Takes a sample.
-    ///
-    /// # Errors
-    /// If the robot cannot be simulated.
+    /// Takes a sample; fails if the robot cannot be simulated.
     pub fn take(&mut self, topics: &[Topic], sample: &Sample) -> Result<()> {
         if sample.at + RESTART < self.before || sample.at.since(self.before) >= SPAN {
-            // The robot counts anew, or was unheard: what was is no more.
+            // The robot counts anew, or was not heard: the old recordings end.
             *self = Self::new(self.kit);
         }
         self.before = sample.at;
@@ -156,7 +151,7 @@ impl<'k> Judge<'k> {
             Some((begun, replay)) if is_due && self.before.since(*begun) >= LEAST => {
                 let recording = replay.clone().finish()?;
                 let happened = happened(&recording).into_iter();
-                let told = |(at, what)| (*begun + recording.told(at), what);
+                let told = |(at, what)| (*begun + recording.robot_time(at), what);
                 self.happened = happened.map(told).collect();
                 self.found = problems(&recording);
                 self.judged = Some(self.before);
@@ -200,7 +195,7 @@ mod tests {
         test(&mut Judge::new(&kit), topics);
     }
 
-    /// What the robot has beside what is the team's.
+    /// The parts of a test robot that differ from the team's.
     struct Crane(Mechanism);
 
     impl Live for Crane {
@@ -216,7 +211,7 @@ mod tests {
         Topic { name, label, folder, often: group == 1, group, signals: vec![(0, signal)] }
     }
 
-    /// All motors are heard at this millisecond, and were lost so many times.
+    /// All motors are heard at this millisecond, and were lost this number of times.
     fn tell(judge: &mut Judge<'_>, topics: &[Topic], at: u64, lost: u8, arm: ArmState) {
         let value = |name: &str| match name {
             "link" => 1.0,
@@ -259,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_happened_is_told_in_the_robot_s_time() {
+    fn events_have_the_robot_s_time() {
         with_judge(|judge, topics| {
             for at in (7000..69_000).step_by(100) {
                 let arm = if at < 40_000 { ArmState::Armed } else { ArmState::EStopped };

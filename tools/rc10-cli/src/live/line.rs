@@ -1,29 +1,27 @@
-//! A line to a robot, whatever is at its end.
+//! A line to a robot: a port, a connection, a simulation or an emulation.
 
 use anyhow::Result;
 use rc10_can::Micros;
 
 /// A line to a robot.
 pub trait Source {
-    /// Sends some bytes, lets a few milliseconds pass, and returns what came. The time is the robot's
-    /// where that is known, else this PC's.
-    ///
-    /// # Errors
-    /// If there is no way on: a port that is gone comes back, and is none.
+    /// Sends bytes, waits a few milliseconds, and returns the received bytes, and the robot's time
+    /// where that is known, else this PC's. Fails if the line has ended; a missing port may come
+    /// back.
     fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)>;
 
-    /// Why nothing comes, if that is known.
+    /// Why no bytes arrive, if that is known.
     fn trouble(&self) -> Option<&str> {
         None
     }
 }
 
-/// A way to a robot, and its name for people.
-pub struct Way<'r> {
+/// A connection to a robot, and its name for people.
+pub struct RobotConnection<'r> {
     /// The line.
     pub source: Box<dyn Source + 'r>,
-    /// Its name.
+    /// Name of the connection.
     pub name: String,
-    /// It leaves this program: others may speak there, too.
+    /// Whether it leaves this program, so that others may speak there, too.
     pub is_real: bool,
 }

@@ -1,11 +1,10 @@
-//! `rc10 live` and its like: a robot that runs, watched, tuned and recorded.
+//! `rc10 live` and related commands: a robot that runs, watched, tuned and recorded.
 //!
 //! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
-//! * [`SourceArgs`]: where the robot is. [`wire`]: a simulated console.
-//! * [`plan`]: what is watched how often. [`LiveRecord`]: a record of it.
-//! * [`Judge`]: its problems, as a report has them.
-//! * [`Viewers`]: other people's.
-//! * [`Pages`]: a web server for this PC alone; [`request`]: what it admits; [`History`]: the values on its pages.
+//! * [`SourceArgs`]: the choice of the robot.
+//! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
+//! * [`Judge`]: problems, as in a report. [`Viewers`]: other programs' viewers.
+//! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
 pub(crate) mod client;
 pub(crate) mod commands;
@@ -27,7 +26,7 @@ pub(crate) mod session;
 pub(crate) mod source;
 pub(crate) mod viewers;
 
-pub use crate::live::line::{Source, Way};
+pub use crate::live::line::{RobotConnection, Source};
 pub use crate::live::source::{PlaceArgs, SourceArgs};
 pub use crate::world::console::BAUD;
 pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame};
@@ -40,6 +39,6 @@ pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};
 pub use rc10_link::{Action, Urgent};
 pub use record::LiveRecord;
-pub use server::{Pages, Shown, Wish};
+pub use server::{PageRequest, Pages, Shown};
 pub use session::{Session, full_name};
 pub use viewers::{ViewerArgs, Viewers, signal_name};

@@ -1,18 +1,15 @@
-//! Foxglove in a build without it: asking for it is refused.
+//! A stand-in for Foxglove in a build without it.
 
 use anyhow::{Result, bail};
 
 use super::client::Sample;
 use super::plan::Topic;
 
-/// None can be made.
+/// A type without a value.
 pub enum Foxglove {}
 
 impl Foxglove {
-    /// Refuses.
-    ///
-    /// # Errors
-    /// Always.
+    /// Fails always.
     pub fn new(_: u16) -> Result<Self> {
         bail!(
             "--foxglove: this program was built without it, for it takes 120 crates more: cargo run \
@@ -20,17 +17,17 @@ impl Foxglove {
         )
     }
 
-    /// There is none.
+    /// Never called.
     pub fn address(&self) -> String {
         match *self {}
     }
 
-    /// There is none.
+    /// Never called.
     pub fn meet(&mut self, _: &[Topic]) -> Result<()> {
         match *self {}
     }
 
-    /// There is none.
+    /// Never called.
     pub fn take(&mut self, _: &Sample) {
         match *self {}
     }

@@ -16,7 +16,7 @@ use super::connection::look;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
 use super::record::{LiveRecord, RESTART, room, tell_leftovers};
-use super::server::{Asked, Pages, Wish};
+use super::server::{PageRequest, Pages, PendingRequest};
 use super::session::{Session, full_name};
 use super::source::PlaceArgs;
 use super::viewers::{ViewerArgs, Viewers};
@@ -46,20 +46,17 @@ pub struct LiveArgs {
     pub seconds: Option<Micros>,
 }
 
-/// From one sample of the motors to the next, ms, while a page asks for none faster.
+/// Period of samples of the motors, ms, unless a page asks for a shorter one.
 const OFTEN: u16 = 10;
-/// From one look of the pages at the state to the next.
+/// Period of the state for the pages.
 const TELL: Micros = Micros::from_millis(50);
-/// A wish that waits for the robot's answer, since that time.
+/// A request that waits for the robot's answer: its number, its time, and the way back.
 type Waiting = (u16, Micros, Sender<Result<Value, String>>);
-/// How many may wait, and for how long: more would only lie before the next one on the line.
+/// Limit of waiting requests: more would delay the next one on the line.
 const MOST_WAITING: usize = 16;
 const PATIENCE: Micros = Micros::from_millis(5000);
 
-/// Serves the page until Ctrl-C.
-///
-/// # Errors
-/// If there is no way to the robot, or the page cannot be served.
+/// Serves the page until Ctrl-C; fails without a line to the robot, or if the port is taken.
 pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let kit = Kit::of(&robot);
     let source = args.at.source();
@@ -72,7 +69,7 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     }
     writeln!(out, "live  {}\n{}; Ctrl-C ends it", pages.address, session.name())?;
     out.flush()?;
-    let mut show = Show {
+    let mut live = LivePage {
         session,
         pages,
         folder: args.out.clone(),
@@ -88,64 +85,62 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         chosen: (OFTEN, Vec::new()),
         met: false,
         viewers,
-        told: None,
+        state_at: None,
     };
     tell_leftovers(&args.out);
     let mut outcome = Ok(());
     while outcome.is_ok() && !stop.load(Ordering::Relaxed) {
-        outcome = show.step();
-        if args.seconds.is_some_and(|end| show.session.now() >= end) {
+        outcome = live.step();
+        if args.seconds.is_some_and(|end| live.session.now() >= end) {
             break;
         }
     }
-    let Some((record, path)) = show.record.take() else { return outcome };
+    let Some((record, path)) = live.record.take() else { return outcome };
     record.finish(outcome)?;
     writeln!(out, "record  {}", path.display())?;
     Ok(())
 }
 
-/// Whether a file was not made because there is one.
 fn is_there(error: &anyhow::Error) -> bool {
     let error = error.downcast_ref::<io::Error>();
     error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
 }
 
-/// A speed as a jog has it: faster than any is allowed to be is refused by the robot.
+/// A speed for a jog; the robot refuses speeds that are too high.
 fn tenths(rpm: f32) -> i16 {
     (rpm * 10.0).round().clamp(-32_767.0, 32_767.0) as i16
 }
 
-/// What is between the robot and the pages.
-struct Show<'r, 'k> {
+/// The session with the robot, and the pages that show it.
+struct LivePage<'r, 'k> {
     session: Session<'r>,
     pages: Pages,
     folder: PathBuf,
     kit: &'k Kit<'k>,
     judge: Judge<'k>,
-    /// Why it is not judged.
+    /// Why the robot is not judged.
     stranger: Option<String>,
     topics: Vec<Topic>,
-    /// Signals for which there is no room.
+    /// Number of signals without room.
     left: usize,
     record: Option<(LiveRecord, PathBuf)>,
     records: u32,
-    /// What the page should say once.
+    /// A message that the page shows once.
     note: Option<String>,
     waiting: Vec<Waiting>,
-    /// The signals that a page shows, and how often.
+    /// The signals that a page shows, and their period.
     chosen: (u16, Vec<u16>),
-    /// The robot has described itself, and is watched.
+    /// Whether the robot has described itself and is watched.
     met: bool,
     viewers: Viewers,
-    /// When the state was told last.
-    told: Option<Micros>,
+    state_at: Option<Micros>,
 }
 
-impl Show<'_, '_> {
+impl LivePage<'_, '_> {
     fn step(&mut self) -> Result<()> {
         // First, so that a stop goes out with these bytes.
-        while let Ok(asked) = self.pages.wishes.try_recv() {
-            self.grant(asked);
+        while let Ok(request) = self.pages.requests.try_recv() {
+            self.handle(request);
         }
         self.session.step()?;
         self.answer();
@@ -174,14 +169,13 @@ impl Show<'_, '_> {
         if self.stranger.is_none() {
             samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
         }
-        // Pages ask five times a second: it need not be made in every step.
+        // Pages ask five times a second: every step would be too often.
         let now = self.session.now();
-        let is_due = self.told.is_none_or(|told| now.since(told) >= TELL);
+        let is_due = self.state_at.is_none_or(|at| now.since(at) >= TELL);
         let state = is_due.then(|| self.state().to_string().into());
         let mut shown = look(&self.pages.shown);
         for sample in &samples {
             if sample.at + RESTART < shown.now {
-                // The robot was restarted.
                 shown.history.clear();
                 shown.now = Micros::ZERO;
             }
@@ -191,12 +185,12 @@ impl Show<'_, '_> {
             }
         }
         if let Some(state) = state {
-            (shown.state, self.told) = (state, Some(now));
+            (shown.state, self.state_at) = (state, Some(now));
         }
         Ok(())
     }
 
-    /// Tells pages what became of their wishes.
+    /// Passes the robot's answers on to the pages.
     fn answer(&mut self) {
         let now = self.session.now();
         let client = &mut self.session.client;
@@ -214,37 +208,36 @@ impl Show<'_, '_> {
         });
     }
 
-    fn grant(&mut self, (wish, tell): Asked) {
+    fn handle(&mut self, (request, tell): PendingRequest) {
         let now = self.session.now();
-        let asked = match wish {
-            Wish::Watch(period, signals) => {
+        let sent = match request {
+            PageRequest::Watch(period, signals) => {
                 self.chosen = (period, signals);
                 let count = self.choose();
                 let _ = tell.send(Ok(count.into()));
                 return;
             }
-            Wish::Record(on) => {
+            PageRequest::Record(on) => {
                 let _ = tell.send(self.switch_record(on).map_err(|error| format!("{error:#}")));
                 return;
             }
-            Wish::Advise(name, value) => {
+            PageRequest::Advise(name, value) => {
                 let _ = tell.send(self.advise(&name, value).map_err(|error| format!("{error:#}")));
                 return;
             }
-            Wish::Urge(what) => Ok(self.session.client.urge(what, now)),
-            Wish::Set(wanted) => self.may_ask().and_then(|()| self.set(wanted)),
-            Wish::Do(action, label, speed) => {
+            PageRequest::Urge(what) => Ok(self.session.client.urge(what, now)),
+            PageRequest::Set(wanted) => self.may_ask().and_then(|()| self.set(wanted)),
+            PageRequest::Do(action, label, speed) => {
                 self.may_ask().and_then(|()| self.act(&action, &label, speed))
             }
         };
-        match asked {
+        match sent {
             Ok(id) => self.waiting.push((id, now, tell)),
-            // The page may have gone.
             Err(why) => drop(tell.send(Err(format!("{why:#}")))),
         }
     }
 
-    /// What a gain would do, before it is sent; null if nothing is known against it.
+    /// The effect of a gain before it is sent; null if nothing is known against it.
     fn advise(&self, name: &str, value: f32) -> Result<Value> {
         if self.stranger.is_some() {
             return Ok(Value::Null);
@@ -252,7 +245,7 @@ impl Show<'_, '_> {
         let wanted = self.session.parameter(name)?;
         let [least, most] = wanted.range;
         if !(least..=most).contains(&value) {
-            // The robot says why it refuses.
+            // The robot gives the reason for its refusal.
             return Ok(Value::Null);
         }
         let known = self.session.client.parameters().filter(|it| it.label == wanted.label);
@@ -262,7 +255,7 @@ impl Show<'_, '_> {
         Ok(bad.map_or(Value::Null, |advice| advice.text.into()))
     }
 
-    /// Whether the robot may be asked for something that is not urgent.
+    /// Whether the robot may get a request that is not urgent.
     fn may_ask(&self) -> Result<()> {
         if let Some(stranger) = &self.stranger {
             bail!("{stranger}: only stopped, disarmed and watched");
@@ -295,7 +288,7 @@ impl Show<'_, '_> {
         }))
     }
 
-    /// Watches what a page shows, if that is to be more often than everything is.
+    /// Watches the signals of a page, if it needs them at a higher rate.
     fn choose(&mut self) -> usize {
         let (period, signals) = &self.chosen;
         let period = (*period).max(1);
@@ -315,7 +308,7 @@ impl Show<'_, '_> {
                 self.records += 1;
                 let path = self.folder.join(format!("{:03}.mcap", self.records));
                 match LiveRecord::new(&path, false, &self.topics, self.kit.description()) {
-                    // Of another time, or of another program that shows a robot.
+                    // The file of another time, or of another program that shows a robot.
                     Err(error) if is_there(&error) => {}
                     record => break Some((record?, path)),
                 }

@@ -1,4 +1,4 @@
-//! What of a robot is watched how often: its motors often, all else ten times a second.
+//! The rates at which signals are watched: motors often, all else ten times a second.
 
 use rc10_motor::MotorStatus;
 use rc10_tasks::seen::Seen;
@@ -12,31 +12,30 @@ use super::client::{Client, Sample, Signal};
 use crate::record::fields::{MOTOR, about, line};
 use crate::record::{pack, topic};
 
-/// A group of signals that a page or a record is made of. The first group is for what a page asks for
-/// beside.
+/// First group for topics; the group before it is for a page's own request.
 pub const FIRST: usize = 1;
-/// From one sample of what is not watched often to the next, ms.
+/// Period of signals that are not watched often, ms.
 pub const SLOW: u16 = 100;
 
 /// A topic of a record: some signals about one thing, in one group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topic {
-    /// Its name: `/motors/lift_left`.
+    /// Name of the topic: `/motors/lift_left`.
     pub name: String,
-    /// The label of the thing.
+    /// Label of the subject.
     pub label: String,
-    /// Folder of the thing: "motors".
+    /// Folder of the subject: "motors".
     pub folder: String,
     /// Whether it is watched often.
     pub often: bool,
-    /// The group that it is in.
+    /// Group of its signals.
     pub group: usize,
-    /// Its signals with their names, by number.
+    /// Signals by number, with their names.
     pub signals: Vec<(u16, Signal)>,
 }
 
 impl Topic {
-    /// What its messages are made of, as a `ros2msg` schema.
+    /// The `ros2msg` schema of the messages.
     #[must_use]
     pub fn schema(&self) -> String {
         let one = |(_, signal): &(u16, Signal)| {
@@ -46,23 +45,21 @@ impl Topic {
         self.signals.iter().map(one).collect()
     }
 
-    /// The name of that schema.
+    /// Name of the schema.
     #[must_use]
     pub fn schema_name(&self) -> String {
         format!("rc10/msg{}", self.name.replace('/', "_"))
     }
 
-    /// The names of its numbers.
+    /// Names of the numbers in a message.
     #[must_use]
     pub fn columns(&self) -> Vec<String> {
         self.signals.iter().map(|(_, signal)| signal.name.clone()).collect()
     }
 }
 
-/// Makes a message of each topic that a sample is of; NaN stands for what it does not have.
-///
-/// # Errors
-/// Those of `take`, which gets the topic's place and its message.
+/// Passes the message of each topic of a sample to `take`, with the topic's index, and NaN for
+/// missing values; fails if `take` does.
 pub fn messages(
     topics: &[Topic],
     sample: &Sample,
@@ -78,7 +75,7 @@ pub fn messages(
     Ok(())
 }
 
-/// The topics of a robot, and the signals for which there is no room.
+/// The topics of a robot, and the signals without room.
 #[must_use]
 pub fn plan(client: &Client) -> (Vec<Topic>, Vec<Signal>) {
     plan_of(client.signals())
@@ -131,7 +128,7 @@ fn plan_of<'s>(signals: impl Iterator<Item = (u16, &'s Signal)>) -> (Vec<Topic>,
     (planned, left)
 }
 
-/// Has a client watch topics: what is watched often every `period` ms.
+/// Watches topics, the frequent ones every `period` ms.
 pub fn watch(client: &mut Client, topics: &[Topic], period: u16) {
     for group in FIRST..GROUPS {
         let of_group = || topics.iter().filter(|topic| topic.group == group);
@@ -147,7 +144,7 @@ mod tests {
 
     use super::*;
 
-    /// The signals of a robot with so many motors.
+    /// The signals of a robot with this number of motors.
     fn signals(motors: usize) -> Vec<(u16, Signal)> {
         let one = |folder: &str, label: String, name: &str| Signal {
             folder: folder.into(),

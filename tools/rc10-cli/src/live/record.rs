@@ -1,5 +1,4 @@
-//! A record of a robot that runs: the file that `--record` writes of a simulated one, as far as the robot
-//! can tell it.
+//! A record of a robot that runs: like a simulated one's, as far as the robot tells it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,25 +13,23 @@ use crate::record::file::leftovers;
 use crate::robot::description::Description;
 use crate::terminal::tell;
 
-/// A robot whose time goes back by so much was restarted.
+/// Step back of a robot's time from which on it was restarted.
 pub const RESTART: Micros = Micros::from_millis(200);
 
-/// A power cut takes no more of a record.
+/// Longest time that a power cut takes from a record.
 const SYNC: Micros = Micros::from_millis(5000);
 
 /// Bytes of an hour, with the motors every 10 ms.
 #[cfg(unix)]
 const HOUR: f64 = 0.6e9;
 
-/// How long a record may get on the disk of this folder, with the motors every so many ms; `None` if that is
-/// not known.
+/// The longest record that fits on the disk of this folder, in words; `None` if that is unknown.
 #[cfg(unix)]
 pub(super) fn room(folder: &Path, period: u16) -> Option<String> {
     let disk = rustix::fs::statvfs(folder).ok()?;
     Some(room_of(disk.f_bavail as f64 * disk.f_frsize as f64, period))
 }
 
-/// The same of so many bytes that are free.
 #[cfg(unix)]
 fn room_of(free: f64, period: u16) -> String {
     let hours = free / (HOUR * (10.0 / f64::from(period)).max(1.0));
@@ -70,26 +67,23 @@ fn names(found: &[PathBuf]) -> String {
 pub struct LiveRecord {
     file: RecordFile,
     topics: Vec<Topic>,
-    /// The channel of each.
     channels: Vec<u16>,
-    /// The robot's time when the record began, or the robot anew; and that of the newest sample.
+    /// The robot's time when the record began, or the robot anew.
     first: Option<Micros>,
     before: Micros,
-    /// The record's: of the newest sample, and when the robot began to count.
+    /// The record's time of the newest sample; `shift` is where the robot began to count.
     last: Micros,
     shift: Micros,
-    /// Until there the disk has been given it.
+    /// The record's time of the last sync to the disk.
     synced: Micros,
-    /// Samples that it holds.
+    /// Number of samples.
     pub samples: u64,
 }
 
 impl LiveRecord {
-    /// Begins a record at `path`, where no file is yet, or with `force` any file may be. Motors that `description` has too are told with their
-    /// model and place: so `rc10 report` knows the robot again.
-    ///
-    /// # Errors
-    /// If no file can be written there, or there is one.
+    /// Begins a record at `path`; an existing file is replaced only with `force`. Motors of
+    /// `description` get model and place for `rc10 report`. Fails if the file cannot be written or
+    /// exists.
     pub fn new(
         path: &Path,
         force: bool,
@@ -112,7 +106,6 @@ impl LiveRecord {
             let (name, schema) = (topic.schema_name(), topic.schema());
             channels.push(file.channel(&name, &schema, &topic.name, &map)?);
         }
-        // From now on the disk knows of it.
         file.sync()?;
         let (before, last) = (Micros::ZERO, Micros::ZERO);
         Ok(Self {
@@ -128,10 +121,7 @@ impl LiveRecord {
         })
     }
 
-    /// Writes a sample. Those of signals that belong to no topic are left out.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
+    /// Writes a sample, without signals of no topic; fails if the file cannot be written.
     pub fn take(&mut self, sample: &Sample) -> Result<()> {
         if sample.at + RESTART < self.before {
             // The robot counts anew: its record goes on.
@@ -154,16 +144,14 @@ impl LiveRecord {
         Ok(())
     }
 
-    /// The time that it covers.
+    /// Length of the record.
     #[must_use]
     pub fn length(&self) -> Micros {
         self.last
     }
 
-    /// Ends it. What was recorded stays, also if this is because of an error.
-    ///
-    /// # Errors
-    /// If it cannot be written, and that of the outcome, with what is in the record.
+    /// Ends the record, also after an error. Fails if it cannot be written, or with the outcome's
+    /// error.
     pub fn finish(self, outcome: Result<()>) -> Result<()> {
         let length = self.length().get().to_string();
         self.file.finish(outcome, BTreeMap::from([("length_us".to_owned(), length)]))
@@ -176,7 +164,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn room_is_told_in_minutes_where_it_is_little() {
+    fn little_room_is_given_in_minutes() {
         let minutes = |minutes: f64| minutes / 60.0 * HOUR;
         for (free, period, text) in [
             (minutes(150.0), 10, "the disk has room for some 2.5 h of the record"),

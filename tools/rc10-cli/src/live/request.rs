@@ -1,39 +1,39 @@
-//! What pages ask, read from bytes: no sockets, so that it can be fuzzed.
+//! Requests of pages, read from bytes: without sockets, so that it can be fuzzed.
 
 use rc10_can::Micros;
 
-/// Bytes before the body, at most.
+/// Limit of bytes before the body.
 const HEAD: usize = 8 * 1024;
-/// Bytes of the body, at most.
+/// Limit of bytes of the body.
 const BODY: usize = 64 * 1024;
-/// Signals of one answer, at most.
+/// Limit of signals in one answer.
 const SIGNALS: usize = 64;
 
-/// A request that is whole and allowed.
+/// A whole request that is allowed.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Request {
-    /// It is a `POST`, with JSON; otherwise a `GET`.
+    /// Whether it is a `POST`, with JSON; else it is a `GET`.
     pub is_post: bool,
     /// Path and query.
     pub target: String,
-    /// What follows the head.
+    /// Content behind the head.
     pub body: Vec<u8>,
-    /// No other follows on this connection.
+    /// Whether the connection ends after it.
     pub is_last: bool,
-    /// Bytes that it takes; others may be behind it.
+    /// Length in bytes; other requests may follow.
     pub len: usize,
 }
 
-/// A refusal: the status of HTTP, and why.
+/// A refusal: the HTTP status and the reason.
 pub type Refusal = (u16, &'static str);
 
 type Headers<'h> = [httparse::Header<'h>];
 
-/// Reads the first request of these bytes, for the server at this port; `None` if it is not whole yet.
-/// Who asks, and how much, is judged as soon as the head is there.
+/// Reads the first request in `bytes`, for the server at this port; `None` if it is not whole yet.
+/// Origin and length are checked as soon as the head is there.
 ///
 /// # Errors
-/// Whatever is not allowed; the connection is to be closed.
+/// The request is not allowed; the connection is to be closed.
 pub fn read(bytes: &[u8], port: u16) -> Result<Option<Request>, Refusal> {
     let mut headers = [httparse::EMPTY_HEADER; 64];
     let mut head = httparse::Request::new(&mut headers);
@@ -63,7 +63,7 @@ pub fn read(bytes: &[u8], port: u16) -> Result<Option<Request>, Refusal> {
     }))
 }
 
-/// The value of a header that may be there once.
+/// The value of a header that may occur once.
 fn only<'h>(headers: &Headers<'h>, name: &str) -> Result<Option<&'h str>, Refusal> {
     let mut found = headers.iter().filter(|header| header.name.eq_ignore_ascii_case(name));
     let value = found.next().map(|header| str::from_utf8(header.value)).transpose();
@@ -71,7 +71,7 @@ fn only<'h>(headers: &Headers<'h>, name: &str) -> Result<Option<&'h str>, Refusa
     if found.next().is_some() { Err((400, "a header is there twice")) } else { Ok(value) }
 }
 
-/// A page of another site that is open in the same browser must not drive the robot, nor keep this PC busy:
+/// A page of another site in the same browser must not drive the robot, nor keep this PC busy:
 /// neither by its own name for this PC, nor by a form or an image.
 fn admit(headers: &Headers<'_>, is_post: bool, port: u16) -> Result<(), Refusal> {
     let is_ours = |host: &str| {
@@ -82,7 +82,7 @@ fn admit(headers: &Headers<'_>, is_post: bool, port: u16) -> Result<(), Refusal>
     if !only(headers, "Host")?.is_some_and(is_ours) {
         return Err((403, "not under this name"));
     }
-    // `none`: typed, or a bookmark.
+    // The header has `none` for a typed address or a bookmark.
     let site = only(headers, "Sec-Fetch-Site")?.unwrap_or("none");
     if !only(headers, "Origin")?.is_none_or(is_our_page) || !["same-origin", "none"].contains(&site)
     {
@@ -95,7 +95,7 @@ fn admit(headers: &Headers<'_>, is_post: bool, port: u16) -> Result<(), Refusal>
     Ok(())
 }
 
-/// The length of the body, as announced.
+/// The announced length of the body.
 fn length(headers: &Headers<'_>, is_post: bool) -> Result<usize, Refusal> {
     if only(headers, "Expect")?.is_some() {
         return Err((417, "the body is to be sent at once"));
@@ -116,19 +116,19 @@ fn length(headers: &Headers<'_>, is_post: bool) -> Result<usize, Refusal> {
     }
 }
 
-/// What a page wants to plot.
+/// A request for plots.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Plots {
-    /// The signals' numbers, each once.
+    /// Numbers of the signals, each once.
     pub signals: Vec<u16>,
-    /// From when to when.
+    /// Begin and end.
     pub span: [Micros; 2],
-    /// How many pixels wide.
+    /// Width in pixels.
     pub columns: u32,
 }
 
 impl Plots {
-    /// What [`Self::parse`] reads.
+    /// The form of a query that [`Self::parse`] reads.
     pub const FORM: &str =
         "signals=1,2&from=US&to=US&columns=N: at most 64 signals, each once, and from <= to";
 
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_is_read_when_it_is_whole_and_no_more_of_it() {
+    fn a_whole_request_is_read_and_no_more() {
         let text = post("Content-Length: 2\r\n", "{}GET / HTTP/1.1\r\n");
         let request = read_all(&text).unwrap().unwrap();
         assert_eq!((request.target.as_str(), request.body.as_slice()), ("/wish", &b"{}"[..]));

@@ -1,7 +1,7 @@
 //! The page of `rc10 live`, and the data on it: a web server for this PC alone.
 //!
-//! It is our own, on `std::net`: a small one of others could be ended by any web page, and with it the STOP
-//! button; a large one brings a runtime, and makes the first compile slower. `connection` has the sockets,
+//! It is our own, on `std::net`: any web page could end a small one of others, and with it the STOP
+//! button; a large one brings a runtime and a slower first compile. `connection` has the sockets,
 //! [`request`](crate::live::request) the rules.
 
 use crate::live::connection::look;
@@ -22,69 +22,66 @@ use super::connection::Reply;
 use super::history::{History, thin};
 use super::request::{Plots, Request};
 
-/// What a page wants.
+/// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Wish {
-    /// To see these signals often: the period in ms, and their numbers.
+pub enum PageRequest {
+    /// Watch signals often: the period in ms, and their numbers.
     Watch(u16, Vec<u16>),
-    /// To change parameters, by their full names.
+    /// Change parameters, by their full names.
     Set(Vec<(String, f32)>),
-    /// What this value of a parameter would do.
+    /// Give the effect of this value of a parameter.
     Advise(String, f32),
-    /// A stop, or disarming.
+    /// Stop or disarm.
     Urge(Urgent),
-    /// Something done: its name, the motor's label, and a speed in rpm.
+    /// Do an action: its name, the motor's label, and a speed in rpm.
     Do(String, String, f32),
-    /// A record to begin, or to end.
+    /// Begin or end a record.
     Record(bool),
 }
 
-/// A wish, and where its answer goes.
-pub type Asked = (Wish, Sender<Result<Value, String>>);
+/// A request of a page, and the way back for its answer.
+pub type PendingRequest = (PageRequest, Sender<Result<Value, String>>);
 
-/// What pages see: written by the one that speaks with the robot.
+/// The data of the pages: written by the thread that talks to the robot.
 #[derive(Default)]
 pub struct Shown {
-    /// The newest values, and those before.
+    /// Values of the last minutes.
     pub history: History,
-    /// The robot's time.
+    /// Time of the robot.
     pub now: Micros,
-    /// All but the values, as JSON.
+    /// All else, as JSON.
     pub state: Arc<str>,
 }
 
 /// A server that runs.
 pub struct Pages {
-    /// Where pages see what there is.
+    /// The data of the pages.
     pub shown: Arc<Mutex<Shown>>,
-    /// What pages want.
-    pub wishes: Receiver<Asked>,
-    /// Where it is, for a browser.
+    /// Requests of the pages.
+    pub requests: Receiver<PendingRequest>,
+    /// The address for a browser.
     pub address: String,
 }
 
-/// How long a wish may take.
+/// Time limit of a request.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Pages {
-    /// Begins to serve, on this PC only; port 0 is any that is free.
-    ///
-    /// # Errors
-    /// If the port is taken.
+    /// Begins to serve, on this PC only (port 0: any free one); fails if the port is taken.
     pub fn serve(port: u16) -> Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", port))
             .with_context(|| format!("no page at port {port} of this PC"))?;
         let address = listener.local_addr()?;
         let shown = Arc::new(Mutex::new(Shown { state: "null".into(), ..Shown::default() }));
-        let (tell, wishes) = channel();
+        let (queue, requests) = channel();
         let seen = Arc::clone(&shown);
-        let answer = move |request: &Request| respond(request, &seen, &tell);
+        let answer = move |request: &Request| respond(request, &seen, &queue);
         thread::spawn(move || connection::serve(&listener, address.port(), answer));
-        Ok(Self { shown, wishes, address: format!("http://{address}/") })
+        Ok(Self { shown, requests, address: format!("http://{address}/") })
     }
 }
 
-fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Reply {
+fn respond(request: &Request, shown: &Mutex<Shown>, queue: &Sender<PendingRequest>) -> Reply {
     let ok = |kind, body| Reply { status: 200, kind, body };
     let (path, query) = request.target.split_once('?').unwrap_or((&request.target, ""));
     match (request.is_post, path) {
@@ -97,10 +94,9 @@ fn respond(request: &Request, shown: &Mutex<Shown>, tell: &Sender<Asked>) -> Rep
             Some(plots) => ok("application/octet-stream", data(&plots, shown)),
             None => Reply::text(400, Plots::FORM),
         },
-        // Browsers ask for it.
         (false, "/favicon.ico") => ok("image/x-icon", Vec::new()),
         (true, "/wish") => {
-            let outcome = wish(&request.body).and_then(|wish| grant(wish, tell));
+            let outcome = read_request(&request.body).and_then(|it| forward(it, queue));
             let (status, body) = match outcome {
                 Ok(value) => (200, json!({ "ok": value })),
                 Err(why) => (409, json!({ "refused": why })),
@@ -117,14 +113,14 @@ fn page() -> String {
         .replace("/*SCRIPT*/", concat!(include_str!("../show/plot.js"), include_str!("page.js")))
 }
 
-/// Points, for each signal asked for: their count, and for each the seconds since `from` and the value, in
-/// 32 bits, little endian. Before all that the robot's time, µs, in 64 bits as a float.
+/// The robot's time, µs, as a 64-bit float; then for each signal the number of its points as 32
+/// bits, and for each point the seconds since `from` and the value as 32-bit floats. Little endian.
 fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
     let mut bytes = (look(shown).now.get() as f64).to_le_bytes().to_vec();
     let mut values = Vec::new();
     for signal in &plots.signals {
         values.clear();
-        // The robot's samples wait for this lock: it is held for one copy at a time.
+        // The robot's samples wait for this lock, so each copy takes it anew.
         look(shown).history.copy(*signal, plots.span, &mut values);
         let points = thin(&values, plots.span, plots.columns);
         bytes.extend((points.len() as u32).to_le_bytes());
@@ -137,46 +133,47 @@ fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
     bytes
 }
 
-/// Reads a wish.
-fn wish(body: &[u8]) -> Result<Wish, String> {
+fn read_request(body: &[u8]) -> Result<PageRequest, String> {
     let value: Value = serde_json::from_slice(body).map_err(|error| error.to_string())?;
     parse(&value).ok_or_else(|| format!("not understood: {value}"))
 }
 
-fn parse(value: &Value) -> Option<Wish> {
+fn parse(value: &Value) -> Option<PageRequest> {
     let short = |value: &Value| u16::try_from(value.as_u64()?).ok();
     if let Some(signals) = value.get("watch") {
         let signals: Option<Vec<u16>> = signals.as_array()?.iter().map(short).collect();
-        return Some(Wish::Watch(short(value.get("period")?)?, signals?));
+        return Some(PageRequest::Watch(short(value.get("period")?)?, signals?));
     }
     if let Some(changes) = value.get("set") {
         let change = |change: &Value| {
             Some((change.get(0)?.as_str()?.to_owned(), change.get(1)?.as_f64()? as f32))
         };
-        return Some(Wish::Set(changes.as_array()?.iter().map(change).collect::<Option<_>>()?));
+        return Some(PageRequest::Set(
+            changes.as_array()?.iter().map(change).collect::<Option<_>>()?,
+        ));
     }
     if let Some(change) = value.get("advise") {
         let name = change.get(0)?.as_str()?.to_owned();
-        return Some(Wish::Advise(name, change.get(1)?.as_f64()? as f32));
+        return Some(PageRequest::Advise(name, change.get(1)?.as_f64()? as f32));
     }
     if let Some(action) = value.get("do") {
-        // By its label: its number is another one after the next flashing.
+        // By its label: its number may change with the next firmware.
         let motor = value.get("motor").and_then(Value::as_str).unwrap_or_default();
         let speed = value.get("speed").and_then(Value::as_f64).unwrap_or_default() as f32;
         return Some(match action.as_str()? {
-            "stop" => Wish::Urge(Urgent::Stop),
-            "disarm" => Wish::Urge(Urgent::Disarm),
-            action => Wish::Do(action.into(), motor.into(), speed),
+            "stop" => PageRequest::Urge(Urgent::Stop),
+            "disarm" => PageRequest::Urge(Urgent::Disarm),
+            action => PageRequest::Do(action.into(), motor.into(), speed),
         });
     }
-    Some(Wish::Record(value.get("record")?.as_bool()?))
+    Some(PageRequest::Record(value.get("record")?.as_bool()?))
 }
 
-fn grant(wish: Wish, tell: &Sender<Asked>) -> Result<Value, String> {
+fn forward(request: PageRequest, queue: &Sender<PendingRequest>) -> Result<Value, String> {
     let (answer, answered) = channel();
-    let is_urgent = matches!(wish, Wish::Urge(_));
-    tell.send((wish, answer)).map_err(|_| "rc10 live has ended")?;
-    // Whoever speaks with the robot may be held up: this is told all the same.
+    let is_urgent = matches!(request, PageRequest::Urge(_));
+    queue.send((request, answer)).map_err(|_| "rc10 live has ended")?;
+    // The thread that talks to the robot may be held up; a stop must not wait for it to say so.
     let (patience, why) = if is_urgent {
         (Duration::from_micros(NOT_HEARD.get()), "NOT HEARD by the robot yet: it is sent on and on")
     } else {
@@ -190,15 +187,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wishes_are_read_or_refused() {
+    fn requests_are_read_or_refused() {
         let read = |text: &str| parse(&serde_json::from_str(text).unwrap());
         let change = ("arm.speed_kp".to_owned(), 0.5);
-        assert_eq!(read(r#"{"set":[["arm.speed_kp",0.5]]}"#), Some(Wish::Set(vec![change])));
-        assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(Wish::Watch(5, vec![1, 2])));
-        let zero = Wish::Do("zero".into(), "arm".into(), 0.0);
+        assert_eq!(read(r#"{"set":[["arm.speed_kp",0.5]]}"#), Some(PageRequest::Set(vec![change])));
+        assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(PageRequest::Watch(5, vec![1, 2])));
+        let zero = PageRequest::Do("zero".into(), "arm".into(), 0.0);
         assert_eq!(read(r#"{"do":"zero","motor":"arm"}"#), Some(zero));
-        assert_eq!(read(r#"{"do":"stop"}"#), Some(Wish::Urge(Urgent::Stop)));
-        assert_eq!(read(r#"{"record":true}"#), Some(Wish::Record(true)));
+        assert_eq!(read(r#"{"do":"stop"}"#), Some(PageRequest::Urge(Urgent::Stop)));
+        assert_eq!(read(r#"{"record":true}"#), Some(PageRequest::Record(true)));
         for bad in ["{}", "[]", r#"{"set":[[3,1]]}"#, r#"{"set":[[1,null]]}"#, r#"{"do":3}"#] {
             assert_eq!(read(bad), None, "{bad}");
         }

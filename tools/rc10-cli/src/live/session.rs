@@ -1,4 +1,4 @@
-//! A client at its line: what every command that speaks with a robot begins with.
+//! A client and its connection: the start of every command that talks to a robot.
 
 #[cfg(unix)]
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -11,34 +11,33 @@ use rc10_can::Micros;
 use rc10_link::VERSION;
 
 use super::client::{Answer, Client, Parameter};
-use crate::live::line::Way;
+use crate::live::line::RobotConnection;
 
-/// A client, and the line it speaks on.
+/// A client, and its connection to a robot.
 pub struct Session<'r> {
-    way: Way<'r>,
+    connection: RobotConnection<'r>,
     /// The client.
     pub client: Client,
     now: Micros,
-    /// Bytes that came, whatever they were.
     heard: u64,
 }
 
-/// How long a robot may take to answer.
+/// Time limit for an answer of the robot.
 const PATIENCE: Micros = Micros::from_millis(5000);
 
 impl<'r> Session<'r> {
-    /// On a line that is open.
+    /// Creates a session on an open connection.
     #[must_use]
-    pub fn new(way: Way<'r>) -> Self {
-        // Another program may speak on a real line, too: it is not to take our answers for its own.
-        let first = if way.is_real { RandomState::new().hash_one(0) as u16 } else { 0 };
-        Self { way, client: Client::with_first_id(first), now: Micros::ZERO, heard: 0 }
+    pub fn new(connection: RobotConnection<'r>) -> Self {
+        // Another program may use a real line, too, and must not take our answers for its own.
+        let first = if connection.is_real { RandomState::new().hash_one(0) as u16 } else { 0 };
+        Self { connection, client: Client::with_first_id(first), now: Micros::ZERO, heard: 0 }
     }
 
-    /// The line's name.
+    /// Name of the connection.
     #[must_use]
     pub fn name(&self) -> &str {
-        &self.way.name
+        &self.connection.name
     }
 
     /// The time on the line.
@@ -47,13 +46,10 @@ impl<'r> Session<'r> {
         self.now
     }
 
-    /// Sends and hears, for a few milliseconds.
-    ///
-    /// # Errors
-    /// If there is no way on.
+    /// Sends and receives, for a few milliseconds; fails if the line has ended.
     pub fn step(&mut self) -> Result<()> {
         self.client.step(self.now);
-        let (bytes, now) = self.way.source.exchange(&self.client.take_out())?;
+        let (bytes, now) = self.connection.source.exchange(&self.client.take_out())?;
         self.heard += bytes.len() as u64;
         self.now = now;
         self.client.hear(&bytes, now);
@@ -63,7 +59,7 @@ impl<'r> Session<'r> {
     /// Why the robot is not heard; `None` if it is.
     #[must_use]
     pub fn trouble(&self) -> Option<String> {
-        if let Some(trouble) = self.way.source.trouble() {
+        if let Some(trouble) = self.connection.source.trouble() {
             return Some(trouble.to_owned());
         }
         if self.client.is_up(self.now) {
@@ -86,16 +82,12 @@ impl<'r> Session<'r> {
         })
     }
 
-    /// Goes on until the robot has described itself.
-    ///
-    /// # Errors
-    /// If it does not.
+    /// Runs until the robot has described itself; fails if it does not.
     pub fn meet(&mut self) -> Result<()> {
         self.until(|client| client.is_described().then_some(()))
-            .with_context(|| format!("{}: no robot", self.way.name))
+            .with_context(|| format!("{}: no robot", self.connection.name))
     }
 
-    /// Goes on until something is there.
     fn until<T>(&mut self, mut look: impl FnMut(&mut Client) -> Option<T>) -> Result<T> {
         let begin = self.now;
         loop {
@@ -109,10 +101,7 @@ impl<'r> Session<'r> {
         }
     }
 
-    /// Changes parameters, all or none.
-    ///
-    /// # Errors
-    /// If the robot refuses, or does not answer.
+    /// Changes parameters, all or none; fails if the robot refuses or does not answer.
     pub fn set(&mut self, changes: &[(u16, f32)]) -> Result<()> {
         let id = self.client.set(changes);
         let id = id.with_context(|| format!("at most {} at once", rc10_link::CHANGES))?;
@@ -122,11 +111,8 @@ impl<'r> Session<'r> {
         }
     }
 
-    /// The parameter that is called so: `motor.name`, or the name of one of the robot's own. Letters, digits
-    /// and the rest of the name as it is, spaces as `_`.
-    ///
-    /// # Errors
-    /// If there is none, or several.
+    /// The parameter of a full name: `motor.name` or the robot's own `name`, `_` for spaces. Fails
+    /// unless there is one.
     pub fn parameter(&self, name: &str) -> Result<Parameter> {
         let all: Vec<_> = self.client.parameters().collect();
         let found: Vec<_> = all.iter().filter(|it| full_name(it) == name).collect();
@@ -147,7 +133,7 @@ pub fn full_name(parameter: &Parameter) -> String {
     if parameter.folder == "parameters" { label } else { format!("{label}.{}", parameter.name) }
 }
 
-/// Set by Ctrl-C, and when the terminal is closed.
+/// A flag that Ctrl-C sets, or the end of the terminal.
 pub(super) fn stop() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     #[cfg(unix)]
@@ -181,8 +167,10 @@ mod tests {
     /// The simulated robot has one program, and one run of it is as the other.
     #[test]
     fn questions_are_counted_from_a_number_by_chance_where_others_may_speak() {
-        let first = |way| Session::new(way).client.act(Action::Zero(0));
-        let of = |is_real| first(Way { source: Box::new(Nowhere), name: String::new(), is_real });
+        let first = |connection| Session::new(connection).client.act(Action::Zero(0));
+        let of = |is_real| {
+            first(RobotConnection { source: Box::new(Nowhere), name: String::new(), is_real })
+        };
         assert_ne!([of(true), of(true), of(true), of(true)], [1; 4]);
         assert_eq!([of(false), of(false)], [1; 2]);
         let ports = rc10_robot::Ports::new();

@@ -1,5 +1,4 @@
-//! Where a robot is: at a port of this PC, behind a TCP connection, in the simulator, on the emulated
-//! chip.
+//! Connections to a robot: at a port of this PC, over TCP, in the simulator, on the emulated chip.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs as _};
@@ -12,14 +11,14 @@ use clap::Args;
 use rc10_can::Micros;
 
 use crate::args::{Injected, seed};
-use crate::live::line::{Source, Way};
+use crate::live::line::{RobotConnection, Source};
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;
-use crate::world::console::{BAUD, Line};
+use crate::world::console::{BAUD, ConsoleLine};
 use crate::world::robot::Robot;
 
-/// Where the robot is.
+/// Choice of the robot's connection.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SourceArgs {
     /// The robot's serial port, such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT of a serial server [default:
@@ -43,7 +42,7 @@ pub struct SourceArgs {
     pub injected: Injected,
 }
 
-/// Where the robot is, with its port as the first argument.
+/// Choice of the robot's connection, with its port as the first argument.
 #[derive(Args, Clone, Debug, Default)]
 pub struct PlaceArgs {
     /// The robot's serial port, or tcp:HOST:PORT; the same as --port
@@ -55,7 +54,7 @@ pub struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// The same by name.
+    /// The choice without the first argument.
     #[must_use]
     pub fn source(&self) -> SourceArgs {
         let port = self.place.clone().or_else(|| self.named.port.clone());
@@ -64,31 +63,32 @@ impl PlaceArgs {
 }
 
 impl SourceArgs {
-    /// Bits a second of a robot's console.
+    /// Bit rate of a robot's console.
     #[must_use]
     pub fn baud_of(&self, robot: &Robot<'_>) -> u32 {
         self.baud.or(robot.description().console).unwrap_or(BAUD)
     }
 
-    /// Opens it. In the simulator and on the emulated chip time goes as fast as it can, unless `paced`:
-    /// then not faster than here.
-    ///
-    /// # Errors
-    /// If it cannot be opened: why, and what helps.
-    pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<Way<'r>> {
+    /// Opens the connection. A simulation or emulation runs as fast as it can, or if `paced` in
+    /// real time at most. Fails if it cannot be opened, with the reason and what helps.
+    pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<RobotConnection<'r>> {
         if self.sim {
             let (baud, mut robot) = (self.baud_of(&robot), robot);
             robot.inject(&self.injected, "--sim")?;
             robot.fit(false)?;
             let simulation = Simulation::new(robot, self.seed, Some(baud))?;
             let source = Box::new(Paced::new(simulation, paced)?);
-            return Ok(Way { source, name: "the simulated robot".into(), is_real: false });
+            return Ok(RobotConnection {
+                source,
+                name: "the simulated robot".into(),
+                is_real: false,
+            });
         }
         if let Some(elf) = &self.emu {
             let (emulation, path) = emulated(robot, elf.clone(), self)?;
             let name = format!("{} on the emulated chip", path.display());
             let source = Box::new(Paced::new(emulation, paced)?);
-            return Ok(Way { source, name, is_real: false });
+            return Ok(RobotConnection { source, name, is_real: false });
         }
         ensure!(
             self.injected.is_empty(),
@@ -104,11 +104,10 @@ impl SourceArgs {
             None => serial(&port, baud),
         };
         let source = Box::new(Wire::new(open)?);
-        Ok(Way { source, name, is_real: true })
+        Ok(RobotConnection { source, name, is_real: true })
     }
 }
 
-/// The only serial port of this PC.
 fn only_port() -> Result<String> {
     let ports = serialport::available_ports().unwrap_or_default();
     let names: Vec<_> = ports.into_iter().map(|port| port.port_name).collect();
@@ -139,17 +138,16 @@ fn emulated<'r>(
     Ok((Emulation::new(&program, robot, &setup).with_context(named)?, path))
 }
 
-/// A world that does not go faster than the clock on the wall.
+/// A world that is not faster than the wall clock.
 struct Paced<W> {
     world: W,
-    line: Line,
+    line: ConsoleLine,
     /// When the world began, by this clock; it is moved when the world cannot follow.
     began: Option<Instant>,
 }
 
-/// The time of one exchange.
 const STEP: Micros = Micros::from_millis(4);
-/// A world that is further behind stays so: it does not hurry.
+/// Largest delay behind the clock that is caught up.
 const BEHIND: Duration = Duration::from_millis(100);
 
 impl<W: Running> Paced<W> {
@@ -183,11 +181,11 @@ impl<W: Running> Source for Paced<W> {
 trait Port: Read + Write {}
 impl<T: Read + Write> Port for T {}
 
-/// How long a read waits.
+/// Time limit of a read.
 const PATIENCE: Duration = Duration::from_millis(4);
-/// From one try to open a port that is gone to the next: a stop may wait for it.
+/// Period of attempts to open a port that is gone: a stop may wait for it.
 const AGAIN: Duration = Duration::from_millis(100);
-/// How long a serial server may take to be there, and to take what is sent.
+/// Time limit for a serial server to connect, and to take what is sent.
 const CONNECTS: Duration = Duration::from_millis(1000);
 const TAKES: Duration = Duration::from_millis(200);
 

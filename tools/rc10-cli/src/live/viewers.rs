@@ -1,4 +1,4 @@
-//! Other people's viewers, fed while a robot runs.
+//! Viewers of other programs, fed while a robot runs.
 //!
 //! | viewer | what it gets | source |
 //! |---|---|---|
@@ -6,8 +6,8 @@
 //! | Foxglove, "Foxglove WebSocket" | the topics of a record, as `ros2msg` and CDR; nothing can be changed from there | its SDK, in the feature `viewers` |
 //! | VOFA+, `JustFloat` | the channels' values as `f32`, little endian, then `00 00 80 7F` | its page on data engines |
 //!
-//! A viewer that is not there costs nothing: datagrams get lost. One that does not read its connection loses
-//! it, and may connect again.
+//! Datagrams to a missing viewer get lost. A viewer that does not read its connection loses it, and
+//! may connect again.
 
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Write as _};
@@ -21,7 +21,7 @@ use super::client::{Client, Sample, Signal};
 use super::foxglove::Foxglove;
 use super::plan::Topic;
 
-/// Which viewers are fed.
+/// Choice of the viewers.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ViewerArgs {
     /// Feed PlotJuggler's UDP server with JSON [its own port: 9870]
@@ -49,10 +49,10 @@ pub struct ViewerArgs {
     pub channels: Vec<String>,
 }
 
-/// The end of a frame of `JustFloat`: a NaN that no number is.
+/// End of a `JustFloat` frame: a NaN that is no value.
 const TAIL: [u8; 4] = [0x00, 0x00, 0x80, 0x7F];
 
-/// Viewers that are fed.
+/// Viewers of a robot.
 pub struct Viewers {
     json: Option<(UdpSocket, SocketAddr)>,
     floats: Option<Floats>,
@@ -80,7 +80,7 @@ fn udp(to: SocketAddr) -> Result<UdpSocket> {
     Ok(socket)
 }
 
-/// A signal's name for people and for other programs.
+/// The name of a signal for people and for other programs.
 #[must_use]
 pub fn signal_name(signal: &Signal) -> String {
     let word = |text: &str| text.replace(' ', "_");
@@ -93,10 +93,7 @@ pub fn signal_name(signal: &Signal) -> String {
 }
 
 impl Viewers {
-    /// Those that are asked for.
-    ///
-    /// # Errors
-    /// If an address is none, or cannot be listened at.
+    /// Creates the chosen viewers; fails if an address is invalid or cannot be listened at.
     pub fn new(args: &ViewerArgs) -> Result<Self> {
         let json = match &args.plotjuggler {
             Some(text) => {
@@ -124,16 +121,13 @@ impl Viewers {
         Ok(Self { json, floats, foxglove, names: args.channels.clone(), channels: None })
     }
 
-    /// Where Foxglove finds the robot, if that is asked for.
+    /// The address for Foxglove, if it is chosen.
     #[must_use]
     pub fn address(&self) -> Option<String> {
         self.foxglove.as_ref().map(Foxglove::address)
     }
 
-    /// The robot has described itself: which signals the channels are, and which topics there are.
-    ///
-    /// # Errors
-    /// If a channel is no signal of it.
+    /// Starts with a described robot and its topics; fails if a channel is no signal of it.
     pub fn meet(&mut self, client: &Client, topics: &[Topic]) -> Result<()> {
         if let Some(foxglove) = &mut self.foxglove {
             foxglove.meet(topics)?;
@@ -156,10 +150,9 @@ impl Viewers {
         Ok(())
     }
 
-    /// Feeds them with a sample.
+    /// Sends a sample to the viewers.
     pub fn take(&mut self, sample: &Sample, client: &Client) {
         if let Some((socket, to)) = &self.json {
-            // Lost, if there is no viewer.
             let _ = socket.send_to(json(sample, client).as_bytes(), to);
         }
         if let Some(foxglove) = &mut self.foxglove {
@@ -185,7 +178,7 @@ impl Viewers {
                         readers.push(reader);
                     }
                 }
-                // A frame that fits only in part would shift all that follow.
+                // A frame in part would shift all that follow, so such a reader is dropped.
                 readers.retain_mut(|reader| match reader.write(&frame) {
                     Ok(count) => count == frame.len(),
                     Err(error) => error.kind() == ErrorKind::WouldBlock,
@@ -195,7 +188,6 @@ impl Viewers {
     }
 }
 
-/// A sample as PlotJuggler takes it; what has no value is left out.
 fn json(sample: &Sample, client: &Client) -> String {
     let mut all = Map::new();
     all.insert("timestamp".into(), (sample.at.get() as f64 * 1e-6).into());

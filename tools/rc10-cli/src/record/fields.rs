@@ -1,5 +1,4 @@
-//! What a record has beside what the robot tells of itself: its simulated world, in tables like those of
-//! [`rc10_tasks::seen`].
+//! Tables of the simulated world's values in a record, like the robot's own in [`mod@seen`].
 
 use std::ops::Range;
 
@@ -11,9 +10,9 @@ use rc10_tasks::seen::{Field, OFTEN, Seen, Whole};
 use crate::recording::look::{BusLook, RemoteLook, RobotLook, Shaft};
 use crate::recording::remote::Loss;
 
-/// The numbers of a motor that are written every millisecond, and the others.
+/// Indices of the values of a motor that are written every millisecond.
 pub const MOTOR: Range<usize> = 0..OFTEN;
-/// See [`MOTOR`].
+/// Indices of the other values of a motor.
 pub const MOTOR_HEALTH: Range<usize> = OFTEN..MotorStatus::FIELDS.len();
 
 seen!(Shaft {
@@ -59,16 +58,15 @@ seen!(RobotLook {
 /// A message of one number.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Single {
-    /// The number; NaN while there is none.
+    /// The number; NaN without a value.
     pub value: f64,
 }
 
 seen!(Single {
-    value: "", "NaN while there is none" => .value;
+    value: "", "NaN without a value" => .value;
 });
 
-/// The line of a schema that declares a number: its name, a few words, its unit, and which number is which
-/// state.
+/// The line of a schema for a number: name, unit, description, and the numbers of states.
 pub(crate) fn line<'s>(
     name: &str,
     about: &str,
@@ -81,7 +79,7 @@ pub(crate) fn line<'s>(
     format!("float64 {name}  # {}\n", notes.join("; "))
 }
 
-/// The few words on a number of a thing in this folder of topics.
+/// The description of a number in this folder of topics.
 pub(crate) fn about(folder: &str, name: &str) -> &'static str {
     fn of<T: Seen>(name: &str) -> Option<&'static str> {
         place::<T>(name).map(|at| T::ABOUT[at])
@@ -96,7 +94,6 @@ pub(crate) fn about(folder: &str, name: &str) -> &'static str {
     found.unwrap_or_default()
 }
 
-/// The schema of these numbers of a type.
 pub(crate) fn schema<T: Seen>(range: Range<usize>) -> String {
     let one = |at: usize| {
         let Field { name, unit, states } = &T::FIELDS[at];
@@ -105,7 +102,7 @@ pub(crate) fn schema<T: Seen>(range: Range<usize>) -> String {
     range.map(one).collect()
 }
 
-/// The place of a number in the table of a type.
+/// The index of a value in the table of a type.
 pub(crate) fn place<T: Seen>(name: &str) -> Option<usize> {
     T::FIELDS.iter().position(|field| field.name == name)
 }

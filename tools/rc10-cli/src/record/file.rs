@@ -1,5 +1,5 @@
-//! Reads MCAP files that anything may have happened to: one record after the other, in a bounded
-//! memory. No length that a file claims is believed before its bytes are there.
+//! Reads MCAP files that may be damaged: one record after the other, in a bounded memory. No length
+//! in a file is believed before its bytes are there.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -10,36 +10,30 @@ use anyhow::{Context, Result, anyhow, ensure};
 use mcap::MAGIC;
 use mcap::records::op;
 
-/// The longest record that is read, bytes: a chunk of ours has a megabyte.
+/// Longest record that is read, bytes: a chunk of ours has a megabyte.
 const MOST: u64 = 64 << 20;
-/// Bytes before the body of a record: what it is, and its length.
+/// Bytes before the body of a record: kind and length.
 const HEAD: u64 = 9;
-/// Where the first one is.
+/// Place of the first record.
 const BEGIN: u64 = MAGIC.len() as u64;
 const EARLY: &str = "it ends too early";
 
-/// One channel of a file.
 pub(crate) struct Channel {
     pub(crate) topic: String,
     pub(crate) map: BTreeMap<String, String>,
-    /// Names of its numbers; `None` if it has something else.
+    /// Names of the numbers in its messages; `None` for other messages.
     pub(crate) columns: Option<Vec<String>>,
 }
 
-/// What stands in a file, in its order.
 pub(crate) enum Item<'a> {
-    /// A number is given to a channel.
     Channel(u16, Channel),
-    /// A message of it: the time in nanoseconds, and its bytes.
+    /// A message: its channel, the time in nanoseconds, and its bytes.
     Message(u16, u64, &'a [u8]),
     Metadata(String, BTreeMap<String, String>),
 }
 
-/// Goes through a file. `take` is told everything, and may end it with an error. Why the rest of the
-/// file cannot be read, if it cannot.
-///
-/// # Errors
-/// If it is no MCAP file, or `take` has one.
+/// Passes the items of a file to `take`, in order; an error of `take` ends it. Returns why the rest
+/// of the file cannot be read, if it cannot. Fails if it is no MCAP file, or `take` does.
 pub(crate) fn walk(
     file: &mut (impl Read + Seek),
     mut take: impl FnMut(Item<'_>) -> Result<()>,
@@ -56,7 +50,7 @@ pub(crate) fn walk(
     }
 }
 
-/// Reads a file to its end. `at` is the place of the record, or of the chunk that it is in.
+/// Reads a file to its end. `at` is the place of the current record, or of its chunk.
 fn read(
     file: &mut (impl Read + Seek),
     at: &mut u64,
@@ -84,7 +78,7 @@ fn read(
     }
 }
 
-/// A file has the same bytes at both.
+/// Reads the mark that is both at the begin and at the end of a file.
 fn ends_or_begins(file: &mut impl Read) -> Result<()> {
     let mut magic = [0; MAGIC.len()];
     file.read_exact(&mut magic).context(EARLY)?;
@@ -92,7 +86,7 @@ fn ends_or_begins(file: &mut impl Read) -> Result<()> {
     Ok(())
 }
 
-/// Reads the next record: its kind and length. Of those that are of no use here there is no body.
+/// Reads the next record: its kind and length, and the body if its kind is of use.
 fn next(file: &mut impl Read, body: &mut Vec<u8>) -> Result<(u8, u64)> {
     body.clear();
     let mut head = [0; HEAD as usize];
@@ -111,7 +105,6 @@ fn next(file: &mut impl Read, body: &mut Vec<u8>) -> Result<(u8, u64)> {
     Ok((kind, length))
 }
 
-/// Tells what a record says.
 fn item(
     kind: u8,
     body: &[u8],
@@ -144,19 +137,18 @@ fn item(
     }
 }
 
-/// The records of a chunk, which are as they were written.
+/// The records of a chunk without compression.
 fn chunk(body: &[u8]) -> Result<Rest<'_>> {
     let mut rest = Rest(body);
     rest.take(24)?;
     let (crc, packed, length) = (rest.number(4)? as u32, rest.text()?, rest.number(8)?);
     ensure!(packed.is_empty(), "a chunk is packed with {packed}; mcap decompress unpacks it");
     let records = rest.take(length)?;
-    // A writer that has no time for it writes zero.
+    // Zero from a writer that has no time for it.
     ensure!(crc == 0 || crc == crc32fast::hash(records), "the CRC of a chunk is wrong");
     Ok(Rest(records))
 }
 
-/// The bytes of a record that are not read yet.
 struct Rest<'a>(&'a [u8]);
 
 impl<'a> Rest<'a> {
@@ -191,7 +183,7 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// The names of a schema's numbers; `None` if it has anything but numbers of eight bytes.
+/// The names of a schema's numbers; `None` if it has other types than eight-byte numbers.
 fn columns(schema: &[u8]) -> Option<Vec<String>> {
     let text = std::str::from_utf8(schema).ok()?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());

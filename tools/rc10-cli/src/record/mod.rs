@@ -1,10 +1,9 @@
-//! A record: what was seen of a robot, look by look, in an [MCAP](https://mcap.dev) file that any viewer
-//! of such files opens.
+//! Records: the looks at a robot in an [MCAP](https://mcap.dev) file, for any viewer of such files.
 //!
-//! A topic for each motor (`/motors/LABEL` every millisecond, `/motors/LABEL/health` every 10 ms), and
-//! for each bus, line, part and signal; `/robot`, `/remote`, `/events`. Messages are what ROS 2 writes:
-//! `ros2msg` schemas and CDR, all fields `float64`, NaN where there is none. The times of a run count
-//! from power-on. [`fields`] has what stands where; [`replay()`] makes a recording of it again.
+//! Topics: `/motors/LABEL` every millisecond and `/motors/LABEL/health` every 10 ms for each motor;
+//! one for each bus, line, part and signal; `/robot`, `/remote`, `/events`. Messages are those of
+//! ROS 2: `ros2msg` schemas and CDR, all fields `float64`, NaN for a missing value. Times count
+//! from power-on. [`fields`] has the fields; [`replay()`] makes a recording again.
 
 pub mod fields;
 pub(crate) mod file;
@@ -43,40 +42,35 @@ use crate::robot::signal::Signal;
 
 pub use crate::record::replay::{Kit, Replay, replay};
 
-/// What the layout of a record is called in its metadata, and its version: readers of another one
-/// refuse it. Fields may be added without a new one.
+/// Name of the layout in the metadata, whose version readers check. New fields need no new version.
 pub(crate) const LAYOUT: &str = "rc10";
 pub(crate) const VERSION: &str = "2";
-/// What is known when all is over, in the metadata too.
+/// Name of the metadata at the end.
 pub(crate) const END: &str = "rc10-end";
 
 /// Bytes before the fields of a message: CDR, little endian.
 pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
 
-/// Makes a message of numbers.
 pub(crate) fn pack(values: impl Iterator<Item = f64>, bytes: &mut Vec<u8>) {
     bytes.clear();
     bytes.extend(CDR);
     values.for_each(|value| bytes.extend(value.to_le_bytes()));
 }
 
-/// Writes what was seen in a run as a record.
+/// Writes the looks at a run as a record.
 pub struct RecordWriter {
     file: RecordFile,
     topics: Topics,
 }
 
-/// A record that is being written, in its place from its first byte on. What is whole of it stays there,
-/// whatever happens.
+/// A record that is being written. Its whole chunks stay in the file, whatever happens.
 pub(crate) struct RecordFile {
     path: PathBuf,
     /// `None` after an error.
     writer: Option<Writer<BufWriter<File>>>,
-    /// The same file.
     file: File,
-    /// Bytes that wait for their chunk to end.
     waiting: usize,
-    /// The newest message, and that of the chunks that are whole, with their bytes.
+    /// Time of the newest message; time and file length at the last whole chunk.
     newest: Micros,
     whole: (Micros, u64),
     syncing: Option<JoinHandle<io::Result<()>>>,
@@ -84,15 +78,12 @@ pub(crate) struct RecordFile {
     bytes: Vec<u8>,
 }
 
-/// A chunk has so many bytes: what can be lost, of a run that ends by force.
+/// Size of a chunk in bytes: the loss of a run that is killed.
 const CHUNK: usize = 256 * 1024;
 
 impl RecordFile {
-    /// Begins a record at `path`, where no file is yet, or with `force` any file may be; `head` are its
-    /// metadata, but for the version.
-    ///
-    /// # Errors
-    /// If no file can be written there, or there is one.
+    /// Begins a record at `path` with the metadata `head`; an existing file is replaced only with
+    /// `force`. Fails if the file cannot be written or exists.
     pub(crate) fn new(
         path: &Path,
         force: bool,
@@ -105,7 +96,6 @@ impl RecordFile {
             true => format!("{} is there already: --force writes over it", path.display()),
             false => format!("cannot write {}", path.display()),
         })?;
-        // Chunks are written when they are whole.
         let options = WriteOptions::new().compression(None).chunk_size(None).disable_seeking(true);
         let writer = options.profile("ros2").library("rc10");
         let cannot = || format!("cannot write {}", path.display());
@@ -127,7 +117,6 @@ impl RecordFile {
         Ok(file)
     }
 
-    /// Declares a channel of numbers, with a schema of its own.
     pub(crate) fn channel(
         &mut self,
         name: &str,
@@ -141,7 +130,6 @@ impl RecordFile {
         })
     }
 
-    /// Writes a message of numbers.
     fn put(
         &mut self,
         channel_id: u16,
@@ -155,7 +143,6 @@ impl RecordFile {
         outcome
     }
 
-    /// Writes a message.
     pub(crate) fn put_bytes(&mut self, channel_id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
         self.count = self.count.wrapping_add(1);
         let time = now.get().saturating_mul(1000);
@@ -177,20 +164,16 @@ impl RecordFile {
         write(writer).map_err(|error| self.keep(error))
     }
 
-    /// Ends the chunk, and writes it.
     fn flush(&mut self) -> Result<()> {
         self.waiting = 0;
         self.write(Writer::flush)?;
-        // What is no file on a disk has no length.
+        // A file that is not on a disk has no length.
         self.whole = (self.newest, self.file.metadata().map_or(0, |file| file.len()));
         Ok(())
     }
 
-    /// Lets the disk have what came so far, so that a power cut does not take it. A slow disk is not
-    /// waited for.
-    ///
-    /// # Errors
-    /// If it cannot be written, or the last time could not.
+    /// Starts a sync to the disk in the background, so that a power cut does not take the data.
+    /// Fails if the record cannot be written, or the last sync failed.
     pub(crate) fn sync(&mut self) -> Result<()> {
         self.flush()?;
         match self.syncing.take().map(|last| (last.is_finished(), last)) {
@@ -208,7 +191,7 @@ impl RecordFile {
         Ok(())
     }
 
-    /// Ends it for this reason: what is whole stays, and half a chunk does not.
+    /// Ends the record because of an error: whole chunks stay, half a chunk does not.
     fn keep(&mut self, error: McapError) -> anyhow::Error {
         self.writer = None;
         let (length, bytes) = self.whole;
@@ -227,10 +210,8 @@ impl RecordFile {
         format!("{}: {} s are in it", self.path.display(), length.get() as f64 / 1e6)
     }
 
-    /// Ends it, after what was done with it had this `outcome`; `end` are the metadata of its end.
-    ///
-    /// # Errors
-    /// If it cannot be written, and that of the outcome.
+    /// Ends the record with the metadata `end`; `outcome` is that of the work before. Fails if the
+    /// record cannot be written, or with the outcome's error.
     pub(crate) fn finish(
         mut self,
         outcome: Result<()>,
@@ -255,7 +236,6 @@ impl RecordFile {
     }
 }
 
-/// Numbers of the channels.
 struct Topics {
     motors: Vec<u16>,
     health: Vec<u16>,
@@ -273,32 +253,30 @@ struct Topics {
     events: u16,
 }
 
-/// What a record says of its run before the first look.
+/// The begin of a record, before the first look.
 pub struct Heading<'a> {
     /// Seed of the world.
     pub seed: u64,
-    /// Where its looks come from.
+    /// Source of the looks.
     pub source: Source,
     /// The robot, with the faults and mistakes of the run.
     pub description: &'a Description,
-    /// Its own signals.
+    /// The robot's own signals.
     pub signals: &'a [Signal<'a>],
 }
 
-/// The name of a topic: labels are words, topics are paths.
+/// The name of a topic for a folder and a label.
 pub(crate) fn topic(folder: &str, label: &str) -> String {
     let word = |letter: char| if letter.is_alphanumeric() { letter } else { '_' };
     format!("/{folder}/{}", label.chars().map(word).collect::<String>())
 }
 
 impl RecordWriter {
-    /// Begins a record at `path`, where no file is yet, or with `force` any file may be.
-    ///
-    /// # Errors
-    /// If no file can be written there, or there is one.
+    /// Begins a record at `path`, over an existing file only with `force`; fails if it cannot be
+    /// written.
     pub fn new(path: &Path, force: bool, heading: &Heading<'_>) -> Result<Self> {
         let cannot = || format!("cannot write {}", path.display());
-        // What is wrong with the topics is known before there is a file.
+        // Errors in the topics are found before there is a file.
         let mut nowhere = Writer::new(io::Cursor::new(Vec::new()))?;
         Topics::new(&mut nowhere, heading).with_context(cannot)?;
         let mut file = RecordFile::new(path, force, heading_of(heading))?;
@@ -306,10 +284,7 @@ impl RecordWriter {
         Ok(Self { file, topics })
     }
 
-    /// Writes the robot's own signals.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
+    /// Writes the robot's own signals; fails if the file cannot be written.
     pub(crate) fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
         for (at, value) in values.iter().enumerate() {
             let channel = self.topics.signals[at];
@@ -318,10 +293,7 @@ impl RecordWriter {
         Ok(())
     }
 
-    /// Writes a look at each motor.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
+    /// Writes a look at each motor; fails if the file cannot be written.
     pub(crate) fn motors(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
         for (at, look) in looks.iter().enumerate() {
             self.write_some(self.topics.motors[at], now, MOTOR, look)?;
@@ -330,10 +302,7 @@ impl RecordWriter {
         Ok(())
     }
 
-    /// Writes a sample.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
+    /// Writes a sample; fails if the file cannot be written.
     pub(crate) fn sample<'l>(
         &mut self,
         now: Micros,
@@ -374,10 +343,7 @@ impl RecordWriter {
         self.file.put(channel_id, now, range.map(|at| it.exact(at)))
     }
 
-    /// Ends the record.
-    ///
-    /// # Errors
-    /// If it cannot be written.
+    /// Ends the record; fails if it cannot be written.
     pub(crate) fn finish(
         mut self,
         length: Micros,
@@ -434,7 +400,6 @@ fn heading_of(heading: &Heading<'_>) -> BTreeMap<String, String> {
     map
 }
 
-/// The schema of all numbers of a type.
 fn all<T: Seen>() -> String {
     schema::<T>(0..T::FIELDS.len())
 }

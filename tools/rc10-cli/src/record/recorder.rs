@@ -1,4 +1,4 @@
-//! Records what a robot does in its environment, simulated or emulated.
+//! Records a robot in its environment, simulated or emulated.
 
 use anyhow::Result;
 use rc10_can::Micros;
@@ -16,8 +16,8 @@ use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::RemoteSample;
 use crate::recording::sample::Source;
 use crate::recording::sample::{
-    BaseHeard, BusSample, LOOK_PERIOD, MotorSample, PathPoint, SAMPLE_PERIOD, Sum, WheelHeard,
-    WireEnd, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, SAMPLE_PERIOD, Sum,
+    WheelMeasurement, WireEnd, hex_digits,
 };
 use crate::recording::signal::SignalRecorder;
 use crate::recording::wheels::Wheels;
@@ -26,11 +26,11 @@ use crate::robot::base::Base;
 use crate::robot::description::{Description, PoseSignals};
 use crate::robot::signal::Signal;
 
-/// A shaft that steers does not turn further than this between two samples, degrees: 1000 rpm.
+/// Largest turn of a steering shaft between two samples, degrees: 1000 rpm.
 const STEERED_ANEW: f64 = 60.0;
 
-/// Recorder of what a robot does. It sees the wires and the shafts for itself; what the robot
-/// believes of its motors and buses it must be told. Looks that were recorded before it takes as well.
+/// Recorder of a robot. It reads the wires and the shafts itself, and gets the robot's view of
+/// motors and buses from its caller. It also takes recorded looks.
 pub struct Recorder<'d> {
     description: &'d Description,
     seed: u64,
@@ -38,19 +38,16 @@ pub struct Recorder<'d> {
     motors: Vec<MotorRecorder>,
     buses: Vec<BusRecorder>,
     arm: Vec<ArmState>,
-    /// Per sample, if it has an IMU.
     headings: Option<Vec<bool>>,
     path: Vec<PathPoint>,
     estimate: Vec<PathPoint>,
     reference: Vec<PathPoint>,
-    heard: Vec<BaseHeard>,
+    heard: Vec<BaseMeasurement>,
     /// The newest angles of the motors that steer, degrees; `None` of one that is not heard.
     steers: Vec<Option<f64>>,
     remote: Vec<RemoteSample>,
     signals: Vec<SignalRecorder>,
-    /// The last one.
     moment: Moment,
-    /// Where all looks are written, too.
     record: Option<RecordWriter>,
 }
 
@@ -81,16 +78,15 @@ impl Clone for Recorder<'_> {
 #[derive(Clone, Default)]
 struct BusRecorder {
     log: String,
-    /// Of what was in the log before, if that is not kept.
+    /// Hash of the log so far, if the log is not kept.
     hash: Sha256,
     frames: u64,
     samples: Vec<BusSample>,
 }
 
 impl<'d> Recorder<'d> {
-    /// A recorder before the start. `seed` is that of the world; `loops` and `twins` are those of
-    /// the motors, in the order of the description. On an emulated chip it does not see what the
-    /// robot decides: `source`.
+    /// Creates a recorder before the start, with the world's `seed`, and the `loops` and `twins` of
+    /// the motors in the order of the description. `source` decides what the robot itself tells.
     #[must_use]
     pub fn new(
         description: &'d Description,
@@ -108,7 +104,7 @@ impl<'d> Recorder<'d> {
         Self { seed, source, motors, ..Self::of_capture(description) }
     }
 
-    /// A recorder of what was captured of a robot: it has no world to look at, and judges no loops.
+    /// Creates a recorder of a capture: without a world, and without loops to judge.
     #[must_use]
     pub fn of_capture(description: &'d Description) -> Self {
         let motors = description.motors.iter().map(|_| MotorRecorder::new(None)).collect();
@@ -132,56 +128,53 @@ impl<'d> Recorder<'d> {
         }
     }
 
-    /// The same of a robot that has an IMU, or has not.
+    /// Sets whether the robot has an IMU.
     #[must_use]
     pub fn with_imu(mut self, has_imu: bool) -> Self {
         self.headings = has_imu.then(Vec::new);
         self
     }
 
-    /// The same, with the robot's own signals.
+    /// Adds the robot's own signals.
     #[must_use]
     pub fn with_signals(mut self, signals: &[Signal<'_>]) -> Self {
         self.signals = signals.iter().map(SignalRecorder::new).collect();
         self
     }
 
-    /// The same, and every look is written into a record.
+    /// Adds a record for every look.
     #[must_use]
     pub fn with_record(self, record: Option<RecordWriter>) -> Self {
         Self { record, ..self }
     }
 
-    /// Takes the values of the robot's own signals, in their order: every [`LOOK_PERIOD`].
-    ///
-    /// # Errors
-    /// If the record cannot be written.
+    /// Takes the values of the own signals, every [`LOOK_PERIOD`]; fails if the record cannot be
+    /// written.
     pub fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
         self.signals.iter_mut().zip(values).for_each(|(signal, value)| signal.look(*value));
         self.record.as_mut().map_or(Ok(()), |record| record.signals(now, values))
     }
 
-    /// The time of the next look, if the run is to end at `end`.
+    /// The time of the next look in a run that ends at `end`.
     #[must_use]
     pub fn next_look(now: Micros, end: Micros) -> Micros {
         (now + LOOK_PERIOD).min(end)
     }
 
-    /// Whether it is time for a sample after a look, if the run is to end at `end`.
+    /// Whether a sample is due after a look, in a run that ends at `end`.
     pub(crate) fn is_sample_due(now: Micros, end: Micros) -> bool {
         now >= end || now.get().is_multiple_of(SAMPLE_PERIOD.get())
     }
 
-    /// Takes frames of a bus down, 0 for the first, in the order of the wire.
+    /// Takes frames of a bus, 0 for the first, in the order of the wire.
     pub fn frames(&mut self, bus: usize, entries: &[TraceEntry]) {
         let Some(BusRecorder { log, hash, frames, .. }) = self.buses.get_mut(bus) else {
             return;
         };
-        // As can-utils would call them.
+        // The name that can-utils would use.
         let channel = format!("can{bus}");
         for entry in entries {
             *frames += 1;
-            // A string takes everything.
             let _ = candump::write_line(log, entry.at, &channel, &entry.frame);
         }
         if self.description.no_logs {
@@ -190,11 +183,9 @@ impl<'d> Recorder<'d> {
         }
     }
 
-    /// Looks at the motors: every [`LOOK_PERIOD`]. `status` is what is known of the motor in a line
-    /// of the robot's table. Whether it is time for a [`sample`](Self::sample), too.
-    ///
-    /// # Errors
-    /// If the record cannot be written.
+    /// Looks at the motors, every [`LOOK_PERIOD`], with the `status` of the motor in a line of the
+    /// table; returns whether a [`sample`](Self::sample) is due. Fails if the record cannot be
+    /// written.
     pub fn look(
         &mut self,
         (now, end): (Micros, Micros),
@@ -215,20 +206,14 @@ impl<'d> Recorder<'d> {
         Ok(Self::is_sample_due(now, end))
     }
 
-    /// Takes a look at each motor.
-    ///
-    /// # Errors
-    /// If the record cannot be written.
+    /// Takes a look at each motor; fails if the record cannot be written.
     pub fn take_look(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
         self.motors.iter_mut().zip(looks).for_each(|(recorder, look)| recorder.look(now, look));
         self.record.as_mut().map_or(Ok(()), |record| record.motors(now, looks))
     }
 
-    /// Takes a sample of everything: of the motors what was seen since the last one. What is known of
-    /// the wires is added to `moment`.
-    ///
-    /// # Errors
-    /// If the record cannot be written.
+    /// Takes a sample, with the looks at motors since the last one; adds the state of the wires to
+    /// `moment`. Fails if the record cannot be written.
     pub fn sample(
         &mut self,
         now: Micros,
@@ -241,10 +226,7 @@ impl<'d> Recorder<'d> {
         self.take_sample(now, moment)
     }
 
-    /// Takes a sample, as it was recorded before.
-    ///
-    /// # Errors
-    /// If the record cannot be written.
+    /// Takes a recorded sample; fails if the record cannot be written.
     pub fn take_sample(&mut self, now: Micros, moment: Moment) -> Result<()> {
         self.motors.iter_mut().for_each(MotorRecorder::sample);
         self.signals.iter_mut().for_each(SignalRecorder::sample);
@@ -257,7 +239,7 @@ impl<'d> Recorder<'d> {
         if let Some(base) = &self.description.base {
             self.path.push(moment.robot.pose);
             let wheels = self.wheels(base);
-            self.heard.push(BaseHeard { wheels, yaw: moment.robot.yaw });
+            self.heard.push(BaseMeasurement { wheels, yaw: moment.robot.yaw });
             let Description { estimate, reference, .. } = self.description;
             self.estimate.extend(estimate.map(|labels| self.pose(labels)));
             self.reference.extend(reference.map(|labels| self.pose(labels)));
@@ -269,8 +251,8 @@ impl<'d> Recorder<'d> {
         Ok(())
     }
 
-    /// What the motors of a base's wheels say.
-    fn wheels(&mut self, base: &Base) -> Vec<WheelHeard> {
+    /// Measurements of the motors of a base's wheels.
+    fn wheels(&mut self, base: &Base) -> Vec<WheelMeasurement> {
         let status =
             |line: usize| self.motors.get(line).map_or(MotorStatus::NEW, |motor| motor.last.status);
         let follows =
@@ -282,7 +264,7 @@ impl<'d> Recorder<'d> {
         let wheels = base.wheels.iter().zip(&base.chassis.wheels).enumerate();
         let wheels = wheels.map(|(index, (line, wheel))| {
             let motor = status(*line);
-            let mut heard = WheelHeard {
+            let mut heard = WheelMeasurement {
                 angle: degrees(&motor),
                 current: motor.feedback.current().map(|current| current.get().into()),
                 follows: follows(&motor),
@@ -295,8 +277,8 @@ impl<'d> Recorder<'d> {
             let shaft = (motor.link == Link::Online).then(|| degrees(&motor));
             let last = self.steers.get(steers.len()).copied().flatten();
             heard.steered = if self.source.is_simulated() {
-                // From where the wheels look at first, whatever the motor's own angle is there; one that
-                // jumps was set to zero.
+                // From the wheels' first direction on, at any angle of the motor; a jump is a new
+                // zero.
                 let before = self.heard.last().and_then(|heard| heard.wheels.get(index));
                 let step = shaft.zip(last).map_or(0.0, |(now, last)| now - last);
                 let step = if step.abs() < STEERED_ANEW { step } else { 0.0 };
@@ -312,7 +294,7 @@ impl<'d> Recorder<'d> {
         wheels
     }
 
-    /// The pose that three of the robot's own signals are.
+    /// The pose in three of the robot's own signals.
     fn pose(&self, labels: PoseSignals) -> PathPoint {
         let value = |label: &str| {
             let signals = self.signals.iter().map(SignalRecorder::newest);
@@ -326,10 +308,7 @@ impl<'d> Recorder<'d> {
         PathPoint { x, y, yaw: if unit == "rad" { yaw } else { yaw.to_radians() } }
     }
 
-    /// The recording. `losses` are those of the remote.
-    ///
-    /// # Errors
-    /// If the record cannot be written.
+    /// Ends the recording with the `losses` of the remote; fails if the record cannot be written.
     pub fn finish(
         mut self,
         length: Micros,
@@ -345,17 +324,14 @@ impl<'d> Recorder<'d> {
         self.finish_with(length, ends, losses)
     }
 
-    /// The recording, with what is known of the wires.
-    ///
-    /// # Errors
-    /// If the record cannot be written.
+    /// Ends the recording with what is known of the wires; fails if the record cannot be written.
     pub fn finish_with(
         mut self,
         length: Micros,
         wires: Vec<WireEnd>,
         losses: Vec<Loss>,
     ) -> Result<Recording> {
-        // A robot that really runs follows its driver, and no script.
+        // A real robot follows its driver, not a script.
         let is_scripted = self.source != Source::Robot;
         let events = if is_scripted { self.description.events(length) } else { Vec::new() };
         if let Some(record) = self.record.take() {
@@ -425,8 +401,8 @@ impl<'d> Recorder<'d> {
     }
 }
 
-/// Gain margins of the loops of the motor in a line of the table, with what its wheel carries of a base;
-/// `None` if what it moves is not described.
+/// Gain margins of the loops of the motor in a line of the table, with its share of a base; `None`
+/// if its load is not described.
 #[must_use]
 pub fn margins(loops: Loops, line: usize, twin: &Esc, base: Option<&Base>) -> Option<Margins> {
     let mut plant = twin.plant();
@@ -437,14 +413,14 @@ pub fn margins(loops: Loops, line: usize, twin: &Esc, base: Option<&Base>) -> Op
         && let Some(wheel) = base.wheels.iter().position(|wheel| *wheel == line)
         && let Some(wheel) = base.chassis.wheels.get(wheel)
     {
-        // Its share of what all of them move as the base goes ahead.
+        // Its share of all wheels' motion as the base goes ahead.
         let shares = Wheels::new(&base.chassis, &[]).ahead();
         plant.load_inertia += base.chassis.mass * wheel.radius.powi(2) / shares;
     }
     Some(Margins::of(loops, &plant))
 }
 
-/// Samples of one motor in this run, and what the next one is made of.
+/// The samples of one motor, and the looks for the next one.
 #[derive(Clone)]
 struct MotorRecorder {
     samples: Vec<MotorSample>,
@@ -474,7 +450,6 @@ impl MotorRecorder {
         }
     }
 
-    /// Its loops, if they are judged.
     fn loops(&self) -> Option<Loops> {
         self.effort.as_ref().map(EffortWatch::loops)
     }

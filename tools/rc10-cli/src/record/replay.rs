@@ -41,10 +41,10 @@ pub(crate) fn numbers(bytes: &[u8]) -> Result<impl Iterator<Item = f64>> {
     Ok(words.iter().map(|word| f64::from_le_bytes(*word)))
 }
 
-/// Puts a message into what it is about.
+/// Puts the values of a message into a thing.
 fn unpack<T: Seen>(columns: &[String], values: &[f64], it: &mut T) {
     for (name, value) in columns.iter().zip(values) {
-        // One that a newer writer has added says nothing here.
+        // A column of a newer writer is ignored.
         if let Some(at) = place::<T>(name) {
             it.put(at, *value);
         }
@@ -67,31 +67,31 @@ fn counts(about: About, name: &str) -> bool {
     }
 }
 
-/// A counter of a robot whose record begins later than the robot does: from there on.
+/// A counter of a robot, counted from the begin of the record on.
 #[derive(Clone, Copy, Default)]
 struct Count {
-    /// Its value when it was first heard of, or of the robot anew.
+    /// Value at the begin, or at the restart.
     first: Option<f64>,
     last: f64,
-    /// What it lost at its end.
+    /// Sum of its overflows.
     turned: f64,
-    /// Until the robot was restarted.
+    /// Count up to the last restart.
     before: f64,
 }
 
-/// Where a robot's counters begin again: their steps stay whole in 32 bits.
+/// Value at which a robot's counters begin again: their steps stay whole in 32 bits.
 const TURN: f64 = (1 << 24) as f64;
-/// Counts from one sample to the next, at most.
+/// Largest count from one sample to the next.
 const NEAR: f64 = 65_536.0;
 
 impl Count {
     fn since_begin(&mut self, value: f64) -> f64 {
         let mut first = *self.first.get_or_insert(value);
-        // At its end it is within what is counted from one sample to the next.
+        // An overflow, as it is within one sample's count of the end.
         if self.last > TURN - NEAR && value < NEAR {
             self.turned += TURN;
         } else if value < self.last {
-            // The robot was restarted; what it has counted since, while it was not heard, is left out.
+            // A restart; counts from there to now were not recorded, and are left out.
             self.before += self.turned + self.last - first;
             (first, self.first, self.turned) = (value, Some(value), 0.0);
         }
@@ -99,7 +99,7 @@ impl Count {
         self.before + self.turned + value - first
     }
 
-    /// What it counts until it is heard of again is left out.
+    /// Leaves out what it counts until it is heard again.
     fn pause(&mut self) {
         if let Some(first) = self.first.take() {
             self.before += self.turned + self.last - first;
@@ -108,15 +108,15 @@ impl Count {
     }
 }
 
-/// What is further apart was not recorded in between: nothing is said of that time.
+/// Pause from which on a time counts as not recorded.
 const GAP: Micros = Micros::from_millis(5000);
-/// A recording takes half a gigabyte of memory an hour, or more.
+/// Limit of a recording, which takes half a gigabyte of memory an hour or more.
 const LONGEST: Micros = Micros::from_millis(4 * 3_600_000);
 
-/// What the messages of a channel are about.
+/// The subject of a channel's messages.
 #[derive(Clone, Copy)]
 enum About {
-    /// `true`: what is told often, so that all motors belong to one moment.
+    /// `true` for frequent values: all motors' belong to one moment.
     Motor(usize, bool),
     Shaft(usize),
     Bus(usize),
@@ -132,11 +132,10 @@ enum About {
     Other,
 }
 
-/// Makes the recording of a record, as its run did. `robot` is the one that was recorded. Why the file
-/// ends too early, if it does.
+/// Makes the recording of a record of `robot`, as its run did; and why the file ends early, if so.
 ///
 /// # Errors
-/// If it is no record, one of another robot, or of a layout that is not known here.
+/// The file is no record, one of another robot, or of an unknown layout.
 pub fn replay(
     file: &mut (impl Read + Seek),
     mut robot: Robot<'_>,
@@ -177,7 +176,7 @@ pub fn replay(
     }
     for (number, fault) in (1..).zip(&mut state.faults) {
         if let Some(text) = end.get(&format!("fault_{number}")) {
-            // One for each motor in a fault: as long as the program runs.
+            // One for each motor in a fault, for the life of the program.
             *fault = String::leak(text.clone());
         }
     }
@@ -209,7 +208,6 @@ fn prepare<'t>(robot: &mut Robot<'_>, text: &impl Fn(&str) -> &'t str) -> Result
     robot.set_mistakes(&mistakes.context("its mistakes")?)
 }
 
-/// Whether these topics are of a robot.
 fn is_of(robot: &Robot<'_>, found: &BTreeMap<String, BTreeMap<String, String>>) -> Result<()> {
     let own = &robot.description().motors;
     for motor in own {
@@ -234,7 +232,7 @@ fn is_of(robot: &Robot<'_>, found: &BTreeMap<String, BTreeMap<String, String>>) 
     }
 }
 
-/// What a topic is about.
+/// The subject of a topic.
 fn about(name: &str, Names { motors, parts, signals }: &Names) -> About {
     let place = |names: &[String], name: &str| names.iter().position(|one| one == name);
     let number = |rest: &str| rest.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
@@ -259,16 +257,14 @@ fn about(name: &str, Names { motors, parts, signals }: &Names) -> About {
         .unwrap_or(About::Other)
 }
 
-/// A channel of messages.
 #[derive(Clone)]
 struct Messages {
     about: About,
     columns: Rc<[String]>,
-    /// Those of its numbers that count from the begin of the record on.
+    /// Those of its numbers that count since power-on.
     counts: Vec<(usize, Count)>,
 }
 
-/// Names of the topics of things that have a label.
 #[derive(Clone)]
 struct Names {
     motors: Vec<String>,
@@ -276,17 +272,17 @@ struct Names {
     signals: Vec<String>,
 }
 
-/// What a robot's records are judged by.
+/// The robot by which records are judged.
 pub struct Kit<'r> {
     description: Description,
     loops: Vec<Option<Loops>>,
     signals: Vec<Signal<'r>>,
-    /// Label of the one that is its heading.
+    /// Label of the signal that is its heading.
     heading: Option<&'static str>,
 }
 
 impl<'r> Kit<'r> {
-    /// Of this robot.
+    /// The kit of this robot.
     #[must_use]
     pub fn of(robot: &Robot<'r>) -> Self {
         let Ports { signals, yaw, .. } = robot.ports();
@@ -294,43 +290,43 @@ impl<'r> Kit<'r> {
         Self { description, loops, signals, heading: yaw.map(|(label, _)| label) }
     }
 
-    /// Its description.
+    /// Description of the robot.
     #[must_use]
     pub const fn description(&self) -> &Description {
         &self.description
     }
 
-    /// The loops of its motors, in the order of the description; `None` where they run in the device.
+    /// Loops of the motors, in the order of the description; `None` where they run in the device.
     #[must_use]
     pub fn loops(&self) -> &[Option<Loops>] {
         &self.loops
     }
 }
 
-/// A recording on its way: messages of a record, or of a robot that runs, become one.
+/// A recording in the making, from the messages of a record or of a robot that runs.
 #[derive(Clone)]
 pub struct Replay<'d> {
     recorder: Recorder<'d>,
     names: Names,
     channels: BTreeMap<u16, Messages>,
-    /// The time of what follows, and what its messages say of it: there are gaps in that.
+    /// Time of the recording, and of the messages: gaps are left out of the first.
     at: Micros,
     told_at: Micros,
     gaps: Vec<Gap>,
-    /// It is as long as one can be.
+    /// Whether it has its longest length.
     is_full: bool,
-    /// It was told by a robot: seldom, and not at the times of a run.
+    /// Whether a real robot told it: seldom, and not at the times of a run.
     is_robot: bool,
-    /// Which signal is the heading of such a one.
+    /// Index of the signal that is the heading of a real robot.
     heading: Option<usize>,
-    /// Of such a one; and whether its motors, and all else, have been told.
+    /// Next sample of a real robot, and whether its motors, and all else, have been told.
     next_sample: Micros,
     has_told: [bool; 2],
     looks: Vec<MotorLook>,
     has_looks: bool,
     signals: Vec<Option<f64>>,
     has_signals: bool,
-    /// Which of these the record or the robot declares.
+    /// Which own signals the record or the robot declares.
     declares: Vec<bool>,
     moment: Moment,
     has_moment: bool,
@@ -340,10 +336,7 @@ pub struct Replay<'d> {
 }
 
 impl<'d> Replay<'d> {
-    /// Before its first message.
-    ///
-    /// # Errors
-    /// If the robot cannot be simulated: its twins are what loops are judged by.
+    /// Creates a replay before its first message; fails if the robot cannot be simulated.
     pub fn new(kit: &'d Kit<'_>, seed: u64, source: Source) -> Result<Self> {
         let Kit { description, loops, signals, heading } = kit;
         let around = Environment::new(description, seed)?;
@@ -387,7 +380,7 @@ impl<'d> Replay<'d> {
         })
     }
 
-    /// Messages of this number are of this topic, and are made of these numbers.
+    /// Declares a channel: messages of this number have this topic and these numbers.
     pub fn channel(&mut self, id: u16, topic: &str, columns: Vec<String>) {
         let about = about(topic, &self.names);
         if let About::Signal(at) = about {
@@ -399,10 +392,7 @@ impl<'d> Replay<'d> {
         self.channels.insert(id, Messages { about, columns: columns.into(), counts });
     }
 
-    /// The recording of what was taken.
-    ///
-    /// # Errors
-    /// None, so far: nothing is written.
+    /// Ends the recording; no error is possible so far, for no record is written.
     pub fn finish(mut self) -> Result<Recording> {
         self.flush()?;
         let Self { recorder, at, wires, losses, gaps, declares, heading, is_robot, .. } = self;
@@ -429,7 +419,7 @@ impl<'d> Replay<'d> {
         Ok(recording)
     }
 
-    /// Goes on to the time of a message. Gaps are left out: nothing is made up for them.
+    /// Advances to the time of a message, and leaves gaps out.
     fn go_on(&mut self, told: Micros) -> Result<()> {
         let (forth, back) = (told.since(self.told_at), self.told_at.since(told));
         self.told_at = told;
@@ -449,17 +439,14 @@ impl<'d> Replay<'d> {
         Ok(())
     }
 
-    /// Takes a message.
-    ///
-    /// # Errors
-    /// If its channel is not known, or it is none of numbers.
+    /// Takes a message; fails if its channel is unknown, or it does not consist of numbers.
     pub fn take(&mut self, id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
         let about = self.channels.get(&id).map(|channel| channel.about);
         let about = about.context("a message of a channel that is not declared")?;
         if self.is_full || matches!(about, About::Other) {
             return Ok(());
         }
-        // Some were written when all was over, and belong to no moment.
+        // Some were written at the end, and belong to no moment.
         if !matches!(about, About::Window(_) | About::Loss) {
             self.go_on(now)?;
         }
@@ -540,8 +527,8 @@ impl<'d> Replay<'d> {
         put(&mut self.moment);
     }
 
-    /// The looks at motors that told of themselves: what is seen of them is what they measure.
-    fn told(&self) -> Vec<MotorLook> {
+    /// Looks at motors that told of themselves: their measurements.
+    fn measured_looks(&self) -> Vec<MotorLook> {
         let told = |look: &MotorLook| {
             let feedback = look.feedback();
             let rpm = feedback.speed.get().into();
@@ -551,7 +538,7 @@ impl<'d> Replay<'d> {
         self.looks.iter().map(told).collect()
     }
 
-    /// Gives the recorder what belongs to one moment.
+    /// Gives the recorder the moment that is complete.
     fn flush(&mut self) -> Result<()> {
         if self.is_robot {
             return self.flush_robot();
@@ -570,22 +557,22 @@ impl<'d> Replay<'d> {
 }
 
 impl Replay<'_> {
-    /// The same of a robot, in samples that are as far apart as those of a run.
+    /// Gives the recorder a real robot's moments, in samples at the times of a run.
     fn flush_robot(&mut self) -> Result<()> {
         if !(self.has_signals || self.has_looks || self.has_moment) {
             return Ok(());
         }
-        // Before everything was told once there is nothing to be seen.
+        // There is no look before everything was told once.
         self.has_told = [self.has_told[0] || self.has_looks, self.has_told[1] || self.has_moment];
         (self.has_signals, self.has_looks, self.has_moment) = (false, false, false);
         if self.has_told != [true; 2] {
             return Ok(());
         }
-        let looks = self.told();
+        let looks = self.measured_looks();
         self.recorder.signals(self.at, &self.signals)?;
         self.recorder.take_look(self.at, &looks)?;
         while self.next_sample <= self.at {
-            // Where nothing was told it stays as it was.
+            // Values that were not told stay as they were.
             self.recorder.take_look(self.next_sample, &looks)?;
             self.recorder.take_sample(self.next_sample, self.moment.clone())?;
             self.next_sample += SAMPLE_PERIOD;

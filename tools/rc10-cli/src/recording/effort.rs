@@ -1,8 +1,8 @@
-//! Whether the effort of a motor's control loops shakes, or stands at its limit.
+//! Whether the effort of a motor's control loops oscillates or saturates.
 //!
-//! Judged are loops that run here, not in the device: their gains are the robot's. The effort is
-//! looked at every millisecond of a run, and as often as a robot that really runs tells it, in windows
-//! of [`WINDOW`] in which the motor is driven throughout.
+//! Only loops that run here are judged, not those in a device: every millisecond of a run, or as
+//! often as a real robot tells it, in windows of [`WINDOW`] in which the motor is driven
+//! throughout.
 
 use crate::recording::load::WINDOW;
 use rc10_can::Micros;
@@ -11,46 +11,46 @@ use rc10_motor::{Loops, TargetKind};
 use crate::recording::load::{Carrying, LoadTrack, LoadWatch};
 use crate::recording::margin::Margins;
 
-/// A window with fewer looks is not judged.
+/// Looks in a window that are needed to judge it.
 pub const LEAST_LOOKS: usize = 10;
-/// An effort changes direction when it has crossed its mean by this share of its limit both ways.
+/// Share of its limit by which an effort must cross its mean both ways to change direction.
 pub const SWING: f64 = 0.05;
-/// Changes of direction in a window from which on an effort shakes: 15 Hz.
+/// Changes of direction in a window from which on an effort oscillates: 15 Hz.
 pub const REVERSALS: u32 = 6;
-/// The same where less than half of the milliseconds are looked at: of a faster effort fewer changes are seen.
+/// The same where less than half of the milliseconds are looked at, so that fewer changes are seen.
 pub const REVERSALS_SEEN: u32 = 4;
-/// From this share of its limit on an effort stands at it.
+/// Share of its limit from which on an effort saturates.
 pub const AT_LIMIT: f64 = 0.98;
-/// Looks of a window at the limit, of a thousand, from which on it stands there.
+/// Looks of a window at the limit, per thousand, from which on it saturates.
 pub const SHARE_AT_LIMIT: u32 = 900;
-/// Windows one after another that are a problem, and no answer to a step.
+/// Windows in a row that make a problem: fewer may be the answer to a step.
 pub const IN_A_ROW: u32 = 3;
 
 /// Summary of the effort of a motor's loops in a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffortTrack {
-    /// Its loops.
+    /// The loops.
     pub loops: Loops,
     /// Gain margins of the loops; `None` if the load that they move is not described.
     pub margins: Option<Margins>,
     /// Windows that were judged.
     pub windows: u32,
-    /// Changes of direction.
+    /// Changes of direction per window.
     pub reversals: Worst,
-    /// Those of a window from which on it shakes.
+    /// Changes of direction of a window from which on it oscillates.
     pub least_reversals: u32,
-    /// Looks at the limit, of a thousand.
+    /// Looks at the limit per window, per thousand.
     pub at_limit: Worst,
-    /// What it carries beside its feed-forward.
+    /// The load in excess of the feed-forward.
     pub load: LoadTrack,
 }
 
-/// The worst of some windows one after another.
+/// The worst windows in a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Worst {
-    /// The most that [`IN_A_ROW`] windows in a row have all reached.
+    /// The largest count that [`IN_A_ROW`] windows in a row have all reached.
     pub count: u32,
-    /// The time at which the first of them began.
+    /// Begin of the first of them.
     pub at: Micros,
     /// Windows that reached the threshold.
     pub windows: u32,
@@ -76,19 +76,19 @@ impl Worst {
 }
 
 impl EffortTrack {
-    /// It shook.
+    /// Whether the effort oscillated.
     #[must_use]
     pub const fn oscillates(&self) -> bool {
         self.reversals.count >= self.least_reversals
     }
 
-    /// It stood at its limit.
+    /// Whether the effort saturated.
     #[must_use]
     pub const fn saturates(&self) -> bool {
         self.at_limit.count >= SHARE_AT_LIMIT
     }
 
-    /// The unit of its effort.
+    /// Unit of the effort.
     #[must_use]
     pub const fn unit(&self) -> &'static str {
         match self.loops.effort {
@@ -99,19 +99,19 @@ impl EffortTrack {
     }
 }
 
-/// Looks at the effort of one motor.
+/// Watches the effort of one motor.
 #[derive(Clone)]
 pub struct EffortWatch {
     track: EffortTrack,
     load: LoadWatch,
     window: Vec<f64>,
-    /// When the window began, and the time of the newest look.
+    /// Begin of the window, and time of the newest look.
     begun: Micros,
     last: Option<Micros>,
 }
 
 impl EffortWatch {
-    /// Before the start.
+    /// Creates a watch before the start.
     #[must_use]
     pub fn new(loops: Loops, margins: Option<Margins>) -> Self {
         let track = EffortTrack {
@@ -133,8 +133,7 @@ impl EffortWatch {
         self.track.loops
     }
 
-    /// Takes the effort at this time; `None` while the loops do not drive. What is not newer than the
-    /// look before says nothing new.
+    /// Takes the effort, if the time is new; `None` while the loops do not drive.
     pub fn look(&mut self, now: Micros, effort: Option<f64>) {
         if self.last.is_some_and(|last| now <= last) {
             return;
@@ -178,7 +177,7 @@ impl EffortWatch {
         self.track.at_limit.interrupt();
     }
 
-    /// Takes a look at what the motor carries.
+    /// Takes a look at the load of the motor.
     pub fn look_at_load(&mut self, now: Micros, seen: &Carrying<'_>) {
         self.load.look(now, seen, &self.track.loops.cascade.feed_forward);
     }
@@ -190,7 +189,7 @@ impl EffortWatch {
     }
 }
 
-/// The number of times that values go from `swing` above their mean to `swing` below it, or back.
+/// Number of times that values go from `swing` above their mean to `swing` below it, or back.
 fn reversals(values: &[f64], swing: f64) -> u32 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let (mut count, mut side) = (0, 0.0);
@@ -247,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_robot_tells_seldom_is_judged_by_time() {
+    fn rare_samples_are_judged_by_time() {
         let told = |period: u64, effort: &dyn Fn(u64) -> f64| {
             let loops = Loops { effort: TargetKind::Current, cascade: dji::M3508.cascade };
             let limit = f64::from(loops.cascade.speed.output_limit);

@@ -1,4 +1,4 @@
-//! Whether an injected fault explains what a run has: its effects on a bus or line, and how long they last.
+//! Whether an injected fault explains an effect: its place and its duration.
 
 use rc10_can::Micros;
 use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
@@ -6,7 +6,7 @@ use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
 use crate::recording::sample::SAMPLE_PERIOD;
 use crate::robot::motor::Place;
 
-/// From when to when a fault may have its effects on a bus or line.
+/// The time in which a fault may have effects on a bus or line.
 pub(crate) fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     let from = fault.from.micros();
     let until = fault.until.map(|until| until.micros());
@@ -17,7 +17,7 @@ pub(crate) fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros
         | FaultKind::Hang(_)
         | FaultKind::Mask
         | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
-        // For good: bit rates are what the chip's own oscillator makes of them.
+        // For good: bit rates follow the chip's own oscillator.
         FaultKind::CrystalDead => Some((from, None)),
         FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
         _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
@@ -34,7 +34,7 @@ pub(crate) fn is_on(fault: &Fault, on: Place) -> bool {
     index + 1 == usize::from(number)
 }
 
-/// Whether an injected fault may have its effects on a bus or line at a time.
+/// Whether an injected fault may have effects on a bus or line at a time.
 pub(crate) fn is_excused(faults: &[Fault], on: Place, at: Micros) -> bool {
     let effects = faults.iter().filter_map(|fault| effects(fault, on));
     effects.into_iter().any(|(from, until)| {
@@ -42,11 +42,11 @@ pub(crate) fn is_excused(faults: &[Fault], on: Place, at: Micros) -> bool {
     })
 }
 
-/// A motor that cannot be heard is known as lost within this time.
+/// Time within which an inaudible motor is known as lost.
 pub const LOST_WITHIN: Micros = Micros::from_millis(50);
 
-/// A motor is back within this time from the end of a fault on.
+/// Time from the end of a fault within which a motor is back.
 pub const BACK_WITHIN: Micros = Micros::from_millis(500);
 
-/// A chip that crashed or hung is back, and armed by hand, within this time.
+/// Time within which a chip that crashed or hung is back, and armed by hand.
 pub const RESTART_WITHIN: Micros = Micros::from_millis(1500);

@@ -1,5 +1,5 @@
-//! Whether the feed-forward of a motor's loops is what it carries: while it stands or turns evenly, as it
-//! is told to, the effort of its loops is the load itself.
+//! Whether a motor's feed-forward is its load: while it stands or turns evenly as commanded, the
+//! effort of its loops is the load itself.
 
 use rc10_can::Micros;
 use rc10_motor::rc10_app::{Degrees, FeedForward, Gravity, Rpm, RpmPerSecond};
@@ -7,23 +7,23 @@ use rc10_motor::{Feedback, TargetKind};
 
 /// Length of a window.
 pub const WINDOW: Micros = Micros::from_millis(200);
-/// A shaft that turns less, rpm, stands; one that turns evenly changes by less in a window.
+/// Speed in rpm below which a shaft stands, and change in a window below which it turns evenly.
 const STILL: f64 = 2.0;
-/// An axis is at its target within this, degrees.
+/// Largest distance of an axis at its target, degrees.
 const AT_TARGET: f64 = 5.0;
-/// A feed-forward below this share of the limit is not judged, and so is a difference.
+/// Share of the limit below which a feed-forward or a difference is not judged.
 pub const LEAST: f64 = 0.04;
-/// Windows from which on it is judged: 1 s.
+/// Windows needed to judge it: 1 s.
 pub const WINDOWS: u32 = 5;
-/// A weight may be this many times what its feed-forward says, and its part.
+/// Largest factor between a weight and its feed-forward, either way.
 pub const SIZE: f64 = 1.6;
-/// A motion that takes less than this part of what its feed-forward says, the other way, is fought by it.
+/// Factor between effort and a motion's feed-forward below which the two fight each other.
 pub const AGAINST: f64 = -0.5;
 
-/// What an effort was beside what the feed-forward said, over some windows.
+/// An effort against its feed-forward, over some windows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Fit {
-    /// Windows in it.
+    /// Number of windows.
     pub windows: u32,
     said: f64,
     took: f64,
@@ -42,56 +42,55 @@ impl Fit {
         self.apart += (took - said).abs();
     }
 
-    /// How many times what was said it took; negative where it took the opposite.
+    /// Factor between effort and feed-forward; negative if they are opposed.
     #[must_use]
     pub fn factor(&self) -> f64 {
         self.product / self.squares
     }
 
-    /// The mean sizes of what was said, of what it took, and of their difference.
+    /// Mean sizes of the feed-forward, of the effort, and of their difference.
     #[must_use]
     pub fn means(&self) -> [f64; 3] {
         [self.said, self.took, self.apart].map(|sum| sum / f64::from(self.windows))
     }
 }
 
-/// What a motor carries beside its feed-forward.
+/// The load of a motor beside its feed-forward.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadTrack {
-    /// Of its weight, while it stands.
+    /// The weight, while the motor stands.
     pub weight: Fit,
-    /// Of its motion, while it turns evenly: less its weight as that is said.
+    /// The motion, while the motor turns evenly: without the weight's feed-forward.
     pub motion: Fit,
 }
 
-/// What is seen of a motor that may carry something.
+/// A look at the load of a motor.
 #[derive(Clone, Copy, Debug)]
 pub struct Carrying<'a> {
-    /// Kind of its target.
+    /// Kind of the target.
     pub kind: TargetKind,
-    /// Its target, in the unit of the kind, while it follows one; and the same as measured.
+    /// Target in the unit of the kind, while the motor follows one.
     pub target: Option<f64>,
-    /// See `target`.
+    /// The measurement in the same unit.
     pub measured: f64,
-    /// Its newest measurements.
+    /// Newest measurements.
     pub feedback: &'a Feedback,
-    /// The effort of its loops; `None` while they do not drive.
+    /// Effort of the loops; `None` while they do not drive.
     pub effort: Option<f64>,
 }
 
-/// Looks at what one motor carries.
+/// Watches the load of one motor.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LoadWatch {
     pub track: LoadTrack,
     begun: Option<Micros>,
     looks: f64,
-    /// Sums of effort, weight and motion as said; lowest and highest speed.
+    /// Sums of effort, and of the feed-forward of weight and motion; lowest and highest speed.
     sums: [f64; 3],
     rpm: [f64; 2],
 }
 
 impl LoadWatch {
-    /// Takes a look; the effort is `None` while the loops do not drive.
     pub(crate) fn look(&mut self, now: Micros, seen: &Carrying<'_>, feed_forward: &FeedForward) {
         let Carrying { kind, target, measured, feedback, effort } = *seen;
         let is_angle = !matches!(kind, TargetKind::Speed | TargetKind::SpeedMotion);
@@ -134,7 +133,7 @@ impl LoadWatch {
 
 #[cfg(test)]
 impl Fit {
-    /// Of windows in which this took that many times what was said.
+    /// A fit of windows with this factor between effort and feed-forward.
     pub(crate) fn even(windows: u32, said: f64, factor: f64) -> Self {
         let mut fit = Self::default();
         (0..windows).for_each(|_| fit.add(said, factor * said));
@@ -174,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weight_is_told_with_its_factor() {
+    fn a_weight_is_found_with_its_factor() {
         let arm = Gravity::Arm { effort: 2.0, level: Degrees::ZERO };
         for factor in [1.0, -1.0, 0.4, 2.5] {
             let track = watched(arm, 0.0, |degrees, _| factor * 2.0 * degrees.to_radians().cos());
@@ -202,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_turns_evenly_or_neither_is_told_apart() {
+    fn standing_and_turning_evenly_are_distinguished() {
         for sign in [1.0, -1.0] {
             let of = |rpm: &dyn Fn(u64) -> f64| windows(|at| sign * rpm(at));
             assert_eq!(of(&|_| 1.9), [9, 0]);

@@ -1,5 +1,5 @@
-//! A look at a robot and its world, as plain data: what a [`Recorder`](crate::record::recorder::Recorder) takes,
-//! and what a record keeps.
+//! Looks at a robot and its world, as plain data: input of a
+//! [`Recorder`](crate::record::recorder::Recorder), content of a record.
 
 use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
@@ -14,17 +14,17 @@ use crate::robot::motor::{BITS_PER_SECOND, Motor};
 /// One motor in one millisecond.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorLook {
-    /// What is known of it: by the robot, or by the frames on its bus.
+    /// Status of the motor: the robot's own, or by the frames on its bus.
     pub status: MotorStatus,
-    /// Kind of its target.
+    /// Kind of the target.
     pub kind: TargetKind,
-    /// Its target, as its kind has it; NaN without one.
+    /// Target in the unit of its kind; NaN without one.
     pub target: f64,
-    /// The same as measured.
+    /// The measurement in the same unit.
     pub measured: f64,
-    /// The effort of its loops, in their unit; `None` while they do not drive, and where none run here.
+    /// Effort of the loops in their unit; `None` while they do not drive, and without loops here.
     pub effort: Option<f64>,
-    /// Its shaft, as the simulated motor knows it.
+    /// Shaft of the simulated motor.
     pub shaft: Shaft,
 }
 
@@ -39,25 +39,25 @@ pub struct Shaft {
     pub overwritten: u64,
 }
 
-/// Everything else at one moment. Rarer than looks at motors.
+/// Everything but the motors at one moment, more seldom than those.
 #[derive(Clone, Debug, Default)]
 pub struct Moment {
     /// The robot and its base.
     pub robot: RobotLook,
-    /// Its buses; the first is number 1.
+    /// The buses; the first is number 1.
     pub buses: Vec<BusLook>,
-    /// Its RS-485 lines. The same.
+    /// The RS-485 lines; the first is number 1.
     pub lines: Vec<Rs485Status>,
-    /// Counters of the parts on its UARTs, where they are known.
+    /// Counters of the parts on UARTs, where they are known.
     pub parts: Vec<Counters>,
-    /// Its remote, if it has one.
+    /// The remote, if the robot has one.
     pub remote: Option<RemoteLook>,
 }
 
 /// A bus at one moment.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BusLook {
-    /// What is known of it: by the robot, or by the frames on it.
+    /// Status of the bus: the robot's own, or by the frames on it.
     pub status: BusStatus,
     /// Frames on the wire so far.
     pub frames: u64,
@@ -68,16 +68,16 @@ pub struct BusLook {
 /// The robot and its base at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct RobotLook {
-    /// What it tells of itself.
+    /// The robot's own view.
     pub whole: Whole,
-    /// Where its base is in the world; NaN without one.
+    /// True pose of the base in the world; NaN without one.
     pub pose: PathPoint,
-    /// Which way it looks by its IMU, degrees, all turns counted.
+    /// Yaw by the IMU, degrees, all turns counted.
     pub yaw: Option<f64>,
 }
 
 impl BusLook {
-    /// At a bus whose frames are all that is known of it: its motors have listened.
+    /// Looks at a bus of which only the frames are known; its motors have listened.
     #[must_use]
     pub fn heard(bus: &MotorBus<'_>) -> Self {
         let mut status = BusStatus::default();
@@ -95,13 +95,13 @@ impl Default for RobotLook {
 /// A remote and its receiver at one moment.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RemoteLook {
-    /// Whether it is live, and whether the robot is armed.
+    /// Whether the remote is live, and whether the robot is armed.
     pub sample: RemoteSample,
-    /// What its receiver has sent.
+    /// Counters of the receiver's frames.
     pub sent: Sent,
-    /// Whether the robot tells what it heard of it.
+    /// Whether `heard` is known.
     pub is_told: bool,
-    /// What that is.
+    /// Counters of the frames that the robot received.
     pub heard: Counters,
 }
 
@@ -116,7 +116,7 @@ impl MotorLook {
         shaft: Shaft { rpm: 0.0, current: 0.0, overwritten: 0 },
     };
 
-    /// Looks at a motor by what it tells.
+    /// Looks at a motor by its own status.
     #[must_use]
     pub fn of(status: MotorStatus) -> Self {
         let mut look = Self { status, ..Self::NEW };
@@ -126,12 +126,11 @@ impl MotorLook {
         Self { status, ..look }
     }
 
-    /// Looks at a motor and its twin. The loops of the one in an emulated chip tell no effort: it is what
-    /// the twin obeys.
+    /// Looks at a motor and its twin; on an emulated chip the effort is what the twin obeys.
     #[must_use]
     pub fn at(motor: &Motor, status: MotorStatus, twin: &Esc, loops: Option<Loops>) -> Self {
         let mut look = Self::of(status);
-        // An effort that was asked for is not judged: no loop has made it.
+        // An effort that was commanded is not judged: no loop has made it.
         let obeyed = || loops.filter(|_| status.is_looped()).map(|it| motor.effort(twin, it));
         look.effort = look.effort.or_else(obeyed);
         let state = twin.state();
@@ -143,13 +142,13 @@ impl MotorLook {
         look
     }
 
-    /// Its newest measurements.
+    /// Newest measurements.
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.status.feedback
     }
 
-    /// A sample of it, whose cells are empty. Beside a target that is not followed stands the speed.
+    /// A sample of the look, with empty cells; without a followed target it has the speed.
     #[must_use]
     pub fn seen(&self) -> MotorSample {
         use TargetKind::{Angle, Impedance, Motion, Speed, SpeedMotion, TotalAngle};
@@ -173,7 +172,7 @@ impl MotorLook {
     }
 }
 
-/// What its status tells, but for what is computed of its target: a record has that, and no target.
+/// The fields of the status; those of the target are the look's own, as a record has no target.
 impl Seen for MotorLook {
     const FIELDS: &'static [Field] = MotorStatus::FIELDS;
     const ABOUT: &'static [&'static str] = MotorStatus::ABOUT;

@@ -1,4 +1,4 @@
-//! The recording of a run: everything that tables, JSON and the report are made from.
+//! The recording of a run, from which tables, JSON and the report are made.
 
 pub mod effort;
 pub mod excuse;
@@ -26,7 +26,7 @@ use crate::recording::effort::EffortTrack;
 use crate::recording::problem::Problem;
 use crate::recording::remote::RemoteTrack;
 use crate::recording::sample::{
-    BaseHeard, BusSample, LOOK_PERIOD, MotorSample, PathPoint, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, hex_digits,
 };
 use crate::recording::signal::SignalTrack;
 use crate::recording::wheels::Wheels;
@@ -40,49 +40,48 @@ pub struct Recording {
     pub seed: u64,
     /// Length of the run, in virtual time.
     pub length: Micros,
-    /// One per motor, in the order of the robot's table.
+    /// Track of each motor, in the order of the robot's table.
     pub motors: Vec<MotorTrack>,
-    /// One per bus.
+    /// Track of each bus.
     pub buses: Vec<BusTrack>,
     /// Status of each RS-485 line at the end.
     pub lines: Vec<Rs485Status>,
-    /// The track of its base, if it has one.
+    /// Track of the base, if the robot has one.
     pub base: Option<BaseTrack>,
-    /// The events of the run, in order: of the robot's script, and of its remote's operator.
+    /// Events of the robot's script and of its remote's operator, in order.
     pub events: Vec<Event>,
-    /// The track of its remote, if it has one.
+    /// Track of the remote, if the robot has one.
     pub remote: Option<RemoteTrack>,
-    /// Counters of each part on a UART beside the remote's receiver, at the end; none of an emulated
-    /// chip, whose memory is not looked into.
+    /// Counters of each part on a UART but the receiver, at the end; empty for an emulated chip.
     pub parts: Vec<PartTrack>,
-    /// One per signal of the robot's own; none of an emulated chip, whose memory is not looked into.
+    /// Track of each own signal of the robot; empty for an emulated chip.
     pub signals: Vec<SignalTrack>,
     /// Whether the robot was armed, per sample; empty if that is not known.
     pub arm: Vec<ArmState>,
-    /// What the simulation itself found, which knows the robot's tasks.
+    /// Problems that the simulation itself found, which knows the robot's tasks.
     pub found: Vec<Problem>,
-    /// Whether it had a heading, per sample; empty of a robot without an IMU.
+    /// Whether the robot had a heading, per sample; empty for a robot without an IMU.
     pub headings: Vec<bool>,
-    /// What was not at rest at the end, so that the remote could not arm it.
+    /// The axis that was not at rest at the end, so that the remote could not arm the robot.
     pub not_at_rest: Option<Axis>,
     /// Injected faults.
     pub faults: Vec<Fault>,
-    /// The buses' logs were not kept.
+    /// Whether the buses' logs were left out.
     pub no_logs: bool,
-    /// Where it comes from.
+    /// Source of the recording.
     pub source: Source,
-    /// Times that were not recorded, and are left out: those after it are nearer by so much.
+    /// Times that were not recorded; later times are nearer by their lengths.
     pub gaps: Vec<Gap>,
 }
 
 /// A time that was not recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gap {
-    /// When, in the recording.
+    /// Time of the gap in the recording.
     pub at: Micros,
-    /// How long it was.
+    /// Length of the gap.
     pub length: Micros,
-    /// The clock went back by so much.
+    /// Whether the clock went back by the length.
     pub is_back: bool,
 }
 
@@ -95,14 +94,14 @@ impl fmt::Display for Gap {
 }
 
 impl Recording {
-    /// A time of the recording, as the robot counts: with what is left out before it.
+    /// A time of the recording as the robot counts it, with the gaps before it.
     #[must_use]
-    pub fn told(&self, at: Micros) -> Micros {
+    pub fn robot_time(&self, at: Micros) -> Micros {
         let before = self.gaps.iter().filter(|gap| gap.at < at);
         before.fold(at, |at, gap| if gap.is_back { at - gap.length } else { at + gap.length })
     }
 
-    /// The hashes of all buses' logs, one after another, as one SHA-256 hash in hex digits.
+    /// SHA-256 over the hashes of all buses' logs, in hex digits.
     #[must_use]
     pub fn trace_hash(&self) -> String {
         let mut hash = Sha256::new();
@@ -113,7 +112,7 @@ impl Recording {
     }
 }
 
-/// The bytes and frames that a task received of a part on a UART.
+/// Counters of a part on a UART.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PartTrack {
     /// Label of the part.
@@ -128,22 +127,21 @@ pub struct PartTrack {
 pub struct MotorTrack {
     /// The motor, as described.
     pub motor: Motor,
-    /// One per sample.
+    /// Samples of the motor.
     pub samples: Vec<MotorSample>,
-    /// Its status at the end.
+    /// Status at the end.
     pub last: MotorStatus,
     /// Feedback frames that were overwritten in the ESC because the bus was busy.
     pub overwritten: u64,
-    /// Tracking of its targets: one per kind of target, in the order of their coming.
+    /// Tracking of each kind of target, in the order of their first use.
     pub tracking: Vec<Tracking>,
     /// Largest current in the winding either way, A.
     pub peak_current: f64,
-    /// Summary of the effort of its loops; `None` where they run in the device, or their effort
-    /// cannot be seen.
+    /// Summary of the loops' effort; `None` if it runs in the device or is not visible.
     pub effort: Option<EffortTrack>,
 }
 
-/// Tracking of the targets of one kind by a motor: all looks in which it followed one.
+/// Tracking of the targets of one kind, over all looks in which the motor followed one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracking {
     /// The kind of target.
@@ -163,7 +161,7 @@ impl Tracking {
         (self.squares / self.looks as f64).sqrt()
     }
 
-    /// For how long it followed such targets.
+    /// Time in which the motor followed such targets.
     #[must_use]
     pub const fn time(&self) -> Micros {
         Micros::new(self.looks * LOOK_PERIOD.get())
@@ -172,59 +170,55 @@ impl Tracking {
 
 /// The track of one bus.
 pub struct BusTrack {
-    /// The first one is 1.
+    /// Number of the bus; the first is 1.
     pub number: u8,
-    /// Busy share of the wire, per cent, over the whole run.
+    /// Busy share of the wire over the whole run, percent.
     pub load: f64,
-    /// The same in each 100 ms.
+    /// Busy share in each 100 ms, percent.
     pub load_windows: Vec<f64>,
-    /// Its status at the end; with what its motors need of it, as known before the start.
+    /// Status at the end, with the planned load as known before the start.
     pub last: BusStatus,
-    /// Its counters, per sample.
+    /// Counters, per sample.
     pub samples: Vec<BusSample>,
     /// Frames on the wire.
     pub frames: u64,
-    /// Frames on the wire, as a candump log; empty if [`Description::no_logs`] says so.
-    ///
-    /// [`Description::no_logs`]: crate::robot::description::Description::no_logs
+    /// Frames on the wire, as a candump log; empty if logs are left out.
     pub log: String,
-    /// SHA-256 of that log in hex digits, also of one that is not kept.
+    /// SHA-256 of the log in hex digits, also of one that is not kept.
     pub log_hash: String,
 }
 
 /// The track of a base.
 pub struct BaseTrack {
-    /// Its wheels: places in [`Recording::motors`].
+    /// The wheels: indices into [`Recording::motors`].
     pub wheels: Vec<usize>,
-    /// The motors that steer them. The same.
+    /// The motors that steer them: indices into [`Recording::motors`].
     pub steering: Vec<usize>,
-    /// Path of the base, a point per sample.
+    /// True path of the base, a point per sample.
     pub path: Vec<PathPoint>,
-    /// Where the robot believed to be, in its own axes, and where it was to be, a point per sample; NaN
-    /// where it did not say, and empty if it never does.
+    /// The robot's estimate in its own axes, a point per sample, NaN without one; may be empty.
     pub estimate: Vec<PathPoint>,
-    /// See [`estimate`](Self::estimate).
+    /// The reference in the same axes, a point per sample; NaN or empty like the estimate.
     pub reference: Vec<PathPoint>,
-    /// Its measures, as the robot's table has them.
+    /// Masses and measures by the robot's table.
     pub chassis: Chassis,
-    /// Measurements of its sensors, per sample.
-    pub heard: Vec<BaseHeard>,
+    /// Measurements of the robot's sensors, per sample.
+    pub heard: Vec<BaseMeasurement>,
 }
 
 impl BaseTrack {
-    /// Path of the base by the robot's wheels, a point per sample: their turns, by the robot's
-    /// measures and least squares.
+    /// Path by the wheels' turns, the robot's measures and least squares, a point per sample.
     #[must_use]
     pub fn by_wheels(&self) -> Vec<PathPoint> {
         let fixed = Wheels::new(&self.chassis, &[]);
         let mut at = PathPoint { x: 0.0, y: 0.0, yaw: 0.0 };
         let before = self.heard.first().into_iter().chain(&self.heard);
-        let step = |(before, now): (&BaseHeard, &BaseHeard)| {
+        let step = |(before, now): (&BaseMeasurement, &BaseMeasurement)| {
             let ways = self.ways(before, now);
             let [forward, left, turn] = if self.steering.is_empty() {
                 fixed.motion(&ways)
             } else {
-                Wheels::new(&self.chassis, &BaseHeard::steered(before, now)).motion(&ways)
+                Wheels::new(&self.chassis, &BaseMeasurement::steered(before, now)).motion(&ways)
             };
             let (sin, cos) = (at.yaw + turn / 2.0).sin_cos();
             at.x += forward * cos - left * sin;
@@ -235,9 +229,9 @@ impl BaseTrack {
         before.zip(&self.heard).map(step).collect()
     }
 
-    /// The way of each wheel's rim from one moment to another, by the robot's measures, m.
+    /// Distance of each wheel's rim between two moments, by the robot's measures, m.
     #[must_use]
-    pub fn ways(&self, from: &BaseHeard, to: &BaseHeard) -> Vec<f64> {
+    pub fn ways(&self, from: &BaseMeasurement, to: &BaseMeasurement) -> Vec<f64> {
         let angles = from.wheels.iter().zip(&to.wheels).map(|(from, to)| to.angle - from.angle);
         let ways = angles.zip(&self.chassis.wheels);
         ways.map(|(degrees, wheel)| degrees.to_radians() * wheel.radius).collect()

@@ -17,17 +17,17 @@ pub enum Severity {
 pub enum About {
     /// The robot as a whole.
     Robot,
-    /// The motor of this label.
+    /// The motor with this label.
     Motor(&'static str),
-    /// A bus; the first one is 1.
+    /// A bus; the first is 1.
     Bus(u8),
-    /// An RS-485 line; the first one is 1.
+    /// An RS-485 line; the first is 1.
     Line(u8),
     /// The remote control.
     Remote,
     /// The part on a UART with this label.
     Part(&'static str),
-    /// The emulated chip, and the program on it.
+    /// The emulated chip and its program.
     Chip,
 }
 
@@ -47,30 +47,30 @@ impl fmt::Display for About {
 /// One finding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// Its severity.
+    /// Severity of the finding.
     pub severity: Severity,
-    /// The subject of a problem.
+    /// Subject of the finding.
     pub about: About,
-    /// For programs: the same word for the same finding, in small letters with hyphens.
+    /// Identifier for programs: small letters with hyphens.
     pub kind: &'static str,
-    /// For people: a sentence without its subject.
+    /// Text for people: a sentence without its subject.
     pub text: String,
 }
 
 impl Problem {
-    /// Something to mend.
+    /// Creates a problem: something to mend.
     #[must_use]
     pub const fn new(about: About, kind: &'static str, text: String) -> Self {
         Self { severity: Severity::Problem, about, kind, text }
     }
 
-    /// Something that is good to know.
+    /// Creates information: something good to know.
     #[must_use]
     pub const fn information(about: About, kind: &'static str, text: String) -> Self {
         Self { severity: Severity::Information, about, kind, text }
     }
 
-    /// As JSON.
+    /// The finding as JSON.
     #[must_use]
     pub fn to_json(&self) -> Value {
         json!({

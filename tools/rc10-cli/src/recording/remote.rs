@@ -1,4 +1,4 @@
-//! The track of a remote control in a run: its samples, and each loss with what followed.
+//! The track of a remote control in a run: its samples, and each loss with its effects.
 
 use rc10_can::Micros;
 use rc10_module::Counters;
@@ -7,7 +7,7 @@ use rc10_sim::remote::Sent;
 use crate::recording::sample::RemoteSample;
 use crate::robot::remote::{Lost, Receiver};
 
-/// The track of a remote: what its receiver sent, and what the robot did while it was lost.
+/// The track of a remote: its receiver's frames, and the robot's reactions to its losses.
 #[derive(Clone, Debug)]
 pub struct RemoteTrack {
     /// The kind of receiver.
@@ -16,47 +16,43 @@ pub struct RemoteTrack {
     pub sent: Sent,
     /// Counters of the frames that the robot heard, if it tells them.
     pub heard: Option<Counters>,
-    /// Each time that the remote was lost.
+    /// Each loss of the remote.
     pub losses: Vec<Loss>,
-    /// One per sample.
+    /// Samples of the remote.
     pub samples: Vec<RemoteSample>,
 }
 
-/// One time that the remote was lost, and what followed. To 100 µs.
+/// A loss of the remote and its effects, to 100 µs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Loss {
-    /// The time in which its transmitter was off.
+    /// The time in which the transmitter was off.
     pub lost: Lost,
-    /// The time at which the last good frame had ended on the receiver's wire; `None` if there had
-    /// been none.
+    /// End of the last good frame on the receiver's wire; `None` without any.
     pub last_frame: Option<Micros>,
-    /// The time since when every motor that may not hold had obeyed commands of no current.
+    /// The time since which every motor that may not hold has obeyed commands of no current.
     pub coasting: Option<Micros>,
-    /// The time at which the first good frame after it had ended on the wire.
+    /// End of the first good frame after the loss on the wire.
     pub back: Option<Micros>,
     /// The time at which the motors were driven again without a new arming.
     pub resumed: Option<Micros>,
-    /// The time at which the robot was disarmed or stopped, so that it must be armed anew: at once,
-    /// if it was that already. Of a robot that does not say so: the time at which motors that hold
-    /// let go, too.
+    /// The time at which the robot was disarmed or stopped (at once, if it was already), so that it
+    /// must be armed anew. For a robot that does not say so: when motors that hold let go, too.
     pub disarmed: Option<Micros>,
 }
 
 impl Loss {
-    /// One that nothing has followed yet.
     pub(crate) const fn new(lost: Lost) -> Self {
         Self { lost, last_frame: None, coasting: None, back: None, resumed: None, disarmed: None }
     }
 
-    /// The time from the last good frame until the motors coasted, if any was driven when it was
-    /// lost.
+    /// Time from the last good frame until the motors coasted, if any was driven at the loss.
     #[must_use]
     pub fn reaction(&self) -> Option<Micros> {
         let coasting = self.coasting.filter(|time| *time > self.lost.from)?;
         Some(coasting.since(self.last_frame?))
     }
 
-    /// Nothing more will follow from it.
+    /// Whether nothing more will follow.
     pub(crate) const fn is_settled(&self) -> bool {
         self.resumed.is_some() || self.disarmed.is_some()
     }

@@ -9,28 +9,27 @@ use rc10_motor::{DriveMode, Link, MotorCounters, TargetKind};
 use rc10_sim::Base;
 use sha2::{Digest, Sha256};
 
-/// Samples are taken this far apart.
+/// Period of samples.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
 
-/// A sample is made from looks this far apart: as often as control loops run.
+/// Period of looks, of which a sample is made: that of the control loops.
 pub const LOOK_PERIOD: Micros = Micros::from_millis(1);
 
 /// The range of values between two samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
-    /// The lowest.
+    /// Lowest value.
     pub min: f32,
-    /// Their mean.
+    /// Mean value.
     pub mean: f32,
-    /// The highest.
+    /// Highest value.
     pub max: f32,
 }
 
 impl Cell {
-    /// Of zero.
     pub(crate) const ZERO: Self = Self { min: 0.0, mean: 0.0, max: 0.0 };
 
-    /// Of a value that does not change.
+    /// The range of a value that does not change.
     #[must_use]
     pub const fn of(value: f64) -> Self {
         let value = value as f32;
@@ -38,7 +37,7 @@ impl Cell {
     }
 }
 
-/// Values on their way to a [`Cell`].
+/// Sums for a [`Cell`].
 #[derive(Clone, Default)]
 pub(crate) struct Sum {
     count: u32,
@@ -57,7 +56,7 @@ impl Sum {
         self.count += 1;
     }
 
-    /// Lowest, mean and highest; `None` of no values.
+    /// Lowest, mean and highest; `None` without a value.
     pub(crate) fn range(&self) -> Option<[f64; 3]> {
         (self.count > 0).then(|| [self.min, self.sum / f64::from(self.count), self.max])
     }
@@ -71,30 +70,29 @@ impl Sum {
 /// One motor at one moment, and since the one before.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorSample {
-    /// Its target, in the unit of `kind`; `None` while it does not follow a target.
+    /// Target in the unit of `kind`; `None` while the motor does not follow one.
     pub target: Option<f64>,
-    /// Its measurement, in the same unit: rpm for speeds, degrees for angles.
+    /// Measurement in the same unit: rpm for speeds, degrees for angles.
     pub measured: f64,
-    /// `measured` since the sample before, as long as it was of this kind.
+    /// Range of `measured` since the sample before, as far as it was of this kind.
     pub measured_cell: Cell,
-    /// Kind of the target: it says what `target` and `measured` are.
+    /// Kind of the target.
     pub kind: TargetKind,
     /// Current in the winding, A, as the simulated motor knows it.
     pub current: f64,
-    /// The same since the sample before.
+    /// Range of the current since the sample before.
     pub current_cell: Cell,
     /// Speed of the output shaft, rpm, as the simulated motor knows it.
     pub rpm: f64,
-    /// The same since the sample before.
+    /// Range of the speed since the sample before.
     pub rpm_cell: Cell,
-    /// Whether it is heard.
+    /// Whether the motor is heard.
     pub link: Link,
-    /// Its drive mode. On an emulated chip [`DriveMode::Run`] if the simulated motor is driven,
-    /// else [`DriveMode::Coast`].
+    /// Drive mode; on an emulated chip [`DriveMode::Run`] if driven, else [`DriveMode::Coast`].
     pub drive: DriveMode,
-    /// Its counters so far.
+    /// Counters so far.
     pub counters: MotorCounters,
-    /// Its feedback frames so far that were overwritten in the ESC.
+    /// Feedback frames that were overwritten in the ESC so far.
     pub overwritten: u64,
 }
 
@@ -127,14 +125,14 @@ impl BusSample {
 
 /// Measurements of a base by the robot's own sensors at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct BaseHeard {
-    /// Its wheels, in the order of [`BaseTrack::wheels`].
-    pub wheels: Vec<WheelHeard>,
-    /// Heading by its IMU, degrees counter-clockwise, all turns counted.
+pub struct BaseMeasurement {
+    /// The wheels, in the order of [`BaseTrack::wheels`](super::BaseTrack::wheels).
+    pub wheels: Vec<WheelMeasurement>,
+    /// Heading by the IMU, degrees counter-clockwise, all turns counted.
     pub yaw: Option<f64>,
 }
 
-impl BaseHeard {
+impl BaseMeasurement {
     /// The steering angles of the wheels between two moments, degrees.
     #[must_use]
     pub fn steered(from: &Self, to: &Self) -> Vec<f64> {
@@ -143,24 +141,23 @@ impl BaseHeard {
     }
 }
 
-/// Feedback of a wheel's motor, as the robot counts.
+/// Feedback of a wheel's motor, in the robot's direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WheelHeard {
+pub struct WheelMeasurement {
     /// Degrees of the output shaft, all turns counted.
     pub angle: f64,
     /// Current in the winding, A, if the device tells it.
     pub current: Option<f64>,
-    /// It is heard, and follows a target; so does the motor that steers it.
+    /// Whether the motor is heard and follows a target, and the one that steers it, too.
     pub follows: bool,
     /// The angle by which the wheel is steered, degrees.
     pub steered: f64,
 }
 
 impl PathPoint {
-    /// Not known.
     pub(crate) const NOWHERE: Self = Self { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
 
-    /// Of a base; NaN without one.
+    /// True position of a base; NaN without one.
     pub(crate) fn of(base: Option<&Base>) -> Self {
         base.map(Base::pose).map_or(Self::NOWHERE, |pose| Self {
             x: pose.x,
@@ -173,15 +170,14 @@ impl PathPoint {
 /// A position of the base.
 #[derive(Clone, Copy, Debug)]
 pub struct PathPoint {
-    /// Metres.
+    /// Metres forward of the start.
     pub x: f64,
-    /// Metres, to the left of where it started.
+    /// Metres to the left of the start.
     pub y: f64,
     /// Radians, counter-clockwise.
     pub yaw: f64,
 }
 
-/// A finished hash in hex digits.
 pub(crate) fn hex_digits(hash: Sha256) -> String {
     hash.finalize().iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");
@@ -189,50 +185,48 @@ pub(crate) fn hex_digits(hash: Sha256) -> String {
     })
 }
 
-/// What is known of a bus's wire when all is over.
+/// The state of a bus's wire at the end of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WireEnd {
-    /// Its load in each 100 ms, percent.
+    /// Load in each 100 ms, percent.
     pub load_windows: Vec<f64>,
-    /// Its frames, as a candump log; empty if that was not kept.
+    /// Frames as a candump log; empty if it was not kept.
     pub log: String,
-    /// SHA-256 of that log in hex digits.
+    /// SHA-256 of the log in hex digits.
     pub log_hash: String,
 }
 
-/// A time in seconds.
 pub(crate) fn seconds(time: Micros) -> f64 {
-    // Divided: correctly rounded, so that 0.9 s is printed as 0.9.
+    // Divided, not multiplied: correctly rounded, so that 0.9 s is printed as 0.9.
     time.get() as f64 / 1e6
 }
 
-/// The time at which a sample was taken.
 pub(crate) fn time_of(index: usize) -> Micros {
     Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
 }
 
-/// Where a recording comes from: that decides what is known of the robot.
+/// The source of a recording, which decides what is known of the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Source {
-    /// A simulation, which knows all.
+    /// A simulation: everything is known.
     #[default]
     Simulation,
-    /// An emulated chip: what was on the wires and at the shafts, and not what the robot believed.
+    /// An emulated chip: wires and shafts are known, the robot's own view is not.
     Emulation,
-    /// A capture of a real robot's buses: what was on the wires.
+    /// A capture of a real robot's buses: only the frames are known.
     Capture,
-    /// A robot that ran and told of itself: what it believed.
+    /// A real robot that told of itself: its own view is known.
     Robot,
 }
 
 impl Source {
-    /// Whether it is known what the robot believed, and what its motors were told.
+    /// Whether the robot's own view and its motors' targets are known.
     #[must_use]
     pub const fn is_told(self) -> bool {
         matches!(self, Self::Simulation | Self::Robot)
     }
 
-    /// Whether all chance in it is of a seed, and its time is virtual.
+    /// Whether the run has a seed and virtual time.
     #[must_use]
     pub const fn is_simulated(self) -> bool {
         matches!(self, Self::Simulation | Self::Emulation)

@@ -1,7 +1,4 @@
-//! Signals of a robot's own: values of its tasks that a run records beside the motors.
-//!
-//! [`Robot::signal`](crate::world::robot::Robot::signal) names one. It is read every millisecond, and appears in the
-//! table, the JSON and the report of `rc10 run`.
+//! Tracks of a robot's own signals: values of its tasks that a run records beside the motors.
 
 use rc10_can::Micros;
 
@@ -13,25 +10,23 @@ use crate::robot::signal::Signal;
 pub struct SignalTrack {
     /// Label of the signal.
     pub label: &'static str,
-    /// Its unit.
+    /// Unit of the signal.
     pub unit: &'static str,
-    /// The names of its values, if it is a state.
+    /// The names of the values of a state.
     pub states: &'static str,
-    /// Its values between two samples; `None` where it had none.
+    /// Range of the values between two samples; `None` without a value.
     pub samples: Vec<Option<Cell>>,
-    /// The newest value; `None` if it has none at the end.
+    /// Newest value; `None` if there is no value at the end.
     pub last: Option<f64>,
-    /// Lowest, mean and highest value of the run; `None` if it never had one.
+    /// Lowest, mean and highest value of the run; `None` without any.
     pub range: Option<[f64; 3]>,
     /// Time without a value.
     pub absent: Micros,
 }
 
-/// Records one signal.
 #[derive(Clone, Default)]
 pub(crate) struct SignalRecorder {
     track: SignalTrack,
-    /// Since the last sample.
     newest: Sum,
     whole: Sum,
 }
@@ -45,7 +40,7 @@ impl SignalRecorder {
         }
     }
 
-    /// Takes its value: every [`LOOK_PERIOD`]. One that is not finite is none.
+    /// Takes the value, every [`LOOK_PERIOD`]; one that is not finite counts as no value.
     pub(crate) fn look(&mut self, value: Option<f64>) {
         self.track.last = value.filter(|value| value.is_finite());
         match self.track.last {
@@ -57,7 +52,7 @@ impl SignalRecorder {
         }
     }
 
-    /// Its label and unit, and its newest value.
+    /// Label, unit and newest value.
     pub(crate) const fn newest(&self) -> (&'static str, &'static str, Option<f64>) {
         (self.track.label, self.track.unit, self.track.last)
     }

@@ -1,22 +1,22 @@
-//! What the wheels of a base say of its motion: least squares in f64 over all that they measure.
+//! The motion of a base by its wheels: least squares in f64 over all their measurements.
 //!
-//! A rolling wheel says how fast the floor goes by under it: a plain wheel along its rolling direction,
-//! and that it does not go sideways; one with rollers along their axes alone. These are more equations
-//! than a motion in the plane has components, or as many.
+//! A plain wheel measures the floor's speed along its rolling direction, and that it does not go
+//! sideways; one with rollers measures along their axes alone. These are at least as many equations
+//! as a motion in the plane has components.
 
 use rc10_sim::{Chassis, Tread, Wheel};
 
-/// Forward and left in m, and the turn in rad, of a motion; or per m of a rim's way.
+/// A motion: m forward, m left, and rad of turn; or per m of a rim's distance.
 type Motion = [f64; 3];
 
-/// What wheels measure at one set of steering angles.
+/// The equations of wheels at one set of steering angles.
 #[derive(Clone, Debug)]
 pub struct Wheels {
-    /// The rim's way of each wheel by the motion.
+    /// Each wheel's distance at the rim, by the motion.
     rims: Vec<Motion>,
-    /// The way across each plain wheel by the motion: none.
+    /// Each plain wheel's distance sideways, by the motion: zero.
     across: Vec<Motion>,
-    /// The motion per m of each rim's way.
+    /// The motion per m of each rim's distance.
     shares: Vec<Motion>,
 }
 
@@ -25,8 +25,7 @@ fn dot(first: &Motion, second: &Motion) -> f64 {
 }
 
 impl Wheels {
-    /// Of a base; `steered` are the angles by which its wheels are turned, degrees, and nothing for
-    /// those that are not steered.
+    /// Creates the equations of a base; `steered` are its wheels' angles, degrees, 0 if missing.
     #[must_use]
     pub fn new(chassis: &Chassis, steered: &[f64]) -> Self {
         let (mut rims, mut across) = (Vec::new(), Vec::new());
@@ -55,7 +54,7 @@ impl Wheels {
         self.shares[wheel]
     }
 
-    /// The motion that fits the ways of all rims best, m and rad.
+    /// The motion that fits the distances of all rims best, m and rad.
     #[must_use]
     pub fn motion(&self, rims: &[f64]) -> Motion {
         let mut motion = [0.0; 3];
@@ -67,7 +66,7 @@ impl Wheels {
         motion
     }
 
-    /// What no motion of a rigid base explains: the root of the mean square of a wheel's slip, m.
+    /// Slip that no motion of a rigid base explains: root of the mean square over the wheels, m.
     #[must_use]
     pub fn slip(&self, rims: &[f64]) -> f64 {
         let motion = self.motion(rims);
@@ -77,7 +76,7 @@ impl Wheels {
         (squares / self.rims.len().max(1) as f64).sqrt()
     }
 
-    /// Whether the rims could be at odds with one another: they are more than the motion needs.
+    /// Whether there are more equations than unknowns, so that rims can contradict one another.
     #[must_use]
     pub fn is_overdetermined(&self) -> bool {
         (0..self.rims.len()).any(|wheel| {
@@ -87,20 +86,20 @@ impl Wheels {
         })
     }
 
-    /// Sum of the squares of the rims' ways as the base goes one metre ahead.
+    /// Sum of the squares of the rims' distances as the base goes one metre ahead.
     #[must_use]
     pub fn ahead(&self) -> f64 {
         self.rims.iter().map(|row| row[0] * row[0]).sum()
     }
 }
 
-/// The way of the floor at a wheel's place, in this direction, by the motion.
+/// The motion of the floor at a wheel's place along a direction.
 fn way(wheel: &Wheel, [x, y]: [f64; 2]) -> Motion {
     [x, y, wheel.x * y - wheel.y * x]
 }
 
-/// Solves normal equations: elimination by the largest element of the diagonal. A component that they do
-/// not determine is 0.
+/// Solves normal equations: elimination by the largest diagonal element; undetermined components
+/// are 0.
 fn solve(mut matrix: [Motion; 3], mut right: Motion) -> Motion {
     let (mut solution, mut open) = ([0.0; 3], [true; 3]);
     for _ in 0..3 {

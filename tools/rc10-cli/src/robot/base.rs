@@ -1,4 +1,4 @@
-//! The base of a robot: its wheels, and which motors turn and steer them.
+//! The base of a robot: its wheels, and the motors that turn and steer them.
 
 use rc10_app::Direction;
 use rc10_motor::Names;
@@ -6,17 +6,17 @@ use rc10_motor::Names;
 /// A base on wheels that are turned by some of the motors.
 #[derive(Clone, Debug)]
 pub struct Base {
-    /// The motors that turn the wheels, in the order of the chassis: lines of
+    /// The motors that turn the wheels, in the order of the chassis: indices into
     /// [`Description::motors`]. A reversed motor is mounted mirrored.
     pub(crate) wheels: Vec<usize>,
-    /// Those that steer them, in the order of those wheels that are steered.
+    /// The motors that steer, in the order of the steered wheels.
     pub(crate) steering: Vec<usize>,
-    /// Its masses and measures, as the robot's table has them.
+    /// Masses and measures by the robot's table.
     pub chassis: rc10_sim::Chassis,
 }
 
 impl Base {
-    /// On these wheels, in the order of the chassis.
+    /// Creates a base on these wheels, in the order of the chassis.
     ///
     /// ```
     /// use rc10_cli::Base;
@@ -38,21 +38,20 @@ impl Base {
         Self { wheels, steering: Vec::new(), chassis }
     }
 
-    /// The same, with the motors that steer its wheels, in the order of those. In the simulator the
-    /// wheels look at power-on where the chassis says; a robot that really runs says the angle 0 there.
+    /// Adds the motors that steer its wheels, in the order of those. In the simulator the chassis
+    /// gives the wheels' direction at power-on; a real robot calls it angle 0.
     #[must_use]
     pub fn with_steering<N: Names>(self, motors: impl IntoIterator<Item = N>) -> Self {
         Self { steering: motors.into_iter().map(Names::index).collect(), ..self }
     }
 
-    /// The same with another mass, kg, which is spread as before.
+    /// Sets another mass, kg, which is spread as before.
     #[must_use]
     pub fn with_mass(self, mass: f64) -> Self {
         Self { chassis: self.chassis.with_mass(mass), ..self }
     }
 
-    /// The same, of the measures that the robot itself has; its masses are those of
-    /// `Chassis::default`.
+    /// Creates a base with the robot's own measures, and the masses of `Chassis::default`.
     #[must_use]
     pub fn of<N: Names, const WHEELS: usize>(
         wheels: [N; WHEELS],
@@ -63,7 +62,7 @@ impl Base {
     }
 }
 
-/// The world's wheel of the measures that the robot has.
+/// The simulator's wheel with the robot's measures.
 fn wheel_of(wheel: &rc10_app::Wheel) -> rc10_sim::Wheel {
     let [x, y, radius] = [wheel.place.x, wheel.place.y, wheel.radius].map(f64::from);
     let direction = f64::from(wheel.direction.get()).to_radians();
@@ -73,7 +72,7 @@ fn wheel_of(wheel: &rc10_app::Wheel) -> rc10_sim::Wheel {
     };
     let tread = match wheel.tread {
         rc10_app::Tread::Plain => rc10_sim::Tread::Plain,
-        // One says the angle from the axle, the other from where the wheel rolls.
+        // The angle is from the axle in one, from the rolling direction in the other.
         rc10_app::Tread::Rollers(angle) => {
             rc10_sim::Tread::Rollers { slant: (90.0 + f64::from(angle.get())).to_radians().tan() }
         }

@@ -1,4 +1,4 @@
-//! A robot as the tools see it: plain data that say what its motors are and what surrounds them.
+//! A robot for the tools: plain data of its motors and their surroundings.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use rc10_sim::{Fault, Serial, World};
 use crate::robot::base::Base;
 use crate::robot::mistake::Mistake;
 use crate::robot::motor::{Motor, Place, Plant};
-use crate::robot::remote::{Line, Lost, RemoteControl};
+use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
 use crate::robot::script::{Event, Script};
 
 /// A robot before it runs: its motors, buses, base, remote and script.
@@ -19,34 +19,33 @@ use crate::robot::script::{Event, Script};
 pub struct Description {
     /// All motors; those of one bus in the order in which they are attached to it.
     pub motors: Vec<Motor>,
-    /// Number of its buses: they are counted from 1 to this.
+    /// Number of buses, which are counted from 1 to this.
     pub buses: u8,
-    /// Its RS-485 lines; the first one is line 1.
+    /// RS-485 lines; the first is line 1.
     pub lines: Vec<LinePart>,
     /// The base on its wheels, if that is simulated.
     pub base: Option<Base>,
-    /// Its own signals that say where it believes to be: [`Robot::estimate`](crate::world::robot::Robot::estimate).
+    /// Own signals of the estimated pose: [`Robot::estimate`](crate::Robot::estimate).
     pub estimate: Option<PoseSignals>,
-    /// Those that say where it is to be: [`Robot::reference`](crate::world::robot::Robot::reference).
+    /// Own signals of the reference pose: [`Robot::reference`](crate::Robot::reference).
     pub reference: Option<PoseSignals>,
-    /// Its remote control, if it has one, with the script of its operator.
+    /// Remote control with its operator's script, if there is one.
     pub remote: Option<RemoteControl>,
-    /// The other parts on its UARTs.
+    /// Other parts on UARTs.
     pub serials: Vec<SerialPart>,
-    /// The switches and markers on its motors' shafts: the first is at the board's first input for them.
+    /// Switches and markers on motors' shafts, in the order of the board's inputs for them.
     pub contacts: Vec<ContactPart>,
-    /// Bits a second of its firmware's console, if not 921,600.
+    /// Bit rate of the firmware's console, if not 921,600.
     pub console: Option<u32>,
-    /// Its script, for reports.
+    /// Script, for reports.
     pub script: Script,
-    /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
+    /// Builds the firmware and returns the path of its ELF file. `None`: `rc10 emu` needs the path.
     pub firmware: Option<fn(Option<Board>) -> Result<PathBuf>>,
-    /// Faults that are injected in this run: [`Robot::set_faults`](crate::world::robot::Robot::set_faults).
+    /// Injected faults of this run: [`Robot::set_faults`](crate::Robot::set_faults).
     pub faults: Vec<Fault>,
-    /// Differences between the world and this description:
-    /// [`Robot::set_mistakes`](crate::world::robot::Robot::set_mistakes).
+    /// Mistakes of this run: [`Robot::set_mistakes`](crate::Robot::set_mistakes).
     pub mistakes: Vec<Mistake>,
-    /// The buses' logs are hashed, and not kept: [`Robot::set_no_logs`](crate::world::robot::Robot::set_no_logs).
+    /// Whether bus logs are only hashed: [`Robot::set_no_logs`](crate::Robot::set_no_logs).
     pub no_logs: bool,
 }
 
@@ -71,34 +70,33 @@ pub struct SerialPart {
 /// A switch or marker on a motor's shaft: [`rc10_sim::Contact`].
 #[derive(Clone, Copy, Debug)]
 pub struct ContactPart {
-    /// The motor: a line of [`Description::motors`].
+    /// The motor: an index into [`Description::motors`].
     pub(crate) motor: usize,
-    /// Where in a turn of its output shaft it is closed: degrees since the start, as the motor itself
-    /// counts, the lower angle first.
+    /// Angles since the start, degrees in the motor's direction, between which it is closed.
     pub closed: [f64; 2],
 }
 
 impl ContactPart {
-    /// On the shaft of a motor, closed between these angles, whichever the turn.
+    /// Creates a contact on the shaft of a motor, closed between these angles of each turn.
     #[must_use]
     pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
         Self { motor: motor.index(), closed }
     }
 }
 
-/// Labels of three signals that are a pose together: m forward and m to the left of where the robot began
-/// to count, and the way it looks, in the signal's unit: `rad`, else degrees counter-clockwise.
+/// Labels of the three signals of a pose: m forward and m to the left of the odometry's start, and
+/// the yaw in the signal's unit: `rad`, else degrees counter-clockwise.
 pub type PoseSignals = [&'static str; 3];
 
-/// The number of times that a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
+/// Number of times that a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
 fn mentions(text: &str, name: &str) -> usize {
     let ends = text.match_indices(name).map(|(at, name)| &text[at + name.len()..]);
     ends.filter(|rest| !rest.starts_with(|next: char| next.is_ascii_digit())).count()
 }
 
 impl Description {
-    /// The robot of a declaration: its motors with what `plant` says is on their shafts, its buses and
-    /// its lines, which are on USART2 and on. What else there is stands beside it:
+    /// The robot of a declaration: its motors with the loads of `plant`, its buses, and its lines on
+    /// USART2 and further UARTs. The rest is set in the fields:
     ///
     /// ```
     /// use rc10_cli::{Description, Plant};
@@ -131,14 +129,13 @@ impl Description {
         self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
     }
 
-    /// The events before `end`, in order of time: those of its script, of its remote's operator,
-    /// and the losses of that remote. What the operator does while the remote is lost is not
-    /// received; only the last of it is, when the remote is back.
+    /// The events before `end`, in order of time: the script's, the operator's, and the losses of
+    /// the remote. Of the operator's actions in a loss only the last one is received, at its end.
     #[must_use]
     pub fn events(&self, end: Micros) -> Vec<Event> {
         let mut events = self.script.until(end);
         if let Some(remote) = &self.remote {
-            let line = |line: &Line| Event { at: line.at, label: line.label };
+            let line = |line: &ScriptLine| Event { at: line.at, label: line.label };
             let script = Script {
                 events: remote.script.iter().map(line).collect(),
                 repeats_after: remote.repeats_after,
@@ -160,14 +157,13 @@ impl Description {
         events
     }
 
-    /// Adds to an error that names motors by model and identifier what the robot calls them, and
-    /// where they are plugged in: a line each.
+    /// Adds a line with label and place for each motor that an error names by model and identifier.
     #[must_use]
     pub fn label(&self, error: anyhow::Error) -> anyhow::Error {
         let text = format!("{error:#}");
         let named = |motor: &&Motor| mentions(&text, &motor.name().to_string()) > 0;
         let mut motors: Vec<&Motor> = self.motors.iter().filter(named).collect();
-        // Two that are in each other's way hang on the same bus; others may be called the same.
+        // Motors that conflict are on the same bus; others may have the same name.
         let mentioned = |on| -> usize {
             let mut names: Vec<String> = Vec::new();
             names.extend(motors.iter().filter(|m| m.on == on).map(|m| m.name().to_string()));
@@ -189,8 +185,7 @@ impl Description {
         anyhow!("{text}{whose}")
     }
 
-    /// Which of the motors that are plugged in at the same place the one in an entry of
-    /// [`Description::motors`] is.
+    /// The number of the motor with this index into [`Description::motors`] on its bus or line.
     #[must_use]
     pub fn number(&self, entry: usize) -> Option<MotorId> {
         numbers(self.motors.iter().map(|motor| motor.on)).nth(entry)
@@ -206,7 +201,7 @@ mod tests {
     use crate::robot::remote::tests as tests_of_remotes;
 
     #[test]
-    fn what_hands_do_while_the_remote_is_lost_is_told_when_it_is_back() {
+    fn actions_during_a_loss_become_events_at_its_end() {
         let told = |faults: &[&str]| {
             let mut remote = tests_of_remotes::control();
             (remote.script[0].label, remote.script[1].label) = ("down", "up");
@@ -257,6 +252,9 @@ mod tests {
         assert!(labelled(gains.into()).starts_with(
             "M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative\n      bus 1: "
         ));
-        assert_eq!(labelled(anyhow!("M3508 id 12 is none of them")), "M3508 id 12 is none of them");
+        assert_eq!(
+            labelled(anyhow!("M3508 id 12 is not one of them")),
+            "M3508 id 12 is not one of them"
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! Mistakes in building a robot, as a user writes them: `direction:feeder`, `radius:x2`. The world
-//! then differs from the robot's table by that, and a run shows how it looks.
+//! Mistakes in building a robot, as users write them: `direction:feeder`, `radius:x2`. The world
+//! then differs from the robot's table, and a run shows the effects.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,17 +11,16 @@ swap:NAME,NAME id:NAME=3 radius:x2 track:x1.1 wheelbase:x0.9 mass:x1.3, and of a
 labels begin so inertia:NAME=x1.3 friction:NAME=x0.7 torque:NAME=x0.7 load:NAME=x2; a name is a motor's label or its \
 beginning, with - for spaces; repeat for more";
 
-/// One thing that is not as the robot's table says.
+/// A difference between the world and the robot's table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mistake {
-    /// `direction:NAME`: the motor looks the other way.
+    /// `direction:NAME`: the motor turns the other way.
     Direction(String),
     /// `gear:NAME=n`: `n` turns of the rotor per turn of the output shaft.
     Gear(String, f64),
     /// `pole-pairs:NAME=n`: the motor at an ESC that counts electrical turns has `n` pole pairs.
     PolePairs(String, u8),
-    /// `swap:NAME,NAME`: each of two motors of one model is where the table says that the other is,
-    /// bus and identifier.
+    /// `swap:NAME,NAME`: two motors of one model have exchanged their buses and identifiers.
     Swap(String, String),
     /// `id:NAME=n`: the device is set to another identifier.
     Id(String, u8),
@@ -33,11 +32,11 @@ pub enum Mistake {
     Wheelbase(f64),
     /// `mass:xF`: the robot is `F` times as heavy.
     Mass(f64),
-    /// `inertia:NAME=xF`, and what else is on a shaft: of all motors whose labels begin so.
+    /// `inertia:NAME=xF` and so on: a quantity of all motors whose labels begin so.
     Shaft(Quantity, String, f64),
 }
 
-/// A quantity of a motor and its load, on which a factor can be.
+/// A quantity of a motor and its load that a mistake can multiply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// `inertia`: of rotor and load.
@@ -64,7 +63,6 @@ impl Quantity {
 }
 
 impl fmt::Display for Mistake {
-    /// As a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Direction(name) => write!(f, "direction:{name}"),
@@ -83,7 +81,7 @@ impl fmt::Display for Mistake {
     }
 }
 
-/// Why a text is no mistake.
+/// Why a text is no valid mistake.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoMistake(String);
 
@@ -189,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_mistake_is_told_why() {
+    fn invalid_mistakes_are_refused_with_a_reason() {
         for (text, why) in [
             ("direction", "needs the label of a motor"),
             ("direction:", "needs the label of a motor"),

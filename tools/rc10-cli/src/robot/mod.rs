@@ -1,4 +1,4 @@
-//! A robot as the tools see it: what it is, and who drives it.
+//! A robot for the tools, and its operator.
 
 pub mod base;
 pub mod description;

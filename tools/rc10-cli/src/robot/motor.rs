@@ -1,5 +1,4 @@
-//! A robot's motors as the tools see them: what they are, what is on their shafts, and their
-//! simulated twins.
+//! A robot's motors for the tools: their devices, their loads, and their simulated twins.
 
 use rc10_motor::dji::Model;
 use std::fmt;
@@ -21,19 +20,19 @@ pub(crate) const BITS_PER_SECOND: u32 = 1_000_000;
 pub struct Motor {
     /// Label of the motor. Motors whose labels begin with the same word share a plot.
     pub label: &'static str,
-    /// The bus or line that it is plugged into.
+    /// Bus or line of the motor.
     pub on: Place,
-    /// The device that it is.
+    /// Device of the motor.
     pub device: Device,
     /// Direction in which the robot counts.
     pub direction: Direction,
-    /// What is on its output shaft.
+    /// Load on the output shaft.
     pub plant: Plant,
-    /// Its safe state is to hold or to brake: it may be driven while the robot is stopped.
+    /// Whether its safe state is to hold or to brake, so that it may be driven in a stop.
     pub holds: bool,
 }
 
-/// What is on a motor's output shaft, and the device's simulated twin where that is not one of ours.
+/// The load of a motor, and the device's simulated twin where that is not one of ours.
 ///
 /// ```
 /// use rc10_cli::Plant;
@@ -52,16 +51,16 @@ pub struct Plant {
     pub load: f64,
     /// Gravity by angle, cogging and backlash, the way the robot counts; all off at first.
     pub nonlinear: Nonlinear,
-    /// Hard stops of a motor on a bus: the angles between which the shaft turns, degrees since
-    /// power-on the way the robot counts. The floor under a lift, for example. `None`: for ever.
+    /// Hard stops of a motor on a bus, such as the floor under a lift: lowest and highest angle,
+    /// degrees since power-on in the robot's direction. `None`: no stops.
     pub travel: Option<[f64; 2]>,
-    /// Angle of the rotor in its turn at power-on, as the encoder on it says, degrees. `None`: by chance.
+    /// Angle of the rotor's encoder at power-on, degrees. `None`: random.
     pub rotor: Option<f64>,
-    /// A twin of one's own, and its messages: for a device that this crate does not know.
+    /// Own twin and messages, for a device that this crate does not know.
     pub own: Option<OwnTwin>,
 }
 
-/// A simulated twin of a device on CAN that this crate does not know, and the messages in its frames.
+/// An own simulated twin of a device on CAN, and the messages in its frames.
 #[derive(Clone)]
 pub struct OwnTwin {
     pub(super) twin: Rc<Twin>,
@@ -69,11 +68,10 @@ pub struct OwnTwin {
     pub(super) not_in_dbc: &'static [&'static str],
 }
 
-/// Puts a twin on a wire, with an inertia on its shaft.
 type Twin = dyn Fn(&rc10_sim::Bus, f64) -> Result<Esc>;
 
 impl Plant {
-    /// Nothing but an inertia, kg m².
+    /// A load of nothing but an inertia, kg m².
     #[must_use]
     pub const fn inertia(inertia: f64) -> Self {
         Self {
@@ -86,15 +84,14 @@ impl Plant {
         }
     }
 
-    /// With a twin of one's own: `twin` puts it on a wire, with this inertia (kg m²) on its shaft.
+    /// Sets an own twin: `twin` puts it on a wire, with this inertia (kg m²) on its shaft.
     #[must_use]
     pub fn with_twin(self, twin: impl Fn(&rc10_sim::Bus, f64) -> Result<Esc> + 'static) -> Self {
         let own = OwnTwin { twin: Rc::new(twin), messages: Rc::new([]), not_in_dbc: &[] };
         Self { own: Some(own), ..self }
     }
 
-    /// With the messages in the frames of that twin, and facts about them that no DBC file can say: a
-    /// sentence each.
+    /// Sets the messages in the frames of the own twin, and facts that a DBC file cannot express.
     #[must_use]
     pub fn with_messages(self, messages: &[Message], not_in_dbc: &'static [&'static str]) -> Self {
         let own = self.own.map(|own| OwnTwin { messages: messages.into(), not_in_dbc, ..own });
@@ -108,7 +105,7 @@ impl fmt::Debug for OwnTwin {
     }
 }
 
-/// For a narrow column: `2`, or `L1` for a line.
+/// The place for a narrow column: `2`, or `L1` for a line.
 #[must_use]
 pub(crate) fn short(on: Place) -> String {
     match on {
@@ -118,34 +115,34 @@ pub(crate) fn short(on: Place) -> String {
 }
 
 impl Motor {
-    /// A motor that coasts, with nothing on its shaft.
+    /// Creates a motor that coasts, with nothing on its shaft.
     #[must_use]
     pub fn new(label: &'static str, on: Place, device: Device) -> Self {
         let (direction, plant) = (device.direction(), Plant::default());
         Self { label, on, device, direction, plant, holds: false }
     }
 
-    /// One of DJI's on a bus.
+    /// Creates a DJI motor on a bus.
     #[cfg(test)]
     pub(crate) fn dji_on(label: &'static str, bus: u8, model: &'static Model, id: u8) -> Self {
         let config = rc10_motor::dji::Config::new(model, id);
         Self::new(label, Place::Bus(bus), config.device())
     }
 
-    /// The motor of a line of a declaration.
+    /// Creates the motor of an entry of a declaration.
     #[must_use]
     pub fn of(entry: &Entry<Device>, plant: Plant) -> Self {
         let holds = entry.safety.state != SafeState::Coast;
         Self { holds, plant, ..Self::new(entry.label, entry.on, entry.config) }
     }
 
-    /// Its name on buses and in tables.
+    /// Name of the motor on buses and in tables.
     #[must_use]
     pub const fn name(&self) -> MotorName {
         self.device.name()
     }
 
-    /// Model and identifier, if it is one of DJI's.
+    /// Model and identifier of a DJI motor.
     #[must_use]
     pub const fn dji(&self) -> Option<(&'static Model, u8)> {
         match &self.device {
@@ -154,20 +151,20 @@ impl Motor {
         }
     }
 
-    /// Whether its twin obeys another command than to coast.
+    /// Whether the twin obeys another command than to coast.
     pub(crate) fn is_driven(&self, twin: &Esc) -> bool {
         let state = twin.state();
-        // Those of DJI are told a current, or a voltage; the others what to do.
+        // DJI motors get a current or a voltage; the others a mode, too.
         if self.dji().is_some() { state.command != 0 } else { !state.open }
     }
 
-    /// Whether its twin obeys a command that makes torque. Unlike [`is_driven`](Self::is_driven) this is
-    /// not so of a device whose loop is on and told to give none.
+    /// Whether the twin obeys a command that makes torque; unlike in
+    /// [`is_driven`](Self::is_driven), a closed loop with a command of zero torque does not count.
     pub(crate) fn has_torque(&self, twin: &Esc) -> bool {
         self.is_driven(twin) && (self.dji().is_some() || !twin.state().idle)
     }
 
-    /// The effort that its twin obeys, in the unit of the loops that command it, as the robot counts.
+    /// The effort that the twin obeys, in the unit of its loops and in the robot's direction.
     #[must_use]
     pub fn effort(&self, twin: &Esc, loops: Loops) -> f64 {
         let state = twin.state();
@@ -185,7 +182,7 @@ impl Motor {
             }
     }
 
-    /// 1 if it counts as the motor does, -1 if the other way.
+    /// 1 if the robot counts in the motor's direction, else -1.
     pub(crate) fn sign(&self) -> f64 {
         self.direction.sign().into()
     }

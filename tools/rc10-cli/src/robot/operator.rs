@@ -1,17 +1,17 @@
-//! The operator of a remote control: a script of what hands do.
+//! The operator of a remote control, who follows a script.
 
 use rc10_can::Micros;
 use rc10_sim::remote::Remote;
 
-use crate::robot::remote::{Line, Lost, RemoteControl};
+use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
 
-/// The operator of a remote: does what the script says, to the microsecond.
+/// The operator of a remote, who follows a script to the microsecond.
 #[derive(Clone, Debug)]
 pub struct Operator {
     remote: Remote,
-    script: Vec<Line>,
+    script: Vec<ScriptLine>,
     repeats_after: Option<Micros>,
-    /// The next line, and when its round began.
+    /// The next line of the script, and the begin of its round.
     line: usize,
     round: Micros,
     /// The times at which the transmitter goes off (`false`) or on (`true`), the next first.
@@ -19,7 +19,7 @@ pub struct Operator {
 }
 
 impl Operator {
-    /// An operator of this remote, before power-on.
+    /// Creates an operator of this remote, before power-on.
     #[must_use]
     pub fn new(remote: &Remote, control: &RemoteControl) -> Self {
         let off_and_on = |lost: &Lost| {
@@ -43,7 +43,7 @@ impl Operator {
         line.into_iter().chain(switched).min()
     }
 
-    /// Does what is due by now.
+    /// Does the actions that are due.
     pub fn act(&mut self, now: Micros) {
         while let Some(line) = self.script.get(self.line).filter(|line| self.round + line.at <= now)
         {

@@ -1,5 +1,4 @@
-//! The remote control of a robot, and its operator: a script of what he does, and when the
-//! radio link breaks.
+//! The remote control of a robot: receiver, operator's script and losses of the radio link.
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -13,26 +12,26 @@ pub use rc10_module::remote::Receiver;
 /// The remote control of a robot, with its operator's script.
 #[derive(Clone, Debug)]
 pub struct RemoteControl {
-    /// The receiver that is plugged in.
+    /// Receiver that is plugged in.
     pub receiver: Receiver,
     /// Receivers that the robot supports.
     pub receivers: Vec<Receiver>,
-    /// The chip's UART for those that speak bytes.
+    /// The chip's UART for receivers that send bytes.
     pub uart: u8,
-    /// The chip's pin for those that send pulses.
+    /// The chip's pin for receivers that send pulses.
     pub pulse_pin: (char, usize),
-    /// Script of the operator, in the order of time. Before that all sticks are at rest.
-    pub script: Vec<Line>,
-    /// After how long, counted from power-on, the script begins again, if it does.
+    /// Script of the operator, in the order of time. Before its first line all sticks are at rest.
+    pub script: Vec<ScriptLine>,
+    /// Period after which the script repeats, if it does.
     pub repeats_after: Option<Micros>,
-    /// Times without its transmitter, in the order of time.
+    /// Times without the transmitter, in order.
     pub lost: Vec<Lost>,
 }
 
 /// A line of the operator's script: controls from a time on.
 #[derive(Clone, Copy, Debug)]
-pub struct Line {
-    /// From when on, since power-on.
+pub struct ScriptLine {
+    /// Time since power-on.
     pub at: Micros,
     /// Label for reports.
     pub label: &'static str,
@@ -43,13 +42,13 @@ pub struct Line {
 /// A time in which a transmitter is off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lost {
-    /// From when on.
+    /// Begin.
     pub from: Micros,
-    /// Until when; `None`: for ever.
+    /// End; `None`: it stays off.
     pub until: Option<Micros>,
 }
 
-/// The text of the command line on a receiver.
+/// The help text of a receiver.
 const fn help(receiver: Receiver) -> &'static str {
     match receiver {
         Receiver::Dr16 => "DJI's: 18 bytes every 14 ms",
@@ -60,7 +59,7 @@ const fn help(receiver: Receiver) -> &'static str {
     }
 }
 
-/// Reads the name of a receiver, in small letters or capitals.
+/// Parser of a receiver's name, in any case.
 pub(crate) fn parser() -> impl TypedValueParser<Value = Receiver> {
     let named = |receiver: Receiver| PossibleValue::new(receiver.name()).help(help(receiver));
     PossibleValuesParser::new(Receiver::ALL.map(named)).try_map(|name| {
@@ -69,17 +68,17 @@ pub(crate) fn parser() -> impl TypedValueParser<Value = Receiver> {
     })
 }
 
-/// The port that a receiver is plugged into.
+/// The wire of a receiver.
 #[derive(Clone)]
 pub enum ReceiverWire {
-    /// One that speaks bytes.
+    /// A serial link.
     Serial(Serial),
-    /// One that sends pulses.
+    /// A line with pulses.
     Pulses(Pulses),
 }
 
 impl ReceiverWire {
-    /// Puts a receiver's twin at the end of a wire; its first frame comes at a time of chance.
+    /// Puts a receiver's twin at the end of a wire; its first frame comes at a random time.
     pub fn new(receiver: Receiver, world: &mut World, remote: &Remote) -> Self {
         let phase = world.chance(Nanos::new(14_000_000));
         Self::Serial(match receiver {
@@ -91,7 +90,7 @@ impl ReceiverWire {
         })
     }
 
-    /// The robot's end.
+    /// The robot's end of the wire.
     #[must_use]
     pub fn port(&self) -> ReceiverPort {
         match self {
@@ -103,17 +102,16 @@ impl ReceiverWire {
 
 /// The robot's end of a receiver's wire.
 pub enum ReceiverPort {
-    /// Bytes.
+    /// A UART.
     Serial(UartPort),
-    /// Pulses.
+    /// A pulse input.
     Pulses(PulsePort),
 }
 
 impl RemoteControl {
-    /// Of a robot that listens to any receiver, at UART5 and PF8 of the board, and an operator whose
-    /// script begins again after `repeats_after`, if it does.
+    /// Creates a remote for any receiver, at UART5 and PF8, whose script may repeat after a period.
     #[must_use]
-    pub fn new(receiver: Receiver, script: &[Line], repeats_after: Option<Micros>) -> Self {
+    pub fn new(receiver: Receiver, script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
         Self {
             receiver,
             receivers: Receiver::ALL.into(),
@@ -125,10 +123,7 @@ impl RemoteControl {
         }
     }
 
-    /// The faults of a run that concern the remote: when its transmitter is off.
-    ///
-    /// # Errors
-    /// If one begins before another has ended.
+    /// Sets the losses from a run's faults; fails if one begins before another has ended.
     pub fn lose(&mut self, faults: &[Fault]) -> Result<()> {
         let remote = faults.iter().filter(|fault| fault.kind == Kind::RemoteLost);
         let lost = |fault: &Fault| Lost {
@@ -146,10 +141,7 @@ impl RemoteControl {
         Ok(())
     }
 
-    /// Plugs another receiver in.
-    ///
-    /// # Errors
-    /// If the robot cannot listen to it.
+    /// Plugs in another receiver; fails if the robot cannot listen to it.
     pub fn plug(&mut self, receiver: Receiver) -> Result<()> {
         let names = || self.receivers.iter().map(|one| one.name()).collect::<Vec<_>>().join(", ");
         ensure!(self.receivers.contains(&receiver), "no {receiver}: this robot takes {}", names());
@@ -165,7 +157,7 @@ pub(crate) mod tests {
     use super::*;
 
     pub(crate) fn control() -> RemoteControl {
-        let line = |millis, right_switch| Line {
+        let line = |millis, right_switch| ScriptLine {
             at: Micros::from_millis(millis),
             label: "",
             controls: Controls { right_switch, ..Controls::REST },

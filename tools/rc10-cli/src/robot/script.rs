@@ -14,7 +14,7 @@ pub struct Event {
 /// The script of a robot: its events at known times.
 #[derive(Clone, Debug, Default)]
 pub struct Script {
-    /// Its events, in order of time.
+    /// Events, in order of time.
     pub events: Vec<Event>,
     /// Period after which the events repeat, if they do.
     pub repeats_after: Option<Micros>,

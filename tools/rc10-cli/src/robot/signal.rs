@@ -1,7 +1,7 @@
-//! Signals of a robot's own: values of its tasks that a run records beside the motors.
+//! A robot's own signals: values of its tasks that a run records beside the motors.
 //!
-//! [`Robot::signal`](crate::Robot::signal) names one. It is read every millisecond, and appears in the
-//! table, the JSON and the report of `rc10 run`.
+//! [`Robot::signal`](crate::Robot::signal) adds one. It is read every millisecond, and appears in
+//! the table, the JSON and the report of `rc10 run`.
 
 use std::rc::Rc;
 
@@ -12,10 +12,10 @@ use rc10_can::Micros;
 pub struct Signal<'r> {
     /// Label of the signal. Signals of one unit whose labels begin with the same word share a plot.
     pub label: &'static str,
-    /// Its unit, such as "mm"; empty if it has none.
+    /// Unit, such as "mm"; empty without one.
     pub unit: &'static str,
-    /// If it is a state: the names of its values from 0 on, with commas between.
+    /// The names of the values of a state from 0 on, with commas between; else empty.
     pub states: &'static str,
-    /// Its value at a time; `None` while it has none.
+    /// Reads the value at a time; `None` without a value.
     pub read: Rc<dyn Fn(Micros) -> Option<f64> + 'r>,
 }

@@ -12,7 +12,7 @@ use rc10_sim::{Bus, Esc, EscConfig, Line, Nonlinear};
 use crate::robot::motor::{Motor, Plant};
 
 impl Motor {
-    /// The messages in its frames.
+    /// The messages in the frames of the device.
     #[must_use]
     pub fn messages(&self) -> Vec<Message> {
         match &self.plant.own {
@@ -21,7 +21,7 @@ impl Motor {
         }
     }
 
-    /// Facts about its frames that no DBC file can say: a sentence each.
+    /// Facts about the frames that a DBC file cannot express: a sentence each.
     #[must_use]
     pub const fn not_in_dbc(&self) -> &'static [&'static str] {
         match &self.plant.own {
@@ -30,11 +30,10 @@ impl Motor {
         }
     }
 
-    /// Puts its simulated twin where it belongs: on one of the wires or lines.
+    /// Puts the motor's simulated twin on its wire or line.
     ///
     /// # Errors
-    /// If there is no such bus or line, the device is not made for it, there is no simulated twin
-    /// for it, or its identifier is none.
+    /// There is no such bus or line, no twin of the device for it, or the identifier is invalid.
     pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
         let Plant { inertia, load, nonlinear, travel, rotor, own } = &self.plant;
         let index = |number: u8| usize::from(number).checked_sub(1);
@@ -74,7 +73,7 @@ impl Motor {
     }
 }
 
-/// Puts it on a wire, with an inertia (kg m²) on its shaft.
+/// Puts a twin on a wire, with an inertia (kg m²) on its shaft.
 fn on_bus(device: &Device, wire: &Bus, inertia: f64) -> Result<Esc> {
     match device {
         Device::Dji(config) => dji(config, wire, inertia),
@@ -93,7 +92,7 @@ fn on_bus(device: &Device, wire: &Bus, inertia: f64) -> Result<Esc> {
     }
 }
 
-/// Puts it on a line, with an inertia (kg m²) on its shaft.
+/// Puts a twin on a line, with an inertia (kg m²) on its shaft.
 fn on_line(device: &Device, line: &Line, inertia: f64) -> Result<Esc> {
     let Device::GoM8010(config) = device else {
         bail!("it has only CAN: it is plugged into a line")
@@ -144,7 +143,7 @@ fn vesc(config: &vesc::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
     Ok(geared(wire.add(rc10_sim::vesc::Vesc::new(twin)?, plant), &plant, config.scale.gear.ratio()))
 }
 
-/// With the gearbox of the robot's table in place of the plant's.
+/// Replaces the plant's gearbox by the one in the robot's table.
 fn geared(esc: Esc, plant: &rc10_sim::Plant, ratio: f32) -> Esc {
     if (plant.gear_ratio - f64::from(ratio)).abs() > 1e-6 {
         esc.set_gear(ratio.into());
@@ -216,9 +215,8 @@ fn odrive(config: &odrive::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
     Ok(geared(wire.add(axis, plant), &plant, config.gear.ratio()))
 }
 
-/// The messages in its frames; none of one that is not known.
 fn messages(device: &Device) -> Vec<Message> {
-    // Scales follow from the model, and have to live as long as the messages: as long as the tool.
+    // Scales follow from the model, and live as long as the messages: to the end of the program.
     match device {
         Device::Dji(config) => {
             dji::signals::messages(config.model, config.id).into_iter().flatten().collect()
@@ -239,7 +237,6 @@ fn messages(device: &Device) -> Vec<Message> {
     }
 }
 
-/// Facts about its frames that no DBC file can say: a sentence each.
 const fn not_in_dbc(device: &Device) -> &'static [&'static str] {
     match device {
         Device::Dji(_) => dji::signals::NOT_IN_DBC,

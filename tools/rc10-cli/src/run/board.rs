@@ -1,11 +1,11 @@
-//! The board under the emulated chip, and whether the program is for it.
+//! The board of an emulated chip, and whether a program is made for it.
 
 use std::fmt::Write as _;
 
 use anyhow::Result;
 use rc10_emu::{Board, Image, MadeFor};
 
-/// A board, by its name on the command line.
+/// The board with this name on the command line.
 pub(crate) fn named(name: &str) -> Result<Board, String> {
     Board::named(name).ok_or_else(|| {
         let names = Board::ALL.map(|board| board.name);
@@ -13,7 +13,7 @@ pub(crate) fn named(name: &str) -> Result<Board, String> {
     })
 }
 
-/// A crystal in MHz, as hertz: 4 to 50, which the chip can take.
+/// A crystal in MHz as hertz: 4 to 50, the chip's range.
 pub(crate) fn crystal(megahertz: &str) -> Result<u64, String> {
     let hz = megahertz.parse::<f64>().ok().map(|megahertz| (megahertz * 1e6).round());
     match hz {
@@ -22,13 +22,13 @@ pub(crate) fn crystal(megahertz: &str) -> Result<u64, String> {
     }
 }
 
-/// The board that a program is run on: the one that is asked for, the one that it is for, or the team's.
+/// The board to run a program on: the given one, else the program's, else the team's.
 pub(crate) fn of(program: &[u8], asked: Option<Board>, crystal: Option<u64>) -> Result<Board> {
     let board = match (asked, Image::parse(program)?.made_for) {
         (Some(board), _) => board,
         (None, None) => Board::default(),
         (None, Some(MadeFor { board, chip, crystal_hz })) => {
-            // One that is not ours is like the one with the same chip.
+            // An unknown board is like ours with the same chip.
             let alike = Board::ALL.into_iter().find(|known| known.chip == chip);
             let alike = alike.unwrap_or_default();
             Board::named(&board).unwrap_or(Board { crystal_hz, ..alike })
@@ -38,7 +38,7 @@ pub(crate) fn of(program: &[u8], asked: Option<Board>, crystal: Option<u64>) -> 
     Ok(Board { crystal_hz, ..board })
 }
 
-/// What is wrong if a program runs on a board: one sentence, or none.
+/// Why a program does not fit a board, in one sentence.
 pub(crate) fn mismatch(made_for: Option<&MadeFor>, board: &Board) -> Option<String> {
     let MadeFor { board: name, chip, crystal_hz } = made_for?;
     let megahertz = |hz: u64| hz as f64 / 1e6;
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn another_crystal_and_another_board_are_told() {
+    fn another_crystal_or_board_is_reported() {
         let of = |board: &Board| MadeFor {
             board: board.name.into(),
             chip: board.chip.into(),

@@ -1,4 +1,4 @@
-//! Builds the firmware of a robot, for its run on the emulated chip.
+//! Builds the firmware of a robot for its run on the emulated chip.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -7,11 +7,8 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail, ensure};
 use rc10_emu::Board;
 
-/// Builds a program of this checkout's `firmware/`, by the name of its package, for a board or the one that it
-/// is for by itself; says where its ELF file is.
-///
-/// # Errors
-/// If there is no checkout, or the program cannot be built.
+/// Builds the package of this checkout's `firmware/` for a board, or for its own; returns the path
+/// of the ELF file. Fails without a checkout, or if the build does.
 pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     ensure!(
@@ -26,18 +23,15 @@ pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf>
         .output()
         .context("cannot start cargo to build the firmware")?;
     ensure!(output.status.success(), "the firmware was not built: the error above says why");
-    // It ends with the path.
+    // The path is in the last line.
     match String::from_utf8_lossy(&output.stdout).lines().last() {
         Some(path) => Ok(path.into()),
         None => bail!("cargo xtask firmware does not say what it built"),
     }
 }
 
-/// Builds the program in the folder `firmware` of a robot's own repository, by its own settings, for a board or
-/// the one that it is for by itself; says where its ELF file is.
-///
-/// # Errors
-/// If there is none, or it cannot be built.
+/// Builds the firmware in the folder `firmware` of a robot's own repository, for a board or for its
+/// own; returns the path of the ELF file. Fails if there is no program, or the build does.
 pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathBuf> {
     let folder = Path::new(repository).join("firmware");
     ensure!(
@@ -64,10 +58,9 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
     programs.next_back().with_context(|| format!("{} has no program", folder.display()))
 }
 
-/// The chip's target.
 const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Whether the compiler that is used in a folder has the chip's target, or does not say.
+/// Whether the compiler of a folder has the chip's target, or does not say.
 fn has_target(folder: &Path) -> bool {
     let ask = Command::new("rustc")
         .args(["--print", "target-libdir", "--target", TARGET])

@@ -1,4 +1,4 @@
-//! A chip with its program, in the environment of a robot.
+//! The emulated chip with a program, in the environment of a robot.
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
@@ -20,33 +20,33 @@ use crate::run::line::LineListener;
 use crate::run::running::Running;
 use crate::run::watch::Sight;
 use crate::run::{board, foreign};
-use crate::world::console::{CONSOLE, Line};
+use crate::world::console::{CONSOLE, ConsoleLine};
 use crate::world::environment::{Environment, RemoteLink, operate};
 use crate::world::robot::Robot;
 
-/// Options of an emulation: its differences from a plain run.
+/// Options of an emulation.
 #[derive(Clone, Debug, Default)]
 pub struct Setup {
     /// Seed of the world.
     pub seed: u64,
     /// Instructions a second at the full clock, if not as many as a Cortex-M4 executes.
     pub speed: Option<u64>,
-    /// The feedback rate set on all motors, if not the one that the robot expects.
+    /// Feedback rate of all motors, if not the one that the robot expects.
     pub rate: Option<FeedbackRate>,
     /// Injected faults.
     pub faults: Vec<Fault>,
     /// Differences between the world and the robot's table.
     pub mistakes: Vec<Mistake>,
-    /// Bits a second of a PC at its console, if there is to be one.
+    /// Bit rate of a PC at the console, if there is to be one.
     pub console: Option<u32>,
-    /// The board that the chip is on, if not the one that the program is for.
+    /// Board of the chip, if not the one that the program is for.
     pub board: Option<Board>,
-    /// Its crystal, if it has another than its own: hertz.
+    /// Crystal of the board in hertz, if it is another one than usual.
     pub crystal: Option<u64>,
 }
 
-/// A chip in a robot's environment, and what the robot's own code on this machine hears on the
-/// wires meanwhile.
+/// A chip in a robot's environment, and the robot's own code on this machine, which listens to the
+/// wires.
 pub struct Emulation<'r> {
     /// The scenario.
     pub rig: Rig,
@@ -54,14 +54,13 @@ pub struct Emulation<'r> {
     pub motors: Vec<Esc>,
     /// The remote and its receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
-    /// The line from its console to a PC, if there is one.
-    pub console: Option<Line>,
+    /// The line from the console to a PC, if there is one.
+    pub console: Option<ConsoleLine>,
     pub(crate) description: Description,
     base: Option<rc10_sim::Base>,
     pub(crate) seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
-    /// Its lines. The same.
     lines: Vec<LineListener<'r>>,
     /// The control loops that its code has for each motor.
     pub(crate) loops: Vec<Option<Loops>>,
@@ -73,8 +72,7 @@ impl<'r> Emulation<'r> {
     /// Puts a program into a chip, and the chip into the environment of a robot.
     ///
     /// # Errors
-    /// If the program or the robot's description is none, or a fault concerns a bus that is not
-    /// there.
+    /// The program or the robot's description is invalid, or a fault concerns a missing bus.
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let mut robot = robot;
         robot.set_faults(&setup.faults)?;
@@ -169,10 +167,7 @@ impl<'r> Emulation<'r> {
         self.base.as_ref()
     }
 
-    /// Lets everything go on up to a time since power-on.
-    ///
-    /// # Errors
-    /// As [`Rig::run`].
+    /// Runs up to a time since power-on; fails as [`Rig::run`] does.
     pub fn run(&mut self, until: Nanos) -> Result<()> {
         let Self { rig, operator, .. } = self;
         operate(operator.as_mut(), until.micros(), |until| rig.run(until.into()))?;
@@ -198,7 +193,7 @@ impl Running for Emulation<'_> {
         Ok(())
     }
 
-    fn console(&self) -> Option<&Line> {
+    fn console(&self) -> Option<&ConsoleLine> {
         self.console.as_ref()
     }
 

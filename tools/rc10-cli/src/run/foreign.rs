@@ -1,13 +1,12 @@
-//! Whether a program was made for another chip: by the peripherals that it looks for, and that an
-//! STM32H723 has not there.
+//! Detects a program for another chip, by the peripherals that an STM32H723 does not have.
 
 use std::ops::Range;
 
 use rc10_emu::Report;
 
-/// Parts of other chips at addresses where an STM32H723 has nothing: their reference manuals'
-/// memory maps (RM0008, RM0090, RM0316, RM0351, RM0385, RM0440, RM0456, RM0481). Start-up code goes
-/// there first.
+/// Parts of other chips at addresses where an STM32H723 has nothing, and where start-up code goes
+/// first: their reference manuals' memory maps (RM0008, RM0090, RM0316, RM0351, RM0385, RM0440,
+/// RM0456, RM0481).
 const OTHERS: [(Range<u32>, &str); 6] = [
     (0x4002_3800..0x4002_3C00, "the clock control of STM32F2, F4 and F7"),
     (0x4002_1000..0x4002_1400, "the clock control of STM32F0, F1, F3, G0, G4, L0 and L4"),
@@ -17,7 +16,7 @@ const OTHERS: [(Range<u32>, &str); 6] = [
     (0x4402_0C00..0x4402_1000, "the clock control of STM32H5"),
 ];
 
-/// The part of another chip that a program has looked for, if it has.
+/// The part of another chip that a program has accessed, if any.
 pub(crate) fn chip_of(reports: &[Report]) -> Option<String> {
     reports.iter().find_map(|report| {
         if !report.text.contains("unowned") {

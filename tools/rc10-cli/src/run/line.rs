@@ -1,4 +1,4 @@
-//! An RS-485 line as it is heard from outside the chip: the robot's own code listens to both ends.
+//! Listening to an RS-485 line from outside the chip: the robot's own code decodes both directions.
 
 use rc10_can::Micros;
 use rc10_motor::embassy::Rs485Status;
@@ -7,7 +7,7 @@ use rc10_motor::unitree::wire::line::COMMAND_LEN;
 use rc10_motor::{MotorId, MotorStatus};
 use rc10_sim::{LineEntry, Nanos};
 
-/// A listener on a line. It sends nothing.
+/// A listener on a line, which sends nothing.
 pub(crate) struct LineListener<'r> {
     motors: Rs485Bus<'r>,
     /// The bytes that the chip has sent without a pause.
@@ -21,7 +21,6 @@ impl<'r> LineListener<'r> {
         Self { motors, command: Vec::new(), began: Nanos::ZERO, ended: Nanos::ZERO }
     }
 
-    /// Takes the next bytes of the line.
     pub(crate) fn listen(&mut self, bytes: &[LineEntry]) {
         for entry in bytes {
             if entry.from_host {
@@ -48,14 +47,13 @@ impl<'r> LineListener<'r> {
         }
     }
 
-    /// What is known of the line: its exchanges. Its ticks are the chip's own affair.
+    /// The exchanges on the line; the ticks are inside the chip.
     pub(crate) fn status(&self) -> Rs485Status {
         let mut status = Rs485Status::default();
         status.traffic = self.motors.counters();
         status
     }
 
-    /// The status of a motor, by its replies.
     pub(crate) fn motor(&self, motor: MotorId, now: Micros) -> Option<MotorStatus> {
         self.motors.status(motor, now)
     }

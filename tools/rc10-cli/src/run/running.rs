@@ -8,7 +8,7 @@ use rc10_sim::{Bus, Esc, TraceEntry};
 use crate::recording::look::Moment;
 use crate::robot::description::Description;
 use crate::run::watch::Sight;
-use crate::world::console::Line;
+use crate::world::console::ConsoleLine;
 
 /// A robot that runs, and what can be seen of it.
 pub trait Running {
@@ -22,7 +22,7 @@ pub trait Running {
     /// If it cannot go on.
     fn run_to(&mut self, until: Micros) -> Result<()>;
     /// The line from its console to a PC, if there is one.
-    fn console(&self) -> Option<&Line>;
+    fn console(&self) -> Option<&ConsoleLine>;
     /// The twins of its motors, in the order of the description.
     fn twins(&self) -> &[Esc];
     /// The wires of its buses.

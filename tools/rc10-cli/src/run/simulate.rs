@@ -53,10 +53,7 @@ pub fn heading<'a>(robot: &'a Robot<'_>, seed: u64) -> Heading<'a> {
     Heading { seed, source: Source::Simulation, description, signals }
 }
 
-/// Runs a robot for `length` of virtual time.
-///
-/// # Errors
-/// If the robot is not as described, or its environment cannot be built.
+/// Runs a robot for `length` of virtual time; fails unless robot and environment are as described.
 pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording> {
     simulate_into(robot, seed, length, None)
 }

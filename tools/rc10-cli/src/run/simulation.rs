@@ -13,7 +13,7 @@ use crate::recording::sample::PathPoint;
 use crate::robot::description::Description;
 use crate::run::running::Running;
 use crate::run::watch::Sight;
-use crate::world::console::Line;
+use crate::world::console::ConsoleLine;
 use crate::world::environment::{Environment, rounded_up};
 use crate::world::ports::Ports;
 use crate::world::robot::Robot;
@@ -88,7 +88,7 @@ impl Running for Simulation<'_> {
         Ok(())
     }
 
-    fn console(&self) -> Option<&Line> {
+    fn console(&self) -> Option<&ConsoleLine> {
         self.around.console.as_ref()
     }
 

@@ -1,5 +1,4 @@
-//! The reaction of a robot to the loss of its remote control: seen on the wires and at the motors,
-//! not by what the robot says of itself.
+//! Watches a robot that loses its remote, by wires and motors, not by its own word.
 
 use rc10_can::Micros;
 use rc10_module::Counters;
@@ -13,36 +12,36 @@ use crate::recording::sample::RemoteSample;
 use crate::robot::motor::Motor;
 use crate::robot::remote::{Lost, RemoteControl};
 
-/// Whatever a remote that is back brings about has come by then.
+/// Time after which a remote that is back has no more effects.
 const LONG: Micros = Micros::from_millis(500);
 
-/// The period of looks while something may happen: a step of the simulator's physics.
+/// Period of looks while something may happen: a step of the simulator's physics.
 const STEP: Micros = Micros::new(100);
 
 /// Watches a robot whose remote is lost now and then.
 pub struct Watch {
     due: Vec<Lost>,
-    /// The one that is being watched, if one is, and those before.
+    /// The losses so far; the last one may be going on.
     losses: Vec<Loss>,
-    /// Nothing fine to be seen for the moment.
+    /// Whether no fine look is needed for the moment.
     is_idle: bool,
 }
 
 /// A look at a robot from outside.
 #[derive(Clone, Copy)]
 pub struct Sight<'a> {
-    /// Counters of the frames that its receiver has sent.
+    /// Counters of the frames that the receiver has sent.
     pub sent: Sent,
-    /// Its motors, as described.
+    /// Motors, as described.
     pub motors: &'a [Motor],
-    /// Their twins.
+    /// Twins of the motors.
     pub twins: &'a [Esc],
-    /// Whether it is armed, if it says so.
+    /// Whether the robot is armed, if it says so.
     pub arm: Option<ArmState>,
 }
 
 impl Sight<'_> {
-    /// The remote as it is seen; `heard` has the robot's own counters of it.
+    /// The remote from outside; `heard` are the robot's own counters.
     #[must_use]
     pub fn remote(&self, heard: Option<Counters>) -> RemoteLook {
         RemoteLook {
@@ -53,8 +52,7 @@ impl Sight<'_> {
         }
     }
 
-    /// Whether a motor obeys another command than to coast: one of those that may hold, or of the
-    /// others.
+    /// Whether a motor is commanded to do more than coast, of those that may hold or of the others.
     fn is_driven(&self, holding: bool) -> bool {
         let motors = self.motors.iter().zip(self.twins);
         motors
@@ -76,7 +74,7 @@ impl Sight<'_> {
 }
 
 impl Watch {
-    /// Of the times that the remote of a robot will be lost.
+    /// Creates a watch for the losses of a robot's remote.
     #[must_use]
     pub fn new(control: Option<&RemoteControl>) -> Self {
         let mut due = control.map_or_else(Vec::new, |control| control.lost.clone());
@@ -92,7 +90,7 @@ impl Watch {
         due.into_iter().chain(soon).min()
     }
 
-    /// Looks. More often than needed does no harm.
+    /// Looks at the robot; more often than needed does no harm.
     pub fn look(&mut self, now: Micros, sight: Sight<'_>) {
         if let Some(lost) = self.due.pop_if(|lost| lost.from <= now) {
             let last_frame = sight.sent.last_live.map(Nanos::micros);
@@ -123,7 +121,7 @@ impl Watch {
         self.is_idle = loss.is_settled() || is_over;
     }
 
-    /// Each time that the remote was lost.
+    /// The losses of the remote.
     #[must_use]
     pub fn finish(self) -> Vec<Loss> {
         self.losses

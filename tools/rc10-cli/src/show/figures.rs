@@ -18,11 +18,11 @@ use crate::recording::{MotorTrack, PartTrack, Recording, Tracking};
 
 /// The figures of a run: computed once, and printed as text, JSON and HTML.
 pub struct Figures {
-    /// One per motor, in the order of the robot's table.
+    /// Figures of each motor, in the order of the robot's table.
     pub motors: Vec<MotorFigures>,
-    /// Its path against what the robot says of it, if it says that.
+    /// Figures of the path, if the robot has an estimate or a reference.
     pub path: Option<PathFigures>,
-    /// Its problems, and the information.
+    /// Problems and information.
     pub problems: Vec<Problem>,
 }
 
@@ -34,16 +34,16 @@ pub struct MotorFigures {
     pub target: Option<f64>,
     /// Newest measurement.
     pub measured: Option<f64>,
-    /// Tracking of its targets, by kind; the kind that it followed longest first.
+    /// Tracking of targets by kind, the one that was followed longest first.
     pub tracking: Vec<Tracking>,
     /// Largest current either way, A.
     pub peak_current: Option<f64>,
-    /// Verdict on its control loops.
+    /// Verdict on the control loops.
     pub loops: &'static str,
 }
 
 impl Figures {
-    /// Of a run.
+    /// The figures of a run.
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
         let motors = recording.motors.iter();
@@ -52,13 +52,13 @@ impl Figures {
         Self { motors: motors.collect(), path, problems: problems(recording) }
     }
 
-    /// Whether there is something to mend.
+    /// Whether there is a problem.
     #[must_use]
     pub fn any_problems(&self) -> bool {
         any(&self.problems)
     }
 
-    /// The problems, or the information.
+    /// The findings of a severity.
     pub fn found(&self, severity: Severity) -> impl Iterator<Item = &Problem> {
         self.problems.iter().filter(move |problem| problem.severity == severity)
     }
@@ -70,7 +70,7 @@ impl MotorFigures {
         // A device that tells a torque has no current to be seen from outside.
         let has_current = source.is_simulated() || track.last.feedback.current().is_some();
         let mut tracking = track.tracking.clone();
-        // Stable: the first of two that are as long is the one that came first.
+        // Stable: of two that are as long the first one stays first.
         tracking.sort_by_key(|tracking| std::cmp::Reverse(tracking.looks));
         Self {
             unit: unit(last.map_or(TargetKind::Speed, |sample| sample.kind)),
@@ -99,7 +99,7 @@ impl MotorFigures {
     }
 }
 
-/// The unit of the targets of a kind, and of what is measured beside them.
+/// The unit of targets of a kind, and of their measurements.
 #[must_use]
 pub const fn unit(kind: TargetKind) -> &'static str {
     match kind {
@@ -122,9 +122,9 @@ const fn noun(kind: TargetKind) -> &'static str {
 
 // ---- tables, as text and as HTML ---------------------------------------------------------------
 
-/// A table: its first columns are words.
+/// A table whose first columns are words.
 pub struct Table {
-    /// The columns' titles.
+    /// Titles of the columns.
     pub head: Vec<&'static str>,
     /// Number of columns that are words.
     pub words: usize,
@@ -134,9 +134,9 @@ pub struct Table {
 
 /// One cell of a table.
 pub struct Entry {
-    /// The words or the number.
+    /// Words or a number.
     pub text: String,
-    /// It should be something else.
+    /// Whether it is not as it should be.
     pub bad: bool,
 }
 
@@ -158,7 +158,7 @@ pub(crate) fn number(value: Option<f64>, digits: usize, unit: &str) -> Entry {
     words(optional(value, digits, unit))
 }
 
-/// A number with a unit; a dash for none.
+/// A number with a unit; a dash without one.
 pub(crate) fn optional(value: Option<f64>, digits: usize, unit: &str) -> String {
     match value.filter(|value| value.is_finite()) {
         Some(value) => format!("{value:.digits$}{unit}"),
@@ -180,7 +180,7 @@ pub(crate) fn grouped(count: u64) -> String {
 }
 
 impl Table {
-    /// Leaves out the columns of these titles.
+    /// Removes the columns with these titles.
     fn without(mut self, titles: &[&str]) -> Self {
         let keep: Vec<bool> = self.head.iter().map(|title| !titles.contains(title)).collect();
         let left = keep.iter().take(self.words).filter(|keep| **keep).count();
@@ -193,7 +193,7 @@ impl Table {
         Self { words: left, ..self }
     }
 
-    /// As text for a terminal: columns of one width, as wide as they must be.
+    /// The table as text for a terminal.
     #[must_use]
     pub fn text(&self) -> String {
         let titles = self.head.iter().map(|title| title.chars().count());
@@ -275,9 +275,9 @@ pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
     };
     match recording.source {
         Source::Simulation => table,
-        // It knows what it has heard.
+        // The robot knows what it has heard.
         Source::Robot => table.without(&["loop", "overwritten"]),
-        // The chip alone knows these.
+        // Only the chip knows these.
         Source::Emulation => table.without(&["drive", "target", "RMS error", "refused"]),
         Source::Capture => table.without(&[
             "drive",
@@ -338,7 +338,7 @@ pub fn bus_table(recording: &Recording) -> Table {
     };
     match recording.source {
         Source::Simulation => table,
-        // It does not count what others say on its wires.
+        // The robot does not count what others say on its wires.
         Source::Robot => table.without(&["measured", "frames", "tick period: min", "mean", "max"]),
         Source::Emulation | Source::Capture => table.without(&[
             "rx lost",
@@ -398,7 +398,7 @@ pub fn line_table(recording: &Recording) -> Option<Table> {
         words: 1,
         rows: rows.collect(),
     };
-    // What only the robot knows.
+    // Only the robot knows these.
     let hidden = ["port errors", "overruns"];
     Some(if recording.source.is_told() { table } else { table.without(&hidden) })
 }
@@ -447,7 +447,7 @@ pub fn verdict(recording: &Recording, figures: &Figures) -> String {
     text
 }
 
-/// The first line of it.
+/// The first line of the verdict.
 #[must_use]
 pub fn headline(recording: &Recording, figures: &Figures) -> String {
     match figures.found(Severity::Problem).count() {
@@ -464,8 +464,7 @@ pub fn headline(recording: &Recording, figures: &Figures) -> String {
     }
 }
 
-/// An empty line, one for the receiver and one per time that the remote was lost; nothing for a
-/// robot without one.
+/// An empty line, one for the receiver and one for each loss of the remote; empty without a remote.
 #[must_use]
 pub fn remote_lines(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
@@ -549,7 +548,7 @@ pub fn remote_json(recording: &Recording) -> Value {
     })
 }
 
-/// A line per part on a UART beside the remote's receiver; `None` if there is none.
+/// A line per part on a UART beside the remote's receiver; `None` without such parts.
 #[must_use]
 pub fn part_table(recording: &Recording) -> Option<Table> {
     let row = |part: &PartTrack| {
@@ -588,7 +587,7 @@ fn heard_json(heard: &Counters) -> Value {
     })
 }
 
-/// All figures as one JSON object. `wall` is how many seconds of real time the run took, if it is one.
+/// All figures as one JSON object; `wall` is the real time of the run in seconds, if it is a run.
 #[must_use]
 pub fn to_json(recording: &Recording, figures: &Figures, wall: Option<f64>) -> Value {
     let motors = recording.motors.iter().zip(&figures.motors).map(|(track, figures)| {
@@ -606,7 +605,6 @@ pub fn to_json(recording: &Recording, figures: &Figures, wall: Option<f64>) -> V
             "unit": unit,
             "target": target,
             "measured": measured,
-            // Of the kind of target that it followed longest.
             "error_rms": longest.map(Tracking::rms),
             "tracking": figures.tracking.iter().map(tracking_json).collect::<Vec<_>>(),
             "loop": loops,
@@ -668,7 +666,7 @@ fn timing(timing: &Timing) -> Value {
     json!({ "min": timing.min(), "mean": timing.mean(), "max": timing.max() })
 }
 
-/// The RS-485 lines as JSON. Of an emulated chip's own ticks nothing is known.
+/// The RS-485 lines as JSON, without the ticks of an emulated chip, which are unknown.
 pub(crate) fn lines_json(recording: &Recording) -> Value {
     let lines = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
         let traffic = &line.traffic;
@@ -846,7 +844,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_is_told_to_its_end() {
+    fn a_loss_is_described_to_its_end() {
         let at = |millis| Some(Micros::from_millis(millis));
         let lost = Lost { from: Micros::from_millis(4000), until: at(4500) };
         let (last_frame, coasting) = (at(3995), at(4101));

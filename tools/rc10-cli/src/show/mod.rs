@@ -1,4 +1,4 @@
-//! What people and programs see of a run: figures, tables, JSON, the report.
+//! The output of a run for people and programs: figures, tables, JSON, the report.
 
 pub mod figures;
 pub mod print;

@@ -43,7 +43,7 @@ pub(crate) fn print(
     write!(out, "\n{}", verdict(recording, figures))
 }
 
-/// Says where the files of a run are.
+/// Prints the paths of a run's files.
 pub(crate) fn print_files(
     recording: &Recording,
     folder: &Path,

@@ -1,7 +1,7 @@
-//! One run as a page to look at: a self-contained HTML file that loads nothing from anywhere.
+//! The report of a run: one HTML file that loads nothing from anywhere.
 //!
-//! The tables are HTML; the plots are drawn in the browser by `report.js` from the samples, which
-//! the page carries as JSON.
+//! The tables are HTML; in the browser `report.js` draws the plots from the samples in the page's
+//! JSON.
 
 use anyhow::Result;
 use std::fmt::Write as _;
@@ -30,14 +30,14 @@ use crate::show::figures::{
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
-/// More samples than this would not fit on a screen: of a longer run only every n-th is drawn.
+/// Limit of drawn samples: of a longer run only every n-th is drawn.
 const DRAWN: usize = 4000;
-/// More events than this are not listed; the plots have them all.
+/// Limit of listed events; the plots have them all.
 const LISTED: usize = 60;
 
-/// The run as one HTML page: verdict, events, plots and tables. The same recording gives the same
-/// bytes. Values that are not finite are left out of the plots. Of a run of more than 40 s two (three,
-/// ...) samples are drawn as one; lowest and highest values are those of all.
+/// The HTML report: verdict, events, plots and tables, the same bytes for the same recording. Plots
+/// leave out values that are not finite, and merge samples in runs of more than 40 s, keeping
+/// lowest and highest values.
 #[must_use]
 pub fn report(recording: &Recording, figures: &Figures) -> String {
     let (motion, signals) = (motion_charts(recording), signal_charts(recording));
@@ -76,7 +76,7 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
         losses = losses(recording),
         events = events(recording),
         stopped = match recording.base {
-            // What the motors are told to do is not known.
+            // The targets of the motors are not known.
             _ if is_capture => "",
             Some(_) => " · shaded: disarmed or stopped, the wheels do not follow their targets",
             None => " · shaded: disarmed or stopped, no motor follows its target",
@@ -100,7 +100,6 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
 
 // ---- what the run was like ---------------------------------------------------------------------
 
-/// The box at the top.
 fn verdict(recording: &Recording, figures: &Figures) -> String {
     let list = |severity| {
         let item = |problem: &Problem| format!("<li>{}</li>", escape(&problem.to_string()));
@@ -133,7 +132,7 @@ fn tiles(recording: &Recording, figures: &Figures) -> String {
         (optional(current, 1, " A"), "largest current"),
     ];
     if recording.source == Source::Robot {
-        // It does not count what others say on its wires.
+        // The robot does not count what others say on its wires.
         tiles.drain(1..3);
     }
     if let Some(longest) = longest.filter(|_| recording.source == Source::Simulation) {
@@ -141,7 +140,6 @@ fn tiles(recording: &Recording, figures: &Figures) -> String {
         tiles.push((period, "longest tick period, 1000 µs planned"));
     }
     if let Some(base) = &recording.base {
-        // A robot does not see itself from above.
         let (path, by) = match recording.source {
             Source::Robot => (&base.by_wheels(), "driven by the base, as its wheels say"),
             _ => (&base.path, "driven by the base"),
@@ -167,20 +165,20 @@ fn tiles(recording: &Recording, figures: &Figures) -> String {
         .collect()
 }
 
-/// Each time that the remote was lost, in words.
+/// Each loss of the remote, in words.
 fn losses(recording: &Recording) -> String {
     let losses = recording.remote.iter().flat_map(|track| &track.losses);
     losses.map(|loss| format!("<p class=\"loss\">{}</p>\n", escape(&sentence(loss)))).collect()
 }
 
-/// Metres.
+/// The length of a path in metres.
 fn driven(path: &[PathPoint]) -> f64 {
     let steps = path.windows(2);
     let steps = steps.map(|step| (step[1].x - step[0].x).hypot(step[1].y - step[0].y));
     steps.filter(|metres| metres.is_finite()).sum()
 }
 
-/// The driver's events, or what happened to a robot that really ran; what happened at the same time is one.
+/// The driver's events, or those of a real robot; events at the same time are merged.
 fn merged_events(recording: &Recording) -> Vec<(Micros, String)> {
     let mut merged: Vec<(Micros, String)> = Vec::new();
     let events = match recording.source {
@@ -214,7 +212,7 @@ fn events(recording: &Recording) -> String {
 
 // ---- tables ------------------------------------------------------------------------------------
 
-/// The section on the losses of a remote; nothing for a robot without one.
+/// The section on the losses of a remote; empty without a remote.
 fn remote_section(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
@@ -253,7 +251,7 @@ fn remote_section(recording: &Recording) -> String {
     html
 }
 
-/// The robot's own signals: their plots and their table; nothing for a robot without any.
+/// The plots and the table of the robot's own signals; empty without any.
 fn signal_section(recording: &Recording, figures: &str) -> String {
     signal_table(recording).map_or_else(String::new, |signals| {
         format!(
@@ -306,18 +304,18 @@ fn cell(text: &str) -> String {
 
 // ---- numbers -----------------------------------------------------------------------------------
 
-/// The quantity of the target and of the measured value of a motor.
+/// The quantity of a motor's targets and measurements.
 #[derive(Clone, Copy, PartialEq)]
 struct Scale {
     kind: TargetKind,
     noun: &'static str,
     unit: &'static str,
-    /// 360 is 0.
+    /// Whether 360 is 0.
     wraps: bool,
 }
 
 impl Scale {
-    /// Of the first target the motor had; a motor that never had one shows its speed.
+    /// The quantity of the first target; the speed without any target.
     fn of(track: &MotorTrack) -> Self {
         let kind = track.samples.iter().find(|sample| sample.target.is_some());
         match kind.map_or(TargetKind::Speed, |sample| sample.kind) {
@@ -332,8 +330,7 @@ impl Scale {
         }
     }
 
-    /// The measurements since the sample before; nothing while the motor followed targets of
-    /// another kind.
+    /// The measurements since the last sample; empty during targets of another kind.
     fn measured(self, sample: &MotorSample) -> Cell {
         match self.kind {
             kind if kind == sample.kind => sample.measured_cell,
@@ -347,18 +344,17 @@ impl Scale {
     }
 }
 
-/// A number of sample periods, in seconds.
 fn periods(count: usize) -> Value {
     let count = u64::try_from(count).unwrap_or(u64::MAX);
     number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
 }
 
-/// The path of the base; empty, if there is none.
+/// The path of the base; empty without one.
 fn path(recording: &Recording) -> &[PathPoint] {
     recording.base.as_ref().map_or(&[], |base| &base.path)
 }
 
-/// Every n-th sample is drawn: this n.
+/// The number of samples per drawn sample.
 fn stride(recording: &Recording) -> usize {
     let samples = recording.motors.iter().map(|track| track.samples.len());
     samples.max().unwrap_or(0).max(path(recording).len()).div_ceil(DRAWN).max(1)
@@ -376,7 +372,7 @@ fn cells(samples: &[MotorSample], stride: usize, of: impl Fn(&MotorSample) -> Ce
     ranges(&samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
 }
 
-/// Means, and how far the lowest and highest values are from them, in hundredths.
+/// Means, and the distances of lowest and highest values from them, in hundredths.
 fn ranges(merged: &[Cell]) -> Value {
     let hundredths = |span: f32| {
         let span = (span * 100.0).round();
@@ -390,7 +386,7 @@ fn ranges(merged: &[Cell]) -> Value {
     })
 }
 
-/// Several cells as one. An angle that went round meanwhile has no range: the newest is taken.
+/// Several cells as one. An angle that went round has no range: the newest is taken.
 fn merge(chunk: &[MotorSample], of: impl Fn(&MotorSample) -> Cell) -> Cell {
     let cells = chunk.iter().map(&of);
     let newest = cells.clone().last().unwrap_or_default();
@@ -399,7 +395,7 @@ fn merge(chunk: &[MotorSample], of: impl Fn(&MotorSample) -> Cell) -> Cell {
     if is_angle && whole.max - whole.min > 180.0 { newest } else { whole }
 }
 
-/// Several cells as one; NaN of none.
+/// Several cells as one; NaN without any.
 fn joined(cells: impl Iterator<Item = Cell> + Clone) -> Cell {
     let count = cells.clone().count() as f32;
     Cell {
@@ -431,11 +427,9 @@ fn escape(text: &str) -> String {
 
 // ---- plots -------------------------------------------------------------------------------------
 
-/// One plot over time.
 struct Chart {
     title: String,
     note: &'static str,
-    /// The data that `report.js` draws.
     body: Value,
 }
 
@@ -456,8 +450,8 @@ const PATH: &str = "<figure>
 </figure>
 ";
 
-/// Measured values and targets. Motors whose labels start with the same word share a plot, if
-/// they have targets of the same kind: a new motor finds its place by itself.
+/// Plots of measurements and targets: one for all motors with the same first word and kind of
+/// target.
 fn motion_charts(recording: &Recording) -> Vec<Chart> {
     let plot = |track: &MotorTrack| (split(track.motor.label).0, Scale::of(track));
     let stride = stride(recording);
@@ -478,7 +472,7 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
     by_plot(&recording.motors, plot).into_iter().map(chart).collect()
 }
 
-/// Tracks with the same key together, in the order of their coming.
+/// Groups of tracks with the same key, in order of appearance.
 fn by_plot<T, K: PartialEq>(tracks: &[T], key: impl Fn(&T) -> K) -> Vec<(K, Vec<&T>)> {
     let mut groups: Vec<(K, Vec<&T>)> = Vec::new();
     for track in tracks {
@@ -503,7 +497,7 @@ fn curves(stride: usize, unit: &str, places: u8, least: f64, series: Value) -> V
     })
 }
 
-/// The robot's own signals. Those of one unit whose labels start with the same word share a plot.
+/// Plots of own signals: one for all with the same unit and first word.
 fn signal_charts(recording: &Recording) -> Vec<Chart> {
     let plot = |track: &SignalTrack| (split(track.label).0, track.unit);
     let stride = stride(recording);
@@ -599,12 +593,12 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
             "lines": path_lines(recording, stride),
         },
     });
-    // Inside strings only, because JSON has no such sign elsewhere.
+    // Only strings have this sign in JSON.
     data.to_string().replace('<', "\\u003c")
 }
 
-/// The other lines in the picture of the path: where its wheels say that it was, where the robot
-/// believed to be, and where it was to be; `report.css` has the colours.
+/// The other lines of the path plot: by the wheels, the estimate and the reference; `report.css`
+/// has the colours.
 fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
     let Some(base) = &recording.base else { return Vec::new() };
     let Paths { estimate, reference } = Paths::of(base);
@@ -624,7 +618,7 @@ fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
     .collect()
 }
 
-/// States that can be seen of a motor, a robot, and a remote; `report.css` has a colour for each.
+/// States of a motor, a robot, and a remote; `report.css` has a colour for each.
 const STATES: [&str; 13] = [
     "run",
     "hold",
@@ -654,7 +648,7 @@ const fn state(sample: &MotorSample) -> u8 {
 }
 
 fn lane(track: &MotorTrack, source: Source) -> Value {
-    // On an emulated chip it is seen whether a motor is driven, not why; in a capture whether it is heard.
+    // An emulated chip shows whether a motor is driven, not why; a capture whether it is heard.
     let seen = |sample| match (state(sample), source) {
         (0, Source::Emulation) => 12,
         (0..=4, Source::Capture) => 11,
@@ -682,8 +676,8 @@ fn remote_lanes(recording: &Recording) -> Vec<Value> {
     lanes
 }
 
-/// The times in which no wheel of the base, or without one no motor, follows its target: the robot
-/// is disarmed, or something stopped it.
+/// The times in which no wheel (without a base: no motor) follows its target, in a stop for
+/// example.
 fn stops(recording: &Recording) -> Value {
     if recording.source == Source::Capture {
         return json!([]);
@@ -723,16 +717,13 @@ fn runs<T: PartialEq + Into<Value>>(values: impl Iterator<Item = T>) -> Vec<Valu
     stretches.into_iter().map(json).collect()
 }
 
-/// Writes the report and the buses' logs of a run into a folder that is there.
-///
-/// # Errors
-/// If they cannot be written.
+/// Writes the report and the bus logs of a run into an existing folder; fails if it cannot.
 pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> Result<()> {
     write_file(folder, "report.html", report(recording, figures).as_bytes())?;
     for bus in &recording.buses {
         let name = format!("bus{}.log", bus.number);
         if recording.no_logs {
-            // One of a run before would be taken for this one's.
+            // The file of an earlier run would be taken for this one's.
             let _ = fs::remove_file(folder.join(name));
         } else {
             write_file(folder, &name, bus.log.as_bytes())?;

@@ -1,4 +1,4 @@
-//! The robot of `rc10-robot`, for the tools. It is the robot of the `rc10` command.
+//! The robot of `rc10-robot`, which is that of the `rc10` command, for the tools.
 
 pub(crate) mod operator;
 
@@ -17,7 +17,7 @@ use crate::robot::remote::RemoteControl;
 use crate::run::build::build_firmware_of;
 use crate::world::robot::Robot;
 
-/// Its IMU is there: `firmware/board/src/h723zg.rs`.
+/// UART of the IMU, as in `firmware/board/src/h723zg.rs`.
 const IMU_UART: u8 = 7;
 
 /// The description of the team's robot.
@@ -37,9 +37,9 @@ pub fn description() -> Description {
     }
 }
 
-/// kg m² and N m at the output shaft; our estimates. The wheels get theirs from the base, and the
-/// weight of the lift pulls every one of its shafts down. It hangs a quarter of a turn above its floor
-/// at power-on: so one can see whether it is held or let go.
+/// Inertias (kg m²) and torques (N m) at the output shaft; our estimates. The wheels get theirs
+/// from the base. The weight of the lift pulls each of its shafts down; it hangs a quarter of a
+/// turn above its floor at power-on, so that one can see whether it is held or let go.
 fn plant(name: Name) -> Plant {
     match name {
         Name::Yaw => Plant::inertia(0.02),
@@ -66,7 +66,7 @@ pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> 
     robot_of(description(), io, buses)
 }
 
-/// The same of another description: with another script, for example.
+/// The robot with another description, for example with another script.
 #[must_use]
 pub fn robot_of<'r>(
     description: Description,

@@ -1,18 +1,18 @@
-//! The script of the team's remote: ten seconds that show everything. The meaning of the controls
-//! stands in `rc10_robot::driver`.
+//! The script of the team's remote: ten seconds that show everything. Controls:
+//! `rc10_robot::driver`.
 
 use rc10_can::Micros;
 use rc10_robot::table::{FEEDER, FULL_STICK, GIMBAL_RATES, LIFT_RATE};
 use rc10_sim::remote::{Controls, Stick, Switch};
 
-use crate::robot::remote::Line;
+use crate::robot::remote::ScriptLine;
 
-/// It begins again after this.
+/// Period of the script.
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
 
-/// Milliseconds since power-on, and what hands do from then on. A stick that turns something for
-/// some time turns it by an angle, more or less: that of the gimbal by the angles in brackets.
-pub const SCRIPT: [Line; 22] = [
+/// Times in ms since power-on, and the controls from then on. A stick that turns a motor for some
+/// time turns it by about the angle that stands there; for the gimbal yaw and pitch in brackets.
+pub const SCRIPT: [ScriptLine; 22] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "square: forward", drive(1.2, 0.0, 0.0)),
@@ -42,11 +42,11 @@ pub const SCRIPT: [Line; 22] = [
     at(9850, "stand", ARMED),
 ];
 
-/// Armed, to drive, sticks let go.
+/// Controls of an armed robot in driving mode with sticks at rest.
 const ARMED: Controls = Controls::REST;
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
-    Line { at: Micros::from_millis(millis), label, controls }
+const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine {
+    ScriptLine { at: Micros::from_millis(millis), label, controls }
 }
 
 /// Moves the base: m/s forward, m/s left, rad/s counter-clockwise.
@@ -56,8 +56,7 @@ const fn drive(forward: f64, left: f64, turn: f64) -> Controls {
     Controls { left: stick, right, ..ARMED }
 }
 
-/// Turns the gimbal: yaw and pitch in degrees per second; the feeder, rpm; and the lift, degrees per
-/// second.
+/// Turns gimbal (yaw and pitch, degrees/s), feeder (rpm) and lift (degrees/s).
 const fn mechanisms(yaw: f64, pitch: f64, feeder: f64, lift: f64) -> Controls {
     let [full_yaw, full_pitch] = GIMBAL_RATES;
     Controls {
@@ -74,7 +73,7 @@ mod tests {
 
     #[test]
     fn no_stick_is_asked_for_more_than_it_can() {
-        for Line { label, controls: Controls { left, right, .. }, .. } in SCRIPT {
+        for ScriptLine { label, controls: Controls { left, right, .. }, .. } in SCRIPT {
             let within =
                 [left.x, left.y, right.x, right.y].map(|axis| (-1.0..=1.0).contains(&axis));
             assert_eq!(within, [true; 4], "{label}");

@@ -1,4 +1,4 @@
-//! A robot as it is really built: its description, but for the [mistakes](crate::robot::mistake).
+//! A robot as it is really built: its description with its [mistakes](crate::robot::mistake).
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_motor::rc10_app::Direction;
@@ -11,17 +11,16 @@ use crate::robot::description::Description;
 use crate::robot::mistake::{Mistake, Quantity};
 use crate::robot::motor::{Device, Motor};
 
-/// The robot as it is really built: the description's motors and base, but for the mistakes.
+/// Motors and base of a description with its mistakes.
 pub struct Built {
-    /// The motors, in the order of the description: each with what its place has.
+    /// The motors, in the order of the description, each with the load of its place.
     pub motors: Vec<Motor>,
     /// The base.
     pub chassis: Option<Chassis>,
-    /// Changes to motors, by their places in `motors`, made when they are plugged in.
+    /// Changes to motors, by index into `motors`, made when they are plugged in.
     changes: Vec<(usize, Change)>,
 }
 
-/// A change to a simulated motor.
 enum Change {
     Gear(f64),
     PolePairs(u8),
@@ -30,11 +29,10 @@ enum Change {
 }
 
 impl Built {
-    /// The robot of a description with its mistakes.
+    /// Builds the robot of a description with its mistakes.
     ///
     /// # Errors
-    /// If a mistake names no motor of it, or more than one; or a base that it does not have; or the
-    /// motors to swap are not of one model.
+    /// A mistake names no or several motors, a missing base, or motors to swap of different models.
     pub fn new(description: &Description) -> Result<Self> {
         let mut built = Self {
             motors: description.motors.clone(),
@@ -116,10 +114,7 @@ impl Built {
         Ok(())
     }
 
-    /// Makes the changes to a motor that has just been plugged in.
-    ///
-    /// # Errors
-    /// If its device has no such number.
+    /// Makes the changes to a motor that was just plugged in; fails if its device cannot have one.
     pub fn finish(&self, index: usize, twin: &Esc) -> Result<()> {
         let motor = &self.motors[index];
         let model = motor.name().model;

@@ -8,7 +8,6 @@ use rc10_sim::{Nanos, Serial, SerialConfig, SerialDevice, UartFault, UartPort, W
 /// The console of the board: USART1.
 pub const CONSOLE: u8 = 1;
 
-/// A PC at the far end of a line.
 #[derive(Default)]
 struct Pc {
     heard: Vec<u8>,
@@ -31,43 +30,43 @@ impl SerialDevice for Pc {
     }
 }
 
-/// The line, as the PC has it.
+/// The PC's end of a console.
 #[derive(Clone)]
-pub struct Line(Serial);
+pub struct ConsoleLine(Serial);
 
-impl Line {
-    /// A line of this bit rate.
+impl ConsoleLine {
+    /// Creates a line with this bit rate.
     #[must_use]
     pub fn new(world: &mut World, baud: u32) -> Self {
         let config = SerialConfig { baud, receive_capacity: 4096, ..SerialConfig::default() };
         Self(world.add_serial(config, Pc::default()))
     }
 
-    /// The wire itself.
+    /// The wire of the line.
     #[must_use]
     pub const fn serial(&self) -> &Serial {
         &self.0
     }
 
-    /// The robot's port, which waits until what it writes has left, as that of a chip.
+    /// The robot's port, which waits like a chip's until its bytes have left.
     #[must_use]
     pub fn port(&self) -> ConsolePort {
         ConsolePort(self.0.port())
     }
 
-    /// Sends some bytes to the robot.
+    /// Sends bytes to the robot.
     pub fn send(&self, bytes: &[u8]) {
         self.0.with(|pc: &mut Pc| pc.to_send.extend(bytes));
     }
 
-    /// What the robot sent since the last call.
+    /// The bytes that the robot sent since the last call.
     #[must_use]
     pub fn take(&self) -> Vec<u8> {
         self.0.with(|pc: &mut Pc| std::mem::take(&mut pc.heard)).unwrap_or_default()
     }
 }
 
-/// The robot's end of a [`Line`].
+/// The robot's end of a [`ConsoleLine`].
 #[derive(Clone)]
 pub struct ConsolePort(UartPort);
 
@@ -93,5 +92,5 @@ impl Write for ConsolePort {
     }
 }
 
-/// A console's bit rate, unless the robot's description has another one: what every USB adapter can.
+/// Default bit rate of a console, in bit/s: every USB adapter has it.
 pub const BAUD: u32 = 921_600;

@@ -16,11 +16,11 @@ use crate::robot::description::Description;
 use crate::robot::operator::Operator;
 use crate::robot::remote::{Receiver, ReceiverWire};
 use crate::world::built::Built;
-use crate::world::console::Line;
+use crate::world::console::ConsoleLine;
 
 /// The environment of a robot: a simulated world.
 pub struct Environment {
-    /// Time, and everything in it.
+    /// The simulated world and its time.
     pub world: World,
     /// The wires; bus 1 is the first.
     pub wires: Vec<rc10_sim::Bus>,
@@ -30,16 +30,16 @@ pub struct Environment {
     pub motors: Vec<Esc>,
     /// The base on its wheels, if the robot has one.
     pub base: Option<Base>,
-    /// The parts on its UARTs, in the order of [`Description::serials`].
+    /// The parts on UARTs, in the order of [`Description::serials`].
     pub serials: Vec<Serial>,
-    /// The switches and markers on its motors' shafts, in the order of [`Description::contacts`].
+    /// The switches and markers on motors' shafts, in the order of [`Description::contacts`].
     pub contacts: Vec<Contact>,
-    /// Its remote with the receiver, if it has one.
+    /// The remote with the receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
-    /// The operator of that remote.
+    /// The operator of the remote.
     pub operator: Option<Operator>,
-    /// The line from its console to a PC, if there is one: [`with_console`](Self::with_console).
-    pub console: Option<Line>,
+    /// The line from the console to a PC: [`with_console`](Self::with_console).
+    pub console: Option<ConsoleLine>,
 }
 
 /// A remote, and its receiver at the end of a wire.
@@ -49,27 +49,24 @@ pub struct RemoteLink {
     pub remote: Remote,
     /// The kind of receiver.
     pub receiver: Receiver,
-    /// Its wire.
+    /// Wire of the receiver.
     pub wire: ReceiverWire,
 }
 
 type Named<T> = Vec<(String, T)>;
 
 impl Environment {
-    /// The environment of a description, with its mistakes, and all chance from `seed`.
+    /// Builds the environment of a description, with its mistakes, and all chance from `seed`.
     ///
     /// # Errors
-    /// If a mistake cannot be made; if a motor has no simulated ESC, or is on a bus that the robot
-    /// does not have; if the wheels of the base are not as many motors, one each; or if a contact is on
-    /// no motor, or would never be closed or never open.
+    /// A mistake cannot be made; a motor has no simulated ESC, or is on a missing bus; the wheels
+    /// of the base are not as many motors, one each; or a contact is on no motor, never closed or
+    /// never open.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
         Self::starting_at(Micros::ZERO, description, seed)
     }
 
-    /// The same in a world that starts at a later time.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
+    /// Builds it like [`new`](Self::new), in a world that starts at a later time.
     pub fn starting_at(start: Micros, description: &Description, seed: u64) -> Result<Self> {
         let mut world = World::starting_at(start, seed);
         let wires: Vec<_> =
@@ -138,17 +135,14 @@ impl Environment {
         Ok(Self { world, wires, lines, motors, base, serials, contacts, remote, operator, console })
     }
 
-    /// The faults of a description, in this environment.
-    ///
-    /// # Errors
-    /// If one is on a bus or a line that is not there.
+    /// The faults of a description in this environment; fails if a bus or line does not exist.
     pub fn faults(&self, description: &Description) -> Result<Faults> {
         let faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
         let (serials, contacts) = self.parts(description);
         Ok(faults.with_parts(serials, contacts))
     }
 
-    /// The parts on its UARTs by their labels, and its contacts by those of their motors.
+    /// The parts on UARTs by their labels, and the contacts by their motors'.
     pub(crate) fn parts(&self, description: &Description) -> (Named<Serial>, Named<Contact>) {
         let serials = description.serials.iter().map(|part| part.label.to_owned());
         let motors = description.contacts.iter().filter_map(|it| description.motors.get(it.motor));
@@ -159,15 +153,14 @@ impl Environment {
         )
     }
 
-    /// With a PC at its console.
+    /// Adds a PC at the console.
     #[must_use]
     pub fn with_console(mut self, baud: u32) -> Self {
-        self.console = Some(Line::new(&mut self.world, baud));
+        self.console = Some(ConsoleLine::new(&mut self.world, baud));
         self
     }
 
-    /// Runs the robot's tasks and its operator up to a time. A robot that has
-    /// nothing more to do does not stop time.
+    /// Runs the robot's tasks and its operator up to a time; time goes on also without tasks.
     pub fn run(&mut self, tasks: &mut Tasks<'_>, until: Micros) {
         let Self { world, operator, .. } = self;
         operate(operator.as_mut(), until, |until| {
@@ -180,10 +173,7 @@ impl Environment {
     }
 }
 
-/// Lets time pass by `run`, up to each moment at which an operator does something, and to `until`.
-///
-/// # Errors
-/// That of `run`.
+/// Advances time by `run` to each action of an operator, and to `until`; fails if `run` does.
 pub fn operate<E>(
     mut operator: Option<&mut Operator>,
     until: Micros,
@@ -200,7 +190,7 @@ pub fn operate<E>(
     }
 }
 
-/// The first whole microsecond that is not before it: tasks know no finer time.
+/// The first whole microsecond that is not before a time: tasks know no finer time.
 pub(crate) const fn rounded_up(time: Nanos) -> Micros {
     Micros::new(time.get().div_ceil(1000))
 }

@@ -1,4 +1,4 @@
-//! Ends a program whose robot does not let virtual time pass: one of its tasks never waits.
+//! Ends a program whose robot stops virtual time: one of its tasks never waits.
 
 use std::sync::{Arc, Mutex, Once, PoisonError, Weak};
 use std::thread;
@@ -8,9 +8,9 @@ use rc10_sim::Running;
 
 use crate::terminal::tell;
 
-/// From one look to the next. Looks are counted, not the time: a program that was suspended goes on.
+/// Period of looks. Looks are counted, not time, so that a suspended program goes on.
 const LOOK: Duration = Duration::from_millis(100);
-/// Looks at one and the same poll of a task: 5 s.
+/// Number of looks at one poll of a task: 5 s.
 const LOOKS: u32 = 50;
 
 struct Watched {
@@ -21,13 +21,13 @@ struct Watched {
 
 static WATCHED: Mutex<Vec<Watched>> = Mutex::new(Vec::new());
 
-/// Watches tasks until they are dropped. One that does not return for 5 s ends the program, with exit
+/// Watches tasks until they are dropped; one that does not return for 5 s ends the program with
 /// code 3.
 pub(crate) fn watch(running: &Arc<Running>) {
     static THREAD: Once = Once::new();
     let watched = Watched { running: Arc::downgrade(running), poll: None, looks: 0 };
     WATCHED.lock().unwrap_or_else(PoisonError::into_inner).push(watched);
-    // Without a thread for it nothing is watched, and all else goes on.
+    // Without a thread nothing is watched, and all else goes on.
     THREAD.call_once(|| drop(thread::Builder::new().name("hang".into()).spawn(look)));
 }
 

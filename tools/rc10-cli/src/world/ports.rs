@@ -1,4 +1,4 @@
-//! The ports by which a run watches a robot's motors, buses and lines.
+//! The access of a run to a robot's motors, buses and lines.
 
 use std::rc::Rc;
 
@@ -20,28 +20,28 @@ pub struct Ports<'r> {
     pub buses: Vec<&'r BusPort>,
     /// The lines.
     pub lines: Vec<&'r Rs485Port>,
-    /// Its arm switch.
+    /// The arm switch.
     pub switch: Option<&'r ArmSwitch>,
-    /// What it tells of itself as a whole, now.
+    /// The robot's own state as a whole, now.
     pub whole: Option<Rc<dyn Fn() -> Whole + 'r>>,
-    /// Counters of its remote's receiver.
+    /// Counters of the remote's receiver.
     pub reception: Option<&'r Reception>,
-    /// Counters of the parts on its UARTs, in the order of [`Description::serials`].
+    /// Counters of the parts on UARTs, in the order of [`Description::serials`].
     pub parts: Vec<&'r Reception>,
-    /// Signals of its own.
+    /// Own signals.
     pub signals: Vec<Signal<'r>>,
-    /// Parameters of its own.
+    /// Own parameters.
     pub parameters: Vec<&'r Parameter>,
-    /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted; and the
-    /// label of the signal that says the same of the robot that really runs.
+    /// Label of the yaw signal, and the yaw by the IMU: degrees counter-clockwise, all turns
+    /// counted.
     pub yaw: Option<(&'static str, Yaw<'r>)>,
 }
 
-/// Which way a robot looks at a time, if it knows.
+/// A function that gives a robot's yaw at a time, if it is known.
 pub type Yaw<'r> = Rc<dyn Fn(Micros) -> Option<f64> + 'r>;
 
 impl<'r> Ports<'r> {
-    /// The port of the motor in an entry of [`Description::motors`], if it is plugged in here.
+    /// The port of the motor with this index into [`Description::motors`], if plugged in here.
     #[must_use]
     pub fn motor(&self, description: &Description, entry: usize) -> Option<MotorPort<'r>> {
         let motor = description.number(entry)?;

@@ -1,4 +1,4 @@
-//! A robot that is set up: its description with the running part that a robot crate hands over.
+//! A robot that is set up: its description, with the buses and tasks of a robot crate.
 
 use std::iter::zip;
 use std::pin::Pin;
@@ -28,12 +28,10 @@ use crate::world::environment::Environment;
 use crate::world::hang;
 use crate::world::ports::Ports;
 
-/// Bytes that a frame of eight bytes takes in a log, between those of a standard and an extended
-/// one.
+/// Bytes in a log of a frame with eight bytes, between a standard and an extended one.
 const LOG_LINE: u64 = 47;
 
-/// A robot that is set up and has not begun: its description, its buses with their motors, and its
-/// tasks.
+/// A robot that is set up and has not begun: its description, its buses with motors, and its tasks.
 pub struct Robot<'r> {
     description: Description,
     buses: Vec<MotorBus<'r>>,
@@ -42,11 +40,9 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
-    /// A task that reads the contacts, and how many.
     contacts: Option<(usize, ReadContacts<'r>)>,
-    /// Serves a PC at its console.
     console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
-    /// It runs even if motors do not fit on a bus.
+    /// Whether it runs even if motors do not fit on a bus.
     is_forced: bool,
 }
 
@@ -62,7 +58,7 @@ fn boxed<'r, T>(name: TaskName, task: impl Future<Output = T> + 'r) -> Task<'r> 
 }
 
 impl<'r> Robot<'r> {
-    /// A robot without buses and tasks.
+    /// Creates a robot without buses and tasks.
     #[must_use]
     pub const fn new(description: Description) -> Self {
         let ports = Ports {
@@ -90,8 +86,8 @@ impl<'r> Robot<'r> {
         }
     }
 
-    /// A robot with the buses and lines of its declaration, the switch that arms it, a console for a
-    /// PC, and, if a remote is described, the task that listens to its receiver.
+    /// Creates a robot with the buses, lines and arm switch of its declaration, a console for a PC
+    /// and, if a remote is described, the task for its receiver.
     #[must_use]
     pub fn of<N: Names, const BUSES: usize, const LINES: usize>(
         description: Description,
@@ -115,7 +111,7 @@ impl<'r> Robot<'r> {
         })
     }
 
-    /// Adds its next bus, and the port that its tasks know it by.
+    /// Adds the next bus, and its port for tasks.
     #[must_use]
     pub fn bus(mut self, bus: MotorBus<'r>, port: &'r BusPort) -> Self {
         self.buses.push(bus);
@@ -123,7 +119,7 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds its next RS-485 line, and the port that its tasks know it by.
+    /// Adds the next RS-485 line, and its port for tasks.
     #[must_use]
     pub fn line(mut self, line: Rs485Bus<'r>, port: &'r Rs485Port) -> Self {
         self.lines.push(line);
@@ -131,7 +127,7 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds a task of its own; the buses' tasks are there already.
+    /// Adds an own task, beside those of the buses.
     #[must_use]
     #[track_caller]
     pub fn task<T, F: Future<Output = T> + 'r>(mut self, task: F) -> Self {
@@ -139,8 +135,8 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds the task that reads its contacts, the switches and markers on its motors' shafts: they are
-    /// inputs, low while they are closed, in the order in which they are described.
+    /// Adds the task that reads the contacts on motors' shafts: inputs, low while they are closed,
+    /// in the order of the description.
     ///
     /// ```
     /// # use rc10_cli::{Description, Robot};
@@ -161,25 +157,24 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Says what arms it, so that reports can show when it was.
+    /// Sets the arm switch, for the times in reports.
     #[must_use]
     pub const fn switch(mut self, switch: &'r ArmSwitch) -> Self {
         self.ports.switch = Some(switch);
         self
     }
 
-    /// Says which way its IMU says that it looks, degrees counter-clockwise with all turns counted:
-    /// so that a run can compare its wheels with that. `signal` is the label of the signal of its own that
-    /// says the same of the robot that really runs.
+    /// Sets the yaw by the IMU, degrees counter-clockwise, all turns counted, which a run compares
+    /// with the wheels. `signal` is the label of the own signal with the yaw of a real robot.
     #[must_use]
     pub fn yaw(mut self, signal: &'static str, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
         self.ports.yaw = Some((signal, Rc::new(yaw)));
         self
     }
 
-    /// Says which signals of its own are its pose by its odometry, so that a run can compare that with
-    /// where the base is: labels of x and y in m, and of the way it looks, in rad if that is the
-    /// signal's unit, else in degrees. Where it says something first, it is taken to be right.
+    /// Sets the own signals of the pose by odometry, which a run compares with the true one: labels
+    /// of x and y in m, and of the yaw in rad if that is the signal's unit, else in degrees. The
+    /// first pose is taken as right.
     ///
     /// ```
     /// # use rc10_cli::{Description, Robot};
@@ -196,15 +191,15 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Says which signals of its own are the pose that its base is to have now, in the axes of its
-    /// [`estimate`](Self::estimate), so that a run can compare its path with that. The same labels.
+    /// Sets the own signals of the reference pose, in the axes and form of the
+    /// [`estimate`](Self::estimate), which a run compares with the path.
     #[must_use]
     pub const fn reference(mut self, signals: PoseSignals) -> Self {
         self.description.reference = Some(signals);
         self
     }
 
-    /// Adds the task that listens to the receiver of its remote, and where that counts.
+    /// Adds the task that listens to the remote's receiver, and its counters.
     #[must_use]
     #[track_caller]
     pub fn remote<F: Future + 'r>(
@@ -218,8 +213,8 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds a signal of its own: a value of its tasks that a run records, with its unit; `None`
-    /// while there is none.
+    /// Adds an own signal: a value of the tasks that a run records, with its unit; `None` without a
+    /// value.
     #[must_use]
     pub fn signal(
         mut self,
@@ -231,7 +226,7 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Shows a PC at its console `own` too, and lets it change that; a run records its signals.
+    /// Adds own signals and parameters for a PC at the console; a run records the signals.
     #[must_use]
     #[track_caller]
     pub fn live<N: Names, const BUSES: usize, const LINES: usize>(
@@ -259,7 +254,7 @@ impl<'r> Robot<'r> {
         robot
     }
 
-    /// Adds the task that speaks with its next part on a UART, and where its bytes are counted.
+    /// Adds the task of the next part on a UART, and the counters of its bytes.
     #[must_use]
     #[track_caller]
     pub fn serial<F: Future + 'r>(
@@ -273,10 +268,7 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Plugs another receiver in.
-    ///
-    /// # Errors
-    /// If it has no remote, or none with such a receiver.
+    /// Plugs in another receiver; fails without a remote, or if it does not support this receiver.
     pub fn set_remote(&mut self, receiver: Receiver) -> Result<()> {
         match &mut self.description.remote {
             Some(remote) => remote.plug(receiver),
@@ -284,11 +276,10 @@ impl<'r> Robot<'r> {
         }
     }
 
-    /// Says what will go wrong around it.
+    /// Sets the faults of a run.
     ///
     /// # Errors
-    /// If a fault is on a bus or a line that it does not have; if it has no remote to lose, or one
-    /// is lost that is lost already.
+    /// A fault is on a missing bus or line; or a remote is missing or lost already.
     pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
         let Description { buses, lines, remote, serials, contacts, motors, .. } =
             &mut self.description;
@@ -319,20 +310,15 @@ impl<'r> Robot<'r> {
         Ok(())
     }
 
-    /// Says what is built otherwise than described: the world around it will be, and it will not
-    /// know.
-    ///
-    /// # Errors
-    /// If a mistake concerns a motor or a base that it does not have.
+    /// Sets the mistakes, which the world has and the robot does not know. Fails if one concerns a
+    /// missing motor or base.
     pub fn set_mistakes(&mut self, mistakes: &[Mistake]) -> Result<()> {
         self.description.mistakes = mistakes.into();
         Built::new(&self.description).map(|_| ())
     }
 
-    /// Lets this go wrong in a simulation by `command`.
-    ///
-    /// # Errors
-    /// If that cannot happen to the robot, or there is no chip that it could happen to.
+    /// Injects faults and mistakes into a simulation by `command`; fails if the robot or a
+    /// simulation cannot have them.
     pub fn inject(&mut self, injected: &Injected, command: &str) -> Result<()> {
         let Injected { faults, mistakes } = injected;
         if let Some(Fault { kind, .. }) = faults.iter().find(|fault| fault.kind.is_of_chip()) {
@@ -342,12 +328,12 @@ impl<'r> Robot<'r> {
         self.set_mistakes(mistakes)
     }
 
-    /// Whether the buses' logs are only hashed: those of an hour are too large for many a memory.
+    /// Sets whether bus logs are only hashed: those of an hour take much memory.
     pub const fn set_no_logs(&mut self, no_logs: bool) {
         self.description.no_logs = no_logs;
     }
 
-    /// Bytes that the buses' logs of a run take, by the planned load; 0 if they are not kept.
+    /// Bytes of a run's bus logs, by the planned load; 0 if they are not kept.
     #[must_use]
     pub fn log_size(&self, length: Micros) -> u64 {
         if self.description.no_logs {
@@ -358,33 +344,31 @@ impl<'r> Robot<'r> {
         a_second * LOG_LINE * length.get() / 1_000_000
     }
 
-    /// Whether it serves a PC.
     pub(crate) const fn has_console(&self) -> bool {
         self.console.is_some()
     }
 
-    /// Its description.
+    /// The description of the robot.
     #[must_use]
     pub const fn description(&self) -> &Description {
         &self.description
     }
 
-    /// Its own signals.
     pub(crate) fn signals(&self) -> &[Signal<'r>] {
         &self.ports.signals
     }
 
-    /// The ports of its buses and lines.
+    /// The ports of the buses and lines.
     #[must_use]
     pub fn ports(&self) -> Ports<'r> {
         self.ports.clone()
     }
 
-    /// Whether the motors fit on their buses: says on stderr which buses are tight. `force` lets the
-    /// robot run all the same, and then says what will be lost.
+    /// Checks that the motors fit on their buses, and prints to stderr which buses are tight. With
+    /// `force` the robot runs all the same, and losses are printed.
     ///
     /// # Errors
-    /// If its buses are not as described; without `force`, if the motors of a bus do not fit on it.
+    /// Its buses are not as described; or, without `force`, motors do not fit on a bus.
     pub fn fit(&mut self, force: bool) -> Result<()> {
         self.is_forced = force;
         if force {
@@ -399,7 +383,7 @@ impl<'r> Robot<'r> {
         Ok(())
     }
 
-    /// The control loops of each motor in its table, where they run here and not in the device.
+    /// The control loops of each motor in the table; `None` if they run in the device.
     #[must_use]
     pub fn loops(&self) -> Vec<Option<Loops>> {
         let loops = |entry: usize| {
@@ -413,11 +397,8 @@ impl<'r> Robot<'r> {
         (0..self.description.motors.len()).map(loops).collect()
     }
 
-    /// Its buses' runners on the wires around it, bus 1 on the first of them, those of its lines on
-    /// the lines, its own tasks, and those of what is on its UARTs.
-    ///
-    /// # Errors
-    /// If its buses, lines or UARTs are not as described.
+    /// Creates all tasks: those of buses and lines on the wires and lines of `around`, in order,
+    /// those of parts on UARTs, and own ones. Fails if buses, lines or UARTs are not as described.
     pub fn tasks(self, around: &Environment) -> Result<Tasks<'r>> {
         self.check()?;
         let mut tasks = Tasks::new();
@@ -450,17 +431,13 @@ impl<'r> Robot<'r> {
         Ok(tasks)
     }
 
-    /// Takes it apart: its description, and its buses and lines, which do not run.
-    ///
-    /// # Errors
-    /// If its buses are not as described.
+    /// Takes it apart into its description, buses and lines; fails if they do not match.
     pub fn into_buses(self) -> Result<(Description, Vec<MotorBus<'r>>, Vec<Rs485Bus<'r>>)> {
         self.check()?;
         Ok((self.description, self.buses, self.lines))
     }
 
-    /// Whether the motors on the buses and lines are those of the description: otherwise every
-    /// figure would stand beside another motor's name.
+    /// Checks the motors on buses and lines against the description, whose names the figures have.
     fn check(&self) -> Result<()> {
         let (buses, described) = (self.buses.len(), self.description.buses);
         ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
@@ -518,8 +495,7 @@ impl<'r> Robot<'r> {
     }
 }
 
-/// The text on a bus that is tight, or too small for its motors: how much they need, which they
-/// are, and what to change.
+/// The text on a bus that is tight or too small: its load, its motors, and what to change.
 fn overload(number: u8, bus: &MotorBus<'_>, description: &Description) -> String {
     let load = bus.load(BITS_PER_SECOND);
     let mut rates: Vec<(u32, Vec<String>)> = Vec::new();

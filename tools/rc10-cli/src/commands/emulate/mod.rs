@@ -44,7 +44,7 @@ pub struct EmuArgs {
     /// The board, h723zg or dm-mc02 [default: the one that the program is for]; without a program, the one to build it for
     #[arg(long, value_name = "NAME", value_parser = board::named)]
     pub board: Option<Board>,
-    /// Its crystal, if another one is soldered on by mistake
+    /// Crystal on the board in MHz, if another one is soldered on by mistake
     #[arg(long, value_name = "MHZ", value_parser = board::crystal)]
     pub crystal: Option<u64>,
     #[command(flatten)]
@@ -68,11 +68,11 @@ pub struct EmuArgs {
     pub force: bool,
 }
 
-/// Runs a program, writes the files, prints the figures. Whether the run had problems.
+/// Runs a program, writes the files and prints the figures; returns whether the run had problems.
 ///
 /// # Errors
-/// If there is no program, or it is none, or one for another chip; if a fault cannot happen; if the
-/// robot's motors do not fit on their buses; if the folder cannot be written.
+/// The program is missing, invalid or for another chip; a fault cannot happen; the robot's motors
+/// do not fit on their buses; or the folder cannot be written.
 pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.injected.faults, args.seconds)?;
     robot.fit(args.force)?;

@@ -17,10 +17,8 @@ use crate::show::figures::{
     remote_lines,
 };
 
-/// Number of functions that are listed.
 const TOP_FUNCTIONS: usize = 12;
 
-/// A run that has ended.
 pub(super) struct Outcome<'a> {
     rig: &'a Rig,
     figures: Figures,
@@ -38,7 +36,7 @@ fn seconds(time: Nanos) -> f64 {
     time.get() as f64 * 1e-9
 }
 
-/// The shortest and longest of all buses, the mean over all ticks.
+/// The shortest and longest tick of all buses, and the mean over all ticks.
 fn over_all(buses: &[BusFigures]) -> Option<Spread> {
     let periods = || buses.iter().filter_map(|bus| bus.tick_period);
     let count: u64 = periods().map(|period| period.count).sum();
@@ -67,7 +65,6 @@ impl<'a> Outcome<'a> {
         Self { rig, figures: Figures::of(rig), recording, run, faults, log }
     }
 
-    /// Everything that happened at one moment, in the order of time.
     fn timeline(&self) -> Vec<(Nanos, String)> {
         let machine = &self.rig.machine;
         let mut lines: Vec<(Nanos, String)> = Vec::new();
@@ -155,7 +152,7 @@ impl<'a> Outcome<'a> {
         })
     }
 
-    /// `took` is how long it took on this machine.
+    /// The figures as text; `took` is how long the run took on this machine.
     pub(super) fn text(&self, took: Duration) -> String {
         let mut text = String::new();
         // Writing to a string does not fail.
@@ -245,7 +242,6 @@ impl<'a> Outcome<'a> {
         writeln!(text, "content        {}\n", content_hash(self.rig))
     }
 
-    /// The share of all instructions, per cent.
     fn share(&self, instructions: u64) -> f64 {
         instructions as f64 * 100.0 / self.figures.instructions.max(1) as f64
     }

@@ -12,7 +12,7 @@ use crate::robot::description::Description;
 use crate::robot::motor::Place;
 use crate::run::board;
 
-/// Adds what the program warns of in its log, once each. Where a fault is injected, it has reason to.
+/// Adds the warnings of the program's log, once each; not in a run with faults, which cause some.
 pub(super) fn warnings(log: &[LogLine], recording: &Recording, found: &mut Vec<Problem>) {
     let mut told = BTreeSet::new();
     for line in log.iter().filter(|_| recording.faults.is_empty()) {
@@ -25,8 +25,7 @@ pub(super) fn warnings(log: &[LogLine], recording: &Recording, found: &mut Vec<P
     }
 }
 
-/// The cause of a restart; of a program that hung with the function that it hung in, by the address that its next run
-/// has told.
+/// The cause of a restart; after a hang with the function, by the address that the next run logged.
 pub(super) fn cause_of(restart: &Restart, machine: &Machine, log: &[LogLine]) -> String {
     let cause = format!("{:?}", restart.cause);
     let next = machine.restarts().iter().map(|other| other.at).find(|&at| at > restart.at);
@@ -40,7 +39,7 @@ pub(super) fn cause_of(restart: &Restart, machine: &Machine, log: &[LogLine]) ->
     }
 }
 
-/// Adds what is to be said of the chip. What its faults must do is no problem.
+/// Adds the problems of the chip. The effects that its faults must have are no problem.
 pub(super) fn search(
     rig: &Rig,
     description: &Description,

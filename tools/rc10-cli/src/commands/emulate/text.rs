@@ -4,10 +4,9 @@ use std::fmt::Write as _;
 
 use rc10_emu::peripherals::SentByte;
 
-/// The text of one UART.
 pub(super) struct UartText {
     uart: u8,
-    /// Its lines, each behind its time in seconds.
+    /// The lines of the text, each behind its time in seconds.
     pub lines: String,
 }
 
@@ -17,7 +16,7 @@ impl UartText {
     }
 }
 
-/// Those UARTs that speak in words: at most one byte in a hundred is none of a text.
+/// The UARTs that send text: at most one byte in a hundred is not part of a text.
 pub(super) fn of(sent: &[SentByte]) -> Vec<UartText> {
     let texts = (1..=10).map(|uart| {
         let bytes = sent.iter().filter(move |byte| byte.uart == uart);

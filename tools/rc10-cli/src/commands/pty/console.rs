@@ -8,30 +8,27 @@ use rc10_can::Micros;
 
 use crate::commands::pty::PtyArgs;
 use crate::commands::pty::terminal::Terminal;
-use crate::live::line::Way;
+use crate::live::line::RobotConnection;
 
-/// Unread bytes beyond which some are lost: as at a port that is not read.
+/// Limit of unread bytes: further ones are lost, as at a port that is not read.
 const ROOM: usize = 64 * 1024;
 
-/// Runs the robot in real time until its time is over, or until `stop` is set. First it prints `pty` and
-/// the path of the pseudo-terminal, at the end what was lost.
-///
-/// # Errors
-/// If there is no pseudo-terminal to be had.
+/// Runs the robot in real time until its time is over or `stop` is set. Prints `pty` and the path
+/// of the pseudo-terminal first, and what was lost at the end. Fails without a pseudo-terminal.
 pub(crate) fn serve(
     args: &PtyArgs,
-    (way, baud): (&mut Way<'_>, u32),
+    (connection, baud): (&mut RobotConnection<'_>, u32),
     out: &mut dyn Write,
     stop: &AtomicBool,
 ) -> Result<()> {
     let terminal = Terminal::new(args.link.as_deref())?;
     let path = terminal.path().display();
-    let name = &way.name;
+    let name = &connection.name;
     writeln!(
         out,
         "pty {path}\nthe console of {name}, for example:\n  rc10 live {path} --baud {baud}"
     )?;
-    // A program that waits for the path need not wait for the end.
+    // A program that waits for the path shall not wait for the end.
     out.flush()?;
     let end = args.seconds.unwrap_or(Micros::new(u64::MAX));
     let (mut buffer, mut waiting, mut lost) = ([0; 4096], Vec::new(), 0);
@@ -39,7 +36,7 @@ pub(crate) fn serve(
     while now < end && !stop.load(Ordering::Relaxed) {
         let said = terminal.read(&mut buffer)?;
         let heard;
-        (heard, now) = way.source.exchange(said)?;
+        (heard, now) = connection.source.exchange(said)?;
         waiting.extend(heard);
         terminal.write(&mut waiting)?;
         let too_many = waiting.len().saturating_sub(ROOM);

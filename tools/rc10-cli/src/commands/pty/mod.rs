@@ -1,18 +1,14 @@
 //! `rc10 pty`: a simulated bus on a pseudo-terminal, as an [slcan](crate::formats::slcan) adapter.
 //!
-//! python-can, `SavvyCAN` or a vendor's tool joins the bus as one more node, beside the running robot
-//! or (`--alone`) with nothing but the simulated devices. There are two sorts of time.
+//! python-can, `SavvyCAN` or a vendor's tool joins the bus as one more node, beside the running
+//! robot or (`--alone`) with nothing but the simulated devices. There are two modes of time.
 //!
-//! **Real time**: the world's time follows the clock on the wall. What the client does not read is
-//! lost and counted. Should the machine be too slow for the world, its time falls behind, and how
-//! far is printed at the end.
+//! **Real time**: virtual time follows the clock. What the client does not read is lost and
+//! counted. If the machine is too slow, virtual time falls behind; the end of the run says how far.
 //!
-//! **Lockstep**: the world's time is the client's traffic. Time stands still until a frame of the
-//! client is taken, or an empty line while its channel is open; then it goes on by [`STEP`], and
-//! everything that was on the wire meanwhile is written before the next line is looked at. Nothing
-//! is lost: a client that does not read is not read any more. What the client gets depends on its
-//! bytes and the seed, on nothing else: not on how long it waits, nor on how its bytes come in
-//! pieces. A client that is quiet is a world that stands still.
+//! **Lockstep**: virtual time stands still until the client sends a frame, or an empty line while
+//! its channel is open. Then it advances by [`STEP`], and all frames of that step are written
+//! before the next line is read. Nothing is lost; client's bytes and seed alone decide the result.
 
 mod args;
 #[cfg(unix)]
@@ -35,10 +31,7 @@ pub use crate::commands::pty::args::{PtyArgs, STEP};
 #[cfg(unix)]
 pub use crate::commands::pty::unix::serve;
 
-/// Runs until its time is over, or until Ctrl-C.
-///
-/// # Errors
-/// As `serve`.
+/// Runs until its time is over or Ctrl-C; fails as `serve` does.
 #[cfg(unix)]
 pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -61,10 +54,7 @@ pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
     serve(args, robot, out, &stop)
 }
 
-/// Only Unix has pseudo-terminals.
-///
-/// # Errors
-/// Always.
+/// Fails always: only Unix has pseudo-terminals.
 #[cfg(not(unix))]
 pub fn pty(_: &PtyArgs, _: Robot<'_>, _: &mut dyn Write) -> Result<()> {
     anyhow::bail!("rc10 pty needs a pseudo-terminal, and this system has none: use Linux or macOS")

@@ -6,10 +6,8 @@ use crate::commands::pty::PtyArgs;
 use crate::world::environment::Environment;
 use crate::world::robot::Robot;
 
-/// The world, with or without the robot.
 pub(super) struct Scene<'r> {
     around: Environment,
-    /// The place of the client's bus among them.
     client: usize,
     tasks: Tasks<'r>,
 }
@@ -33,7 +31,6 @@ impl<'r> Scene<'r> {
         self.around.world.now()
     }
 
-    /// The client's.
     pub(super) fn wire(&self) -> &Bus {
         &self.around.wires[self.client]
     }

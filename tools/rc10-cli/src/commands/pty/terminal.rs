@@ -12,7 +12,6 @@ use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// A pseudo-terminal: our end of it.
 pub(super) struct Terminal {
     ours: OwnedFd,
     /// Kept open, so that clients may come and go.
@@ -22,8 +21,7 @@ pub(super) struct Terminal {
 }
 
 impl Terminal {
-    /// A new one that changes no byte; `link`: with a symbolic link to it, in the place of one that
-    /// was left behind.
+    /// Opens a pseudo-terminal that changes no byte; `link`: path of a symbolic link to it.
     pub(super) fn new(link: Option<&Path>) -> Result<Self> {
         let ours = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)
             .and_then(|ours| grantpt(&ours).map(|()| ours))
@@ -49,13 +47,11 @@ impl Terminal {
         Ok(Self { ours, _theirs: theirs, path, link: link.map(Path::to_owned) })
     }
 
-    /// The path under which clients open it.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Waits until the client has written something or, if there is something to `write`, has room
-    /// for it; at most `timeout`.
+    /// Waits, at most `timeout`, until there are bytes to read or room to write.
     pub(super) fn wait(&self, read: bool, write: bool, timeout: Duration) -> Result<()> {
         let mut wanted = PollFlags::empty();
         wanted.set(PollFlags::IN, read);
@@ -68,7 +64,6 @@ impl Terminal {
         }
     }
 
-    /// Reads the bytes that the client has written by now.
     pub(super) fn read<'b>(&self, buffer: &'b mut [u8]) -> io::Result<&'b [u8]> {
         match rustix::io::read(&self.ours, &mut *buffer) {
             Ok(count) => Ok(&buffer[..count]),
@@ -77,7 +72,7 @@ impl Terminal {
         }
     }
 
-    /// Passes on as much as there is room for, and takes it away from `bytes`.
+    /// Writes as much as there is room for, and removes it from `bytes`.
     pub(super) fn write(&self, bytes: &mut Vec<u8>) -> io::Result<()> {
         while !bytes.is_empty() {
             match rustix::io::write(&self.ours, bytes) {

@@ -1,4 +1,4 @@
-//! Input, output and the clock on the wall: nothing else looks at it.
+//! Input, output and the wall clock of `rc10 pty`.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,23 +13,22 @@ use crate::commands::pty::{PtyArgs, STEP};
 use crate::formats::slcan::adapter::{Adapter, Counts, Flow};
 use crate::world::robot::Robot;
 
-/// Unread bytes beyond which frames are lost in real time, and commands wait in lockstep: a quarter
-/// of a second of a full bus.
+/// Limit of unread bytes, 0.25 s of a full bus: then frames are lost, or lockstep waits.
 const ROOM: usize = 64 * 1024;
-/// In real time the world and the client are looked at this often.
+/// Period of a step in real time.
 const PACE: Duration = Duration::from_millis(1);
-/// A world that is further behind the clock stays so: it does not hurry after it.
+/// Largest delay behind the clock that is caught up.
 const FURTHEST_BEHIND: Micros = Micros::from_millis(100);
-/// The period at which a quiet client is looked at in lockstep.
+/// Period at which a quiet client is checked in lockstep.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// The time that a client has at the end to read what is left.
+/// Time for the client to read what is left at the end.
 const LAST_READ: Duration = Duration::from_secs(1);
 
-/// Runs until its time is over, or until `stop` is set: looked at every 100 ms. First it prints
-/// `pty` and the path of the pseudo-terminal, at the end what went through and what was lost.
+/// Runs until its time is over or `stop` is set, which is checked every 100 ms. Prints `pty` and
+/// the path of the pseudo-terminal first, and what went through and what was lost at the end.
 ///
 /// # Errors
-/// If the robot has no such bus or is not as described, or there is no pseudo-terminal to be had.
+/// The robot has no such bus or is not as described, or there is no pseudo-terminal.
 pub fn serve(
     args: &PtyArgs,
     robot: Robot<'_>,
@@ -52,7 +51,7 @@ pub fn serve(
         if args.alone { "without the robot's program" } else { "and the robot's program" },
         if args.lockstep { "in lockstep with the client" } else { "in real time" },
     )?;
-    // A program that waits for the path need not wait for the end.
+    // A program that waits for the path shall not wait for the end.
     out.flush()?;
     let mut session = Session { scene, adapter, terminal, complained: 0 };
     let end = args.seconds.unwrap_or(Micros::new(u64::MAX));
@@ -72,12 +71,12 @@ struct Session<'r> {
     scene: Scene<'r>,
     adapter: Adapter,
     terminal: Terminal,
-    /// Wrong bit rates that were spoken about.
+    /// Wrong bit rates that were reported.
     complained: u64,
 }
 
 impl Session<'_> {
-    /// Runs the session in real time; returns the delay of the world behind the clock at the end.
+    /// Runs in real time; returns the delay of the virtual time behind the clock at the end.
     fn real_time(&mut self, end: Micros, stop: &AtomicBool) -> Result<Micros> {
         let mut buffer = [0; 4096];
         let mut behind = Micros::ZERO;
@@ -119,7 +118,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// The one mistake that looks like a dead bus from the client's side.
+    /// Reports a wrong bit rate: to the client the bus looks dead.
     fn complain(&mut self) {
         let wrong = self.adapter.counts().wrong_bit_rate;
         if wrong != self.complained {

@@ -1,14 +1,13 @@
-//! `rc10 dbc`: what stands where in a robot's frames, as one DBC file a bus.
+//! `rc10 dbc`: the layout of a robot's frames, as one DBC file for each bus.
 //!
-//! The files are made of the [`Message`] tables that stand beside the codecs of `rc10-motor`, for
-//! the motors of the robot's description. Each motor is a node; `Robot` is our own.
+//! The files are made of the [`Message`] tables beside the codecs of `rc10-motor`. Each motor is a
+//! node; `Robot` is our own.
 //!
 //! * An identifier of one motor is a message of its own, with the motor's label before its name.
 //! * An identifier of several motors (DJI's command frames, feedback of devices that share one) is
-//!   one message, in which each signal has the label of its motor. Signals that all of them have at
-//!   the same place appear once.
-//! * Bits that mean two things at once cannot be said in a DBC file: the second meaning is left out
-//!   and listed, here and in the file's own comment, with what the vendors' tables leave out.
+//!   one message, in which each signal has its motor's label. Signals that all share appear once.
+//! * A DBC file cannot give bits two meanings at once: the second meaning is left out and listed,
+//!   here and in the file's comment, with what the vendors' tables leave out.
 //!
 //! Names longer than the 32 characters of the format are cut; the whole name is an attribute
 //! (`SystemMessageLongSymbol`), which tools show instead. Text is Windows-1252.
@@ -44,11 +43,11 @@ pub struct DbcArgs {
 pub struct Node {
     /// Label of the motor.
     pub label: String,
-    /// Its model and identifier.
+    /// Model and identifier of the motor.
     pub comment: String,
-    /// The messages in its frames.
+    /// The messages in the device's frames.
     pub messages: Vec<Message>,
-    /// Facts about them that no DBC file can say: a sentence each.
+    /// Facts about the device's messages that a DBC file cannot express: a sentence each.
     pub not_in_dbc: &'static [&'static str],
 }
 
@@ -63,17 +62,15 @@ impl From<&Motor> for Node {
     }
 }
 
-/// The file of a bus.
+/// The DBC file of a bus.
 #[must_use]
 pub fn of_bus(description: &Description, bus: u8) -> Dbc {
     let nodes: Vec<_> = description.on_bus(bus).map(Node::from).collect();
     Dbc::new(&format!("bus {bus}"), &nodes)
 }
 
-/// Writes a file for each bus of a robot, and says what is in them and what is not.
-///
-/// # Errors
-/// If they cannot be written.
+/// Writes a DBC file for each bus of a robot, and prints what is in it and what is left out; fails
+/// if it cannot.
 pub fn dbc(args: &DbcArgs, description: &Description, out: &mut dyn Write) -> Result<()> {
     make_folder(&args.out)?;
     for bus in 1..=description.buses {

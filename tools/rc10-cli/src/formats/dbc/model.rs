@@ -6,7 +6,6 @@ use rc10_motor::signals::{ByteOrder, Message, Presence, Signal};
 use crate::formats::dbc::Node;
 use crate::formats::dbc::names::{Name, Names};
 
-/// Our own node.
 const ROBOT: &str = "Robot";
 
 /// The contents of a DBC file: one bus.
@@ -14,42 +13,42 @@ const ROBOT: &str = "Robot";
 pub struct Dbc {
     /// Name of the bus.
     pub bus: String,
-    /// Our own node, then the devices; with what each is.
+    /// Our own node, then the devices, each with a comment.
     pub nodes: Vec<(Name, String)>,
-    /// In the order of their identifiers.
+    /// The frames, in the order of their identifiers.
     pub frames: Vec<Frame>,
     /// Facts that the file cannot describe: a sentence each.
     pub left_out: Vec<String>,
 }
 
-/// All that comes with one identifier.
+/// All messages of one identifier.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// Its name.
+    /// Name of the frame.
     pub name: Name,
-    /// Its identifier.
+    /// Identifier of the frame.
     pub id: Id,
     /// Data bytes.
     pub len: u8,
-    /// Its senders: places in [`Dbc::nodes`], each once.
+    /// Senders of the frame: indices into [`Dbc::nodes`], each once.
     pub senders: Vec<usize>,
-    /// Its signals.
+    /// Signals of the frame.
     pub signals: Vec<NamedSignal>,
 }
 
 /// A signal as a file names it.
 #[derive(Clone, Debug)]
 pub struct NamedSignal {
-    /// Its name: in its message there is no other of this name.
+    /// Name of the signal, unique in its frame.
     pub name: Name,
-    /// Its place in the frame, and its meaning.
+    /// Place of the signal in the frame, and its meaning.
     pub signal: Signal,
-    /// Its receivers: places in [`Dbc::nodes`], each once.
+    /// Receivers of the signal: indices into [`Dbc::nodes`], each once.
     pub receivers: Vec<usize>,
 }
 
 impl Dbc {
-    /// Of a bus with these devices.
+    /// The contents for a bus with these devices.
     #[must_use]
     pub fn new(bus: &str, devices: &[Node]) -> Self {
         let mut names = Names::default();
@@ -92,7 +91,7 @@ impl Dbc {
     }
 }
 
-/// An identifier as the file writes it: extended ones with bit 31.
+/// An identifier as in the file: extended ones have bit 31 set.
 pub(super) fn number(id: Id) -> u32 {
     match id {
         Id::Standard(id) => id.as_raw().into(),
@@ -106,12 +105,11 @@ fn frame(
     names: &mut Names,
     left_out: &mut Vec<String>,
 ) -> Frame {
-    // At least one has the identifier: that is how it was found.
     let &(first, message) = &messages[0];
     let is_shared = messages.iter().any(|(place, _)| *place != first);
     let label = |place: usize| &nodes[place].0.long;
     let name = if is_shared {
-        // Each sort of device once: "DJI_COMMAND_200".
+        // Each kind of device once: "DJI_COMMAND_200".
         let mut parts = Vec::new();
         messages.iter().for_each(|(_, message)| add(&mut parts, message.name));
         names.name(&parts.join("_"))
@@ -142,7 +140,7 @@ fn frame(
                     "what says whether it is there is not in it".to_owned()
                 }
                 None => {
-                    // A frame that others have too belongs to none of them.
+                    // A signal that all motors share belongs to no single one.
                     let has_it = |(_, other): &&(_, &Message)| other.signals.contains(signal);
                     let is_own = is_shared && messages.iter().filter(has_it).count() == 1;
                     let name = if is_own {
@@ -170,15 +168,13 @@ impl Frame {
     }
 }
 
-/// Each once.
 fn add<T: PartialEq>(list: &mut Vec<T>, item: T) {
     if !list.contains(&item) {
         list.push(item);
     }
 }
 
-/// Whether a file cannot have both: they share bits in the same frame, or both say which others
-/// are there.
+/// Whether two signals exclude each other: they share bits, or both are multiplexors.
 fn clash(one: &Signal, other: &Signal) -> bool {
     let never_together =
         matches!((one.presence, other.presence), (Presence::If(a), Presence::If(b)) if a != b);
@@ -186,7 +182,7 @@ fn clash(one: &Signal, other: &Signal) -> bool {
     are_switches || !never_together && bits(one) & bits(other) != 0
 }
 
-/// The bits it takes, bit 0 of byte 0 first.
+/// The bits of a signal, bit 0 of byte 0 first.
 fn bits(signal: &Signal) -> u64 {
     let mut bits = 0;
     let mut bit = u32::from(signal.start);
@@ -244,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_that_all_have_is_there_once_and_tells_them_apart() {
+    fn a_shared_multiplexor_appears_once() {
         const ONE: &[Signal] = &[SWITCH, Signal::big("SPEED", 1, 2).when(Presence::If(1))];
         const TWO: &[Signal] = &[SWITCH, Signal::big("SPEED", 1, 2).when(Presence::If(2))];
         let dbc = Dbc::new("bus", &[node("one", ONE), node("two", TWO)]);

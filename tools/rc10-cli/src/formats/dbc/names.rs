@@ -1,6 +1,5 @@
 use std::collections::BTreeSet;
 
-/// The longest name of the format.
 const LONGEST: usize = 32;
 
 /// A name as a DBC file takes it: letters, digits and underscores, at most 32, no digit first.
@@ -8,18 +7,17 @@ const LONGEST: usize = 32;
 pub struct Name {
     /// The name in the file.
     pub short: String,
-    /// The same, uncut.
+    /// The whole name.
     pub long: String,
 }
 
-/// The names of one scope: none twice.
 #[derive(Default)]
 pub(super) struct Names {
     taken: BTreeSet<String>,
 }
 
 impl Names {
-    /// A name for `wanted`, with a number behind it if it is taken already.
+    /// A name for `wanted`, with a number behind it if it is taken.
     pub(super) fn name(&mut self, wanted: &str) -> Name {
         let wanted = identifier(wanted);
         let long = self.free(&wanted, usize::MAX);
@@ -30,7 +28,6 @@ impl Names {
     fn free(&mut self, wanted: &str, longest: usize) -> String {
         let numbered = |number: u32| {
             let behind = if number == 1 { String::new() } else { format!("_{number}") };
-            // All of it is ASCII.
             let room = longest.saturating_sub(behind.len()).min(wanted.len());
             format!("{}{behind}", &wanted[..room])
         };
@@ -41,7 +38,7 @@ impl Names {
     }
 }
 
-/// Everything else becomes an underscore.
+/// Replaces all other characters by underscores.
 fn identifier(text: &str) -> String {
     let fits = |character: char| character.is_ascii_alphanumeric() || character == '_';
     let name: String = text.chars().map(|c| if fits(c) { c } else { '_' }).collect();

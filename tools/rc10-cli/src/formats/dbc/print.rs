@@ -8,7 +8,7 @@ use crate::formats::dbc::model::{Dbc, Frame, NamedSignal, number};
 use crate::formats::dbc::names::Name;
 
 impl Dbc {
-    /// The file. Characters that Windows-1252 does not have are question marks.
+    /// The file as bytes; characters that Windows-1252 does not have become question marks.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let text = self.to_string().replace('π', "pi");
@@ -97,7 +97,7 @@ impl Dbc {
         Ok(())
     }
 
-    /// The names that were cut, in whole.
+    /// The whole names of those that were cut.
     fn long_names(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let is_cut = |name: &Name| name.short != name.long;
         let nodes: Vec<_> = self.nodes.iter().filter(|(name, _)| is_cut(name)).collect();
@@ -127,7 +127,7 @@ impl Dbc {
     }
 }
 
-/// A quoted text. The format has no way to write a quotation mark in it that all tools read.
+/// A quoted text; the format has no quotation mark in it that all tools read.
 struct Text<'t>(&'t str);
 
 impl Display for Text<'_> {

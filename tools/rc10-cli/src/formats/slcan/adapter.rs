@@ -3,7 +3,7 @@ use std::collections::VecDeque;
 use rc10_can::CanFrame;
 use rc10_sim::{Bus, Nanos, TraceEntry};
 
-use crate::formats::slcan::{BELL, Command, DONE, Lines, Malformed, write_frame};
+use crate::formats::slcan::{BELL, DONE, Lines, Malformed, SlcanCommand, write_frame};
 
 /// `V`: hardware 01, software 01.
 const VERSION: &[u8] = b"V0101\r";
@@ -11,22 +11,20 @@ const VERSION: &[u8] = b"V0101\r";
 const SERIAL_NUMBER: &[u8] = b"NRC10\r";
 /// `S8`: 1 Mbit/s, the rate of every simulated bus.
 const BUS_BIT_RATE: u8 = 8;
-/// Status flags, Lawicel: transmit queue full, data overrun.
+/// Status flag of Lawicel's manual: transmit queue full.
 const TRANSMIT_FULL: u8 = 1 << 1;
 const DATA_OVERRUN: u8 = 1 << 3;
-/// Frames of the client that may wait for the bus.
 const TRANSMIT_QUEUE: usize = 64;
-/// Times begin again after a minute.
 const TIME_PERIOD_MILLIS: u64 = 60_000;
 
-/// Whether the adapter is on the bus.
+/// State of the adapter's channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
-    /// Not: it hears and sends nothing.
+    /// Closed: the adapter hears and sends nothing.
     Closed,
-    /// It hears, and does not send.
+    /// Open to hear, not to send.
     Listening,
-    /// It hears and sends.
+    /// Open to hear and to send.
     Open,
 }
 
@@ -45,9 +43,9 @@ pub struct Counts {
     pub queue_full: u64,
     /// Frames of the client that still wait for the bus.
     pub not_sent: u64,
-    /// Lines that were no command.
+    /// Invalid lines.
     pub malformed: u64,
-    /// Number of times that the channel was to be opened at another bit rate than the bus's.
+    /// Times that the channel was opened at another bit rate than the bus's.
     pub wrong_bit_rate: u64,
 }
 
@@ -61,31 +59,28 @@ pub enum Flow {
 }
 
 /// An adapter between a client's bytes and a simulated wire: a state machine without input, output
-/// and clock of its own. Its owner lets time pass in the world and calls
-/// [`hear`](Self::hear).
+/// and clock. The caller advances the world and calls [`hear`](Self::hear).
 ///
-/// The client is a foreign node on the wire: see [`Bus::inject`]. It does not hear what it sends.
+/// The client is a foreign node on the wire (see [`Bus::inject`]) and does not hear its own frames.
 pub struct Adapter {
     wire: Bus,
     flow: Flow,
-    /// The wire's own controller belongs to this adapter alone: it is plugged in while the channel
-    /// is open, and acknowledges.
+    /// The wire's controller belongs to this adapter: it acknowledges while the channel is open.
     has_controller: bool,
     lines: Lines,
     channel: Channel,
     bit_rate: u8,
     times: bool,
     status: u8,
-    /// Given to the wire, and not seen there yet.
+    /// Frames that were sent, and not seen on the wire yet.
     waiting: VecDeque<CanFrame>,
-    /// Bytes for the client to read.
     out: Vec<u8>,
     counts: Counts,
 }
 
 impl Adapter {
-    /// An adapter whose channel is closed. `has_controller`: no robot of ours is on the wire, and
-    /// the wire's own controller is this adapter's.
+    /// Creates an adapter with a closed channel. `has_controller`: the wire's controller is this
+    /// adapter's, because no robot is on the wire.
     #[must_use]
     pub fn new(wire: Bus, flow: Flow, has_controller: bool) -> Self {
         let adapter = Self {
@@ -105,45 +100,43 @@ impl Adapter {
         adapter
     }
 
-    /// The commands that bytes of the client complete, to be [answered](Self::answer) one after
-    /// another.
-    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<Command, Malformed>> {
+    /// The commands that the client's bytes complete, for [`answer`](Self::answer).
+    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<SlcanCommand, Malformed>> {
         self.lines.take(bytes)
     }
 
-    /// Does what a line says. `true` if the client has let time pass with it, for a caller that
-    /// counts time by the client's traffic: it sent a frame, or an empty line while the channel was
-    /// open.
-    pub fn answer(&mut self, command: Result<Command, Malformed>) -> bool {
+    /// Executes a command. Returns whether the client has let time pass with it (lockstep): by a
+    /// frame, or by an empty line while the channel is open.
+    pub fn answer(&mut self, command: Result<SlcanCommand, Malformed>) -> bool {
         let Ok(command) = command else {
             self.counts.malformed += 1;
             self.out.push(BELL);
             return false;
         };
         match command {
-            Command::Nothing => {
+            SlcanCommand::Nothing => {
                 self.out.push(DONE);
                 return self.channel != Channel::Closed;
             }
-            Command::Send(frame) => return self.send(frame),
-            Command::Open => self.open(Channel::Open),
-            Command::Listen => self.open(Channel::Listening),
-            Command::Close => {
+            SlcanCommand::Send(frame) => return self.send(frame),
+            SlcanCommand::Open => self.open(Channel::Open),
+            SlcanCommand::Listen => self.open(Channel::Listening),
+            SlcanCommand::Close => {
                 self.channel = Channel::Closed;
                 self.plug();
                 self.out.push(DONE);
             }
-            Command::BitRate(rate) => {
+            SlcanCommand::BitRate(rate) => {
                 self.bit_rate = rate;
                 self.out.push(DONE);
             }
-            Command::Version => self.out.extend(VERSION),
-            Command::SerialNumber => self.out.extend(SERIAL_NUMBER),
-            Command::Status => {
+            SlcanCommand::Version => self.out.extend(VERSION),
+            SlcanCommand::SerialNumber => self.out.extend(SERIAL_NUMBER),
+            SlcanCommand::Status => {
                 let flags = std::mem::take(&mut self.status);
                 self.out.extend(format!("F{flags:02X}\r").into_bytes());
             }
-            Command::Times(times) => {
+            SlcanCommand::Times(times) => {
                 self.times = times;
                 self.out.push(DONE);
             }
@@ -186,7 +179,7 @@ impl Adapter {
         taken
     }
 
-    /// Takes from the wire what went over it since the last call.
+    /// Takes the wire's frames since the last call.
     pub fn hear(&mut self) {
         for entry in self.wire.take_trace() {
             // The foreign node sends in order. An ESC that sends the very same frame meanwhile
@@ -210,7 +203,7 @@ impl Adapter {
         self.counts.to_client += 1;
     }
 
-    /// The bytes that the client is to read next. The caller removes those that it has passed on.
+    /// The bytes for the client; the caller removes those that it has passed on.
     pub const fn out(&mut self) -> &mut Vec<u8> {
         &mut self.out
     }
@@ -221,7 +214,7 @@ impl Adapter {
         Counts { not_sent: self.waiting.len() as u64, ..self.counts }
     }
 
-    /// Whether it is on the bus.
+    /// State of the channel.
     #[must_use]
     pub const fn channel(&self) -> Channel {
         self.channel
@@ -352,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_read_is_counted_and_told() {
+    fn unread_frames_are_counted_and_reported() {
         let mut bench = Bench::new(1, Flow::Lossy(100));
         bench.say("O\r", 0);
         let heard = bench.say("", 50);

@@ -1,5 +1,5 @@
-//! slcan: CAN frames as lines of ASCII, as serial adapters speak them and python-can, `SavvyCAN` and
-//! Linux' `slcand` understand them.
+//! slcan: CAN frames as lines of ASCII, as serial adapters, python-can, `SavvyCAN` and Linux'
+//! `slcand` use them.
 //!
 //! | line | what it says | answer |
 //! |---|---|---|
@@ -12,13 +12,13 @@
 //! | `Z0`, `Z1` | received frames without, with a time: milliseconds modulo 60,000, in hex | `\r` |
 //! | | nothing: ends whatever was on the line | `\r` |
 //!
-//! A line ends with `\r`. Frames are received in the form in which they are sent. What cannot be
-//! understood or done is answered with a bell (7) and changes nothing.
+//! A line ends with `\r`. Received frames have the same form as sent ones. A line that is invalid
+//! or cannot be done is answered with a bell (7) and changes nothing.
 //!
 //! Source: Lawicel, CANUSB manual 1.0D, and python-can's `slcan` interface. More tolerant than the
 //! manual: the channel may be opened or closed twice, time stamps switched while it is open, and
-//! without `S` the bit rate is the bus's; bit 31 of an extended identifier says nothing. Not there: `s` (bit timing registers), `M`, `m` (filters),
-//! `P`, `A`, `X` (polling).
+//! without `S` the bit rate is the bus's; bit 31 of an extended identifier is ignored. Missing: `s`
+//! (bit timing registers), `M`, `m` (filters), `P`, `A`, `X` (polling).
 
 pub(crate) mod adapter;
 
@@ -27,21 +27,21 @@ use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 
 pub use crate::formats::slcan::adapter::{Adapter, Channel, Counts, Flow};
 
-/// Ends a line, and says yes.
+/// End of a line; also the answer to a command that was done.
 pub const DONE: u8 = b'\r';
-/// Says no.
+/// Answer to a command that is invalid or was refused.
 pub const BELL: u8 = 7;
 
-/// `SavvyCAN` sets it in the identifiers of extended frames that it sends; it says nothing new.
+/// Bit that `SavvyCAN` sets in the identifiers of extended frames; it is ignored.
 const EXTENDED: u32 = 1 << 31;
 
-/// The longest line: an extended data frame of eight bytes, with its time.
+/// Longest line: an extended data frame of eight bytes, with its time.
 const LONGEST_LINE: usize = 30;
 
 /// A command of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Nothing: an empty line.
+pub enum SlcanCommand {
+    /// An empty line.
     Nothing,
     /// Opens the channel.
     Open,
@@ -59,7 +59,7 @@ pub enum Command {
     SerialNumber,
     /// Asks for the status flags.
     Status,
-    /// Has received frames with or without a time.
+    /// Switches the times of received frames on or off.
     Times(bool),
 }
 
@@ -67,30 +67,27 @@ pub enum Command {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Malformed;
 
-/// Reads one line, without its end.
+/// Reads one line, without its end; [`Malformed`] if it differs from the table above in any digit.
 ///
 /// ```
-/// use rc10_cli::slcan::{Command, Malformed, parse};
-/// let Ok(Command::Send(frame)) = parse(b"t20121A2b") else { panic!() };
+/// use rc10_cli::formats::slcan::{SlcanCommand, Malformed, parse};
+/// let Ok(SlcanCommand::Send(frame)) = parse(b"t20121A2b") else { panic!() };
 /// assert_eq!(frame.to_string(), "201#1A2B");
 /// assert_eq!(parse(b"t20121A2"), Err(Malformed));
 /// ```
-///
-/// # Errors
-/// [`Malformed`] if it is none of the lines above, to the last digit.
-pub fn parse(line: &[u8]) -> Result<Command, Malformed> {
+pub fn parse(line: &[u8]) -> Result<SlcanCommand, Malformed> {
     let command = match line {
-        [] => Command::Nothing,
-        b"O" => Command::Open,
-        b"L" => Command::Listen,
-        b"C" => Command::Close,
-        b"V" => Command::Version,
-        b"N" => Command::SerialNumber,
-        b"F" => Command::Status,
-        b"Z0" => Command::Times(false),
-        b"Z1" => Command::Times(true),
-        [b'S', rate @ b'0'..=b'8'] => Command::BitRate(rate - b'0'),
-        _ => Command::Send(frame(line).ok_or(Malformed)?),
+        [] => SlcanCommand::Nothing,
+        b"O" => SlcanCommand::Open,
+        b"L" => SlcanCommand::Listen,
+        b"C" => SlcanCommand::Close,
+        b"V" => SlcanCommand::Version,
+        b"N" => SlcanCommand::SerialNumber,
+        b"F" => SlcanCommand::Status,
+        b"Z0" => SlcanCommand::Times(false),
+        b"Z1" => SlcanCommand::Times(true),
+        [b'S', rate @ b'0'..=b'8'] => SlcanCommand::BitRate(rate - b'0'),
+        _ => SlcanCommand::Send(frame(line).ok_or(Malformed)?),
     };
     Ok(command)
 }
@@ -123,13 +120,12 @@ fn frame(line: &[u8]) -> Option<CanFrame> {
     CanFrame::data_frame(id, data.get(..len)?).ok()
 }
 
-/// Up to eight hex digits, in upper or lower case.
 fn hex(digits: &[u8]) -> Option<u32> {
     let digit = |byte: u8| char::from(byte).to_digit(16);
     digits.iter().try_fold(0, |value, &byte| Some(value << 4 | digit(byte)?))
 }
 
-/// Writes a frame as a line with its end; `millis`: with its time.
+/// Writes a frame as a line with its end, and with the time `millis` if given.
 pub fn write_frame(out: &mut Vec<u8>, frame: &CanFrame, millis: Option<u16>) {
     let letter = match (frame.is_extended_id(), frame.is_remote()) {
         (false, false) => b't',
@@ -152,7 +148,7 @@ fn write_hex(out: &mut Vec<u8>, value: u32, digits: u32) {
     out.extend((0..digits).rev().map(|place| DIGITS[(value >> (4 * place) & 15) as usize]));
 }
 
-/// Cuts a stream of bytes into lines, however it comes in pieces.
+/// Cuts a stream of bytes into lines.
 #[derive(Debug, Default)]
 pub struct Lines {
     line: Vec<u8>,
@@ -160,9 +156,9 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// The commands of the lines that end within `bytes`, in order. Line feeds say nothing: some
-    /// terminals send them after each `\r`.
-    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<Command, Malformed>> {
+    /// The commands of the lines that end within `bytes`. Line feeds, which some terminals send,
+    /// are ignored.
+    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<SlcanCommand, Malformed>> {
         let mut commands = Vec::new();
         for &byte in bytes {
             match byte {
@@ -213,12 +209,12 @@ mod tests {
             let mut out = Vec::new();
             write_frame(&mut out, &frame, None);
             assert_eq!(String::from_utf8_lossy(&out), line);
-            assert_eq!(Lines::default().take(&out), [Ok(Command::Send(frame))]);
+            assert_eq!(Lines::default().take(&out), [Ok(SlcanCommand::Send(frame))]);
             let lower: Vec<u8> = [&out[..1], &out[1..].to_ascii_lowercase()].concat();
-            assert_eq!(Lines::default().take(&lower), [Ok(Command::Send(frame))]);
+            assert_eq!(Lines::default().take(&lower), [Ok(SlcanCommand::Send(frame))]);
         }
         let savvy = frame_of("12345678#01");
-        assert_eq!(parse(b"T92345678101"), Ok(Command::Send(savvy)));
+        assert_eq!(parse(b"T92345678101"), Ok(SlcanCommand::Send(savvy)));
         let mut out = Vec::new();
         write_frame(&mut out, &frame_of("201#01"), Some(59_999));
         assert_eq!(out, b"t201101EA5F\r");
@@ -268,7 +264,7 @@ mod tests {
         let text = b"\rC\rS8\rS0\rO\rL\rV\rN\rF\rZ0\rZ1\r\r\n";
         let commands: Vec<_> =
             Lines::default().take(text).into_iter().map(Result::unwrap).collect();
-        use Command::*;
+        use SlcanCommand::*;
         let expected = [
             Nothing,
             Close,
@@ -290,7 +286,7 @@ mod tests {
     fn a_line_of_any_length_is_one_bell_and_takes_no_room() {
         let mut lines = Lines::default();
         assert_eq!(lines.take(&[b'0'; 100_000]), []);
-        assert_eq!(lines.take(b"\rO\r"), [Err(Malformed), Ok(Command::Open)]);
+        assert_eq!(lines.take(b"\rO\r"), [Err(Malformed), Ok(SlcanCommand::Open)]);
         assert!(lines.line.capacity() < 100);
     }
 
@@ -314,7 +310,7 @@ mod tests {
         fn frames_come_back_as_they_were(frame in any_frame(), millis in 0..60_000_u16) {
             let mut line = Vec::new();
             write_frame(&mut line, &frame_of(&frame.to_string()), None);
-            prop_assert_eq!(Lines::default().take(&line), [Ok(Command::Send(frame))]);
+            prop_assert_eq!(Lines::default().take(&line), [Ok(SlcanCommand::Send(frame))]);
             let mut timed = Vec::new();
             write_frame(&mut timed, &frame, Some(millis));
             prop_assert!(timed.len() <= LONGEST_LINE + 1);
@@ -338,7 +334,7 @@ mod tests {
             let whole = Lines::default().take(&text);
             // Garbage may be a command of its own: behind it stands the frame, whatever it was.
             let good = |commands: &[_]| {
-                let frames = frames.iter().map(|(frame, _)| Ok(Command::Send(*frame)));
+                let frames = frames.iter().map(|(frame, _)| Ok(SlcanCommand::Send(*frame)));
                 let mut wanted = frames.peekable();
                 for command in commands {
                     wanted.next_if_eq(command);
