@@ -2,9 +2,7 @@
 
 use super::arithmetic::{rn, rt};
 use super::exceptions::{FPSCR, Fault, places};
-use super::ieee::{
-    AWAY, DOUBLE, DOWN, FZ, Float, Format, HALF, IXC, NEAREST, ROUNDING, SINGLE, TO_ZERO, UP,
-};
+use super::ieee::{DOUBLE, FZ, Float, Format, HALF, IXC, ROUNDING, Round, SINGLE};
 use super::transfer::align;
 use super::{C, Core, Done, N, V, Z};
 
@@ -58,7 +56,7 @@ impl Core {
     fn with_float(
         &mut self,
         format: Format,
-        rounding: Option<u32>,
+        rounding: Option<Round>,
         does: impl FnOnce(&mut Float) -> u64,
     ) -> u64 {
         let mut float = Float::new(format, self.fpscr);
@@ -150,7 +148,7 @@ pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
     let (double, is_second) = (is_double(i), i & 1 << 7 != 0);
     let format = format(double);
     let (_, value) = operands(core, i);
-    let to_zero = is_second.then_some(TO_ZERO);
+    let to_zero = is_second.then_some(Round::TowardZero);
     let result = match (i >> 16 & 15, is_second) {
         (0, false) => value,
         (0, true) => format.absolute(value),
@@ -181,7 +179,12 @@ pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
 /// VRINT and VCVT with a letter that says how to round.
 pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
-    let rounding = Some([AWAY, NEAREST, UP, DOWN][(i >> 16 & 3) as usize]);
+    let rounding = Some(match i >> 16 & 3 {
+        0 => Round::NearestTiesToAway,
+        1 => Round::NearestTiesToEven,
+        2 => Round::TowardPositive,
+        _ => Round::TowardNegative,
+    });
     if i & 1 << 18 != 0 {
         return to_integer(core, i, i & 1 << 7 != 0, rounding);
     }
@@ -190,7 +193,7 @@ pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
     set_d(core, i, whole)
 }
 
-fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<u32>) -> Done {
+fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<Round>) -> Done {
     let (_, value) = operands(core, i);
     let to_integer = |float: &mut Float| float.integer(value, 32, signed, 0);
     core.s[d(i, false)] = core.with_float(format(is_double(i)), rounding, to_integer) as u32;
@@ -252,9 +255,11 @@ pub(super) fn float_fixed(core: &mut Core, i: u32) -> Done {
         let above = 64 - bits;
         let integer = (value << above) as i64;
         let integer = if signed { integer >> above } else { (integer as u64 >> above) as i64 };
-        core.with_float(format(double), Some(NEAREST), |float| float.of_integer(integer, fraction))
+        core.with_float(format(double), Some(Round::NearestTiesToEven), |float| {
+            float.of_integer(integer, fraction)
+        })
     } else {
-        core.with_float(format(double), Some(TO_ZERO), |float| {
+        core.with_float(format(double), Some(Round::TowardZero), |float| {
             float.integer(value, bits, signed, fraction)
         })
     };
