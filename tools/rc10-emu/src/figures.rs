@@ -65,7 +65,7 @@ impl Figures {
     #[must_use]
     pub fn of(rig: &Rig) -> Self {
         let machine = &rig.machine;
-        let soc = machine.soc();
+        let counts = machine.soc().counts();
         let ready = machine.ready();
         let first = |log: &crate::BusLog| {
             log.frames.iter().find(|entry| entry.from_controller).map(|entry| entry.start)
@@ -83,8 +83,8 @@ impl Figures {
             buses: (0..rig.buses().len()).map(|index| BusFigures::of(rig, index)).collect(),
             instructions: machine.profile().total(),
             stack_bytes: stack_top.saturating_sub(lowest),
-            unowned_accesses: soc.unowned(),
-            gated_accesses: soc.gated(),
+            unowned_accesses: counts.unowned,
+            gated_accesses: counts.gated,
         }
     }
 

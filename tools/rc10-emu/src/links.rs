@@ -99,7 +99,7 @@ impl SerialLink {
         if character.inverted != self.inverted {
             return None;
         }
-        let mut wire = Wire::new();
+        let mut wire = Wire::default();
         wire.set_idle(!self.inverted);
         wire.draw(character);
         let how = Sampling {

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use anyhow::{Context, Result, ensure};
 use rc10_sim::{Contact, Line, Nanos, Pulses, Serial, World};
@@ -16,7 +16,7 @@ use crate::links::Links;
 use crate::log::Log;
 use crate::memory::{FLASH, Memory};
 use crate::parts::{Imu, Parts, Thermal};
-use crate::peripherals::{Edge, PinTime, ResetCause, Soc};
+use crate::peripherals::{Edge, PinTime, ResetCause, Soc, lock};
 use crate::profile::Profile;
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
@@ -445,7 +445,7 @@ impl Machine {
 
     /// The FDCANs.
     pub fn fdcan(&self) -> MutexGuard<'_, Fdcans> {
-        self.fdcan.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.fdcan)
     }
 
     /// The log lines since the last call.
@@ -803,7 +803,7 @@ impl Machine {
     /// Tells, once for each bus, that a controller's bits have another length than its bus's.
     fn compare_bit_rates(&mut self) {
         let mut texts = Vec::new();
-        let fdcan = self.fdcan.lock().unwrap_or_else(PoisonError::into_inner);
+        let fdcan = lock(&self.fdcan);
         self.buses.get_mut().retain(|(index, bus)| {
             let Some((own, bit)) = fdcan.bit_rate(*index) else { return true };
             let follows = bus.follows(bit);

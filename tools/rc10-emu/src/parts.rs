@@ -4,13 +4,13 @@
 //! or restarts the chip.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use rc10_sim::imu::bmi088::{Bmi088, Motion, Part};
 use rc10_sim::{Base, Nanos};
 
 use crate::board::{Board, Heater};
-use crate::peripherals::{Soc, SpiDevice};
+use crate::peripherals::{Soc, SpiDevice, lock};
 
 /// A BMI088 on an SPI: one handle of it, as its two halves are.
 #[derive(Clone, Debug, Default)]
@@ -35,7 +35,7 @@ impl Imu {
     }
 
     fn lock(&self) -> MutexGuard<'_, Bmi088> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.0)
     }
 }
 

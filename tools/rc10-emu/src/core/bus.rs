@@ -1,13 +1,13 @@
 //! Where the core's accesses go: memories, peripherals, its own registers.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use rc10_sim::Nanos;
 
 use super::exceptions::Fault;
 use super::{Core, system};
 use crate::memory::{Bank, FLASH, Memory};
-use crate::peripherals::{Soc, Width};
+use crate::peripherals::{Soc, Width, lock};
 
 /// Memories that AHB2ENR gives a clock, by their addresses.
 const GATED: [u32; 2] = [0x3000_0000, 0x3000_4000];
@@ -40,8 +40,7 @@ pub(crate) struct Wiring(pub(crate) Arc<Mutex<Soc>>);
 
 impl Wiring {
     pub(crate) fn soc(&self) -> MutexGuard<'_, Soc> {
-        // The state that a panic left behind is as good as any state of a chip.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.0)
     }
 }
 

@@ -29,11 +29,12 @@ mod ring;
 mod timing;
 mod transmit;
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rc10_can::{BusError, CanFrame};
 use rc10_sim::{Activity, Controller, Nanos, Outcome};
 
+use crate::peripherals::lock;
 pub use counters::{Counters, TickPeriod};
 use ram::MessageRam;
 
@@ -189,8 +190,7 @@ impl Node {
         &self,
         act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
     ) -> R {
-        let mut fdcans: MutexGuard<'_, Fdcans> =
-            self.fdcans.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut fdcans = lock(&self.fdcans);
         let Fdcans { controllers, ram, .. } = &mut *fdcans;
         controllers.get_mut(self.index).map_or_else(R::default, |one| act(one, ram))
     }

@@ -10,28 +10,20 @@ use crate::board::Package;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// 8 bit.
-    Byte,
+    Byte = 1,
     /// 16 bit.
-    Half,
+    Half = 2,
     /// 32 bit.
-    Word,
+    Word = 4,
 }
 
 impl Width {
     pub(super) const fn bytes(self) -> u32 {
-        match self {
-            Self::Byte => 1,
-            Self::Half => 2,
-            Self::Word => 4,
-        }
+        self as u32
     }
 
     pub(super) const fn mask(self) -> u32 {
-        match self {
-            Self::Byte => 0xFF,
-            Self::Half => 0xFFFF,
-            Self::Word => u32::MAX,
-        }
+        u32::MAX >> (32 - 8 * self.bytes())
     }
 }
 
@@ -193,24 +185,6 @@ impl fmt::Display for BusFault {
 }
 
 impl std::error::Error for BusFault {}
-
-/// Reason for which a block does not do what an access asks for. The access itself is harmless.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Refusal {
-    Unmodelled,
-    Protected,
-    Adc(AdcFault),
-}
-
-impl From<Refusal> for AccessKind {
-    fn from(refusal: Refusal) -> Self {
-        match refusal {
-            Refusal::Unmodelled => Self::Unmodelled,
-            Refusal::Protected => Self::Protected,
-            Refusal::Adc(fault) => Self::Adc(fault),
-        }
-    }
-}
 
 /// A write to a register: of a word, or of some of its bytes. Where writing a one or a zero does
 /// something, bytes that were not written do nothing.

@@ -2,7 +2,7 @@
 //! pins, 16 ..= 21 have only their software triggers here; registers of the lines above only
 //! store. Not modelled: events (`EMR`), wake-up, the D3 domain's pending flags.
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::registers::{Register, Registers, masked, plain};
 
 const RISING: u32 = 0x00;
@@ -59,11 +59,11 @@ impl Exti {
         self.registers.reset();
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         self.registers.read(offset)
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
         match write.offset {
             SOFTWARE => self.pend(write.ones() & LINES),
             PENDING => {

@@ -8,7 +8,7 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 
 /// Name of one I2C, and its connections inside the chip.
 pub(super) struct Facts {
@@ -83,8 +83,9 @@ const CLEARED: u32 = 0x3F38;
 
 const CLOCKS_OF_BYTE: u64 = 9;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
+    #[default]
     Idle,
     /// The address is on the wires.
     Addressing,
@@ -100,8 +101,10 @@ enum State {
     Stopping,
 }
 
+#[derive(Default)]
 pub(super) struct I2c {
-    facts: &'static Facts,
+    /// Index in [`I2CS`].
+    index: usize,
     hz: u64,
     control: [u32; 2],
     timing: u32,
@@ -130,35 +133,18 @@ pub(super) struct I2c {
 }
 
 impl I2c {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            hz: 0,
-            control: [0; 2],
-            timing: 0,
-            own: [0; 2],
-            timeout: 0,
-            flags: 0,
-            transmit: None,
-            receive: None,
-            state: State::Idle,
-            due: None,
-            reads: false,
-            submitted: 0,
-            done: 0,
-            held: false,
-            held_busy: false,
-            disturbed: 0,
-            connected: false,
-            devices: Vec::new(),
-            addressed: None,
-        }
+    pub(super) fn new(index: usize) -> Self {
+        Self { index, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &I2CS[self.index]
     }
 
     /// Devices outside stay.
     pub(super) fn reset(&mut self, now: Nanos) {
         self.leave(now);
-        let old = std::mem::replace(self, Self::new(self.facts));
+        let old = std::mem::replace(self, Self::new(self.index));
         (self.hz, self.connected, self.devices) = (old.hz, old.connected, old.devices);
         self.held = old.held;
     }
@@ -390,19 +376,19 @@ impl I2c {
         let event = sources.iter().any(|&(bit, flags)| self.is(1, 1 << bit) && status & flags != 0);
         let errors = status & (BUS_ERROR | ARBITRATION_LOST | OVERRUN) != 0;
         let asked = [on && event, on && self.is(1, ERROR_INTERRUPT) && errors];
-        let numbers = self.facts.interrupts.into_iter().zip(asked);
+        let numbers = self.facts().interrupts.into_iter().zip(asked);
         numbers.filter(|(_, asked)| *asked).map(|(number, _)| number)
     }
 
     /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        let (receive, transmit) = (self.facts().receive_request, self.facts().receive_request + 1);
         self.is(1, ENABLE)
             && (request == receive && self.is(1, RECEIVE_DMA) && self.receive.is_some()
                 || request == transmit && self.is(1, TRANSMIT_DMA) && self.wants_byte())
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.advance(now);
         Ok(match offset {
             0x00 | 0x04 => self.control[offset as usize / 4],
@@ -419,11 +405,11 @@ impl I2c {
                 byte.map_or(0, u32::from)
             }
             0x28 => self.transmit.map_or(0, u32::from),
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
         match write.offset {
             0x00 => {
@@ -437,7 +423,7 @@ impl I2c {
                 }
                 self.try_start(now);
                 if self.control[0] & CR1_UNMODELLED != 0 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
             0x04 => return self.write_control_2(write, now),
@@ -446,16 +432,16 @@ impl I2c {
                 *own = write.over(*own);
                 // OAxEN.
                 if *own & 1 << 15 != 0 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
-            0x10 if self.is(1, ENABLE) => return Err(Refusal::Protected),
+            0x10 if self.is(1, ENABLE) => return Err(AccessKind::Protected),
             0x10 => self.timing = write.over(self.timing) & 0xF0FF_FFFF,
             0x14 => {
                 self.timeout = write.over(self.timeout);
                 // TIMOUTEN, TEXTEN.
                 if self.timeout & (1 << 15 | 1 << 31) != 0 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
             // TXE: flushes.
@@ -476,13 +462,13 @@ impl I2c {
                     self.go_on(now);
                 }
             }
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }
 
     /// CR2.
-    fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         if !self.is(1, ENABLE) {
             // START and STOP mean nothing then.
             self.control[1] = write.over(self.control[1]) & !(START | STOP);
@@ -492,7 +478,7 @@ impl I2c {
         let standing = self.control[1] & (START | STOP);
         self.control[1] = write.over(self.control[1]) | standing;
         if self.is(2, LONG_ADDRESS) {
-            return Err(Refusal::Unmodelled);
+            return Err(AccessKind::Unmodelled);
         }
         match self.state {
             // Nothing to stop.

@@ -526,6 +526,7 @@ impl Soc {
     /// there is no such stream.
     pub fn inject_dma_error(&mut self, dma: usize, stream: usize) -> bool {
         let dma = dma.checked_sub(1).and_then(|index| self.dmas.get_mut(index));
-        dma.is_some_and(|dma| dma.fail(stream))
+        let stream = dma.and_then(|dma| dma.streams.get_mut(stream));
+        stream.map(|stream| stream.fails = true).is_some()
     }
 }

@@ -6,7 +6,7 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::registers::{Register, Registers, masked, plain};
 
 const CR1: u32 = 0x00;
@@ -79,7 +79,7 @@ impl Power {
         self.supply_written && (supply & 1 != 0) != (supply & 2 != 0)
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         let stored = self.registers.read(offset)?;
         self.scale(now);
         Ok(match offset {
@@ -89,7 +89,7 @@ impl Power {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         match write.offset {
             CR3 => {
                 let unlocked = if self.supply_written { !SUPPLY } else { u32::MAX };

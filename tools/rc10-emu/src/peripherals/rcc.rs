@@ -14,11 +14,12 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::clocks::{
     self, CSI_HZ, Clocks, HSI_HZ, LSE_HZ, LSI_HZ, Pll, PllInput, Settings, Sources, Tone, Tones,
     field,
 };
+use super::map::Switch;
 use super::registers::{Register, Registers, masked, plain};
 
 /// Cause of a reset.
@@ -267,19 +268,17 @@ impl Rcc {
     }
 
     /// Whether one of `mask`'s bits is set in the enable register, and none in the reset register.
-    pub(super) fn is_running(&self, switch: super::map::Switch) -> bool {
-        let held = switch.reset.is_some_and(|offset| self.resets(offset) & switch.mask != 0);
-        self.registers.value(switch.enable) & switch.mask != 0 && !held
+    pub(super) fn is_running(&self, switch: Switch) -> bool {
+        self.registers.value(switch.enable) & switch.mask != 0 && !self.holds_in_reset(switch)
+    }
+
+    pub(super) fn holds_in_reset(&self, switch: Switch) -> bool {
+        switch.reset.is_some_and(|offset| self.registers.value(offset) & switch.mask != 0)
     }
 
     /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
     pub(super) fn memories_run(&self) -> [bool; 2] {
         [29, 30].map(|bit| field(self.registers.value(0xDC), bit, 1) != 0)
-    }
-
-    /// A reset register.
-    pub(super) fn resets(&self, offset: u32) -> u32 {
-        self.registers.value(offset)
     }
 
     /// Whether gates or resets may have changed by a write there.
@@ -288,7 +287,7 @@ impl Rcc {
         ENABLES.contains(&offset) || (0x7C..=0x9C).contains(&offset)
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         let offset = alias(offset);
         let stored = self.registers.read(offset)?;
         let ready = |index, flag: u32| u32::from(self.is_ready(index)) << flag;
@@ -313,7 +312,7 @@ impl Rcc {
         write: Write,
         now: Nanos,
         backup_unlocked: bool,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), AccessKind> {
         self.advance(now);
         let write = write.at(alias(write.offset));
         let off = |pll, mask| if self.pll_is_on(pll) { 0 } else { mask };
@@ -343,7 +342,7 @@ impl Rcc {
                 let unlocked = off((write.offset - 0x30) / 8, u32::MAX);
                 self.registers.write_only(write, unlocked)?;
             }
-            BDCR if !backup_unlocked => return Err(Refusal::Protected),
+            BDCR if !backup_unlocked => return Err(AccessKind::Protected),
             BDCR => {
                 const RTCSEL: u32 = 3 << 8;
                 const BDRST: u32 = 1 << 16;

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
 
-use super::access::{Access, AccessKind, BusFault, Counts, PinFault, Refusal, Width, Write};
+use super::access::{Access, AccessKind, BusFault, Counts, PinFault, Width, Write};
 use super::adc::Adc;
 use super::clocks::{self, Clocks, TooFast, Used};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
@@ -23,11 +23,10 @@ use super::timer::{TIMERS, Timer};
 use super::usart::{self, USARTS, Usart};
 use super::watchdog::Watchdog;
 use crate::board::Board;
+use crate::core::INTERRUPT_WORDS;
 use crate::fdcan::Fdcans;
 use crate::memory::{FLASH, Memory, PERIPHERALS};
 
-/// External interrupts in words of 32.
-const INTERRUPT_WORDS: usize = 6;
 /// Ports A ..= K. There is no port I.
 const PORTS: usize = 11;
 /// Line 0 and line 1 of FDCAN1, FDCAN2, FDCAN3. Source: stm32-metapac.
@@ -68,7 +67,6 @@ pub struct Soc {
     pub(super) recorders: Vec<Recorder>,
     pub(super) jumpers: Vec<Jumper>,
     pub(super) holders: Vec<Holder>,
-    memories_run: [bool; 2],
     guards_ram: bool,
     clocks: Clocks,
     flash_keeps_up: bool,
@@ -94,15 +92,8 @@ impl fmt::Debug for Soc {
 }
 
 impl Soc {
-    /// Peripherals as power-on leaves them, at time zero, on the team's own board. `memory` is what
-    /// the DMAs see.
-    #[must_use]
-    pub fn new(fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
-        Self::on(Board::H723ZG, 0, fdcan, memory)
-    }
-
-    /// The same on another board. `hsi_ppm`: how much too fast the chip's own oscillator is, in
-    /// millionths.
+    /// Peripherals as power-on leaves them, at time zero. `hsi_ppm`: how much too fast the chip's own
+    /// oscillator is, in millionths; `memory` is what the DMAs see.
     #[must_use]
     pub fn on(board: Board, hsi_ppm: i32, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         let mut soc = Self {
@@ -116,10 +107,10 @@ impl Soc {
             debug: Registers::new(registers::DEBUG),
             exti: Exti::new(),
             ports: std::array::from_fn(Port::new),
-            timers: TIMERS.each_ref().map(Timer::new),
-            usarts: USARTS.each_ref().map(Usart::new),
-            spis: SPIS.each_ref().map(Spi::new),
-            i2cs: I2CS.each_ref().map(I2c::new),
+            timers: std::array::from_fn(Timer::new),
+            usarts: std::array::from_fn(Usart::new),
+            spis: std::array::from_fn(Spi::new),
+            i2cs: std::array::from_fn(I2c::new),
             adc: Adc::new(),
             dmas: [Dma::new(0), Dma::new(1)],
             mux: DmaMux::default(),
@@ -129,7 +120,6 @@ impl Soc {
             recorders: Vec::new(),
             jumpers: Vec::new(),
             holders: Vec::new(),
-            memories_run: [false; 2],
             guards_ram: false,
             clocks: Clocks::default(),
             flash_keeps_up: true,
@@ -275,9 +265,9 @@ impl Soc {
         if !is_peripheral(address) {
             return 0;
         }
-        let way = map::way_to(address);
+        let (bus, apb) = map::way_to(address);
         let of = |hz| self.clocks.core.checked_div(hz).unwrap_or(0);
-        way.bus * of(self.clocks.bus) + way.apb * of(self.clocks.apb[0])
+        bus * of(self.clocks.bus) + apb * of(self.clocks.apb[0])
     }
 
     /// Whether the core's non-maskable interrupt is asked for: by clock security.
@@ -328,22 +318,10 @@ impl Soc {
         self.counts
     }
 
-    /// [`Counts::unowned`].
-    #[must_use]
-    pub const fn unowned(&self) -> u64 {
-        self.counts.unowned
-    }
-
-    /// [`Counts::gated`].
-    #[must_use]
-    pub const fn gated(&self) -> u64 {
-        self.counts.gated
-    }
-
     /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
     #[must_use]
     pub fn memories_run(&self) -> [bool; 2] {
-        self.memories_run
+        self.rcc.memories_run()
     }
 
     /// Whether the supply is configured (`PWR_CSR1.ACTVOSRDY`).
@@ -419,17 +397,16 @@ impl Soc {
     }
 
     /// Whether an address lies in a memory that has no clock now.
-    const fn is_gated_memory(&self, address: u32) -> bool {
+    fn is_gated_memory(&self, address: u32) -> bool {
         match address {
-            0x3000_0000..0x3000_4000 => !self.memories_run[0],
-            0x3000_4000..0x3000_8000 => !self.memories_run[1],
+            0x3000_0000..0x3000_4000 => !self.memories_run()[0],
+            0x3000_4000..0x3000_8000 => !self.memories_run()[1],
             _ => false,
         }
     }
 
     fn fdcans(&self) -> MutexGuard<'_, Fdcans> {
-        // The state that a panic left behind is as good as any state of a chip.
-        self.fdcan.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.fdcan)
     }
 
     fn report(&mut self, address: u32, write: bool, kind: AccessKind) {
@@ -464,7 +441,7 @@ impl Soc {
         }
         let offset = (address - row.base) & !3;
         let word = self.read_block(row.block, offset, width, now).unwrap_or_else(|refusal| {
-            self.report(address, false, refusal.into());
+            self.report(address, false, refusal);
             0
         });
         Ok(word >> (8 * (address & 3)) & width.mask())
@@ -481,7 +458,7 @@ impl Soc {
         if answers {
             let write = Write::new(address - row.base, width, value);
             if let Err(refusal) = self.write_block(row.block, write, now) {
-                self.report(address, true, refusal.into());
+                self.report(address, true, refusal);
             }
             if matches!(row.block, Block::Rcc | Block::Power | Block::Flash) {
                 self.check_flash(address, now);
@@ -500,7 +477,7 @@ impl Soc {
         offset: u32,
         width: Width,
         now: Nanos,
-    ) -> Result<u32, Refusal> {
+    ) -> Result<u32, AccessKind> {
         match block {
             Block::Rcc => self.rcc.read(offset),
             Block::Power => self.power.read(offset, now),
@@ -528,19 +505,19 @@ impl Soc {
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
             Block::Fdcan(index) => {
-                self.fdcans().read(index, offset, now).ok_or(Refusal::Unmodelled)
+                self.fdcans().read(index, offset, now).ok_or(AccessKind::Unmodelled)
             }
             Block::FdcanRam => {
-                self.fdcans().read_ram(offset as usize / 4).ok_or(Refusal::Unmodelled)
+                self.fdcans().read_ram(offset as usize / 4).ok_or(AccessKind::Unmodelled)
             }
             Block::FdcanCalibration => {
-                self.fdcans().read_calibration(offset).ok_or(Refusal::Unmodelled)
+                self.fdcans().read_calibration(offset).ok_or(AccessKind::Unmodelled)
             }
-            Block::Unmodelled => Err(Refusal::Unmodelled),
+            Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
 
-    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Result<(), Refusal> {
+    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Result<(), AccessKind> {
         match block {
             Block::Rcc => self.write_rcc(write, now),
             Block::Power => self.power.write(write, now),
@@ -580,32 +557,34 @@ impl Soc {
             // Registers are words: a part of one writes zeros to the rest.
             Block::Fdcan(index) => {
                 let known = self.fdcans().write(index, write.offset, write.ones(), now);
-                if known { Ok(()) } else { Err(Refusal::Unmodelled) }
+                if known { Ok(()) } else { Err(AccessKind::Unmodelled) }
             }
             Block::FdcanRam => {
                 let word = write.offset as usize / 4;
                 let mut fdcans = self.fdcans();
-                let old = fdcans.read_ram(word).ok_or(Refusal::Unmodelled)?;
+                let old = fdcans.read_ram(word).ok_or(AccessKind::Unmodelled)?;
                 fdcans.write_ram(word, write.over(old));
                 Ok(())
             }
             Block::FdcanCalibration => {
                 let written = self.fdcans().write_calibration(write.offset, write.ones());
-                match written.ok_or(Refusal::Unmodelled)? {
+                match written.ok_or(AccessKind::Unmodelled)? {
                     true => Ok(()),
-                    false => Err(Refusal::Protected),
+                    false => Err(AccessKind::Protected),
                 }
             }
-            Block::Unmodelled => Err(Refusal::Unmodelled),
+            Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
 
-    fn write_rcc(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
-        let before = MAP.iter().map(|row| self.held_in_reset(row)).collect::<Vec<_>>();
+    fn write_rcc(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+        let is_held =
+            |rcc: &Rcc, row: &Row| row.switch.is_some_and(|switch| rcc.holds_in_reset(switch));
+        let before = MAP.iter().map(|row| is_held(&self.rcc, row)).collect::<Vec<_>>();
         let written = self.rcc.write(write, now, self.power.backup_unlocked());
         if Rcc::switches_at(write.offset) {
             for (row, was_held) in MAP.iter().zip(before) {
-                if self.held_in_reset(row) && !was_held {
+                if is_held(&self.rcc, row) && !was_held {
                     self.reset_block(row, now);
                 }
             }
@@ -614,13 +593,6 @@ impl Soc {
         }
         self.apply_clocks(now);
         written
-    }
-
-    fn held_in_reset(&self, row: &Row) -> bool {
-        let resets = |switch: super::map::Switch| {
-            switch.reset.map_or(0, |offset| self.rcc.resets(offset) & switch.mask)
-        };
-        row.switch.is_some_and(|switch| resets(switch) != 0)
     }
 
     fn reset_block(&mut self, row: &Row, now: Nanos) {
@@ -636,18 +608,7 @@ impl Soc {
             // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
             // The others have no reset of their own, or nothing to reset.
-            Block::Rcc
-            | Block::Power
-            | Block::Flash
-            | Block::Exti
-            | Block::Debug
-            | Block::Watchdog
-            | Block::DmaMux
-            | Block::Fdcan(_)
-            | Block::FdcanRam
-            | Block::FdcanCalibration
-            | Block::AdcCommon
-            | Block::Unmodelled => {}
+            _ => {}
         }
     }
 
@@ -661,7 +622,6 @@ impl Soc {
 
     /// Gates and resets: which peripherals have a clock.
     fn apply_switches(&mut self) {
-        self.memories_run = self.rcc.memories_run();
         for (running, row) in self.running.iter_mut().zip(MAP) {
             *running = row.switch.is_none_or(|switch| self.rcc.is_running(switch));
         }
@@ -708,11 +668,9 @@ impl Soc {
             (connected(Signal::CanReceive(index)), connected(Signal::CanTransmit(index)))
         });
         for (index, usart) in self.usarts.iter_mut().enumerate() {
-            let (receive, transmit) =
-                (connected(Signal::SerialReceive(index)), connected(Signal::SerialTransmit(index)));
-            let (swapped_receive, swapped_transmit) = (transmit, receive);
-            let pins = usart::Pins { receive, transmit, swapped_receive, swapped_transmit };
-            usart.set_pins(pins, now);
+            let receive = connected(Signal::SerialReceive(index));
+            let transmit = connected(Signal::SerialTransmit(index));
+            usart.set_pins(usart::Pins { receive, transmit }, now);
         }
         for (index, spi) in self.spis.iter_mut().enumerate() {
             spi.set_pins(spi::Pins {
@@ -842,15 +800,7 @@ impl Soc {
         (0..PINS)
             .map(|pin| {
                 // Four lines in each of EXTICR1 ..= EXTICR4.
-                let register = if pin < 4 {
-                    0x08
-                } else if pin < 8 {
-                    0x0C
-                } else if pin < 12 {
-                    0x10
-                } else {
-                    0x14
-                };
+                let register = registers::EXTICR[pin / 4];
                 let port = self.syscfg.value(register) >> (4 * (pin % 4)) & 0xF;
                 let high = self.ports.get(port as usize).is_some_and(|port| port.input(pin));
                 u32::from(high) << pin
@@ -870,27 +820,29 @@ impl Soc {
                     continue;
                 }
                 for stream in 0..dma::STREAMS {
-                    if !self.dmas[dma].is_enabled(stream) {
-                        continue;
-                    }
-                    self.read_ahead(dma, stream);
-                    let request = self.mux.request(dma, stream);
-                    let requested = self.is_requested(request);
-                    if requested && self.locks(dma, stream, request, now) {
-                        continue;
-                    }
-                    let Some(transfer) = self.dmas[dma].next(stream, requested) else {
-                        continue;
-                    };
-                    self.timers.iter_mut().for_each(|timer| timer.acknowledge(request));
-                    let fails = self.dmas[dma].take_failure(stream);
-                    let worked = !fails && self.move_item(dma, stream, transfer, now).is_some();
-                    self.dmas[dma].moved(stream, worked, now);
-                    self.empty_fifo(dma, stream);
-                    moved = true;
+                    moved |= self.dmas[dma].streams[stream].is_enabled()
+                        && self.transfer_one(dma, stream, now);
                 }
             }
         }
+    }
+
+    /// Moves an item of an enabled stream, if there is one to move.
+    fn transfer_one(&mut self, dma: usize, stream: usize, now: Nanos) -> bool {
+        self.read_ahead(dma, stream);
+        let request = self.mux.request(dma, stream);
+        let requested = self.is_requested(request);
+        if requested && self.locks(dma, stream, request, now) {
+            return false;
+        }
+        let one = &mut self.dmas[dma].streams[stream];
+        let Some(transfer) = one.next(requested) else { return false };
+        let fails = std::mem::take(&mut one.fails);
+        self.timers.iter_mut().for_each(|timer| timer.acknowledge(request));
+        let worked = !fails && self.move_item(dma, stream, transfer, now).is_some();
+        self.dmas[dma].streams[stream].moved(worked, now);
+        self.empty_fifo(dma, stream);
+        true
     }
 
     /// Whether a stream that serves a UART is locked, or locks now.
@@ -910,23 +862,23 @@ impl Soc {
 
     /// Fills the FIFO of a stream to a peripheral.
     fn read_ahead(&mut self, dma: usize, stream: usize) {
-        while let Some(from) = self.dmas[dma].ahead(stream) {
+        while let Some(from) = self.dmas[dma].streams[stream].ahead() {
             let mut bytes = [0; 4];
             let known = self.memory.read(from & !3, &mut bytes).is_ok();
             if !self.reaches(from, false, known) {
-                self.dmas[dma].moved(stream, false, Nanos::ZERO);
+                self.dmas[dma].streams[stream].moved(false, Nanos::ZERO);
                 return;
             }
             let value = u32::from_le_bytes(bytes) >> (8 * (from & 3));
-            self.dmas[dma].hold(stream, 0, value);
+            self.dmas[dma].streams[stream].hold(0, value);
         }
     }
 
     /// Writes to memory what the FIFO of a stream from a peripheral has to give.
     fn empty_fifo(&mut self, dma: usize, stream: usize) {
-        for (to, value, width) in self.dmas[dma].give_due(stream) {
+        for (to, value, width) in self.dmas[dma].streams[stream].give_due() {
             if self.write_item(to, value, width).is_none() {
-                self.dmas[dma].moved(stream, false, Nanos::ZERO);
+                self.dmas[dma].streams[stream].moved(false, Nanos::ZERO);
             }
         }
     }
@@ -965,7 +917,7 @@ impl Soc {
         let value = if is_peripheral(from) {
             self.access_read(from, width, now).ok()?
         } else if buffered {
-            self.dmas[dma].give(stream)?.1 & width.mask()
+            self.dmas[dma].streams[stream].give()?.1 & width.mask()
         } else {
             let mut bytes = [0; 4];
             let known = self.memory.read(from, &mut bytes[..length]).is_ok();
@@ -977,7 +929,7 @@ impl Soc {
         if is_peripheral(to) {
             self.access_write(to, width, value, now).ok().map(drop)
         } else if buffered {
-            self.dmas[dma].hold(stream, to, value);
+            self.dmas[dma].streams[stream].hold(to, value);
             Some(())
         } else {
             self.write_item(to, value, width)
@@ -992,6 +944,11 @@ impl Soc {
         let length = width.bytes() as usize;
         if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
     }
+}
+
+/// A lock. The state that a panic left behind is as good as any state of a chip.
+pub(crate) fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn is_peripheral(address: u32) -> bool {

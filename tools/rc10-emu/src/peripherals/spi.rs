@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Width, Write};
+use super::access::{AccessKind, Width, Write};
 
 /// Constants of one SPI.
 pub(super) struct Facts {
@@ -134,8 +134,10 @@ enum Communication {
     HalfDuplex,
 }
 
+#[derive(Default)]
 pub(super) struct Spi {
-    facts: &'static Facts,
+    /// SPI1 is 0.
+    index: usize,
     hz: u64,
     control: u32,
     /// TSIZE.
@@ -157,29 +159,18 @@ pub(super) struct Spi {
 }
 
 impl Spi {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            hz: 0,
-            control: 0,
-            size: 0,
-            config: [0x0007_0007, 0],
-            interrupts: 0,
-            stored: [0x107, 0, 0, 0, 0],
-            flags: 0,
-            to_send: VecDeque::new(),
-            received: VecDeque::new(),
-            frame: None,
-            submitted: 0,
-            done: 0,
-            pins: Pins::default(),
-            devices: Vec::new(),
-        }
+    pub(super) fn new(index: usize) -> Self {
+        let (config, stored) = ([0x0007_0007, 0], [0x107, 0, 0, 0, 0]);
+        Self { index, config, stored, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &SPIS[self.index]
     }
 
     /// Devices outside stay.
     pub(super) fn reset(&mut self) {
-        let old = std::mem::replace(self, Self::new(self.facts));
+        let old = std::mem::replace(self, Self::new(self.index));
         (self.hz, self.pins, self.devices) = (old.hz, old.pins, old.devices);
     }
 
@@ -230,7 +221,7 @@ impl Spi {
     }
 
     const fn capacity(&self) -> usize {
-        self.facts.fifo / self.frame_bytes()
+        self.facts().fifo / self.frame_bytes()
     }
 
     /// FTHLV: frames of a packet.
@@ -365,18 +356,23 @@ impl Spi {
         let status = self.status();
         let enabled = self.interrupts & 0x7F7;
         let ends = self.interrupts & END != 0 && status & (END | SUSPENDED | COMPLETE) != 0;
-        (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts.interrupt)
+        (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts().interrupt)
     }
 
     /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        let (receive, transmit) = (self.facts().receive_request, self.facts().receive_request + 1);
         self.is(ENABLE)
             && (request == receive && self.config[0] & RECEIVE_DMA != 0 && self.has_packet()
                 || request == transmit && self.config[0] & TRANSMIT_DMA != 0 && self.has_room())
     }
 
-    pub(super) fn read(&mut self, offset: u32, width: Width, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(
+        &mut self,
+        offset: u32,
+        width: Width,
+        now: Nanos,
+    ) -> Result<u32, AccessKind> {
         self.advance(now);
         Ok(match offset {
             0x00 => self.control,
@@ -396,11 +392,11 @@ impl Spi {
                 value
             }
             0x40..=0x50 => self.stored[(offset as usize - 0x40) / 4],
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
         let enabled = self.is(ENABLE);
         match write.offset {
@@ -413,21 +409,21 @@ impl Spi {
                 let locked = if enabled { !unlocked } else { 0 };
                 self.config[index] = wanted & !locked | old & locked;
                 if (old ^ wanted) & locked != 0 {
-                    return Err(Refusal::Protected);
+                    return Err(AccessKind::Protected);
                 }
             }
             0x10 => self.interrupts = write.over(self.interrupts) & 0x7FF,
             // SR, RXDR cannot be written.
             0x14 | 0x30 => {}
             0x18 => self.flags &= !(write.ones() & CLEARED),
-            0x20 if !enabled => return Err(Refusal::Protected),
+            0x20 if !enabled => return Err(AccessKind::Protected),
             0x20 => {
                 let bits = 8 * self.frame_bytes();
                 let count = (write.width().bytes() as usize / self.frame_bytes()).max(1);
                 for index in 0..count {
                     if self.to_send.len() >= self.capacity() {
                         // A full FIFO takes nothing.
-                        return Err(Refusal::Protected);
+                        return Err(AccessKind::Protected);
                     }
                     let mask = u32::MAX >> (32 - bits);
                     let frame = write.ones() >> (bits * index) & mask;
@@ -444,16 +440,16 @@ impl Spi {
                 *stored = write.over(*stored);
                 // I2SMOD.
                 if write.offset == 0x50 && *stored & 1 != 0 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }
 
     /// CR1.
-    fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         let was_enabled = self.is(ENABLE);
         let wanted = write.over(self.control);
         // CSTART is set by the program, and cleared by the end of a transfer.
@@ -487,7 +483,7 @@ impl Spi {
             || self.frame_bits() > 16
             || self.control & CR1_UNMODELLED != 0;
         if unmodelled {
-            return Err(Refusal::Unmodelled);
+            return Err(AccessKind::Unmodelled);
         }
         self.go_on(now);
         Ok(())

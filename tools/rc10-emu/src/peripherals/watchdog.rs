@@ -6,7 +6,7 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::clocks::LSI_HZ;
 
 const KEY_START: u32 = 0xCCCC;
@@ -106,7 +106,7 @@ impl Watchdog {
         self.counting_from.is_some()
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         let updating = |late: &Late, bit: u32| u32::from(late.updated_at.is_some()) << bit;
         Ok(match offset {
             0x00 => 0,
@@ -116,11 +116,11 @@ impl Watchdog {
                 updating(&self.prescaler, 0) | updating(&self.reload, 1) | updating(&self.window, 2)
             }
             0x10 => self.window.written,
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         let value = write.ones();
         match write.offset {
             0x00 => {
@@ -135,7 +135,7 @@ impl Watchdog {
                 return Ok(());
             }
             0x0C => return Ok(()),
-            0x04 | 0x08 | 0x10 if !self.unlocked => return Err(Refusal::Protected),
+            0x04 | 0x08 | 0x10 if !self.unlocked => return Err(AccessKind::Protected),
             0x04 => self.prescaler.write(value & 7, now),
             0x08 => self.reload.write(value & COUNTER_MASK, now),
             // Writing the window also feeds.
@@ -143,7 +143,7 @@ impl Watchdog {
                 self.window.write(value & COUNTER_MASK, now);
                 self.restart(self.reload.in_force, now);
             }
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }

@@ -221,7 +221,7 @@ fn options_and_faults_reach_the_chip() {
     let silent = Options { silent: &["TIM17"], ..options };
     let machine = Machine::with(&program, silent).unwrap();
     write(&machine, 0x4001_482C, 7);
-    assert_eq!((read(&machine, 0x4001_482C), machine.soc().gated()), (0, 0));
+    assert_eq!((read(&machine, 0x4001_482C), machine.soc().counts().gated), (0, 0));
     let unknown = Options { silent: &["TIM99"], ..options };
     let error = Machine::with(&program, unknown).err().unwrap().to_string();
     assert_eq!(error, "there is no peripheral TIM99");

@@ -9,7 +9,7 @@ const REQUESTS_AT_UPDATE: u32 = 1 << 3;
 
 impl Timer {
     pub(super) const fn largest(&self) -> u32 {
-        u32::MAX >> (32 - self.facts.bits)
+        u32::MAX >> (32 - self.facts().bits)
     }
 
     /// Whether time moves it.
@@ -69,7 +69,7 @@ impl Timer {
 
     /// Channels that compare: those that exist and are not set up for capture.
     fn compares(&self) -> impl Iterator<Item = (usize, Preloaded)> + '_ {
-        let channels = self.compare.into_iter().enumerate().take(self.facts.channels);
+        let channels = self.compare.into_iter().enumerate().take(self.facts().channels);
         channels.filter(|&(channel, _)| self.mode(channel) & 3 == 0)
     }
 

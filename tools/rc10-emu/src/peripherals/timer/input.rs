@@ -40,7 +40,7 @@ pub(super) struct Input {
 impl Timer {
     /// Whether it looks at any of its pins: a channel is set up as an input and is switched on.
     pub(in super::super) fn listens(&self) -> bool {
-        self.is_encoder() || (0..self.facts.channels).any(|channel| self.captures(channel))
+        self.is_encoder() || (0..self.facts().channels).any(|channel| self.captures(channel))
     }
 
     pub(super) const fn is_encoder(&self) -> bool {
@@ -108,7 +108,7 @@ impl Timer {
         if self.is_encoder() && input < 2 {
             self.turn(input);
         }
-        for channel in 0..self.facts.channels {
+        for channel in 0..self.facts().channels {
             // CCxS: its own pin, or that of its neighbour in the pair.
             let listens_to = match self.mode(channel) & 3 {
                 1 => channel,

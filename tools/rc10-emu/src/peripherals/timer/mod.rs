@@ -22,7 +22,7 @@ mod tone;
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::clocks::Tones;
 use input::Input;
 use tone::Listener;
@@ -123,25 +123,22 @@ const ENCODER_MODES: u32 = 3;
 const UPDATE: u32 = 1;
 
 /// A value that may wait for an update until it counts.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Preloaded {
     written: u32,
     in_force: u32,
 }
 
 impl Preloaded {
-    const fn new(value: u32) -> Self {
-        Self { written: value, in_force: value }
-    }
-
     const fn waits(self) -> bool {
         self.written != self.in_force
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Timer {
-    facts: &'static Facts,
+    /// Index in [`TIMERS`].
+    index: usize,
     control: u32,
     control_2: u32,
     slave_mode: u32,
@@ -182,41 +179,19 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            control: 0,
-            control_2: 0,
-            slave_mode: 0,
-            interrupts: 0,
-            flags: 0,
-            requests: 0,
-            modes: [0; 2],
-            outputs: 0,
-            prescaler: Preloaded::new(0),
-            reload: Preloaded::new(u32::MAX >> (32 - facts.bits)),
-            compare: [Preloaded::new(0); CHANNELS],
-            references: [false; CHANNELS],
-            inputs: [Input::default(); CHANNELS],
-            counts_down: false,
-            watched: 0,
-            breaks: 0,
-            repetitions: Preloaded::new(0),
-            repetitions_left: 0,
-            input_select: 0,
-            tones: Tones::default(),
-            listener: None,
-            counter: 0,
-            hz: 0,
-            anchor: Nanos::ZERO,
-            phase: 0,
-            ticks: 0,
-        }
+    pub(super) fn new(index: usize) -> Self {
+        let largest = u32::MAX >> (32 - TIMERS[index].bits);
+        let reload = Preloaded { written: largest, in_force: largest };
+        Self { index, reload, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &TIMERS[self.index]
     }
 
     pub(super) fn reset(&mut self, now: Nanos) {
         let Self { hz, watched, tones, .. } = *self;
-        *self = Self { hz, watched, tones, anchor: now, ..Self::new(self.facts) };
+        *self = Self { hz, watched, tones, anchor: now, ..Self::new(self.index) };
     }
 
     /// Its clock from now on; 0 if gated.
@@ -230,16 +205,16 @@ impl Timer {
 
     /// Whether it has a main output enable.
     const fn is_advanced(&self) -> bool {
-        self.facts.complements > 0
+        self.facts().complements > 0
     }
 
     /// BDTR.
-    fn write_breaks(&mut self, write: Write) -> Result<(), Refusal> {
+    fn write_breaks(&mut self, write: Write) -> Result<(), AccessKind> {
         let wanted = write.over(self.breaks);
         self.breaks = wanted & (MAIN_OUTPUT | OFF_STATES);
         // Dead time, locks, breaks and their filters; polarities of breaks that are off do nothing.
         let harmless = MAIN_OUTPUT | OFF_STATES | BREAK_POLARITIES;
-        if wanted & !harmless != 0 { Err(Refusal::Unmodelled) } else { Ok(()) }
+        if wanted & !harmless != 0 { Err(AccessKind::Unmodelled) } else { Ok(()) }
     }
 
     /// The channel's byte in CCMR1 or CCMR2.
@@ -251,7 +226,7 @@ impl Timer {
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
         let asked = self.flags & self.interrupts & 0xFF;
         let asks = [asked & UPDATE != 0, asked & !UPDATE != 0];
-        self.facts
+        self.facts()
             .interrupts
             .into_iter()
             .zip(asks)
@@ -260,7 +235,7 @@ impl Timer {
 
     /// Its request with this number in DMAMUX1.
     fn request_bit(&self, request: u32) -> Option<u32> {
-        let position = self.facts.requests.iter().position(|&own| own == request && own != 0)?;
+        let position = self.facts().requests.iter().position(|&own| own == request && own != 0)?;
         Some(1 << position)
     }
 
@@ -278,12 +253,12 @@ impl Timer {
 
     /// Bits of SR and of DIER's lower half that exist and are modelled: update and compare.
     const fn known_flags(&self) -> u32 {
-        (2 << self.facts.channels) - 1
+        (2 << self.facts().channels) - 1
     }
 
     /// DIER's bits that exist and are modelled.
     fn known_enables(&self) -> u32 {
-        let requests = self.facts.requests.iter().zip(0_u32..);
+        let requests = self.facts().requests.iter().zip(0_u32..);
         let transfers: u32 =
             requests.filter(|(number, _)| **number != 0).map(|(_, bit)| 0x100 << bit).sum();
         self.known_flags() | transfers
@@ -292,12 +267,12 @@ impl Timer {
     /// Compare channel of a register, if the timer has it.
     fn channel_of(&self, offset: u32) -> Option<usize> {
         let channel = offset.checked_sub(0x34)? as usize / 4;
-        (channel < self.facts.channels).then_some(channel)
+        (channel < self.facts().channels).then_some(channel)
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.advance(now);
-        let has_channels = self.facts.channels > 0;
+        let has_channels = self.facts().channels > 0;
         Ok(match offset {
             0x00 => self.control | if self.counts_down { DIRECTION } else { 0 },
             0x04 => self.control_2,
@@ -315,7 +290,7 @@ impl Timer {
             0x2C => self.reload.written,
             0x30 if self.is_advanced() => self.repetitions.written,
             0x44 if self.is_advanced() => self.breaks,
-            0x68 if !self.facts.tones.is_empty() => self.input_select,
+            0x68 if !self.facts().tones.is_empty() => self.input_select,
             _ => match self.channel_of(offset) {
                 Some(channel) => {
                     if self.mode(channel) & 3 != 0 {
@@ -324,14 +299,14 @@ impl Timer {
                     }
                     self.compare[channel].written
                 }
-                None => return Err(Refusal::Unmodelled),
+                None => return Err(AccessKind::Unmodelled),
             },
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
-        let has_channels = self.facts.channels > 0;
+        let has_channels = self.facts().channels > 0;
         match write.offset {
             0x00 => {
                 self.rebase(now);
@@ -340,7 +315,7 @@ impl Timer {
                 // An encoder's direction cannot be written, only written back.
                 let directions = wanted & OTHER_DIRECTIONS;
                 if directions != 0 && !(self.is_encoder() && directions == DIRECTION) {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
             0x04 => self.control_2 = write.over(self.control_2),
@@ -348,10 +323,10 @@ impl Timer {
                 self.rebase(now);
                 self.slave_mode = write.over(self.slave_mode);
                 if self.slave_mode & !7 != 0 || self.slave_mode > ENCODER_MODES {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
                 if self.is_encoder() && self.prescaler.in_force != 0 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
             0x0C => {
@@ -359,7 +334,7 @@ impl Timer {
                 self.interrupts = wanted & self.known_enables();
                 self.requests &= self.interrupts >> 8;
                 if wanted != self.interrupts {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
             0x10 => self.flags &= !write.zeros(),
@@ -375,17 +350,17 @@ impl Timer {
             }
             0x30 if self.is_advanced() => {
                 // 16 bits in TIM1 and TIM8, 8 in the others.
-                let mask = if self.facts.channels > 1 { 0xFFFF } else { 0xFF };
+                let mask = if self.facts().channels > 1 { 0xFFFF } else { 0xFF };
                 self.repetitions.written = write.over(self.repetitions.written) & mask;
             }
             0x44 if self.is_advanced() => return self.write_breaks(write),
-            0x68 if !self.facts.tones.is_empty() => {
+            0x68 if !self.facts().tones.is_empty() => {
                 self.input_select = write.over(self.input_select) & 0xF;
                 self.listen(now);
                 let source = self.source();
                 if source == Some(Source::Unmodelled) || source.is_none() && self.input_select != 0
                 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
             0x24 => self.counter = write.over(self.counter) & self.largest(),
@@ -399,10 +374,10 @@ impl Timer {
                 }
             }
             _ => {
-                let channel = self.channel_of(write.offset).ok_or(Refusal::Unmodelled)?;
+                let channel = self.channel_of(write.offset).ok_or(AccessKind::Unmodelled)?;
                 if self.mode(channel) & 3 != 0 {
                     // RM0468, CCR1: of an input channel it cannot be written.
-                    return Err(Refusal::Protected);
+                    return Err(AccessKind::Protected);
                 }
                 let mask = self.largest();
                 // OCxPE.
@@ -419,7 +394,7 @@ impl Timer {
 
     /// EGR.
     fn event(&mut self, bits: u32, now: Nanos) {
-        for channel in (0..self.facts.channels).filter(|channel| bits & 2 << channel != 0) {
+        for channel in (0..self.facts().channels).filter(|channel| bits & 2 << channel != 0) {
             if self.mode(channel) & 3 == 0 {
                 self.raise(2 << channel);
             } else {
@@ -438,7 +413,7 @@ impl Timer {
     }
 
     /// CCMR1, CCMR2.
-    fn write_mode(&mut self, write: Write) -> Result<(), Refusal> {
+    fn write_mode(&mut self, write: Write) -> Result<(), AccessKind> {
         let register = (write.offset - 0x18) as usize / 4;
         let old = self.modes[register];
         let mut wanted = write.over(old);
@@ -455,8 +430,8 @@ impl Timer {
         // CCxS = 3: captures at a trigger. OCxM's fourth bit: combined modes.
         let triggered = [0, 8].iter().any(|shift| wanted >> shift & 3 == 3);
         if triggered || wanted & 0x0101_0000 != 0 {
-            return Err(Refusal::Unmodelled);
+            return Err(AccessKind::Unmodelled);
         }
-        if locked { Err(Refusal::Protected) } else { Ok(()) }
+        if locked { Err(AccessKind::Protected) } else { Ok(()) }
     }
 }

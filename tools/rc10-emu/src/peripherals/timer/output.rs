@@ -38,19 +38,19 @@ impl Timer {
 
     /// The level at the pin of a channel's complementary output; `None` if nothing drives it.
     pub(in super::super) fn complement(&self, channel: usize) -> Option<bool> {
-        if channel < self.facts.complements { self.level(channel, true) } else { None }
+        if channel < self.facts().complements { self.level(channel, true) } else { None }
     }
 
     /// RM0468, TIM1 and TIM8 chapter, output control bits for complementary channels, without dead time.
     fn level(&self, channel: usize, complement: bool) -> Option<bool> {
         let bits = self.mode(channel);
-        if channel >= self.facts.channels || bits & 3 != 0 {
+        if channel >= self.facts().channels || bits & 3 != 0 {
             return None;
         }
         // CCxE, CCxP; CCxNE, CCxNP.
         let enables = self.outputs >> (4 * channel);
         let (main, other) =
-            (enables & 1 != 0, enables & 4 != 0 && channel < self.facts.complements);
+            (enables & 1 != 0, enables & 4 != 0 && channel < self.facts().complements);
         let (enabled, inverts) =
             if complement { (other, enables & 8 != 0) } else { (main, enables & 2 != 0) };
         if !main && !other {
@@ -77,7 +77,7 @@ impl Timer {
 
     /// The counter has arrived at these channels' values, a bit each.
     pub(super) fn matched(&mut self, channels: u32) {
-        for channel in (0..self.facts.channels).filter(|channel| channels >> channel & 1 != 0) {
+        for channel in (0..self.facts().channels).filter(|channel| channels >> channel & 1 != 0) {
             match mode_of(self.mode(channel)) {
                 Mode::Match(active) => self.references[channel] = active,
                 Mode::Toggle => self.references[channel] = !self.references[channel],
@@ -96,7 +96,7 @@ impl Timer {
         if self.watched == 0 {
             return None;
         }
-        let channels = (0..CHANNELS.min(self.facts.channels)).filter(|channel| {
+        let channels = (0..CHANNELS.min(self.facts().channels)).filter(|channel| {
             self.watched >> channel & 1 != 0
                 && (self.output(*channel).is_some() || self.complement(*channel).is_some())
         });

@@ -47,7 +47,7 @@ impl Listener {
 impl Timer {
     /// The clocks that it may listen to, from now on.
     pub(in super::super) fn set_tones(&mut self, tones: Tones, now: Nanos) {
-        if tones != self.tones && !self.facts.tones.is_empty() {
+        if tones != self.tones && !self.facts().tones.is_empty() {
             self.advance(now);
             self.tones = tones;
             self.listen(now);
@@ -57,7 +57,7 @@ impl Timer {
     /// What TISEL selects; `None`: the pin, or nothing.
     pub(super) fn source(&self) -> Option<Source> {
         let index = (self.input_select as usize).checked_sub(1)?;
-        self.facts.tones.get(index).copied()
+        self.facts().tones.get(index).copied()
     }
 
     /// Begins to listen, goes on, or stops, as the registers say now.

@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 
 use rc10_sim::{Nanos, UartFault};
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use receiver::{Heard, Receiver};
 pub(crate) use transmitter::Outgoing;
 use transmitter::{Sending, Transmitter};
@@ -130,9 +130,10 @@ const FIFO_DEPTH: usize = 16;
 /// PRESC.
 const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Usart {
-    facts: &'static Facts,
+    /// Index in [`USARTS`].
+    index: usize,
     hz: u64,
     control: [u32; 3],
     divisor: u32,
@@ -156,42 +157,25 @@ pub(super) struct Usart {
 pub(super) struct Pins {
     pub receive: bool,
     pub transmit: bool,
-    /// The pins called RX and TX, also when they are swapped.
-    pub swapped_receive: bool,
-    pub swapped_transmit: bool,
 }
 
 impl Usart {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            hz: 0,
-            control: [0; 3],
-            divisor: 0,
-            prescaler: 0,
-            stored: [0; 2],
-            flags: COMPLETE,
-            transmitter: Transmitter::default(),
-            receiver: Receiver::new(),
-            received: VecDeque::new(),
-            latest: 0,
-            pins: Pins::default(),
-            sent: Vec::new(),
-            outgoing: Vec::new(),
-        }
+    pub(super) fn new(index: usize) -> Self {
+        Self { index, flags: COMPLETE, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &USARTS[self.index]
     }
 
     /// Everything outside stays: its pins, bytes on their way in, bytes that have left.
     pub(super) fn reset(&mut self, now: Nanos) {
-        let fresh = Self::new(self.facts);
+        let fresh = Self::new(self.index);
         let old = std::mem::replace(self, fresh);
-        self.hz = old.hz;
-        self.pins = old.pins;
-        self.sent = old.sent;
-        self.outgoing = old.outgoing;
-        self.receiver = old.receiver;
-        self.receiver.reset(now);
+        (self.hz, self.pins, self.receiver) = (old.hz, old.pins, old.receiver);
+        (self.sent, self.outgoing) = (old.sent, old.outgoing);
         self.transmitter.tells = old.transmitter.tells;
+        self.receiver.reset(now);
     }
 
     /// Its kernel clock from now on; 0 if gated. A byte that is being sent keeps its length.
@@ -308,11 +292,8 @@ impl Usart {
     }
 
     const fn pins_in_use(&self) -> (bool, bool) {
-        if self.is(2, SWAP) {
-            (self.pins.swapped_receive, self.pins.swapped_transmit)
-        } else {
-            (self.pins.receive, self.pins.transmit)
-        }
+        let Pins { receive, transmit } = self.pins;
+        if self.is(2, SWAP) { (transmit, receive) } else { (receive, transmit) }
     }
 
     /// Tells the receiver how it listens as it is set up.
@@ -390,7 +371,7 @@ impl Usart {
         }
         let Outgoing { character, end, has_ended } = outgoing;
         if has_ended {
-            let (uart, value, start) = (self.facts.number, character.value, character.start);
+            let (uart, value, start) = (self.facts().number, character.value, character.start);
             self.sent.push(SentByte { uart, value, start, end });
         }
         if self.transmitter.tells {
@@ -429,12 +410,12 @@ impl Usart {
         ];
         let asked = sources.iter().any(|&(bit, flags)| self.is(1, 1 << bit) && status & flags != 0);
         let errors = self.is(3, ERROR_INTERRUPT) && status & (FRAMING | NOISE | OVERRUN) != 0;
-        (asked || errors).then_some(self.facts.interrupt)
+        (asked || errors).then_some(self.facts().interrupt)
     }
 
     /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        let (receive, transmit) = (self.facts().receive_request, self.facts().receive_request + 1);
         self.is(1, ENABLE)
             && (request == receive && self.is(3, DMA_RECEIVE) && self.offers_to_dma()
                 || request == transmit
@@ -448,7 +429,7 @@ impl Usart {
         !self.received.is_empty() && !stopped
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.advance(now);
         Ok(match offset {
             0x00 | 0x04 | 0x08 => self.control[offset as usize / 4],
@@ -459,11 +440,11 @@ impl Usart {
             0x24 => self.received.pop_front().unwrap_or(self.latest).into(),
             0x18 | 0x20 | 0x28 => 0,
             0x2C => self.prescaler,
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
         match write.offset {
             0x00 | 0x04 | 0x08 => {
@@ -483,15 +464,15 @@ impl Usart {
                 self.send_next(now);
                 let unmodelled = [CR1_UNMODELLED, CR2_UNMODELLED, CR3_UNMODELLED][index];
                 if self.control[index] & unmodelled != 0 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
                 // Who switches it off writes them with the same write, and means nothing by it.
                 if locked != 0 && self.is(1, ENABLE) {
-                    return Err(Refusal::Protected);
+                    return Err(AccessKind::Protected);
                 }
             }
             // BRR, PRESC: locked while enabled.
-            0x0C | 0x2C if self.is(1, ENABLE) => return Err(Refusal::Protected),
+            0x0C | 0x2C if self.is(1, ENABLE) => return Err(AccessKind::Protected),
             0x0C => self.divisor = write.over(self.divisor) & 0xFFFF,
             0x2C => self.prescaler = write.over(self.prescaler) & 0xF,
             0x10 | 0x14 => {
@@ -506,7 +487,7 @@ impl Usart {
                     self.transmitter.clear();
                 }
                 if write.ones() & 0b111 != 0 {
-                    return Err(Refusal::Unmodelled);
+                    return Err(AccessKind::Unmodelled);
                 }
             }
             0x20 => self.flags &= !(write.ones() & STICKY),
@@ -515,7 +496,7 @@ impl Usart {
                 if self.transmitter.waiting() == self.capacity() {
                     // The register is overwritten; a full FIFO takes nothing.
                     if self.is(1, FIFOS) {
-                        return Err(Refusal::Protected);
+                        return Err(AccessKind::Protected);
                     }
                     self.transmitter.clear();
                 }
@@ -526,7 +507,7 @@ impl Usart {
             }
             // ISR and RDR cannot be written.
             0x1C | 0x24 => {}
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }

@@ -13,7 +13,7 @@ pub(super) enum Heard {
     Idle,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Receiver {
     wire: Wire,
     /// Settings of sampling; `None`: it does not receive.
@@ -31,18 +31,6 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    pub const fn new() -> Self {
-        Self {
-            wire: Wire::new(),
-            sampling: None,
-            from: Nanos::ZERO,
-            coming: None,
-            late: false,
-            armed: false,
-            idle_at: None,
-        }
-    }
-
     /// A reset of the chip: the line stays.
     pub fn reset(&mut self, now: Nanos) {
         self.listen(None, now);

@@ -177,11 +177,13 @@ pub(crate) struct Wire {
     last: Option<Character>,
 }
 
-impl Wire {
-    pub const fn new() -> Self {
+impl Default for Wire {
+    fn default() -> Self {
         Self { level: true, edges: VecDeque::new(), last: None }
     }
+}
 
+impl Wire {
     fn final_level(&self) -> bool {
         self.edges.back().map_or(self.level, |&(_, level)| level)
     }
@@ -302,7 +304,7 @@ mod tests {
     const START: Nanos = Nanos::new(1_000);
 
     fn hear(character: Character, format: Format) -> Option<Sampled> {
-        let mut wire = Wire::new();
+        let mut wire = Wire::default();
         wire.draw(character);
         let how = Sampling {
             format,
@@ -345,7 +347,7 @@ mod tests {
     fn who_begins_is_heard_whatever_was_there() {
         let noise = Character::new(0x0F, Format::EIGHT_N_1, 9_600, START);
         let good = Character::new(0x5A, Format::EIGHT_N_1, 115_200, noise.at(40));
-        let mut wire = Wire::new();
+        let mut wire = Wire::default();
         wire.draw(noise);
         wire.draw(good);
         let how = Sampling {
