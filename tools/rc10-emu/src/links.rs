@@ -49,6 +49,11 @@ struct SerialLink {
 }
 
 impl SerialLink {
+    fn new(uart: u8, far: Far, format: Format, baud: u32) -> Self {
+        let bit_fs = FEMTOS_OF_SECOND / u64::from(baud.max(1));
+        Self { uart, far, ear: Rc::default(), format, bit_fs, inverted: false, garbled: 0 }
+    }
+
     /// Moves characters of the world into the UART.
     fn hear(&self, soc: &mut Soc) {
         let Self { uart, format, bit_fs, inverted, .. } = *self;
@@ -160,40 +165,28 @@ impl Links {
     ) -> bool {
         let config = serial.config();
         let Some(format) = Format::of_length(config.bits.into()) else { return false };
-        let ear = Rc::<RefCell<Ear>>::default();
-        let far = Far::Serial(serial.clone());
-        let link = (far, Rc::clone(&ear), format, config.baud);
-        let connected = self.connect(soc, uart, link, inverted);
-        if connected {
-            serial.attach(ear);
-        }
-        connected
+        let link = SerialLink::new(uart, Far::Serial(serial.clone()), format, config.baud);
+        self.connect(soc, SerialLink { inverted, ..link }, |ear| serial.attach(ear))
     }
 
     /// Puts a UART with driver enable on a line. `false`: there is no such UART.
     pub fn connect_line(&mut self, soc: &mut Soc, uart: u8, line: &Line) -> bool {
-        let ear = Rc::<RefCell<Ear>>::default();
-        let link = (Far::Line(line.clone()), Rc::clone(&ear), Format::EIGHT_N_1, line.baud());
-        let connected = self.connect(soc, uart, link, false);
-        if connected {
-            line.attach(ear);
-        }
-        connected
+        let link = SerialLink::new(uart, Far::Line(line.clone()), Format::EIGHT_N_1, line.baud());
+        self.connect(soc, link, |ear| line.attach(ear))
     }
 
     fn connect(
         &mut self,
         soc: &mut Soc,
-        uart: u8,
-        (far, ear, format, baud): (Far, Rc<RefCell<Ear>>, Format, u32),
-        inverted: bool,
+        link: SerialLink,
+        attach: impl FnOnce(Rc<RefCell<Ear>>),
     ) -> bool {
-        if !soc.link_serial(uart) {
+        if !soc.link_serial(link.uart) {
             return false;
         }
-        soc.set_serial_idle(uart, !inverted);
-        let bit_fs = FEMTOS_OF_SECOND / u64::from(baud.max(1));
-        self.serials.push(SerialLink { uart, far, ear, format, bit_fs, inverted, garbled: 0 });
+        soc.set_serial_idle(link.uart, !link.inverted);
+        attach(Rc::clone(&link.ear));
+        self.serials.push(link);
         true
     }
 

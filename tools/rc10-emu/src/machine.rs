@@ -360,12 +360,6 @@ impl Machine {
         self.wiring.soc().take_edges(port, pin)
     }
 
-    /// The level that the chip drives a pin to now; `None` if it does not.
-    #[must_use]
-    pub fn pin_level(&self, port: char, pin: usize) -> Option<bool> {
-        self.wiring.soc().pin_output(port, pin)
-    }
-
     /// Whether the receiver of a UART is on now.
     #[must_use]
     pub fn listens(&self, uart: u8) -> bool {

@@ -8,7 +8,7 @@ use crate::memory::FLASH;
 /// Halfwords of flash that are counted one by one.
 const PLACES: usize = (1 << 20) / 2;
 /// Exceptions of an Armv7-M core.
-const EXCEPTIONS: usize = 256;
+const EXCEPTIONS: u16 = 256;
 
 /// Executed instructions since the start, or since [`restart`](Self::restart).
 #[derive(Clone)]
@@ -16,15 +16,13 @@ pub struct Profile {
     places: Vec<u64>,
     /// Instructions in code that is not in flash.
     elsewhere: u64,
-    exceptions: [u64; EXCEPTIONS],
-    clocks: [u64; EXCEPTIONS],
-    entries: [u64; EXCEPTIONS],
+    exceptions: Vec<ExceptionCost>,
     total: u64,
     lowest_stack: u32,
 }
 
 /// Cost of one exception's handler.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExceptionCost {
     /// Its number; 0 is thread mode, external interrupts start at 16.
     pub exception: u16,
@@ -41,9 +39,9 @@ impl Profile {
         Self {
             places: vec![0; PLACES],
             elsewhere: 0,
-            exceptions: [0; EXCEPTIONS],
-            clocks: [0; EXCEPTIONS],
-            entries: [0; EXCEPTIONS],
+            exceptions: (0..EXCEPTIONS)
+                .map(|exception| ExceptionCost { exception, ..ExceptionCost::default() })
+                .collect(),
             total: 0,
             lowest_stack: u32::MAX,
         }
@@ -61,24 +59,24 @@ impl Profile {
             Some(count) => *count += 1,
             None => self.elsewhere += 1,
         }
-        if let Some(count) = self.exceptions.get_mut(usize::from(exception)) {
-            *count += 1;
+        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
+            cost.instructions += 1;
         }
         self.total += 1;
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
     pub(crate) fn entry(&mut self, exception: u16, stack: u32) {
-        if let Some(count) = self.entries.get_mut(usize::from(exception)) {
-            *count += 1;
+        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
+            cost.entries += 1;
         }
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
     #[inline]
     pub(crate) fn time(&mut self, exception: u16, clocks: u64) {
-        if let Some(count) = self.clocks.get_mut(usize::from(exception)) {
-            *count += clocks;
+        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
+            cost.clocks += clocks;
         }
     }
 
@@ -97,16 +95,8 @@ impl Profile {
     /// Instructions in each exception that occurred, and in thread mode.
     #[must_use]
     pub fn by_exception(&self) -> Vec<ExceptionCost> {
-        (0..)
-            .zip(self.entries.iter().zip(&self.exceptions).zip(&self.clocks))
-            .map(|(exception, ((&entries, &instructions), &clocks))| ExceptionCost {
-                exception,
-                entries,
-                instructions,
-                clocks,
-            })
-            .filter(|cost| cost.entries + cost.instructions > 0)
-            .collect()
+        let occurred = self.exceptions.iter().filter(|cost| cost.entries + cost.instructions > 0);
+        occurred.copied().collect()
     }
 
     /// Number of executions of each executed address of flash, in the order of the addresses.

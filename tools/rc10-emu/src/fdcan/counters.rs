@@ -77,28 +77,6 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// Those of a controller that does not exist.
-    pub(super) const NONE: Self = Self {
-        received: [0; 2],
-        lost: [0; 2],
-        overwritten: [0; 2],
-        received_in_buffers: 0,
-        rejected: 0,
-        sent: 0,
-        oldest_sent: Nanos::ZERO,
-        failed: 0,
-        cancelled: 0,
-        requests_ignored: 0,
-        fd_refused: 0,
-        events_lost: 0,
-        bad_acknowledges: 0,
-        bus_offs: 0,
-        protected_writes: 0,
-        last_request: None,
-        tick_period: TickPeriod { count: 0, min_ns: 0, max_ns: 0, sum_ns: 0 },
-        last_tick: None,
-    };
-
     /// Frames that no receive FIFO could take.
     #[must_use]
     pub const fn rx_lost(&self) -> u64 {

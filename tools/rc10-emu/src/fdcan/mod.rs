@@ -154,8 +154,8 @@ impl Fdcans {
 
     /// Counters of one controller.
     #[must_use]
-    pub fn counters(&self, index: usize) -> &Counters {
-        self.controllers.get(index).map_or(&Counters::NONE, |one| &one.counters)
+    pub fn counters(&self, index: usize) -> Counters {
+        self.controllers.get(index).map(|one| one.counters.clone()).unwrap_or_default()
     }
 
     /// Bits a second of a controller, and the length of one in nanoseconds; `None` while it takes no

@@ -8,7 +8,7 @@ use super::pins::{Signal, pin_of, signal_at};
 use super::soc::{Soc, port_index};
 use super::spi::SpiDevice;
 use super::timer::{CHANNELS, TIMERS};
-use super::usart::{Character, Format, Outgoing, SentByte, USARTS};
+use super::usart::{Character, Format, Outgoing, SentByte, USARTS, Usart};
 use crate::board::SupplySense;
 
 /// A change of a pin's level.
@@ -191,23 +191,22 @@ impl Soc {
     /// What a watched pin did since the last call, or since it is watched; `None`: it is not.
     pub fn take_pin_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<PinTime> {
         self.advance(now);
-        let pin = pin_at((port, pin))?;
-        let recorder = self.watched(pin)?;
-        recorder.go_on(recorder.high, now);
+        let recorder = self.watched(port, pin, now)?;
         Some(std::mem::replace(&mut recorder.time, PinTime::from(now)))
     }
 
     /// How long a watched pin was high in all; `None`: it is not.
     pub(crate) fn high_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<Nanos> {
-        let pin = pin_at((port, pin))?;
-        let recorder = self.watched(pin)?;
-        recorder.go_on(recorder.high, now);
-        Some(recorder.total)
+        Some(self.watched(port, pin, now)?.total)
     }
 
-    /// The recorder of a pin that is watched.
-    fn watched(&mut self, pin: (usize, usize)) -> Option<&mut Recorder> {
-        self.recorders.iter_mut().find(|recorder| recorder.pin == pin && recorder.is_watched)
+    /// The recorder of a pin that is watched, summed up to now.
+    fn watched(&mut self, port: char, pin: usize, now: Nanos) -> Option<&mut Recorder> {
+        let pin = pin_at((port, pin))?;
+        let mut recorders = self.recorders.iter_mut();
+        let recorder = recorders.find(|recorder| recorder.pin == pin && recorder.is_watched)?;
+        recorder.go_on(recorder.high, now);
+        Some(recorder)
     }
 
     /// The recorder of a pin, a new one if need be.
@@ -236,8 +235,7 @@ impl Soc {
     pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
         let mut recorders = self.recorders.iter_mut();
         let of_pin = recorders.find(|recorder| Some(recorder.pin) == pin_at((port, pin)));
-        let edges = of_pin.and_then(|recorder| recorder.edges.as_mut());
-        edges.map(std::mem::take).unwrap_or_default()
+        of_pin.and_then(|recorder| recorder.edges.as_mut()).map(std::mem::take).unwrap_or_default()
     }
 
     pub(super) fn record(&mut self, now: Nanos) {
@@ -383,13 +381,9 @@ impl Soc {
     }
 
     /// A character comes in at a UART's receive pin, now or later, after those that were fed
-    /// before.
-    /// `false`: there is no such UART.
+    /// before. `false`: there is no such UART.
     pub fn feed_character(&mut self, uart: u8, character: Character) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].feed(character);
-        self.schedule();
-        true
+        self.with_usart(uart, |usart| usart.feed(character))
     }
 
     /// Whether a UART's receiver is on.
@@ -397,8 +391,8 @@ impl Soc {
         usart_of(uart).is_some_and(|usart| self.usarts[usart].listens())
     }
 
-    /// Something damages the character that comes in at a UART's receive pin; if none does, it
-    /// looks like `otherwise`, damaged. `false`: there is no such UART.
+    /// Something damages the character that comes in at a UART's receive pin; without one it looks
+    /// like `otherwise`, damaged. `false`: there is no such UART.
     pub fn disturb_serial(
         &mut self,
         uart: u8,
@@ -406,26 +400,25 @@ impl Soc {
         at: Nanos,
         otherwise: Character,
     ) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].disturb(fault, at, otherwise);
-        self.schedule();
-        true
+        self.with_usart(uart, |usart| usart.disturb(fault, at, otherwise))
     }
 
     /// The level of a UART's receive pin while its line is idle: high, unless it is inverted.
     /// `false`: there is no such UART.
     pub fn set_serial_idle(&mut self, uart: u8, high: bool) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].set_idle(high);
-        self.schedule();
-        true
+        self.with_usart(uart, |usart| usart.set_idle(high))
     }
 
     /// Keeps what a UART sends for [`take_outgoing`](Self::take_outgoing). `false`: no such UART.
     pub(crate) fn link_serial(&mut self, uart: u8) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].link();
-        true
+        self.with_usart(uart, Usart::link)
+    }
+
+    /// Does something with a UART from outside. `false`: there is no such UART.
+    fn with_usart(&mut self, uart: u8, act: impl FnOnce(&mut Usart)) -> bool {
+        let usart = usart_of(uart).map(|usart| act(&mut self.usarts[usart]));
+        self.schedule();
+        usart.is_some()
     }
 
     pub(crate) fn take_outgoing(&mut self, uart: u8) -> Vec<Outgoing> {
@@ -461,17 +454,13 @@ impl Soc {
 
     /// Puts a device on an I2C (1, 2, 3 or 5). `false`: there is no such I2C.
     pub fn attach_i2c(&mut self, i2c: u8, device: Box<dyn I2cDevice>) -> bool {
-        let Some(i2c) = i2c_of(i2c) else { return false };
-        self.i2cs[i2c].attach(device);
-        true
+        i2c_of(i2c).map(|i2c| self.i2cs[i2c].attach(device)).is_some()
     }
 
     /// In the next bytes that an I2C sends it sees a bus error that is none. `false`: there is
     /// no such I2C.
     pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
-        let Some(i2c) = i2c_of(i2c) else { return false };
-        self.i2cs[i2c].disturb(bytes);
-        true
+        i2c_of(i2c).map(|i2c| self.i2cs[i2c].disturb(bytes)).is_some()
     }
 
     /// A device holds an I2C's data line low, as one does that lost a clock, until it has seen so

@@ -16,8 +16,8 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
 use super::clocks::{
-    self, CSI_HZ, Clocks, HSI_HZ, LSE_HZ, LSI_HZ, Pll, PllInput, Settings, Sources, Tone, Tones,
-    field,
+    self, CFGR, CSI_HZ, Clocks, D1CCIPR, D1CFGR, D2CCIP1R, D2CCIP2R, D2CFGR, D3CCIPR, HSI_HZ,
+    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones, field,
 };
 use super::map::Switch;
 use super::registers::{Register, Registers, masked, plain};
@@ -56,15 +56,8 @@ impl ResetCause {
 /// The address of `RCC_CR`, used in reports of clocks that change without an access.
 pub(super) const CONTROL: u32 = 0x5802_4400;
 const CR: u32 = 0x00;
-const CFGR: u32 = 0x10;
-const D1CFGR: u32 = 0x18;
-const D2CFGR: u32 = 0x1C;
 const PLLCKSELR: u32 = 0x28;
 const PLLCFGR: u32 = 0x2C;
-const D1CCIPR: u32 = 0x4C;
-const D2CCIP1R: u32 = 0x50;
-const D2CCIP2R: u32 = 0x54;
-const D3CCIPR: u32 = 0x58;
 const CIFR: u32 = 0x64;
 const CICR: u32 = 0x68;
 const BDCR: u32 = 0x70;
@@ -134,6 +127,9 @@ const SECURITY_FLAG: u32 = 1 << 10;
 const FALL_BACK_TO_CSI: u32 = 1 << 6;
 /// PLL1's bit in CR; PLL2 and PLL3 are two further each.
 const PLL: u32 = 24;
+/// Bits in CR of the sources of the system clock, as SW numbers them; the first three are the PLLs',
+/// too.
+const SOURCES: [u32; 4] = [HSI, CSI, HSE, PLL];
 /// Data sheet, PLL characteristics, typical.
 const LOCK: Nanos = Nanos::new(50_000);
 /// Data sheet, LSI characteristics, typical.
@@ -222,8 +218,13 @@ impl Rcc {
         self.start(now);
     }
 
+    /// PLLSRC.
+    fn pll_source(&self) -> usize {
+        field(self.registers.value(PLLCKSELR), 0, 2) as usize
+    }
+
     fn plls_are_fed_by_hse(&self) -> bool {
-        field(self.registers.value(PLLCKSELR), 0, 2) == 2
+        self.pll_source() == 2
     }
 
     /// Clock security: RM0468, "Clock security system on HSE".
@@ -368,16 +369,9 @@ impl Rcc {
 
     /// Bits of CR that the system clock needs.
     fn in_use(&self) -> u32 {
-        let pll_source = || match field(self.registers.value(PLLCKSELR), 0, 2) {
-            0 => 1 << HSI,
-            1 => 1 << CSI,
-            _ => 1 << HSE,
-        };
         match self.source {
-            0 => 1 << HSI,
-            1 => 1 << CSI,
-            2 => 1 << HSE,
-            _ => 1 << PLL | pll_source(),
+            3 => 1 << PLL | 1 << SOURCES[self.pll_source().min(2)],
+            source => 1 << SOURCES[source as usize],
         }
     }
 
@@ -397,13 +391,8 @@ impl Rcc {
         for pll in 0..3 {
             let bit = PLL + 2 * pll;
             // Its input may still be starting.
-            let input = match field(self.registers.value(PLLCKSELR), 0, 2) {
-                0 => Some(HSI),
-                1 => Some(CSI),
-                2 => Some(HSE),
-                _ => None,
-            };
-            let input = input.and_then(|input| self.ready[input as usize]);
+            let input = SOURCES[..3].get(self.pll_source());
+            let input = input.and_then(|&input| self.ready[input as usize]);
             let locks = clocks::pll(self.pll_input(self.hsi_hz), &self.pll(pll)).is_some();
             let at = input.filter(|_| locks).map(|input| now.max(input) + LOCK);
             let ready = &mut self.ready[bit as usize];
@@ -412,16 +401,14 @@ impl Rcc {
         self.advance(now);
     }
 
-    /// Frequency at the PLLs' input, running or not, with an HSI of this frequency.
-    fn pll_input(&self, hsi_hz: u64) -> PllInput {
-        match field(self.registers.value(PLLCKSELR), 0, 2) {
-            0 => {
-                let [nominal, actual] = [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift());
-                PllInput { nominal, actual }
-            }
-            1 => PllInput::exact(CSI_HZ),
-            2 => PllInput::exact(self.crystal_hz),
-            _ => PllInput::default(),
+    /// Nominal and actual frequency at the PLLs' input, running or not, with an HSI of this
+    /// frequency.
+    fn pll_input(&self, hsi_hz: u64) -> [u64; 2] {
+        match self.pll_source() {
+            0 => [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift()),
+            1 => [CSI_HZ; 2],
+            2 => [self.crystal_hz; 2],
+            _ => [0; 2],
         }
     }
 
@@ -460,13 +447,7 @@ impl Rcc {
     pub(super) fn advance(&mut self, now: Nanos) {
         self.settled = now.max(self.settled);
         let wanted = field(self.registers.value(CFGR), 0, 3);
-        let bit = match wanted {
-            0 => HSI,
-            1 => CSI,
-            2 => HSE,
-            3 => PLL,
-            _ => return,
-        };
+        let Some(&bit) = SOURCES.get(wanted as usize) else { return };
         if wanted != self.source && self.is_ready(bit as usize) {
             self.source = wanted;
             if wanted == 3 && self.system_ready_at.is_none() {
@@ -525,17 +506,7 @@ impl Rcc {
             lse: if_ready(LSE, LSE_HZ),
             plls: [0, 1, 2].map(|pll| self.pll_outputs(pll, hsi_hz)),
         };
-        let settings = Settings {
-            source: self.source,
-            cfgr: self.registers.value(CFGR),
-            d1cfgr: self.registers.value(D1CFGR),
-            d2cfgr: self.registers.value(D2CFGR),
-            d1ccipr: self.registers.value(D1CCIPR),
-            d2ccip1r: self.registers.value(D2CCIP1R),
-            d2ccip2r: self.registers.value(D2CCIP2R),
-            d3ccipr: self.registers.value(D3CCIPR),
-        };
-        Clocks::new(&sources, &settings)
+        Clocks::new(&sources, self.source, |at| self.registers.value(at))
     }
 }
 
