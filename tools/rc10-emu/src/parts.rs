@@ -3,7 +3,6 @@
 //! Motion and temperature change once a millisecond, with the log, and when something is reported
 //! or restarts the chip.
 
-use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use rc10_sim::imu::bmi088::{Bmi088, Motion, Part};
@@ -149,12 +148,6 @@ impl Parts {
         let watts = heated as f64 / passed as f64 * volts * volts / f64::from(ohms.max(1));
         let seconds = passed as f64 / 1e9;
         imu.with(|imu| imu.celsius = self.thermal.after(imu.celsius, watts, seconds));
-    }
-}
-
-impl fmt::Debug for Parts {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Parts").field("imu", &self.imu).finish_non_exhaustive()
     }
 }
 

@@ -186,10 +186,7 @@ const SHORT: &[(&str, &str)] = &[
     ("101100000 iiiiiii", "111100100000 1101 000i 1101 iiiiii00"),
     ("101100001 iiiiiii", "111100101010 1101 000i 1101 iiiiii00"),
     // Extensions, bytes in another order, branches.
-    ("1011001000 mmm ddd", "111110100000 1111 1111 0ddd 1000 0mmm"),
-    ("1011001001 mmm ddd", "111110100100 1111 1111 0ddd 1000 0mmm"),
-    ("1011001010 mmm ddd", "111110100001 1111 1111 0ddd 1000 0mmm"),
-    ("1011001011 mmm ddd", "111110100101 1111 1111 0ddd 1000 0mmm"),
+    ("10110010 u b mmm ddd", "111110100 b 0 u 1111 1111 0ddd 1000 0mmm"),
     ("1011101000 mmm ddd", "111110101001 0mmm 1111 0ddd 1000 0mmm"),
     ("1011101001 mmm ddd", "111110101001 0mmm 1111 0ddd 1001 0mmm"),
     ("1011101011 mmm ddd", "111110101001 0mmm 1111 0ddd 1011 0mmm"),
@@ -251,7 +248,7 @@ const WIDE: &[(u32, u32, Run)] = &[
     (0xFFE0_D000, 0xF380_8000, |core, i| core.write_special(i & 0xFF, i >> 10 & 3, i >> 16)),
     (0xFFF0_D000, 0xF3E0_8000, |core, i| core.read_special(i & 0xFF, i >> 8)),
     (0xFFF0_D700, 0xF3A0_8000, hint),
-    (0xFFF0_D0F0, 0xF3B0_8020, |core, _| core.clear_exclusive()),
+    (0xFFF0_D0F0, 0xF3B0_8020, clear_exclusive),
     // Barriers: accesses come one after another anyway.
     (0xFFF0_D0E0, 0xF3B0_8040, |_, _| Ok(())),
     (0xFFF0_D0F0, 0xF3B0_8060, |_, _| Ok(())),

@@ -49,38 +49,30 @@ pub(super) const FPSCR: u32 = 0xF3C0_009F;
 /// What keeps an instruction from being executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
-    /// No such instruction.
-    Undefined,
-    /// Code that is not Thumb.
-    State,
-    /// A return from an exception that cannot be.
-    Return,
-    /// The coprocessor does not exist, or is off.
-    NoCoprocessor,
-    Unaligned,
-    DivideByZero,
-    /// The MPU forbids it.
-    FetchMpu,
-    DataMpu,
+    /// The MPU forbids it. (Each fault is its bits of `CFSR`.)
+    FetchMpu = 1 << 0,
+    DataMpu = 1 << 1 | 1 << 7,
     /// Nothing answers.
-    FetchBus,
-    DataBus,
+    FetchBus = 1 << 8,
+    DataBus = 1 << 9 | 1 << 15,
+    /// No such instruction.
+    Undefined = 1 << 16,
+    /// Code that is not Thumb.
+    State = 1 << 17,
+    /// A return from an exception that cannot be.
+    Return = 1 << 18,
+    /// The coprocessor does not exist, or is off.
+    NoCoprocessor = 1 << 19,
+    Unaligned = 1 << 24,
+    DivideByZero = 1 << 25,
 }
 
 impl Fault {
-    /// Its exception, and its bits of `CFSR`.
-    const fn status(self) -> (u32, u32) {
-        match self {
-            Self::Undefined => (USAGE_FAULT, 1 << 16),
-            Self::State => (USAGE_FAULT, 1 << 17),
-            Self::Return => (USAGE_FAULT, 1 << 18),
-            Self::NoCoprocessor => (USAGE_FAULT, 1 << 19),
-            Self::Unaligned => (USAGE_FAULT, 1 << 24),
-            Self::DivideByZero => (USAGE_FAULT, 1 << 25),
-            Self::FetchMpu => (MEM_MANAGE, 1 << 0),
-            Self::DataMpu => (MEM_MANAGE, 1 << 1 | 1 << 7),
-            Self::FetchBus => (BUS_FAULT, 1 << 8),
-            Self::DataBus => (BUS_FAULT, 1 << 9 | 1 << 15),
+    const fn exception(self) -> u32 {
+        match self as u32 {
+            0..=0xFF => MEM_MANAGE,
+            0x100..=0xFFFF => BUS_FAULT,
+            _ => USAGE_FAULT,
         }
     }
 }
@@ -152,7 +144,7 @@ impl System {
         faultmask || self.active[0] & (1 << NMI | 1 << HARD_FAULT) != 0
     }
 
-    fn active_count(&self) -> u32 {
+    pub(super) fn active_count(&self) -> u32 {
         self.active.iter().map(|set| set.count_ones()).sum()
     }
 }
@@ -177,11 +169,7 @@ impl Core {
     }
 
     /// The main stack pointer, or that of processes.
-    pub(super) const fn stack(&self, process: bool) -> &u32 {
-        if self.uses_process_stack() == process { &self.r[13] } else { &self.other_stack }
-    }
-
-    pub(super) const fn stack_mut(&mut self, process: bool) -> &mut u32 {
+    pub(super) const fn stack(&mut self, process: bool) -> &mut u32 {
         if self.uses_process_stack() == process { &mut self.r[13] } else { &mut self.other_stack }
     }
 
@@ -190,7 +178,7 @@ impl Core {
     }
 
     /// Changes exception and CONTROL, and with them the stack pointer in use.
-    fn switch(&mut self, exception: u32, control: u32) {
+    pub(super) fn switch(&mut self, exception: u32, control: u32) {
         let before = self.uses_process_stack();
         self.psr = self.psr & !EXCEPTION | exception;
         self.control = control;
@@ -201,22 +189,17 @@ impl Core {
         self.protect();
     }
 
-    pub(super) fn control_to(&mut self, control: u32) {
-        self.switch(self.psr & EXCEPTION, control);
-    }
-
     /// Takes a fault, where the architecture says: its own exception, `HardFault`, or nothing ever
     /// again.
     #[cold]
     pub(super) fn take(&mut self, fault: Fault, at: u32) {
-        let (exception, bits) = fault.status();
-        *self.system.word_mut(CFSR) |= bits;
+        *self.system.word_mut(CFSR) |= fault as u32;
         match fault {
             Fault::DataMpu => *self.system.word_mut(MMFAR) = self.fault_address,
             Fault::DataBus => *self.system.word_mut(BFAR) = self.fault_address,
             _ => {}
         }
-        match self.escalated(exception) {
+        match self.escalated(fault.exception()) {
             Some(exception) => self.enter(exception, at),
             None => self.lock_up(),
         }
@@ -449,11 +432,6 @@ impl Core {
             self.store_fpu(self.system.word(FPCAR), status & USER == 0)?;
         }
         self.control |= if status & ASPEN == 0 { 0 } else { FP_ACTIVE };
-        Ok(())
-    }
-
-    pub(super) const fn clear_exclusive(&mut self) -> Done {
-        self.exclusive = None;
         Ok(())
     }
 

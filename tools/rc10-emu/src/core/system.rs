@@ -226,7 +226,7 @@ impl System {
     fn control_state(&self, exception: u32) -> u32 {
         let next = self.most_urgent().map_or(0, |(next, _)| next);
         let external = self.pending[0] >> 16 != 0 || self.pending[1..].iter().any(|&set| set != 0);
-        let is_base = self.active.iter().map(|set| set.count_ones()).sum::<u32>() <= 1;
+        let is_base = self.active_count() <= 1;
         let pending = ICSR_PENDING
             .iter()
             .filter(|&&(_, exception, to)| to && is_set(&self.pending, exception));
@@ -371,8 +371,8 @@ impl Core {
                 self.psr = self.psr & !bits | value & bits;
             }
             _ if !self.is_privileged() => {}
-            8 => *self.stack_mut(false) = value & !3,
-            9 => *self.stack_mut(true) = value & !3,
+            8 => *self.stack(false) = value & !3,
+            9 => *self.stack(true) = value & !3,
             16 => self.primask = value & 1 != 0,
             17 => self.basepri = value as u8 & 0xF0,
             18 => {
@@ -384,7 +384,7 @@ impl Core {
                 let in_handler = self.psr & EXCEPTION != 0;
                 let stack = if in_handler { 0 } else { PROCESS_STACK };
                 let bits = UNPRIVILEGED | FP_ACTIVE | stack;
-                self.control_to(self.control & !bits | value & bits);
+                self.switch(self.psr & EXCEPTION, self.control & !bits | value & bits);
             }
             _ => {}
         }

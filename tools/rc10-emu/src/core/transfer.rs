@@ -179,6 +179,12 @@ pub(super) fn store_exclusive(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
+/// CLREX.
+pub(super) fn clear_exclusive(core: &mut Core, _: u32) -> Done {
+    core.exclusive = None;
+    Ok(())
+}
+
 /// TBB, TBH.
 pub(super) fn branch_table(core: &mut Core, i: u32) -> Done {
     let bytes = 1 << (i >> 4 & 1);

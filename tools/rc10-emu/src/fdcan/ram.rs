@@ -54,16 +54,7 @@ const REMOTE: u32 = 1 << 29;
 /// Words of a receive or transmit buffer element: two of header and the data field that RXESC or
 /// TXESC asks for.
 pub(super) const fn element_words(size_code: u32) -> u32 {
-    2 + match size_code {
-        0 => 2,
-        1 => 3,
-        2 => 4,
-        3 => 5,
-        4 => 6,
-        5 => 8,
-        6 => 12,
-        _ => 16,
-    }
+    2 + [2, 3, 4, 5, 6, 8, 12, 16][size_code as usize & 7]
 }
 
 /// First word of an element: identifier, its size, remote flag.

@@ -56,6 +56,13 @@ pub enum AccessKind {
     Adc(AdcFault),
 }
 
+impl AccessKind {
+    /// Refuses an access for this reason, if it is so.
+    pub(super) fn when(self, is_so: bool) -> Result<(), Self> {
+        if is_so { Err(self) } else { Ok(()) }
+    }
+}
+
 /// A pin that does not lead outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinFault {

@@ -236,9 +236,7 @@ impl Adc {
     /// Time that half clocks take from now.
     fn after(&self, half_clocks: u64, now: Nanos) -> Result<Nanos, AccessKind> {
         let hz = self.half_clocks_hz();
-        if hz == 0 {
-            return Err(AccessKind::Adc(AdcFault::NoClock));
-        }
+        AccessKind::Adc(AdcFault::NoClock).when(hz == 0)?;
         let nanos = (u128::from(half_clocks) * 1_000_000_000).div_ceil(u128::from(hz));
         Ok(now + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX)))
     }
@@ -290,7 +288,7 @@ impl Adc {
             CFGR2 => self.registers.value(CFGR2) & CFGR2_UNMODELLED != 0,
             _ => false,
         };
-        if unmodelled { Err(AccessKind::Unmodelled) } else { Ok(()) }
+        AccessKind::Unmodelled.when(unmodelled)
     }
 
     /// CCR and the other registers that it shares with ADC2.
@@ -304,16 +302,12 @@ impl Adc {
     }
 
     pub(super) fn write_common(&mut self, write: Write) -> Result<(), AccessKind> {
-        if write.offset != 0x08 {
-            return Err(AccessKind::Unmodelled);
-        }
+        AccessKind::Unmodelled.when(write.offset != 0x08)?;
         // RM0468: allowed only while the ADCs are disabled.
-        if self.control & (ADEN | ADCAL) != 0 {
-            return Err(AccessKind::Protected);
-        }
+        AccessKind::Protected.when(self.control & (ADEN | ADCAL) != 0)?;
         self.common = write.over(self.common);
         // DUAL; VREFEN, VSENSEEN, VBATEN lead to ADC3.
-        if self.common & 0x1F != 0 { Err(AccessKind::Unmodelled) } else { Ok(()) }
+        AccessKind::Unmodelled.when(self.common & 0x1F != 0)
     }
 
     /// CR: most bits are set by the program and cleared by the converter.
@@ -323,9 +317,7 @@ impl Adc {
         if self.control & (ADEN | ADCAL) == 0 {
             self.regulate(wanted, now);
         }
-        if new & (JADSTART | JADSTP) != 0 {
-            return Err(AccessKind::Unmodelled);
-        }
+        AccessKind::Unmodelled.when(new & (JADSTART | JADSTP) != 0)?;
         if new & ADCAL != 0 {
             self.may_begin(self.control & ADEN == 0, now)?;
             let clocks = if self.control & ADCALLIN == 0 { CALIBRATION } else { LINEARITY };
@@ -338,24 +330,19 @@ impl Adc {
             self.control |= ADEN;
         }
         if new & ADSTP != 0 {
-            if self.control & ADSTART == 0 {
-                return Err(AccessKind::Protected);
-            }
+            AccessKind::Protected.when(self.control & ADSTART == 0)?;
             self.work = None;
             self.control &= !ADSTART;
         }
         if new & ADSTART != 0 {
-            if self.control & ADEN == 0 || self.work.is_some() {
-                return Err(AccessKind::Adc(AdcFault::NotReady));
-            }
+            AccessKind::Adc(AdcFault::NotReady)
+                .when(self.control & ADEN == 0 || self.work.is_some())?;
             self.convert(0, now)?;
             self.control |= ADSTART;
             return self.check_preselection();
         }
         if new & ADDIS != 0 {
-            if self.control & ADEN == 0 || self.control & ADSTART != 0 {
-                return Err(AccessKind::Protected);
-            }
+            AccessKind::Protected.when(self.control & ADEN == 0 || self.control & ADSTART != 0)?;
             self.work = None;
             self.control &= !ADEN;
             self.flags &= !ADRDY;
@@ -374,9 +361,7 @@ impl Adc {
     }
 
     fn may_begin(&self, allowed: bool, now: Nanos) -> Result<(), AccessKind> {
-        if !self.is_regulated(now) {
-            return Err(AccessKind::Adc(AdcFault::RegulatorNotUp));
-        }
+        AccessKind::Adc(AdcFault::RegulatorNotUp).when(!self.is_regulated(now))?;
         if allowed && self.work.is_none() { Ok(()) } else { Err(AccessKind::Protected) }
     }
 

@@ -48,16 +48,14 @@ impl Tone {
     }
 }
 
-/// Clocks that timers' inputs can be connected to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Tones {
-    pub lsi: Option<Tone>,
-    pub lse: Option<Tone>,
-    /// HSE behind `RCC_CFGR.RTCPRE`.
-    pub hse: Option<Tone>,
-    /// MCO1.
-    pub output: Option<Tone>,
-}
+/// Clocks that timers' inputs can be connected to, and in the last place what is not modelled.
+pub(super) type Tones = [Option<Tone>; 5];
+/// Places of LSI, LSE, HSE behind `RCC_CFGR.RTCPRE`, and MCO1.
+pub(super) const TONE_LSI: usize = 0;
+pub(super) const TONE_LSE: usize = 1;
+pub(super) const TONE_HSE: usize = 2;
+pub(super) const TONE_MCO1: usize = 3;
+pub(super) const UNMODELLED: usize = 4;
 
 /// Frequencies of what the tree starts from: 0 if not running.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -193,15 +191,6 @@ impl fmt::Display for TooFast {
     }
 }
 
-/// Which kernel clocks drive something: a peripheral whose bus clock is on.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Used {
-    pub fdcan: bool,
-    pub usarts: [bool; 2],
-    pub spis: [bool; 2],
-    pub i2cs: bool,
-}
-
 /// Highest frequencies of the core, of AXI and AHB, and of the APBs, by voltage scale 0 to 3; the
 /// core without the option byte that boosts it. Source: STM32H723 data sheet, general operating
 /// conditions; the same in embassy-stm32's `rcc/h.rs`. But that APBs may have 42.5 MHz at scale 3
@@ -221,7 +210,7 @@ const SPI123_LIMIT: u64 = 200_000_000;
 
 /// The clocks that are too fast. Kernel clocks that the documents at hand give no figure for are
 /// held to the limit of the bus that their peripheral is on. All of them are nominal: what an
-/// oscillator is off by does not matter.
+/// oscillator is off by does not matter. A kernel clock that drives nothing is to be 0.
 ///
 /// `time_quantum` is FDCAN's clock behind the calibration unit's divider. RM0399 59.4.5 says that
 /// it must be "always below or equal to" APB's and prints `fdcan_tq_ck < fdcan_pclk` beside it:
@@ -229,30 +218,27 @@ const SPI123_LIMIT: u64 = 200_000_000;
 pub(super) fn too_fast(
     clocks: &Clocks,
     time_quantum: u64,
-    used: Used,
     scale: u32,
 ) -> impl Iterator<Item = TooFast> {
     let [core, bus, apb] = BUS_LIMITS[scale as usize % BUS_LIMITS.len()];
-    let if_used = |used: bool, hz| if used { hz } else { 0 };
-    let fdcan = if_used(used.fdcan, clocks.fdcan);
     let at_most = [
         ("the core's clock", clocks.core, core),
         ("AXI's clock", clocks.bus, bus),
         ("APB1's clock", clocks.apb[0], apb),
         ("APB2's clock", clocks.apb[1], apb),
-        ("FDCAN's kernel clock", fdcan, FDCAN_LIMIT.min(apb)),
-        ("the kernel clock of the UARTs on APB1", if_used(used.usarts[0], clocks.usarts[0]), apb),
-        ("the kernel clock of the UARTs on APB2", if_used(used.usarts[1], clocks.usarts[1]), apb),
-        ("SPI1 to 3's kernel clock", if_used(used.spis[0], clocks.spis[0]), SPI123_LIMIT.min(bus)),
-        ("SPI4 and 5's kernel clock", if_used(used.spis[1], clocks.spis[1]), apb),
-        ("I2C1, 2, 3 and 5's kernel clock", if_used(used.i2cs, clocks.i2cs), apb),
+        ("FDCAN's kernel clock", clocks.fdcan, FDCAN_LIMIT.min(apb)),
+        ("the kernel clock of the UARTs on APB1", clocks.usarts[0], apb),
+        ("the kernel clock of the UARTs on APB2", clocks.usarts[1], apb),
+        ("SPI1 to 3's kernel clock", clocks.spis[0], SPI123_LIMIT.min(bus)),
+        ("SPI4 and 5's kernel clock", clocks.spis[1], apb),
+        ("I2C1, 2, 3 and 5's kernel clock", clocks.i2cs, apb),
     ];
     let at_most = at_most.into_iter().filter(|(_, hz, limit)| hz > limit);
     let at_most =
         at_most.map(|(clock, hz, limit)| TooFast { clock, hz, limit: Limit::AtMost(limit) });
     let (clock, apb) = ("FDCAN's time quantum clock", clocks.apb[0]);
     let quantum = TooFast { clock, hz: time_quantum, limit: Limit::BelowApb1(apb) };
-    at_most.chain((used.fdcan && time_quantum != 0 && time_quantum >= apb).then_some(quantum))
+    at_most.chain((time_quantum != 0 && time_quantum >= apb).then_some(quantum))
 }
 
 /// Settings of one PLL.
@@ -317,22 +303,18 @@ mod tests {
             bus: 240_000_000,
             apb: [120_000_000; 2],
             fdcan: 80_000_000,
-            usarts: [120_000_000, 250_000_000],
+            usarts: [120_000_000, 0],
             spis: [200_000_000, 120_000_000],
             ..Clocks::default()
         };
-        let used = Used { fdcan: true, usarts: [true, false], spis: [true; 2], i2cs: true };
-        let names = |clocks: &Clocks, tq, used, scale| {
-            too_fast(clocks, tq, used, scale).map(|clock| clock.clock).collect::<Vec<_>>()
+        let names = |clocks: &Clocks, tq, scale| {
+            too_fast(clocks, tq, scale).map(|clock| clock.clock).collect::<Vec<_>>()
         };
-        assert_eq!(names(&clocks, 80_000_000, used, 0), [""; 0]);
-        assert_eq!(names(&clocks, 80_000_000, Used::default(), 1).len(), 4, "core and buses");
-        let used = Used { usarts: [true; 2], ..used };
-        assert_eq!(
-            names(&clocks, 80_000_000, used, 0),
-            ["the kernel clock of the UARTs on APB2"],
-            "one that is not used may be too fast"
-        );
+        assert_eq!(names(&clocks, 80_000_000, 0), [""; 0]);
+        let unused = Clocks { fdcan: 0, usarts: [0; 2], spis: [0; 2], ..clocks };
+        assert_eq!(names(&unused, 0, 1).len(), 4, "core and buses");
+        let used = Clocks { usarts: [120_000_000, 250_000_000], ..clocks };
+        assert_eq!(names(&used, 80_000_000, 0), ["the kernel clock of the UARTs on APB2"]);
         // One hertz too much for each.
         let fast = Clocks {
             core: 520_000_001,
@@ -344,7 +326,7 @@ mod tests {
             i2cs: 137_500_001,
             ..Clocks::default()
         };
-        assert_eq!(names(&fast, 125_000_001, used, 0).len(), 10);
+        assert_eq!(names(&fast, 125_000_001, 0).len(), 10);
     }
 
     #[test]

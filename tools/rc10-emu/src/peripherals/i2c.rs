@@ -422,27 +422,21 @@ impl I2c {
                     self.held_busy = false;
                 }
                 self.try_start(now);
-                if self.control[0] & CR1_UNMODELLED != 0 {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(self.control[0] & CR1_UNMODELLED != 0)?;
             }
             0x04 => return self.write_control_2(write, now),
             0x08 | 0x0C => {
                 let own = &mut self.own[(write.offset as usize - 0x08) / 4];
                 *own = write.over(*own);
                 // OAxEN.
-                if *own & 1 << 15 != 0 {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(*own & 1 << 15 != 0)?;
             }
             0x10 if self.is(1, ENABLE) => return Err(AccessKind::Protected),
             0x10 => self.timing = write.over(self.timing) & 0xF0FF_FFFF,
             0x14 => {
                 self.timeout = write.over(self.timeout);
                 // TIMOUTEN, TEXTEN.
-                if self.timeout & (1 << 15 | 1 << 31) != 0 {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(self.timeout & (1 << 15 | 1 << 31) != 0)?;
             }
             // TXE: flushes.
             0x18 => {
@@ -477,9 +471,7 @@ impl I2c {
         // Both are set by the program and cleared by what they ask for.
         let standing = self.control[1] & (START | STOP);
         self.control[1] = write.over(self.control[1]) | standing;
-        if self.is(2, LONG_ADDRESS) {
-            return Err(AccessKind::Unmodelled);
-        }
+        AccessKind::Unmodelled.when(self.is(2, LONG_ADDRESS))?;
         match self.state {
             // Nothing to stop.
             State::Idle => self.control[1] &= !STOP,

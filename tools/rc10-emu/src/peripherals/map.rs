@@ -15,41 +15,28 @@ pub(super) struct Switch {
 /// Part of the model that answers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Block {
-    /// Reset and clock control.
     Rcc,
-    /// Power control.
     Power,
-    /// Flash interface: wait states only.
     Flash,
-    /// System configuration.
     Syscfg,
-    /// External interrupts.
     Exti,
-    /// Debug unit.
     Debug,
-    /// Independent watchdog.
     Watchdog,
     /// Port A is 0, K is 10.
     Gpio(usize),
-    /// Index in the table of timers.
+    /// Index in the table of timers, of UARTs, ..
     Timer(usize),
-    /// Index in the table of UARTs.
     Usart(usize),
-    /// SPI1 is 0.
+    /// .. of SPIs: SPI1 is 0; of I2Cs.
     Spi(usize),
-    /// Index in the table of I2Cs.
     I2c(usize),
     /// DMA1 is 0.
     Dma(usize),
-    /// Request router of both DMAs.
     DmaMux,
     /// FDCAN1 is 0.
     Fdcan(usize),
-    /// Message RAM of the FDCANs.
     FdcanRam,
-    /// Clock calibration unit of the FDCANs.
     FdcanCalibration,
-    /// ADC1.
     Adc,
     /// What ADC1 shares with ADC2.
     AdcCommon,

@@ -473,12 +473,9 @@ impl Rcc {
             4 => if_ready(HSI48 as usize, HSI48_HZ),
             _ => 0,
         };
-        Tones {
-            lsi: Tone::new(if_ready(LSI, LSI_HZ), 1),
-            lse: Tone::new(lse, 1),
-            hse: Tone::new(hse, for_rtc).filter(|_| for_rtc > 1),
-            output: Tone::new(output, field(config, 18, 4)),
-        }
+        let lsi = Tone::new(if_ready(LSI, LSI_HZ), 1);
+        let hse = Tone::new(hse, for_rtc).filter(|_| for_rtc > 1);
+        [lsi, Tone::new(lse, 1), hse, Tone::new(output, field(config, 18, 4)), None]
     }
 
     /// P, Q and R of a PLL, as far as it runs.

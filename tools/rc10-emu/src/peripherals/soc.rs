@@ -1,13 +1,12 @@
 //! All peripherals together: dispatch of accesses, clocks, interrupts.
 
-use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
 
 use super::access::{Access, AccessKind, BusFault, Counts, PinFault, Width, Write};
 use super::adc::Adc;
-use super::clocks::{self, Clocks, TooFast, Used};
+use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::gpio::{PINS, Port};
@@ -83,12 +82,6 @@ pub struct Soc {
     switches_closed: bool,
     /// Rows of the map whose devices say nothing.
     silent: Vec<bool>,
-}
-
-impl fmt::Debug for Soc {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Soc").field("clocks", &self.clocks).finish_non_exhaustive()
-    }
 }
 
 impl Soc {
@@ -735,20 +728,26 @@ impl Soc {
 
     /// Reports each clock once when it becomes too fast for what it drives.
     fn check_clocks(&mut self, address: u32, now: Nanos) {
-        let mut used = Used::default();
+        let nominal = self.rcc.nominal_clocks();
+        // What drives nothing may be as fast as it is.
+        let mut used = Clocks { fdcan: 0, usarts: [0; 2], spis: [0; 2], i2cs: 0, ..nominal };
         for (row, _) in MAP.iter().zip(&self.running).filter(|(_, running)| **running) {
             match row.block {
-                Block::Fdcan(_) => used.fdcan = true,
-                Block::Usart(usart) => used.usarts[USARTS[usart].bus] = true,
-                Block::Spi(spi) => used.spis[SPIS[spi].clock] = true,
-                Block::I2c(_) => used.i2cs = true,
+                Block::Fdcan(_) => used.fdcan = nominal.fdcan,
+                Block::Usart(usart) => {
+                    let bus = USARTS[usart].bus;
+                    used.usarts[bus] = nominal.usarts[bus];
+                }
+                Block::Spi(spi) => {
+                    let clock = SPIS[spi].clock;
+                    used.spis[clock] = nominal.spis[clock];
+                }
+                Block::I2c(_) => used.i2cs = nominal.i2cs,
                 _ => {}
             }
         }
-        let nominal = self.rcc.nominal_clocks();
-        let time_quantum = self.fdcans().time_quantum_of(nominal.fdcan);
-        let scale = self.power.scale(now);
-        let too_fast = clocks::too_fast(&nominal, time_quantum, used, scale);
+        let time_quantum = self.fdcans().time_quantum_of(used.fdcan);
+        let too_fast = clocks::too_fast(&used, time_quantum, self.power.scale(now));
         let too_fast: Vec<_> = too_fast.chain(self.adc.too_fast(&nominal)).collect();
         let before = std::mem::replace(&mut self.too_fast, too_fast.clone());
         for clock in too_fast.into_iter().filter(|clock| !before.contains(clock)) {

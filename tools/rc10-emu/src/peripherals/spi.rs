@@ -408,9 +408,7 @@ impl Spi {
                 let unlocked = [RECEIVE_DMA | TRANSMIT_DMA, 0][index];
                 let locked = if enabled { !unlocked } else { 0 };
                 self.config[index] = wanted & !locked | old & locked;
-                if (old ^ wanted) & locked != 0 {
-                    return Err(AccessKind::Protected);
-                }
+                AccessKind::Protected.when((old ^ wanted) & locked != 0)?;
             }
             0x10 => self.interrupts = write.over(self.interrupts) & 0x7FF,
             // SR, RXDR cannot be written.
@@ -439,9 +437,7 @@ impl Spi {
                 let stored = &mut self.stored[(write.offset as usize - 0x40) / 4];
                 *stored = write.over(*stored);
                 // I2SMOD.
-                if write.offset == 0x50 && *stored & 1 != 0 {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(write.offset == 0x50 && *stored & 1 != 0)?;
             }
             _ => return Err(AccessKind::Unmodelled),
         }
@@ -482,9 +478,7 @@ impl Spi {
             || self.communication() == Communication::HalfDuplex
             || self.frame_bits() > 16
             || self.control & CR1_UNMODELLED != 0;
-        if unmodelled {
-            return Err(AccessKind::Unmodelled);
-        }
+        AccessKind::Unmodelled.when(unmodelled)?;
         self.go_on(now);
         Ok(())
     }

@@ -7,24 +7,8 @@ use super::{CHANNELS, ENCODER_MODES, Timer};
 /// Divider of the filter's clock (0: the timer's own, not the one that CKD divides) and how many
 /// equal samples let a level through, by `ICxF`. Source: RM0468, `TIMx_CCMR1`,
 /// IC1F.
-const FILTERS: [(u64, u64); 16] = [
-    (0, 0),
-    (0, 2),
-    (0, 4),
-    (0, 8),
-    (2, 6),
-    (2, 8),
-    (4, 6),
-    (4, 8),
-    (8, 6),
-    (8, 8),
-    (16, 5),
-    (16, 6),
-    (16, 8),
-    (32, 5),
-    (32, 6),
-    (32, 8),
-];
+const DIVIDERS: [u64; 16] = [0, 0, 0, 0, 2, 2, 4, 4, 8, 8, 16, 16, 16, 32, 32, 32];
+const SAMPLES: [u64; 16] = [0, 2, 4, 8, 6, 8, 6, 8, 6, 8, 5, 6, 8, 5, 6, 8];
 
 /// A pin's level on its way through the filter.
 #[derive(Clone, Copy, Debug, Default)]
@@ -80,7 +64,8 @@ impl Timer {
         if self.mode(input) & 3 == 0 || self.hz == 0 {
             return Nanos::ZERO;
         }
-        let (divider, samples) = FILTERS[(self.mode(input) >> 4 & 0xF) as usize];
+        let filter = (self.mode(input) >> 4 & 0xF) as usize;
+        let (divider, samples) = (DIVIDERS[filter], SAMPLES[filter]);
         let divider = if divider == 0 { 1 } else { divider << (self.control >> 8 & 3) };
         Nanos::new((divider * samples * 1_000_000_000).div_ceil(self.hz))
     }

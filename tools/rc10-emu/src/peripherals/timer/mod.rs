@@ -23,7 +23,7 @@ mod tone;
 use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
-use super::clocks::Tones;
+use super::clocks::{TONE_HSE, TONE_LSE, TONE_LSI, TONE_MCO1, Tones, UNMODELLED};
 use input::Input;
 use tone::Listener;
 
@@ -42,19 +42,8 @@ pub(super) struct Facts {
     pub bus: usize,
     /// Channels with a complementary output: then it has `BDTR` and `RCR`, too.
     pub complements: usize,
-    /// The clocks that `TISEL.TI1SEL` = 1, 2, .. connects its first input to.
-    pub tones: &'static [Source],
-}
-
-/// A clock of the chip at a timer's input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Source {
-    Lsi,
-    Lse,
-    Hse,
-    Mco1,
-    /// A signal that this model does not have.
-    Unmodelled,
+    /// The clocks that `TISEL.TI1SEL` = 1, 2, .. connects its first input to: places in [`Tones`].
+    pub tones: &'static [usize],
 }
 
 /// Channels of a timer, at most.
@@ -71,7 +60,7 @@ const fn advanced(
     interrupts: [usize; 2],
     requests: [u32; 5],
     complements: usize,
-    tones: &'static [Source],
+    tones: &'static [usize],
 ) -> Facts {
     Facts { bits: 16, channels, interrupts, requests, bus: 1, complements, tones }
 }
@@ -93,8 +82,8 @@ pub(super) const TIMERS: [Facts; 15] = [
     facts(32, 4, 162, [136, 132, 133, 134, 135]),
     advanced(4, [25, 27], [15, 11, 12, 13, 14], 3, &[]),
     advanced(4, [44, 46], [51, 47, 48, 49, 50], 3, &[]),
-    advanced(1, [117; 2], [110, 109, 0, 0, 0], 1, &[Source::Lsi, Source::Lse, Source::Unmodelled]),
-    advanced(1, [118; 2], [112, 111, 0, 0, 0], 1, &[Source::Unmodelled, Source::Hse, Source::Mco1]),
+    advanced(1, [117; 2], [110, 109, 0, 0, 0], 1, &[TONE_LSI, TONE_LSE, UNMODELLED]),
+    advanced(1, [118; 2], [112, 111, 0, 0, 0], 1, &[UNMODELLED, TONE_HSE, TONE_MCO1]),
 ];
 
 // CR1.
@@ -214,7 +203,7 @@ impl Timer {
         self.breaks = wanted & (MAIN_OUTPUT | OFF_STATES);
         // Dead time, locks, breaks and their filters; polarities of breaks that are off do nothing.
         let harmless = MAIN_OUTPUT | OFF_STATES | BREAK_POLARITIES;
-        if wanted & !harmless != 0 { Err(AccessKind::Unmodelled) } else { Ok(()) }
+        AccessKind::Unmodelled.when(wanted & !harmless != 0)
     }
 
     /// The channel's byte in CCMR1 or CCMR2.
@@ -314,28 +303,22 @@ impl Timer {
                 self.control = wanted & !OTHER_DIRECTIONS;
                 // An encoder's direction cannot be written, only written back.
                 let directions = wanted & OTHER_DIRECTIONS;
-                if directions != 0 && !(self.is_encoder() && directions == DIRECTION) {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled
+                    .when(directions != 0 && !(self.is_encoder() && directions == DIRECTION))?;
             }
             0x04 => self.control_2 = write.over(self.control_2),
             0x08 if has_channels => {
                 self.rebase(now);
                 self.slave_mode = write.over(self.slave_mode);
-                if self.slave_mode & !7 != 0 || self.slave_mode > ENCODER_MODES {
-                    return Err(AccessKind::Unmodelled);
-                }
-                if self.is_encoder() && self.prescaler.in_force != 0 {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled
+                    .when(self.slave_mode & !7 != 0 || self.slave_mode > ENCODER_MODES)?;
+                AccessKind::Unmodelled.when(self.is_encoder() && self.prescaler.in_force != 0)?;
             }
             0x0C => {
                 let wanted = write.over(self.interrupts);
                 self.interrupts = wanted & self.known_enables();
                 self.requests &= self.interrupts >> 8;
-                if wanted != self.interrupts {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(wanted != self.interrupts)?;
             }
             0x10 => self.flags &= !write.zeros(),
             0x14 => self.event(write.ones(), now),
@@ -358,10 +341,8 @@ impl Timer {
                 self.input_select = write.over(self.input_select) & 0xF;
                 self.listen(now);
                 let source = self.source();
-                if source == Some(Source::Unmodelled) || source.is_none() && self.input_select != 0
-                {
-                    return Err(AccessKind::Unmodelled);
-                }
+                let is_unknown = source.is_none() && self.input_select != 0;
+                AccessKind::Unmodelled.when(source == Some(UNMODELLED) || is_unknown)?;
             }
             0x24 => self.counter = write.over(self.counter) & self.largest(),
             0x28 => self.prescaler.written = write.over(self.prescaler.written) & 0xFFFF,
@@ -429,9 +410,7 @@ impl Timer {
         self.modes[register] = wanted;
         // CCxS = 3: captures at a trigger. OCxM's fourth bit: combined modes.
         let triggered = [0, 8].iter().any(|shift| wanted >> shift & 3 == 3);
-        if triggered || wanted & 0x0101_0000 != 0 {
-            return Err(AccessKind::Unmodelled);
-        }
-        if locked { Err(AccessKind::Protected) } else { Ok(()) }
+        AccessKind::Unmodelled.when(triggered || wanted & 0x0101_0000 != 0)?;
+        AccessKind::Protected.when(locked)
     }
 }

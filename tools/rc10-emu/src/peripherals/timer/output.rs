@@ -2,32 +2,10 @@
 
 use super::{CHANNELS, MAIN_OUTPUT, OFF_STATE_IDLE, OFF_STATE_RUN, Timer};
 
-/// `OCxM`.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Mode {
-    /// Keeps what it was.
-    Frozen,
-    /// Goes there when the counter arrives.
-    Match(bool),
-    Toggle,
-    Forced(bool),
-    /// Pulse width modulation: active below the compare value, or from it on.
-    Pwm {
-        below: bool,
-    },
-}
-
-const fn mode_of(bits: u32) -> Mode {
-    match bits >> 4 & 7 {
-        0 => Mode::Frozen,
-        1 => Mode::Match(true),
-        2 => Mode::Match(false),
-        3 => Mode::Toggle,
-        4 => Mode::Forced(false),
-        5 => Mode::Forced(true),
-        6 => Mode::Pwm { below: true },
-        _ => Mode::Pwm { below: false },
-    }
+/// `OCxM`: 0 keeps what it was; 1 and 2 become active and inactive when the counter arrives, 3 turns
+/// over; 4 and 5 are inactive and active; 6 and 7 are active below the compare value, and from it on.
+const fn output_mode(bits: u32) -> u32 {
+    bits >> 4 & 7
 }
 
 impl Timer {
@@ -65,10 +43,13 @@ impl Timer {
             // Its inactive level, or not driven.
             return (self.is_advanced() && self.breaks & OFF_STATE_RUN != 0).then_some(inverts);
         }
-        let active = match mode_of(bits) {
-            Mode::Forced(active) => active,
-            Mode::Pwm { below } => (self.counter < self.compare[channel].in_force) == below,
-            Mode::Frozen | Mode::Match(_) | Mode::Toggle => self.references[channel],
+        let is_below = self.counter < self.compare[channel].in_force;
+        let active = match output_mode(bits) {
+            4 => false,
+            5 => true,
+            6 => is_below,
+            7 => !is_below,
+            _ => self.references[channel],
         };
         // Alone, a complementary output carries the reference itself.
         let opposite = complement && main && other;
@@ -78,11 +59,14 @@ impl Timer {
     /// The counter has arrived at these channels' values, a bit each.
     pub(super) fn matched(&mut self, channels: u32) {
         for channel in (0..self.facts().channels).filter(|channel| channels >> channel & 1 != 0) {
-            match mode_of(self.mode(channel)) {
-                Mode::Match(active) => self.references[channel] = active,
-                Mode::Toggle => self.references[channel] = !self.references[channel],
-                _ => {}
-            }
+            let mode = output_mode(self.mode(channel));
+            let reference = &mut self.references[channel];
+            *reference = match mode {
+                1 => true,
+                2 => false,
+                3 => !*reference,
+                _ => *reference,
+            };
         }
     }
 
@@ -102,7 +86,7 @@ impl Timer {
         });
         let ticks = channels.filter_map(|channel| {
             let value = self.compare[channel].in_force;
-            let modulates = matches!(mode_of(self.mode(channel)), Mode::Pwm { .. });
+            let modulates = output_mode(self.mode(channel)) >= 6;
             if value > self.reload.in_force || modulates && value == 0 {
                 // The same level for all of the period.
                 None

@@ -6,7 +6,7 @@
 use rc10_sim::Nanos;
 
 use super::super::clocks::{Tone, Tones};
-use super::{Source, Timer};
+use super::Timer;
 
 const NANOS_PER_SECOND: u128 = 1_000_000_000;
 
@@ -55,38 +55,27 @@ impl Timer {
     }
 
     /// What TISEL selects; `None`: the pin, or nothing.
-    pub(super) fn source(&self) -> Option<Source> {
+    pub(super) fn source(&self) -> Option<usize> {
         let index = (self.input_select as usize).checked_sub(1)?;
         self.facts().tones.get(index).copied()
     }
 
     /// Begins to listen, goes on, or stops, as the registers say now.
     pub(super) fn listen(&mut self, now: Nanos) {
-        let tone = self.source().and_then(|source| match source {
-            Source::Lsi => self.tones.lsi,
-            Source::Lse => self.tones.lse,
-            Source::Hse => self.tones.hse,
-            Source::Mco1 => self.tones.output,
-            Source::Unmodelled => None,
-        });
+        let tone = self.source().and_then(|source| self.tones[source]);
         // CC1S = 1; CC1NP, CC1P both: both edges.
         let listens = self.mode(0) & 3 == 1 && self.captures(0);
         let every = 1 << (self.mode(0) >> 2 & 3);
         let halves = if self.outputs & 0b1010 == 0b1010 { 1 } else { 2 };
-        let wanted = tone.filter(|_| listens).map(|tone| Listener {
-            tone,
-            every,
-            halves,
-            since: now,
-            captures: 0,
-        });
-        let same = |old: &Listener| {
-            wanted.is_some_and(|new| {
-                (new.tone, new.every, new.halves) == (old.tone, old.every, old.halves)
-            })
-        };
-        if !self.listener.as_ref().is_some_and(same) {
-            self.listener = wanted;
+        let wanted = tone.filter(|_| listens).map(|tone| (tone, every, halves));
+        if self.listener.map(|old| (old.tone, old.every, old.halves)) != wanted {
+            self.listener = wanted.map(|(tone, every, halves)| Listener {
+                tone,
+                every,
+                halves,
+                since: now,
+                captures: 0,
+            });
         }
     }
 

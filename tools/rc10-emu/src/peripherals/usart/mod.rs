@@ -463,13 +463,9 @@ impl Usart {
                 self.listen(now);
                 self.send_next(now);
                 let unmodelled = [CR1_UNMODELLED, CR2_UNMODELLED, CR3_UNMODELLED][index];
-                if self.control[index] & unmodelled != 0 {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(self.control[index] & unmodelled != 0)?;
                 // Who switches it off writes them with the same write, and means nothing by it.
-                if locked != 0 && self.is(1, ENABLE) {
-                    return Err(AccessKind::Protected);
-                }
+                AccessKind::Protected.when(locked != 0 && self.is(1, ENABLE))?;
             }
             // BRR, PRESC: locked while enabled.
             0x0C | 0x2C if self.is(1, ENABLE) => return Err(AccessKind::Protected),
@@ -486,18 +482,14 @@ impl Usart {
                 if write.ones() & 1 << 4 != 0 {
                     self.transmitter.clear();
                 }
-                if write.ones() & 0b111 != 0 {
-                    return Err(AccessKind::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(write.ones() & 0b111 != 0)?;
             }
             0x20 => self.flags &= !(write.ones() & STICKY),
             0x28 => {
                 self.flags &= !COMPLETE;
                 if self.transmitter.waiting() == self.capacity() {
                     // The register is overwritten; a full FIFO takes nothing.
-                    if self.is(1, FIFOS) {
-                        return Err(AccessKind::Protected);
-                    }
+                    AccessKind::Protected.when(self.is(1, FIFOS))?;
                     self.transmitter.clear();
                 }
                 // Nine bits at most.
