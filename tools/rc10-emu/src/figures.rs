@@ -2,6 +2,7 @@
 
 use rc10_sim::Nanos;
 
+use crate::peripherals::AccessKind;
 use crate::rig::Rig;
 
 /// The figures of a scenario so far.
@@ -65,7 +66,7 @@ impl Figures {
     #[must_use]
     pub fn of(rig: &Rig) -> Self {
         let machine = &rig.machine;
-        let counts = machine.soc().counts();
+        let soc = machine.soc();
         let ready = machine.ready();
         let first = |log: &crate::BusLog| {
             log.frames.iter().find(|entry| entry.from_controller).map(|entry| entry.start)
@@ -83,8 +84,8 @@ impl Figures {
             buses: (0..rig.buses().len()).map(|index| BusFigures::of(rig, index)).collect(),
             instructions: machine.profile().total(),
             stack_bytes: stack_top.saturating_sub(lowest),
-            unowned_accesses: counts.unowned,
-            gated_accesses: counts.gated,
+            unowned_accesses: soc.count(AccessKind::Unowned),
+            gated_accesses: soc.count(AccessKind::Gated),
         }
     }
 

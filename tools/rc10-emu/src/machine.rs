@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use rc10_sim::{Contact, Line, Nanos, Pulses, Serial, World};
 
 use crate::board::Board;
-use crate::core::{Core, Step, Wiring};
+use crate::core::{Core, Step};
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
 use crate::links::Links;
@@ -66,13 +66,13 @@ pub enum Injection {
     MaskInterrupts(bool),
 }
 
-/// An access to something that does not exist, or has no clock; a pin that leads nowhere; a bit
-/// rate that is not the bus's; or a core that locked up.
+/// A message of the program's log, or a report: of an access to something that does not exist, or
+/// has no clock; a pin that leads nowhere; a bit rate that is not the bus's; a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Report {
-    /// Time since power-on.
+pub struct Message {
+    /// Time since power-on; of the log: at which a debug probe would have read it.
     pub at: Nanos,
-    /// Description.
+    /// Description; of the log: level and message.
     pub text: String,
 }
 
@@ -86,15 +86,6 @@ pub struct Restart {
     pub at: Nanos,
     /// Cause of the reset.
     pub cause: ResetCause,
-}
-
-/// One line of the firmware's log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LogLine {
-    /// Time at which a debug probe would have read it.
-    pub at: Nanos,
-    /// Level and message.
-    pub text: String,
 }
 
 /// Differences between chips, and choices where the manual can be read in two ways.
@@ -166,7 +157,7 @@ impl Pace {
 /// [`run`](Self::run) lets chip and world go through time together.
 pub struct Machine {
     core: Core,
-    wiring: Wiring,
+    soc: Arc<Mutex<Soc>>,
     fdcan: Arc<Mutex<Fdcans>>,
     /// Buses with the index of their FDCAN, until a wrong bit rate is told.
     buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
@@ -175,7 +166,7 @@ pub struct Machine {
     memory: Memory,
     image: Image,
     log: Log,
-    lines: Vec<LogLine>,
+    lines: Vec<Message>,
     next_log: Nanos,
     profile: Profile,
     now: u64,
@@ -199,7 +190,7 @@ pub struct Machine {
     is_locked_up: bool,
     struck: Option<Nanos>,
     ready: Option<Nanos>,
-    reports: Vec<Report>,
+    reports: Vec<Message>,
     restarts: Vec<Restart>,
 }
 
@@ -242,11 +233,11 @@ impl Machine {
         if let Some((port, pin)) = options.board.key {
             soc.drive_pin(port, pin, Some(true), Nanos::ZERO);
         }
-        let wiring = Wiring(Arc::new(Mutex::new(soc)));
-        let core = Core::new(&memory, Some(wiring.clone()));
+        let soc = Arc::new(Mutex::new(soc));
+        let core = Core::new(&memory, Some(Arc::clone(&soc)));
         Ok(Self {
             core,
-            wiring,
+            soc,
             fdcan,
             buses: RefCell::default(),
             parts,
@@ -288,7 +279,7 @@ impl Machine {
     /// # Errors
     /// If the chip has no such UART, or the link's characters have another length.
     pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
-        let connected = self.links.connect_serial(&mut self.wiring.soc(), uart, link, inverted);
+        let connected = self.links.connect_serial(&mut lock(&self.soc), uart, link, inverted);
         let bits = link.config().bits;
         ensure!(connected, "there is no UART {uart} (1 to 10), or characters of {bits} bits");
         Ok(())
@@ -300,7 +291,7 @@ impl Machine {
     /// # Errors
     /// If the chip has no such UART.
     pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
-        let connected = self.links.connect_line(&mut self.wiring.soc(), uart, line);
+        let connected = self.links.connect_line(&mut lock(&self.soc), uart, line);
         ensure!(connected, "there is no UART {uart}; they are 1 to 10");
         Ok(())
     }
@@ -311,7 +302,7 @@ impl Machine {
     /// If the chip has no such pin.
     pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
         let now = self.now();
-        let connected = self.links.connect_pulses(&mut self.wiring.soc(), pin, pulses, now);
+        let connected = self.links.connect_pulses(&mut lock(&self.soc), pin, pulses, now);
         ensure!(connected, "there is no pin P{}{}", pin.0, pin.1);
         Ok(())
     }
@@ -322,7 +313,7 @@ impl Machine {
     /// If the pin does not lead outside.
     pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         let connected = soc.board().package.bonds(pin.0, pin.1)
             && self.links.connect_contact(&mut soc, pin, contact, now);
         ensure!(connected, "no pin P{}{} leads outside", pin.0, pin.1);
@@ -335,14 +326,14 @@ impl Machine {
     /// If the chip has no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize) -> Result<()> {
         let now = self.now();
-        ensure!(self.wiring.soc().watch_pin(port, pin, now), "there is no pin P{port}{pin}");
+        ensure!(lock(&self.soc).watch_pin(port, pin, now), "there is no pin P{port}{pin}");
         Ok(())
     }
 
     /// What a watched pin did since the last call, or since it is watched; `None`: it is not.
     pub fn take_pin_time(&mut self, port: char, pin: usize) -> Option<PinTime> {
         let now = self.now();
-        self.wiring.soc().take_pin_time(port, pin, now)
+        lock(&self.soc).take_pin_time(port, pin, now)
     }
 
     /// Keeps from now on every edge of a pin that the chip drives.
@@ -351,19 +342,19 @@ impl Machine {
     /// If the chip has no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
         let now = self.now();
-        ensure!(self.wiring.soc().record_pin(port, pin, now), "there is no pin P{port}{pin}");
+        ensure!(lock(&self.soc).record_pin(port, pin, now), "there is no pin P{port}{pin}");
         Ok(())
     }
 
     /// The edges of a recorded pin since the last call.
     pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
-        self.wiring.soc().take_edges(port, pin)
+        lock(&self.soc).take_edges(port, pin)
     }
 
     /// Whether the receiver of a UART is on now.
     #[must_use]
     pub fn listens(&self, uart: u8) -> bool {
-        self.wiring.soc().listens(uart)
+        lock(&self.soc).listens(uart)
     }
 
     /// Characters that a UART has sent and its far end could not read: another rate, another
@@ -398,7 +389,7 @@ impl Machine {
     /// The board that it is on.
     #[must_use]
     pub fn board(&self) -> Board {
-        self.wiring.soc().board()
+        lock(&self.soc).board()
     }
 
     /// The program.
@@ -434,7 +425,7 @@ impl Machine {
 
     /// The peripherals but the FDCANs.
     pub fn soc(&self) -> MutexGuard<'_, Soc> {
-        self.wiring.soc()
+        lock(&self.soc)
     }
 
     /// The FDCANs.
@@ -443,7 +434,7 @@ impl Machine {
     }
 
     /// The log lines since the last call.
-    pub fn take_log(&mut self) -> Vec<LogLine> {
+    pub fn take_log(&mut self) -> Vec<Message> {
         std::mem::take(&mut self.lines)
     }
 
@@ -466,7 +457,7 @@ impl Machine {
 
     /// The first accesses to what does not exist or has no clock.
     #[must_use]
-    pub fn reports(&self) -> &[Report] {
+    pub fn reports(&self) -> &[Message] {
         &self.reports
     }
 
@@ -530,7 +521,7 @@ impl Machine {
     /// The board's crystal stops swinging, now, or can swing again.
     pub fn set_crystal(&mut self, alive: bool) {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         soc.set_crystal(alive, now);
         self.core.set_nmi(soc.nmi());
     }
@@ -540,7 +531,7 @@ impl Machine {
     /// more.
     pub fn set_adc_fails(&mut self, fails: bool) {
         let now = self.now();
-        self.wiring.soc().set_adc_fails(fails, now);
+        lock(&self.soc).set_adc_fails(fails, now);
     }
 
     /// The voltage at a pin from outside, in microvolts, from now on.
@@ -549,7 +540,7 @@ impl Machine {
     /// If the pin does not lead outside, or to no converter that is modelled.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32) -> Result<()> {
         let now = self.now();
-        let known = self.wiring.soc().set_voltage(port, pin, microvolts, now);
+        let known = lock(&self.soc).set_voltage(port, pin, microvolts, now);
         ensure!(known, "no converter measures at P{port}{pin}");
         Ok(())
     }
@@ -560,7 +551,7 @@ impl Machine {
     /// If the chip does not, on this board.
     pub fn set_supply(&mut self, millivolts: u32) -> Result<()> {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         let name = soc.board().name;
         ensure!(soc.set_supply(millivolts, now), "the chip on {name} does not measure its supply");
         self.parts.advance(&mut soc, now);
@@ -590,7 +581,7 @@ impl Machine {
     /// If the board has none.
     pub fn press_key(&mut self, pressed: bool) -> Result<()> {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         let board = soc.board();
         let (port, pin) = board.key.with_context(|| format!("{} has no key", board.name))?;
         soc.drive_pin(port, pin, Some(!pressed), now);
@@ -605,7 +596,7 @@ impl Machine {
         while self.now < until.get() {
             let next_of_world = world.next_event();
             let mut horizon = next_of_world.min(self.next_log).min(until);
-            if let Some(event) = self.wiring.soc().next_event() {
+            if let Some(event) = lock(&self.soc).next_event() {
                 horizon = horizon.min(event);
             }
             self.execute(horizon.get());
@@ -616,7 +607,7 @@ impl Machine {
                 self.talk(world, next_of_world, now);
             }
             let (levels, nmi, memories, guards) = {
-                let mut soc = self.wiring.soc();
+                let mut soc = lock(&self.soc);
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
                 (soc.interrupt_levels(), soc.nmi(), soc.memories_run(), soc.guards_ram())
@@ -631,7 +622,7 @@ impl Machine {
 
     /// Chip and world exchange the levels of their lines, in the order of time, up to now.
     fn talk(&mut self, world: &mut World, mut next_of_world: Nanos, now: Nanos) {
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         loop {
             let next = soc.next_event().map_or(next_of_world, |event| event.min(next_of_world));
             world.advance_to(next.min(now));
@@ -647,7 +638,7 @@ impl Machine {
 
     /// Runs the core up to a time, or until it has touched a peripheral.
     fn execute(&mut self, horizon: u64) {
-        let clock = self.wiring.soc().core_clock_hz();
+        let clock = lock(&self.soc).core_clock_hz();
         self.core.bus.touched = false;
         if clock == 0 {
             // Nothing is executed, and no interrupt taken.
@@ -765,16 +756,16 @@ impl Machine {
     /// Everything outside the core: resets, reports, the log.
     fn after(&mut self, now: Nanos) -> Result<()> {
         let reported = self.collect_reports();
-        let cause = self.wiring.soc().take_reset();
+        let cause = lock(&self.soc).take_reset();
         let cause =
             cause.or_else(|| self.core.take_reset_request().then_some(ResetCause::Software));
         // Earlier messages of the program come first.
         if now >= self.next_log || cause.is_some() || reported {
             self.next_log = now + LOG_PERIOD;
             let messages = self.log.messages(&self.memory)?;
-            self.lines.extend(messages.into_iter().map(|text| LogLine { at: now, text }));
+            self.lines.extend(messages.into_iter().map(|text| Message { at: now, text }));
             self.compare_bit_rates();
-            self.parts.advance(&mut self.wiring.soc(), now);
+            self.parts.advance(&mut lock(&self.soc), now);
         }
         if let Some(cause) = cause {
             self.restart(cause);
@@ -786,7 +777,7 @@ impl Machine {
     pub fn restart(&mut self, cause: ResetCause) {
         let now = self.now();
         self.restarts.push(Restart { at: now, cause });
-        self.wiring.soc().reset(cause, now);
+        lock(&self.soc).reset(cause, now);
         self.core.reset();
         self.log.reset();
         self.jumps.clear();
@@ -814,13 +805,13 @@ impl Machine {
 
     fn report(&mut self, text: String) {
         if self.reports.len() < REPORTS {
-            self.reports.push(Report { at: self.now(), text });
+            self.reports.push(Message { at: self.now(), text });
         }
     }
 
     /// Whether there were any.
     fn collect_reports(&mut self) -> bool {
-        let accesses = self.wiring.soc().take_reports();
+        let accesses = lock(&self.soc).take_reports();
         for access in &accesses {
             let address = self.core.program_counter();
             let function = self.image.function_at(address).map_or("?", |(_, name)| name);

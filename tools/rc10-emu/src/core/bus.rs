@@ -1,6 +1,6 @@
 //! Where the core's accesses go: memories, peripherals, its own registers.
 
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 
 use rc10_sim::Nanos;
 
@@ -34,20 +34,10 @@ struct Window {
     start: u32,
 }
 
-/// Peripherals, as core and machine share them.
-#[derive(Clone)]
-pub(crate) struct Wiring(pub(crate) Arc<Mutex<Soc>>);
-
-impl Wiring {
-    pub(crate) fn soc(&self) -> MutexGuard<'_, Soc> {
-        lock(&self.0)
-    }
-}
-
 /// Memories and peripherals on the core's side.
 pub(crate) struct Bus {
     pub(super) memory: Memory,
-    wiring: Option<Wiring>,
+    soc: Option<Arc<Mutex<Soc>>>,
     /// The time of the access, in nanoseconds.
     pub(crate) now: u64,
     /// Set by every access to a peripheral: it may have changed an interrupt, or what comes next.
@@ -67,15 +57,15 @@ pub(crate) struct Bus {
 }
 
 impl Bus {
-    pub(super) fn new(memory: &Memory, wiring: Option<Wiring>) -> Self {
+    pub(super) fn new(memory: &Memory, soc: Option<Arc<Mutex<Soc>>>) -> Self {
         Self {
             memory: memory.clone(),
             now: 0,
             touched: false,
             waited: 0,
-            running: [wiring.is_none(); 2],
-            guarded: wiring.as_ref().is_some_and(|wiring| wiring.soc().guards_ram()),
-            wiring,
+            running: [soc.is_none(); 2],
+            guarded: soc.as_ref().is_some_and(|soc| lock(soc).guards_ram()),
+            soc,
             readable: [Window::default(); RANGES],
             writable: [Window::default(); RANGES],
             executable: Window::default(),
@@ -127,9 +117,8 @@ impl Bus {
         if let Some(bank) = self.bank(address, Access::Read) {
             return Some(self.memory.get(bank.start + (address - bank.base), bytes));
         }
-        let wiring = self.wiring.as_ref()?;
+        let mut soc = lock(self.soc.as_ref()?);
         self.touched = true;
-        let mut soc = wiring.soc();
         self.waited += soc.access_clocks(address);
         soc.read(address, width_of(bytes), Nanos::new(self.now)).ok()
     }
@@ -139,9 +128,8 @@ impl Bus {
             self.memory.put(bank.start + (address - bank.base), bytes, value);
             return Some(());
         }
-        let wiring = self.wiring.as_ref()?;
+        let mut soc = lock(self.soc.as_ref()?);
         self.touched = true;
-        let mut soc = wiring.soc();
         if soc.write_early(address, &value.to_le_bytes()[..bytes as usize]) {
             return Some(());
         }
@@ -157,7 +145,7 @@ impl Bus {
             return Some(self.memory.get(place, 2));
         }
         self.touched = true;
-        self.wiring.as_ref()?.soc().refuse(address, false);
+        lock(self.soc.as_ref()?).refuse(address, false);
         None
     }
 

@@ -36,10 +36,12 @@ mod system;
 mod tests;
 mod transfer;
 
+use std::sync::{Arc, Mutex};
+
 use crate::memory::Memory;
+use crate::peripherals::Soc;
 
 use self::bus::Bus;
-pub(crate) use self::bus::Wiring;
 use self::decode::{Decoded, SLOTS};
 use self::exceptions::Fault;
 use self::system::System;
@@ -131,7 +133,7 @@ pub fn bare(memory: &Memory) -> Core {
 }
 
 impl Core {
-    pub(crate) fn new(memory: &Memory, wiring: Option<Wiring>) -> Self {
+    pub(crate) fn new(memory: &Memory, soc: Option<Arc<Mutex<Soc>>>) -> Self {
         let mut core = Self {
             r: [0; 16],
             other_stack: 0,
@@ -143,7 +145,7 @@ impl Core {
             s: [0; 32],
             fpscr: 0,
             system: System::new(),
-            bus: Bus::new(memory, wiring),
+            bus: Bus::new(memory, soc),
             slots: decode::no_slots(),
             at: 0,
             next: 0,

@@ -151,7 +151,7 @@ impl Controller {
 
     /// The timestamp of something that began at `at`. The external counter is not modelled: 0, as
     /// with none.
-    fn stamp(&self, at: Nanos) -> u32 {
+    pub(super) fn stamp(&self, at: Nanos) -> u32 {
         match self.registers.field(at::TSCC, 0, 2) {
             1 => self.timestamp.value(at),
             _ => 0,
@@ -250,7 +250,6 @@ impl Controller {
     // The wire.
 
     pub fn offer(&mut self, now: Nanos, ram: &mut MessageRam) -> Option<CanFrame> {
-        self.settle(now);
         let silent = self.is(cccr::MON) || self.is(cccr::ASM);
         if silent || !self.is_on_bus() || now < self.suspended_until {
             return None;
@@ -258,18 +257,7 @@ impl Controller {
         self.most_urgent(ram)
     }
 
-    pub fn sending(&mut self, start: Nanos) {
-        self.settle(start);
-        self.start_sending(self.stamp(start), start);
-    }
-
-    pub fn lost_arbitration(&mut self, start: Nanos) {
-        self.settle(start);
-        self.lose_arbitration();
-    }
-
-    pub fn sent(&mut self, outcome: Outcome, end: Nanos, ram: &mut MessageRam) {
-        self.settle(end);
+    pub fn sent(&mut self, outcome: Outcome, ram: &mut MessageRam) {
         if !self.transmit.is_sending() {
             // It was stopped meanwhile.
             return;
@@ -293,8 +281,7 @@ impl Controller {
         }
     }
 
-    pub fn received(&mut self, frame: &CanFrame, start: Nanos, end: Nanos, ram: &mut MessageRam) {
-        self.settle(end);
+    pub fn received(&mut self, frame: &CanFrame, start: Nanos, ram: &mut MessageRam) {
         if !self.is_on_bus() {
             return;
         }
@@ -302,15 +289,13 @@ impl Controller {
         self.accept(frame, self.stamp(start), ram);
     }
 
-    pub fn disturbed(&mut self, error: BusError, at: Nanos) {
-        self.settle(at);
+    pub fn disturbed(&mut self, error: BusError) {
         if self.is_on_bus() {
             self.flags |= self.errors.reception_failed(error, self.is(cccr::ASM));
         }
     }
 
     pub fn wire_is(&mut self, activity: Activity, at: Nanos) {
-        self.settle(at);
         let bit = self.bit();
         self.link.wire_is(activity, at, bit);
         if activity == Activity::Idle

@@ -194,6 +194,18 @@ impl Node {
         let Fdcans { controllers, ram, .. } = &mut *fdcans;
         controllers.get_mut(self.index).map_or_else(R::default, |one| act(one, ram))
     }
+
+    /// Does something with the controller at a time up to which everything has happened.
+    fn at<R: Default>(
+        &self,
+        now: Nanos,
+        act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
+    ) -> R {
+        self.with(|one, ram| {
+            one.settle(now);
+            act(one, ram)
+        })
+    }
 }
 
 impl Controller for Node {
@@ -210,30 +222,30 @@ impl Controller for Node {
         self.with(|one, _| one.tolerance_ppm())
     }
     fn offer(&mut self, now: Nanos) -> Option<CanFrame> {
-        self.with(|one, ram| one.offer(now, ram))
+        self.at(now, |one, ram| one.offer(now, ram))
     }
     fn sending(&mut self, start: Nanos) {
-        self.with(|one, _| one.sending(start));
+        self.at(start, |one, _| one.sending(start));
     }
     fn lost_arbitration(&mut self, start: Nanos) {
-        self.with(|one, _| one.lost_arbitration(start));
+        self.at(start, |one, _| one.lost_arbitration());
     }
     fn sent(&mut self, outcome: Outcome, end: Nanos) {
-        self.with(|one, ram| one.sent(outcome, end, ram));
+        self.at(end, |one, ram| one.sent(outcome, ram));
     }
     fn received(&mut self, frame: &CanFrame, start: Nanos, end: Nanos) {
-        self.with(|one, ram| one.received(frame, start, end, ram));
+        self.at(end, |one, ram| one.received(frame, start, ram));
     }
     fn disturbed(&mut self, error: BusError, at: Nanos) {
-        self.with(|one, _| one.disturbed(error, at));
+        self.at(at, |one, _| one.disturbed(error));
     }
     fn wire_is(&mut self, activity: Activity, at: Nanos) {
-        self.with(|one, _| one.wire_is(activity, at));
+        self.at(at, |one, _| one.wire_is(activity, at));
     }
     fn next_event(&self) -> Option<Nanos> {
         self.with(|one, _| one.next_event())
     }
     fn advance(&mut self, now: Nanos) {
-        self.with(|one, _| one.settle(now));
+        self.at(now, |_, _| ());
     }
 }

@@ -285,16 +285,17 @@ impl Controller {
     }
 
     /// The offered frame is on the wire since now.
-    pub fn start_sending(&mut self, timestamp: u32, now: Nanos) {
+    pub fn sending(&mut self, start: Nanos) {
+        let timestamp = self.stamp(start);
         let Transmit { requested, offered, on_wire, .. } = &mut self.transmit;
         *on_wire = offered.take().map(|offered| {
-            let age = now.since(requested[offered.buffer as usize % requested.len()]);
+            let age = start.since(requested[offered.buffer as usize % requested.len()]);
             Candidate { timestamp, age, ..offered }
         });
     }
 
     /// The offered frame lost arbitration.
-    pub fn lose_arbitration(&mut self) {
+    pub fn lost_arbitration(&mut self) {
         let offered = self.transmit.offered.take();
         if let Some(offered) = offered.filter(|_| self.registers.has(at::CCCR, cccr::DAR)) {
             self.give_up(offered.buffer);

@@ -135,52 +135,6 @@ impl fmt::Display for Access {
     }
 }
 
-/// Number of accesses of each [`AccessKind`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// [`AccessKind::Unowned`].
-    pub unowned: u64,
-    /// [`AccessKind::Gated`].
-    pub gated: u64,
-    /// [`AccessKind::Unmodelled`].
-    pub unmodelled: u64,
-    /// [`AccessKind::Protected`].
-    pub protected: u64,
-    /// [`AccessKind::WaitStates`].
-    pub wait_states: u64,
-    /// [`AccessKind::OutOfReach`].
-    pub out_of_reach: u64,
-    /// [`AccessKind::Locked`].
-    pub locked: u64,
-    /// [`AccessKind::BeforeSupply`].
-    pub before_supply: u64,
-    /// [`AccessKind::TooFast`].
-    pub too_fast: u64,
-    /// [`AccessKind::Pin`].
-    pub pins: u64,
-    /// [`AccessKind::Adc`].
-    pub adc: u64,
-}
-
-impl Counts {
-    pub(super) const fn add(&mut self, kind: AccessKind) {
-        let count = match kind {
-            AccessKind::Unowned => &mut self.unowned,
-            AccessKind::Gated => &mut self.gated,
-            AccessKind::Unmodelled => &mut self.unmodelled,
-            AccessKind::Protected => &mut self.protected,
-            AccessKind::WaitStates => &mut self.wait_states,
-            AccessKind::OutOfReach => &mut self.out_of_reach,
-            AccessKind::Locked => &mut self.locked,
-            AccessKind::BeforeSupply => &mut self.before_supply,
-            AccessKind::TooFast(_) => &mut self.too_fast,
-            AccessKind::Pin(_) => &mut self.pins,
-            AccessKind::Adc(_) => &mut self.adc,
-        };
-        *count += 1;
-    }
-}
-
 /// The bus answers with an error: a `BusFault` of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusFault;

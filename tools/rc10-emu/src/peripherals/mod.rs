@@ -47,7 +47,7 @@ mod timer;
 mod usart;
 mod watchdog;
 
-pub use access::{Access, AccessKind, BusFault, Counts, PinFault, Width};
+pub use access::{Access, AccessKind, BusFault, PinFault, Width};
 pub use adc::AdcFault;
 pub use clocks::{Clocks, Limit, TooFast};
 pub use i2c::I2cDevice;

@@ -1,10 +1,12 @@
 //! All peripherals together: dispatch of accesses, clocks, interrupts.
 
+use std::collections::HashMap;
+use std::mem::{Discriminant, discriminant};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
 
-use super::access::{Access, AccessKind, BusFault, Counts, PinFault, Width, Write};
+use super::access::{Access, AccessKind, BusFault, PinFault, Width, Write};
 use super::adc::Adc;
 use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
@@ -75,7 +77,8 @@ pub struct Soc {
     levels: [u32; INTERRUPT_WORDS],
     wants_reset: bool,
     reports: Vec<Access>,
-    counts: Counts,
+    /// Number of refused accesses, by the variant of their kind.
+    counts: HashMap<Discriminant<AccessKind>, u64>,
     /// Pins in use that do not lead outside, a bit each: told already.
     pins_told: [u32; PORTS],
     /// Whether the switches of PC2 and PC3 are closed after a reset.
@@ -121,7 +124,7 @@ impl Soc {
             levels: [0; INTERRUPT_WORDS],
             wants_reset: false,
             reports: Vec::new(),
-            counts: Counts::default(),
+            counts: HashMap::new(),
             pins_told: [0; PORTS],
             switches_closed: true,
             silent: vec![false; MAP.len()],
@@ -305,10 +308,11 @@ impl Soc {
         std::mem::take(&mut self.reports)
     }
 
-    /// Number of refused accesses since the chip exists.
+    /// Number of accesses since the chip exists that were refused for such a reason, whatever its
+    /// details.
     #[must_use]
-    pub const fn counts(&self) -> Counts {
-        self.counts
+    pub fn count(&self, kind: AccessKind) -> u64 {
+        self.counts.get(&discriminant(&kind)).copied().unwrap_or(0)
     }
 
     /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
@@ -383,7 +387,7 @@ impl Soc {
         if !self.guards_ram() || !is_ram || self.memory.write(address, bytes).is_err() {
             return false;
         }
-        if self.counts.before_supply == 0 {
+        if self.count(AccessKind::BeforeSupply) == 0 {
             self.report(address, true, AccessKind::BeforeSupply);
         }
         true
@@ -403,7 +407,7 @@ impl Soc {
     }
 
     fn report(&mut self, address: u32, write: bool, kind: AccessKind) {
-        self.counts.add(kind);
+        *self.counts.entry(discriminant(&kind)).or_default() += 1;
         if self.reports.len() < REPORTS {
             self.reports.push(Access { address, write, kind });
         }

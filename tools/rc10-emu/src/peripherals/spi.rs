@@ -125,14 +125,10 @@ const WORD: u32 = 1 << 15;
 /// Bits that IFCR clears: EOT, TXTF, UDR, OVR, CRCE, TIFRE, MODF, TSERF, SUSP.
 const CLEARED: u32 = 0x0FF8;
 
-/// CFG2.COMM.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Communication {
-    FullDuplex,
-    Transmitter,
-    Receiver,
-    HalfDuplex,
-}
+/// CFG2.COMM; 0 is full duplex.
+const TRANSMITS: u32 = 1;
+const RECEIVES: u32 = 2;
+const HALF_DUPLEX: u32 = 3;
 
 #[derive(Default)]
 pub(super) struct Spi {
@@ -229,13 +225,8 @@ impl Spi {
         (self.config[0] >> 5 & 0xF) as usize + 1
     }
 
-    const fn communication(&self) -> Communication {
-        match self.config[1] >> 17 & 3 {
-            0 => Communication::FullDuplex,
-            1 => Communication::Transmitter,
-            2 => Communication::Receiver,
-            _ => Communication::HalfDuplex,
-        }
+    const fn communication(&self) -> u32 {
+        self.config[1] >> 17 & 3
     }
 
     /// MBR.
@@ -258,7 +249,7 @@ impl Spi {
             return;
         }
         let value = match self.communication() {
-            Communication::Receiver => 0,
+            RECEIVES => 0,
             _ => match self.to_send.pop_front() {
                 Some(value) => value,
                 None => return,
@@ -304,7 +295,7 @@ impl Spi {
         while let Some((value, end)) = self.frame.take_if(|(_, end)| *end <= now) {
             let answer = self.exchange(value, end);
             self.done += 1;
-            if self.communication() != Communication::Transmitter {
+            if self.communication() != TRANSMITS {
                 if self.received.len() < self.capacity() {
                     self.received.push_back(answer);
                 } else {
@@ -323,7 +314,7 @@ impl Spi {
         let all_submitted = self.size != 0 && self.submitted >= self.size;
         self.to_send.len() + self.packet() <= self.capacity()
             && !all_submitted
-            && self.communication() != Communication::Receiver
+            && self.communication() != RECEIVES
     }
 
     fn has_packet(&self) -> bool {
@@ -475,7 +466,7 @@ impl Spi {
         let unmodelled = self.config[1] & MASTER == 0
             || self.config[1] & CFG2_UNMODELLED != 0
             || self.config[0] & CRC != 0
-            || self.communication() == Communication::HalfDuplex
+            || self.communication() == HALF_DUPLEX
             || self.frame_bits() > 16
             || self.control & CR1_UNMODELLED != 0;
         AccessKind::Unmodelled.when(unmodelled)?;

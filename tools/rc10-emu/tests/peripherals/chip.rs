@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use rc10_emu::fdcan::Fdcans;
-use rc10_emu::peripherals::{AccessKind, Soc, Width};
+use rc10_emu::peripherals::{AccessKind, Limit, Soc, TooFast, Width};
 use rc10_emu::{Board, Memory};
 use rc10_sim::Nanos;
 
@@ -17,6 +17,10 @@ pub const APB1LENR: u32 = RCC + 0xE8;
 pub const APB1HENR: u32 = RCC + 0xEC;
 pub const APB2ENR: u32 = RCC + 0xF0;
 pub const APB4ENR: u32 = RCC + 0xF4;
+
+/// A clock that is too fast: any.
+pub const TOO_FAST: AccessKind =
+    AccessKind::TooFast(TooFast { clock: "", hz: 0, limit: Limit::AtMost(0) });
 
 /// All peripherals, their memories, and the time in nanoseconds.
 pub struct Chip {
