@@ -10,8 +10,7 @@ use crate::rig::Rig;
 pub struct Figures {
     /// Duration of the run since power-on.
     pub length: Nanos,
-    /// From the moment the chip ran on its final clock to the start of the chip's first frame on
-    /// the last of its buses; `None` if one has seen none.
+    /// Time from the final clock to the chip's first frame on the last of its buses; `None` before.
     pub boot: Option<Nanos>,
     /// One per bus.
     pub buses: Vec<BusFigures>,

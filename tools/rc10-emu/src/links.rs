@@ -154,8 +154,7 @@ impl Links {
         self.serials.is_empty() && self.pulses.is_empty() && self.contacts.is_empty()
     }
 
-    /// Puts a UART on a serial link. `false`: there is no such UART, or it knows no characters of
-    /// the link's length.
+    /// Puts a UART on a serial link. `false`: no such UART, or no characters of the link's length.
     pub fn connect_serial(
         &mut self,
         soc: &mut Soc,
@@ -223,8 +222,7 @@ impl Links {
         connected
     }
 
-    /// Moves data of the world, which stands at `now`, to the chip, which stands at an earlier time or
-    /// at this.
+    /// Moves data of the world, which is at `now`, to the chip, which is not later.
     pub fn hear(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter().for_each(|link| link.hear(soc));
         for PulseLink { pin: (port, pin), ear } in &self.pulses {

@@ -1,5 +1,4 @@
-//! The firmware's log: defmt frames that it puts into a ring in RAM (SEGGER RTT), read as a debug
-//! probe would read them.
+//! The firmware's log: defmt frames in a ring in RAM (SEGGER RTT), read as by a debug probe.
 
 use anyhow::{Context, Result};
 use defmt_decoder::{DecodeError, Table};
@@ -14,7 +13,7 @@ const BUFFER: u32 = 24 + 4;
 const SIZE: u32 = BUFFER + 4;
 const WRITE: u32 = SIZE + 4;
 const READ: u32 = WRITE + 4;
-/// A ring longer than this is none: the control block is not set up yet.
+/// The longest valid ring: beyond it the control block is not set up yet.
 const LONGEST_RING: u32 = 1 << 16;
 
 /// First bytes of the control block.

@@ -55,24 +55,23 @@ pub enum Injection {
         /// Number of the exception; external interrupts start at 16.
         exception: u16,
     },
-    /// The handler of this exception hangs no longer: it begins. If it has not been called since,
-    /// it will not hang.
+    /// The handler of this exception hangs no longer, or will not hang.
     EndHang {
         /// Number of the exception.
         exception: u16,
     },
     /// The program does nothing but mask interrupts from now on, or goes on again. If it masks them
-    /// itself at that moment, as soon as it no longer does.
+    /// itself, that begins when it no longer does.
     MaskInterrupts(bool),
 }
 
-/// A message of the program's log, or a report: of an access to something that does not exist, or
-/// has no clock; a pin that leads nowhere; a bit rate that is not the bus's; a core that locked up.
+/// A line of the program's log, or a report: of a refused access, a pin that leads nowhere, a bit
+/// rate that is not the bus's, or a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Message {
-    /// Time since power-on; of the log: at which a debug probe would have read it.
+pub struct Report {
+    /// Time since power-on; in the log, the time at which a debug probe would have read it.
     pub at: Nanos,
-    /// Description; of the log: level and message.
+    /// Description; in the log, level and message.
     pub text: String,
 }
 
@@ -91,32 +90,28 @@ pub struct Restart {
 /// Differences between chips, and choices where the manual can be read in two ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
-    /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
+    /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send:
+    /// RM0399 59.4.5 says so, ST's HAL does not do it, and works. `true` if not said.
     pub calibration_needed: bool,
     /// Whether `RCC_RSR.RMVF` stays set until the program clears it, and holds the reset flags at
-    /// zero. The register's text says "set and reset by software"; ST's HAL only sets it. `true` if
-    /// not said.
+    /// zero ("set and reset by software"; ST's HAL only sets it). `true` if not said.
     pub removal_stays: bool,
     /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
     /// control), and done by every start-up code, ST's own too. `false` if not said.
     pub reports_early_ram: bool,
-    /// The board that the chip is on: its crystal, and the pins that lead outside. The team's own
-    /// if not said.
+    /// The board that the chip is on. The team's own if not said.
     pub board: Board,
-    /// How much too fast the chip's own oscillator (HSI) is, in millionths: a real one is up to 1 %
-    /// off (data sheet, HSI characteristics). 0 if not said.
+    /// Deviation of the chip's own oscillator (HSI), in millionths: up to 1 % on a real one (data
+    /// sheet, HSI characteristics). 0 if not said.
     pub hsi_deviation_ppm: i32,
-    /// Whether the switches of PC2 and PC3 (`SYSCFG_PMCR`) are closed after a reset: RM0468 leaves
-    /// it to the package. A program that needs these pins closes them itself: `false` shows whether
-    /// it does.
-    /// `true` if not said.
+    /// Whether the switches of PC2 and PC3 (`SYSCFG_PMCR`) are closed after a reset, which RM0468
+    /// leaves to the package. A program that needs these pins has to close them. `true` if not
+    /// said.
     pub switches_closed: bool,
-    /// Names (`map::MAP`) of peripherals that say nothing, as in an emulator that does not have
-    /// them: their registers read as zero, take nothing, and nothing is reported. `ADC1` stands for
-    /// its common registers, too. None if not said.
+    /// Names (`map::MAP`) of peripherals that say nothing, as in an emulator without them: they
+    /// read as zero, take nothing, and report nothing. `ADC1` includes its common registers.
     pub silent: &'static [&'static str],
-    /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
+    /// Seed of the noise in all RAM when power comes, the FDCANs' too. 1 if not said.
     pub seed: u64,
 }
 
@@ -166,7 +161,7 @@ pub struct Machine {
     memory: Memory,
     image: Image,
     log: Log,
-    lines: Vec<Message>,
+    lines: Vec<Report>,
     next_log: Nanos,
     profile: Profile,
     now: u64,
@@ -178,8 +173,7 @@ pub struct Machine {
     part: u64,
     /// Rate that `fraction` is of.
     rate: u64,
-    /// Address and arguments at which the program goes on as soon as it executes anything: a core
-    /// that sleeps cannot fail.
+    /// Address and arguments at which the program goes on when it next executes anything.
     jumps: VecDeque<(u32, [u32; 3])>,
     /// The exceptions whose handlers are to hang when they are called next.
     hangs: BTreeSet<u16>,
@@ -190,24 +184,23 @@ pub struct Machine {
     is_locked_up: bool,
     struck: Option<Nanos>,
     ready: Option<Nanos>,
-    reports: Vec<Message>,
+    reports: Vec<Report>,
     restarts: Vec<Restart>,
 }
 
 impl Machine {
-    /// A chip with the program of an ELF file in its flash, just switched on.
+    /// Creates a chip, just switched on, with the program of an ELF file in its flash.
     ///
     /// # Errors
-    /// If the file is no program, does not fit into the chip's memories, or says nonsense about its
-    /// board.
+    /// If the file is no program, does not fit into the memories, or says nonsense about its board.
     pub fn new(file: &[u8]) -> Result<Self> {
         Self::with(file, Options::default())
     }
 
-    /// As [`new`](Self::new), but not the strictest chip.
+    /// Creates a chip with other options than the strictest.
     ///
     /// # Errors
-    /// As [`new`](Self::new); if a peripheral that is to be silent does not exist.
+    /// The ones of [`new`](Self::new), and if a peripheral that is to be silent does not exist.
     pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
@@ -271,10 +264,9 @@ impl Machine {
         self.buses.borrow_mut().push((index, bus.clone()));
     }
 
-    /// Puts a UART (1 for USART1 ..= 10 for USART10) on a serial link: bytes at the exact
-    /// nanosecond, as levels of the link's rate, with characters of 10 bits as 8N1, of 11 as 8E1,
-    /// of 12 as 8E2.
-    /// `inverted`: the line idles low, as that of SBUS does.
+    /// Puts a UART (1 for USART1 ..= 10) on a serial link: levels of the link's rate, with
+    /// characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2. `inverted`: the line idles low, as
+    /// for SBUS.
     ///
     /// # Errors
     /// If the chip has no such UART, or the link's characters have another length.
@@ -285,8 +277,8 @@ impl Machine {
         Ok(())
     }
 
-    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`,
-    /// and a pin for it): without that no node hears it, and while it is enabled it hears none.
+    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`):
+    /// only then nodes hear it, and meanwhile it hears no node.
     ///
     /// # Errors
     /// If the chip has no such UART.
@@ -357,25 +349,22 @@ impl Machine {
         lock(&self.soc).listens(uart)
     }
 
-    /// Characters that a UART has sent and its far end could not read: another rate, another
-    /// format.
+    /// Characters that a UART has sent and its far end could not read.
     #[must_use]
     pub fn garbled(&self, uart: u8) -> u64 {
         self.links.garbled(uart)
     }
 
-    /// The priority of an external interrupt as it is set now: 0 is the most urgent, the chip has
-    /// 16 of them.
+    /// The priority of an external interrupt now: 0, the most urgent, to 15.
     #[must_use]
     pub fn priority(&self, interrupt: u16) -> u8 {
         // 16 exceptions of the core come before; of eight bits the upper four exist.
         self.core.priority(16 + interrupt) >> 4
     }
 
-    /// Instructions a second of the core when its clock is 480 MHz; in proportion
-    /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
-    /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What
-    /// buses take on the way to a peripheral comes on top of either.
+    /// Sets the instructions a second of the core at 480 MHz; in proportion less while it is
+    /// slower. If never said, each takes the clocks of a Cortex-M4. The buses' clocks on the way to
+    /// a peripheral come on top.
     pub fn set_speed(&mut self, instructions_per_second: u64) {
         (self.speed, self.part) = (Some(instructions_per_second.max(1)), 0);
     }
@@ -434,7 +423,7 @@ impl Machine {
     }
 
     /// The log lines since the last call.
-    pub fn take_log(&mut self) -> Vec<Message> {
+    pub fn take_log(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.lines)
     }
 
@@ -457,7 +446,7 @@ impl Machine {
 
     /// The first accesses to what does not exist or has no clock.
     #[must_use]
-    pub fn reports(&self) -> &[Message] {
+    pub fn reports(&self) -> &[Report] {
         &self.reports
     }
 
@@ -526,9 +515,8 @@ impl Machine {
         self.core.set_nmi(soc.nmi());
     }
 
-    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags
-    /// that are set stay; what would have ended meanwhile ends as soon as it does not fail any
-    /// more.
+    /// Whether ADC1 fails from now on: no conversion, calibration or start ends before it does no
+    /// longer. Flags that are set stay.
     pub fn set_adc_fails(&mut self, fails: bool) {
         let now = self.now();
         lock(&self.soc).set_adc_fails(fails, now);
@@ -713,8 +701,8 @@ impl Machine {
         self.is_fault_due = self.is_mask_due || !self.jumps.is_empty();
     }
 
-    /// The core has nothing to do until a time, or until its own timer ends: for how many clocks.
-    /// It has counted some of them.
+    /// The core sleeps until a time, or until its own timer ends: for how many clocks. Some of them
+    /// are counted.
     fn rest(&mut self, horizon: u64, clocks: u64, rate: u64) -> u64 {
         let nanos = horizon.saturating_sub(self.now);
         let idle = (u128::from(nanos) * u128::from(rate)).div_ceil(NANOS_PER_SECOND.into());
@@ -763,7 +751,7 @@ impl Machine {
         if now >= self.next_log || cause.is_some() || reported {
             self.next_log = now + LOG_PERIOD;
             let messages = self.log.messages(&self.memory)?;
-            self.lines.extend(messages.into_iter().map(|text| Message { at: now, text }));
+            self.lines.extend(messages.into_iter().map(|text| Report { at: now, text }));
             self.compare_bit_rates();
             self.parts.advance(&mut lock(&self.soc), now);
         }
@@ -805,7 +793,7 @@ impl Machine {
 
     fn report(&mut self, text: String) {
         if self.reports.len() < REPORTS {
-            self.reports.push(Message { at: self.now(), text });
+            self.reports.push(Report { at: self.now(), text });
         }
     }
 
@@ -830,7 +818,7 @@ fn kilobits(bits_per_second: u64) -> String {
     }
 }
 
-/// Of what stands in for a handler: the exception whose it is.
+/// The exception that a stand-in for a handler is for.
 fn stood_in(address: u32) -> Option<u32> {
     address.checked_sub(STAND_INS).map(|offset| offset / 8).filter(|&exception| exception < 256)
 }

@@ -1,7 +1,6 @@
-//! What is soldered on a board beside the chip: an IMU, a heater for it, a key.
+//! The parts beside the chip on a board: an IMU, a heater for it, a key.
 //!
-//! Motion and temperature change once a millisecond, with the log, and when something is reported
-//! or restarts the chip.
+//! Motion and temperature change once a millisecond, with the log, and with reports and restarts.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -57,15 +56,14 @@ impl SpiDevice for Half {
     }
 
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16 {
-        // Frames of another length than a byte are none of its own.
+        // It does not know frames of another length than a byte.
         let sent = u8::try_from(sent & 0xFF).unwrap_or(0);
         self.imu.lock().exchange(self.part, sent, now).into()
     }
 }
 
-/// How an IMU beside a heater gets warm: a first-order law. These numbers are assumptions, not
-/// measured. They fit the notes of `COD_UniFramework_H7` (P in DM-MC02's facts sheet): a duty of 5 %
-/// was too little for 40 °C, 25 % enough.
+/// The warming of an IMU beside a heater: a first-order law. The numbers are assumptions that fit
+/// the notes of `COD_UniFramework_H7`: a duty of 5 % was too little for 40 °C, 25 % enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermal {
     /// °C of everything around, and of the die at power-on.
@@ -92,14 +90,14 @@ impl Thermal {
     }
 }
 
-/// What is soldered on the board of a machine.
+/// The parts on the board of a machine.
 pub(crate) struct Parts {
     pub imu: Option<Imu>,
     heater: Option<Heater>,
     pub thermal: Thermal,
     /// Millivolts.
     pub supply: u32,
-    /// What the IMU is mounted on.
+    /// The base that the IMU is mounted on.
     pub base: Option<Base>,
     /// How long the heater was on, at the time of the last look.
     heated: (Nanos, Nanos),
@@ -130,7 +128,7 @@ impl Parts {
         Self { imu, heater: board.heater, thermal, supply: board.supply, base: None, heated }
     }
 
-    /// What the IMU feels, and how warm it is, now: called once a millisecond.
+    /// Motion and temperature of the IMU now: called once a millisecond.
     pub fn advance(&mut self, soc: &mut Soc, now: Nanos) {
         let Some(imu) = &self.imu else { return };
         if let Some(base) = &self.base {

@@ -105,8 +105,7 @@ impl Profile {
         places.filter(|&(_, count)| count > 0)
     }
 
-    /// Instructions of each function, most first. Functions that the compiler inlined belong to
-    /// those they went into.
+    /// Instructions of each function, most first; inlined functions belong to their callers.
     #[must_use]
     pub fn by_function<'i>(&self, image: &'i Image) -> Vec<(&'i str, u64)> {
         let mut functions: BTreeMap<u32, (&str, u64)> = BTreeMap::new();

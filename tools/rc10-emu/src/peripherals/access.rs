@@ -108,7 +108,7 @@ impl fmt::Display for Access {
             0x3000_0000..0x3000_4000 => "SRAM1",
             0x3000_4000..0x3000_8000 => "SRAM2",
             _ if self.kind == AccessKind::BeforeSupply => "RAM",
-            _ => super::map::row_of(self.address).map_or("nobody", |(_, row)| row.name),
+            _ => super::map::row_of(self.address).map_or("no device", |(_, row)| row.name),
         };
         let what = match self.kind {
             AccessKind::Unowned => "unowned or unaligned",
