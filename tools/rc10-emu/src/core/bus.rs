@@ -17,7 +17,7 @@ const RANGE_BITS: u32 = 26;
 /// No range of addresses.
 const NOWHERE: [(u32, u32); 3] = [(u32::MAX, 0); 3];
 
-/// What an access wants.
+/// Purpose of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Access {
     Read,
@@ -51,8 +51,7 @@ pub(crate) struct Bus {
     readable: [Window; RANGES],
     writable: [Window; RANGES],
     executable: Window,
-    /// First and last address of the range in which the MPU permitted the last read, write and
-    /// fetch.
+    /// Range of addresses in which the MPU permitted the last read, write and fetch.
     permitted: [(u32, u32); 3],
 }
 
@@ -73,8 +72,8 @@ impl Bus {
         }
     }
 
-    /// The clocks of SRAM1 and SRAM2 now, and whether RAM must still not be written. An access to
-    /// memory that has no clock is a peripheral's, and is told there.
+    /// Sets which of SRAM1 and SRAM2 have a clock now, and whether RAM must still not be written:
+    /// the peripherals take such accesses, and tell.
     pub(crate) fn set_memories(&mut self, running: [bool; 2], guarded: bool) {
         let guarded = guarded && self.guarded;
         if (running, guarded) != (self.running, self.guarded) {
@@ -83,7 +82,7 @@ impl Bus {
         }
     }
 
-    /// What may be accessed has changed.
+    /// Forgets what may be accessed.
     pub(super) fn forget(&mut self) {
         self.readable = [Window::default(); RANGES];
         self.writable = [Window::default(); RANGES];
@@ -149,8 +148,7 @@ impl Bus {
         None
     }
 
-    /// Lets the next accesses near this one go without questions, if they go to a memory: to that
-    /// part of it for which the MPU says the same.
+    /// Lets the next accesses to that part of a memory for which the MPU says the same go unasked.
     fn open(&mut self, address: u32, access: Access) {
         let Some(bank) = self.bank(address, access) else { return };
         let (first, last) = self.permitted[access as usize];

@@ -38,7 +38,7 @@ const MONRDY: u32 = 1 << 8;
 const SLEEPONEXIT: u32 = 1 << 1;
 /// `CCR.NONBASETHRDENA`.
 const TO_THREAD: u32 = 1;
-/// Of a stacked xPSR: the stack pointer was not aligned to eight bytes.
+/// Bit of a stacked xPSR: the stack pointer was not aligned to eight bytes.
 const REALIGNED: u32 = 1 << 9;
 /// Words of a frame with FPU registers, and without; the place of the former in it.
 const FRAME: u32 = 8;
@@ -46,7 +46,7 @@ const FP_FRAME: u32 = 26;
 /// Bits of FPSCR that can be written.
 pub(super) const FPSCR: u32 = 0xF3C0_009F;
 
-/// What keeps an instruction from being executed.
+/// A reason for which an instruction is not executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
     /// The MPU forbids it. (Each fault is its bits of `CFSR`.)
@@ -103,7 +103,7 @@ pub(super) fn places(from: u32) -> impl Iterator<Item = u32> {
 }
 
 impl System {
-    /// Of a priority the bits that decide who interrupts whom (`AIRCR.PRIGROUP`).
+    /// The bits of a priority that decide who interrupts whom (`AIRCR.PRIGROUP`).
     const fn group_mask(&self) -> u32 {
         0xFF << (self.group + 1) & 0xFF
     }
@@ -189,8 +189,7 @@ impl Core {
         self.protect();
     }
 
-    /// Takes a fault, where the architecture says: its own exception, `HardFault`, or nothing ever
-    /// again.
+    /// Takes a fault as its own exception, as `HardFault`, or by locking up.
     #[cold]
     pub(super) fn take(&mut self, fault: Fault, at: u32) {
         *self.system.word_mut(CFSR) |= fault as u32;
@@ -268,8 +267,8 @@ impl Core {
         self.begin(exception);
     }
 
-    /// The stack does not take a frame, or give it back: that is a fault of its own (B1.5.14). `bit`:
-    /// its place in MMFSR and BFSR. Says as which exception it is taken.
+    /// A fault of the stack at entry or return (B1.5.14); `bit`: its place in MMFSR and BFSR.
+    /// Returns the exception as which it is taken.
     fn stack_fault(&mut self, fault: Fault, bit: u32) -> Option<u32> {
         let (exception, bit) = match fault {
             Fault::DataMpu => (MEM_MANAGE, bit),

@@ -28,7 +28,7 @@ const fn m(i: u32, double: bool) -> usize {
     index(double, i & 15, i >> 5 & 1)
 }
 
-/// What two operands become: in this computer's arithmetic, and in our own.
+/// An operation with two operands: in this computer's arithmetic, and in our own.
 type Operation = (fn(f32, f32) -> f32, fn(f64, f64) -> f64, fn(&mut Float, u64, u64) -> u64);
 const ADD: Operation = (|a, b| a + b, |a, b| a + b, |float, a, b| float.add(a, b, false));
 const SUBTRACT: Operation = (|a, b| a - b, |a, b| a - b, |float, a, b| float.add(a, b, true));
@@ -141,8 +141,8 @@ pub(super) fn float_fused(core: &mut Core, i: u32) -> Done {
     set_d(core, i, sum)
 }
 
-/// What has one operand, or two of different formats: VMOV, VABS, VNEG, VSQRT; VRINTR, VRINTZ,
-/// VRINTX; VCVT between single and double, and to and from integers.
+/// Operations with one operand, or two of different formats: VMOV, VABS, VNEG, VSQRT; VRINTR,
+/// VRINTZ, VRINTX; VCVT between single and double, and to and from integers.
 pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
     let (double, is_second) = (is_double(i), i & 1 << 7 != 0);
@@ -369,7 +369,7 @@ fn transfer_words(core: &mut Core, i: u32, at: u32, count: u32) -> Done {
     Ok(())
 }
 
-/// What the FPU does not have.
+/// An instruction that the FPU does not have.
 pub(super) fn float_undefined(core: &mut Core, _: u32) -> Done {
     core.claim_fpu()?;
     Err(Fault::Undefined)

@@ -14,8 +14,8 @@ use rustc_apfloat::{Float as _, FloatConvert, Status, StatusAnd};
 const DN: u32 = 1 << 25;
 pub(super) const FZ: u32 = 1 << 24;
 pub(super) const ROUNDING: u32 = 3 << 22;
-/// .. and what has happened, at the places that [`Status`] has, too: invalid operation, division by
-/// zero, overflow, underflow, inexact result; flushed operand.
+/// .. and the flags, the first five as [`Status`] has them: invalid operation, division by zero,
+/// overflow, underflow, inexact result; flushed operand.
 const IOC: u32 = 1 << 0;
 const DZC: u32 = 1 << 1;
 const OFC: u32 = 1 << 2;
@@ -69,7 +69,7 @@ impl Format {
 struct Number {
     wide: Quad,
     is_denormal: bool,
-    /// It is a NaN that signals.
+    /// Whether this is a signalling NaN.
     signals: bool,
 }
 
@@ -140,7 +140,7 @@ impl Float {
         bits
     }
 
-    /// The NaN that comes of these operands, if one of them is one: the first signalling one is
+    /// The NaN that comes of these operands, if there is one: the first signalling one, or the
     /// first.
     fn nan(&mut self, operands: &[Number]) -> Option<u64> {
         let signalling = operands.iter().find(|operand| operand.signals);
@@ -224,7 +224,7 @@ impl Float {
         self.round(value)
     }
 
-    /// A whole number of so many bits, of which some stand for a fraction; as near as there is one.
+    /// The nearest whole number of `bits` bits, of which the lowest `fraction` are a fraction.
     pub(super) fn integer(&mut self, a: u64, bits: u32, signed: bool, fraction: u32) -> u64 {
         let a = self.take(a).wide.scalbn(fraction as i32);
         let (bits, round) = (bits as usize, self.rounding);

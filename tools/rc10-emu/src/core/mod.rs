@@ -83,7 +83,7 @@ pub enum Step {
     LockedUp,
 }
 
-/// What an instruction did: nothing that is not in the registers, or a fault.
+/// Result of an instruction: in the registers, or a fault.
 type Done = Result<(), Fault>;
 
 /// A Cortex-M7 that executes from the chip's memories and peripherals.
@@ -118,7 +118,7 @@ pub struct Core {
     exclusive: Option<u32>,
     /// Address of the last access that faulted.
     fault_address: u32,
-    /// What the MPU's answers depend on.
+    /// State that the MPU's answers depend on.
     context: u8,
     /// Address of the loop in which it is held, and program counter and xPSR before.
     held: Option<(u32, u32, u32)>,
@@ -182,8 +182,7 @@ impl Core {
         self.psr = if start & 1 == 0 { 0 } else { T };
     }
 
-    /// Enters an exception, or executes one instruction; says what it was, and about how many
-    /// clocks it took.
+    /// Enters an exception, or executes an instruction; also says how many clocks it took, about.
     #[inline]
     pub fn step(&mut self) -> (Step, u64) {
         #[cfg(test)]
@@ -205,8 +204,7 @@ impl Core {
         (step, self.clocks)
     }
 
-    /// What a step was that changed the exception's number: a return to a handler that was
-    /// interrupted changes it too.
+    /// The kind of a step that changed the exception's number: returns do so, too.
     fn entered(&self, step: Step) -> Step {
         let exception = self.exception();
         let vector = self.system.vector(exception.into());
@@ -306,7 +304,7 @@ impl Core {
         self.clocks += 2;
     }
 
-    /// Goes on at an address that says the state of the code there, or returns from an exception
+    /// Goes on at an address with the state of its code, or returns from an exception
     /// (`BXWritePC`).
     #[inline]
     fn branch_exchange(&mut self, to: u32) -> Done {
@@ -427,9 +425,8 @@ impl Core {
         self.psr &= !IT;
     }
 
-    /// Goes on at an address, which is to be an endless loop, with all interrupts masked (PRIMASK),
-    /// as in a long critical section: for injected faults. `false`: they are masked
-    /// already, by the program itself.
+    /// Goes on at an address of an endless loop with all interrupts masked (PRIMASK): an injected
+    /// fault. `false`: the program masks them itself.
     pub const fn hold(&mut self, address: u32) -> bool {
         if self.primask {
             return false;

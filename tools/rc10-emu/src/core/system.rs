@@ -1,5 +1,4 @@
-//! The core's own registers: those in memory from `0xE000_0000` on (B3.2 to B3.5, C1.8), and those
-//! that MRS and MSR know by a number (B5.2).
+//! The core's own registers: from `0xE000_0000` on (B3.2 to B3.5, C1.8), and of MRS and MSR (B5.2).
 
 use super::exceptions::{HARD_FAULT, NMI, PEND_SV, SYSTICK, is_set, set_bit};
 use super::mpu::Mpu;
@@ -70,7 +69,7 @@ const KEPT: [(usize, u32); 12] = [
     (FPDSCR, 0x03C0_0000),
 ];
 
-/// Of `SHCSR` the bits that say whether an exception is active, and whether it is pending.
+/// Exceptions with their bits in `SHCSR`: active, and pending.
 const SHCSR_ACTIVE: [(u32, u32); 7] =
     [(4, 0), (5, 1), (6, 3), (11, 7), (12, 8), (PEND_SV, 10), (SYSTICK, 11)];
 const SHCSR_PENDING: [(u32, u32); 4] = [(6, 12), (4, 13), (5, 14), (11, 15)];
@@ -83,8 +82,7 @@ const ICSR_PENDING: [(u32, u32, bool); 5] = [
     (25, SYSTICK, false),
 ];
 
-/// Whether an address belongs to the core itself: between TPIU and ROM table the chip's own debug
-/// unit answers.
+/// Whether an address is the core's own: between TPIU and ROM table is the chip's debug unit.
 pub(super) const fn is_own(address: u32) -> bool {
     matches!(address, 0xE000_0000..0xE004_2000 | 0xE00F_F000..0xE010_0000)
 }

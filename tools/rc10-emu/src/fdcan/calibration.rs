@@ -1,15 +1,14 @@
 //! The clock calibration unit in front of the three controllers (RM0399 and RM0468, FDCAN chapter).
 //!
-//! It makes the controllers' time quantum clock: from the kernel clock through a divider if it is
-//! bypassed, else from the received frames of nodes with a crystal. "After device reset the CCU does
-//! not provide a valid clock signal [..] the CCU must be initialized": until it is calibrated or
-//! bypassed it keeps the controllers in restricted mode. Its registers are writable only while FDCAN1
-//! has INIT and CCE. Bits: `stm32h723xx.h`, `FDCAN_ClockCalibrationUnit_TypeDef`.
+//! It makes the time quantum clock: from the kernel clock through a divider if bypassed, else from
+//! received frames. "After device reset the CCU does not provide a valid clock signal [..] the CCU
+//! must be initialized": until then controllers stay in restricted mode. Its registers are writable
+//! only while FDCAN1 has INIT and CCE. Bits: `stm32h723xx.h`, `FDCAN_ClockCalibrationUnit_TypeDef`.
 //!
-//! The same chapter calls the bypass the default, and ST's HAL, which never writes the unit unless a
-//! program asks it to, works on boards. The model takes the stricter reading;
-//! [`Options::calibration_needed`](crate::Options::calibration_needed) is the other one.
-//! Not modelled: calibrating. Not bypassed, the unit stays `Not_Calibrated`.
+//! The same chapter calls the bypass the default, and ST's HAL, which leaves the unit alone, works.
+//! The model is stricter, unless
+//! [`Options::calibration_needed`](crate::Options::calibration_needed) is off. Not modelled:
+//! calibrating.
 
 /// Core release, configuration, status, watchdog, interrupt flags and enable.
 const CREL: u32 = 0x00;

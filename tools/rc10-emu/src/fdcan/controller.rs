@@ -12,12 +12,11 @@ use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, i
 use super::timing::{Period, Timestamp};
 use super::transmit::Transmit;
 
-/// Sequences of eleven recessive bits before a controller takes part: one to find the bus idle,
-/// and after bus-off 128 more (RM0468, PSR.BO; ISO 11898-1: 128).
+/// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
+/// PSR.BO; ISO 11898-1).
 const TO_JOIN: u64 = 1;
 const TO_RECOVER: u64 = 129;
-/// Recessive bits an error-passive sender adds to the interframe space (ISO 11898-1, suspend
-/// transmission).
+/// Recessive bits that an error-passive sender adds (ISO 11898-1, suspend transmission).
 const SUSPEND_BITS: u64 = 8;
 /// Periods of the kernel clock, the slower one, until a write to INIT or TXBCR can be read
 /// back ("due to the synchronization mechanism between the two clock domains, there may be a delay"):
@@ -149,8 +148,8 @@ impl Controller {
         self.timestamp.set_tick(tick, self.now);
     }
 
-    /// The timestamp of something that began at `at`. The external counter is not modelled: 0, as
-    /// with none.
+    /// The timestamp of something that began at `at`; 0 with the external counter, or with no
+    /// counter.
     pub(super) fn stamp(&self, at: Nanos) -> u32 {
         match self.registers.field(at::TSCC, 0, 2) {
             1 => self.timestamp.value(at),

@@ -48,16 +48,14 @@ pub struct Counters {
     pub rejected: u64,
     /// Frames sent and acknowledged.
     pub sent: u64,
-    /// The longest time from a request to the start of the transmission that was acknowledged: how
-    /// stale what it sent was at most.
+    /// The longest time from a request to the start of an acknowledged transmission.
     pub oldest_sent: Nanos,
     /// Transmissions that failed: not acknowledged, or destroyed.
     pub failed: u64,
-    /// Requests that ended without their frame having been sent: cancelled, failed with automatic
-    /// retransmission switched off, or dropped when configuration (CCE) or bus monitoring began.
+    /// Requests that ended unsent: cancelled, failed without automatic retransmission, or dropped
+    /// when configuration (CCE) or bus monitoring began.
     pub cancelled: u64,
-    /// Transmit requests that did nothing: the buffer was pending already, or is not configured,
-    /// or bus monitoring is on.
+    /// Transmit requests for a buffer that is pending or not configured, or during bus monitoring.
     pub requests_ignored: u64,
     /// Transmit requests for CAN FD frames, which are not modelled: cancelled.
     pub fd_refused: u64,

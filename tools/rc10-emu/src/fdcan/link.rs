@@ -4,8 +4,7 @@ use rc10_sim::{Activity, Nanos};
 
 use super::timing::Period;
 
-/// This many recessive bits in a row mean that the bus is idle (ISO 11898-1, bus integration), and
-/// make one step of the recovery from bus-off.
+/// Recessive bits in a row that mean an idle bus (ISO 11898-1), or a step of bus-off recovery.
 const SEQUENCE_BITS: u64 = 11;
 
 #[derive(Clone, Copy, PartialEq, Eq)]

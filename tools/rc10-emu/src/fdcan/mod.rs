@@ -47,8 +47,7 @@ pub struct Fdcans {
 }
 
 impl Fdcans {
-    /// After power-on: kernel clock off, no pins, noise in the message RAM, other noise for another
-    /// seed.
+    /// FDCANs after power-on: no kernel clock, no pins, noise in the message RAM by the seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let controllers = [(); 3].map(|()| controller::Controller::new());
@@ -56,35 +55,31 @@ impl Fdcans {
         Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new(seed) }
     }
 
-    /// The block's reset in RCC: all registers. Message RAM, kernel clock and pins stay, and so
-    /// do the [`Counters`].
+    /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
     pub fn reset(&mut self) {
         self.controllers.iter_mut().for_each(controller::Controller::reset);
         self.calibration.reset();
         self.apply_clock();
     }
 
-    /// Reads a register; `offset` is in bytes from the controller's base address. `None`: there
-    /// is no such register.
+    /// Reads a register at an offset in bytes from the controller's base. `None`: no such register.
     pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Option<u32> {
         self.controllers.get_mut(index)?.read(offset, now)
     }
 
-    /// Writes a register; bits that are read-only or protected at the time ignore it. `false`: there
-    /// is no such register.
+    /// Writes a register; read-only and protected bits stay. `false`: no such register.
     pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> bool {
         self.controllers.get_mut(index).is_some_and(|one| one.write(offset, value, now))
     }
 
-    /// Reads a register of the clock calibration unit; `offset` is in bytes from its base address.
-    /// `None`: there is no such register.
+    /// Reads a register of the clock calibration unit. `None`: no such register.
     #[must_use]
     pub const fn read_calibration(&self, offset: u32) -> Option<u32> {
         self.calibration.read(offset)
     }
 
-    /// Writes a register of the clock calibration unit. `None`: there is no such register; `false`:
-    /// it is locked, because FDCAN1 has not both INIT and CCE.
+    /// Writes a register of the clock calibration unit. `None`: no such register; `false`: it is
+    /// locked, because FDCAN1 has not both INIT and CCE.
     pub fn write_calibration(&mut self, offset: u32, value: u32) -> Option<bool> {
         let unlocked = self.controllers[0].may_configure();
         let written = self.calibration.write(offset, value, unlocked)?;
@@ -92,8 +87,7 @@ impl Fdcans {
         Some(written)
     }
 
-    /// Whether the clock calibration unit has to be bypassed before a controller may send: the
-    /// manual's stricter reading, and what holds if never said.
+    /// Sets whether the clock calibration unit has to be bypassed before a controller may send.
     pub fn set_calibration_needed(&mut self, needed: bool) {
         self.calibration.is_needed = needed;
         self.apply_clock();
@@ -138,8 +132,7 @@ impl Fdcans {
         self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 
-    /// Whether pins lead to a controller's receive input and from its transmit output. It is wired
-    /// up only with both.
+    /// Sets whether pins lead to a controller's input and output: it needs both.
     pub fn set_pins(&mut self, index: usize, receive: bool, transmit: bool) {
         if let Some(one) = self.controllers.get_mut(index) {
             one.pins = (receive, transmit);
@@ -158,8 +151,7 @@ impl Fdcans {
         self.controllers.get(index).map(|one| one.counters.clone()).unwrap_or_default()
     }
 
-    /// Bits a second of a controller, and the length of one in nanoseconds; `None` while it takes no
-    /// part in its bus.
+    /// Bits a second of a controller, and nanoseconds of one; `None` while it takes no part.
     #[must_use]
     pub fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
         let bit = self.controllers.get(index)?.bit_in_use()?;

@@ -51,8 +51,7 @@ impl MessageRam {
 const EXTENDED: u32 = 1 << 30;
 const REMOTE: u32 = 1 << 29;
 
-/// Words of a receive or transmit buffer element: two of header and the data field that RXESC or
-/// TXESC asks for.
+/// Words of a buffer element: two of header and the data field of this RXESC or TXESC.
 pub(super) const fn element_words(size_code: u32) -> u32 {
     2 + [2, 3, 4, 5, 6, 8, 12, 16][size_code as usize & 7]
 }

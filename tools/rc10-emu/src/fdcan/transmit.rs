@@ -15,8 +15,7 @@ use super::ring::{Put, Ring, Shape};
 use super::timing::Period;
 
 const BUFFERS: u32 = 32;
-/// Periods that a scan for the most urgent buffer takes for each buffer: a word of the message RAM. Our
-/// estimate.
+/// Periods of a scan for each buffer: a word of the message RAM. Our estimate.
 const SCAN: u64 = 4;
 /// Elements of the transmit event FIFO at most.
 const LARGEST_EVENT_FIFO: u32 = 32;
@@ -113,8 +112,7 @@ impl Transmit {
         self.pending & !self.adding | self.cancelling
     }
 
-    /// TXBCR: the buffers whose cancellation is not done, and those that are over only when their
-    /// transmission is.
+    /// TXBCR: buffers whose cancellation is not done, or waits for their transmission.
     pub fn being_cancelled(&self) -> u32 {
         let sending = self.on_wire.filter(|sending| sending.cancelled);
         self.cancelling | sending.map_or(0, |sending| 1 << sending.buffer)
@@ -255,9 +253,8 @@ impl Controller {
         Candidate { buffer, header, control, timestamp: 0, age: Nanos::ZERO, cancelled: false }
     }
 
-    /// The most urgent frame: lowest identifier of the dedicated buffers and the FIFO's head, or
-    /// of all buffers with a queue; of equal ones, the lowest buffer. CAN FD frames that it meets
-    /// are cancelled.
+    /// The most urgent frame: lowest identifier of the dedicated buffers and the FIFO's head, or of
+    /// all with a queue, then lowest buffer. CAN FD frames that it meets are cancelled.
     pub fn most_urgent(&mut self, ram: &mut MessageRam) -> Option<CanFrame> {
         let layout = self.layout();
         loop {
