@@ -177,62 +177,49 @@ impl Core {
     /// Loads 1, 2 or 4 bytes.
     #[inline]
     pub(super) fn load(&mut self, address: u32, bytes: u32) -> Result<u32, Fault> {
-        self.clocks += 1;
-        let window = &self.bus.readable[(address >> RANGE_BITS) as usize];
-        let offset = address.wrapping_sub(window.base);
-        if offset < window.length && address & (bytes - 1) == 0 {
-            let value = self.bus.memory.get(window.start + offset, bytes);
-            #[cfg(test)]
-            self.watch.note(address, bytes, value, false);
-            return Ok(value);
-        }
-        self.load_anywhere(address, bytes, self.is_privileged())
+        self.load_as(address, bytes, true)
     }
 
     /// Stores 1, 2 or 4 bytes.
     #[inline]
     pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32) -> Result<(), Fault> {
-        self.clocks += 1;
-        let window = &self.bus.writable[(address >> RANGE_BITS) as usize];
-        let offset = address.wrapping_sub(window.base);
-        if offset < window.length && address & (bytes - 1) == 0 {
-            self.bus.memory.put(window.start + offset, bytes, value);
-            #[cfg(test)]
-            self.watch.note(address, bytes, value, true);
-            return Ok(());
-        }
-        self.store_anywhere(address, bytes, value, self.is_privileged())
+        self.store_as(address, bytes, value, true)
     }
 
-    /// Loads without the privileges that there are, perhaps.
+    /// Loads with the privileges that there are, or without.
     #[inline]
-    pub(super) fn load_as(
-        &mut self,
-        address: u32,
-        bytes: u32,
-        privileged: bool,
-    ) -> Result<u32, Fault> {
-        if privileged {
-            return self.load(address, bytes);
-        }
+    pub(super) fn load_as(&mut self, address: u32, bytes: u32, own: bool) -> Result<u32, Fault> {
         self.clocks += 1;
-        self.load_anywhere(address, bytes, false)
+        let window = &self.bus.readable[(address >> RANGE_BITS) as usize];
+        let offset = address.wrapping_sub(window.base);
+        if own && offset < window.length && address & (bytes - 1) == 0 {
+            let value = self.bus.memory.get(window.start + offset, bytes);
+            #[cfg(test)]
+            self.watch.note(address, bytes, value, false);
+            return Ok(value);
+        }
+        self.load_anywhere(address, bytes, own && self.is_privileged())
     }
 
-    /// Stores without the privileges that there are, perhaps.
+    /// Stores with the privileges that there are, or without.
     #[inline]
     pub(super) fn store_as(
         &mut self,
         address: u32,
         bytes: u32,
         value: u32,
-        privileged: bool,
+        own: bool,
     ) -> Result<(), Fault> {
-        if privileged {
-            return self.store(address, bytes, value);
-        }
         self.clocks += 1;
-        self.store_anywhere(address, bytes, value, false)
+        let window = &self.bus.writable[(address >> RANGE_BITS) as usize];
+        let offset = address.wrapping_sub(window.base);
+        if own && offset < window.length && address & (bytes - 1) == 0 {
+            self.bus.memory.put(window.start + offset, bytes, value);
+            #[cfg(test)]
+            self.watch.note(address, bytes, value, true);
+            return Ok(());
+        }
+        self.store_anywhere(address, bytes, value, own && self.is_privileged())
     }
 
     #[cold]

@@ -9,24 +9,7 @@
 use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
-
-/// Name of one I2C, and its connections inside the chip.
-pub(super) struct Facts {
-    /// The number in its name.
-    pub number: u8,
-    /// Numbers of its event and its error interrupt.
-    pub interrupts: [usize; 2],
-    /// DMAMUX1's number of its receive request; the transmit request is the next one.
-    pub receive_request: u32,
-}
-
-const fn facts(number: u8, event: usize, error: usize, receive_request: u32) -> Facts {
-    Facts { number, interrupts: [event, error], receive_request }
-}
-
-/// I2C1, 2, 3, 5. Source: stm32-metapac.
-pub(super) const I2CS: [Facts; 4] =
-    [facts(1, 31, 32, 33), facts(2, 33, 34, 35), facts(3, 72, 73, 73), facts(5, 157, 158, 124)];
+use super::facts::{Facts, I2CS};
 
 /// A device on an I2C bus.
 pub trait I2cDevice: Send {
@@ -382,10 +365,9 @@ impl I2c {
 
     /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts().receive_request, self.facts().receive_request + 1);
-        self.is(1, ENABLE)
-            && (request == receive && self.is(1, RECEIVE_DMA) && self.receive.is_some()
-                || request == transmit && self.is(1, TRANSMIT_DMA) && self.wants_byte())
+        let reads = self.is(1, RECEIVE_DMA) && self.receive.is_some();
+        let writes = self.is(1, TRANSMIT_DMA) && self.wants_byte();
+        self.is(1, ENABLE) && self.facts().requests(request, reads, writes)
     }
 
     pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {

@@ -19,6 +19,7 @@
 //! | `timer` | TIM1-8, 12-14, 16, 17, 23, 24: counting, compare, outputs, capture, encoder |
 //! | `usart` | USART1-3, 6, 10 and UART4, 5, 7-9, which sample levels on a wire |
 //! | `spi`, `i2c` | SPI1-5, I2C1-3 and 5 as masters, with devices |
+//! | `facts` | interrupts, requests and clocks of UARTs, SPIs and I2Cs |
 //! | `dma` | DMA1, DMA2 and DMAMUX1 |
 //! | `adc` | ADC1 |
 //! | `watchdog` | IWDG1 |
@@ -33,6 +34,7 @@ mod adc;
 mod clocks;
 mod dma;
 mod exti;
+mod facts;
 mod gpio;
 mod i2c;
 mod map;

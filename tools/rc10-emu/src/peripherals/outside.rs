@@ -2,13 +2,14 @@
 
 use rc10_sim::{Nanos, UartFault};
 
+use super::facts::{Facts, I2CS, USARTS};
 use super::gpio::PINS;
-use super::i2c::{I2CS, I2cDevice};
+use super::i2c::I2cDevice;
 use super::pins::{Signal, pin_of, signal_at};
 use super::soc::{Soc, port_index};
 use super::spi::SpiDevice;
 use super::timer::{CHANNELS, TIMERS};
-use super::usart::{Character, Format, Outgoing, SentByte, USARTS, Usart};
+use super::usart::{Character, Format, Outgoing, SentByte, Usart};
 use crate::board::SupplySense;
 
 /// A change of a pin's level.
@@ -113,12 +114,9 @@ fn pin_at(pin: (char, usize)) -> Option<(usize, usize)> {
     port_index(pin.0).filter(|_| pin.1 < PINS).map(|port| (port, pin.1))
 }
 
-fn usart_of(uart: u8) -> Option<usize> {
-    USARTS.iter().position(|facts| facts.number == uart)
-}
-
-fn i2c_of(i2c: u8) -> Option<usize> {
-    I2CS.iter().position(|facts| facts.number == i2c)
+/// Index of the device with a number in its name.
+fn index_of(table: &[Facts], number: u8) -> Option<usize> {
+    table.iter().position(|facts| facts.number == number)
 }
 
 /// Pins.
@@ -377,7 +375,7 @@ impl Soc {
         };
         (0..).zip(bytes).all(|(index, &byte)| {
             self.feed_character(uart, Character::new(byte.into(), format, baud, after(index)))
-        }) && usart_of(uart).is_some()
+        }) && index_of(&USARTS, uart).is_some()
     }
 
     /// A character comes in at a UART's receive pin, now or later, after those that were fed
@@ -388,7 +386,7 @@ impl Soc {
 
     /// Whether a UART's receiver is on.
     pub fn listens(&self, uart: u8) -> bool {
-        usart_of(uart).is_some_and(|usart| self.usarts[usart].listens())
+        index_of(&USARTS, uart).is_some_and(|usart| self.usarts[usart].listens())
     }
 
     /// Something damages the character that comes in at a UART's receive pin; without one it looks
@@ -416,20 +414,20 @@ impl Soc {
 
     /// Does something with a UART from outside. `false`: there is no such UART.
     fn with_usart(&mut self, uart: u8, act: impl FnOnce(&mut Usart)) -> bool {
-        let usart = usart_of(uart).map(|usart| act(&mut self.usarts[usart]));
+        let usart = index_of(&USARTS, uart).map(|usart| act(&mut self.usarts[usart]));
         self.schedule();
         usart.is_some()
     }
 
     pub(crate) fn take_outgoing(&mut self, uart: u8) -> Vec<Outgoing> {
-        usart_of(uart).map(|usart| self.usarts[usart].take_outgoing()).unwrap_or_default()
+        index_of(&USARTS, uart).map(|usart| self.usarts[usart].take_outgoing()).unwrap_or_default()
     }
 
     /// The level of a UART's driver enable pin; `None` if it has none: not enabled, or no pin set
     /// up for it.
     #[must_use]
     pub fn driver_enable(&self, uart: u8) -> Option<bool> {
-        let usart = usart_of(uart)?;
+        let usart = index_of(&USARTS, uart)?;
         pin_of(&self.ports, Signal::SerialEnable(usart))?;
         self.usarts[usart].driver_level()
     }
@@ -454,13 +452,13 @@ impl Soc {
 
     /// Puts a device on an I2C (1, 2, 3 or 5). `false`: there is no such I2C.
     pub fn attach_i2c(&mut self, i2c: u8, device: Box<dyn I2cDevice>) -> bool {
-        i2c_of(i2c).map(|i2c| self.i2cs[i2c].attach(device)).is_some()
+        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].attach(device)).is_some()
     }
 
     /// In the next bytes that an I2C sends it sees a bus error that is none. `false`: there is
     /// no such I2C.
     pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
-        i2c_of(i2c).map(|i2c| self.i2cs[i2c].disturb(bytes)).is_some()
+        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].disturb(bytes)).is_some()
     }
 
     /// A device holds an I2C's data line low, as one does that lost a clock, until it has seen so
@@ -475,7 +473,8 @@ impl Soc {
         now: Nanos,
     ) -> bool {
         self.advance(now);
-        let (Some(i2c), Some(clock), Some(data)) = (i2c_of(i2c), pin_at(clock), pin_at(data))
+        let (Some(i2c), Some(clock), Some(data)) =
+            (index_of(&I2CS, i2c), pin_at(clock), pin_at(data))
         else {
             return false;
         };

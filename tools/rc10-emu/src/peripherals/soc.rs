@@ -11,17 +11,18 @@ use super::adc::Adc;
 use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
+use super::facts::{I2CS, SPIS, USARTS};
 use super::gpio::{PINS, Port};
-use super::i2c::{I2CS, I2c};
+use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
 use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
-use super::spi::{self, SPIS, Spi};
+use super::spi::{self, Spi};
 use super::timer::{TIMERS, Timer};
-use super::usart::{self, USARTS, Usart};
+use super::usart::{self, Usart};
 use super::watchdog::Watchdog;
 use crate::board::Board;
 use crate::core::INTERRUPT_WORDS;
@@ -641,7 +642,7 @@ impl Soc {
                     self.timers[timer].set_tones(tones, now);
                 }
                 Block::Usart(usart) => {
-                    let hz = clocks.usarts[USARTS[usart].bus];
+                    let hz = clocks.usarts[USARTS[usart].clock];
                     self.usarts[usart].set_clock(gated(hz), now);
                 }
                 Block::Spi(spi) => {
@@ -739,7 +740,7 @@ impl Soc {
             match row.block {
                 Block::Fdcan(_) => used.fdcan = nominal.fdcan,
                 Block::Usart(usart) => {
-                    let bus = USARTS[usart].bus;
+                    let bus = USARTS[usart].clock;
                     used.usarts[bus] = nominal.usarts[bus];
                 }
                 Block::Spi(spi) => {

@@ -16,31 +16,7 @@ use std::collections::VecDeque;
 use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Width, Write};
-
-/// Constants of one SPI.
-pub(super) struct Facts {
-    /// 0: of SPI1 to 3, 1: of SPI4 and 5: which kernel clock it has.
-    pub clock: usize,
-    /// Bytes that each of its FIFOs holds.
-    pub fifo: usize,
-    /// Number of its interrupt.
-    pub interrupt: usize,
-    /// DMAMUX1's number of its receive request; the transmit request is the next one.
-    pub receive_request: u32,
-}
-
-const fn facts(clock: usize, fifo: usize, interrupt: usize, receive_request: u32) -> Facts {
-    Facts { clock, fifo, interrupt, receive_request }
-}
-
-/// SPI1 to SPI5. Source: RM0468, SPI implementation; numbers from stm32-metapac.
-pub(super) const SPIS: [Facts; 5] = [
-    facts(0, 16, 35, 37),
-    facts(0, 16, 36, 39),
-    facts(0, 16, 51, 61),
-    facts(1, 8, 84, 83),
-    facts(1, 8, 85, 85),
-];
+use super::facts::{Facts, SPIS};
 
 /// A device on an SPI bus.
 pub trait SpiDevice: Send {
@@ -217,7 +193,8 @@ impl Spi {
     }
 
     const fn capacity(&self) -> usize {
-        self.facts().fifo / self.frame_bytes()
+        // RM0468, SPI implementation: 16 bytes in SPI1 to 3, 8 in the others.
+        (16 >> self.facts().clock) / self.frame_bytes()
     }
 
     /// FTHLV: frames of a packet.
@@ -347,15 +324,14 @@ impl Spi {
         let status = self.status();
         let enabled = self.interrupts & 0x7F7;
         let ends = self.interrupts & END != 0 && status & (END | SUSPENDED | COMPLETE) != 0;
-        (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts().interrupt)
+        (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts().interrupts[0])
     }
 
     /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts().receive_request, self.facts().receive_request + 1);
-        self.is(ENABLE)
-            && (request == receive && self.config[0] & RECEIVE_DMA != 0 && self.has_packet()
-                || request == transmit && self.config[0] & TRANSMIT_DMA != 0 && self.has_room())
+        let reads = self.config[0] & RECEIVE_DMA != 0 && self.has_packet();
+        let writes = self.config[0] & TRANSMIT_DMA != 0 && self.has_room();
+        self.is(ENABLE) && self.facts().requests(request, reads, writes)
     }
 
     pub(super) fn read(

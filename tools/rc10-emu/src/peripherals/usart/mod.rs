@@ -20,42 +20,12 @@ use std::collections::VecDeque;
 use rc10_sim::{Nanos, UartFault};
 
 use super::access::{AccessKind, Write};
+use super::facts::{Facts, USARTS};
 use receiver::{Heard, Receiver};
 pub(crate) use transmitter::Outgoing;
 use transmitter::{Sending, Transmitter};
 pub use wire::{Character, Format, Parity};
 pub(crate) use wire::{Sampling, Wire};
-
-/// Name of one UART, and its connections inside the chip.
-#[derive(Debug)]
-pub(super) struct Facts {
-    /// The number in its name.
-    pub number: u8,
-    /// 0: clocked from APB1, 1: from APB2.
-    pub bus: usize,
-    /// Number of its interrupt.
-    pub interrupt: usize,
-    /// DMAMUX1's number of its receive request; the transmit request is the next one.
-    pub receive_request: u32,
-}
-
-const fn facts(number: u8, bus: usize, interrupt: usize, receive_request: u32) -> Facts {
-    Facts { number, bus, interrupt, receive_request }
-}
-
-/// USART1, 2, 3, UART4, 5, USART6, UART7, 8, 9, USART10. Source: stm32-metapac.
-pub(super) const USARTS: [Facts; 10] = [
-    facts(1, 1, 37, 41),
-    facts(2, 0, 38, 43),
-    facts(3, 0, 39, 45),
-    facts(4, 0, 52, 63),
-    facts(5, 0, 53, 65),
-    facts(6, 1, 71, 71),
-    facts(7, 0, 82, 79),
-    facts(8, 0, 83, 81),
-    facts(9, 1, 155, 116),
-    facts(10, 1, 156, 118),
-];
 
 /// A byte that has left at a transmit pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -410,17 +380,14 @@ impl Usart {
         ];
         let asked = sources.iter().any(|&(bit, flags)| self.is(1, 1 << bit) && status & flags != 0);
         let errors = self.is(3, ERROR_INTERRUPT) && status & (FRAMING | NOISE | OVERRUN) != 0;
-        (asked || errors).then_some(self.facts().interrupt)
+        (asked || errors).then_some(self.facts().interrupts[0])
     }
 
     /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts().receive_request, self.facts().receive_request + 1);
-        self.is(1, ENABLE)
-            && (request == receive && self.is(3, DMA_RECEIVE) && self.offers_to_dma()
-                || request == transmit
-                    && self.is(3, DMA_TRANSMIT)
-                    && self.transmitter.waiting() < self.capacity())
+        let reads = self.is(3, DMA_RECEIVE) && self.offers_to_dma();
+        let writes = self.is(3, DMA_TRANSMIT) && self.transmitter.waiting() < self.capacity();
+        self.is(1, ENABLE) && self.facts().requests(request, reads, writes)
     }
 
     fn offers_to_dma(&self) -> bool {
