@@ -30,13 +30,11 @@ impl SerialEnd for Ear {
     }
 }
 
-/// Far end of a UART's pins.
 enum Far {
     Serial(Serial),
     Line(Line),
 }
 
-/// A UART on a line.
 struct SerialLink {
     uart: u8,
     far: Far,
@@ -54,7 +52,6 @@ impl SerialLink {
         Self { uart, far, ear: Rc::default(), format, bit_fs, inverted: false, garbled: 0 }
     }
 
-    /// Moves characters of the world into the UART.
     fn hear(&self, soc: &mut Soc) {
         let Self { uart, format, bit_fs, inverted, .. } = *self;
         let mut ear = self.ear.borrow_mut();
@@ -78,7 +75,6 @@ impl SerialLink {
         }
     }
 
-    /// Moves characters of the UART into the world.
     fn speak(&mut self, soc: &mut Soc) {
         for outgoing in soc.take_outgoing(self.uart) {
             let Outgoing { character, end, has_ended } = outgoing;
@@ -128,20 +124,17 @@ impl PulseEnd for PulseEar {
     }
 }
 
-/// A pin on a line of pulses.
 struct PulseLink {
     pin: (char, usize),
     ear: Rc<RefCell<PulseEar>>,
 }
 
-/// A pin at a contact to ground.
 struct ContactLink {
     pin: (char, usize),
     contact: Contact,
     was_closed: bool,
 }
 
-/// All lines of a chip.
 #[derive(Default)]
 pub(crate) struct Links {
     serials: Vec<SerialLink>,

@@ -16,10 +16,8 @@ const READ: u32 = WRITE + 4;
 /// The longest valid ring: beyond it the control block is not set up yet.
 const LONGEST_RING: u32 = 1 << 16;
 
-/// First bytes of the control block.
 const ID: &[u8; 10] = b"SEGGER RTT";
 
-/// Decoder for the log of one program.
 pub(crate) struct Log {
     table: Option<Table>,
     control_block: Option<u32>,
@@ -98,7 +96,6 @@ impl Log {
         Ok(messages)
     }
 
-    /// The chip was reset: half a message stays half.
     pub(crate) fn reset(&mut self) {
         self.bytes.clear();
     }

@@ -689,7 +689,6 @@ impl Machine {
         self.now >= horizon || self.core.bus.touched
     }
 
-    /// An injected fault strikes, as soon as the program executes anything.
     #[cold]
     fn fail(&mut self) {
         if let Some((address, arguments)) = self.jumps.pop_front() {
@@ -823,7 +822,6 @@ fn stood_in(address: u32) -> Option<u32> {
     address.checked_sub(STAND_INS).map(|offset| offset / 8).filter(|&exception| exception < 256)
 }
 
-/// Address of the code that stands in for the handler of an exception.
 fn stand_in(exception: u16) -> u32 {
     STAND_INS + 8 * u32::from(exception)
 }

@@ -23,7 +23,6 @@ pub struct Bank {
     pub(crate) start: u32,
 }
 
-/// Every memory, in the order of the addresses.
 const BANKS: [Bank; 8] = {
     const KIB: u32 = 1 << 10;
     let mut banks = [
@@ -48,7 +47,6 @@ const fn bank(name: &'static str, base: u32, length: u32) -> Bank {
     Bank { name, base, length, start: 0 }
 }
 
-/// Bytes of all banks.
 const BYTES: u32 = BANKS[7].start + BANKS[7].length;
 
 /// Address of the processor's first instruction.
@@ -119,7 +117,6 @@ impl Memory {
         &BANKS
     }
 
-    /// The bank that holds an address.
     pub(crate) fn bank(address: u32) -> Option<&'static Bank> {
         BANKS.iter().find(|bank| address.wrapping_sub(bank.base) < bank.length)
     }
@@ -165,7 +162,6 @@ impl Memory {
         self.0.code[(place / BLOCK) as usize].store(true, Ordering::Relaxed);
     }
 
-    /// Whether code that was decoded has been written since.
     #[inline]
     pub(crate) fn is_stale(&self) -> bool {
         self.0.stale[1].load(Ordering::Relaxed) != 0

@@ -90,7 +90,6 @@ impl Thermal {
     }
 }
 
-/// The parts on the board of a machine.
 pub(crate) struct Parts {
     pub imu: Option<Imu>,
     heater: Option<Heater>,

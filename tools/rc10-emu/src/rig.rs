@@ -178,7 +178,6 @@ impl Rig {
     }
 }
 
-/// The number of the exception that a function handles.
 fn exception_of(machine: &Machine, handler: &str) -> Result<u16> {
     let address = machine.image().symbol(handler)?;
     // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).

@@ -14,10 +14,8 @@ const GATED: [u32; 2] = [0x3000_0000, 0x3000_4000];
 /// Ranges of addresses by their upper bits: two memories in the same one are neighbours, or slow.
 const RANGES: usize = 64;
 const RANGE_BITS: u32 = 26;
-/// No range of addresses.
 const NOWHERE: [(u32, u32); 3] = [(u32::MAX, 0); 3];
 
-/// Purpose of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Access {
     Read,
@@ -82,7 +80,6 @@ impl Bus {
         }
     }
 
-    /// Forgets what may be accessed.
     pub(super) fn forget(&mut self) {
         self.readable = [Window::default(); RANGES];
         self.writable = [Window::default(); RANGES];
@@ -97,7 +94,6 @@ impl Bus {
         address.wrapping_sub(self.executable.base) < self.executable.length.saturating_sub(2)
     }
 
-    /// The memory that answers an access.
     fn bank(&self, address: u32, access: Access) -> Option<&'static Bank> {
         Memory::bank(address).filter(|bank| {
             let gate = GATED.iter().position(|&gated| gated == bank.base);
@@ -174,13 +170,11 @@ const fn width_of(bytes: u32) -> Width {
 }
 
 impl Core {
-    /// Loads 1, 2 or 4 bytes.
     #[inline]
     pub(super) fn load(&mut self, address: u32, bytes: u32) -> Result<u32, Fault> {
         self.load_as(address, bytes, true)
     }
 
-    /// Stores 1, 2 or 4 bytes.
     #[inline]
     pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32) -> Result<(), Fault> {
         self.store_as(address, bytes, value, true)

@@ -9,7 +9,6 @@ use super::float::*;
 use super::transfer::*;
 use super::{Core, Done};
 
-/// A function that executes an instruction.
 pub(super) type Run = fn(&mut Core, u32) -> Done;
 
 /// Instructions whose decoding is kept.
@@ -22,7 +21,6 @@ const FLAGS: u32 = 1 << 30;
 /// Of an instruction that computes: whether it sets flags.
 pub(super) const S: u32 = 1 << 20;
 
-/// An instruction, decoded.
 #[derive(Clone, Copy)]
 pub(super) struct Decoded {
     address: u32,
@@ -68,7 +66,6 @@ impl Decoded {
 }
 
 impl Core {
-    /// Fetches and decodes an instruction, and keeps it.
     #[cold]
     pub(super) fn decode(&mut self, address: u32) -> Result<Decoded, Fault> {
         let first = self.fetch(address)?;

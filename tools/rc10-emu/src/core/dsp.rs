@@ -9,7 +9,6 @@ const fn halves(value: u32) -> [i64; 2] {
     [value as i16 as i64, (value >> 16) as i16 as i64]
 }
 
-/// Half of a register.
 const fn half(value: u32, upper: bool) -> i64 {
     halves(value)[upper as usize]
 }

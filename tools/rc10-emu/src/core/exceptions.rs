@@ -6,7 +6,6 @@ use super::system::{
 use super::{C, N, Q, V, Z};
 use super::{Core, Done, EXCEPTION, FP_ACTIVE, GE, IT, LOCKED_UP, PROCESS_STACK, T};
 
-/// Numbers of exceptions.
 pub(super) const NMI: u32 = 2;
 pub(super) const HARD_FAULT: u32 = 3;
 const MEM_MANAGE: u32 = 4;
@@ -52,10 +51,8 @@ pub(super) enum Fault {
     /// The MPU forbids it. (Each fault is its bits of `CFSR`.)
     FetchMpu = 1 << 0,
     DataMpu = 1 << 1 | 1 << 7,
-    /// Nothing answers.
     FetchBus = 1 << 8,
     DataBus = 1 << 9 | 1 << 15,
-    /// No such instruction.
     Undefined = 1 << 16,
     /// Code that is not Thumb.
     State = 1 << 17,
@@ -86,7 +83,6 @@ pub(super) const fn set_bit(set: &mut [u32; SET_WORDS], exception: u32, to: bool
     *word = *word & !(1 << (exception % 32)) | (to as u32) << (exception % 32);
 }
 
-/// The exceptions of a set.
 fn members(set: [u32; SET_WORDS]) -> impl Iterator<Item = u32> {
     (0..).zip(set).flat_map(|(index, mut word)| {
         std::iter::from_fn(move || {
@@ -162,7 +158,6 @@ impl Core {
         active.chain(bounds).min().unwrap_or(LOWEST)
     }
 
-    /// The exception that interrupts what is executed.
     pub(super) fn next_exception(&self) -> Option<u32> {
         let (exception, priority) = self.system.most_urgent()?;
         (priority < self.execution_priority()).then_some(exception)
@@ -287,7 +282,6 @@ impl Core {
         first
     }
 
-    /// Begins a handler, after the registers are kept.
     fn begin(&mut self, exception: u32) {
         set_bit(&mut self.system.active, exception, true);
         set_bit(&mut self.system.pending, exception, false);
@@ -344,7 +338,6 @@ impl Core {
         Ok(())
     }
 
-    /// Takes the registers from the stack.
     fn restore(&mut self, with_fpu: bool) {
         let frame = self.r[13];
         let mut words = [0; FRAME as usize];
@@ -434,7 +427,6 @@ impl Core {
         Ok(())
     }
 
-    /// Waits for an interrupt, or for an event.
     pub(super) fn wait_for(&mut self, event: bool) {
         self.asleep = !(event && std::mem::take(&mut self.event));
         self.attention = true;

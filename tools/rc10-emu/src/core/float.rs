@@ -52,7 +52,6 @@ impl Core {
         }
     }
 
-    /// Does arithmetic that keeps its flags.
     fn with_float(
         &mut self,
         format: Format,

@@ -64,7 +64,6 @@ impl Format {
     }
 }
 
-/// An operand.
 #[derive(Clone, Copy)]
 struct Number {
     wide: Quad,
@@ -177,7 +176,6 @@ impl Float {
         self.compute(operands, |[a, b], round| a.mul_r(b, round))
     }
 
-    /// A sum of a number and a product, rounded once.
     pub(super) fn multiply_add(&mut self, addend: u64, a: u64, b: u64) -> u64 {
         let mut numbers = [addend, a, b].map(|bits| self.take(bits));
         let [addend, a, b] = &mut numbers;
@@ -241,7 +239,6 @@ impl Float {
         self.round(Quad::from_i128(value.into()).value.scalbn(-(fraction as i32)))
     }
 
-    /// The same number in another format.
     pub(super) fn convert(&mut self, a: u64, to: Format) -> u64 {
         let a = self.take(a);
         self.format = to;

@@ -106,7 +106,6 @@ pub struct Core {
     at: u32,
     /// .. and of the next one.
     next: u32,
-    /// Clocks of this step so far.
     clocks: u64,
     /// Something may keep the next instruction from being executed: look before it.
     attention: bool,
@@ -116,7 +115,6 @@ pub struct Core {
     locked_up: bool,
     /// Address of the last LDREX.
     exclusive: Option<u32>,
-    /// Address of the last access that faulted.
     fault_address: u32,
     /// State that the MPU's answers depend on.
     context: u8,
@@ -240,7 +238,6 @@ impl Core {
         })
     }
 
-    /// Executes one instruction.
     #[inline]
     fn execute(&mut self) {
         let at = self.r[15];
@@ -279,7 +276,6 @@ impl Core {
         self.psr = self.psr & !IT | (state & 0xFC) << 8 | (state & 3) << 25;
     }
 
-    /// Whether a condition holds (A7.3).
     #[inline]
     fn holds(&self, condition: u32) -> bool {
         let flag = |flag| self.psr & flag != 0;

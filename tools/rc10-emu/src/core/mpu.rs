@@ -2,7 +2,6 @@
 
 use super::bus::Access;
 
-/// Regions of an STM32H723.
 const REGIONS: usize = 16;
 
 /// Bits of `MPU_CTRL`: on, also in handlers of faults, and what is in no region is as without it
@@ -13,7 +12,6 @@ const BACKGROUND: u32 = 4;
 /// Attribute of a region: no instruction comes from it.
 const NEVER_EXECUTE: u32 = 1 << 28;
 
-/// The memory protection unit: its regions, and the one that is selected.
 #[derive(Default)]
 pub(super) struct Mpu {
     pub(super) control: u32,

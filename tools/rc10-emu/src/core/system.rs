@@ -87,7 +87,6 @@ pub(super) const fn is_own(address: u32) -> bool {
     matches!(address, 0xE000_0000..0xE004_2000 | 0xE00F_F000..0xE010_0000)
 }
 
-/// Registers and interrupt controller.
 pub(super) struct System {
     words: [u32; 1024],
     pub(super) pending: [u32; SET_WORDS],
@@ -136,19 +135,16 @@ impl System {
         &mut self.words[word]
     }
 
-    /// Address of the vector of an exception.
     pub(super) const fn vector(&self, exception: u32) -> u32 {
         self.words[VTOR].wrapping_add(4 * exception)
     }
 
-    /// Whether the FPU is switched on for such code.
     #[inline]
     pub(super) const fn has_fpu(&self, privileged: bool) -> bool {
         let access = self.words[CPACR] >> 20 & 3;
         access == 3 || access == 1 && privileged
     }
 
-    /// The priority register of an exception.
     pub(super) const fn priority(&self, exception: u32) -> u32 {
         let exception = exception & 0xFF;
         let byte = if exception < 16 { 0xD14 + exception } else { 0x3F0 + exception };
@@ -307,7 +303,6 @@ impl System {
 }
 
 impl Core {
-    /// Reads a word of the core's own.
     pub(super) fn read_system(&mut self, address: u32, has_effect: bool) -> u32 {
         match address {
             // DWT: CTRL says that there are no comparators, no traces and no profiling counters.
@@ -321,7 +316,6 @@ impl Core {
         }
     }
 
-    /// Writes a word of the core's own.
     pub(super) fn write_system(&mut self, address: u32, value: u32) {
         let traces = self.system.word(DEMCR) & TRACE != 0;
         match address {

@@ -66,7 +66,6 @@ pub(super) fn align(core: &Core, address: u32, bytes: u32, always: bool) -> Done
     Err(Fault::Unaligned)
 }
 
-/// Bytes of an access.
 const fn bytes(i: u32) -> u32 {
     1 << (i >> 21 & 3)
 }

@@ -42,7 +42,6 @@ impl Calibration {
         *self = Self { is_needed: self.is_needed, ..Self::new() };
     }
 
-    /// Whether the controllers have a valid clock.
     pub const fn is_valid(&self) -> bool {
         self.configuration & BYPASS != 0 || !self.is_needed
     }

@@ -157,7 +157,6 @@ impl Controller {
         }
     }
 
-    /// Whether one of its two interrupt lines is raised.
     pub fn interrupt_line(&self, line: u32) -> bool {
         let second = self.registers.at(at::ILS);
         let of_line = if line == 0 { !second } else { second };
@@ -167,7 +166,6 @@ impl Controller {
 
     // Time.
 
-    /// Brings everything up to this time.
     pub fn settle(&mut self, now: Nanos) {
         self.now = self.now.max(now);
         if let Some(bit) = self.bit() {

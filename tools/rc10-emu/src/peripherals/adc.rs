@@ -134,7 +134,6 @@ impl fmt::Display for AdcFault {
     }
 }
 
-/// Work that takes time.
 #[derive(Clone, Copy, Debug)]
 enum Work {
     Calibrates,
@@ -151,7 +150,6 @@ pub(super) struct Adc {
     data: u32,
     /// CCR.
     common: u32,
-    /// Time at which the regulator is up.
     regulated_at: Option<Nanos>,
     /// Its work, and the end of it.
     work: Option<(Work, Nanos)>,
@@ -233,7 +231,6 @@ impl Adc {
         (is_on && hz > limit).then_some(TooFast { clock, hz, limit: Limit::Boost(limit) })
     }
 
-    /// Time that half clocks take from now.
     fn after(&self, half_clocks: u64, now: Nanos) -> Result<Nanos, AccessKind> {
         let hz = self.half_clocks_hz();
         AccessKind::Adc(AdcFault::NoClock).when(hz == 0)?;
@@ -249,7 +246,6 @@ impl Adc {
         (self.flags & self.registers.value(IER) != 0).then_some(INTERRUPT)
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
         // DMNGT: by DMA, once or round and round.
         let by_dma = self.registers.value(CFGR) & 1 != 0;
@@ -365,7 +361,6 @@ impl Adc {
         if allowed && self.work.is_none() { Ok(()) } else { Err(AccessKind::Protected) }
     }
 
-    /// Channels in the sequence.
     fn length(&self) -> usize {
         field(self.registers.value(SQR[0]), 0, 4) as usize + 1
     }
@@ -389,7 +384,6 @@ impl Adc {
         }
     }
 
-    /// Bits of a result.
     fn bits(&self) -> u32 {
         // RES; 5 and 6 are 14 and 12 bits with less power.
         match field(self.registers.value(CFGR), 2, 3) {
@@ -419,7 +413,6 @@ impl Adc {
         Ok(())
     }
 
-    /// The result of a channel now.
     fn result(&self, channel: u32) -> u32 {
         if self.registers.value(PCSEL) >> channel & 1 == 0 {
             return 0;

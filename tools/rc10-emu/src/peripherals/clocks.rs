@@ -241,7 +241,6 @@ pub(super) fn too_fast(
     at_most.chain((time_quantum != 0 && time_quantum >= apb).then_some(quantum))
 }
 
-/// Settings of one PLL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pll {
     /// DIVM; 0: no clock.

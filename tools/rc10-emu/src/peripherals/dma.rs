@@ -23,7 +23,6 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Width, Write};
 
-/// Streams of one controller.
 pub(super) const STREAMS: usize = 8;
 
 /// Memories that DMA1 and DMA2 cannot reach: the core's own (RM0468, bus matrix).
@@ -58,7 +57,6 @@ const CONCURRENT: Nanos = Nanos::new(100);
 const INTERRUPTS: [[usize; STREAMS]; 2] =
     [[11, 12, 13, 14, 15, 16, 17, 47], [56, 57, 58, 59, 60, 68, 69, 70]];
 
-/// Direction of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Direction {
     FromPeripheral,
@@ -80,7 +78,6 @@ pub(super) struct Stream {
     flags: u32,
     /// Items done since it was enabled or started again.
     done: u32,
-    /// The next item is to fail.
     pub(super) fails: bool,
     /// Contents of its FIFO: values, with their destination if that is memory.
     held: [(u32, u32); FIFO_ITEMS],
@@ -89,7 +86,6 @@ pub(super) struct Stream {
     locked: bool,
 }
 
-/// One item to move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Transfer {
     pub from: u32,
@@ -292,7 +288,6 @@ pub(super) struct Dma {
 const FLAG_SHIFTS: [u32; 4] = [0, 6, 16, 22];
 const FLAGS: u32 = 0x3D;
 
-/// A register of a stream: which stream, which register.
 fn stream_of(offset: u32) -> Option<(usize, u32)> {
     let offset = offset.checked_sub(0x10)?;
     let stream = (offset / 0x18) as usize;
@@ -361,7 +356,6 @@ impl Dma {
         is_at_risk && stream.locked
     }
 
-    /// Address of a stream's CR.
     pub(super) fn control_address(&self, stream: usize) -> u32 {
         let offset = u32::try_from(0x400 * self.index + 0x18 * stream).unwrap_or(0);
         0x4002_0010 + offset
@@ -371,7 +365,6 @@ impl Dma {
         self.streams.iter().all(|stream| !stream.is(ENABLE))
     }
 
-    /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> {
         let asks = |stream: &Stream| {
             // TEIE, HTIE, TCIE are one bit below their flags.

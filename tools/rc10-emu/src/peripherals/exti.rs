@@ -79,7 +79,6 @@ impl Exti {
         self.registers.set(PENDING, self.registers.value(PENDING) | lines);
     }
 
-    /// The levels of lines 0 ..= 15 now.
     pub(super) fn look(&mut self, levels: u32) {
         let (rose, fell) = (levels & !self.levels, self.levels & !levels);
         self.levels = levels;
@@ -89,7 +88,6 @@ impl Exti {
         }
     }
 
-    /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> {
         let lines = self.registers.value(PENDING) & self.registers.value(MASK);
         INTERRUPTS.iter().filter(move |(mask, _)| lines & mask != 0).map(|&(_, number)| number)

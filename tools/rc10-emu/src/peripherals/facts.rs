@@ -1,9 +1,7 @@
 //! Connections of UARTs, SPIs and I2Cs inside the chip. Source: stm32-metapac.
 
-/// Connections of one of them.
 #[derive(Debug)]
 pub(super) struct Facts {
-    /// The number in its name.
     pub number: u8,
     /// The kernel clock among those of its kind.
     pub clock: usize,

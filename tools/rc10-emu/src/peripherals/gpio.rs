@@ -7,7 +7,6 @@ const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const ANALOG: u32 = 3;
 
-/// Number of pins of a port.
 pub(super) const PINS: usize = 16;
 
 const MODER: u32 = 0x00;
@@ -66,7 +65,6 @@ impl Port {
         self.registers.value(MODER) >> (2 * pin) & 3
     }
 
-    /// Pins that do not lead outside from now on, a bit each.
     pub(super) const fn set_cut(&mut self, pins: u32) {
         self.cut = pins;
     }
@@ -110,7 +108,6 @@ impl Port {
         self.own_output(pin).or(outside).unwrap_or(pull_up)
     }
 
-    /// Something outside drives a pin, or lets go of it.
     pub(super) fn drive(&mut self, pin: usize, level: Option<bool>) {
         let bit = 1 << pin;
         self.driven = self.driven & !bit | if level.is_some() { bit } else { 0 };

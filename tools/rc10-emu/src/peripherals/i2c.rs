@@ -70,9 +70,7 @@ const CLOCKS_OF_BYTE: u64 = 9;
 enum State {
     #[default]
     Idle,
-    /// The address is on the wires.
     Addressing,
-    /// A byte is on the wires.
     Sending(u8),
     Receiving,
     /// The clock is held low until the program gives a byte, ..
@@ -132,12 +130,10 @@ impl I2c {
         self.held = old.held;
     }
 
-    /// Its kernel clock from now on; 0 if gated.
     pub(super) const fn set_clock(&mut self, hz: u64) {
         self.hz = hz;
     }
 
-    /// Whether both its pins lead outside.
     pub(super) const fn set_connected(&mut self, connected: bool) {
         self.connected = connected;
     }
@@ -165,7 +161,6 @@ impl I2c {
         self.disturbed += bytes;
     }
 
-    /// The chip lets go of the bus.
     fn leave(&mut self, now: Nanos) {
         if let Some(device) = self.addressed.take() {
             self.devices[device].stop(now);
@@ -224,7 +219,6 @@ impl I2c {
         self.stop(now);
     }
 
-    /// An address was on the wires.
     fn addressed(&mut self, now: Nanos) {
         self.control[1] &= !START;
         let address = self.control[1] >> 1 & 0x7F;
@@ -345,7 +339,6 @@ impl I2c {
         }
     }
 
-    /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
         let status = self.status();
         let sources = [
@@ -363,7 +356,6 @@ impl I2c {
         numbers.filter(|(_, asked)| *asked).map(|(number, _)| number)
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
         let reads = self.is(1, RECEIVE_DMA) && self.receive.is_some();
         let writes = self.is(1, TRANSMIT_DMA) && self.wants_byte();
@@ -443,7 +435,6 @@ impl I2c {
         Ok(())
     }
 
-    /// CR2.
     fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         if !self.is(1, ENABLE) {
             // START and STOP mean nothing then.

@@ -12,7 +12,6 @@ pub(super) struct Switch {
     pub reset: Option<u32>,
 }
 
-/// Part of the model that answers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Block {
     Rcc,
@@ -44,18 +43,13 @@ pub(super) enum Block {
     Unmodelled,
 }
 
-/// A peripheral.
 #[derive(Clone, Copy)]
 pub(super) struct Row {
-    /// Name in the manual.
     pub name: &'static str,
-    /// Its first address.
     pub base: u32,
-    /// Size in bytes.
     pub size: u32,
     /// Its clock gate; `None` if it always has a clock.
     pub switch: Option<Switch>,
-    /// Part of the model that answers.
     pub block: Block,
 }
 
@@ -228,7 +222,6 @@ const WAYS: [(u32, (u64, u64)); 7] = [
     (u32::MAX, (10, 6)),    // the debug unit
 ];
 
-/// The way to an address among the peripherals.
 pub(super) fn way_to(address: u32) -> (u64, u64) {
     let way = WAYS.iter().find(|(end, _)| address < *end);
     way.unwrap_or(&WAYS[WAYS.len() - 1]).1

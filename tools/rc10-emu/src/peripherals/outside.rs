@@ -54,19 +54,16 @@ impl From<Nanos> for PinTime {
     }
 }
 
-/// Recorder of what a pin does.
 pub(super) struct Recorder {
     pin: (usize, usize),
     /// What the pin carries as it is set up now.
     signal: Option<Signal>,
     high: bool,
-    /// The edges, if they are kept.
     edges: Option<Vec<Edge>>,
     /// Time of the last rise; of the recorder's begin, if the pin was high then.
     rose: Nanos,
     /// How long it was high since the recorder is there, up to `time.until`.
     total: Nanos,
-    /// Whether its time is asked for: `watch_pin`.
     is_watched: bool,
     /// `until` is the time up to which `high` is summed up.
     time: PinTime,
@@ -93,7 +90,6 @@ impl Recorder {
     }
 }
 
-/// A wire between two pins of the chip.
 pub(super) struct Jumper {
     from: (usize, usize),
     to: (usize, usize),
@@ -207,7 +203,6 @@ impl Soc {
         Some(recorder)
     }
 
-    /// The recorder of a pin, a new one if need be.
     fn recorder(&mut self, port: char, pin: usize, now: Nanos) -> Option<&mut Recorder> {
         let pin = pin_at((port, pin))?;
         let known = self.recorders.iter().position(|recorder| recorder.pin == pin);
@@ -246,7 +241,6 @@ impl Soc {
         }
     }
 
-    /// Pins may carry other signals from now on.
     pub(super) fn find_signals(&mut self) {
         for recorder in &mut self.recorders {
             recorder.signal = signal_at(&self.ports, recorder.pin.0, recorder.pin.1);
@@ -280,7 +274,6 @@ impl Soc {
         changed
     }
 
-    /// Tells the timers which of their channels are observed.
     fn watch(&mut self) {
         let mut watched = [0_u32; TIMERS.len()];
         let recorded = self.recorders.iter().map(|recorder| recorder.signal);
@@ -316,7 +309,6 @@ impl Soc {
         }
     }
 
-    /// Shows a timer the levels of its pins.
     pub(super) fn show_pins(&mut self, timer: usize, fresh: bool, now: Nanos) {
         let levels = (0..CHANNELS).map(|channel| {
             let pin = pin_of(&self.ports, Signal::Timer(timer, channel));

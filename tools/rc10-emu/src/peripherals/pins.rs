@@ -6,7 +6,6 @@ use std::sync::LazyLock;
 use super::gpio::Port;
 use super::soc::port_index;
 
-/// A signal of a peripheral at a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Signal {
     /// FDCAN1 is 0.
@@ -15,11 +14,9 @@ pub(super) enum Signal {
     /// Index in the table of UARTs.
     SerialReceive(usize),
     SerialTransmit(usize),
-    /// Driver enable.
     SerialEnable(usize),
     /// Index in the table of timers, and channel 0 to 3.
     Timer(usize, usize),
-    /// A channel's complementary output.
     TimerComplement(usize, usize),
     /// SPI1 is 0.
     SpiClock(usize),
@@ -92,7 +89,6 @@ const SIGNALS: &[(fn(usize) -> Signal, &[&str])] = &[
     (Signal::I2cData, &["B7:4 B9:4", "B11:4 F0:4", "C9:4", "C9:6 C10:4 F0:6"]),
 ];
 
-/// Every signal with its places.
 static PLACES: LazyLock<Vec<(Signal, Vec<Place>)>> = LazyLock::new(|| {
     let signals = SIGNALS.iter().flat_map(|(signal, places)| {
         let places = places.iter().map(|places| places.split(' ').filter_map(place).collect());
@@ -123,7 +119,6 @@ pub(super) fn signal_at(ports: &[Port], port: usize, pin: usize) -> Option<Signa
     PLACES.iter().find(|(_, places)| places.contains(&here)).map(|&(signal, _)| signal)
 }
 
-/// Whether a pin is set up to carry a signal.
 pub(super) fn is_connected(ports: &[Port], signal: Signal) -> bool {
     pin_of(ports, signal).is_some()
 }

@@ -200,7 +200,6 @@ impl Rcc {
         }
     }
 
-    /// The crystal dies, or lives again.
     pub(super) fn set_crystal(&mut self, alive: bool, now: Nanos) {
         self.advance(now);
         let was_ready = self.is_ready(HSE as usize);
@@ -251,7 +250,6 @@ impl Rcc {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
-    /// Time at which the system clock was switched to PLL1.
     pub(super) const fn system_ready_at(&self) -> Option<Nanos> {
         self.system_ready_at
     }
@@ -277,7 +275,6 @@ impl Rcc {
         switch.reset.is_some_and(|offset| self.registers.value(offset) & switch.mask != 0)
     }
 
-    /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
     pub(super) fn memories_run(&self) -> [bool; 2] {
         [29, 30].map(|bit| field(self.registers.value(0xDC), bit, 1) != 0)
     }
@@ -438,7 +435,6 @@ impl Rcc {
         }
     }
 
-    /// Time at which the next source becomes ready.
     pub(super) fn next_event(&self) -> Option<Nanos> {
         self.ready.iter().flatten().copied().filter(|&at| at > self.settled).min()
     }
@@ -456,7 +452,6 @@ impl Rcc {
         }
     }
 
-    /// Clocks that go to timers' inputs.
     pub(super) fn tones(&self) -> Tones {
         let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
         let config = self.registers.value(CFGR);

@@ -73,7 +73,6 @@ impl Registers {
         Ok(())
     }
 
-    /// Sets a value from inside.
     pub(super) fn set(&mut self, offset: u32, value: u32) {
         self.values[offset as usize / 4] = value;
     }

@@ -72,7 +72,6 @@ pub struct Soc {
     guards_ram: bool,
     clocks: Clocks,
     flash_keeps_up: bool,
-    /// The clocks that are too fast now.
     too_fast: Vec<TooFast>,
     next: Option<Nanos>,
     levels: [u32; INTERRUPT_WORDS],
@@ -376,7 +375,6 @@ impl Soc {
         self.guards_ram = guards;
     }
 
-    /// Whether the core is to be kept from writing RAM.
     pub(crate) fn guards_ram(&self) -> bool {
         self.guards_ram && !self.is_supplied()
     }
@@ -394,7 +392,6 @@ impl Soc {
         true
     }
 
-    /// Whether an address lies in a memory that has no clock now.
     fn is_gated_memory(&self, address: u32) -> bool {
         match address {
             0x3000_0000..0x3000_4000 => !self.memories_run()[0],
@@ -625,7 +622,6 @@ impl Soc {
         }
     }
 
-    /// Gives each peripheral its present clock.
     fn apply_clocks(&mut self, now: Nanos) {
         let clocks = self.rcc.clocks();
         if clocks.fdcan != self.clocks.fdcan {
@@ -655,7 +651,6 @@ impl Soc {
         }
     }
 
-    /// Tells peripherals which of their pins lead outside.
     fn connect_pins(&mut self, now: Nanos) {
         self.pins_changed = true;
         self.cut_pins();
@@ -812,7 +807,6 @@ impl Soc {
             .sum()
     }
 
-    /// Moves what the DMAs can move now.
     fn transfer(&mut self, now: Nanos) {
         let mut moved = true;
         while std::mem::take(&mut moved) {
@@ -831,7 +825,6 @@ impl Soc {
         }
     }
 
-    /// Moves an item of an enabled stream, if there is one to move.
     fn transfer_one(&mut self, dma: usize, stream: usize, now: Nanos) -> bool {
         self.read_ahead(dma, stream);
         let request = self.mux.request(dma, stream);
@@ -864,7 +857,6 @@ impl Soc {
         locked
     }
 
-    /// Fills the FIFO of a stream to a peripheral.
     fn read_ahead(&mut self, dma: usize, stream: usize) {
         while let Some(from) = self.dmas[dma].streams[stream].ahead() {
             let mut bytes = [0; 4];

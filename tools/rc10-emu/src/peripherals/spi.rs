@@ -38,7 +38,6 @@ pub trait SpiDevice: Send {
 }
 
 struct Attached {
-    /// Port and pin.
     select: (usize, usize),
     selected: bool,
     /// Bits that it got between the chip's frames since it is selected, and what it has of its next frame.
@@ -63,7 +62,6 @@ impl Attached {
 /// Clocks behind the last frame of a transfer without a size: "several".
 const SPURIOUS: u32 = 3;
 
-/// Signals that are connected to pins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pins {
     pub clock: bool,
@@ -146,7 +144,6 @@ impl Spi {
         (self.hz, self.pins, self.devices) = (old.hz, old.pins, old.devices);
     }
 
-    /// Its kernel clock from now on; 0 if gated.
     pub(super) const fn set_clock(&mut self, hz: u64) {
         self.hz = hz;
     }
@@ -182,7 +179,6 @@ impl Spi {
         self.control & bits == bits
     }
 
-    /// Bits of a frame.
     const fn frame_bits(&self) -> u32 {
         (self.config[0] & 0x1F) + 1
     }
@@ -211,7 +207,6 @@ impl Spi {
         self.hz >> ((self.config[0] >> 28 & 7) + 1)
     }
 
-    /// Starts the next frame, if there is one.
     fn go_on(&mut self, now: Nanos) {
         if self.frame.is_some() || !self.is(ENABLE | START) || self.clock_hz() == 0 {
             return;
@@ -236,7 +231,6 @@ impl Spi {
         self.frame = Some((value, now + Nanos::new(nanos.div_ceil(self.clock_hz()))));
     }
 
-    /// The received frame.
     fn exchange(&mut self, value: u16, at: Nanos) -> u16 {
         let mode = u8::try_from((self.config[1] >> 24 & 1) | (self.config[1] >> 25 & 1) << 1);
         let (mode, clock_hz) = (mode.unwrap_or(0), self.clock_hz());
@@ -318,7 +312,6 @@ impl Spi {
             | remaining << 16
     }
 
-    /// Number of its interrupt, if it is asked for.
     pub(super) fn interrupt(&self) -> Option<usize> {
         // IER's bits stand where the flags do, but EOTIE is for EOT, SUSP and TXC.
         let status = self.status();
@@ -327,7 +320,6 @@ impl Spi {
         (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts().interrupts[0])
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
         let reads = self.config[0] & RECEIVE_DMA != 0 && self.has_packet();
         let writes = self.config[0] & TRANSMIT_DMA != 0 && self.has_room();
@@ -411,7 +403,6 @@ impl Spi {
         Ok(())
     }
 
-    /// CR1.
     fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         let was_enabled = self.is(ENABLE);
         let wanted = write.over(self.control);

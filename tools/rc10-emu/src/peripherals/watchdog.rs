@@ -17,7 +17,6 @@ const COUNTER_MASK: u32 = 0xFFF;
 /// Periods of LSI that an update takes.
 const UPDATE: u64 = 5;
 
-/// A register that comes into force later.
 #[derive(Clone, Copy, Debug)]
 struct Late {
     written: u32,
@@ -78,13 +77,11 @@ impl Watchdog {
         4 << self.prescaler.in_force.min(6)
     }
 
-    /// Time at which the counter passes zero.
     fn bite_at(&self) -> Option<Nanos> {
         let periods = (u64::from(self.counter) + 1) * self.period();
         self.counting_from.map(|start| start + lsi_periods(periods))
     }
 
-    /// The counter at a time.
     fn count(&self, now: Nanos) -> u32 {
         let from = self.counting_from.unwrap_or(now);
         let periods = u128::from(now.since(from).get()) * u128::from(LSI_HZ) / 1_000_000_000;
@@ -97,7 +94,6 @@ impl Watchdog {
         self.counting_from = self.counting_from.map(|_| now);
     }
 
-    /// Whether it has asked for a reset; forgets it.
     pub(super) fn take_bite(&mut self) -> bool {
         std::mem::take(&mut self.bites)
     }

@@ -73,7 +73,6 @@ impl Timer {
         channels.filter(|&(channel, _)| self.mode(channel) & 3 == 0)
     }
 
-    /// The counter arrives at these values.
     pub(super) fn arrive(&mut self, at: impl Fn(u32) -> bool) {
         let hits = self.compares().filter(|(_, compare)| at(compare.in_force));
         let channels: u32 = hits.map(|(channel, _)| 1 << channel).sum();
@@ -172,7 +171,6 @@ impl Timer {
         self.update(true, self.anchor);
     }
 
-    /// Overflows to the next update, that one included.
     fn overflows_to_update(&self) -> u64 {
         u64::from(self.repetitions_left) + 1
     }

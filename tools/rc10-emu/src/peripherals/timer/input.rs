@@ -70,7 +70,6 @@ impl Timer {
         Nanos::new((divider * samples * 1_000_000_000).div_ceil(self.hz))
     }
 
-    /// Time at which a filter lets a level through.
     pub(super) fn next_pass(&self) -> Option<Nanos> {
         self.inputs.iter().filter_map(|input| input.passes_at).min()
     }

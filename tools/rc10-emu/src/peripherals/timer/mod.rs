@@ -27,12 +27,10 @@ use super::clocks::{TONE_HSE, TONE_LSE, TONE_LSI, TONE_MCO1, Tones, UNMODELLED};
 use input::Input;
 use tone::Listener;
 
-/// Constants of one timer.
 #[derive(Debug)]
 pub(super) struct Facts {
     /// Bits of the counter.
     pub bits: u32,
-    /// Compare channels.
     pub channels: usize,
     /// Numbers of its interrupts of an update and of the channels: often one.
     pub interrupts: [usize; 2],
@@ -183,7 +181,6 @@ impl Timer {
         *self = Self { hz, watched, tones, anchor: now, ..Self::new(self.index) };
     }
 
-    /// Its clock from now on; 0 if gated.
     pub(super) fn set_clock(&mut self, hz: u64, now: Nanos) {
         if hz != self.hz {
             self.advance(now);
@@ -211,7 +208,6 @@ impl Timer {
         self.modes[channel / 2] >> (8 * (channel % 2)) & 0xFF
     }
 
-    /// Numbers of its interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
         let asked = self.flags & self.interrupts & 0xFF;
         let asks = [asked & UPDATE != 0, asked & !UPDATE != 0];
@@ -228,12 +224,10 @@ impl Timer {
         Some(1 << position)
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
         self.requests != 0 && self.request_bit(request).is_some_and(|bit| self.requests & bit != 0)
     }
 
-    /// A transfer that it asked for is made.
     pub(super) fn acknowledge(&mut self, request: u32) {
         if let Some(bit) = self.request_bit(request) {
             self.requests &= !bit;

@@ -19,7 +19,6 @@ pub(super) struct Listener {
     halves: u64,
     /// From when on edges are counted; the first comes a period later.
     since: Nanos,
-    /// Captures so far.
     captures: u64,
 }
 
@@ -29,7 +28,6 @@ impl Listener {
         capture as u128 * self.every as u128 * self.halves as u128 * self.tone.divider as u128
     }
 
-    /// Captures that are over at a time.
     fn captures_at(&self, now: Nanos) -> u64 {
         let halves = u128::from(now.since(self.since).get()) * 2 * u128::from(self.tone.hz);
         let captures = halves / NANOS_PER_SECOND / self.half_periods(1);

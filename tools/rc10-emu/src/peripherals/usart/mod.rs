@@ -122,7 +122,6 @@ pub(super) struct Usart {
     outgoing: Vec<Outgoing>,
 }
 
-/// Signals that are connected to pins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pins {
     pub receive: bool,
@@ -148,7 +147,6 @@ impl Usart {
         self.receiver.reset(now);
     }
 
-    /// Its kernel clock from now on; 0 if gated. A byte that is being sent keeps its length.
     pub(super) fn set_clock(&mut self, hz: u64, now: Nanos) {
         if self.hz != hz {
             self.hz = hz;
@@ -156,7 +154,6 @@ impl Usart {
         }
     }
 
-    /// Its pins from now on.
     pub(super) fn set_pins(&mut self, pins: Pins, now: Nanos) {
         if self.pins != pins {
             self.pins = pins;
@@ -185,7 +182,6 @@ impl Usart {
         self.receiver.draw(character);
     }
 
-    /// Whether its receiver is on.
     pub(super) const fn listens(&self) -> bool {
         self.is(1, ENABLE | RECEIVER)
     }
@@ -266,7 +262,6 @@ impl Usart {
         if self.is(2, SWAP) { (transmit, receive) } else { (receive, transmit) }
     }
 
-    /// Tells the receiver how it listens as it is set up.
     fn listen(&mut self, now: Nanos) {
         let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use().0;
         let sampling = self.bit_fs().filter(|_| on).map(|bit_fs| Sampling {
@@ -362,7 +357,6 @@ impl Usart {
             | flag(self.is(1, FIFOS) && self.received.len() == FIFO_DEPTH, RECEIVE_FULL)
     }
 
-    /// Number of its interrupt, if it is asked for.
     pub(super) fn interrupt(&self) -> Option<usize> {
         if !self.is(1, ENABLE) {
             return None;
@@ -383,7 +377,6 @@ impl Usart {
         (asked || errors).then_some(self.facts().interrupts[0])
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
         let reads = self.is(3, DMA_RECEIVE) && self.offers_to_dma();
         let writes = self.is(3, DMA_TRANSMIT) && self.transmitter.waiting() < self.capacity();
