@@ -44,13 +44,13 @@ pub enum AccessKind {
     OutOfReach,
     /// A DMA stream that serves a UART without `CR.TRBUFF` has locked: it moves nothing more.
     Locked,
-    /// RAM, before the supply is configured (`PWR_CSR1.ACTVOSRDY`): "write accesses to the RAMs are not
-    /// permitted". Reported only if [`Options`](crate::Options) ask for it, and once.
+    /// RAM is written before the supply is configured (`PWR_CSR1.ACTVOSRDY`), which RM0468 forbids.
+    /// Reported once, and only if [`Options`](crate::Options) ask for it.
     BeforeSupply,
     /// The written value makes a clock faster than its consumers can be.
     TooFast(TooFast),
-    /// A pin is set up as an output or for an alternate function, and does not lead outside. Reported
-    /// once for each pin and reason.
+    /// A pin in use as an output or for an alternate function does not lead outside. Reported once
+    /// for each pin and reason.
     Pin(PinFault),
     /// ADC1 is used against the manual.
     Adc(AdcFault),
@@ -147,11 +147,10 @@ impl fmt::Display for BusFault {
 
 impl std::error::Error for BusFault {}
 
-/// A write to a register: of a word, or of some of its bytes. Where writing a one or a zero does
-/// something, bytes that were not written do nothing.
+/// A write to a register, or to some bytes of it: the others do nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Write {
-    /// Of the whole word.
+    /// The whole word's offset.
     pub offset: u32,
     value: u32,
     lanes: u32,
@@ -170,8 +169,7 @@ impl Write {
         Self { offset, ..self }
     }
 
-    /// As a register behind an AHB-to-APB bridge sees it: the bridge makes a word of what is narrower,
-    /// by repeating it (RM0468, AHB/APB bridges).
+    /// The write behind an AHB-to-APB bridge, which repeats what is narrower than a word (RM0468).
     pub(super) const fn repeated(self) -> Self {
         let value = self.value >> self.lanes.trailing_zeros();
         let value = match self.width() {

@@ -1,15 +1,13 @@
 //! ADC1: regular sequences started by software (RM0468, ADC chapter).
 //!
-//! Modelled: deep power-down, the regulator's and the converter's start, calibration times, channel
-//! preselection, sampling times, resolutions, sequences of up to 16 channels, once or continuously,
-//! oversampling without shifts to the left, overrun, DMA requests. A converter is exact;
-//! calibration changes nothing but the time. Each conversion is an event, also of a sequence that
-//! goes on for ever.
+//! Modelled: deep power-down, start-up and calibration times, channel preselection, sampling times,
+//! resolutions, sequences, once or continuously, oversampling without shifts to the left, overrun,
+//! DMA requests. A converter is exact; each conversion is an event.
 //! Not modelled, and reported when asked for: triggers, injected channels, differential inputs,
-//! watchdogs, offsets, discontinuous mode, the wait for a reader (AUTDLY), dual mode, ADC2 and
-//! ADC3, the channels inside of the chip.
-//! Not modelled, and not reported: the mode of an input's pin, which should be analog, and the
-//! switches of PC2 and PC3 (`PMCR`), which lead to inputs 12 and 13: voltages always come in.
+//! watchdogs, offsets, discontinuous mode, AUTDLY, dual mode, ADC2 and ADC3, the channels inside of
+//! the chip.
+//! Not modelled, and not reported: the mode of an input's pin, and the switches of PC2 and PC3
+//! (`PMCR`), which lead to inputs 12 and 13: voltages always come in.
 
 use std::fmt;
 
@@ -59,8 +57,7 @@ const SMPR: [u32; 2] = [0x14, 0x18];
 const PCSEL: u32 = 0x1C;
 const SQR: [u32; 4] = [0x30, 0x34, 0x38, 0x3C];
 
-/// Registers that only store: IER, CFGR (JQDIS is set), CFGR2, SMPR1, SMPR2, PCSEL, SQR1 to SQR4;
-/// DIFSEL, CALFACT, CALFACT2, which read as zero.
+/// Registers that only store; DIFSEL and CALFACT read as zero. JQDIS is set in CFGR.
 const TABLE: &[Register] = &[
     masked(IER, 0, 0x7FF),
     plain(CFGR, 1 << 31),
@@ -108,7 +105,7 @@ const ROVSE: u32 = 1 << 0;
 /// JOVSE, TROVS, ROVSM, RSHIFT1 to 4, LSHIFT.
 const CFGR2_UNMODELLED: u32 = 1 << 1 | 0x3F << 9 | 0xF << 28;
 
-/// What a program does against the manual.
+/// A use of ADC1 against the manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AdcFault {
     /// The regulator is off, or switched on less than 10 us ago.
@@ -151,13 +148,13 @@ pub(super) struct Adc {
     /// CCR.
     common: u32,
     regulated_at: Option<Nanos>,
-    /// Its work, and the end of it.
+    /// The present work, and its end.
     work: Option<(Work, Nanos)>,
     bus_hz: u64,
     kernel_hz: u64,
     /// Voltages at the inputs, in microvolts.
     inputs: [u32; INPUTS.len()],
-    /// It ends nothing that it has begun.
+    /// Whether it ends nothing that it has begun.
     fails: bool,
 }
 
@@ -184,8 +181,7 @@ impl Adc {
         *self = Self { bus_hz, kernel_hz, inputs, fails, ..Self::new() };
     }
 
-    /// From now on it ends no work, or does again: then what would have ended meanwhile ends at
-    /// once.
+    /// Sets whether it ends no work. When it does again, what would have ended meanwhile ends.
     pub(super) fn set_fails(&mut self, fails: bool, now: Nanos) {
         self.fails = fails;
         if let Some((_, until)) = &mut self.work {
@@ -205,10 +201,9 @@ impl Adc {
         input.map(|input| self.inputs[input] = microvolts).is_some()
     }
 
-    /// Half clocks a second of its analog part, whose clock is half of what it is given.
-    ///
-    /// Source: RM0433 Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL halves it,
-    /// too, for every `STM32H72x` and `STM32H73x` (`ADC_ConfigureBoostMode`).
+    /// Half clocks a second of the analog part, which has half of the given clock. Source: RM0433
+    /// Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL
+    /// (`ADC_ConfigureBoostMode`).
     fn half_clocks_hz(&self) -> u64 {
         self.half_clocks_of(self.bus_hz, self.kernel_hz)
     }
@@ -222,7 +217,7 @@ impl Adc {
         }
     }
 
-    /// Its nominal clock, if that is too fast for it.
+    /// The nominal clock, if that is too fast.
     pub(super) fn too_fast(&self, nominal: &Clocks) -> Option<TooFast> {
         let hz = self.half_clocks_of(nominal.bus, nominal.adc) / 2;
         let limit = BOOSTS[field(self.control, 8, 2) as usize % BOOSTS.len()];

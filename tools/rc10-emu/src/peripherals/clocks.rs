@@ -1,5 +1,4 @@
-//! The clock tree as it is set at one moment (RM0468, RCC chapter, clock tree figure), and how fast
-//! each of its clocks may be.
+//! The clock tree at one moment (RM0468, RCC chapter), and how fast its clocks may be.
 
 use std::fmt;
 
@@ -31,8 +30,7 @@ pub struct Clocks {
     pub adc: u64,
 }
 
-/// A clock that goes somewhere as a signal: a frequency and what divides it, so that nothing is
-/// rounded.
+/// A clock that goes somewhere as a signal: frequency and divider, so that nothing is rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tone {
     /// Not zero.
@@ -162,7 +160,7 @@ pub(super) fn pll([nominal, actual]: [u64; 2], settings: &Pll) -> Option<[u64; 3
 pub struct TooFast {
     /// Name of the clock.
     pub clock: &'static str,
-    /// Its frequency, hertz.
+    /// Frequency, hertz.
     pub hz: u64,
     /// Bound that it must not reach, or not exceed.
     pub limit: Limit,
@@ -202,19 +200,16 @@ const BUS_LIMITS: [[u64; 3]; 4] = [
     [170_000_000, 85_000_000, HSI_HZ],
 ];
 /// FDCAN's kernel clock at scale 0 (RM0399, kernel clock distribution; Zephyr's
-/// `can_stm32h7_fdcan.c`). At lower voltage the APB's limit is the smaller one.
+/// `can_stm32h7_fdcan.c`); else the APB's limit is the smaller one.
 const FDCAN_LIMIT: u64 = 125_000_000;
-/// SPI1 to SPI3's at scale 0 (data sheet, SPI characteristics). At lower voltage we take AXI's
-/// limit.
+/// SPI1 to SPI3's at scale 0 (data sheet, SPI characteristics); else we take AXI's limit.
 const SPI123_LIMIT: u64 = 200_000_000;
 
-/// The clocks that are too fast. Kernel clocks that the documents at hand give no figure for are
-/// held to the limit of the bus that their peripheral is on. All of them are nominal: what an
-/// oscillator is off by does not matter. A kernel clock that drives nothing is to be 0.
+/// The nominal clocks that are too fast. Kernel clocks without a figure in the documents at hand
+/// have the limit of their peripheral's bus; one that drives nothing is to be 0.
 ///
-/// `time_quantum` is FDCAN's clock behind the calibration unit's divider. RM0399 59.4.5 says that
-/// it must be "always below or equal to" APB's and prints `fdcan_tq_ck < fdcan_pclk` beside it:
-/// here the formula holds.
+/// `time_quantum` is FDCAN's clock behind the calibration unit: "always below or equal to" APB's
+/// (RM0399 59.4.5), with the formula `fdcan_tq_ck < fdcan_pclk`, which holds here.
 pub(super) fn too_fast(
     clocks: &Clocks,
     time_quantum: u64,

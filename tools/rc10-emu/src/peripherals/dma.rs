@@ -1,21 +1,18 @@
 //! DMA1 and DMA2, and the router DMAMUX1 in front of them (RM0468, DMA and DMAMUX chapters).
 //!
-//! An item moves in the moment its peripheral asks, without bus delay; memory to memory in the moment
-//! the stream is enabled. Items are as wide as the peripheral's; where memory's are wider or narrower,
-//! the same bytes lie in the same places. A stream is not enabled while a flag of its last transfer
-//! stands.
+//! An item moves when its peripheral asks, without bus delay; memory to memory when the stream is
+//! enabled. Items are as wide as the peripheral's. A stream is not enabled while a flag of its last
+//! transfer stands.
 //!
-//! With its FIFO (`FCR.DMDIS`) a stream from a peripheral counts an item when it has fetched it, and
-//! writes to memory when the FIFO has reached its threshold, at the end, or when it is switched off; one
-//! to a peripheral reads memory as far ahead as its FIFO holds.
+//! With its FIFO (`FCR.DMDIS`) a stream from a peripheral writes to memory at the threshold, at the
+//! end, or when switched off; one to a peripheral reads as far ahead as the FIFO holds.
 //!
-//! A stream that serves a UART without `CR.TRBUFF` locks when another stream of its controller moves
-//! at that time: it stays enabled and moves nothing more, until it is enabled anew. Source: STM32H7
-//! errata, "DMA stream locked when transferring data to/from USART/UART", as ST's
-//! `stm32h7xx_hal_dma.c` and Zephyr (issue 72790) work around it.
+//! A stream that serves a UART without `CR.TRBUFF` locks when another stream of its controller
+//! moves at that time, until it is enabled anew. Source: STM32H7 errata, "DMA stream locked when
+//! transferring data to/from USART/UART"; ST's `stm32h7xx_hal_dma.c`; Zephyr (issue 72790).
 //!
 //! Not modelled, and reported when asked for: double buffers, flow control by the peripheral,
-//! synchronised requests and request generators. Priorities are those of the streams' numbers.
+//! synchronised requests, request generators. Priorities are those of the streams' numbers.
 
 use std::ops::Range;
 
@@ -124,8 +121,7 @@ impl Stream {
         self.is(ENABLE)
     }
 
-    /// Item that it moves next, if it is enabled; `None` if it waits for a request that is not
-    /// there.
+    /// The item to move next, if enabled; `None`: it waits for a request.
     pub(super) fn next(&self, requested: bool) -> Option<Transfer> {
         let moves = requested || self.direction() == Direction::MemoryToMemory;
         if !self.is(ENABLE) || self.locked || !moves {
@@ -342,8 +338,8 @@ impl Dma {
         }
     }
 
-    /// Locks a stream that serves a UART without TRBUFF, if another one moves at this time.
-    /// `requested` says which streams have a request now. `true`: it just did.
+    /// Locks a stream that serves a UART without TRBUFF, if another moves now or has a request.
+    /// `true`: it just did.
     pub(super) fn locks(&mut self, stream: usize, requested: [bool; STREAMS], now: Nanos) -> bool {
         let concurrent = (0..STREAMS).filter(|other| *other != stream).any(|other| {
             let one = &self.streams[other];

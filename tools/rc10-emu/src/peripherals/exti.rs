@@ -1,6 +1,6 @@
 //! External interrupts: edges on pins, software triggers (RM0468, EXTI chapter). Lines 0 ..= 15 are
-//! pins, 16 ..= 21 have only their software triggers here; registers of the lines above only
-//! store. Not modelled: events (`EMR`), wake-up, the D3 domain's pending flags.
+//! pins, 16 ..= 21 have software triggers, the others only store. Not modelled: events (`EMR`),
+//! wake-up, the D3 domain's pending flags.
 
 use super::access::{AccessKind, Write};
 use super::registers::{Register, Registers, masked, plain};

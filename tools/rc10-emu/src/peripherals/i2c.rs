@@ -1,10 +1,9 @@
-//! I2C1, 2, 3 and 5 as masters with devices on their buses (RM0468, I2C chapter), in units of
-//! bytes: nine clocks each, a start and a stop condition one.
+//! I2C1, 2, 3 and 5 as masters with devices (RM0468, I2C chapter), in bytes of nine clocks.
 //!
-//! Modelled: 7-bit addresses, reload, automatic and software stop, repeated start, refused addresses
-//! and bytes, clock stretching, a bus held low, DMA requests, interrupts.
+//! Modelled: 7-bit addresses, reload, automatic and software stop, repeated start, refused
+//! addresses and bytes, clock stretching, a bus held low, DMA requests, interrupts.
 //! Not modelled, and reported when asked for: 10-bit addresses, slaves, `SMBus`, time-outs in
-//! hardware. Filters and the delays of the edges take no time; there is no other master.
+//! hardware. Filters and edges take no time; there is no other master.
 
 use rc10_sim::Nanos;
 
@@ -13,7 +12,7 @@ use super::facts::{Facts, I2CS};
 
 /// A device on an I2C bus.
 pub trait I2cDevice: Send {
-    /// Its 7-bit address.
+    /// The 7-bit address.
     fn address(&self) -> u8;
 
     /// It is addressed, to be read or to be written; whether it acknowledges that.
@@ -99,7 +98,7 @@ pub(super) struct I2c {
     /// End of the present transfer on the wires.
     due: Option<Nanos>,
     reads: bool,
-    /// Of the NBYTES of this part of the transfer: put into TXDR; done.
+    /// Bytes of this part's NBYTES: put into TXDR; done.
     submitted: u32,
     done: u32,
     /// Another node holds the data line low: nothing can start.
@@ -155,8 +154,7 @@ impl I2c {
         }
     }
 
-    /// Adds bytes that raise BERR for nothing, as ST's errata sheets say of a master on this
-    /// block ("spurious bus error detection"): the transfer itself goes on.
+    /// Adds bytes that raise BERR for nothing (ST's errata, "spurious bus error detection").
     pub(super) const fn disturb(&mut self, bytes: u32) {
         self.disturbed += bytes;
     }
@@ -329,8 +327,7 @@ impl I2c {
             | flag(self.state != State::Idle || self.held_busy, BUSY)
     }
 
-    /// Whether it, or the device that it speaks with, holds clock and data low now. While a byte is
-    /// on the wires both change faster than they are sampled: low.
+    /// Whether clock and data are held low now; while a byte is on the wires, both.
     pub(super) const fn holds_low(&self) -> [bool; 2] {
         match self.state {
             State::Idle => [false; 2],

@@ -1,5 +1,4 @@
-//! The address map. Source: stm32-metapac 21.0.0, STM32H723ZG; sizes from RM0468's memory
-//! map, where a block ends with its last register or its bus slot.
+//! The address map. Source: stm32-metapac 21.0.0, STM32H723ZG; sizes from RM0468.
 
 /// A clock gate and its reset, in RCC: the same bit of two registers.
 #[derive(Clone, Copy)]
@@ -37,7 +36,7 @@ pub(super) enum Block {
     FdcanRam,
     FdcanCalibration,
     Adc,
-    /// What ADC1 shares with ADC2.
+    /// The registers that ADC1 shares with ADC2.
     AdcCommon,
     /// The chip has it, the model does not.
     Unmodelled,
@@ -48,7 +47,7 @@ pub(super) struct Row {
     pub name: &'static str,
     pub base: u32,
     pub size: u32,
-    /// Its clock gate; `None` if it always has a clock.
+    /// The clock gate; `None` if it always has a clock.
     pub switch: Option<Switch>,
     pub block: Block,
 }
@@ -207,11 +206,10 @@ pub(super) const MAP: &[Row] = &[
     row("DBGMCU", 0x5C00_1000, 0x400, NO_GATE, Block::Debug),
 ];
 
-/// First address behind each bus, and the way of an access of the core to its devices: clocks of AXI
-/// and AHB, and of the APB behind them. Our estimates, of the order that is
-/// told of this family: reads of a timer or an FDCAN in 40 to 50 clocks of a core at 480 MHz with buses
-/// of 240 and 120 MHz, of a GPIO port in half of that, because they lie behind two bridges between
-/// power domains, or one. No board was measured.
+/// First address behind each bus, and clocks of AXI and AHB, and of the APB behind them, of an
+/// access of the core. Our estimates, of the order told of this family: reads of a timer or an
+/// FDCAN in 40 to 50 clocks at 480 MHz with buses of 240 and 120 MHz, of a GPIO port in half of
+/// that.
 const WAYS: [(u32, (u64, u64)); 7] = [
     (0x4002_0000, (10, 6)), // APB1, APB2 of domain 2
     (0x5000_0000, (12, 0)), // AHB1, AHB2 of domain 2

@@ -21,19 +21,18 @@ pub struct Edge {
     pub high: bool,
 }
 
-/// What a pin did in a time.
+/// Activity of a pin in a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinTime {
     /// Begin of that time.
     pub since: Nanos,
-    /// Its end.
+    /// End of it.
     pub until: Nanos,
     /// How long the pin was high.
     pub high: Nanos,
     /// How often it rose.
     pub rises: u64,
-    /// The longest time that it was high without a pause, also if that began earlier: as far as it
-    /// was watched or recorded.
+    /// The longest time high without a pause, as far back as it was watched or recorded.
     pub longest_high: Nanos,
 }
 
@@ -47,7 +46,7 @@ impl PinTime {
 }
 
 impl From<Nanos> for PinTime {
-    /// None yet, from then on.
+    /// No activity yet, from then on.
     fn from(since: Nanos) -> Self {
         let (high, longest_high) = (Nanos::ZERO, Nanos::ZERO);
         Self { since, until: since, high, rises: 0, longest_high }
@@ -56,7 +55,7 @@ impl From<Nanos> for PinTime {
 
 pub(super) struct Recorder {
     pin: (usize, usize),
-    /// What the pin carries as it is set up now.
+    /// The signal that the pin carries now.
     signal: Option<Signal>,
     high: bool,
     edges: Option<Vec<Edge>>,
@@ -117,8 +116,7 @@ fn index_of(table: &[Facts], number: u8) -> Option<usize> {
 
 /// Pins.
 impl Soc {
-    /// Something outside drives a pin of a port ('A' ..= 'K', 0 ..= 15) to a level, or lets go of
-    /// it. `false`: there is no such pin.
+    /// Drives a pin (port 'A' ..= 'K', 0 ..= 15) from outside, or lets go. `false`: no such pin.
     pub fn drive_pin(&mut self, port: char, pin: usize, level: Option<bool>, now: Nanos) -> bool {
         self.advance(now);
         let Some((port, pin)) = pin_at((port, pin)) else { return false };
@@ -128,8 +126,8 @@ impl Soc {
         true
     }
 
-    /// The level that the chip drives a pin to; `None` if it does not, or if there is no such pin.
-    /// Of the alternate functions, timers' channels and drivers' enables are seen here.
+    /// The level that the chip drives a pin to, as an output, a timer's channel or a driver's
+    /// enable.
     #[must_use]
     pub fn pin_output(&self, port: char, pin: usize) -> Option<bool> {
         self.output_at(pin_at((port, pin))?)
@@ -158,8 +156,7 @@ impl Soc {
         (0..PINS).filter(is_low).map(|pin| 1 << pin).sum()
     }
 
-    /// Writes down from now on whenever the chip changes the level of a pin; one that it does not
-    /// drive counts as low. `false`: there is no such pin.
+    /// Keeps from now on the edges of a pin that the chip drives. `false`: no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
         self.advance(now);
         let Some(recorder) = self.recorder(port, pin, now) else { return false };
@@ -169,8 +166,7 @@ impl Soc {
         true
     }
 
-    /// Sums up from now on how long the chip holds a pin high, without keeping its edges; one that
-    /// it does not drive counts as low. `false`: there is no such pin.
+    /// Sums up from now on how long the chip holds a pin high. `false`: no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
         self.advance(now);
         let Some(recorder) = self.recorder(port, pin, now) else { return false };
@@ -247,8 +243,7 @@ impl Soc {
         }
     }
 
-    /// Puts a wire from one pin, which the chip drives, to another, which listens. `false`: there
-    /// is no such pin.
+    /// Puts a wire from a pin that the chip drives to one that listens. `false`: no such pin.
     pub fn join_pins(&mut self, from: (char, usize), to: (char, usize), now: Nanos) -> bool {
         self.advance(now);
         let (Some(from), Some(to)) = (pin_at(from), pin_at(to)) else { return false };
@@ -321,15 +316,13 @@ impl Soc {
 
 /// Voltages.
 impl Soc {
-    /// The voltage at a pin from outside, in microvolts, from now on; 0 before. `false`: the pin
-    /// does not lead outside, or to no converter that is modelled.
+    /// Sets the voltage at a pin, in microvolts. `false`: it leads to no modelled converter.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32, now: Nanos) -> bool {
         self.advance(now);
         self.board().package.bonds(port, pin) && self.adc.set_voltage((port, pin), microvolts)
     }
 
-    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it. `false`: it
-    /// does not on this board.
+    /// Sets the board's supply (VIN), in millivolts. `false`: the chip does not measure it.
     pub fn set_supply(&mut self, millivolts: u32, now: Nanos) -> bool {
         self.board().supply_sense.is_some_and(|SupplySense { pin: (port, pin), divider }| {
             let microvolts = u64::from(millivolts) * 1000 / u64::from(divider.max(1));
@@ -340,18 +333,16 @@ impl Soc {
 
 /// Serial lines.
 impl Soc {
-    /// Bytes that UARTs have sent at connected pins since the last call, in the order of their
-    /// ends.
+    /// Bytes sent at connected pins since the last call, in the order of their ends.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
         let mut sent: Vec<_> = self.usarts.iter_mut().flat_map(|usart| usart.take_sent()).collect();
         sent.sort_by_key(|byte| (byte.end, byte.uart));
         sent
     }
 
-    /// Bytes come in at a UART's receive pin (1 for USART1 ..= 10), one right after the other, the
-    /// first start bit at `start`, which must be after the bits fed before. `bits` is a frame's
-    /// length with start, parity and stop bits: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no
-    /// such UART, no such length, or no such baud rate.
+    /// Feeds bytes to a UART (1 for USART1 ..= 10), one after the other, the first at `start`.
+    /// `bits` is a frame's length: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no such UART,
+    /// length or rate.
     pub fn feed_serial(
         &mut self,
         uart: u8,
@@ -370,8 +361,7 @@ impl Soc {
         }) && index_of(&USARTS, uart).is_some()
     }
 
-    /// A character comes in at a UART's receive pin, now or later, after those that were fed
-    /// before. `false`: there is no such UART.
+    /// Feeds a character, now or later, after those fed before. `false`: no such UART.
     pub fn feed_character(&mut self, uart: u8, character: Character) -> bool {
         self.with_usart(uart, |usart| usart.feed(character))
     }
@@ -381,8 +371,7 @@ impl Soc {
         index_of(&USARTS, uart).is_some_and(|usart| self.usarts[usart].listens())
     }
 
-    /// Something damages the character that comes in at a UART's receive pin; without one it looks
-    /// like `otherwise`, damaged. `false`: there is no such UART.
+    /// Damages the character on its way in, or feeds `otherwise`, damaged. `false`: no such UART.
     pub fn disturb_serial(
         &mut self,
         uart: u8,
@@ -393,8 +382,7 @@ impl Soc {
         self.with_usart(uart, |usart| usart.disturb(fault, at, otherwise))
     }
 
-    /// The level of a UART's receive pin while its line is idle: high, unless it is inverted.
-    /// `false`: there is no such UART.
+    /// Sets the level of a UART's idle line: high unless inverted. `false`: no such UART.
     pub fn set_serial_idle(&mut self, uart: u8, high: bool) -> bool {
         self.with_usart(uart, |usart| usart.set_idle(high))
     }
@@ -415,8 +403,7 @@ impl Soc {
         index_of(&USARTS, uart).map(|usart| self.usarts[usart].take_outgoing()).unwrap_or_default()
     }
 
-    /// The level of a UART's driver enable pin; `None` if it has none: not enabled, or no pin set
-    /// up for it.
+    /// The level of a UART's driver enable pin, if it has one.
     #[must_use]
     pub fn driver_enable(&self, uart: u8) -> Option<bool> {
         let usart = index_of(&USARTS, uart)?;
@@ -427,8 +414,7 @@ impl Soc {
 
 /// Devices, and faults.
 impl Soc {
-    /// Puts a device on an SPI (1 to 5), selected by a low level at a general-purpose output.
-    /// `false`: there is no such SPI, or no such pin.
+    /// Puts a device on an SPI (1 to 5), selected by a low output. `false`: no such SPI or pin.
     pub fn attach_spi(
         &mut self,
         spi: u8,
@@ -447,15 +433,13 @@ impl Soc {
         index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].attach(device)).is_some()
     }
 
-    /// In the next bytes that an I2C sends it sees a bus error that is none. `false`: there is
-    /// no such I2C.
+    /// Lets an I2C see a false bus error in the next bytes it sends. `false`: no such I2C.
     pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
         index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].disturb(bytes)).is_some()
     }
 
-    /// A device holds an I2C's data line low, as one does that lost a clock, until it has seen so
-    /// many clocks from the clock pin as a general-purpose output. Both lines have pull-ups from
-    /// now on. `false`: no such I2C, or no such pins.
+    /// Lets a device hold an I2C's data line low until it has seen some clocks from the clock pin
+    /// as an output. Both lines have pull-ups from now on. `false`: no such I2C or pins.
     pub fn hold_data(
         &mut self,
         i2c: u8,
@@ -502,8 +486,7 @@ impl Soc {
         self.pins_changed = true;
     }
 
-    /// The next item of a stream (DMA 1 or 2, stream 0 to 7) fails: a transfer error. `false`:
-    /// there is no such stream.
+    /// Lets the next item of a stream (DMA 1 or 2, stream 0 to 7) fail. `false`: no such stream.
     pub fn inject_dma_error(&mut self, dma: usize, stream: usize) -> bool {
         let dma = dma.checked_sub(1).and_then(|index| self.dmas.get_mut(index));
         let stream = dma.and_then(|dma| dma.streams.get_mut(stream));

@@ -1,5 +1,4 @@
-//! The signals of each pin, by alternate function. A pin with another one is not
-//! connected. Source: stm32-metapac 21.0.0, STM32H723ZG.
+//! The pins of each signal, by alternate function. Source: stm32-metapac 21.0.0, STM32H723ZG.
 
 use std::sync::LazyLock;
 
@@ -103,8 +102,7 @@ fn place(text: &str) -> Option<Place> {
     Some((port_index(port.parse().ok()?)?, pin.parse().ok()?, function.parse().ok()?))
 }
 
-/// Port (A is 0) and pin that are set up to carry a signal: the first, if there are several.
-/// `ports`: A first.
+/// Port (A is 0) and first pin that are set up to carry a signal. `ports`: A first.
 pub(super) fn pin_of(ports: &[Port], signal: Signal) -> Option<(usize, usize)> {
     let of_signal = PLACES.iter().filter(|(other, _)| *other == signal);
     of_signal.flat_map(|(_, places)| places).find_map(|&(port, pin, function)| {

@@ -1,8 +1,7 @@
-//! Power control (supply, voltage scaling), and the flash's wait states, which depend on it
-//! (RM0468, PWR and FLASH chapters).
+//! Power control, and the flash's wait states, which depend on it (RM0468, PWR and FLASH).
 //!
-//! Only stored: voltage detectors, low-power modes, wake-up pins. Of the flash interface only
-//! `ACR` is modelled: the program cannot erase, program or set option bytes.
+//! Only stored: voltage detectors, low-power modes, wake-up pins. Of the flash interface only `ACR`
+//! is modelled: the program cannot erase, program or set option bytes.
 
 use rc10_sim::Nanos;
 
@@ -113,8 +112,7 @@ impl Power {
 /// The flash interface: `ACR`, also at 0x100.
 pub(super) const FLASH: &[Register] = &[masked(0x00, 0x13, 0x37)];
 
-/// Highest AXI clock in MHz at 0, 1, 2, 3 wait states, by voltage scale. Source: RM0468, table of
-/// flash wait states.
+/// Highest AXI clock in MHz by wait states and voltage scale. Source: RM0468, flash wait states.
 const LIMITS: [&[u64]; 4] = [&[70, 140, 210, 275], &[67, 133, 200], &[50, 100, 150], &[35, 70, 85]];
 
 /// Whether the flash can be read at this bus clock.

@@ -1,16 +1,16 @@
 //! Reset and clock control: oscillators and PLLs that need time to start, the switch of the system
 //! clock, gates and resets (RM0468, RCC chapter).
 //!
-//! While a PLL is on, its input and its dividers are locked: writes to them change nothing, and are
-//! not reported, because embassy writes there at every boot and relies on it.
+//! While a PLL is on, writes to its input and dividers change nothing, and are not reported:
+//! embassy relies on it at every boot.
 //!
 //! A crystal may be dead or die. With clock security on (`CR.HSECSSON`) the chip then switches to
-//! HSI and raises an NMI; without it everything that comes from the crystal stands still until it
-//! swings again: what a PLL without its reference does the manual leaves open. Whether its ready
-//! flags fall, too: here they do. A failure is detected at once.
+//! HSI and raises an NMI; without it everything from the crystal stands still until it swings
+//! again. The manual leaves open what a PLL without reference does; here its ready flag falls, too,
+//! at once.
 //!
-//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock
-//! security of LSE, calibration, low-power gates. A `CPURST` does nothing.
+//! MCO1 goes to TIM17, MCO2 nowhere. Only stored: ready interrupts, clock security of LSE,
+//! calibration, low-power gates. A `CPURST` does nothing.
 
 use rc10_sim::Nanos;
 
@@ -38,9 +38,9 @@ pub enum ResetCause {
 }
 
 impl ResetCause {
-    /// Flags in `RCC_RSR`. A reset from inside also pulls the reset pin. Source: RM0468, table of
-    /// reset sources: CPURSTF 17, D1RSTF 19, D2RSTF 20, BORRSTF 21, PINRSTF 22, PORRSTF 23,
-    /// SFTRSTF 24, IWDG1RSTF 26.
+    /// Flags in `RCC_RSR` (RM0468, table of reset sources): CPURSTF 17, D1RSTF 19, D2RSTF 20,
+    /// BORRSTF 21, PINRSTF 22, PORRSTF 23, SFTRSTF 24, IWDG1RSTF 26. Every reset also pulls the
+    /// reset pin.
     const fn flags(self) -> u32 {
         const PIN: u32 = 1 << 22 | 1 << 17;
         match self {
@@ -105,9 +105,8 @@ const TABLE: &[Register] = &[
     plain(0x114, 0x0300_0136), plain(0x118, 0x31D7_3033), plain(0x11C, 0x0421_FEAA),
 ];
 
-/// A clock source that has to start: its bit in CR, and its start-up time. The flag that
-/// says it is ready is the next bit, two further for HSI. Source: STM32H723 data sheet, maximum or
-/// typical times of the oscillator tables.
+/// A clock source that has to start: its bit and its ready flag in CR, and its start-up time.
+/// Source: STM32H723 data sheet, maximum or typical times of the oscillator tables.
 #[rustfmt::skip]
 const STARTERS: [(u32, u32, Nanos); 4] = [
     (HSI, 2, Nanos::new(2_000)),
@@ -127,8 +126,7 @@ const SECURITY_FLAG: u32 = 1 << 10;
 const FALL_BACK_TO_CSI: u32 = 1 << 6;
 /// PLL1's bit in CR; PLL2 and PLL3 are two further each.
 const PLL: u32 = 24;
-/// Bits in CR of the sources of the system clock, as SW numbers them; the first three are the PLLs',
-/// too.
+/// Bits in CR of the sources of the system clock, by SW; the first three are also the PLLs'.
 const SOURCES: [u32; 4] = [HSI, CSI, HSE, PLL];
 /// Data sheet, PLL characteristics, typical.
 const LOCK: Nanos = Nanos::new(50_000);
@@ -398,8 +396,7 @@ impl Rcc {
         self.advance(now);
     }
 
-    /// Nominal and actual frequency at the PLLs' input, running or not, with an HSI of this
-    /// frequency.
+    /// Nominal and actual frequency at the PLLs' input, running or not.
     fn pll_input(&self, hsi_hz: u64) -> [u64; 2] {
         match self.pll_source() {
             0 => [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift()),

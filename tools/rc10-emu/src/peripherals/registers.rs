@@ -2,8 +2,7 @@
 
 use super::access::{AccessKind, Write};
 
-/// A register: offset, its value after a reset, and the bits that keep a written value. All other
-/// bits do not change by writing.
+/// A register: offset, value after a reset, and the bits that can be written.
 #[derive(Debug)]
 pub(super) struct Register {
     pub offset: u32,
@@ -26,8 +25,7 @@ pub(super) const fn fixed(offset: u32, value: u32) -> Register {
     Register { offset, reset: value, writable: 0 }
 }
 
-/// The registers of one block, and their values by offset. Registers that the table lacks are not
-/// modelled.
+/// The registers of one block, and their values by offset; others are not modelled.
 #[derive(Debug)]
 pub(super) struct Registers {
     table: &'static [Register],
@@ -78,8 +76,7 @@ impl Registers {
     }
 }
 
-/// Debug unit: what it freezes matters only while a debugger holds the core, so it only stores.
-/// `IDC`: device 0x483, revision Z (RM0468, debug chapter).
+/// Debug unit: it only stores, as there is no debugger. `IDC`: device 0x483, revision Z (RM0468).
 pub(super) const DEBUG: &[Register] = &[
     fixed(0x00, 0x1001_6483),
     masked(0x04, 0, 0x1070_0007),
@@ -96,14 +93,11 @@ pub(super) const SWITCHES: u32 = 3 << 26;
 /// SYSCFG's `EXTICR1` to 4, with the ports of four lines of EXTI each.
 pub(super) const EXTICR: [u32; 4] = [0x08, 0x0C, 0x10, 0x14];
 
-/// System configuration. `EXTICR` routes pins to EXTI; the compensation cell's ready flag is added
-/// where it is read; the rest only stores. User registers `UR0` ..= `UR18`: as after a reset with
-/// factory option bytes (`UR18`: no frequency boost).
+/// System configuration: `EXTICR` routes pins to EXTI, the rest only stores.
 ///
-/// `PMCR` after a reset: the switches of pins that both packages bond out as their analog pad only,
-/// PC2 and PC3, are closed (0), the others open. An assumption: RM0468 leaves it to the package,
-/// and programs are told to run on DM-MC02 that never touch them. `Soc::set_switches_closed` has
-/// the other.
+/// `PMCR` after a reset: the switches of PC2 and PC3, which both packages bond out as analog pads
+/// only, are closed (0), the others open. An assumption, as RM0468 leaves it to the package:
+/// `Soc::set_switches_closed` has the other.
 pub(super) const SYSCFG: &[Register] = &[
     masked(PMCR, 0x0300_0000, 0x0FE0_03FF),
     masked(EXTICR[0], 0, 0xFFFF),

@@ -42,8 +42,7 @@ const REPORTS: usize = 256;
 ///
 /// Every method that takes a time lets the peripherals go on to it first; times must not decrease.
 pub struct Soc {
-    /// The FDCANs and their message RAM: their registers are reached through here, their wires are
-    /// not.
+    /// The FDCANs and their message RAM: only their registers are reached through here.
     pub fdcan: Arc<Mutex<Fdcans>>,
     memory: Memory,
     board: Board,
@@ -88,8 +87,8 @@ pub struct Soc {
 }
 
 impl Soc {
-    /// Peripherals as power-on leaves them, at time zero. `hsi_ppm`: how much too fast the chip's own
-    /// oscillator is, in millionths; `memory` is what the DMAs see.
+    /// Creates the peripherals at power-on, at time zero. `hsi_ppm`: deviation of the chip's own
+    /// oscillator, in millionths; `memory` is what the DMAs see.
     #[must_use]
     pub fn on(board: Board, hsi_ppm: i32, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         let mut soc = Self {
@@ -136,8 +135,8 @@ impl Soc {
         soc
     }
 
-    /// Starts anew. What a reset of this kind leaves alone stays: flags of earlier resets, backup
-    /// domain, supply, debug unit; the outside: levels and bytes at the pins.
+    /// Resets the chip. Flags of earlier resets, backup domain, supply and debug unit stay unless
+    /// power was gone; levels and bytes at the pins stay.
     pub fn reset(&mut self, cause: ResetCause, now: Nanos) {
         self.rcc.reset(cause, now);
         if cause == ResetCause::PowerOn {
@@ -207,15 +206,13 @@ impl Soc {
         Ok(())
     }
 
-    /// Reports an access without an answer, also where there is a device: instructions are not
-    /// fetched from peripherals.
+    /// Reports an access without an answer; instructions are not fetched from peripherals.
     pub fn refuse(&mut self, address: u32, write: bool) -> BusFault {
         self.report(address, write, AccessKind::Unowned);
         BusFault
     }
 
-    /// Time of the next event without an access: the earliest time to call
-    /// [`advance`](Self::advance) at. The FDCANs' own events are their wires'.
+    /// Earliest time to call [`advance`](Self::advance) at; the FDCANs' wires have their own.
     #[must_use]
     pub const fn next_event(&self) -> Option<Nanos> {
         self.next
@@ -253,9 +250,8 @@ impl Soc {
         levels
     }
 
-    /// Clocks of the core that its access to a peripheral takes beyond the instruction's own. A
-    /// write counts as a read does: it may be posted, but the next access waits for it. APB2 to
-    /// APB4 count as fast as APB1.
+    /// Clocks of the core that an access to a peripheral takes beyond the instruction's own. A
+    /// posted write counts as a read: the next access waits for it. APB2 to APB4 count as APB1.
     #[must_use]
     pub fn access_clocks(&self, address: u32) -> u64 {
         if !is_peripheral(address) {
@@ -308,8 +304,7 @@ impl Soc {
         std::mem::take(&mut self.reports)
     }
 
-    /// Number of accesses since the chip exists that were refused for such a reason, whatever its
-    /// details.
+    /// Number of accesses refused for this kind of reason since the chip exists.
     #[must_use]
     pub fn count(&self, kind: AccessKind) -> u64 {
         self.counts.get(&discriminant(&kind)).copied().unwrap_or(0)
@@ -327,20 +322,17 @@ impl Soc {
         self.power.is_supplied()
     }
 
-    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to
-    /// know on which chip it is.
+    /// Sets the chip's identity, `DBGMCU_IDC`, if not that of an STM32H723.
     pub fn set_identity(&mut self, identity: u32) {
         self.debug.set(0, identity);
     }
 
-    /// Sets how RSR.RMVF behaves: whether it stays set until it is cleared, and holds the reset
-    /// flags at zero as long. It does if never said.
+    /// Sets [`Options::removal_stays`](crate::Options::removal_stays).
     pub fn set_removal_stays(&mut self, stays: bool) {
         self.rcc.removal_stays = stays;
     }
 
-    /// Sets whether the switches of PC2 and PC3 are closed after a reset, and lets them be so now.
-    /// They are if never said.
+    /// Sets [`Options::switches_closed`](crate::Options::switches_closed), and the switches now.
     pub fn set_switches_closed(&mut self, closed: bool, now: Nanos) {
         self.advance(now);
         self.switches_closed = closed;
@@ -349,10 +341,8 @@ impl Soc {
         self.settle(now);
     }
 
-    /// A peripheral, by its name in [`map::MAP`], says nothing from now on, as if the program ran
-    /// on an emulator that does not have it: its registers read as zero, take nothing, and nothing
-    /// is reported.
-    /// `ADC1` stands for its common registers, too. `false`: there is none of this name.
+    /// Silences a peripheral, by its name in [`map::MAP`]: see
+    /// [`Options::silent`](crate::Options::silent). `false`: there is no such peripheral.
     pub fn silence(&mut self, name: &str) -> bool {
         let is_meant =
             |row: &Row| row.name == name || name == "ADC1" && row.block == Block::AdcCommon;
@@ -362,8 +352,7 @@ impl Soc {
         MAP.iter().any(is_meant)
     }
 
-    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags
-    /// that are set stay.
+    /// Sets whether ADC1 ends no conversion, calibration or start. Flags that are set stay.
     pub fn set_adc_fails(&mut self, fails: bool, now: Nanos) {
         self.advance(now);
         self.adc.set_fails(fails, now);
@@ -379,8 +368,8 @@ impl Soc {
         self.guards_ram && !self.is_supplied()
     }
 
-    /// A write to a RAM that the core is kept from: told, the first time, and done. `false`: it is
-    /// none.
+    /// Does a write to a RAM that the core is kept from, and reports the first. `false`: there is
+    /// no such RAM.
     pub(crate) fn write_early(&mut self, address: u32, bytes: &[u8]) -> bool {
         let is_ram = address >> 24 != FLASH >> 24 && !self.is_gated_memory(address);
         if !self.guards_ram() || !is_ram || self.memory.write(address, bytes).is_err() {
@@ -887,8 +876,7 @@ impl Soc {
             || self.adc.requests(request)
     }
 
-    /// Whether a DMA reaches a memory address. One without clock, out of its reach, or not `known`
-    /// does not answer, and is reported.
+    /// Whether a DMA reaches a `known` memory address with a clock; else that is reported.
     fn reaches(&mut self, address: u32, write: bool, known: bool) -> bool {
         let kind = if self.is_gated_memory(address) {
             AccessKind::Gated

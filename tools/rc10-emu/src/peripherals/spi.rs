@@ -1,15 +1,14 @@
-//! SPI1 to SPI5 as masters with devices on their buses (RM0468, SPI chapter), in units of frames.
+//! SPI1 to SPI5 as masters with devices on their buses (RM0468, SPI chapter), in frames.
 //!
-//! An SPI that is disabled at the end of a transfer without a size (TSIZE = 0) has clocked on behind the last
-//! frame: a device that is still selected is late by [`SPURIOUS`] bits from then on. Seen on an STM32H7 by a
-//! logic analyser, and by no loopback test: Zephyr issue 66326, PR 66503. (There with frames queued in the FIFO;
-//! how many clocks is not said, nor whether one frame alone does it. This is the stricter reading.)
+//! An SPI that is disabled at the end of a transfer without a size (TSIZE = 0) has clocked on: a
+//! device that is still selected is late by [`SPURIOUS`] bits from then on. Seen on an STM32H7 by a
+//! logic analyser, and by no loopback test: Zephyr issue 66326, PR 66503 (there with frames queued;
+//! how many clocks is not said: this is the stricter reading).
 //!
 //! Modelled: full duplex, transmitter and receiver modes, transfers with and without a size, FIFOs
 //! with packing, overrun, suspension, clock modes and bit order, DMA requests.
 //! Not modelled, and reported when asked for: slaves, half duplex, CRC, I2S, the hardware's slave
-//! select, TI mode. A mode fault never happens; a slave select and delays between frames take no
-//! time.
+//! select, TI mode. A mode fault never happens; slave select and delays take no time.
 
 use std::collections::VecDeque;
 
@@ -20,20 +19,20 @@ use super::facts::{Facts, SPIS};
 
 /// A device on an SPI bus.
 pub trait SpiDevice: Send {
-    /// Whether it understands this clock mode (0 to 3: CPOL, CPHA) and clock. If not, it does not
-    /// notice the frame, and what the chip reads is noise.
+    /// Whether it understands this clock mode (0 to 3: CPOL, CPHA) and clock; if not, the chip
+    /// reads noise.
     fn understands(&self, _mode: u8, _clock_hz: u64) -> bool {
         true
     }
 
-    /// Its select pin went low: a transaction begins.
+    /// The select pin went low: a transaction begins.
     fn select(&mut self, now: Nanos);
 
-    /// Its select pin went high: the transaction ends.
+    /// The select pin went high: the transaction ends.
     fn deselect(&mut self, _now: Nanos) {}
 
-    /// A frame has been exchanged, most significant bit first: what the chip sent, and what the
-    /// device had on its output meanwhile. That cannot depend on the byte sent.
+    /// A frame has been exchanged, most significant bit first: what the chip sent, and the device's
+    /// output, which cannot depend on it.
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16;
 }
 
@@ -47,8 +46,8 @@ struct Attached {
 }
 
 impl Attached {
-    /// As [`SpiDevice::exchange`], of frames with `bits`, for a device that is late: its bits stand over from frame
-    /// to frame. The last ones of an answer would be the next one's first: zeros here.
+    /// Exchanges a frame of some bits with a device that may be late: its bits stand over from
+    /// frame to frame. The last ones of an answer would be the next one's first: zeros here.
     fn exchange(&mut self, sent: u16, bits: u32, now: Nanos) -> u16 {
         let (stream, late) = (u32::from(self.begun) << bits | u32::from(sent), self.late % bits);
         let own = stream >> late;

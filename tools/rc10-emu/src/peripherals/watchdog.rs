@@ -1,8 +1,7 @@
 //! The independent watchdog IWDG1 (RM0468, IWDG chapter).
 //!
-//! New values of `PR`, `RLR` and `WINR` come into force after five periods of the LSI oscillator,
-//! whose flag is set until then: the data sheet's and our estimate. The counter starts at 0xFFF,
-//! independent of `RLR`: the first feeding loads it.
+//! New values of `PR`, `RLR` and `WINR` come into force after five periods of LSI: an estimate. The
+//! counter starts at 0xFFF; the first feeding loads `RLR`.
 
 use rc10_sim::Nanos;
 

@@ -207,7 +207,7 @@ thread_local! {
     pub(super) static WATCHES: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
 }
 
-/// What a core keeps for its witness.
+/// State that a core keeps for its witness.
 #[derive(Default)]
 pub(crate) struct Watch {
     pub(super) trace: Vec<Traced>,

@@ -209,8 +209,7 @@ impl Timer {
         }
     }
 
-    /// Time at which a flag rises whose interrupt or transfer is wanted, a waiting value comes into
-    /// force, a level passes a filter, or an observed output changes.
+    /// Time of the next wanted flag, waiting value, passed level, or change of an observed output.
     pub(in super::super) fn next_event(&self) -> Option<Nanos> {
         let passes = self.next_pass().into_iter().chain(self.next_tone()).min();
         if !self.runs() {

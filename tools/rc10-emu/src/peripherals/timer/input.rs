@@ -4,9 +4,8 @@ use rc10_sim::Nanos;
 
 use super::{CHANNELS, ENCODER_MODES, Timer};
 
-/// Divider of the filter's clock (0: the timer's own, not the one that CKD divides) and how many
-/// equal samples let a level through, by `ICxF`. Source: RM0468, `TIMx_CCMR1`,
-/// IC1F.
+/// Divider of the filter's clock (0: the timer's own, without CKD), and how many equal samples let
+/// a level through, by `ICxF`. Source: RM0468, `TIMx_CCMR1`.
 const DIVIDERS: [u64; 16] = [0, 0, 0, 0, 2, 2, 4, 4, 8, 8, 16, 16, 16, 32, 32, 32];
 const SAMPLES: [u64; 16] = [0, 2, 4, 8, 6, 8, 6, 8, 6, 8, 5, 6, 8, 5, 6, 8];
 
@@ -36,8 +35,7 @@ impl Timer {
         (selected == 1 || selected == 2) && self.outputs >> (4 * channel) & 1 != 0
     }
 
-    /// The levels of its pins now, a bit each. `fresh`: they have not changed, they only begin to
-    /// matter.
+    /// Takes the levels of the pins now. `fresh`: they did not change, they begin to matter.
     pub(in super::super) fn look(&mut self, levels: u32, fresh: bool, now: Nanos) {
         self.advance(now);
         for input in 0..CHANNELS {

@@ -1,19 +1,15 @@
 //! Timers that count up: general-purpose and basic ones (RM0468, TIM chapters).
 //!
-//! Modelled: prescaler, reload and compare values with their preload, update and compare flags,
-//! one-pulse mode, software events, outputs in all plain modes, capture with filter and prescaler,
-//! the encoder interface, DMA requests; of TIM1, 8, 16 and 17 repetitions, the main output enable and
-//! complementary outputs; of TIM16 and 17 capture of the chip's own clocks (TISEL). Compare flags rise
-//! when the counter arrives at the value.
-//! Not modelled, and reported when asked for: counting down by time, the other slave modes, external
-//! triggers, combined output modes, DMA bursts, breaks, dead times, locks.
+//! Modelled: prescaler, reload and compare values with preload, update and compare flags, one-pulse
+//! mode, software events, outputs in all plain modes, capture with filter and prescaler, encoders,
+//! DMA requests; of TIM1, 8, 16 and 17 repetitions, main output enable and complementary outputs;
+//! of TIM16 and 17 capture of the chip's own clocks (TISEL). Compare flags rise when the counter
+//! arrives.
+//! Not modelled, and reported when asked for: counting down by time, the other slave modes,
+//! external triggers, combined output modes, DMA bursts, breaks, dead times, locks.
 //!
-//! | file | what |
-//! |---|---|
-//! | `counter` | counting and updates |
-//! | `input` | filters, capture, encoder |
-//! | `tone` | capture of the chip's own clocks |
-//! | `output` | what the compare channels do to their pins |
+//! `counter` counts and updates, `input` filters, captures and reads encoders, `tone` captures the
+//! chip's own clocks, `output` drives the pins.
 
 mod counter;
 mod input;
@@ -63,9 +59,8 @@ const fn advanced(
     Facts { bits: 16, channels, interrupts, requests, bus: 1, complements, tones }
 }
 
-/// TIM2, 3, 4, 5, 6, 7, 12, 13, 14, 23, 24 on APB1, TIM1, 8, 16, 17 on APB2. Source: RM0468; interrupt
-/// and request numbers from stm32-metapac; inputs from RM0468, `TIMx_TISEL`, and ST's
-/// `stm32h7xx_hal_tim_ex.h`.
+/// TIM2, 3, 4, 5, 6, 7, 12, 13, 14, 23, 24 on APB1, TIM1, 8, 16, 17 on APB2. Source: RM0468
+/// (`TIMx_TISEL`), ST's `stm32h7xx_hal_tim_ex.h`; interrupts and requests from stm32-metapac.
 pub(super) const TIMERS: [Facts; 15] = [
     facts(32, 4, 28, [22, 18, 19, 20, 21]),
     facts(16, 4, 29, [27, 23, 24, 25, 26]),
@@ -158,8 +153,8 @@ pub(super) struct Timer {
     listener: Option<Listener>,
     counter: u32,
     hz: u64,
-    /// The counter's ticks are counted from here, where the prescaler had counted `phase` clocks;
-    /// `ticks` of them are in `counter` already. So no rounding adds up.
+    /// Start of the count of ticks, where the prescaler had counted `phase` clocks; `ticks` of them
+    /// are in `counter` already. So no rounding adds up.
     anchor: Nanos,
     phase: u64,
     ticks: u64,
@@ -218,7 +213,7 @@ impl Timer {
             .filter_map(|(number, asks)| asks.then_some(number))
     }
 
-    /// Its request with this number in DMAMUX1.
+    /// Bit of the request with this number in DMAMUX1.
     fn request_bit(&self, request: u32) -> Option<u32> {
         let position = self.facts().requests.iter().position(|&own| own == request && own != 0)?;
         Some(1 << position)

@@ -1,7 +1,5 @@
-//! Capture of the chip's own clocks, in exact numbers: no edge is an event of its own.
-//!
-//! The filter delays every edge alike: it is left out. An input that TISEL connects to a clock
-//! counts only in capture of channel 1 from its own input (CC1S = 1).
+//! Capture of the chip's own clocks, in exact numbers: no edge is an event of its own. The filter's
+//! delay is left out; the input counts only in capture of channel 1 (CC1S = 1).
 
 use rc10_sim::Nanos;
 
@@ -52,7 +50,7 @@ impl Timer {
         }
     }
 
-    /// What TISEL selects; `None`: the pin, or nothing.
+    /// The clock that TISEL selects; `None`: the pin, or nothing.
     pub(super) fn source(&self) -> Option<usize> {
         let index = (self.input_select as usize).checked_sub(1)?;
         self.facts().tones.get(index).copied()

@@ -1,15 +1,13 @@
-//! USARTs and UARTs (RM0468, USART chapter): asynchronous mode, with or without FIFOs of 16, driver
-//! enable, DMA requests. The receiver samples levels on a wire, three times a bit: another rate,
-//! format or polarity gives what it gives on the chip.
+//! USARTs and UARTs (RM0468, USART chapter): asynchronous mode, FIFOs, driver enable, DMA requests.
+//! The receiver samples levels on a wire: a wrong rate, format or polarity acts as on the chip.
 //!
 //! Not modelled, and reported when asked for: synchronous, half-duplex, LIN, infrared and smartcard
 //! modes, receiver timeout, FIFO thresholds, automatic baud rate, sending breaks, most significant
-//! bit first. Further: error flags belong to the receiver, not to a byte in the FIFO; no idle frame
-//! is sent when the transmitter is switched on.
+//! bit first. Error flags belong to the receiver, not to a byte in the FIFO; no idle frame is sent.
 //!
-//! Two rules that drivers get wrong. With `DMAR` and without `DDRE` a character that has an error is
-//! not transferred, only its flag is set (RM0468, CR3). And while `ORE` is set nothing is received,
-//! which the manual does not say and every STM32 does (efton.sk, "STM32 gotchas", 24).
+//! Two rules that drivers get wrong. With `DMAR` and without `DDRE` a character with an error is
+//! not transferred, only flagged (RM0468, CR3). And while `ORE` is set nothing is received, on
+//! every STM32 (efton.sk, "STM32 gotchas", 24).
 
 mod receiver;
 mod transmitter;
@@ -274,7 +272,7 @@ impl Usart {
         self.receiver.listen(sampling, now);
     }
 
-    /// The level at the driver enable pin; `None` if it is none.
+    /// The level at the driver enable pin; `None` if there is no such pin.
     pub(super) fn driver_level(&self) -> Option<bool> {
         let active = self.is(1, ENABLE) && self.transmitter.drives();
         self.is(3, DRIVER_ENABLE).then(|| active != self.is(3, DRIVER_LOW))

@@ -118,8 +118,7 @@ impl Receiver {
         Some(Heard::Idle)
     }
 
-    /// The character that was just heard has been put where the program finds it: silence is worth
-    /// telling again.
+    /// The character just heard has been stored: silence is worth telling again.
     pub fn arm(&mut self, at: Nanos) {
         self.armed = true;
         if let Some(how) = self.sampling

@@ -12,8 +12,8 @@ pub(super) struct Sending {
     pub format: Format,
     pub bit_fs: u64,
     pub inverted: bool,
-    /// With driver enable: how long before the start bit it is asserted, and how long after the last
-    /// stop bit released, in samples.
+    /// Samples from the driver's enable to the start bit, and from the last stop bit to its
+    /// release.
     pub driver: Option<(u64, u64)>,
     /// Samples of a bit, 8 or 16.
     pub samples: u64,
@@ -68,8 +68,7 @@ impl Transmitter {
         self.driver
     }
 
-    /// Starts the next character if there is one, nothing is sent, and the driver is not just being
-    /// released.
+    /// Starts the next character, if nothing is sent and the driver is not being released.
     pub fn start(&mut self, now: Nanos, how: &Sending) {
         if self.sending.is_some() || self.released_at.is_some_and(|at| at > now) {
             return;
