@@ -96,12 +96,12 @@ impl Fdcans {
     /// A word of the message RAM, 0 ..= 2559; `None` beyond.
     #[must_use]
     pub fn read_ram(&self, word: usize) -> Option<u32> {
-        self.ram.word(word)
+        self.ram.words.get(word).copied()
     }
 
     /// Writes a word of the message RAM, 0 ..= 2559; `false` beyond.
     pub fn write_ram(&mut self, word: usize, value: u32) -> bool {
-        self.ram.word_mut(word).map(|slot| *slot = value).is_some()
+        self.ram.words.get_mut(word).map(|slot| *slot = value).is_some()
     }
 
     /// Times a controller went beyond the message RAM's end, where a register had sent it.

@@ -10,7 +10,7 @@ use crate::memory::noise;
 pub(super) const WORDS: u32 = 2560;
 
 pub(super) struct MessageRam {
-    words: Vec<u32>,
+    pub words: Vec<u32>,
     /// Elements configured to lie beyond the end that were read or written.
     pub misses: u64,
 }
@@ -20,14 +20,6 @@ impl MessageRam {
     pub fn new(seed: u64) -> Self {
         let words = noise(seed).take(WORDS as usize).map(|word| (word >> 32) as u32);
         Self { words: words.collect(), misses: 0 }
-    }
-
-    pub fn word(&self, index: usize) -> Option<u32> {
-        self.words.get(index).copied()
-    }
-
-    pub fn word_mut(&mut self, index: usize) -> Option<&mut u32> {
-        self.words.get_mut(index)
     }
 
     /// A controller's read; beyond the end there is nothing.

@@ -113,8 +113,8 @@ impl Controller {
         let ring = &mut self.receive.fifos[fifo];
         let (flags, index) = match ring.put(shape) {
             Put::Kept(index) => {
-                let watermark = if ring.level() == shape.watermark { ir::RF0W } else { 0 };
-                let full = if ring.level() == shape.size { ir::RF0F } else { 0 };
+                let watermark = if ring.level == shape.watermark { ir::RF0W } else { 0 };
+                let full = if ring.level == shape.size { ir::RF0F } else { 0 };
                 (ir::RF0N | watermark | full, Some(index))
             }
             Put::KeptForOldest(index) => {

@@ -356,7 +356,7 @@ impl Controller {
         let address = self.registers.start_word(at::TXEFC) + 2 * index;
         ram.store(address, sent.header);
         ram.store(address + 1, marker | kind | sent.control & 0xF << 16 | sent.timestamp);
-        let level = self.transmit.events.level();
+        let level = self.transmit.events.level;
         let watermark = if level == shape.watermark { ir::TEFW } else { 0 };
         let full = if level == shape.size { ir::TEFF } else { 0 };
         ir::TEFN | watermark | full

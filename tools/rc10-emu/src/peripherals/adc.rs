@@ -14,7 +14,7 @@ use std::fmt;
 use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
-use super::clocks::{Clocks, Limit, TooFast, field};
+use super::clocks::{Clocks, Limit, PRESCALERS, TooFast, field};
 use super::registers::{Register, Registers, fixed, masked, plain};
 
 /// Number of its interrupt, and DMAMUX1's of its request. Source: stm32-metapac.
@@ -32,8 +32,6 @@ const INPUTS: [&str; 20] = [
 
 /// Sampling times in half clocks, by `SMP`. Source: RM0468, `ADC_SMPR1`.
 const SAMPLING: [u64; 8] = [3, 5, 17, 33, 65, 129, 775, 1_621];
-/// Divider of the kernel clock by `PRESC`. Source: RM0468, `ADC_CCR`.
-const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
 /// Highest clock by `BOOST`, hertz. Source: RM0468, `ADC_CR`.
 const BOOSTS: [u64; 4] = [6_250_000, 12_500_000, 25_000_000, 50_000_000];
 

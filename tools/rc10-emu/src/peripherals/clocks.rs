@@ -75,6 +75,9 @@ pub(super) const D2CCIP1R: u32 = 0x50;
 pub(super) const D2CCIP2R: u32 = 0x54;
 pub(super) const D3CCIPR: u32 = 0x58;
 
+/// Divider by `PRESC` of ADCs and UARTs. Source: RM0468, `ADC_CCR`, `USART_PRESC`.
+pub(super) const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
+
 pub(super) const fn field(register: u32, shift: u32, bits: u32) -> u32 {
     register >> shift & ((1 << bits) - 1)
 }

@@ -45,7 +45,7 @@ const INTERRUPTS: [(u32, usize); 12] = [
 
 #[derive(Debug)]
 pub(super) struct Exti {
-    registers: Registers,
+    pub(super) registers: Registers,
     /// Levels of lines 0 ..= 15 when last looked at.
     levels: u32,
 }
@@ -53,14 +53,6 @@ pub(super) struct Exti {
 impl Exti {
     pub(super) fn new() -> Self {
         Self { registers: Registers::new(TABLE), levels: 0 }
-    }
-
-    pub(super) fn reset(&mut self) {
-        self.registers.reset();
-    }
-
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
-        self.registers.read(offset)
     }
 
     pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {

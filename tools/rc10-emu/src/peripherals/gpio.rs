@@ -46,7 +46,7 @@ pub(super) struct Port {
     driven: u32,
     levels: u32,
     /// Pins that do not lead outside.
-    cut: u32,
+    pub(super) cut: u32,
 }
 
 impl Port {
@@ -63,10 +63,6 @@ impl Port {
 
     fn mode(&self, pin: usize) -> u32 {
         self.registers.value(MODER) >> (2 * pin) & 3
-    }
-
-    pub(super) const fn set_cut(&mut self, pins: u32) {
-        self.cut = pins;
     }
 
     const fn is_cut(&self, pin: usize) -> bool {

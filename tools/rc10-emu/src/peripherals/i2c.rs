@@ -85,7 +85,8 @@ enum State {
 pub(super) struct I2c {
     /// Index in [`I2CS`].
     index: usize,
-    hz: u64,
+    /// Kernel clock; 0 if gated.
+    pub(super) hz: u64,
     control: [u32; 2],
     timing: u32,
     /// OAR1, OAR2, TIMEOUTR: only stored.
@@ -107,8 +108,9 @@ pub(super) struct I2c {
     held_busy: bool,
     /// Bytes to come in which BERR is raised for nothing.
     disturbed: u32,
-    connected: bool,
-    devices: Vec<Box<dyn I2cDevice>>,
+    /// Whether both pins lead outside.
+    pub(super) connected: bool,
+    pub(super) devices: Vec<Box<dyn I2cDevice>>,
     addressed: Option<usize>,
 }
 
@@ -127,18 +129,6 @@ impl I2c {
         let old = std::mem::replace(self, Self::new(self.index));
         (self.hz, self.connected, self.devices) = (old.hz, old.connected, old.devices);
         self.held = old.held;
-    }
-
-    pub(super) const fn set_clock(&mut self, hz: u64) {
-        self.hz = hz;
-    }
-
-    pub(super) const fn set_connected(&mut self, connected: bool) {
-        self.connected = connected;
-    }
-
-    pub(super) fn attach(&mut self, device: Box<dyn I2cDevice>) {
-        self.devices.push(device);
     }
 
     /// Another node holds the data line low, or lets go of it.

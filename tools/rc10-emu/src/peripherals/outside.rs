@@ -284,7 +284,7 @@ impl Soc {
             }
         }
         for (timer, channels) in self.timers.iter_mut().zip(watched) {
-            timer.watch(channels);
+            timer.watched = channels;
         }
     }
 
@@ -295,7 +295,7 @@ impl Soc {
                 self.show_pins(timer, false, now);
             }
         }
-        for spi in self.spis.iter_mut().filter(|spi| spi.has_devices()) {
+        for spi in self.spis.iter_mut().filter(|spi| !spi.devices.is_empty()) {
             spi.look(|(port, pin)| self.ports[port].output(pin) == Some(false), now);
         }
         self.look_at_holders(now);
@@ -335,7 +335,8 @@ impl Soc {
 impl Soc {
     /// Bytes sent at connected pins since the last call, in the order of their ends.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
-        let mut sent: Vec<_> = self.usarts.iter_mut().flat_map(|usart| usart.take_sent()).collect();
+        let mut sent: Vec<_> =
+            self.usarts.iter_mut().flat_map(|usart| std::mem::take(&mut usart.sent)).collect();
         sent.sort_by_key(|byte| (byte.end, byte.uart));
         sent
     }
@@ -363,7 +364,7 @@ impl Soc {
 
     /// Feeds a character, now or later, after those fed before. `false`: no such UART.
     pub fn feed_character(&mut self, uart: u8, character: Character) -> bool {
-        self.with_usart(uart, |usart| usart.feed(character))
+        self.with_usart(uart, |usart| usart.receiver.draw(character))
     }
 
     /// Whether a UART's receiver is on.
@@ -379,17 +380,17 @@ impl Soc {
         at: Nanos,
         otherwise: Character,
     ) -> bool {
-        self.with_usart(uart, |usart| usart.disturb(fault, at, otherwise))
+        self.with_usart(uart, |usart| usart.receiver.disturb(fault, at, otherwise))
     }
 
     /// Sets the level of a UART's idle line: high unless inverted. `false`: no such UART.
     pub fn set_serial_idle(&mut self, uart: u8, high: bool) -> bool {
-        self.with_usart(uart, |usart| usart.set_idle(high))
+        self.with_usart(uart, |usart| usart.receiver.set_idle(high))
     }
 
     /// Keeps what a UART sends for [`take_outgoing`](Self::take_outgoing). `false`: no such UART.
     pub(crate) fn link_serial(&mut self, uart: u8) -> bool {
-        self.with_usart(uart, Usart::link)
+        self.with_usart(uart, |usart| usart.transmitter.tells = true)
     }
 
     /// Does something with a UART from outside. `false`: there is no such UART.
@@ -400,7 +401,9 @@ impl Soc {
     }
 
     pub(crate) fn take_outgoing(&mut self, uart: u8) -> Vec<Outgoing> {
-        index_of(&USARTS, uart).map(|usart| self.usarts[usart].take_outgoing()).unwrap_or_default()
+        index_of(&USARTS, uart)
+            .map(|usart| std::mem::take(&mut self.usarts[usart].outgoing))
+            .unwrap_or_default()
     }
 
     /// The level of a UART's driver enable pin, if it has one.
@@ -430,7 +433,7 @@ impl Soc {
 
     /// Puts a device on an I2C (1, 2, 3 or 5). `false`: there is no such I2C.
     pub fn attach_i2c(&mut self, i2c: u8, device: Box<dyn I2cDevice>) -> bool {
-        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].attach(device)).is_some()
+        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].devices.push(device)).is_some()
     }
 
     /// Lets an I2C see a false bus error in the next bytes it sends. `false`: no such I2C.

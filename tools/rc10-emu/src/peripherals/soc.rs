@@ -147,7 +147,7 @@ impl Soc {
         }
         self.flash.reset();
         self.watchdog = Watchdog::new();
-        self.exti.reset();
+        self.exti.registers.reset();
         self.mux = DmaMux::default();
         self.wants_reset = false;
         for row in MAP.iter().filter(|row| row.switch.is_some()) {
@@ -472,7 +472,7 @@ impl Soc {
                 let ready = offset == 0x20 && stored & 1 != 0 && self.rcc.csi_is_ready();
                 Ok(stored | u32::from(ready) << 8)
             }
-            Block::Exti => self.exti.read(offset),
+            Block::Exti => self.exti.registers.read(offset),
             Block::Debug => self.debug.read(offset),
             Block::Watchdog => self.watchdog.read(offset),
             Block::Gpio(port) => {
@@ -631,9 +631,9 @@ impl Soc {
                     self.usarts[usart].set_clock(gated(hz), now);
                 }
                 Block::Spi(spi) => {
-                    self.spis[spi].set_clock(gated(clocks.spis[SPIS[spi].clock]));
+                    self.spis[spi].hz = gated(clocks.spis[SPIS[spi].clock]);
                 }
-                Block::I2c(i2c) => self.i2cs[i2c].set_clock(gated(clocks.i2cs)),
+                Block::I2c(i2c) => self.i2cs[i2c].hz = gated(clocks.i2cs),
                 Block::Adc => self.adc.set_clocks(&clocks, running),
                 _ => {}
             }
@@ -655,15 +655,15 @@ impl Soc {
             usart.set_pins(usart::Pins { receive, transmit }, now);
         }
         for (index, spi) in self.spis.iter_mut().enumerate() {
-            spi.set_pins(spi::Pins {
+            spi.pins = spi::Pins {
                 clock: connected(Signal::SpiClock(index)),
                 input: connected(Signal::SpiIn(index)),
                 output: connected(Signal::SpiOut(index)),
-            });
+            };
         }
         for (index, i2c) in self.i2cs.iter_mut().enumerate() {
             let (clock, data) = (Signal::I2cClock(index), Signal::I2cData(index));
-            i2c.set_connected(connected(clock) && connected(data));
+            i2c.connected = connected(clock) && connected(data);
         }
         let mut fdcans = self.fdcans();
         for (index, (receive, transmit)) in can.into_iter().enumerate() {
@@ -683,7 +683,7 @@ impl Soc {
             let switches = self.syscfg.value(registers::PMCR) >> 24;
             let open =
                 pins(&|pin| package.is_behind_switch(letter, pin) && switches >> pin & 1 != 0);
-            self.ports[index].set_cut(absent | open);
+            self.ports[index].cut = absent | open;
             let used = self.ports[index].cut_in_use();
             let new = used & !self.pins_told[index];
             self.pins_told[index] |= new;

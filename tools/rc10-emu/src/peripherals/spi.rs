@@ -36,7 +36,7 @@ pub trait SpiDevice: Send {
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16;
 }
 
-struct Attached {
+pub(super) struct Attached {
     select: (usize, usize),
     selected: bool,
     /// Bits that it got between the chip's frames since it is selected, and what it has of its next frame.
@@ -107,7 +107,8 @@ const HALF_DUPLEX: u32 = 3;
 pub(super) struct Spi {
     /// SPI1 is 0.
     index: usize,
-    hz: u64,
+    /// Kernel clock; 0 if gated.
+    pub(super) hz: u64,
     control: u32,
     /// TSIZE.
     size: u32,
@@ -123,8 +124,8 @@ pub(super) struct Spi {
     /// Frames of a transfer with a size that were put into the FIFO, and that are done.
     submitted: u32,
     done: u32,
-    pins: Pins,
-    devices: Vec<Attached>,
+    pub(super) pins: Pins,
+    pub(super) devices: Vec<Attached>,
 }
 
 impl Spi {
@@ -143,20 +144,8 @@ impl Spi {
         (self.hz, self.pins, self.devices) = (old.hz, old.pins, old.devices);
     }
 
-    pub(super) const fn set_clock(&mut self, hz: u64) {
-        self.hz = hz;
-    }
-
-    pub(super) const fn set_pins(&mut self, pins: Pins) {
-        self.pins = pins;
-    }
-
     pub(super) fn attach(&mut self, select: (usize, usize), device: Box<dyn SpiDevice>) {
         self.devices.push(Attached { select, selected: false, late: 0, begun: 0, device });
-    }
-
-    pub(super) fn has_devices(&self) -> bool {
-        !self.devices.is_empty()
     }
 
     /// Tells the devices their select pins: `is_low` of each.

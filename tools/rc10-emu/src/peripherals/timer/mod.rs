@@ -141,7 +141,7 @@ pub(super) struct Timer {
     /// The last edge of an encoder was backwards.
     counts_down: bool,
     /// Channels whose pins are observed, a bit each.
-    watched: u32,
+    pub(super) watched: u32,
     /// BDTR.
     breaks: u32,
     /// RCR: overflows to an update, less one; and those still to come.

@@ -70,11 +70,6 @@ impl Timer {
         }
     }
 
-    /// These channels' pins are observed, a bit each: every change is an event.
-    pub(in super::super) const fn watch(&mut self, channels: u32) {
-        self.watched = channels;
-    }
-
     /// Ticks until the output of an observed channel may change.
     pub(super) fn ticks_to_change(&self) -> Option<u64> {
         if self.watched == 0 {

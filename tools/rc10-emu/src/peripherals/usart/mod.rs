@@ -15,9 +15,10 @@ mod wire;
 
 use std::collections::VecDeque;
 
-use rc10_sim::{Nanos, UartFault};
+use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
+use super::clocks::PRESCALERS;
 use super::facts::{Facts, USARTS};
 use receiver::{Heard, Receiver};
 pub(crate) use transmitter::Outgoing;
@@ -95,9 +96,6 @@ const RECEIVE_FULL: u32 = 1 << 24;
 const STICKY: u32 = PARITY_ERROR | FRAMING | NOISE | OVERRUN | IDLE | COMPLETE;
 
 const FIFO_DEPTH: usize = 16;
-/// PRESC.
-const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
-
 #[derive(Debug, Default)]
 pub(super) struct Usart {
     /// Index in [`USARTS`].
@@ -109,15 +107,15 @@ pub(super) struct Usart {
     /// GTPR, RTOR: only stored.
     stored: [u32; 2],
     flags: u32,
-    transmitter: Transmitter,
-    receiver: Receiver,
+    pub(super) transmitter: Transmitter,
+    pub(super) receiver: Receiver,
     received: VecDeque<u16>,
     /// The character received last, good or not: it stays in RDR until the next one.
     latest: u16,
     pins: Pins,
-    sent: Vec<SentByte>,
+    pub(super) sent: Vec<SentByte>,
     /// For the far end of the transmit pin.
-    outgoing: Vec<Outgoing>,
+    pub(super) outgoing: Vec<Outgoing>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -159,33 +157,8 @@ impl Usart {
         }
     }
 
-    pub(super) fn take_sent(&mut self) -> Vec<SentByte> {
-        std::mem::take(&mut self.sent)
-    }
-
-    /// A far end is linked: beginnings and ends of characters are kept from now on.
-    pub(super) fn link(&mut self) {
-        self.transmitter.tells = true;
-    }
-
-    pub(super) fn take_outgoing(&mut self) -> Vec<Outgoing> {
-        std::mem::take(&mut self.outgoing)
-    }
-
-    pub(super) fn set_idle(&mut self, high: bool) {
-        self.receiver.set_idle(high);
-    }
-
-    pub(super) fn feed(&mut self, character: Character) {
-        self.receiver.draw(character);
-    }
-
     pub(super) const fn listens(&self) -> bool {
         self.is(1, ENABLE | RECEIVER)
-    }
-
-    pub(super) fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
-        self.receiver.disturb(fault, at, otherwise);
     }
 
     const fn is(&self, register: usize, bits: u32) -> bool {
@@ -248,7 +221,7 @@ impl Usart {
     }
 
     fn send_next(&mut self, now: Nanos) {
-        if self.transmitter.waiting() > 0
+        if self.transmitter.waiting.len() > 0
             && let Some(how) = self.sending()
         {
             self.transmitter.start(now, &how);
@@ -274,7 +247,7 @@ impl Usart {
 
     /// The level at the driver enable pin; `None` if there is no such pin.
     pub(super) fn driver_level(&self) -> Option<bool> {
-        let active = self.is(1, ENABLE) && self.transmitter.drives();
+        let active = self.is(1, ENABLE) && self.transmitter.driver;
         self.is(3, DRIVER_ENABLE).then(|| active != self.is(3, DRIVER_LOW))
     }
 
@@ -326,7 +299,7 @@ impl Usart {
     }
 
     fn sent(&mut self, outgoing: Outgoing) {
-        if outgoing.has_ended && !self.transmitter.is_sending() {
+        if outgoing.has_ended && !self.transmitter.sending.is_some() {
             self.flags |= COMPLETE;
         }
         if !self.pins_in_use().1 {
@@ -347,11 +320,11 @@ impl Usart {
         let on = self.is(1, ENABLE);
         self.flags
             | flag(!self.received.is_empty(), RECEIVED)
-            | flag(self.transmitter.waiting() < self.capacity(), ROOM)
+            | flag(self.transmitter.waiting.len() < self.capacity(), ROOM)
             | flag(self.receiver.is_busy(now), BUSY)
             | flag(on && self.is(1, TRANSMITTER), TRANSMIT_ACKNOWLEDGE)
             | flag(on && self.is(1, RECEIVER), RECEIVE_ACKNOWLEDGE)
-            | flag(self.is(1, FIFOS) && self.transmitter.waiting() == 0, TRANSMIT_EMPTY)
+            | flag(self.is(1, FIFOS) && self.transmitter.waiting.len() == 0, TRANSMIT_EMPTY)
             | flag(self.is(1, FIFOS) && self.received.len() == FIFO_DEPTH, RECEIVE_FULL)
     }
 
@@ -377,7 +350,7 @@ impl Usart {
 
     pub(super) fn requests(&self, request: u32) -> bool {
         let reads = self.is(3, DMA_RECEIVE) && self.offers_to_dma();
-        let writes = self.is(3, DMA_TRANSMIT) && self.transmitter.waiting() < self.capacity();
+        let writes = self.is(3, DMA_TRANSMIT) && self.transmitter.waiting.len() < self.capacity();
         self.is(1, ENABLE) && self.facts().requests(request, reads, writes)
     }
 
@@ -438,21 +411,21 @@ impl Usart {
                     self.received.clear();
                 }
                 if write.ones() & 1 << 4 != 0 {
-                    self.transmitter.clear();
+                    self.transmitter.waiting.clear();
                 }
                 AccessKind::Unmodelled.when(write.ones() & 0b111 != 0)?;
             }
             0x20 => self.flags &= !(write.ones() & STICKY),
             0x28 => {
                 self.flags &= !COMPLETE;
-                if self.transmitter.waiting() == self.capacity() {
+                if self.transmitter.waiting.len() == self.capacity() {
                     // The register is overwritten; a full FIFO takes nothing.
                     AccessKind::Protected.when(self.is(1, FIFOS))?;
-                    self.transmitter.clear();
+                    self.transmitter.waiting.clear();
                 }
                 // Nine bits at most.
                 let value = if self.is(2, INVERT_DATA) { !write.ones() } else { write.ones() };
-                self.transmitter.push(u16::try_from(value & 0x1FF).unwrap_or(0));
+                self.transmitter.waiting.push_back(u16::try_from(value & 0x1FF).unwrap_or(0));
                 self.send_next(now);
             }
             // ISR and RDR cannot be written.

@@ -6,7 +6,7 @@ use super::wire::{Character, Sampled, Sampling, Wire, after, stop_sixteenths};
 
 /// Event at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Heard {
+pub(in super::super) enum Heard {
     /// A character's stop bit has been sampled. `late`: the one before counts as not taken.
     Character { sampled: Sampled, late: bool },
     /// The line was idle for a whole frame.
@@ -14,7 +14,7 @@ pub(super) enum Heard {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Receiver {
+pub(in super::super) struct Receiver {
     wire: Wire,
     /// Settings of sampling; `None`: it does not receive.
     sampling: Option<Sampling>,

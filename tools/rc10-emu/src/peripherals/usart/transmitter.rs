@@ -8,7 +8,7 @@ use super::wire::{Character, Format, after};
 
 /// Settings of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Sending {
+pub(in super::super) struct Sending {
     pub format: Format,
     pub bit_fs: u64,
     pub inverted: bool,
@@ -30,11 +30,11 @@ pub(crate) struct Outgoing {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Transmitter {
-    waiting: VecDeque<u16>,
-    sending: Option<(Character, Nanos)>,
+pub(in super::super) struct Transmitter {
+    pub(super) waiting: VecDeque<u16>,
+    pub(super) sending: Option<(Character, Nanos)>,
     /// Whether the driver is asserted, and when it will be released.
-    driver: bool,
+    pub(super) driver: bool,
     released_at: Option<Nanos>,
     /// Beginning of the character in transmission, while it has not been reported.
     begins_at: Option<Nanos>,
@@ -46,26 +46,6 @@ impl Transmitter {
     /// Drops what it has to send.
     pub fn stop(&mut self) {
         *self = Self { tells: self.tells, ..Self::default() };
-    }
-
-    pub fn waiting(&self) -> usize {
-        self.waiting.len()
-    }
-
-    pub fn is_sending(&self) -> bool {
-        self.sending.is_some()
-    }
-
-    pub fn clear(&mut self) {
-        self.waiting.clear();
-    }
-
-    pub fn push(&mut self, value: u16) {
-        self.waiting.push_back(value);
-    }
-
-    pub const fn drives(&self) -> bool {
-        self.driver
     }
 
     /// Starts the next character, if nothing is sent and the driver is not being released.
