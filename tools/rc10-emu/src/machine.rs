@@ -214,11 +214,7 @@ impl Machine {
         let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
         let fdcan = Arc::new(Mutex::new(fdcan));
-        let mut soc =
-            Soc::on(options.board, options.hsi_deviation_ppm, Arc::clone(&fdcan), memory.clone());
-        soc.set_removal_stays(options.removal_stays);
-        soc.set_guards_ram(options.reports_early_ram);
-        soc.set_switches_closed(options.switches_closed, Nanos::ZERO);
+        let mut soc = Soc::new(options, Arc::clone(&fdcan), memory.clone());
         for name in options.silent {
             ensure!(soc.silence(name), "there is no peripheral {name}");
         }
@@ -317,15 +313,13 @@ impl Machine {
     /// # Errors
     /// If the chip has no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize) -> Result<()> {
-        let now = self.now();
-        ensure!(lock(&self.soc).watch_pin(port, pin, now), "there is no pin P{port}{pin}");
+        ensure!(lock(&self.soc).watch_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
     }
 
     /// What a watched pin did since the last call, or since it is watched; `None`: it is not.
     pub fn take_pin_time(&mut self, port: char, pin: usize) -> Option<PinTime> {
-        let now = self.now();
-        lock(&self.soc).take_pin_time(port, pin, now)
+        lock(&self.soc).take_pin_time(port, pin, self.now())
     }
 
     /// Keeps from now on every edge of a pin that the chip drives.
@@ -333,8 +327,7 @@ impl Machine {
     /// # Errors
     /// If the chip has no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
-        let now = self.now();
-        ensure!(lock(&self.soc).record_pin(port, pin, now), "there is no pin P{port}{pin}");
+        ensure!(lock(&self.soc).record_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
     }
 
@@ -518,8 +511,7 @@ impl Machine {
     /// Whether ADC1 fails from now on: no conversion, calibration or start ends before it does no
     /// longer. Flags that are set stay.
     pub fn set_adc_fails(&mut self, fails: bool) {
-        let now = self.now();
-        lock(&self.soc).set_adc_fails(fails, now);
+        lock(&self.soc).set_adc_fails(fails, self.now());
     }
 
     /// The voltage at a pin from outside, in microvolts, from now on.
@@ -527,8 +519,7 @@ impl Machine {
     /// # Errors
     /// If the pin does not lead outside, or to no converter that is modelled.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32) -> Result<()> {
-        let now = self.now();
-        let known = lock(&self.soc).set_voltage(port, pin, microvolts, now);
+        let known = lock(&self.soc).set_voltage(port, pin, microvolts, self.now());
         ensure!(known, "no converter measures at P{port}{pin}");
         Ok(())
     }

@@ -114,7 +114,6 @@ fn index_of(table: &[Facts], number: u8) -> Option<usize> {
     table.iter().position(|facts| facts.number == number)
 }
 
-/// Pins.
 impl Soc {
     /// Drives a pin (port 'A' ..= 'K', 0 ..= 15) from outside, or lets go. `false`: no such pin.
     pub fn drive_pin(&mut self, port: char, pin: usize, level: Option<bool>, now: Nanos) -> bool {
@@ -312,10 +311,7 @@ impl Soc {
         let levels = levels.sum();
         self.timers[timer].look(levels, fresh, now);
     }
-}
 
-/// Voltages.
-impl Soc {
     /// Sets the voltage at a pin, in microvolts. `false`: it leads to no modelled converter.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32, now: Nanos) -> bool {
         self.advance(now);
@@ -329,10 +325,7 @@ impl Soc {
             self.set_voltage(port, pin, u32::try_from(microvolts).unwrap_or(u32::MAX), now)
         })
     }
-}
 
-/// Serial lines.
-impl Soc {
     /// Bytes sent at connected pins since the last call, in the order of their ends.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
         let mut sent: Vec<_> =
@@ -413,10 +406,7 @@ impl Soc {
         pin_of(&self.ports, Signal::SerialEnable(usart))?;
         self.usarts[usart].driver_level()
     }
-}
 
-/// Devices, and faults.
-impl Soc {
     /// Puts a device on an SPI (1 to 5), selected by a low output. `false`: no such SPI or pin.
     pub fn attach_spi(
         &mut self,

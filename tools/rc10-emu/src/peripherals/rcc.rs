@@ -21,6 +21,7 @@ use super::clocks::{
 };
 use super::map::Switch;
 use super::registers::{Register, Registers, masked, plain};
+use crate::machine::Options;
 
 /// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,7 +151,7 @@ pub(super) struct Rcc {
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
     /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
-    pub(super) removal_stays: bool,
+    removal_stays: bool,
     /// SWS.
     source: u32,
     /// Until when changes that need no access are taken into account.
@@ -159,13 +160,14 @@ pub(super) struct Rcc {
 }
 
 impl Rcc {
-    /// `hsi_ppm`: how much too fast HSI is, in millionths.
-    pub(super) fn new(crystal_hz: u64, hsi_ppm: i32) -> Self {
-        let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * i64::from(hsi_ppm);
-        Self::of(crystal_hz, HSI_HZ.saturating_add_signed(off))
+    pub(super) fn new(options: &Options) -> Self {
+        let ppm = i64::from(options.hsi_deviation_ppm);
+        let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * ppm;
+        let (crystal_hz, hsi_hz) = (options.board.crystal_hz, HSI_HZ.saturating_add_signed(off));
+        Self::of(crystal_hz, hsi_hz, options.removal_stays)
     }
 
-    fn of(crystal_hz: u64, hsi_hz: u64) -> Self {
+    fn of(crystal_hz: u64, hsi_hz: u64, removal_stays: bool) -> Self {
         let mut ready = [None; 34];
         ready[HSI as usize] = Some(Nanos::ZERO);
         let mut registers = Registers::new(TABLE);
@@ -176,7 +178,7 @@ impl Rcc {
             crystal_hz,
             hsi_hz,
             crystal: true,
-            removal_stays: true,
+            removal_stays,
             source: 0,
             settled: Nanos::ZERO,
             system_ready_at: None,
@@ -187,9 +189,8 @@ impl Rcc {
     pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
-        let (crystal, removal_stays) = (self.crystal, self.removal_stays);
-        *self =
-            Self { crystal, removal_stays, settled: now, ..Self::of(self.crystal_hz, self.hsi_hz) };
+        let fresh = Self::of(self.crystal_hz, self.hsi_hz, self.removal_stays);
+        *self = Self { crystal: self.crystal, settled: now, ..fresh };
         if cause != ResetCause::PowerOn {
             let held = flags & REMOVE != 0;
             self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });

@@ -27,6 +27,7 @@ use super::watchdog::Watchdog;
 use crate::board::Board;
 use crate::core::INTERRUPT_WORDS;
 use crate::fdcan::Fdcans;
+use crate::machine::Options;
 use crate::memory::{FLASH, Memory, PERIPHERALS};
 
 /// Ports A ..= K. There is no port I.
@@ -45,7 +46,7 @@ pub struct Soc {
     /// The FDCANs and their message RAM: only their registers are reached through here.
     pub fdcan: Arc<Mutex<Fdcans>>,
     memory: Memory,
-    board: Board,
+    options: Options,
     rcc: Rcc,
     power: Power,
     flash: Registers,
@@ -68,7 +69,6 @@ pub struct Soc {
     pub(super) recorders: Vec<Recorder>,
     pub(super) jumpers: Vec<Jumper>,
     pub(super) holders: Vec<Holder>,
-    guards_ram: bool,
     clocks: Clocks,
     flash_keeps_up: bool,
     too_fast: Vec<TooFast>,
@@ -80,22 +80,20 @@ pub struct Soc {
     counts: HashMap<Discriminant<AccessKind>, u64>,
     /// Pins in use that do not lead outside, a bit each: told already.
     pins_told: [u32; PORTS],
-    /// Whether the switches of PC2 and PC3 are closed after a reset.
-    switches_closed: bool,
     /// Rows of the map whose devices say nothing.
     silent: Vec<bool>,
 }
 
 impl Soc {
-    /// Creates the peripherals at power-on, at time zero. `hsi_ppm`: deviation of the chip's own
-    /// oscillator, in millionths; `memory` is what the DMAs see.
+    /// Creates the peripherals at power-on, at time zero, but silences none; `memory` is what the
+    /// DMAs see.
     #[must_use]
-    pub fn on(board: Board, hsi_ppm: i32, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
+    pub fn new(options: Options, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         let mut soc = Self {
             fdcan,
             memory,
-            board,
-            rcc: Rcc::new(board.crystal_hz, hsi_ppm),
+            options,
+            rcc: Rcc::new(&options),
             power: Power::new(),
             flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),
@@ -115,7 +113,6 @@ impl Soc {
             recorders: Vec::new(),
             jumpers: Vec::new(),
             holders: Vec::new(),
-            guards_ram: false,
             clocks: Clocks::default(),
             flash_keeps_up: true,
             too_fast: Vec::new(),
@@ -125,9 +122,9 @@ impl Soc {
             reports: Vec::new(),
             counts: HashMap::new(),
             pins_told: [0; PORTS],
-            switches_closed: true,
             silent: vec![false; MAP.len()],
         };
+        soc.reset_syscfg();
         soc.apply_switches();
         soc.apply_clocks(Nanos::ZERO);
         soc.connect_pins(Nanos::ZERO);
@@ -327,15 +324,10 @@ impl Soc {
         self.debug.set(0, identity);
     }
 
-    /// Sets [`Options::removal_stays`](crate::Options::removal_stays).
-    pub fn set_removal_stays(&mut self, stays: bool) {
-        self.rcc.removal_stays = stays;
-    }
-
     /// Sets [`Options::switches_closed`](crate::Options::switches_closed), and the switches now.
     pub fn set_switches_closed(&mut self, closed: bool, now: Nanos) {
         self.advance(now);
-        self.switches_closed = closed;
+        self.options.switches_closed = closed;
         self.reset_syscfg();
         self.connect_pins(now);
         self.settle(now);
@@ -359,13 +351,9 @@ impl Soc {
         self.settle(now);
     }
 
-    /// RAM that is written before the supply is configured is to be reported.
-    pub fn set_guards_ram(&mut self, guards: bool) {
-        self.guards_ram = guards;
-    }
-
+    /// Whether the core is kept from writing RAM.
     pub(crate) fn guards_ram(&self) -> bool {
-        self.guards_ram && !self.is_supplied()
+        self.options.reports_early_ram && !self.is_supplied()
     }
 
     /// Does a write to a RAM that the core is kept from, and reports the first. `false`: there is
@@ -598,7 +586,7 @@ impl Soc {
 
     fn reset_syscfg(&mut self) {
         self.syscfg.reset();
-        if !self.switches_closed {
+        if !self.options.switches_closed {
             let reset = self.syscfg.value(registers::PMCR);
             self.syscfg.set(registers::PMCR, reset | registers::SWITCHES);
         }
@@ -673,7 +661,7 @@ impl Soc {
 
     /// Tells the ports which of their pins do not lead outside; reports those that are used.
     fn cut_pins(&mut self) {
-        let package = self.board.package;
+        let package = self.options.board.package;
         for (index, letter) in (0..PORTS).zip('A'..) {
             let pins = |holds: &dyn Fn(usize) -> bool| -> u32 {
                 (0..PINS).filter(|&pin| holds(pin)).map(|pin| 1 << pin).sum()
@@ -691,7 +679,7 @@ impl Soc {
             self.pins_told[index] &= absent | used;
             for pin in (0..PINS).filter(|pin| new >> pin & 1 != 0) {
                 let is_switch_open = open >> pin & 1 != 0;
-                let (pin, chip) = ((letter, pin), self.board.chip);
+                let (pin, chip) = ((letter, pin), self.options.board.chip);
                 let fault = PinFault { pin, chip, package, is_switch_open };
                 let register = GPIO + 0x400 * u32::try_from(index).unwrap_or(0);
                 self.report(register, true, AccessKind::Pin(fault));
@@ -702,7 +690,7 @@ impl Soc {
     /// The board that the chip is on.
     #[must_use]
     pub const fn board(&self) -> Board {
-        self.board
+        self.options.board
     }
 
     /// Reports once when the flash becomes too slow for its clock.

@@ -1,3 +1,4 @@
+use rc10_emu::Options;
 use rc10_emu::peripherals::{AccessKind, Clocks, ResetCause};
 use rc10_sim::Nanos;
 
@@ -301,8 +302,7 @@ fn an_oscillator_may_be_off_and_a_setting_may_not() {
 fn rmvf_holds_the_flags_until_it_is_cleared_or_clears_itself() {
     for (stays, bit, second) in [(true, 1 << 16, 1 << 16), (false, 0, 1 << 26 | 1 << 22 | 1 << 17)]
     {
-        let mut chip = Chip::new();
-        chip.soc.set_removal_stays(stays);
+        let mut chip = Chip::with(Options { removal_stays: stays, ..Options::default() });
         chip.write(RSR, 1 << 16);
         assert_eq!(chip.read(RSR), bit, "{stays}");
         // A program that sets it, and leaves it at that, does not know why it was restarted.
