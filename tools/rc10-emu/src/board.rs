@@ -31,7 +31,7 @@ impl Package {
         }
     }
 
-    /// Whether only the analog pad of a pin is bonded out: PC2_C, PC3_C. The digital part reaches
+    /// Whether only the analog pad of a pin is bonded out: `PC2_C`, `PC3_C`. The digital part reaches
     /// it while the switch between them is closed. Source: data sheet DS13313, pin definitions.
     #[must_use]
     pub const fn is_behind_switch(self, port: char, pin: usize) -> bool {

@@ -19,7 +19,7 @@ pub mod strip;
 pub use board::{Board, Heater, ImuWiring, Package, SupplySense};
 pub use figures::{BusFigures, Figures, Spread};
 pub use image::{Image, MadeFor, Static};
-pub use machine::{Injection, Machine, Options, Report, Restart};
+pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};
 pub use rig::{BusLog, Rig};

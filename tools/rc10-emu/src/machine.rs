@@ -75,6 +75,9 @@ pub struct Report {
     pub text: String,
 }
 
+/// A line of the program's log.
+pub type LogLine = Report;
+
 /// Reports kept in full; more are only counted.
 const REPORTS: usize = 32;
 
@@ -161,7 +164,7 @@ pub struct Machine {
     memory: Memory,
     image: Image,
     log: Log,
-    lines: Vec<Report>,
+    lines: Vec<LogLine>,
     next_log: Nanos,
     profile: Profile,
     now: u64,
@@ -416,7 +419,7 @@ impl Machine {
     }
 
     /// The log lines since the last call.
-    pub fn take_log(&mut self) -> Vec<Report> {
+    pub fn take_log(&mut self) -> Vec<LogLine> {
         std::mem::take(&mut self.lines)
     }
 

@@ -221,7 +221,7 @@ impl Usart {
     }
 
     fn send_next(&mut self, now: Nanos) {
-        if self.transmitter.waiting.len() > 0
+        if !self.transmitter.waiting.is_empty()
             && let Some(how) = self.sending()
         {
             self.transmitter.start(now, &how);
@@ -299,7 +299,7 @@ impl Usart {
     }
 
     fn sent(&mut self, outgoing: Outgoing) {
-        if outgoing.has_ended && !self.transmitter.sending.is_some() {
+        if outgoing.has_ended && self.transmitter.sending.is_none() {
             self.flags |= COMPLETE;
         }
         if !self.pins_in_use().1 {
@@ -324,7 +324,7 @@ impl Usart {
             | flag(self.receiver.is_busy(now), BUSY)
             | flag(on && self.is(1, TRANSMITTER), TRANSMIT_ACKNOWLEDGE)
             | flag(on && self.is(1, RECEIVER), RECEIVE_ACKNOWLEDGE)
-            | flag(self.is(1, FIFOS) && self.transmitter.waiting.len() == 0, TRANSMIT_EMPTY)
+            | flag(self.is(1, FIFOS) && self.transmitter.waiting.is_empty(), TRANSMIT_EMPTY)
             | flag(self.is(1, FIFOS) && self.received.len() == FIFO_DEPTH, RECEIVE_FULL)
     }
 
