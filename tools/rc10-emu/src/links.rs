@@ -231,12 +231,10 @@ impl Links {
         }
     }
 
-    /// Moves data of the chip into the world.
     pub fn speak(&mut self, soc: &mut Soc) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
     }
 
-    /// Characters that a UART has sent and the far end could not read.
     pub fn garbled(&self, uart: u8) -> u64 {
         self.serials.iter().filter(|link| link.uart == uart).map(|link| link.garbled).sum()
     }

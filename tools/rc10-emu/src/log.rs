@@ -36,7 +36,6 @@ impl Log {
         })
     }
 
-    /// Takes what the program has written since the last call.
     fn drain(&mut self, memory: &Memory) -> Result<()> {
         let Some(block) = self.control_block else {
             return Ok(());

@@ -22,7 +22,6 @@ use crate::profile::Profile;
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
 const FULL_CLOCK_HZ: u64 = 480_000_000;
 const NANOS_PER_SECOND: u64 = 1_000_000_000;
-/// Period in which a debug probe reads log messages.
 const LOG_PERIOD: Nanos = Nanos::new(1_000_000);
 /// Code for injected faults, in the otherwise unused ITCM: an undefined instruction, ..
 const UNDEFINED: u32 = 0x0000_0000;

@@ -28,7 +28,6 @@ pub(super) struct Decoded {
     run: Run,
 }
 
-/// Room for decoded instructions; no instruction has an odd address.
 pub(super) fn no_slots() -> Box<[Decoded; SLOTS]> {
     let empty = Decoded { address: 1, bits: 0, run: undefined };
     let slots = vec![empty; SLOTS].into_boxed_slice();

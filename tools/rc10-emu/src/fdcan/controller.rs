@@ -103,7 +103,6 @@ impl Controller {
         }
     }
 
-    /// A number of periods of the kernel clock from now.
     fn after(&self, periods: u64) -> Nanos {
         if self.kernel_hz == 0 {
             return NEVER;

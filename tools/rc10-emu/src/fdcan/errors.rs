@@ -69,7 +69,6 @@ impl Errors {
             | flag(before.2 != after.2, ir::BO)
     }
 
-    /// A frame of its own was acknowledged.
     pub fn sent(&mut self) -> u32 {
         self.last = NO_ERROR;
         self.change(|errors| {
@@ -91,7 +90,6 @@ impl Errors {
         })
     }
 
-    /// A frame of its own failed.
     pub fn transmission_failed(&mut self, error: BusError) -> u32 {
         // An error-passive sender that only misses its acknowledge counts no further, else a
         // node that is alone would go to bus-off.
@@ -140,14 +138,12 @@ impl Errors {
         self.receive = 0;
     }
 
-    /// Counts sequences of recessive bits that were seen during recovery.
     pub fn recovering(&mut self, sequences: u64) {
         self.last = BIT0_ERROR;
         let seen = u64::from(self.receive).saturating_add(sequences).min(127);
         self.receive = u8::try_from(seen).unwrap_or(127);
     }
 
-    /// Error-active again.
     pub fn recovered(&mut self) -> u32 {
         self.change(|errors| {
             errors.transmit = 0;

@@ -12,7 +12,6 @@ enum State {
     /// CCCR.INIT is set.
     Stopped,
     Waiting {
-        /// Sequences still to come.
         sequences: u64,
         /// Recessive bits from here on are not part of a counted sequence.
         counted_to: Nanos,
@@ -32,7 +31,6 @@ impl Link {
         Self { state: State::Stopped, busy: false, busy_since: Nanos::ZERO }
     }
 
-    /// Joins the bus after a number of sequences.
     pub const fn start(&mut self, sequences: u64, now: Nanos) {
         self.state = State::Waiting { sequences, counted_to: now };
     }

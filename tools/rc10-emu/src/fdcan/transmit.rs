@@ -61,7 +61,6 @@ impl Layout {
     }
 }
 
-/// A buffer as it was read for arbitration.
 #[derive(Clone, Copy)]
 struct Candidate {
     buffer: u32,
@@ -87,7 +86,6 @@ pub(super) struct Transmit {
     /// Cancellations on their way, and when they are done.
     cancelling: u32,
     cancel_ends: Nanos,
-    /// Time of each buffer's last request.
     requested: [Nanos; BUFFERS as usize],
     /// The FIFO's get index, counted from its first buffer, and its elements in use.
     head: u32,
@@ -102,7 +100,6 @@ impl Transmit {
         self.on_wire.is_some()
     }
 
-    /// Time at which a cancellation is done.
     pub fn next_event(&self) -> Option<Nanos> {
         (self.cancelling != 0).then_some(self.cancel_ends)
     }
@@ -169,7 +166,6 @@ impl Controller {
         }
     }
 
-    /// TXBAR.
     pub fn request(&mut self, bits: u32) {
         let (layout, scan, now) = (self.layout(), self.scan(), self.now);
         let transmit = &mut self.transmit;
@@ -291,7 +287,6 @@ impl Controller {
         });
     }
 
-    /// The offered frame lost arbitration.
     pub fn lost_arbitration(&mut self) {
         let offered = self.transmit.offered.take();
         if let Some(offered) = offered.filter(|_| self.registers.has(at::CCCR, cccr::DAR)) {
@@ -306,7 +301,6 @@ impl Controller {
         }
     }
 
-    /// A request ends without its frame having been sent.
     fn give_up(&mut self, buffer: u32) {
         self.transmit.pending &= !(1 << buffer);
         self.counters.cancelled += 1;
@@ -314,7 +308,6 @@ impl Controller {
         self.flags |= self.transmit.release(self.layout());
     }
 
-    /// The frame on the wire failed.
     pub fn failed(&mut self) {
         let Some(sending) = self.transmit.on_wire.take() else { return };
         self.counters.failed += 1;
@@ -323,7 +316,6 @@ impl Controller {
         }
     }
 
-    /// The frame on the wire was acknowledged.
     pub fn succeeded(&mut self, ram: &mut MessageRam) {
         let Some(sending) = self.transmit.on_wire.take() else { return };
         let bit = 1 << sending.buffer;

@@ -29,12 +29,12 @@ pub(super) enum Signal {
 /// Port (A is 0), pin, alternate function.
 type Place = (usize, usize, u32);
 
-/// A text for each signal of a kind.
-type Texts = &'static [&'static str];
+/// Signals of a kind, from index or channel 0 on, and a text of places for each.
+type Kind = (fn(usize) -> Signal, &'static [&'static str]);
 
-/// Signals of a kind, from index or channel 0 on: the pins of each with the alternate functions.
+/// All signals, with their pins and alternate functions.
 #[rustfmt::skip]
-const SIGNALS: &[(fn(usize) -> Signal, Texts)] = &[
+const SIGNALS: &[Kind] = &[
     (Signal::CanReceive, &["A11:9 B8:9 D0:9", "B5:9 B12:9", "D12:5 F6:2 G10:2"]),
     (Signal::CanTransmit, &["A12:9 B9:9 D1:9", "B6:9 B13:9", "D13:5 F7:2 G9:2"]),
     (Signal::SerialReceive, &[

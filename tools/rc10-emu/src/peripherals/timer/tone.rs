@@ -41,7 +41,6 @@ impl Listener {
 }
 
 impl Timer {
-    /// The clocks that it may listen to, from now on.
     pub(in super::super) fn set_tones(&mut self, tones: Tones, now: Nanos) {
         if tones != self.tones && !self.facts().tones.is_empty() {
             self.advance(now);

@@ -22,7 +22,6 @@ pub(in super::super) struct Receiver {
     from: Nanos,
     /// Start of the next character, and when its stop bit will have been sampled.
     coming: Option<(Nanos, Nanos)>,
-    /// The next character is to be an overrun.
     late: bool,
     /// Something was received since the line was found idle the last time.
     armed: bool,

@@ -6,7 +6,6 @@ use rc10_sim::Nanos;
 
 use super::wire::{Character, Format, after};
 
-/// Settings of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) struct Sending {
     pub format: Format,

@@ -137,7 +137,6 @@ impl Character {
     }
 }
 
-/// Sampling of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Sampling {
     pub format: Format,
