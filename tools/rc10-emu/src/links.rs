@@ -208,7 +208,7 @@ impl Links {
         now: Nanos,
     ) -> bool {
         let was_closed = contact.is_closed();
-        let connected = soc.drive_pin(pin.0, pin.1, level(was_closed), now);
+        let connected = soc.drive_pin(pin.0, pin.1, was_closed.then_some(false), now);
         if connected {
             self.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
         }
@@ -226,7 +226,7 @@ impl Links {
         for ContactLink { pin: (port, pin), contact, was_closed } in &mut self.contacts {
             let closed = contact.is_closed();
             if std::mem::replace(was_closed, closed) != closed {
-                soc.drive_pin(*port, *pin, level(closed), now);
+                soc.drive_pin(*port, *pin, closed.then_some(false), now);
             }
         }
     }
@@ -238,9 +238,4 @@ impl Links {
     pub fn garbled(&self, uart: u8) -> u64 {
         self.serials.iter().filter(|link| link.uart == uart).map(|link| link.garbled).sum()
     }
-}
-
-/// What a contact to ground drives its pin to: open, nothing.
-fn level(closed: bool) -> Option<bool> {
-    closed.then_some(false)
 }

@@ -803,11 +803,7 @@ impl Machine {
 
 /// Bits a second in kbit/s, with one decimal where there is one.
 fn kilobits(bits_per_second: u64) -> String {
-    let tenths = (bits_per_second + 50) / 100;
-    match tenths % 10 {
-        0 => format!("{} kbit/s", tenths / 10),
-        tenth => format!("{}.{tenth} kbit/s", tenths / 10),
-    }
+    format!("{} kbit/s", ((bits_per_second + 50) / 100) as f64 / 10.0)
 }
 
 /// The exception that a stand-in for a handler is for.

@@ -2,7 +2,7 @@
 //!
 //! Motion and temperature change once a millisecond, with the log, and with reports and restarts.
 
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 
 use rc10_sim::imu::bmi088::{Bmi088, Motion, Part};
 use rc10_sim::{Base, Nanos};
@@ -23,17 +23,13 @@ impl Imu {
 
     /// Looks at it, or changes what it feels.
     pub fn with<R>(&self, with: impl FnOnce(&mut Bmi088) -> R) -> R {
-        with(&mut self.lock())
+        with(&mut lock(&self.0))
     }
 
     /// One of its two chips, to be attached to an SPI.
     #[must_use]
     pub fn half(&self, part: Part) -> impl SpiDevice + use<> {
         Half { imu: self.clone(), part }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Bmi088> {
-        lock(&self.0)
     }
 }
 
@@ -48,17 +44,17 @@ impl SpiDevice for Half {
     }
 
     fn select(&mut self, _now: Nanos) {
-        self.imu.lock().select(self.part);
+        self.imu.with(|imu| imu.select(self.part));
     }
 
     fn deselect(&mut self, now: Nanos) {
-        self.imu.lock().deselect(self.part, now);
+        self.imu.with(|imu| imu.deselect(self.part, now));
     }
 
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16 {
         // It does not know frames of another length than a byte.
         let sent = u8::try_from(sent & 0xFF).unwrap_or(0);
-        self.imu.lock().exchange(self.part, sent, now).into()
+        self.imu.with(|imu| imu.exchange(self.part, sent, now)).into()
     }
 }
 

@@ -1,15 +1,6 @@
 //! The processor: a Cortex-M7, by the Armv7-M Architecture Reference Manual (ARM DDI 0403E), with the
 //! clocks of a Cortex-M4.
 //!
-//! | rooms | |
-//! |---|---|
-//! | `decode` | the table of all instructions, and what was found in it |
-//! | `arithmetic`, `transfer`, `dsp`, `float` | what instructions do |
-//! | `ieee` | floating-point arithmetic in integers, with every flag |
-//! | `exceptions` | entry, return, faults, which one is next |
-//! | `system` | the registers from `0xE000_0000` on, and those of MRS and MSR |
-//! | `bus`, `mpu` | where accesses go, and which are permitted |
-//!
 //! Clocks: 1 for an instruction, and more if it
 //!
 //! | does | clocks |

@@ -74,7 +74,7 @@ impl Fdcans {
 
     /// Reads a register of the clock calibration unit. `None`: no such register.
     #[must_use]
-    pub const fn read_calibration(&self, offset: u32) -> Option<u32> {
+    pub fn read_calibration(&self, offset: u32) -> Option<u32> {
         self.calibration.read(offset)
     }
 
@@ -118,12 +118,12 @@ impl Fdcans {
 
     /// The kernel clock behind the calibration unit's divider, hertz.
     #[must_use]
-    pub const fn time_quantum_hz(&self) -> u64 {
+    pub fn time_quantum_hz(&self) -> u64 {
         self.time_quantum_of(self.kernel_hz)
     }
 
     /// The same, if the kernel clock had another frequency.
-    pub(crate) const fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
+    pub(crate) fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
         kernel_hz / self.calibration.divider()
     }
 

@@ -139,17 +139,9 @@ impl fmt::Display for Access {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusFault;
 
-impl fmt::Display for BusFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("bus fault")
-    }
-}
-
-impl std::error::Error for BusFault {}
-
 /// A write to a register, or to some bytes of it: the others do nothing.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Write {
+pub(crate) struct Write {
     /// The whole word's offset.
     pub offset: u32,
     value: u32,
@@ -158,7 +150,7 @@ pub(super) struct Write {
 
 impl Write {
     /// `offset` as accessed; the value in its lowest bytes.
-    pub(super) const fn new(offset: u32, width: Width, value: u32) -> Self {
+    pub(crate) const fn new(offset: u32, width: Width, value: u32) -> Self {
         let shift = 8 * (offset & 3);
         let lanes = width.mask() << shift;
         Self { offset: offset & !3, value: (value << shift) & lanes, lanes }

@@ -4,43 +4,43 @@ use super::access::{AccessKind, Write};
 
 /// A register: offset, value after a reset, and the bits that can be written.
 #[derive(Debug)]
-pub(super) struct Register {
+pub(crate) struct Register {
     pub offset: u32,
     pub reset: u32,
     pub writable: u32,
 }
 
 /// A register whose bits all keep a written value.
-pub(super) const fn plain(offset: u32, reset: u32) -> Register {
+pub(crate) const fn plain(offset: u32, reset: u32) -> Register {
     Register { offset, reset, writable: u32::MAX }
 }
 
 /// A register of which some bits keep a written value.
-pub(super) const fn masked(offset: u32, reset: u32, writable: u32) -> Register {
+pub(crate) const fn masked(offset: u32, reset: u32, writable: u32) -> Register {
     Register { offset, reset, writable }
 }
 
 /// A register that cannot be written.
-pub(super) const fn fixed(offset: u32, value: u32) -> Register {
+pub(crate) const fn fixed(offset: u32, value: u32) -> Register {
     Register { offset, reset: value, writable: 0 }
 }
 
 /// The registers of one block, and their values by offset; others are not modelled.
 #[derive(Debug)]
-pub(super) struct Registers {
+pub(crate) struct Registers {
     table: &'static [Register],
     values: Vec<u32>,
 }
 
 impl Registers {
-    pub(super) fn new(table: &'static [Register]) -> Self {
+    pub(crate) fn new(table: &'static [Register]) -> Self {
         let end = table.iter().map(|register| register.offset as usize / 4 + 1).max();
         let mut registers = Self { table, values: vec![0; end.unwrap_or(0)] };
         registers.reset();
         registers
     }
 
-    pub(super) fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.table.iter().for_each(|register| self.set(register.offset, register.reset));
     }
 
@@ -49,17 +49,17 @@ impl Registers {
         table.find(|register| register.offset == offset).ok_or(AccessKind::Unmodelled)
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(crate) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         self.find(offset).map(|register| self.value(register.offset))
     }
 
     /// Like [`read`](Self::read), for a register that the table is known to have.
     #[inline]
-    pub(super) fn value(&self, offset: u32) -> u32 {
+    pub(crate) fn value(&self, offset: u32) -> u32 {
         self.values[offset as usize / 4]
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
+    pub(crate) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
         self.write_only(write, u32::MAX)
     }
 
