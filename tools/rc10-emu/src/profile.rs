@@ -8,7 +8,7 @@ use crate::memory::FLASH;
 /// Halfwords of flash that are counted one by one.
 const PLACES: usize = (1 << 20) / 2;
 /// Exceptions of an Armv7-M core.
-const EXCEPTIONS: u16 = 256;
+const EXCEPTIONS: usize = 256;
 
 /// Executed instructions since the start, or since [`restart`](Self::restart).
 #[derive(Clone)]
@@ -16,7 +16,7 @@ pub struct Profile {
     places: Vec<u64>,
     /// Instructions in code that is not in flash.
     elsewhere: u64,
-    exceptions: Vec<ExceptionCost>,
+    exceptions: [ExceptionCost; EXCEPTIONS],
     total: u64,
     lowest_stack: u32,
 }
@@ -39,9 +39,7 @@ impl Profile {
         Self {
             places: vec![0; PLACES],
             elsewhere: 0,
-            exceptions: (0..EXCEPTIONS)
-                .map(|exception| ExceptionCost { exception, ..ExceptionCost::default() })
-                .collect(),
+            exceptions: [ExceptionCost::default(); EXCEPTIONS],
             total: 0,
             lowest_stack: u32::MAX,
         }
@@ -95,8 +93,9 @@ impl Profile {
     /// Instructions in each exception that occurred, and in thread mode.
     #[must_use]
     pub fn by_exception(&self) -> Vec<ExceptionCost> {
-        let occurred = self.exceptions.iter().filter(|cost| cost.entries + cost.instructions > 0);
-        occurred.copied().collect()
+        let costs = (0..).zip(&self.exceptions);
+        let costs = costs.map(|(exception, cost)| ExceptionCost { exception, ..*cost });
+        costs.filter(|cost| cost.entries + cost.instructions > 0).collect()
     }
 
     /// Number of executions of each executed address of flash, in the order of the addresses.

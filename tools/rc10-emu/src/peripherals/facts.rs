@@ -12,9 +12,14 @@ pub(super) struct Facts {
 }
 
 impl Facts {
-    /// Whether a request of DMAMUX1 is asserted by one that wants to be read or written.
-    pub const fn requests(&self, request: u32, reads: bool, writes: bool) -> bool {
-        reads && request == self.receive_request || writes && request == self.receive_request + 1
+    /// Whether a number of DMAMUX1 is that of its receive request.
+    pub const fn reads(&self, request: u32) -> bool {
+        request == self.receive_request
+    }
+
+    /// Whether a number of DMAMUX1 is that of its transmit request.
+    pub const fn writes(&self, request: u32) -> bool {
+        request == self.receive_request + 1
     }
 }
 

@@ -344,9 +344,10 @@ impl I2c {
     }
 
     pub(super) fn requests(&self, request: u32) -> bool {
-        let reads = self.is(1, RECEIVE_DMA) && self.receive.is_some();
-        let writes = self.is(1, TRANSMIT_DMA) && self.wants_byte();
-        self.is(1, ENABLE) && self.facts().requests(request, reads, writes)
+        let facts = self.facts();
+        let reads = facts.reads(request) && self.is(1, RECEIVE_DMA) && self.receive.is_some();
+        let writes = facts.writes(request) && self.is(1, TRANSMIT_DMA) && self.wants_byte();
+        self.is(1, ENABLE) && (reads || writes)
     }
 
     pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {

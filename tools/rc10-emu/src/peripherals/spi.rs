@@ -309,9 +309,10 @@ impl Spi {
     }
 
     pub(super) fn requests(&self, request: u32) -> bool {
-        let reads = self.config[0] & RECEIVE_DMA != 0 && self.has_packet();
-        let writes = self.config[0] & TRANSMIT_DMA != 0 && self.has_room();
-        self.is(ENABLE) && self.facts().requests(request, reads, writes)
+        let (facts, config) = (self.facts(), self.config[0]);
+        let reads = facts.reads(request) && config & RECEIVE_DMA != 0 && self.has_packet();
+        let writes = facts.writes(request) && config & TRANSMIT_DMA != 0 && self.has_room();
+        self.is(ENABLE) && (reads || writes)
     }
 
     pub(super) fn read(

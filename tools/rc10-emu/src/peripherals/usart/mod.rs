@@ -349,9 +349,11 @@ impl Usart {
     }
 
     pub(super) fn requests(&self, request: u32) -> bool {
-        let reads = self.is(3, DMA_RECEIVE) && self.offers_to_dma();
-        let writes = self.is(3, DMA_TRANSMIT) && self.transmitter.waiting.len() < self.capacity();
-        self.is(1, ENABLE) && self.facts().requests(request, reads, writes)
+        let facts = self.facts();
+        let has_room = || self.transmitter.waiting.len() < self.capacity();
+        let reads = facts.reads(request) && self.is(3, DMA_RECEIVE) && self.offers_to_dma();
+        let writes = facts.writes(request) && self.is(3, DMA_TRANSMIT) && has_room();
+        self.is(1, ENABLE) && (reads || writes)
     }
 
     fn offers_to_dma(&self) -> bool {
