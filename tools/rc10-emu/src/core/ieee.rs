@@ -86,6 +86,16 @@ where
     (value.to_bits() as u64, status)
 }
 
+/// The conditions of a comparison, at their places in FPSCR.
+const fn conditions(order: Option<Ordering>) -> u32 {
+    match order {
+        Some(Ordering::Less) => 8 << 28,
+        Some(Ordering::Equal) => 6 << 28,
+        Some(Ordering::Greater) => 2 << 28,
+        None => 3 << 28,
+    }
+}
+
 /// Arithmetic in one format, under the rules of a FPSCR, that keeps flags there.
 pub(super) struct Float {
     pub(super) format: Format,
@@ -104,6 +114,16 @@ impl Float {
 
     fn flag(&mut self, flag: u32, is_set: bool) {
         self.fpscr |= if is_set { flag } else { 0 };
+    }
+
+    /// This computer's own number of the same value, if that raises no flag: the fast way.
+    fn own(&self, bits: u64) -> Option<f64> {
+        let number = match self.format {
+            SINGLE => f32::from_bits(bits as u32).into(),
+            DOUBLE => f64::from_bits(bits),
+            _ => return None,
+        };
+        (self.fpscr & FZ == 0 && !number.is_nan()).then_some(number)
     }
 
     fn take(&mut self, bits: u64) -> Number {
@@ -236,7 +256,12 @@ impl Float {
     }
 
     pub(super) fn of_integer(&mut self, value: i64, fraction: u32) -> u64 {
-        self.round(Quad::from_i128(value.into()).value.scalbn(-(fraction as i32)))
+        let is_exact = fraction == 0 && value.unsigned_abs() >> self.format.fraction == 0;
+        match self.format {
+            SINGLE if is_exact => (value as f32).to_bits().into(),
+            DOUBLE if is_exact => (value as f64).to_bits(),
+            _ => self.round(Quad::from_i128(value.into()).value.scalbn(-(fraction as i32))),
+        }
     }
 
     pub(super) fn convert(&mut self, a: u64, to: Format) -> u64 {
@@ -245,18 +270,15 @@ impl Float {
         self.nan(&[a]).unwrap_or_else(|| self.round(a.wide))
     }
 
-    /// The conditions of a comparison, at their places in FPSCR; `signals`: any NaN is invalid.
+    /// The conditions of a comparison; `signals`: any NaN is invalid.
     pub(super) fn compare(&mut self, a: u64, b: u64, signals: bool) -> u32 {
-        let (a, b) = (self.take(a), self.take(b));
-        match a.wide.partial_cmp(&b.wide) {
-            Some(Ordering::Less) => 8 << 28,
-            Some(Ordering::Equal) => 6 << 28,
-            Some(Ordering::Greater) => 2 << 28,
-            None => {
-                self.flag(IOC, signals || a.signals || b.signals);
-                3 << 28
-            }
+        if let (Some(a), Some(b)) = (self.own(a), self.own(b)) {
+            return conditions(a.partial_cmp(&b));
         }
+        let (a, b) = (self.take(a), self.take(b));
+        let is_nan = a.wide.is_nan() || b.wide.is_nan();
+        self.flag(IOC, is_nan && (signals || a.signals || b.signals));
+        conditions(a.wide.partial_cmp(&b.wide))
     }
 
     /// The larger one, or the smaller one; a quiet NaN is neither.

@@ -345,9 +345,9 @@ impl I2c {
 
     pub(super) fn requests(&self, request: u32) -> bool {
         let facts = self.facts();
-        let reads = facts.reads(request) && self.is(1, RECEIVE_DMA) && self.receive.is_some();
-        let writes = facts.writes(request) && self.is(1, TRANSMIT_DMA) && self.wants_byte();
-        self.is(1, ENABLE) && (reads || writes)
+        self.is(1, ENABLE)
+            && (facts.reads(request) && self.is(1, RECEIVE_DMA) && self.receive.is_some()
+                || facts.writes(request) && self.is(1, TRANSMIT_DMA) && self.wants_byte())
     }
 
     pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {

@@ -310,9 +310,9 @@ impl Spi {
 
     pub(super) fn requests(&self, request: u32) -> bool {
         let (facts, config) = (self.facts(), self.config[0]);
-        let reads = facts.reads(request) && config & RECEIVE_DMA != 0 && self.has_packet();
-        let writes = facts.writes(request) && config & TRANSMIT_DMA != 0 && self.has_room();
-        self.is(ENABLE) && (reads || writes)
+        self.is(ENABLE)
+            && (facts.reads(request) && config & RECEIVE_DMA != 0 && self.has_packet()
+                || facts.writes(request) && config & TRANSMIT_DMA != 0 && self.has_room())
     }
 
     pub(super) fn read(

@@ -349,11 +349,10 @@ impl Usart {
     }
 
     pub(super) fn requests(&self, request: u32) -> bool {
-        let facts = self.facts();
-        let has_room = || self.transmitter.waiting.len() < self.capacity();
-        let reads = facts.reads(request) && self.is(3, DMA_RECEIVE) && self.offers_to_dma();
-        let writes = facts.writes(request) && self.is(3, DMA_TRANSMIT) && has_room();
-        self.is(1, ENABLE) && (reads || writes)
+        let (facts, waiting) = (self.facts(), self.transmitter.waiting.len());
+        self.is(1, ENABLE)
+            && (facts.reads(request) && self.is(3, DMA_RECEIVE) && self.offers_to_dma()
+                || facts.writes(request) && self.is(3, DMA_TRANSMIT) && waiting < self.capacity())
     }
 
     fn offers_to_dma(&self) -> bool {
