@@ -1,7 +1,7 @@
 //! The self-test program on the emulated chip, with a device at the other end of every wire.
 
 use rc10_emu::parts::Imu;
-use rc10_emu::peripherals::{Edge, Width};
+use rc10_emu::peripherals::{AccessKind, Edge, Width};
 use rc10_emu::{Injection, Machine};
 use rc10_sim::imu::bmi088::Part;
 use rc10_sim::remote::{Ppm, Remote};
@@ -293,7 +293,8 @@ impl Bench {
         let reports = self.machine.reports();
         assert!(reports.is_empty(), "{reports:?}");
         let soc = self.machine.soc();
-        assert_eq!((soc.unowned(), soc.gated()), (0, 0));
+        let refused = [AccessKind::Unowned, AccessKind::Gated].map(|kind| soc.count(kind));
+        assert_eq!(refused, [0, 0]);
         assert!(self.machine.restarts().is_empty(), "{:?}", self.machine.restarts());
         for uart in 1..=10 {
             assert_eq!(self.machine.garbled(uart), 0, "UART {uart}");

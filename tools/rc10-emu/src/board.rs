@@ -10,7 +10,7 @@ pub enum Package {
 }
 
 impl Package {
-    /// Its name in the data sheet.
+    /// The case's name in the data sheet.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -19,8 +19,8 @@ impl Package {
         }
     }
 
-    /// Whether it bonds a pin out (port 'A' ..= 'K', 0 ..= 15), be it behind a switch. Source: the
-    /// pin lists of stm32-metapac 21.0.0, STM32H723VG and STM32H723ZG.
+    /// Whether a pin (port 'A' ..= 'K', 0 ..= 15) is bonded out, be it behind a switch. Source:
+    /// stm32-metapac 21.0.0, STM32H723VG and STM32H723ZG.
     #[must_use]
     pub const fn bonds(self, port: char, pin: usize) -> bool {
         match port {
@@ -31,19 +31,16 @@ impl Package {
         }
     }
 
-    /// Whether a pin is bonded out as its analog pad only: PC2 as `PC2_C`, PC3 as `PC3_C`. Its
-    /// digital part reaches that pad while the switch between them is closed. Source: data sheet
-    /// DS13313, pin definitions, of both packages.
+    /// Whether only the analog pad of a pin is bonded out: `PC2_C`, `PC3_C`. The digital part reaches
+    /// it while the switch between them is closed. Source: data sheet DS13313, pin definitions.
     #[must_use]
     pub const fn is_behind_switch(self, port: char, pin: usize) -> bool {
         port == 'C' && (pin == 2 || pin == 3)
     }
 }
 
-/// A board with an STM32H723.
-///
-/// Another crystal than its own, soldered by mistake, is
-/// `Board { crystal_hz: 25_000_000, ..Board::DM_MC02 }`.
+/// A board with an STM32H723; with another crystal it is `Board { crystal_hz: 25_000_000,
+/// ..Board::DM_MC02 }`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Board {
     /// Name on the command line.
@@ -60,13 +57,13 @@ pub struct Board {
     pub supply: u32,
     /// Where the chip measures it.
     pub supply_sense: Option<SupplySense>,
-    /// Its BMI088.
+    /// The board's BMI088.
     pub imu: Option<ImuWiring>,
-    /// The heater of that.
+    /// The BMI088's heater.
     pub heater: Option<Heater>,
-    /// Its key, which connects the pin to ground; a pull-up is beside it.
+    /// The key, which connects the pin to ground; a pull-up is beside it.
     pub key: Option<(char, usize)>,
-    /// Its inputs for switches to ground, without a pull-up.
+    /// Inputs for switches to ground, without a pull-up.
     pub switches: [(char, usize); 2],
 }
 
@@ -86,7 +83,7 @@ pub struct ImuWiring {
 pub struct Heater {
     /// Port and number.
     pub pin: (char, usize),
-    /// Its resistance, ohms.
+    /// Resistance, ohms.
     pub ohms: u32,
 }
 

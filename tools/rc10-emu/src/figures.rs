@@ -2,6 +2,7 @@
 
 use rc10_sim::Nanos;
 
+use crate::peripherals::AccessKind;
 use crate::rig::Rig;
 
 /// The figures of a scenario so far.
@@ -9,8 +10,7 @@ use crate::rig::Rig;
 pub struct Figures {
     /// Duration of the run since power-on.
     pub length: Nanos,
-    /// From the moment the chip ran on its final clock to the start of the chip's first frame on
-    /// the last of its buses; `None` if one has seen none.
+    /// Time from the final clock to the chip's first frame on the last of its buses; `None` before.
     pub boot: Option<Nanos>,
     /// One per bus.
     pub buses: Vec<BusFigures>,
@@ -83,8 +83,8 @@ impl Figures {
             buses: (0..rig.buses().len()).map(|index| BusFigures::of(rig, index)).collect(),
             instructions: machine.profile().total(),
             stack_bytes: stack_top.saturating_sub(lowest),
-            unowned_accesses: soc.unowned(),
-            gated_accesses: soc.gated(),
+            unowned_accesses: soc.count(AccessKind::Unowned),
+            gated_accesses: soc.count(AccessKind::Gated),
         }
     }
 

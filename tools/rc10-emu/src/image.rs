@@ -13,7 +13,7 @@ use object::{Endianness, elf};
 /// A static variable or constant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Static {
-    /// Its demangled name, with its path.
+    /// Demangled name, with its path.
     pub name: String,
     /// Address.
     pub address: u32,
@@ -27,8 +27,8 @@ pub struct Image {
     pub segments: Vec<(u32, Vec<u8>)>,
     /// Every function: its address, without the Thumb bit, and its demangled name.
     pub functions: BTreeMap<u32, String>,
-    /// Every symbol's address, as it stands in the file (functions with the Thumb bit), by the name
-    /// in the file.
+    /// Every symbol's address as it is in the file (functions with the Thumb bit), by its mangled
+    /// name.
     pub symbols: BTreeMap<String, u32>,
     /// Every static that has a place and a length.
     pub statics: Vec<Static>,
@@ -51,12 +51,12 @@ pub struct MadeFor {
     pub board: String,
     /// Name of its chip.
     pub chip: String,
-    /// Its crystal, hertz.
+    /// Crystal, hertz.
     pub crystal_hz: u64,
 }
 
 impl MadeFor {
-    /// Of 36 bytes: two texts of 16 that end in zeros, and a number, the low byte first.
+    /// A note of 36 bytes: two texts of 16 that end in zeros, and a number, the low byte first.
     ///
     /// # Errors
     /// If there are more or fewer bytes, or a text is not UTF-8.
@@ -81,7 +81,7 @@ impl Image {
     /// Reads an ELF file for a 32-bit Arm.
     ///
     /// # Errors
-    /// If it is none, is cut short, or says nonsense about its board.
+    /// If the file is invalid, cut short, or says nonsense about its board.
     pub fn parse(file: &[u8]) -> Result<Self> {
         let header = FileHeader32::<Endianness>::parse(file).context("no 32-bit ELF file")?;
         let endian = header.endian()?;

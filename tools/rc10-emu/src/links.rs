@@ -30,13 +30,11 @@ impl SerialEnd for Ear {
     }
 }
 
-/// Far end of a UART's pins.
 enum Far {
     Serial(Serial),
     Line(Line),
 }
 
-/// A UART on a line.
 struct SerialLink {
     uart: u8,
     far: Far,
@@ -49,7 +47,11 @@ struct SerialLink {
 }
 
 impl SerialLink {
-    /// Moves characters of the world into the UART.
+    fn new(uart: u8, far: Far, format: Format, baud: u32) -> Self {
+        let bit_fs = FEMTOS_OF_SECOND / u64::from(baud.max(1));
+        Self { uart, far, ear: Rc::default(), format, bit_fs, inverted: false, garbled: 0 }
+    }
+
     fn hear(&self, soc: &mut Soc) {
         let Self { uart, format, bit_fs, inverted, .. } = *self;
         let mut ear = self.ear.borrow_mut();
@@ -73,7 +75,6 @@ impl SerialLink {
         }
     }
 
-    /// Moves characters of the UART into the world.
     fn speak(&mut self, soc: &mut Soc) {
         for outgoing in soc.take_outgoing(self.uart) {
             let Outgoing { character, end, has_ended } = outgoing;
@@ -99,7 +100,7 @@ impl SerialLink {
         if character.inverted != self.inverted {
             return None;
         }
-        let mut wire = Wire::new();
+        let mut wire = Wire::default();
         wire.set_idle(!self.inverted);
         wire.draw(character);
         let how = Sampling {
@@ -123,20 +124,17 @@ impl PulseEnd for PulseEar {
     }
 }
 
-/// A pin on a line of pulses.
 struct PulseLink {
     pin: (char, usize),
     ear: Rc<RefCell<PulseEar>>,
 }
 
-/// A pin at a contact to ground.
 struct ContactLink {
     pin: (char, usize),
     contact: Contact,
     was_closed: bool,
 }
 
-/// All lines of a chip.
 #[derive(Default)]
 pub(crate) struct Links {
     serials: Vec<SerialLink>,
@@ -149,8 +147,7 @@ impl Links {
         self.serials.is_empty() && self.pulses.is_empty() && self.contacts.is_empty()
     }
 
-    /// Puts a UART on a serial link. `false`: there is no such UART, or it knows no characters of
-    /// the link's length.
+    /// Puts a UART on a serial link. `false`: no such UART, or no characters of the link's length.
     pub fn connect_serial(
         &mut self,
         soc: &mut Soc,
@@ -160,40 +157,28 @@ impl Links {
     ) -> bool {
         let config = serial.config();
         let Some(format) = Format::of_length(config.bits.into()) else { return false };
-        let ear = Rc::<RefCell<Ear>>::default();
-        let far = Far::Serial(serial.clone());
-        let link = (far, Rc::clone(&ear), format, config.baud);
-        let connected = self.connect(soc, uart, link, inverted);
-        if connected {
-            serial.attach(ear);
-        }
-        connected
+        let link = SerialLink::new(uart, Far::Serial(serial.clone()), format, config.baud);
+        self.connect(soc, SerialLink { inverted, ..link }, |ear| serial.attach(ear))
     }
 
     /// Puts a UART with driver enable on a line. `false`: there is no such UART.
     pub fn connect_line(&mut self, soc: &mut Soc, uart: u8, line: &Line) -> bool {
-        let ear = Rc::<RefCell<Ear>>::default();
-        let link = (Far::Line(line.clone()), Rc::clone(&ear), Format::EIGHT_N_1, line.baud());
-        let connected = self.connect(soc, uart, link, false);
-        if connected {
-            line.attach(ear);
-        }
-        connected
+        let link = SerialLink::new(uart, Far::Line(line.clone()), Format::EIGHT_N_1, line.baud());
+        self.connect(soc, link, |ear| line.attach(ear))
     }
 
     fn connect(
         &mut self,
         soc: &mut Soc,
-        uart: u8,
-        (far, ear, format, baud): (Far, Rc<RefCell<Ear>>, Format, u32),
-        inverted: bool,
+        link: SerialLink,
+        attach: impl FnOnce(Rc<RefCell<Ear>>),
     ) -> bool {
-        if !soc.link_serial(uart) {
+        if !soc.link_serial(link.uart) {
             return false;
         }
-        soc.set_serial_idle(uart, !inverted);
-        let bit_fs = FEMTOS_OF_SECOND / u64::from(baud.max(1));
-        self.serials.push(SerialLink { uart, far, ear, format, bit_fs, inverted, garbled: 0 });
+        soc.set_serial_idle(link.uart, !link.inverted);
+        attach(Rc::clone(&link.ear));
+        self.serials.push(link);
         true
     }
 
@@ -223,15 +208,14 @@ impl Links {
         now: Nanos,
     ) -> bool {
         let was_closed = contact.is_closed();
-        let connected = soc.drive_pin(pin.0, pin.1, level(was_closed), now);
+        let connected = soc.drive_pin(pin.0, pin.1, was_closed.then_some(false), now);
         if connected {
             self.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
         }
         connected
     }
 
-    /// Moves data of the world, which stands at `now`, to the chip, which stands at an earlier time or
-    /// at this.
+    /// Moves data of the world, which is at `now`, to the chip, which is not later.
     pub fn hear(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter().for_each(|link| link.hear(soc));
         for PulseLink { pin: (port, pin), ear } in &self.pulses {
@@ -242,23 +226,16 @@ impl Links {
         for ContactLink { pin: (port, pin), contact, was_closed } in &mut self.contacts {
             let closed = contact.is_closed();
             if std::mem::replace(was_closed, closed) != closed {
-                soc.drive_pin(*port, *pin, level(closed), now);
+                soc.drive_pin(*port, *pin, closed.then_some(false), now);
             }
         }
     }
 
-    /// Moves data of the chip into the world.
     pub fn speak(&mut self, soc: &mut Soc) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
     }
 
-    /// Characters that a UART has sent and the far end could not read.
     pub fn garbled(&self, uart: u8) -> u64 {
         self.serials.iter().filter(|link| link.uart == uart).map(|link| link.garbled).sum()
     }
-}
-
-/// What a contact to ground drives its pin to: open, nothing.
-fn level(closed: bool) -> Option<bool> {
-    closed.then_some(false)
 }

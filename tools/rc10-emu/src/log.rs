@@ -1,5 +1,4 @@
-//! The firmware's log: defmt frames that it puts into a ring in RAM (SEGGER RTT), read as a debug
-//! probe would read them.
+//! The firmware's log: defmt frames in a ring in RAM (SEGGER RTT), read as by a debug probe.
 
 use anyhow::{Context, Result};
 use defmt_decoder::{DecodeError, Table};
@@ -14,13 +13,11 @@ const BUFFER: u32 = 24 + 4;
 const SIZE: u32 = BUFFER + 4;
 const WRITE: u32 = SIZE + 4;
 const READ: u32 = WRITE + 4;
-/// A ring longer than this is none: the control block is not set up yet.
+/// The longest valid ring: beyond it the control block is not set up yet.
 const LONGEST_RING: u32 = 1 << 16;
 
-/// First bytes of the control block.
 const ID: &[u8; 10] = b"SEGGER RTT";
 
-/// Decoder for the log of one program.
 pub(crate) struct Log {
     table: Option<Table>,
     control_block: Option<u32>,
@@ -39,7 +36,6 @@ impl Log {
         })
     }
 
-    /// Takes what the program has written since the last call.
     fn drain(&mut self, memory: &Memory) -> Result<()> {
         let Some(block) = self.control_block else {
             return Ok(());
@@ -99,7 +95,6 @@ impl Log {
         Ok(messages)
     }
 
-    /// The chip was reset: half a message stays half.
     pub(crate) fn reset(&mut self) {
         self.bytes.clear();
     }

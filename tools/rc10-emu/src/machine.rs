@@ -3,26 +3,25 @@
 use std::cell::RefCell;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use anyhow::{Context, Result, ensure};
 use rc10_sim::{Contact, Line, Nanos, Pulses, Serial, World};
 
 use crate::board::Board;
-use crate::core::{Core, Step, Wiring};
+use crate::core::{Core, Step};
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
 use crate::links::Links;
 use crate::log::Log;
 use crate::memory::{FLASH, Memory};
 use crate::parts::{Imu, Parts, Thermal};
-use crate::peripherals::{Edge, PinTime, ResetCause, Soc};
+use crate::peripherals::{Edge, PinTime, ResetCause, Soc, lock};
 use crate::profile::Profile;
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
 const FULL_CLOCK_HZ: u64 = 480_000_000;
 const NANOS_PER_SECOND: u64 = 1_000_000_000;
-/// Period in which a debug probe reads log messages.
 const LOG_PERIOD: Nanos = Nanos::new(1_000_000);
 /// Code for injected faults, in the otherwise unused ITCM: an undefined instruction, ..
 const UNDEFINED: u32 = 0x0000_0000;
@@ -55,26 +54,28 @@ pub enum Injection {
         /// Number of the exception; external interrupts start at 16.
         exception: u16,
     },
-    /// The handler of this exception hangs no longer: it begins. If it has not been called since,
-    /// it will not hang.
+    /// The handler of this exception hangs no longer, or will not hang.
     EndHang {
         /// Number of the exception.
         exception: u16,
     },
     /// The program does nothing but mask interrupts from now on, or goes on again. If it masks them
-    /// itself at that moment, as soon as it no longer does.
+    /// itself, that begins when it no longer does.
     MaskInterrupts(bool),
 }
 
-/// An access to something that does not exist, or has no clock; a pin that leads nowhere; a bit
-/// rate that is not the bus's; or a core that locked up.
+/// A line of the program's log, or a report: of a refused access, a pin that leads nowhere, a bit
+/// rate that is not the bus's, or a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// Time since power-on.
+    /// Time since power-on; in the log, the time at which a debug probe would have read it.
     pub at: Nanos,
-    /// Description.
+    /// Description; in the log, level and message.
     pub text: String,
 }
+
+/// A line of the program's log.
+pub type LogLine = Report;
 
 /// Reports kept in full; more are only counted.
 const REPORTS: usize = 32;
@@ -88,44 +89,31 @@ pub struct Restart {
     pub cause: ResetCause,
 }
 
-/// One line of the firmware's log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LogLine {
-    /// Time at which a debug probe would have read it.
-    pub at: Nanos,
-    /// Level and message.
-    pub text: String,
-}
-
 /// Differences between chips, and choices where the manual can be read in two ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
-    /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
+    /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send:
+    /// RM0399 59.4.5 says so, ST's HAL does not do it, and works. `true` if not said.
     pub calibration_needed: bool,
     /// Whether `RCC_RSR.RMVF` stays set until the program clears it, and holds the reset flags at
-    /// zero. The register's text says "set and reset by software"; ST's HAL only sets it. `true` if
-    /// not said.
+    /// zero ("set and reset by software"; ST's HAL only sets it). `true` if not said.
     pub removal_stays: bool,
     /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
     /// control), and done by every start-up code, ST's own too. `false` if not said.
     pub reports_early_ram: bool,
-    /// The board that the chip is on: its crystal, and the pins that lead outside. The team's own
-    /// if not said.
+    /// The board that the chip is on. The team's own if not said.
     pub board: Board,
-    /// How much too fast the chip's own oscillator (HSI) is, in millionths: a real one is up to 1 %
-    /// off (data sheet, HSI characteristics). 0 if not said.
+    /// Deviation of the chip's own oscillator (HSI), in millionths: up to 1 % on a real one (data
+    /// sheet, HSI characteristics). 0 if not said.
     pub hsi_deviation_ppm: i32,
-    /// Whether the switches of PC2 and PC3 (`SYSCFG_PMCR`) are closed after a reset: RM0468 leaves
-    /// it to the package. A program that needs these pins closes them itself: `false` shows whether
-    /// it does.
-    /// `true` if not said.
+    /// Whether the switches of PC2 and PC3 (`SYSCFG_PMCR`) are closed after a reset, which RM0468
+    /// leaves to the package. A program that needs these pins has to close them. `true` if not
+    /// said.
     pub switches_closed: bool,
-    /// Names (`map::MAP`) of peripherals that say nothing, as in an emulator that does not have
-    /// them: their registers read as zero, take nothing, and nothing is reported. `ADC1` stands for
-    /// its common registers, too. None if not said.
+    /// Names (`map::MAP`) of peripherals that say nothing, as in an emulator without them: they
+    /// read as zero, take nothing, and report nothing. `ADC1` includes its common registers.
     pub silent: &'static [&'static str],
-    /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
+    /// Seed of the noise in all RAM when power comes, the FDCANs' too. 1 if not said.
     pub seed: u64,
 }
 
@@ -166,7 +154,7 @@ impl Pace {
 /// [`run`](Self::run) lets chip and world go through time together.
 pub struct Machine {
     core: Core,
-    wiring: Wiring,
+    soc: Arc<Mutex<Soc>>,
     fdcan: Arc<Mutex<Fdcans>>,
     /// Buses with the index of their FDCAN, until a wrong bit rate is told.
     buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
@@ -187,8 +175,7 @@ pub struct Machine {
     part: u64,
     /// Rate that `fraction` is of.
     rate: u64,
-    /// Address and arguments at which the program goes on as soon as it executes anything: a core
-    /// that sleeps cannot fail.
+    /// Address and arguments at which the program goes on when it next executes anything.
     jumps: VecDeque<(u32, [u32; 3])>,
     /// The exceptions whose handlers are to hang when they are called next.
     hangs: BTreeSet<u16>,
@@ -204,19 +191,18 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// A chip with the program of an ELF file in its flash, just switched on.
+    /// Creates a chip, just switched on, with the program of an ELF file in its flash.
     ///
     /// # Errors
-    /// If the file is no program, does not fit into the chip's memories, or says nonsense about its
-    /// board.
+    /// If the file is no program, does not fit into the memories, or says nonsense about its board.
     pub fn new(file: &[u8]) -> Result<Self> {
         Self::with(file, Options::default())
     }
 
-    /// As [`new`](Self::new), but not the strictest chip.
+    /// Creates a chip with other options than the strictest.
     ///
     /// # Errors
-    /// As [`new`](Self::new); if a peripheral that is to be silent does not exist.
+    /// The ones of [`new`](Self::new), and if a peripheral that is to be silent does not exist.
     pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
@@ -230,11 +216,7 @@ impl Machine {
         let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
         let fdcan = Arc::new(Mutex::new(fdcan));
-        let mut soc =
-            Soc::on(options.board, options.hsi_deviation_ppm, Arc::clone(&fdcan), memory.clone());
-        soc.set_removal_stays(options.removal_stays);
-        soc.set_guards_ram(options.reports_early_ram);
-        soc.set_switches_closed(options.switches_closed, Nanos::ZERO);
+        let mut soc = Soc::new(options, Arc::clone(&fdcan), memory.clone());
         for name in options.silent {
             ensure!(soc.silence(name), "there is no peripheral {name}");
         }
@@ -242,11 +224,11 @@ impl Machine {
         if let Some((port, pin)) = options.board.key {
             soc.drive_pin(port, pin, Some(true), Nanos::ZERO);
         }
-        let wiring = Wiring(Arc::new(Mutex::new(soc)));
-        let core = Core::new(&memory, Some(wiring.clone()));
+        let soc = Arc::new(Mutex::new(soc));
+        let core = Core::new(&memory, Some(Arc::clone(&soc)));
         Ok(Self {
             core,
-            wiring,
+            soc,
             fdcan,
             buses: RefCell::default(),
             parts,
@@ -280,27 +262,26 @@ impl Machine {
         self.buses.borrow_mut().push((index, bus.clone()));
     }
 
-    /// Puts a UART (1 for USART1 ..= 10 for USART10) on a serial link: bytes at the exact
-    /// nanosecond, as levels of the link's rate, with characters of 10 bits as 8N1, of 11 as 8E1,
-    /// of 12 as 8E2.
-    /// `inverted`: the line idles low, as that of SBUS does.
+    /// Puts a UART (1 for USART1 ..= 10) on a serial link: levels of the link's rate, with
+    /// characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2. `inverted`: the line idles low, as
+    /// for SBUS.
     ///
     /// # Errors
     /// If the chip has no such UART, or the link's characters have another length.
     pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
-        let connected = self.links.connect_serial(&mut self.wiring.soc(), uart, link, inverted);
+        let connected = self.links.connect_serial(&mut lock(&self.soc), uart, link, inverted);
         let bits = link.config().bits;
         ensure!(connected, "there is no UART {uart} (1 to 10), or characters of {bits} bits");
         Ok(())
     }
 
-    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`,
-    /// and a pin for it): without that no node hears it, and while it is enabled it hears none.
+    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`):
+    /// only then nodes hear it, and meanwhile it hears no node.
     ///
     /// # Errors
     /// If the chip has no such UART.
     pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
-        let connected = self.links.connect_line(&mut self.wiring.soc(), uart, line);
+        let connected = self.links.connect_line(&mut lock(&self.soc), uart, line);
         ensure!(connected, "there is no UART {uart}; they are 1 to 10");
         Ok(())
     }
@@ -311,7 +292,7 @@ impl Machine {
     /// If the chip has no such pin.
     pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
         let now = self.now();
-        let connected = self.links.connect_pulses(&mut self.wiring.soc(), pin, pulses, now);
+        let connected = self.links.connect_pulses(&mut lock(&self.soc), pin, pulses, now);
         ensure!(connected, "there is no pin P{}{}", pin.0, pin.1);
         Ok(())
     }
@@ -322,7 +303,7 @@ impl Machine {
     /// If the pin does not lead outside.
     pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         let connected = soc.board().package.bonds(pin.0, pin.1)
             && self.links.connect_contact(&mut soc, pin, contact, now);
         ensure!(connected, "no pin P{}{} leads outside", pin.0, pin.1);
@@ -334,15 +315,13 @@ impl Machine {
     /// # Errors
     /// If the chip has no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize) -> Result<()> {
-        let now = self.now();
-        ensure!(self.wiring.soc().watch_pin(port, pin, now), "there is no pin P{port}{pin}");
+        ensure!(lock(&self.soc).watch_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
     }
 
     /// What a watched pin did since the last call, or since it is watched; `None`: it is not.
     pub fn take_pin_time(&mut self, port: char, pin: usize) -> Option<PinTime> {
-        let now = self.now();
-        self.wiring.soc().take_pin_time(port, pin, now)
+        lock(&self.soc).take_pin_time(port, pin, self.now())
     }
 
     /// Keeps from now on every edge of a pin that the chip drives.
@@ -350,47 +329,37 @@ impl Machine {
     /// # Errors
     /// If the chip has no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
-        let now = self.now();
-        ensure!(self.wiring.soc().record_pin(port, pin, now), "there is no pin P{port}{pin}");
+        ensure!(lock(&self.soc).record_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
     }
 
     /// The edges of a recorded pin since the last call.
     pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
-        self.wiring.soc().take_edges(port, pin)
-    }
-
-    /// The level that the chip drives a pin to now; `None` if it does not.
-    #[must_use]
-    pub fn pin_level(&self, port: char, pin: usize) -> Option<bool> {
-        self.wiring.soc().pin_output(port, pin)
+        lock(&self.soc).take_edges(port, pin)
     }
 
     /// Whether the receiver of a UART is on now.
     #[must_use]
     pub fn listens(&self, uart: u8) -> bool {
-        self.wiring.soc().listens(uart)
+        lock(&self.soc).listens(uart)
     }
 
-    /// Characters that a UART has sent and its far end could not read: another rate, another
-    /// format.
+    /// Characters that a UART has sent and its far end could not read.
     #[must_use]
     pub fn garbled(&self, uart: u8) -> u64 {
         self.links.garbled(uart)
     }
 
-    /// The priority of an external interrupt as it is set now: 0 is the most urgent, the chip has
-    /// 16 of them.
+    /// The priority of an external interrupt now: 0, the most urgent, to 15.
     #[must_use]
     pub fn priority(&self, interrupt: u16) -> u8 {
         // 16 exceptions of the core come before; of eight bits the upper four exist.
         self.core.priority(16 + interrupt) >> 4
     }
 
-    /// Instructions a second of the core when its clock is 480 MHz; in proportion
-    /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
-    /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What
-    /// buses take on the way to a peripheral comes on top of either.
+    /// Sets the instructions a second of the core at 480 MHz; in proportion less while it is
+    /// slower. If never said, each takes the clocks of a Cortex-M4. The buses' clocks on the way to
+    /// a peripheral come on top.
     pub fn set_speed(&mut self, instructions_per_second: u64) {
         (self.speed, self.part) = (Some(instructions_per_second.max(1)), 0);
     }
@@ -404,7 +373,7 @@ impl Machine {
     /// The board that it is on.
     #[must_use]
     pub fn board(&self) -> Board {
-        self.wiring.soc().board()
+        lock(&self.soc).board()
     }
 
     /// The program.
@@ -440,12 +409,12 @@ impl Machine {
 
     /// The peripherals but the FDCANs.
     pub fn soc(&self) -> MutexGuard<'_, Soc> {
-        self.wiring.soc()
+        lock(&self.soc)
     }
 
     /// The FDCANs.
     pub fn fdcan(&self) -> MutexGuard<'_, Fdcans> {
-        self.fdcan.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.fdcan)
     }
 
     /// The log lines since the last call.
@@ -536,17 +505,15 @@ impl Machine {
     /// The board's crystal stops swinging, now, or can swing again.
     pub fn set_crystal(&mut self, alive: bool) {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         soc.set_crystal(alive, now);
         self.core.set_nmi(soc.nmi());
     }
 
-    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags
-    /// that are set stay; what would have ended meanwhile ends as soon as it does not fail any
-    /// more.
+    /// Whether ADC1 fails from now on: no conversion, calibration or start ends before it does no
+    /// longer. Flags that are set stay.
     pub fn set_adc_fails(&mut self, fails: bool) {
-        let now = self.now();
-        self.wiring.soc().set_adc_fails(fails, now);
+        lock(&self.soc).set_adc_fails(fails, self.now());
     }
 
     /// The voltage at a pin from outside, in microvolts, from now on.
@@ -554,8 +521,7 @@ impl Machine {
     /// # Errors
     /// If the pin does not lead outside, or to no converter that is modelled.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32) -> Result<()> {
-        let now = self.now();
-        let known = self.wiring.soc().set_voltage(port, pin, microvolts, now);
+        let known = lock(&self.soc).set_voltage(port, pin, microvolts, self.now());
         ensure!(known, "no converter measures at P{port}{pin}");
         Ok(())
     }
@@ -566,7 +532,7 @@ impl Machine {
     /// If the chip does not, on this board.
     pub fn set_supply(&mut self, millivolts: u32) -> Result<()> {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         let name = soc.board().name;
         ensure!(soc.set_supply(millivolts, now), "the chip on {name} does not measure its supply");
         self.parts.advance(&mut soc, now);
@@ -596,7 +562,7 @@ impl Machine {
     /// If the board has none.
     pub fn press_key(&mut self, pressed: bool) -> Result<()> {
         let now = self.now();
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         let board = soc.board();
         let (port, pin) = board.key.with_context(|| format!("{} has no key", board.name))?;
         soc.drive_pin(port, pin, Some(!pressed), now);
@@ -611,7 +577,7 @@ impl Machine {
         while self.now < until.get() {
             let next_of_world = world.next_event();
             let mut horizon = next_of_world.min(self.next_log).min(until);
-            if let Some(event) = self.wiring.soc().next_event() {
+            if let Some(event) = lock(&self.soc).next_event() {
                 horizon = horizon.min(event);
             }
             self.execute(horizon.get());
@@ -622,7 +588,7 @@ impl Machine {
                 self.talk(world, next_of_world, now);
             }
             let (levels, nmi, memories, guards) = {
-                let mut soc = self.wiring.soc();
+                let mut soc = lock(&self.soc);
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
                 (soc.interrupt_levels(), soc.nmi(), soc.memories_run(), soc.guards_ram())
@@ -637,7 +603,7 @@ impl Machine {
 
     /// Chip and world exchange the levels of their lines, in the order of time, up to now.
     fn talk(&mut self, world: &mut World, mut next_of_world: Nanos, now: Nanos) {
-        let mut soc = self.wiring.soc();
+        let mut soc = lock(&self.soc);
         loop {
             let next = soc.next_event().map_or(next_of_world, |event| event.min(next_of_world));
             world.advance_to(next.min(now));
@@ -653,7 +619,7 @@ impl Machine {
 
     /// Runs the core up to a time, or until it has touched a peripheral.
     fn execute(&mut self, horizon: u64) {
-        let clock = self.wiring.soc().core_clock_hz();
+        let clock = lock(&self.soc).core_clock_hz();
         self.core.bus.touched = false;
         if clock == 0 {
             // Nothing is executed, and no interrupt taken.
@@ -716,7 +682,6 @@ impl Machine {
         self.now >= horizon || self.core.bus.touched
     }
 
-    /// An injected fault strikes, as soon as the program executes anything.
     #[cold]
     fn fail(&mut self) {
         if let Some((address, arguments)) = self.jumps.pop_front() {
@@ -728,8 +693,8 @@ impl Machine {
         self.is_fault_due = self.is_mask_due || !self.jumps.is_empty();
     }
 
-    /// The core has nothing to do until a time, or until its own timer ends: for how many clocks.
-    /// It has counted some of them.
+    /// The core sleeps until a time, or until its own timer ends: for how many clocks. Some of them
+    /// are counted.
     fn rest(&mut self, horizon: u64, clocks: u64, rate: u64) -> u64 {
         let nanos = horizon.saturating_sub(self.now);
         let idle = (u128::from(nanos) * u128::from(rate)).div_ceil(NANOS_PER_SECOND.into());
@@ -771,16 +736,16 @@ impl Machine {
     /// Everything outside the core: resets, reports, the log.
     fn after(&mut self, now: Nanos) -> Result<()> {
         let reported = self.collect_reports();
-        let cause = self.wiring.soc().take_reset();
+        let cause = lock(&self.soc).take_reset();
         let cause =
             cause.or_else(|| self.core.take_reset_request().then_some(ResetCause::Software));
         // Earlier messages of the program come first.
         if now >= self.next_log || cause.is_some() || reported {
             self.next_log = now + LOG_PERIOD;
             let messages = self.log.messages(&self.memory)?;
-            self.lines.extend(messages.into_iter().map(|text| LogLine { at: now, text }));
+            self.lines.extend(messages.into_iter().map(|text| Report { at: now, text }));
             self.compare_bit_rates();
-            self.parts.advance(&mut self.wiring.soc(), now);
+            self.parts.advance(&mut lock(&self.soc), now);
         }
         if let Some(cause) = cause {
             self.restart(cause);
@@ -792,7 +757,7 @@ impl Machine {
     pub fn restart(&mut self, cause: ResetCause) {
         let now = self.now();
         self.restarts.push(Restart { at: now, cause });
-        self.wiring.soc().reset(cause, now);
+        lock(&self.soc).reset(cause, now);
         self.core.reset();
         self.log.reset();
         self.jumps.clear();
@@ -803,7 +768,7 @@ impl Machine {
     /// Tells, once for each bus, that a controller's bits have another length than its bus's.
     fn compare_bit_rates(&mut self) {
         let mut texts = Vec::new();
-        let fdcan = self.fdcan.lock().unwrap_or_else(PoisonError::into_inner);
+        let fdcan = lock(&self.fdcan);
         self.buses.get_mut().retain(|(index, bus)| {
             let Some((own, bit)) = fdcan.bit_rate(*index) else { return true };
             let follows = bus.follows(bit);
@@ -826,7 +791,7 @@ impl Machine {
 
     /// Whether there were any.
     fn collect_reports(&mut self) -> bool {
-        let accesses = self.wiring.soc().take_reports();
+        let accesses = lock(&self.soc).take_reports();
         for access in &accesses {
             let address = self.core.program_counter();
             let function = self.image.function_at(address).map_or("?", |(_, name)| name);
@@ -838,19 +803,14 @@ impl Machine {
 
 /// Bits a second in kbit/s, with one decimal where there is one.
 fn kilobits(bits_per_second: u64) -> String {
-    let tenths = (bits_per_second + 50) / 100;
-    match tenths % 10 {
-        0 => format!("{} kbit/s", tenths / 10),
-        tenth => format!("{}.{tenth} kbit/s", tenths / 10),
-    }
+    format!("{} kbit/s", ((bits_per_second + 50) / 100) as f64 / 10.0)
 }
 
-/// Of what stands in for a handler: the exception whose it is.
+/// The exception that a stand-in for a handler is for.
 fn stood_in(address: u32) -> Option<u32> {
     address.checked_sub(STAND_INS).map(|offset| offset / 8).filter(|&exception| exception < 256)
 }
 
-/// Address of the code that stands in for the handler of an exception.
 fn stand_in(exception: u16) -> u32 {
     STAND_INS + 8 * u32::from(exception)
 }

@@ -15,15 +15,14 @@ pub const PERIPHERALS: (u32, u32) = (0x4000_0000, 0x2000_0000);
 pub struct Bank {
     /// Name in the manual.
     pub name: &'static str,
-    /// Its first address.
+    /// First address.
     pub base: u32,
-    /// Its length in bytes.
+    /// Length in bytes.
     pub length: u32,
     /// Place of its first byte among the bytes of all banks.
     pub(crate) start: u32,
 }
 
-/// Every memory, in the order of the addresses.
 const BANKS: [Bank; 8] = {
     const KIB: u32 = 1 << 10;
     let mut banks = [
@@ -48,7 +47,6 @@ const fn bank(name: &'static str, base: u32, length: u32) -> Bank {
     Bank { name, base, length, start: 0 }
 }
 
-/// Bytes of all banks.
 const BYTES: u32 = BANKS[7].start + BANKS[7].length;
 
 /// Address of the processor's first instruction.
@@ -68,9 +66,7 @@ pub(crate) fn noise(seed: u64) -> impl Iterator<Item = u64> {
     })
 }
 
-/// All memories. A reset leaves them as they are.
-///
-/// A clone is the same memories, not a copy of them: what a DMA controller sees.
+/// All memories; a reset leaves them as they are. A clone is the same memories: what a DMA sees.
 #[derive(Clone)]
 pub struct Memory(Arc<Words>);
 
@@ -79,12 +75,12 @@ struct Words {
     words: Box<[AtomicU32]>,
     /// Blocks from which the core has decoded instructions.
     code: Box<[AtomicBool]>,
-    /// Of what was written there since: the first place, and the one behind the last; 0: nothing.
+    /// The first place written there since, and the one behind the last; 0: nothing.
     stale: [AtomicU32; 2],
 }
 
 impl Memory {
-    /// As power-on leaves them: noise, other noise for another seed; erased flash is full of ones.
+    /// Memories at power-on: noise, other noise for another seed; erased flash is full of ones.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut words = Vec::with_capacity((BYTES / 4) as usize);
@@ -121,7 +117,6 @@ impl Memory {
         &BANKS
     }
 
-    /// The bank that holds an address.
     pub(crate) fn bank(address: u32) -> Option<&'static Bank> {
         BANKS.iter().find(|bank| address.wrapping_sub(bank.base) < bank.length)
     }
@@ -167,7 +162,6 @@ impl Memory {
         self.0.code[(place / BLOCK) as usize].store(true, Ordering::Relaxed);
     }
 
-    /// Whether code that was decoded has been written since.
     #[inline]
     pub(crate) fn is_stale(&self) -> bool {
         self.0.stale[1].load(Ordering::Relaxed) != 0

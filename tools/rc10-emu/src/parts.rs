@@ -1,16 +1,14 @@
-//! What is soldered on a board beside the chip: an IMU, a heater for it, a key.
+//! The parts beside the chip on a board: an IMU, a heater for it, a key.
 //!
-//! Motion and temperature change once a millisecond, with the log, and when something is reported
-//! or restarts the chip.
+//! Motion and temperature change once a millisecond, with the log, and with reports and restarts.
 
-use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rc10_sim::imu::bmi088::{Bmi088, Motion, Part};
 use rc10_sim::{Base, Nanos};
 
 use crate::board::{Board, Heater};
-use crate::peripherals::{Soc, SpiDevice};
+use crate::peripherals::{Soc, SpiDevice, lock};
 
 /// A BMI088 on an SPI: one handle of it, as its two halves are.
 #[derive(Clone, Debug, Default)]
@@ -25,17 +23,13 @@ impl Imu {
 
     /// Looks at it, or changes what it feels.
     pub fn with<R>(&self, with: impl FnOnce(&mut Bmi088) -> R) -> R {
-        with(&mut self.lock())
+        with(&mut lock(&self.0))
     }
 
     /// One of its two chips, to be attached to an SPI.
     #[must_use]
     pub fn half(&self, part: Part) -> impl SpiDevice + use<> {
         Half { imu: self.clone(), part }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Bmi088> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -50,23 +44,22 @@ impl SpiDevice for Half {
     }
 
     fn select(&mut self, _now: Nanos) {
-        self.imu.lock().select(self.part);
+        self.imu.with(|imu| imu.select(self.part));
     }
 
     fn deselect(&mut self, now: Nanos) {
-        self.imu.lock().deselect(self.part, now);
+        self.imu.with(|imu| imu.deselect(self.part, now));
     }
 
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16 {
-        // Frames of another length than a byte are none of its own.
+        // It does not know frames of another length than a byte.
         let sent = u8::try_from(sent & 0xFF).unwrap_or(0);
-        self.imu.lock().exchange(self.part, sent, now).into()
+        self.imu.with(|imu| imu.exchange(self.part, sent, now)).into()
     }
 }
 
-/// How an IMU beside a heater gets warm: a first-order law. These numbers are assumptions, not
-/// measured. They fit the notes of `COD_UniFramework_H7` (P in DM-MC02's facts sheet): a duty of 5 %
-/// was too little for 40 °C, 25 % enough.
+/// The warming of an IMU beside a heater: a first-order law. The numbers are assumptions that fit
+/// the notes of `COD_UniFramework_H7`: a duty of 5 % was too little for 40 °C, 25 % enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermal {
     /// °C of everything around, and of the die at power-on.
@@ -93,14 +86,13 @@ impl Thermal {
     }
 }
 
-/// What is soldered on the board of a machine.
 pub(crate) struct Parts {
     pub imu: Option<Imu>,
     heater: Option<Heater>,
     pub thermal: Thermal,
     /// Millivolts.
     pub supply: u32,
-    /// What the IMU is mounted on.
+    /// The base that the IMU is mounted on.
     pub base: Option<Base>,
     /// How long the heater was on, at the time of the last look.
     heated: (Nanos, Nanos),
@@ -131,7 +123,7 @@ impl Parts {
         Self { imu, heater: board.heater, thermal, supply: board.supply, base: None, heated }
     }
 
-    /// What the IMU feels, and how warm it is, now: called once a millisecond.
+    /// Motion and temperature of the IMU now: called once a millisecond.
     pub fn advance(&mut self, soc: &mut Soc, now: Nanos) {
         let Some(imu) = &self.imu else { return };
         if let Some(base) = &self.base {
@@ -149,12 +141,6 @@ impl Parts {
         let watts = heated as f64 / passed as f64 * volts * volts / f64::from(ohms.max(1));
         let seconds = passed as f64 / 1e9;
         imu.with(|imu| imu.celsius = self.thermal.after(imu.celsius, watts, seconds));
-    }
-}
-
-impl fmt::Debug for Parts {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Parts").field("imu", &self.imu).finish_non_exhaustive()
     }
 }
 

@@ -16,15 +16,13 @@ pub struct Profile {
     places: Vec<u64>,
     /// Instructions in code that is not in flash.
     elsewhere: u64,
-    exceptions: [u64; EXCEPTIONS],
-    clocks: [u64; EXCEPTIONS],
-    entries: [u64; EXCEPTIONS],
+    exceptions: [ExceptionCost; EXCEPTIONS],
     total: u64,
     lowest_stack: u32,
 }
 
 /// Cost of one exception's handler.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExceptionCost {
     /// Its number; 0 is thread mode, external interrupts start at 16.
     pub exception: u16,
@@ -41,9 +39,7 @@ impl Profile {
         Self {
             places: vec![0; PLACES],
             elsewhere: 0,
-            exceptions: [0; EXCEPTIONS],
-            clocks: [0; EXCEPTIONS],
-            entries: [0; EXCEPTIONS],
+            exceptions: [ExceptionCost::default(); EXCEPTIONS],
             total: 0,
             lowest_stack: u32::MAX,
         }
@@ -61,24 +57,24 @@ impl Profile {
             Some(count) => *count += 1,
             None => self.elsewhere += 1,
         }
-        if let Some(count) = self.exceptions.get_mut(usize::from(exception)) {
-            *count += 1;
+        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
+            cost.instructions += 1;
         }
         self.total += 1;
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
     pub(crate) fn entry(&mut self, exception: u16, stack: u32) {
-        if let Some(count) = self.entries.get_mut(usize::from(exception)) {
-            *count += 1;
+        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
+            cost.entries += 1;
         }
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
     #[inline]
     pub(crate) fn time(&mut self, exception: u16, clocks: u64) {
-        if let Some(count) = self.clocks.get_mut(usize::from(exception)) {
-            *count += clocks;
+        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
+            cost.clocks += clocks;
         }
     }
 
@@ -97,16 +93,9 @@ impl Profile {
     /// Instructions in each exception that occurred, and in thread mode.
     #[must_use]
     pub fn by_exception(&self) -> Vec<ExceptionCost> {
-        (0..)
-            .zip(self.entries.iter().zip(&self.exceptions).zip(&self.clocks))
-            .map(|(exception, ((&entries, &instructions), &clocks))| ExceptionCost {
-                exception,
-                entries,
-                instructions,
-                clocks,
-            })
-            .filter(|cost| cost.entries + cost.instructions > 0)
-            .collect()
+        let costs = (0..).zip(&self.exceptions);
+        let costs = costs.map(|(exception, cost)| ExceptionCost { exception, ..*cost });
+        costs.filter(|cost| cost.entries + cost.instructions > 0).collect()
     }
 
     /// Number of executions of each executed address of flash, in the order of the addresses.
@@ -115,8 +104,7 @@ impl Profile {
         places.filter(|&(_, count)| count > 0)
     }
 
-    /// Instructions of each function, most first. Functions that the compiler inlined belong to
-    /// those they went into.
+    /// Instructions of each function, most first; inlined functions belong to their callers.
     #[must_use]
     pub fn by_function<'i>(&self, image: &'i Image) -> Vec<(&'i str, u64)> {
         let mut functions: BTreeMap<u32, (&str, u64)> = BTreeMap::new();

@@ -7,14 +7,13 @@ use rc10_sim::{Bus, Contact, Esc, Faults, Line, LineEntry, Nanos, Serial, TraceE
 use crate::machine::{Injection, Machine};
 use crate::memory::FLASH;
 
-/// The steps in which a scenario goes on: faults begin and end at their exact times, between two
-/// steps.
+/// The steps of a scenario; faults begin and end at their exact times between them.
 const STEP: Nanos = Nanos::new(1_000_000);
 
 /// Log of one bus.
 #[derive(Default)]
 pub struct BusLog {
-    /// Its frames, in the order of the wire.
+    /// Frames, in the order of the wire.
     pub frames: Vec<TraceEntry>,
 }
 
@@ -56,7 +55,7 @@ impl Rig {
                 machine.set_crystal(false);
                 continue;
             }
-            ensure!(*kind != Kind::RemoteLost, "{kind}: whoever holds the remote must do that");
+            ensure!(*kind != Kind::RemoteLost, "{kind}: only the holder of the remote can do that");
         }
         for (index, bus) in buses.iter().enumerate() {
             machine.connect(index, bus);
@@ -79,8 +78,8 @@ impl Rig {
         })
     }
 
-    /// Parts on UARTs by their labels, and contacts by those of their motors: faults of theirs happen to
-    /// these.
+    /// Adds parts on UARTs by their labels, and contacts by those of their motors, for their
+    /// faults.
     pub fn connect_parts(
         &mut self,
         serials: Vec<(String, Serial)>,
@@ -179,7 +178,6 @@ impl Rig {
     }
 }
 
-/// The number of the exception that a function handles.
 fn exception_of(machine: &Machine, handler: &str) -> Result<u16> {
     let address = machine.image().symbol(handler)?;
     // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).

@@ -31,10 +31,10 @@ impl fmt::Display for BadPulse {
 impl std::error::Error for BadPulse {}
 
 /// The pictures on a strip of WS2812, each LED as red, green, blue. Widths, period and silence are
-/// what all its data sheets agree on. The first edge must be a rise.
+/// what all data sheets agree on. The first edge must be a rise.
 ///
 /// # Errors
-/// The first pulse that is none of a WS2812.
+/// The first pulse that no WS2812 is sure to understand.
 pub fn pictures(edges: &[Edge]) -> Result<Vec<Vec<[u8; 3]>>, BadPulse> {
     let mut pictures: Vec<Vec<bool>> = Vec::new();
     let mut last_rise = None;

@@ -208,7 +208,7 @@ pub(super) fn saturate<const UNSIGNED: bool>(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// A value in the range of so many bits, as SSAT and USAT encode their number; Q, if it was not.
+/// A value in the range that SSAT and USAT encode as `bits`; Q, if it was not in it.
 pub(super) fn saturated(core: &mut Core, value: i64, bits: u32, unsigned: bool) -> u32 {
     let (low, high) = if unsigned { (0, (1 << bits) - 1) } else { (-(1 << bits), (1 << bits) - 1) };
     let result = value.clamp(low, high);

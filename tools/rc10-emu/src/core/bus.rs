@@ -1,23 +1,21 @@
 //! Where the core's accesses go: memories, peripherals, its own registers.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rc10_sim::Nanos;
 
 use super::exceptions::Fault;
 use super::{Core, system};
 use crate::memory::{Bank, FLASH, Memory};
-use crate::peripherals::{Soc, Width};
+use crate::peripherals::{Soc, Width, lock};
 
 /// Memories that AHB2ENR gives a clock, by their addresses.
 const GATED: [u32; 2] = [0x3000_0000, 0x3000_4000];
 /// Ranges of addresses by their upper bits: two memories in the same one are neighbours, or slow.
 const RANGES: usize = 64;
 const RANGE_BITS: u32 = 26;
-/// No range of addresses.
 const NOWHERE: [(u32, u32); 3] = [(u32::MAX, 0); 3];
 
-/// What an access wants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Access {
     Read,
@@ -34,21 +32,10 @@ struct Window {
     start: u32,
 }
 
-/// Peripherals, as core and machine share them.
-#[derive(Clone)]
-pub(crate) struct Wiring(pub(crate) Arc<Mutex<Soc>>);
-
-impl Wiring {
-    pub(crate) fn soc(&self) -> MutexGuard<'_, Soc> {
-        // The state that a panic left behind is as good as any state of a chip.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Memories and peripherals on the core's side.
 pub(crate) struct Bus {
     pub(super) memory: Memory,
-    wiring: Option<Wiring>,
+    soc: Option<Arc<Mutex<Soc>>>,
     /// The time of the access, in nanoseconds.
     pub(crate) now: u64,
     /// Set by every access to a peripheral: it may have changed an interrupt, or what comes next.
@@ -62,21 +49,20 @@ pub(crate) struct Bus {
     readable: [Window; RANGES],
     writable: [Window; RANGES],
     executable: Window,
-    /// First and last address of the range in which the MPU permitted the last read, write and
-    /// fetch.
+    /// Range of addresses in which the MPU permitted the last read, write and fetch.
     permitted: [(u32, u32); 3],
 }
 
 impl Bus {
-    pub(super) fn new(memory: &Memory, wiring: Option<Wiring>) -> Self {
+    pub(super) fn new(memory: &Memory, soc: Option<Arc<Mutex<Soc>>>) -> Self {
         Self {
             memory: memory.clone(),
             now: 0,
             touched: false,
             waited: 0,
-            running: [wiring.is_none(); 2],
-            guarded: wiring.as_ref().is_some_and(|wiring| wiring.soc().guards_ram()),
-            wiring,
+            running: [soc.is_none(); 2],
+            guarded: soc.as_ref().is_some_and(|soc| lock(soc).guards_ram()),
+            soc,
             readable: [Window::default(); RANGES],
             writable: [Window::default(); RANGES],
             executable: Window::default(),
@@ -84,8 +70,8 @@ impl Bus {
         }
     }
 
-    /// The clocks of SRAM1 and SRAM2 now, and whether RAM must still not be written. An access to
-    /// memory that has no clock is a peripheral's, and is told there.
+    /// Sets which of SRAM1 and SRAM2 have a clock now, and whether RAM must still not be written:
+    /// the peripherals take such accesses, and tell.
     pub(crate) fn set_memories(&mut self, running: [bool; 2], guarded: bool) {
         let guarded = guarded && self.guarded;
         if (running, guarded) != (self.running, self.guarded) {
@@ -94,7 +80,6 @@ impl Bus {
         }
     }
 
-    /// What may be accessed has changed.
     pub(super) fn forget(&mut self) {
         self.readable = [Window::default(); RANGES];
         self.writable = [Window::default(); RANGES];
@@ -109,7 +94,6 @@ impl Bus {
         address.wrapping_sub(self.executable.base) < self.executable.length.saturating_sub(2)
     }
 
-    /// The memory that answers an access.
     fn bank(&self, address: u32, access: Access) -> Option<&'static Bank> {
         Memory::bank(address).filter(|bank| {
             let gate = GATED.iter().position(|&gated| gated == bank.base);
@@ -128,9 +112,8 @@ impl Bus {
         if let Some(bank) = self.bank(address, Access::Read) {
             return Some(self.memory.get(bank.start + (address - bank.base), bytes));
         }
-        let wiring = self.wiring.as_ref()?;
+        let mut soc = lock(self.soc.as_ref()?);
         self.touched = true;
-        let mut soc = wiring.soc();
         self.waited += soc.access_clocks(address);
         soc.read(address, width_of(bytes), Nanos::new(self.now)).ok()
     }
@@ -140,9 +123,8 @@ impl Bus {
             self.memory.put(bank.start + (address - bank.base), bytes, value);
             return Some(());
         }
-        let wiring = self.wiring.as_ref()?;
+        let mut soc = lock(self.soc.as_ref()?);
         self.touched = true;
-        let mut soc = wiring.soc();
         if soc.write_early(address, &value.to_le_bytes()[..bytes as usize]) {
             return Some(());
         }
@@ -158,12 +140,11 @@ impl Bus {
             return Some(self.memory.get(place, 2));
         }
         self.touched = true;
-        self.wiring.as_ref()?.soc().refuse(address, false);
+        lock(self.soc.as_ref()?).refuse(address, false);
         None
     }
 
-    /// Lets the next accesses near this one go without questions, if they go to a memory: to that
-    /// part of it for which the MPU says the same.
+    /// Lets the next accesses to that part of a memory for which the MPU says the same go unasked.
     fn open(&mut self, address: u32, access: Access) {
         let Some(bank) = self.bank(address, access) else { return };
         let (first, last) = self.permitted[access as usize];
@@ -189,65 +170,50 @@ const fn width_of(bytes: u32) -> Width {
 }
 
 impl Core {
-    /// Loads 1, 2 or 4 bytes.
     #[inline]
     pub(super) fn load(&mut self, address: u32, bytes: u32) -> Result<u32, Fault> {
+        self.load_as(address, bytes, true)
+    }
+
+    #[inline]
+    pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32) -> Result<(), Fault> {
+        self.store_as(address, bytes, value, true)
+    }
+
+    /// Loads with the privileges that there are, or without.
+    #[inline]
+    pub(super) fn load_as(&mut self, address: u32, bytes: u32, own: bool) -> Result<u32, Fault> {
         self.clocks += 1;
         let window = &self.bus.readable[(address >> RANGE_BITS) as usize];
         let offset = address.wrapping_sub(window.base);
-        if offset < window.length && address & (bytes - 1) == 0 {
+        if own && offset < window.length && address & (bytes - 1) == 0 {
             let value = self.bus.memory.get(window.start + offset, bytes);
             #[cfg(test)]
             self.watch.note(address, bytes, value, false);
             return Ok(value);
         }
-        self.load_anywhere(address, bytes, self.is_privileged())
+        self.load_anywhere(address, bytes, own && self.is_privileged())
     }
 
-    /// Stores 1, 2 or 4 bytes.
-    #[inline]
-    pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32) -> Result<(), Fault> {
-        self.clocks += 1;
-        let window = &self.bus.writable[(address >> RANGE_BITS) as usize];
-        let offset = address.wrapping_sub(window.base);
-        if offset < window.length && address & (bytes - 1) == 0 {
-            self.bus.memory.put(window.start + offset, bytes, value);
-            #[cfg(test)]
-            self.watch.note(address, bytes, value, true);
-            return Ok(());
-        }
-        self.store_anywhere(address, bytes, value, self.is_privileged())
-    }
-
-    /// Loads without the privileges that there are, perhaps.
-    #[inline]
-    pub(super) fn load_as(
-        &mut self,
-        address: u32,
-        bytes: u32,
-        privileged: bool,
-    ) -> Result<u32, Fault> {
-        if privileged {
-            return self.load(address, bytes);
-        }
-        self.clocks += 1;
-        self.load_anywhere(address, bytes, false)
-    }
-
-    /// Stores without the privileges that there are, perhaps.
+    /// Stores with the privileges that there are, or without.
     #[inline]
     pub(super) fn store_as(
         &mut self,
         address: u32,
         bytes: u32,
         value: u32,
-        privileged: bool,
+        own: bool,
     ) -> Result<(), Fault> {
-        if privileged {
-            return self.store(address, bytes, value);
-        }
         self.clocks += 1;
-        self.store_anywhere(address, bytes, value, false)
+        let window = &self.bus.writable[(address >> RANGE_BITS) as usize];
+        let offset = address.wrapping_sub(window.base);
+        if own && offset < window.length && address & (bytes - 1) == 0 {
+            self.bus.memory.put(window.start + offset, bytes, value);
+            #[cfg(test)]
+            self.watch.note(address, bytes, value, true);
+            return Ok(());
+        }
+        self.store_anywhere(address, bytes, value, own && self.is_privileged())
     }
 
     #[cold]

@@ -1,7 +1,6 @@
-//! The table of all instructions (A5), and what has been found in it before.
+//! The table of all instructions (A5), and a cache of those found in it.
 //!
-//! Almost every instruction of 16 bits is one of 32 bits in short: it is made that one, so that there
-//! is one of each.
+//! Almost every instruction of 16 bits is short for one of 32 bits, and is executed as that.
 
 use super::arithmetic::*;
 use super::dsp::*;
@@ -10,7 +9,6 @@ use super::float::*;
 use super::transfer::*;
 use super::{Core, Done};
 
-/// What executes an instruction.
 pub(super) type Run = fn(&mut Core, u32) -> Done;
 
 /// Instructions whose decoding is kept.
@@ -23,7 +21,6 @@ const FLAGS: u32 = 1 << 30;
 /// Of an instruction that computes: whether it sets flags.
 pub(super) const S: u32 = 1 << 20;
 
-/// An instruction, decoded.
 #[derive(Clone, Copy)]
 pub(super) struct Decoded {
     address: u32,
@@ -31,7 +28,6 @@ pub(super) struct Decoded {
     run: Run,
 }
 
-/// Room for decoded instructions; no instruction has an odd address.
 pub(super) fn no_slots() -> Box<[Decoded; SLOTS]> {
     let empty = Decoded { address: 1, bits: 0, run: undefined };
     let slots = vec![empty; SLOTS].into_boxed_slice();
@@ -59,7 +55,7 @@ impl Decoded {
         (self.run)(core, self.bits)
     }
 
-    /// As it is in an IT block.
+    /// The instruction as in an IT block.
     pub(super) const fn without_flags(mut self) -> Self {
         if self.bits & FLAGS != 0 {
             self.bits &= !S;
@@ -69,7 +65,6 @@ impl Decoded {
 }
 
 impl Core {
-    /// Fetches and decodes an instruction, and keeps it.
     #[cold]
     pub(super) fn decode(&mut self, address: u32) -> Result<Decoded, Fault> {
         let first = self.fetch(address)?;
@@ -127,8 +122,8 @@ fn widen(half: u32) -> Option<u32> {
     Some(wide & !(LONG | FLAGS) | flags)
 }
 
-/// Instructions of 16 bits and what they are in short (A5.2), as the manual draws both: a letter is a
-/// field, in the order of its bits, if need be again and again; `S`: it sets flags outside of an IT
+/// Instructions of 16 bits and the long ones that they are (A5.2), as the manual draws them: a
+/// letter is a field, in the order of its bits, again and again; `S`: sets flags outside of an IT
 /// block.
 const SHORT: &[(&str, &str)] = &[
     // Shifts, additions, comparisons with constants.
@@ -186,10 +181,7 @@ const SHORT: &[(&str, &str)] = &[
     ("101100000 iiiiiii", "111100100000 1101 000i 1101 iiiiii00"),
     ("101100001 iiiiiii", "111100101010 1101 000i 1101 iiiiii00"),
     // Extensions, bytes in another order, branches.
-    ("1011001000 mmm ddd", "111110100000 1111 1111 0ddd 1000 0mmm"),
-    ("1011001001 mmm ddd", "111110100100 1111 1111 0ddd 1000 0mmm"),
-    ("1011001010 mmm ddd", "111110100001 1111 1111 0ddd 1000 0mmm"),
-    ("1011001011 mmm ddd", "111110100101 1111 1111 0ddd 1000 0mmm"),
+    ("10110010 u b mmm ddd", "111110100 b 0 u 1111 1111 0ddd 1000 0mmm"),
     ("1011101000 mmm ddd", "111110101001 0mmm 1111 0ddd 1000 0mmm"),
     ("1011101001 mmm ddd", "111110101001 0mmm 1111 0ddd 1001 0mmm"),
     ("1011101011 mmm ddd", "111110101001 0mmm 1111 0ddd 1011 0mmm"),
@@ -210,8 +202,8 @@ const NARROW: &[(u32, u32, Run)] = &[
     (0xFF00, 0xDF00, |core, _| core.call_supervisor()),
 ];
 
-/// Instructions of 32 bits: bits that decide, their values, and what executes it. The first row that
-/// fits is meant.
+/// Instructions of 32 bits: bits that decide, their values, and the function. The first row that
+/// fits counts.
 const WIDE: &[(u32, u32, Run)] = &[
     // Data processing with a constant, and with a shifted register (A5.3.1, A5.3.11).
     (0xFBE0_8000, 0xF000_0000, immediate::<AND>),
@@ -251,14 +243,13 @@ const WIDE: &[(u32, u32, Run)] = &[
     (0xFFE0_D000, 0xF380_8000, |core, i| core.write_special(i & 0xFF, i >> 10 & 3, i >> 16)),
     (0xFFF0_D000, 0xF3E0_8000, |core, i| core.read_special(i & 0xFF, i >> 8)),
     (0xFFF0_D700, 0xF3A0_8000, hint),
-    (0xFFF0_D0F0, 0xF3B0_8020, |core, _| core.clear_exclusive()),
+    (0xFFF0_D0F0, 0xF3B0_8020, clear_exclusive),
     // Barriers: accesses come one after another anyway.
     (0xFFF0_D0E0, 0xF3B0_8040, |_, _| Ok(())),
     (0xFFF0_D0F0, 0xF3B0_8060, |_, _| Ok(())),
     (0xFB80_D000, 0xF380_8000, undefined),
     (0xF800_D000, 0xF000_8000, branch_if),
-    // Loads and stores of several words (A5.3.5), of two, exclusive ones, and branches by a table
-    // (A5.3.6).
+    // Loads and stores of several words, of two, exclusive ones, table branches (A5.3.5, A5.3.6).
     (0xFFC0_0000, 0xE880_0000, transfer_multiple),
     (0xFFC0_0000, 0xE900_0000, transfer_multiple),
     (0xFFF0_0000, 0xE840_0000, store_exclusive),
@@ -268,8 +259,7 @@ const WIDE: &[(u32, u32, Run)] = &[
     (0xFFF0_00E0, 0xE8D0_0000, branch_table),
     (0xFF60_0000, 0xE860_0000, transfer_two),
     (0xFF40_0000, 0xE940_0000, transfer_two),
-    // Loads and stores: near the program counter, with twelve bits, a register, eight bits (A5.3.7
-    // to A5.3.10).
+    // Loads and stores: literal, twelve bits, register, eight bits (A5.3.7 to A5.3.10).
     (0xFE60_0000, 0xF860_0000, undefined),
     (0xFE1F_0000, 0xF81F_0000, load::<LITERAL>),
     (0xFE90_0000, 0xF890_0000, load::<TWELVE>),

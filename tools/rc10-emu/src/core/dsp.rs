@@ -9,7 +9,6 @@ const fn halves(value: u32) -> [i64; 2] {
     [value as i16 as i64, (value >> 16) as i16 as i64]
 }
 
-/// Half of a register.
 const fn half(value: u32, upper: bool) -> i64 {
     halves(value)[upper as usize]
 }
@@ -124,8 +123,8 @@ const fn products(core: &Core, i: u32, subtracts: bool) -> i64 {
     if subtracts { a[0] * b[0] - a[1] * b[1] } else { a[0] * b[0] + a[1] * b[1] }
 }
 
-/// Multiplications of parts of registers, whose product is added to a register, if there is one:
-/// SMULBB to SMLATT, SMUAD and SMLAD, SMULWB to SMLAWT, SMUSD and SMLSD, SMMUL to SMMLS, USAD8.
+/// Multiplications of parts of registers, with an addend if there is one: SMULBB to SMLATT, SMUAD,
+/// SMLAD, SMULWB to SMLAWT, SMUSD, SMLSD, SMMUL to SMMLS, USAD8.
 pub(super) fn multiply_parts(core: &mut Core, i: u32) -> Done {
     let (n, m) = (core.get(rn(i)), core.get(rm(i)));
     let wide = i64::from(n as i32) * i64::from(m as i32);

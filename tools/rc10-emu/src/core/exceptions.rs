@@ -6,7 +6,6 @@ use super::system::{
 use super::{C, N, Q, V, Z};
 use super::{Core, Done, EXCEPTION, FP_ACTIVE, GE, IT, LOCKED_UP, PROCESS_STACK, T};
 
-/// Numbers of exceptions.
 pub(super) const NMI: u32 = 2;
 pub(super) const HARD_FAULT: u32 = 3;
 const MEM_MANAGE: u32 = 4;
@@ -38,7 +37,7 @@ const MONRDY: u32 = 1 << 8;
 const SLEEPONEXIT: u32 = 1 << 1;
 /// `CCR.NONBASETHRDENA`.
 const TO_THREAD: u32 = 1;
-/// Of a stacked xPSR: the stack pointer was not aligned to eight bytes.
+/// Bit of a stacked xPSR: the stack pointer was not aligned to eight bytes.
 const REALIGNED: u32 = 1 << 9;
 /// Words of a frame with FPU registers, and without; the place of the former in it.
 const FRAME: u32 = 8;
@@ -46,41 +45,31 @@ const FP_FRAME: u32 = 26;
 /// Bits of FPSCR that can be written.
 pub(super) const FPSCR: u32 = 0xF3C0_009F;
 
-/// What keeps an instruction from being executed.
+/// A reason for which an instruction is not executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
-    /// No such instruction.
-    Undefined,
+    /// The MPU forbids it. (Each fault is its bits of `CFSR`.)
+    FetchMpu = 1 << 0,
+    DataMpu = 1 << 1 | 1 << 7,
+    FetchBus = 1 << 8,
+    DataBus = 1 << 9 | 1 << 15,
+    Undefined = 1 << 16,
     /// Code that is not Thumb.
-    State,
+    State = 1 << 17,
     /// A return from an exception that cannot be.
-    Return,
+    Return = 1 << 18,
     /// The coprocessor does not exist, or is off.
-    NoCoprocessor,
-    Unaligned,
-    DivideByZero,
-    /// The MPU forbids it.
-    FetchMpu,
-    DataMpu,
-    /// Nothing answers.
-    FetchBus,
-    DataBus,
+    NoCoprocessor = 1 << 19,
+    Unaligned = 1 << 24,
+    DivideByZero = 1 << 25,
 }
 
 impl Fault {
-    /// Its exception, and its bits of `CFSR`.
-    const fn status(self) -> (u32, u32) {
-        match self {
-            Self::Undefined => (USAGE_FAULT, 1 << 16),
-            Self::State => (USAGE_FAULT, 1 << 17),
-            Self::Return => (USAGE_FAULT, 1 << 18),
-            Self::NoCoprocessor => (USAGE_FAULT, 1 << 19),
-            Self::Unaligned => (USAGE_FAULT, 1 << 24),
-            Self::DivideByZero => (USAGE_FAULT, 1 << 25),
-            Self::FetchMpu => (MEM_MANAGE, 1 << 0),
-            Self::DataMpu => (MEM_MANAGE, 1 << 1 | 1 << 7),
-            Self::FetchBus => (BUS_FAULT, 1 << 8),
-            Self::DataBus => (BUS_FAULT, 1 << 9 | 1 << 15),
+    const fn exception(self) -> u32 {
+        match self as u32 {
+            0..=0xFF => MEM_MANAGE,
+            0x100..=0xFFFF => BUS_FAULT,
+            _ => USAGE_FAULT,
         }
     }
 }
@@ -94,7 +83,6 @@ pub(super) const fn set_bit(set: &mut [u32; SET_WORDS], exception: u32, to: bool
     *word = *word & !(1 << (exception % 32)) | (to as u32) << (exception % 32);
 }
 
-/// The exceptions of a set.
 fn members(set: [u32; SET_WORDS]) -> impl Iterator<Item = u32> {
     (0..).zip(set).flat_map(|(index, mut word)| {
         std::iter::from_fn(move || {
@@ -111,7 +99,7 @@ pub(super) fn places(from: u32) -> impl Iterator<Item = u32> {
 }
 
 impl System {
-    /// Of a priority the bits that decide who interrupts whom (`AIRCR.PRIGROUP`).
+    /// The bits of a priority that decide who interrupts whom (`AIRCR.PRIGROUP`).
     const fn group_mask(&self) -> u32 {
         0xFF << (self.group + 1) & 0xFF
     }
@@ -152,7 +140,7 @@ impl System {
         faultmask || self.active[0] & (1 << NMI | 1 << HARD_FAULT) != 0
     }
 
-    fn active_count(&self) -> u32 {
+    pub(super) fn active_count(&self) -> u32 {
         self.active.iter().map(|set| set.count_ones()).sum()
     }
 }
@@ -170,18 +158,13 @@ impl Core {
         active.chain(bounds).min().unwrap_or(LOWEST)
     }
 
-    /// The exception that interrupts what is executed.
     pub(super) fn next_exception(&self) -> Option<u32> {
         let (exception, priority) = self.system.most_urgent()?;
         (priority < self.execution_priority()).then_some(exception)
     }
 
     /// The main stack pointer, or that of processes.
-    pub(super) const fn stack(&self, process: bool) -> &u32 {
-        if self.uses_process_stack() == process { &self.r[13] } else { &self.other_stack }
-    }
-
-    pub(super) const fn stack_mut(&mut self, process: bool) -> &mut u32 {
+    pub(super) const fn stack(&mut self, process: bool) -> &mut u32 {
         if self.uses_process_stack() == process { &mut self.r[13] } else { &mut self.other_stack }
     }
 
@@ -190,7 +173,7 @@ impl Core {
     }
 
     /// Changes exception and CONTROL, and with them the stack pointer in use.
-    fn switch(&mut self, exception: u32, control: u32) {
+    pub(super) fn switch(&mut self, exception: u32, control: u32) {
         let before = self.uses_process_stack();
         self.psr = self.psr & !EXCEPTION | exception;
         self.control = control;
@@ -201,22 +184,16 @@ impl Core {
         self.protect();
     }
 
-    pub(super) fn control_to(&mut self, control: u32) {
-        self.switch(self.psr & EXCEPTION, control);
-    }
-
-    /// Takes a fault, where the architecture says: its own exception, `HardFault`, or nothing ever
-    /// again.
+    /// Takes a fault as its own exception, as `HardFault`, or by locking up.
     #[cold]
     pub(super) fn take(&mut self, fault: Fault, at: u32) {
-        let (exception, bits) = fault.status();
-        *self.system.word_mut(CFSR) |= bits;
+        *self.system.word_mut(CFSR) |= fault as u32;
         match fault {
             Fault::DataMpu => *self.system.word_mut(MMFAR) = self.fault_address,
             Fault::DataBus => *self.system.word_mut(BFAR) = self.fault_address,
             _ => {}
         }
-        match self.escalated(exception) {
+        match self.escalated(fault.exception()) {
             Some(exception) => self.enter(exception, at),
             None => self.lock_up(),
         }
@@ -285,8 +262,8 @@ impl Core {
         self.begin(exception);
     }
 
-    /// The stack does not take a frame, or give it back: that is a fault of its own (B1.5.14). `bit`:
-    /// its place in MMFSR and BFSR. Says as which exception it is taken.
+    /// A fault of the stack at entry or return (B1.5.14); `bit`: its place in MMFSR and BFSR.
+    /// Returns the exception as which it is taken.
     fn stack_fault(&mut self, fault: Fault, bit: u32) -> Option<u32> {
         let (exception, bit) = match fault {
             Fault::DataMpu => (MEM_MANAGE, bit),
@@ -305,7 +282,6 @@ impl Core {
         first
     }
 
-    /// Begins a handler, after the registers are kept.
     fn begin(&mut self, exception: u32) {
         set_bit(&mut self.system.active, exception, true);
         set_bit(&mut self.system.pending, exception, false);
@@ -362,7 +338,6 @@ impl Core {
         Ok(())
     }
 
-    /// Takes the registers from the stack.
     fn restore(&mut self, with_fpu: bool) {
         let frame = self.r[13];
         let mut words = [0; FRAME as usize];
@@ -452,12 +427,6 @@ impl Core {
         Ok(())
     }
 
-    pub(super) const fn clear_exclusive(&mut self) -> Done {
-        self.exclusive = None;
-        Ok(())
-    }
-
-    /// Waits for an interrupt, or for an event.
     pub(super) fn wait_for(&mut self, event: bool) {
         self.asleep = !(event && std::mem::take(&mut self.event));
         self.attention = true;

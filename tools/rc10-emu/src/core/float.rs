@@ -2,9 +2,7 @@
 
 use super::arithmetic::{rn, rt};
 use super::exceptions::{FPSCR, Fault, places};
-use super::ieee::{
-    AWAY, DOUBLE, DOWN, FZ, Float, Format, HALF, IXC, NEAREST, ROUNDING, SINGLE, TO_ZERO, UP,
-};
+use super::ieee::{DOUBLE, FZ, Float, Format, HALF, IXC, ROUNDING, Round, SINGLE};
 use super::transfer::align;
 use super::{C, Core, Done, N, V, Z};
 
@@ -30,7 +28,7 @@ const fn m(i: u32, double: bool) -> usize {
     index(double, i & 15, i >> 5 & 1)
 }
 
-/// What two operands become: in this computer's arithmetic, and in our own.
+/// An operation with two operands: in this computer's arithmetic, and in our own.
 type Operation = (fn(f32, f32) -> f32, fn(f64, f64) -> f64, fn(&mut Float, u64, u64) -> u64);
 const ADD: Operation = (|a, b| a + b, |a, b| a + b, |float, a, b| float.add(a, b, false));
 const SUBTRACT: Operation = (|a, b| a - b, |a, b| a - b, |float, a, b| float.add(a, b, true));
@@ -54,11 +52,10 @@ impl Core {
         }
     }
 
-    /// Does arithmetic that keeps its flags.
     fn with_float(
         &mut self,
         format: Format,
-        rounding: Option<u32>,
+        rounding: Option<Round>,
         does: impl FnOnce(&mut Float) -> u64,
     ) -> u64 {
         let mut float = Float::new(format, self.fpscr);
@@ -143,14 +140,14 @@ pub(super) fn float_fused(core: &mut Core, i: u32) -> Done {
     set_d(core, i, sum)
 }
 
-/// What has one operand, or two of different formats: VMOV, VABS, VNEG, VSQRT; VRINTR, VRINTZ,
-/// VRINTX; VCVT between single and double, and to and from integers.
+/// Operations with one operand, or two of different formats: VMOV, VABS, VNEG, VSQRT; VRINTR,
+/// VRINTZ, VRINTX; VCVT between single and double, and to and from integers.
 pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
     let (double, is_second) = (is_double(i), i & 1 << 7 != 0);
     let format = format(double);
     let (_, value) = operands(core, i);
-    let to_zero = is_second.then_some(TO_ZERO);
+    let to_zero = is_second.then_some(Round::TowardZero);
     let result = match (i >> 16 & 15, is_second) {
         (0, false) => value,
         (0, true) => format.absolute(value),
@@ -181,7 +178,12 @@ pub(super) fn float_unary(core: &mut Core, i: u32) -> Done {
 /// VRINT and VCVT with a letter that says how to round.
 pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
-    let rounding = Some([AWAY, NEAREST, UP, DOWN][(i >> 16 & 3) as usize]);
+    let rounding = Some(match i >> 16 & 3 {
+        0 => Round::NearestTiesToAway,
+        1 => Round::NearestTiesToEven,
+        2 => Round::TowardPositive,
+        _ => Round::TowardNegative,
+    });
     if i & 1 << 18 != 0 {
         return to_integer(core, i, i & 1 << 7 != 0, rounding);
     }
@@ -190,7 +192,7 @@ pub(super) fn float_round(core: &mut Core, i: u32) -> Done {
     set_d(core, i, whole)
 }
 
-fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<u32>) -> Done {
+fn to_integer(core: &mut Core, i: u32, signed: bool, rounding: Option<Round>) -> Done {
     let (_, value) = operands(core, i);
     let to_integer = |float: &mut Float| float.integer(value, 32, signed, 0);
     core.s[d(i, false)] = core.with_float(format(is_double(i)), rounding, to_integer) as u32;
@@ -252,9 +254,11 @@ pub(super) fn float_fixed(core: &mut Core, i: u32) -> Done {
         let above = 64 - bits;
         let integer = (value << above) as i64;
         let integer = if signed { integer >> above } else { (integer as u64 >> above) as i64 };
-        core.with_float(format(double), Some(NEAREST), |float| float.of_integer(integer, fraction))
+        core.with_float(format(double), Some(Round::NearestTiesToEven), |float| {
+            float.of_integer(integer, fraction)
+        })
     } else {
-        core.with_float(format(double), Some(TO_ZERO), |float| {
+        core.with_float(format(double), Some(Round::TowardZero), |float| {
             float.integer(value, bits, signed, fraction)
         })
     };
@@ -364,7 +368,7 @@ fn transfer_words(core: &mut Core, i: u32, at: u32, count: u32) -> Done {
     Ok(())
 }
 
-/// What the FPU does not have.
+/// An instruction that the FPU does not have.
 pub(super) fn float_undefined(core: &mut Core, _: u32) -> Done {
     core.claim_fpu()?;
     Err(Fault::Undefined)

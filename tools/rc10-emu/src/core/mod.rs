@@ -1,15 +1,6 @@
 //! The processor: a Cortex-M7, by the Armv7-M Architecture Reference Manual (ARM DDI 0403E), with the
 //! clocks of a Cortex-M4.
 //!
-//! | rooms | |
-//! |---|---|
-//! | `decode` | the table of all instructions, and what was found in it |
-//! | `arithmetic`, `transfer`, `dsp`, `float` | what instructions do |
-//! | `ieee` | floating-point arithmetic in integers, with every flag |
-//! | `exceptions` | entry, return, faults, which one is next |
-//! | `system` | the registers from `0xE000_0000` on, and those of MRS and MSR |
-//! | `bus`, `mpu` | where accesses go, and which are permitted |
-//!
 //! Clocks: 1 for an instruction, and more if it
 //!
 //! | does | clocks |
@@ -36,10 +27,12 @@ mod system;
 mod tests;
 mod transfer;
 
+use std::sync::{Arc, Mutex};
+
 use crate::memory::Memory;
+use crate::peripherals::Soc;
 
 use self::bus::Bus;
-pub(crate) use self::bus::Wiring;
 use self::decode::{Decoded, SLOTS};
 use self::exceptions::Fault;
 use self::system::System;
@@ -81,7 +74,7 @@ pub enum Step {
     LockedUp,
 }
 
-/// What an instruction did: nothing that is not in the registers, or a fault.
+/// Result of an instruction: in the registers, or a fault.
 type Done = Result<(), Fault>;
 
 /// A Cortex-M7 that executes from the chip's memories and peripherals.
@@ -104,7 +97,6 @@ pub struct Core {
     at: u32,
     /// .. and of the next one.
     next: u32,
-    /// Clocks of this step so far.
     clocks: u64,
     /// Something may keep the next instruction from being executed: look before it.
     attention: bool,
@@ -114,9 +106,8 @@ pub struct Core {
     locked_up: bool,
     /// Address of the last LDREX.
     exclusive: Option<u32>,
-    /// Address of the last access that faulted.
     fault_address: u32,
-    /// What the MPU's answers depend on.
+    /// State that the MPU's answers depend on.
     context: u8,
     /// Address of the loop in which it is held, and program counter and xPSR before.
     held: Option<(u32, u32, u32)>,
@@ -131,7 +122,7 @@ pub fn bare(memory: &Memory) -> Core {
 }
 
 impl Core {
-    pub(crate) fn new(memory: &Memory, wiring: Option<Wiring>) -> Self {
+    pub(crate) fn new(memory: &Memory, soc: Option<Arc<Mutex<Soc>>>) -> Self {
         let mut core = Self {
             r: [0; 16],
             other_stack: 0,
@@ -143,7 +134,7 @@ impl Core {
             s: [0; 32],
             fpscr: 0,
             system: System::new(),
-            bus: Bus::new(memory, wiring),
+            bus: Bus::new(memory, soc),
             slots: decode::no_slots(),
             at: 0,
             next: 0,
@@ -180,8 +171,7 @@ impl Core {
         self.psr = if start & 1 == 0 { 0 } else { T };
     }
 
-    /// Enters an exception, or executes one instruction; says what it was, and about how many
-    /// clocks it took.
+    /// Enters an exception, or executes an instruction; also says how many clocks it took, about.
     #[inline]
     pub fn step(&mut self) -> (Step, u64) {
         #[cfg(test)]
@@ -203,8 +193,7 @@ impl Core {
         (step, self.clocks)
     }
 
-    /// What a step was that changed the exception's number: a return to a handler that was
-    /// interrupted changes it too.
+    /// The kind of a step that changed the exception's number: returns do so, too.
     fn entered(&self, step: Step) -> Step {
         let exception = self.exception();
         let vector = self.system.vector(exception.into());
@@ -240,7 +229,6 @@ impl Core {
         })
     }
 
-    /// Executes one instruction.
     #[inline]
     fn execute(&mut self) {
         let at = self.r[15];
@@ -279,7 +267,6 @@ impl Core {
         self.psr = self.psr & !IT | (state & 0xFC) << 8 | (state & 3) << 25;
     }
 
-    /// Whether a condition holds (A7.3).
     #[inline]
     fn holds(&self, condition: u32) -> bool {
         let flag = |flag| self.psr & flag != 0;
@@ -304,7 +291,7 @@ impl Core {
         self.clocks += 2;
     }
 
-    /// Goes on at an address that says the state of the code there, or returns from an exception
+    /// Goes on at an address with the state of its code, or returns from an exception
     /// (`BXWritePC`).
     #[inline]
     fn branch_exchange(&mut self, to: u32) -> Done {
@@ -425,9 +412,8 @@ impl Core {
         self.psr &= !IT;
     }
 
-    /// Goes on at an address, which is to be an endless loop, with all interrupts masked (PRIMASK),
-    /// as in a long critical section: for injected faults. `false`: they are masked
-    /// already, by the program itself.
+    /// Goes on at an address of an endless loop with all interrupts masked (PRIMASK): an injected
+    /// fault. `false`: the program masks them itself.
     pub const fn hold(&mut self, address: u32) -> bool {
         if self.primask {
             return false;

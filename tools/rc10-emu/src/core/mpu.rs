@@ -2,7 +2,6 @@
 
 use super::bus::Access;
 
-/// Regions of an STM32H723.
 const REGIONS: usize = 16;
 
 /// Bits of `MPU_CTRL`: on, also in handlers of faults, and what is in no region is as without it
@@ -10,10 +9,9 @@ const REGIONS: usize = 16;
 const ENABLE: u32 = 1;
 const IN_FAULTS: u32 = 2;
 const BACKGROUND: u32 = 4;
-/// Of a region's attributes: no instruction comes from it.
+/// Attribute of a region: no instruction comes from it.
 const NEVER_EXECUTE: u32 = 1 << 28;
 
-/// The memory protection unit: its regions, and the one that is selected.
 #[derive(Default)]
 pub(super) struct Mpu {
     pub(super) control: u32,
@@ -53,7 +51,7 @@ impl Mpu {
         }
     }
 
-    /// What all verdicts depend on besides the registers: nothing, while everything is permitted.
+    /// State that all verdicts depend on besides the registers; 0 while everything is permitted.
     /// `negative`: in NMI or `HardFault`, or with FAULTMASK.
     pub(super) const fn context(&self, privileged: bool, negative: bool) -> u8 {
         let is_off = self.control & ENABLE == 0 || negative && self.control & IN_FAULTS == 0;
@@ -107,7 +105,7 @@ fn parts(base: u32, attributes: u32) -> impl Iterator<Item = (u32, u32)> {
     })
 }
 
-/// What a region's access permissions say (B3.5).
+/// Whether a region's attributes permit an access (B3.5).
 const fn permits(attributes: u32, access: Access, privileged: bool) -> bool {
     let writes = matches!(access, Access::Write);
     if matches!(access, Access::Fetch) && attributes & NEVER_EXECUTE != 0 {

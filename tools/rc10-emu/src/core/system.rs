@@ -1,5 +1,4 @@
-//! The core's own registers: those in memory from `0xE000_0000` on (B3.2 to B3.5, C1.8), and those
-//! that MRS and MSR know by a number (B5.2).
+//! The core's own registers: from `0xE000_0000` on (B3.2 to B3.5, C1.8), and of MRS and MSR (B5.2).
 
 use super::exceptions::{HARD_FAULT, NMI, PEND_SV, SYSTICK, is_set, set_bit};
 use super::mpu::Mpu;
@@ -70,7 +69,7 @@ const KEPT: [(usize, u32); 12] = [
     (FPDSCR, 0x03C0_0000),
 ];
 
-/// Of `SHCSR` the bits that say whether an exception is active, and whether it is pending.
+/// Exceptions with their bits in `SHCSR`: active, and pending.
 const SHCSR_ACTIVE: [(u32, u32); 7] =
     [(4, 0), (5, 1), (6, 3), (11, 7), (12, 8), (PEND_SV, 10), (SYSTICK, 11)];
 const SHCSR_PENDING: [(u32, u32); 4] = [(6, 12), (4, 13), (5, 14), (11, 15)];
@@ -83,13 +82,11 @@ const ICSR_PENDING: [(u32, u32, bool); 5] = [
     (25, SYSTICK, false),
 ];
 
-/// Whether an address belongs to the core itself: between TPIU and ROM table the chip's own debug
-/// unit answers.
+/// Whether an address is the core's own: between TPIU and ROM table is the chip's debug unit.
 pub(super) const fn is_own(address: u32) -> bool {
     matches!(address, 0xE000_0000..0xE004_2000 | 0xE00F_F000..0xE010_0000)
 }
 
-/// Registers and interrupt controller.
 pub(super) struct System {
     words: [u32; 1024],
     pub(super) pending: [u32; SET_WORDS],
@@ -138,19 +135,16 @@ impl System {
         &mut self.words[word]
     }
 
-    /// Address of the vector of an exception.
     pub(super) const fn vector(&self, exception: u32) -> u32 {
         self.words[VTOR].wrapping_add(4 * exception)
     }
 
-    /// Whether the FPU is switched on for such code.
     #[inline]
     pub(super) const fn has_fpu(&self, privileged: bool) -> bool {
         let access = self.words[CPACR] >> 20 & 3;
         access == 3 || access == 1 && privileged
     }
 
-    /// The priority register of an exception.
     pub(super) const fn priority(&self, exception: u32) -> u32 {
         let exception = exception & 0xFF;
         let byte = if exception < 16 { 0xD14 + exception } else { 0x3F0 + exception };
@@ -226,7 +220,7 @@ impl System {
     fn control_state(&self, exception: u32) -> u32 {
         let next = self.most_urgent().map_or(0, |(next, _)| next);
         let external = self.pending[0] >> 16 != 0 || self.pending[1..].iter().any(|&set| set != 0);
-        let is_base = self.active.iter().map(|set| set.count_ones()).sum::<u32>() <= 1;
+        let is_base = self.active_count() <= 1;
         let pending = ICSR_PENDING
             .iter()
             .filter(|&&(_, exception, to)| to && is_set(&self.pending, exception));
@@ -309,7 +303,6 @@ impl System {
 }
 
 impl Core {
-    /// Reads a word of the core's own.
     pub(super) fn read_system(&mut self, address: u32, has_effect: bool) -> u32 {
         match address {
             // DWT: CTRL says that there are no comparators, no traces and no profiling counters.
@@ -323,7 +316,6 @@ impl Core {
         }
     }
 
-    /// Writes a word of the core's own.
     pub(super) fn write_system(&mut self, address: u32, value: u32) {
         let traces = self.system.word(DEMCR) & TRACE != 0;
         match address {
@@ -371,8 +363,8 @@ impl Core {
                 self.psr = self.psr & !bits | value & bits;
             }
             _ if !self.is_privileged() => {}
-            8 => *self.stack_mut(false) = value & !3,
-            9 => *self.stack_mut(true) = value & !3,
+            8 => *self.stack(false) = value & !3,
+            9 => *self.stack(true) = value & !3,
             16 => self.primask = value & 1 != 0,
             17 => self.basepri = value as u8 & 0xF0,
             18 => {
@@ -384,7 +376,7 @@ impl Core {
                 let in_handler = self.psr & EXCEPTION != 0;
                 let stack = if in_handler { 0 } else { PROCESS_STACK };
                 let bits = UNPRIVILEGED | FP_ACTIVE | stack;
-                self.control_to(self.control & !bits | value & bits);
+                self.switch(self.psr & EXCEPTION, self.control & !bits | value & bits);
             }
             _ => {}
         }

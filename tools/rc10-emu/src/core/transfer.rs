@@ -16,8 +16,7 @@ pub(super) const EIGHT: u32 = 3;
 /// `CCR.UNALIGN_TRP`.
 const TRAPS_UNALIGNED: u32 = 1 << 3;
 
-/// Bits of most loads and stores: up, offset before the access, base changes,
-/// loads.
+/// Bits of most loads and stores: up, offset before the access, base changes, loads.
 const UP: u32 = 1 << 23;
 const BEFORE: u32 = 1 << 24;
 const BACK: u32 = 1 << 21;
@@ -67,7 +66,6 @@ pub(super) fn align(core: &Core, address: u32, bytes: u32, always: bool) -> Done
     Err(Fault::Unaligned)
 }
 
-/// Bytes of an access.
 const fn bytes(i: u32) -> u32 {
     1 << (i >> 21 & 3)
 }
@@ -127,8 +125,7 @@ pub(super) fn transfer_two(core: &mut Core, i: u32) -> Done {
     Ok(())
 }
 
-/// LDM and STM, both ways; PUSH and POP. After a fault it can be executed again: no register has
-/// changed.
+/// LDM, STM, PUSH, POP. After a fault no register has changed: it can be executed again.
 pub(super) fn transfer_multiple(core: &mut Core, i: u32) -> Done {
     let (base, mut list) = (core.get(rn(i)), i & 0xFFFF);
     let end = offset(base, 4 * list.count_ones(), i & UP != 0);
@@ -152,7 +149,7 @@ pub(super) fn transfer_multiple(core: &mut Core, i: u32) -> Done {
     if i & LOADS != 0 && i >> 15 & 1 != 0 { core.branch_exchange(to) } else { Ok(()) }
 }
 
-/// Address and bytes; of words there is an offset, too.
+/// Address and bytes of an access; for words there is an offset, too.
 const fn exclusive_address(core: &Core, i: u32) -> (u32, u32) {
     let base = core.get(rn(i));
     if i & UP == 0 { (base.wrapping_add((i & 0xFF) << 2), 4) } else { (base, 1 << (i >> 4 & 1)) }
@@ -176,6 +173,12 @@ pub(super) fn store_exclusive(core: &mut Core, i: u32) -> Done {
     }
     core.exclusive = None;
     core.set(if bytes == 4 { rd(i) } else { rm(i) }, u32::from(!is_own));
+    Ok(())
+}
+
+/// CLREX.
+pub(super) fn clear_exclusive(core: &mut Core, _: u32) -> Done {
+    core.exclusive = None;
     Ok(())
 }
 

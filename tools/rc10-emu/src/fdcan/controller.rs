@@ -12,30 +12,26 @@ use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, i
 use super::timing::{Period, Timestamp};
 use super::transmit::Transmit;
 
-/// Sequences of eleven recessive bits before a controller takes part: one to find the bus idle,
-/// and after bus-off 128 more (RM0468, PSR.BO; ISO 11898-1: 128).
+/// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
+/// PSR.BO; ISO 11898-1).
 const TO_JOIN: u64 = 1;
 const TO_RECOVER: u64 = 129;
-/// Recessive bits an error-passive sender adds to the interframe space (ISO 11898-1, suspend
-/// transmission).
+/// Recessive bits that an error-passive sender adds (ISO 11898-1, suspend transmission).
 const SUSPEND_BITS: u64 = 8;
 /// Periods of the kernel clock, the slower one, until a write to INIT or TXBCR can be read
 /// back ("due to the synchronization mechanism between the two clock domains, there may be a delay"):
 /// our estimate, two synchronizers and some. A driver has to ask, not to count.
 const CROSSING: u64 = 16;
-/// Periods that a scan for the most urgent buffer takes for each buffer: a word of the message RAM. Our
-/// estimate.
-const SCAN: u64 = 4;
 
 /// Without a clock nothing crosses.
 const NEVER: Nanos = Nanos::new(u64::MAX);
 
 pub(super) struct Controller {
-    registers: Registers,
+    pub(super) registers: Registers,
     /// IR.
-    flags: u32,
+    pub(super) flags: u32,
     /// Its time quantum clock, and whether the calibration unit vouches for it.
-    kernel_hz: u64,
+    pub(super) kernel_hz: u64,
     is_clock_valid: bool,
     /// Until then CCCR.INIT reads as it was before it was written.
     init_told: Nanos,
@@ -44,13 +40,13 @@ pub(super) struct Controller {
     timestamp: Timestamp,
     link: Link,
     errors: Errors,
-    receive: Receive,
-    transmit: Transmit,
+    pub(super) receive: Receive,
+    pub(super) transmit: Transmit,
     /// The frame that ended last was its own.
     sent_last: bool,
     suspended_until: Nanos,
     /// The latest time that it knows of.
-    now: Nanos,
+    pub(super) now: Nanos,
     pub counters: Counters,
 }
 
@@ -107,7 +103,6 @@ impl Controller {
         }
     }
 
-    /// A number of periods of the kernel clock from now.
     fn after(&self, periods: u64) -> Nanos {
         if self.kernel_hz == 0 {
             return NEVER;
@@ -118,14 +113,6 @@ impl Controller {
     /// CCCR.INIT as it reads.
     fn told_init(&self) -> bool {
         self.is(cccr::INIT) != (self.now < self.init_told)
-    }
-
-    /// Duration of a scan for the most urgent buffer.
-    fn scan(&self) -> Nanos {
-        if self.kernel_hz == 0 {
-            return Nanos::ZERO;
-        }
-        Period::of_clock(self.kernel_hz).many(SCAN * Transmit::buffers(&self.registers))
     }
 
     fn is(&self, bit: u32) -> bool {
@@ -160,16 +147,15 @@ impl Controller {
         self.timestamp.set_tick(tick, self.now);
     }
 
-    /// The timestamp of something that began at `at`. The external counter is not modelled: 0, as
-    /// with none.
-    fn stamp(&self, at: Nanos) -> u32 {
+    /// The timestamp of something that began at `at`; 0 with the external counter, or with no
+    /// counter.
+    pub(super) fn stamp(&self, at: Nanos) -> u32 {
         match self.registers.field(at::TSCC, 0, 2) {
             1 => self.timestamp.value(at),
             _ => 0,
         }
     }
 
-    /// Whether one of its two interrupt lines is raised.
     pub fn interrupt_line(&self, line: u32) -> bool {
         let second = self.registers.at(at::ILS);
         let of_line = if line == 0 { !second } else { second };
@@ -179,7 +165,6 @@ impl Controller {
 
     // Time.
 
-    /// Brings everything up to this time.
     pub fn settle(&mut self, now: Nanos) {
         self.now = self.now.max(now);
         if let Some(bit) = self.bit() {
@@ -194,8 +179,7 @@ impl Controller {
         if self.timestamp.has_wrapped(self.now) {
             self.flags |= ir::TSW;
         }
-        let scan = if self.transmit.adding == 0 { Nanos::ZERO } else { self.scan() };
-        self.flags |= self.transmit.settle(self.now, scan, &self.registers);
+        self.settle_transmit();
         self.stop_clock_if_asked();
     }
 
@@ -226,7 +210,7 @@ impl Controller {
     /// CCCR.INIT was set, or its clock is off. Takes effect at once, in mid-frame too.
     fn stop(&mut self) {
         self.link.stop();
-        self.flags |= self.transmit.abort(&self.registers, &mut self.counters);
+        self.abort();
         self.sent_last = false;
     }
 
@@ -262,28 +246,14 @@ impl Controller {
     // The wire.
 
     pub fn offer(&mut self, now: Nanos, ram: &mut MessageRam) -> Option<CanFrame> {
-        self.settle(now);
         let silent = self.is(cccr::MON) || self.is(cccr::ASM);
         if silent || !self.is_on_bus() || now < self.suspended_until {
             return None;
         }
-        let (frame, flags) = self.transmit.offer(&self.registers, ram, &mut self.counters);
-        self.flags |= flags;
-        frame
+        self.most_urgent(ram)
     }
 
-    pub fn sending(&mut self, start: Nanos) {
-        self.settle(start);
-        self.transmit.start(self.stamp(start), start);
-    }
-
-    pub fn lost_arbitration(&mut self, start: Nanos) {
-        self.settle(start);
-        self.flags |= self.transmit.lost_arbitration(&self.registers, &mut self.counters);
-    }
-
-    pub fn sent(&mut self, outcome: Outcome, end: Nanos, ram: &mut MessageRam) {
-        self.settle(end);
+    pub fn sent(&mut self, outcome: Outcome, ram: &mut MessageRam) {
         if !self.transmit.is_sending() {
             // It was stopped meanwhile.
             return;
@@ -291,14 +261,14 @@ impl Controller {
         self.sent_last = true;
         let error = match outcome {
             Outcome::Acknowledged => {
-                let flags = self.transmit.succeeded(&self.registers, ram, &mut self.counters);
-                self.flags |= flags | self.errors.sent();
+                self.succeeded(ram);
+                self.flags |= self.errors.sent();
                 return;
             }
             Outcome::Unacknowledged => BusError::Acknowledge,
             Outcome::Destroyed(error) => error,
         };
-        self.flags |= self.transmit.failed(&self.registers, &mut self.counters);
+        self.failed();
         self.flags |= self.errors.transmission_failed(error);
         if self.errors.is_bus_off() {
             self.counters.bus_offs += 1;
@@ -307,26 +277,21 @@ impl Controller {
         }
     }
 
-    pub fn received(&mut self, frame: &CanFrame, start: Nanos, end: Nanos, ram: &mut MessageRam) {
-        self.settle(end);
+    pub fn received(&mut self, frame: &CanFrame, start: Nanos, ram: &mut MessageRam) {
         if !self.is_on_bus() {
             return;
         }
         self.flags |= self.errors.received(self.is(cccr::ASM));
-        let stamp = self.stamp(start);
-        let counters = &mut self.counters;
-        self.flags |= self.receive.accept(frame, stamp, &self.registers, ram, counters);
+        self.accept(frame, self.stamp(start), ram);
     }
 
-    pub fn disturbed(&mut self, error: BusError, at: Nanos) {
-        self.settle(at);
+    pub fn disturbed(&mut self, error: BusError) {
         if self.is_on_bus() {
             self.flags |= self.errors.reception_failed(error, self.is(cccr::ASM));
         }
     }
 
     pub fn wire_is(&mut self, activity: Activity, at: Nanos) {
-        self.settle(at);
         let bit = self.bit();
         self.link.wire_is(activity, at, bit);
         if activity == Activity::Idle
@@ -361,15 +326,15 @@ impl Controller {
             at::HPMS => self.receive.high_priority,
             at::NDAT1 => self.receive.new_data(0),
             at::NDAT2 => self.receive.new_data(1),
-            at::RXF0S => self.receive.status(0, &self.registers) | lost(ir::RF0L),
-            at::RXF1S => self.receive.status(1, &self.registers) | lost(ir::RF0L << 4),
-            at::TXFQS => self.transmit.status(&self.registers),
+            at::RXF0S => self.fifo_status(0) | lost(ir::RF0L),
+            at::RXF1S => self.fifo_status(1) | lost(ir::RF0L << 4),
+            at::TXFQS => self.queue_status(),
             at::TXBRP => self.transmit.told_pending(),
             at::TXBAR => self.transmit.adding,
             at::TXBCR => self.transmit.being_cancelled(),
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
-            at::TXEFS => self.transmit.event_status(&self.registers) | lost(ir::TEFL),
+            at::TXEFS => self.event_status() | lost(ir::TEFL),
             at::CCCR => self.registers.at(offset) & !cccr::INIT | u32::from(self.told_init()),
             at::TEST => self.registers.at(offset),
             // Acknowledge and request registers read as zero.
@@ -417,7 +382,6 @@ impl Controller {
     }
 
     fn act(&mut self, offset: u32, value: u32) {
-        let registers = &self.registers;
         let is_there = match offset {
             at::CCCR => return self.write_cccr(value),
             at::TEST => return self.write_test(value),
@@ -428,18 +392,18 @@ impl Controller {
             }
             at::NDAT1 => return self.receive.clear_new_data(0, value),
             at::NDAT2 => return self.receive.clear_new_data(1, value),
-            at::TXBAR => return self.request(value),
-            at::TXBCR => return self.cancel(value),
-            at::RXF0A => self.receive.acknowledge(0, value, registers),
-            at::RXF1A => self.receive.acknowledge(1, value, registers),
-            at::TXEFA => self.transmit.acknowledge_event(value, registers),
+            at::TXBAR => return self.ask(value),
+            at::TXBCR => return self.ask_to_cancel(value),
+            at::RXF0A => self.acknowledge(0, value),
+            at::RXF1A => self.acknowledge(1, value),
+            at::TXEFA => self.acknowledge_event(value),
             // The others are read-only; TOCV stands at its preset.
             _ => return,
         };
         self.counters.bad_acknowledges += u64::from(!is_there);
     }
 
-    fn request(&mut self, buffers: u32) {
+    fn ask(&mut self, buffers: u32) {
         if buffers == 0 {
             return;
         }
@@ -449,18 +413,16 @@ impl Controller {
         } else if self.is(cccr::MON) {
             self.counters.requests_ignored += u64::from(buffers.count_ones());
         } else {
-            self.counters.requests_ignored +=
-                self.transmit.request(buffers, self.now, self.scan(), &self.registers);
+            self.request(buffers);
         }
     }
 
-    fn cancel(&mut self, buffers: u32) {
+    fn ask_to_cancel(&mut self, buffers: u32) {
         if self.is(cccr::CCE) {
             self.refuse_if(buffers != 0);
         } else {
             let done = if self.kernel_hz == 0 { self.now } else { self.after(CROSSING) };
-            let counters = &mut self.counters;
-            self.flags |= self.transmit.cancel(buffers, done, &self.registers, counters);
+            self.cancel(buffers, done);
         }
     }
 
@@ -511,10 +473,10 @@ impl Controller {
         }
         if cce && old & cccr::CCE == 0 {
             self.receive.reset();
-            self.counters.cancelled += self.transmit.reset();
+            self.reset_transmit();
         }
         if new & cccr::MON != 0 {
-            self.counters.cancelled += self.transmit.drop_requests(&self.registers);
+            self.drop_requests();
         }
         match (was_init, init) {
             (false, true) => self.stop(),

@@ -48,16 +48,14 @@ pub struct Counters {
     pub rejected: u64,
     /// Frames sent and acknowledged.
     pub sent: u64,
-    /// The longest time from a request to the start of the transmission that was acknowledged: how
-    /// stale what it sent was at most.
+    /// The longest time from a request to the start of an acknowledged transmission.
     pub oldest_sent: Nanos,
     /// Transmissions that failed: not acknowledged, or destroyed.
     pub failed: u64,
-    /// Requests that ended without their frame having been sent: cancelled, failed with automatic
-    /// retransmission switched off, or dropped when configuration (CCE) or bus monitoring began.
+    /// Requests that ended unsent: cancelled, failed without automatic retransmission, or dropped
+    /// when configuration (CCE) or bus monitoring began.
     pub cancelled: u64,
-    /// Transmit requests that did nothing: the buffer was pending already, or is not configured,
-    /// or bus monitoring is on.
+    /// Transmit requests for a buffer that is pending or not configured, or during bus monitoring.
     pub requests_ignored: u64,
     /// Transmit requests for CAN FD frames, which are not modelled: cancelled.
     pub fd_refused: u64,
@@ -77,28 +75,6 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// Those of a controller that does not exist.
-    pub(super) const NONE: Self = Self {
-        received: [0; 2],
-        lost: [0; 2],
-        overwritten: [0; 2],
-        received_in_buffers: 0,
-        rejected: 0,
-        sent: 0,
-        oldest_sent: Nanos::ZERO,
-        failed: 0,
-        cancelled: 0,
-        requests_ignored: 0,
-        fd_refused: 0,
-        events_lost: 0,
-        bad_acknowledges: 0,
-        bus_offs: 0,
-        protected_writes: 0,
-        last_request: None,
-        tick_period: TickPeriod { count: 0, min_ns: 0, max_ns: 0, sum_ns: 0 },
-        last_tick: None,
-    };
-
     /// Frames that no receive FIFO could take.
     #[must_use]
     pub const fn rx_lost(&self) -> u64 {

@@ -1,5 +1,4 @@
-//! Fault confinement: error counters, error states, last error code (ISO 11898-1; registers ECR
-//! and PSR).
+//! Fault confinement: error counters, states, last error code (ISO 11898-1; ECR and PSR).
 
 use rc10_can::BusError;
 
@@ -9,8 +8,7 @@ use super::registers::ir;
 const FAILED_TRANSMISSION: u8 = 8;
 const ERROR_WARNING: u8 = 96;
 const ERROR_PASSIVE: u8 = 128;
-/// A receive error counter above 127 falls to a value from 119 to 127 with the next good frame;
-/// ISO leaves the choice.
+/// REC above 127 falls to 119 to 127 with the next good frame; ISO leaves the choice.
 const REC_AFTER_PASSIVE: u8 = 127;
 
 /// PSR.LEC: no error.
@@ -20,7 +18,7 @@ const BIT0_ERROR: u32 = 5;
 /// PSR.LEC: nothing has happened since PSR was read.
 const NO_CHANGE: u32 = 7;
 
-/// PSR.LEC for an error on the wire; `None` if it is none of the wire's.
+/// PSR.LEC of an error; `None` if it does not occur on the wire.
 const fn code(error: BusError) -> Option<u32> {
     match error {
         BusError::Stuff => Some(1),
@@ -71,7 +69,6 @@ impl Errors {
             | flag(before.2 != after.2, ir::BO)
     }
 
-    /// A frame of its own was acknowledged.
     pub fn sent(&mut self) -> u32 {
         self.last = NO_ERROR;
         self.change(|errors| {
@@ -93,7 +90,6 @@ impl Errors {
         })
     }
 
-    /// A frame of its own failed.
     pub fn transmission_failed(&mut self, error: BusError) -> u32 {
         // An error-passive sender that only misses its acknowledge counts no further, else a
         // node that is alone would go to bus-off.
@@ -142,14 +138,12 @@ impl Errors {
         self.receive = 0;
     }
 
-    /// Counts sequences of recessive bits that were seen during recovery.
     pub fn recovering(&mut self, sequences: u64) {
         self.last = BIT0_ERROR;
         let seen = u64::from(self.receive).saturating_add(sequences).min(127);
         self.receive = u8::try_from(seen).unwrap_or(127);
     }
 
-    /// Error-active again.
     pub fn recovered(&mut self) -> u32 {
         self.change(|errors| {
             errors.transmit = 0;

@@ -5,7 +5,6 @@ use rc10_can::CanFrame;
 use super::ram::MessageRam;
 use super::registers::{Registers, at, field};
 
-/// Destination of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
     Fifo(u32),
@@ -13,10 +12,8 @@ pub(super) enum Destination {
     Nowhere,
 }
 
-/// Result of the filters for a frame.
 pub(super) struct Verdict {
     pub destination: Destination,
-    /// The index of the element that matched.
     pub element: Option<u32>,
     pub priority: bool,
 }

@@ -4,8 +4,7 @@ use rc10_sim::{Activity, Nanos};
 
 use super::timing::Period;
 
-/// This many recessive bits in a row mean that the bus is idle (ISO 11898-1, bus integration), and
-/// make one step of the recovery from bus-off.
+/// Recessive bits in a row that mean an idle bus (ISO 11898-1), or a step of bus-off recovery.
 const SEQUENCE_BITS: u64 = 11;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -13,7 +12,6 @@ enum State {
     /// CCCR.INIT is set.
     Stopped,
     Waiting {
-        /// Sequences still to come.
         sequences: u64,
         /// Recessive bits from here on are not part of a counted sequence.
         counted_to: Nanos,
@@ -33,7 +31,6 @@ impl Link {
         Self { state: State::Stopped, busy: false, busy_since: Nanos::ZERO }
     }
 
-    /// Joins the bus after a number of sequences.
     pub const fn start(&mut self, sequences: u64, now: Nanos) {
         self.state = State::Waiting { sequences, counted_to: now };
     }

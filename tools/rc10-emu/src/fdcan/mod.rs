@@ -29,11 +29,12 @@ mod ring;
 mod timing;
 mod transmit;
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rc10_can::{BusError, CanFrame};
 use rc10_sim::{Activity, Controller, Nanos, Outcome};
 
+use crate::peripherals::lock;
 pub use counters::{Counters, TickPeriod};
 use ram::MessageRam;
 
@@ -46,8 +47,7 @@ pub struct Fdcans {
 }
 
 impl Fdcans {
-    /// After power-on: kernel clock off, no pins, noise in the message RAM, other noise for another
-    /// seed.
+    /// FDCANs after power-on: no kernel clock, no pins, noise in the message RAM by the seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let controllers = [(); 3].map(|()| controller::Controller::new());
@@ -55,35 +55,31 @@ impl Fdcans {
         Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new(seed) }
     }
 
-    /// The block's reset in RCC: all registers. Message RAM, kernel clock and pins stay, and so
-    /// do the [`Counters`].
+    /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
     pub fn reset(&mut self) {
         self.controllers.iter_mut().for_each(controller::Controller::reset);
         self.calibration.reset();
         self.apply_clock();
     }
 
-    /// Reads a register; `offset` is in bytes from the controller's base address. `None`: there
-    /// is no such register.
+    /// Reads a register at an offset in bytes from the controller's base. `None`: no such register.
     pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Option<u32> {
         self.controllers.get_mut(index)?.read(offset, now)
     }
 
-    /// Writes a register; bits that are read-only or protected at the time ignore it. `false`: there
-    /// is no such register.
+    /// Writes a register; read-only and protected bits stay. `false`: no such register.
     pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> bool {
         self.controllers.get_mut(index).is_some_and(|one| one.write(offset, value, now))
     }
 
-    /// Reads a register of the clock calibration unit; `offset` is in bytes from its base address.
-    /// `None`: there is no such register.
+    /// Reads a register of the clock calibration unit. `None`: no such register.
     #[must_use]
-    pub const fn read_calibration(&self, offset: u32) -> Option<u32> {
+    pub fn read_calibration(&self, offset: u32) -> Option<u32> {
         self.calibration.read(offset)
     }
 
-    /// Writes a register of the clock calibration unit. `None`: there is no such register; `false`:
-    /// it is locked, because FDCAN1 has not both INIT and CCE.
+    /// Writes a register of the clock calibration unit. `None`: no such register; `false`: it is
+    /// locked, because FDCAN1 has not both INIT and CCE.
     pub fn write_calibration(&mut self, offset: u32, value: u32) -> Option<bool> {
         let unlocked = self.controllers[0].may_configure();
         let written = self.calibration.write(offset, value, unlocked)?;
@@ -91,8 +87,7 @@ impl Fdcans {
         Some(written)
     }
 
-    /// Whether the clock calibration unit has to be bypassed before a controller may send: the
-    /// manual's stricter reading, and what holds if never said.
+    /// Sets whether the clock calibration unit has to be bypassed before a controller may send.
     pub fn set_calibration_needed(&mut self, needed: bool) {
         self.calibration.is_needed = needed;
         self.apply_clock();
@@ -101,12 +96,12 @@ impl Fdcans {
     /// A word of the message RAM, 0 ..= 2559; `None` beyond.
     #[must_use]
     pub fn read_ram(&self, word: usize) -> Option<u32> {
-        self.ram.word(word)
+        self.ram.words.get(word).copied()
     }
 
     /// Writes a word of the message RAM, 0 ..= 2559; `false` beyond.
     pub fn write_ram(&mut self, word: usize, value: u32) -> bool {
-        self.ram.word_mut(word).map(|slot| *slot = value).is_some()
+        self.ram.words.get_mut(word).map(|slot| *slot = value).is_some()
     }
 
     /// Times a controller went beyond the message RAM's end, where a register had sent it.
@@ -123,12 +118,12 @@ impl Fdcans {
 
     /// The kernel clock behind the calibration unit's divider, hertz.
     #[must_use]
-    pub const fn time_quantum_hz(&self) -> u64 {
+    pub fn time_quantum_hz(&self) -> u64 {
         self.time_quantum_of(self.kernel_hz)
     }
 
     /// The same, if the kernel clock had another frequency.
-    pub(crate) const fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
+    pub(crate) fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
         kernel_hz / self.calibration.divider()
     }
 
@@ -137,8 +132,7 @@ impl Fdcans {
         self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 
-    /// Whether pins lead to a controller's receive input and from its transmit output. It is wired
-    /// up only with both.
+    /// Sets whether pins lead to a controller's input and output: it needs both.
     pub fn set_pins(&mut self, index: usize, receive: bool, transmit: bool) {
         if let Some(one) = self.controllers.get_mut(index) {
             one.pins = (receive, transmit);
@@ -153,12 +147,11 @@ impl Fdcans {
 
     /// Counters of one controller.
     #[must_use]
-    pub fn counters(&self, index: usize) -> &Counters {
-        self.controllers.get(index).map_or(&Counters::NONE, |one| &one.counters)
+    pub fn counters(&self, index: usize) -> Counters {
+        self.controllers.get(index).map(|one| one.counters.clone()).unwrap_or_default()
     }
 
-    /// Bits a second of a controller, and the length of one in nanoseconds; `None` while it takes no
-    /// part in its bus.
+    /// Bits a second of a controller, and nanoseconds of one; `None` while it takes no part.
     #[must_use]
     pub fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
         let bit = self.controllers.get(index)?.bit_in_use()?;
@@ -189,10 +182,21 @@ impl Node {
         &self,
         act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
     ) -> R {
-        let mut fdcans: MutexGuard<'_, Fdcans> =
-            self.fdcans.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut fdcans = lock(&self.fdcans);
         let Fdcans { controllers, ram, .. } = &mut *fdcans;
         controllers.get_mut(self.index).map_or_else(R::default, |one| act(one, ram))
+    }
+
+    /// Does something with the controller at a time up to which everything has happened.
+    fn at<R: Default>(
+        &self,
+        now: Nanos,
+        act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
+    ) -> R {
+        self.with(|one, ram| {
+            one.settle(now);
+            act(one, ram)
+        })
     }
 }
 
@@ -210,30 +214,30 @@ impl Controller for Node {
         self.with(|one, _| one.tolerance_ppm())
     }
     fn offer(&mut self, now: Nanos) -> Option<CanFrame> {
-        self.with(|one, ram| one.offer(now, ram))
+        self.at(now, |one, ram| one.offer(now, ram))
     }
     fn sending(&mut self, start: Nanos) {
-        self.with(|one, _| one.sending(start));
+        self.at(start, |one, _| one.sending(start));
     }
     fn lost_arbitration(&mut self, start: Nanos) {
-        self.with(|one, _| one.lost_arbitration(start));
+        self.at(start, |one, _| one.lost_arbitration());
     }
     fn sent(&mut self, outcome: Outcome, end: Nanos) {
-        self.with(|one, ram| one.sent(outcome, end, ram));
+        self.at(end, |one, ram| one.sent(outcome, ram));
     }
     fn received(&mut self, frame: &CanFrame, start: Nanos, end: Nanos) {
-        self.with(|one, ram| one.received(frame, start, end, ram));
+        self.at(end, |one, ram| one.received(frame, start, ram));
     }
     fn disturbed(&mut self, error: BusError, at: Nanos) {
-        self.with(|one, _| one.disturbed(error, at));
+        self.at(at, |one, _| one.disturbed(error));
     }
     fn wire_is(&mut self, activity: Activity, at: Nanos) {
-        self.with(|one, _| one.wire_is(activity, at));
+        self.at(at, |one, _| one.wire_is(activity, at));
     }
     fn next_event(&self) -> Option<Nanos> {
         self.with(|one, _| one.next_event())
     }
     fn advance(&mut self, now: Nanos) {
-        self.with(|one, _| one.settle(now));
+        self.at(now, |_, _| ());
     }
 }

@@ -10,7 +10,7 @@ use crate::memory::noise;
 pub(super) const WORDS: u32 = 2560;
 
 pub(super) struct MessageRam {
-    words: Vec<u32>,
+    pub words: Vec<u32>,
     /// Elements configured to lie beyond the end that were read or written.
     pub misses: u64,
 }
@@ -20,14 +20,6 @@ impl MessageRam {
     pub fn new(seed: u64) -> Self {
         let words = noise(seed).take(WORDS as usize).map(|word| (word >> 32) as u32);
         Self { words: words.collect(), misses: 0 }
-    }
-
-    pub fn word(&self, index: usize) -> Option<u32> {
-        self.words.get(index).copied()
-    }
-
-    pub fn word_mut(&mut self, index: usize) -> Option<&mut u32> {
-        self.words.get_mut(index)
     }
 
     /// A controller's read; beyond the end there is nothing.
@@ -51,19 +43,9 @@ impl MessageRam {
 const EXTENDED: u32 = 1 << 30;
 const REMOTE: u32 = 1 << 29;
 
-/// Words of a receive or transmit buffer element: two of header and the data field that RXESC or
-/// TXESC asks for.
+/// Words of a buffer element: two of header and the data field of this RXESC or TXESC.
 pub(super) const fn element_words(size_code: u32) -> u32 {
-    2 + match size_code {
-        0 => 2,
-        1 => 3,
-        2 => 4,
-        3 => 5,
-        4 => 6,
-        5 => 8,
-        6 => 12,
-        _ => 16,
-    }
+    2 + [2, 3, 4, 5, 6, 8, 12, 16][size_code as usize & 7]
 }
 
 /// First word of an element: identifier, its size, remote flag.

@@ -1,6 +1,5 @@
-//! The registers: offsets, existing bits, and when they are writable.
-//!
-//! Source: RM0468, FDCAN register map; addresses and bits as in `stm32-metapac` (`can_fdcan_h7`).
+//! Offsets of the registers, existing bits, and when they are writable. Source: RM0468, FDCAN
+//! register map; `stm32-metapac` (`can_fdcan_h7`).
 
 /// Offsets from a controller's base address.
 pub(super) mod at {
@@ -71,7 +70,7 @@ pub(super) mod cccr {
 
 /// Flags of IR; IE and ILS have the same bits.
 pub(super) mod ir {
-    /// Of FIFO 0; FIFO 1's is four bits higher.
+    /// The first four are FIFO 0's; FIFO 1's are four bits higher.
     pub const RF0N: u32 = 1 << 0;
     pub const RF0W: u32 = 1 << 1;
     pub const RF0F: u32 = 1 << 2;
@@ -208,8 +207,7 @@ impl Registers {
         self.at(offset) & bits == bits
     }
 
-    /// The first word in the message RAM of what this register configures: bits 15:2 of every
-    /// start address.
+    /// The first word in the message RAM: bits 15:2 of every start address.
     pub fn start_word(&self, offset: u32) -> u32 {
         self.field(offset, 2, 14)
     }

@@ -34,14 +34,10 @@ pub(super) enum Put {
 #[derive(Default)]
 pub(super) struct Ring {
     get: u32,
-    level: u32,
+    pub level: u32,
 }
 
 impl Ring {
-    pub const fn level(&self) -> u32 {
-        self.level
-    }
-
     pub const fn put(&mut self, shape: Shape) -> Put {
         if self.level < shape.size {
             let index = (self.get + self.level) % shape.size;

@@ -8,12 +8,15 @@
 use rc10_can::CanFrame;
 use rc10_sim::Nanos;
 
-use super::counters::Counters;
+use super::controller::Controller;
 use super::ram::{self, MessageRam};
 use super::registers::{Registers, at, cccr, field, ir};
 use super::ring::{Put, Ring, Shape};
+use super::timing::Period;
 
 const BUFFERS: u32 = 32;
+/// Periods of a scan for each buffer: a word of the message RAM. Our estimate.
+const SCAN: u64 = 4;
 /// Elements of the transmit event FIFO at most.
 const LARGEST_EVENT_FIFO: u32 = 32;
 
@@ -58,7 +61,6 @@ impl Layout {
     }
 }
 
-/// A buffer as it was read for arbitration.
 #[derive(Clone, Copy)]
 struct Candidate {
     buffer: u32,
@@ -84,7 +86,6 @@ pub(super) struct Transmit {
     /// Cancellations on their way, and when they are done.
     cancelling: u32,
     cancel_ends: Nanos,
-    /// Time of each buffer's last request.
     requested: [Nanos; BUFFERS as usize],
     /// The FIFO's get index, counted from its first buffer, and its elements in use.
     head: u32,
@@ -94,39 +95,11 @@ pub(super) struct Transmit {
     on_wire: Option<Candidate>,
 }
 
-/// All functions that end a request return the flags they raise in IR.
 impl Transmit {
-    /// CCCR.CCE was set; returns the number of requests that were dropped.
-    pub fn reset(&mut self) -> u64 {
-        u64::from(std::mem::take(self).pending.count_ones())
-    }
-
-    /// TXBRP is held in reset (bus monitoring); the number of requests that were dropped.
-    pub fn drop_requests(&mut self, registers: &Registers) -> u64 {
-        let dropped = std::mem::take(&mut self.pending).count_ones();
-        self.release(Layout::new(registers));
-        u64::from(dropped)
-    }
-
     pub const fn is_sending(&self) -> bool {
         self.on_wire.is_some()
     }
 
-    /// Does everything that is due by now; `scan` is the time of a scan. Returns flags of IR.
-    pub fn settle(&mut self, now: Nanos, scan: Nanos, registers: &Registers) -> u32 {
-        if self.adding != 0 && now >= self.scan_ends {
-            self.adding = 0;
-            // They start the next one.
-            self.scan_ends = self.scan_ends + scan;
-        }
-        if self.cancelling == 0 || now < self.cancel_ends {
-            return 0;
-        }
-        let done = std::mem::take(&mut self.cancelling);
-        self.finish_cancellation(done, registers)
-    }
-
-    /// Time at which a cancellation is done.
     pub fn next_event(&self) -> Option<Nanos> {
         (self.cancelling != 0).then_some(self.cancel_ends)
     }
@@ -136,78 +109,13 @@ impl Transmit {
         self.pending & !self.adding | self.cancelling
     }
 
-    /// Number of buffers to scan.
-    pub fn buffers(registers: &Registers) -> u64 {
-        u64::from(Layout::new(registers).all().count_ones())
-    }
-
-    /// TXBAR; `scan` is the time of a scan. Returns the number of requests without effect.
-    pub fn request(&mut self, bits: u32, now: Nanos, scan: Nanos, registers: &Registers) -> u64 {
-        let layout = Layout::new(registers);
-        let new = bits & layout.all() & !self.pending & !self.cancelling;
-        if now < self.scan_ends {
-            self.adding |= new;
-        } else if new != 0 {
-            self.scan_ends = now + scan;
-        }
-        for (buffer, requested) in self.requested.iter_mut().enumerate() {
-            if new >> buffer & 1 != 0 {
-                *requested = now;
-            }
-        }
-        self.pending |= new;
-        self.occurred &= !new;
-        self.cancelled &= !new;
-        if !layout.is_queue {
-            while self.used < layout.shared
-                && self.pending >> layout.element(self.head, self.used) & 1 != 0
-            {
-                self.used += 1;
-            }
-        }
-        u64::from((bits & !new).count_ones())
-    }
-
-    /// TXBCR; it is told at `done`.
-    pub fn cancel(
-        &mut self,
-        bits: u32,
-        done: Nanos,
-        registers: &Registers,
-        counters: &mut Counters,
-    ) -> u32 {
-        let layout = Layout::new(registers);
-        let mut now = bits & layout.all();
-        if let Some(sending) = &mut self.on_wire
-            && now >> sending.buffer & 1 != 0
-        {
-            // It is over when the transmission is, one way or the other.
-            sending.cancelled = true;
-            now &= !(1 << sending.buffer);
-        }
-        counters.cancelled += u64::from((self.pending & now).count_ones());
-        self.pending &= !now;
-        self.adding &= !now;
-        if now != 0 {
-            self.cancelling |= now;
-            self.cancel_ends = done;
-        }
-        self.release(layout)
-    }
-
-    fn finish_cancellation(&mut self, bits: u32, registers: &Registers) -> u32 {
-        self.cancelled |= bits;
-        if bits & registers.at(at::TXBCIE) != 0 { ir::TCF } else { 0 }
-    }
-
-    /// TXBCR: the buffers whose cancellation is not done, and those that are over only when their
-    /// transmission is.
+    /// TXBCR: buffers whose cancellation is not done, or waits for their transmission.
     pub fn being_cancelled(&self) -> u32 {
         let sending = self.on_wire.filter(|sending| sending.cancelled);
         self.cancelling | sending.map_or(0, |sending| 1 << sending.buffer)
     }
 
-    /// The FIFO's get index moves on over buffers that are done.
+    /// The FIFO's get index moves on over buffers that are done; the flag that this raises in IR.
     fn release(&mut self, layout: Layout) -> u32 {
         let before = self.used;
         while self.used > 0 && self.pending >> layout.element(self.head, 0) & 1 == 0 {
@@ -216,175 +124,249 @@ impl Transmit {
         }
         if self.used == 0 && before > 0 { ir::TFE } else { 0 }
     }
+}
+
+impl Controller {
+    fn layout(&self) -> Layout {
+        Layout::new(&self.registers)
+    }
+
+    /// CCCR.CCE was set: requests are dropped.
+    pub fn reset_transmit(&mut self) {
+        let dropped = std::mem::take(&mut self.transmit).pending;
+        self.counters.cancelled += u64::from(dropped.count_ones());
+    }
+
+    /// TXBRP is held in reset (bus monitoring): requests are dropped.
+    pub fn drop_requests(&mut self) {
+        let dropped = std::mem::take(&mut self.transmit.pending);
+        self.counters.cancelled += u64::from(dropped.count_ones());
+        self.transmit.release(self.layout());
+    }
+
+    /// Duration of a scan for the most urgent buffer.
+    fn scan(&self) -> Nanos {
+        if self.kernel_hz == 0 {
+            return Nanos::ZERO;
+        }
+        let buffers = u64::from(self.layout().all().count_ones());
+        Period::of_clock(self.kernel_hz).many(SCAN * buffers)
+    }
+
+    /// Does everything that is due by now.
+    pub fn settle_transmit(&mut self) {
+        if self.transmit.adding != 0 && self.now >= self.transmit.scan_ends {
+            self.transmit.adding = 0;
+            // They start the next one.
+            self.transmit.scan_ends = self.transmit.scan_ends + self.scan();
+        }
+        if self.transmit.cancelling != 0 && self.now >= self.transmit.cancel_ends {
+            let done = std::mem::take(&mut self.transmit.cancelling);
+            self.finish_cancellation(done);
+        }
+    }
+
+    pub fn request(&mut self, bits: u32) {
+        let (layout, scan, now) = (self.layout(), self.scan(), self.now);
+        let transmit = &mut self.transmit;
+        let new = bits & layout.all() & !transmit.pending & !transmit.cancelling;
+        if now < transmit.scan_ends {
+            transmit.adding |= new;
+        } else if new != 0 {
+            transmit.scan_ends = now + scan;
+        }
+        for (buffer, requested) in transmit.requested.iter_mut().enumerate() {
+            if new >> buffer & 1 != 0 {
+                *requested = now;
+            }
+        }
+        transmit.pending |= new;
+        transmit.occurred &= !new;
+        transmit.cancelled &= !new;
+        if !layout.is_queue {
+            while transmit.used < layout.shared
+                && transmit.pending >> layout.element(transmit.head, transmit.used) & 1 != 0
+            {
+                transmit.used += 1;
+            }
+        }
+        self.counters.requests_ignored += u64::from((bits & !new).count_ones());
+    }
+
+    /// TXBCR; it is told at `done`.
+    pub fn cancel(&mut self, bits: u32, done: Nanos) {
+        let (layout, transmit) = (self.layout(), &mut self.transmit);
+        let mut now = bits & layout.all();
+        if let Some(sending) = &mut transmit.on_wire
+            && now >> sending.buffer & 1 != 0
+        {
+            // It is over when the transmission is, one way or the other.
+            sending.cancelled = true;
+            now &= !(1 << sending.buffer);
+        }
+        self.counters.cancelled += u64::from((transmit.pending & now).count_ones());
+        transmit.pending &= !now;
+        transmit.adding &= !now;
+        if now != 0 {
+            transmit.cancelling |= now;
+            transmit.cancel_ends = done;
+        }
+        self.flags |= transmit.release(layout);
+    }
+
+    fn finish_cancellation(&mut self, bits: u32) {
+        self.transmit.cancelled |= bits;
+        if bits & self.registers.at(at::TXBCIE) != 0 {
+            self.flags |= ir::TCF;
+        }
+    }
 
     /// TXFQS.
-    pub fn status(&self, registers: &Registers) -> u32 {
-        let layout = Layout::new(registers);
+    pub fn queue_status(&self) -> u32 {
+        let (layout, &Transmit { head, used, pending, .. }) = (self.layout(), &self.transmit);
         if layout.shared == 0 {
             return 0;
         }
         if layout.is_queue {
-            let free = layout.all() & !Layout::below(layout.dedicated) & !self.pending;
+            let free = layout.all() & !Layout::below(layout.dedicated) & !pending;
             return if free == 0 { 1 << 21 } else { free.trailing_zeros() << 16 };
         }
-        let full = u32::from(self.used == layout.shared);
-        (layout.shared - self.used)
-            | layout.element(self.head, 0) << 8
-            | layout.element(self.head, self.used) << 16
+        let full = u32::from(used == layout.shared);
+        (layout.shared - used)
+            | layout.element(head, 0) << 8
+            | layout.element(head, used) << 16
             | full << 21
     }
 
-    fn read(&self, buffer: u32, registers: &Registers, ram: &mut MessageRam) -> Candidate {
-        let address = Self::address(buffer, registers);
+    fn buffer_address(&self, buffer: u32) -> u32 {
+        let words = ram::element_words(self.registers.field(at::TXESC, 0, 3));
+        self.registers.start_word(at::TXBC) + buffer * words
+    }
+
+    fn candidate(&self, buffer: u32, ram: &mut MessageRam) -> Candidate {
+        let address = self.buffer_address(buffer);
         let (header, control) = (ram.load(address), ram.load(address + 1));
         Candidate { buffer, header, control, timestamp: 0, age: Nanos::ZERO, cancelled: false }
     }
 
-    fn address(buffer: u32, registers: &Registers) -> u32 {
-        let words = ram::element_words(registers.field(at::TXESC, 0, 3));
-        registers.start_word(at::TXBC) + buffer * words
-    }
-
-    /// The most urgent frame: lowest identifier of the dedicated buffers and the FIFO's head, or
-    /// of all buffers with a queue; of equal ones, the lowest buffer. CAN FD frames that it meets
-    /// are cancelled: returns the flags of that too.
-    pub fn offer(
-        &mut self,
-        registers: &Registers,
-        ram: &mut MessageRam,
-        counters: &mut Counters,
-    ) -> (Option<CanFrame>, u32) {
-        let layout = Layout::new(registers);
-        let mut flags = 0;
+    /// The most urgent frame: lowest identifier of the dedicated buffers and the FIFO's head, or of
+    /// all with a queue, then lowest buffer. CAN FD frames that it meets are cancelled.
+    pub fn most_urgent(&mut self, ram: &mut MessageRam) -> Option<CanFrame> {
+        let layout = self.layout();
         loop {
-            let mut eligible = self.pending & layout.all();
+            let mut eligible = self.transmit.pending & layout.all();
             if !layout.is_queue {
                 eligible &= Layout::below(layout.dedicated);
-                if self.used > 0 {
-                    eligible |= 1 << layout.element(self.head, 0);
+                if self.transmit.used > 0 {
+                    eligible |= 1 << layout.element(self.transmit.head, 0);
                 }
             }
             let best = (0..BUFFERS)
                 .filter(|buffer| eligible >> buffer & 1 != 0)
-                .map(|buffer| self.read(buffer, registers, ram))
+                .map(|buffer| self.candidate(buffer, ram))
                 .min_by_key(|candidate| (ram::urgency(candidate.header), candidate.buffer));
-            self.offered = best;
-            let Some(candidate) = best else { return (None, flags) };
-            if candidate.control & FD_FORMAT == 0 || !registers.has(at::CCCR, cccr::FDOE) {
-                let address = Self::address(candidate.buffer, registers);
+            self.transmit.offered = best;
+            let candidate = best?;
+            if candidate.control & FD_FORMAT == 0 || !self.registers.has(at::CCCR, cccr::FDOE) {
+                let address = self.buffer_address(candidate.buffer);
                 let data = [ram.load(address + 2), ram.load(address + 3)];
-                let frame = ram::frame(candidate.header, candidate.control, data);
-                return (Some(frame), flags);
+                return Some(ram::frame(candidate.header, candidate.control, data));
             }
-            counters.fd_refused += 1;
-            flags |= self.give_up(candidate.buffer, registers, counters);
+            self.counters.fd_refused += 1;
+            self.give_up(candidate.buffer);
         }
     }
 
     /// The offered frame is on the wire since now.
-    pub fn start(&mut self, timestamp: u32, now: Nanos) {
-        self.on_wire = self.offered.take().map(|offered| {
-            let age = now.since(self.requested[offered.buffer as usize % self.requested.len()]);
+    pub fn sending(&mut self, start: Nanos) {
+        let timestamp = self.stamp(start);
+        let Transmit { requested, offered, on_wire, .. } = &mut self.transmit;
+        *on_wire = offered.take().map(|offered| {
+            let age = start.since(requested[offered.buffer as usize % requested.len()]);
             Candidate { timestamp, age, ..offered }
         });
     }
 
-    /// The offered frame lost arbitration.
-    pub fn lost_arbitration(&mut self, registers: &Registers, counters: &mut Counters) -> u32 {
-        match self.offered.take() {
-            Some(offered) if registers.has(at::CCCR, cccr::DAR) => {
-                self.give_up(offered.buffer, registers, counters)
-            }
-            _ => 0,
+    pub fn lost_arbitration(&mut self) {
+        let offered = self.transmit.offered.take();
+        if let Some(offered) = offered.filter(|_| self.registers.has(at::CCCR, cccr::DAR)) {
+            self.give_up(offered.buffer);
         }
     }
 
     /// The controller stops in mid-frame; what it sent stays pending unless it was cancelled.
-    pub fn abort(&mut self, registers: &Registers, counters: &mut Counters) -> u32 {
-        match self.on_wire.take() {
-            Some(sending) if sending.cancelled => self.give_up(sending.buffer, registers, counters),
-            _ => 0,
+    pub fn abort(&mut self) {
+        if let Some(sending) = self.transmit.on_wire.take().filter(|sending| sending.cancelled) {
+            self.give_up(sending.buffer);
         }
     }
 
-    /// A request ends without its frame having been sent.
-    fn give_up(&mut self, buffer: u32, registers: &Registers, counters: &mut Counters) -> u32 {
-        self.pending &= !(1 << buffer);
-        counters.cancelled += 1;
-        self.finish_cancellation(1 << buffer, registers) | self.release(Layout::new(registers))
+    fn give_up(&mut self, buffer: u32) {
+        self.transmit.pending &= !(1 << buffer);
+        self.counters.cancelled += 1;
+        self.finish_cancellation(1 << buffer);
+        self.flags |= self.transmit.release(self.layout());
     }
 
-    /// The frame on the wire failed.
-    pub fn failed(&mut self, registers: &Registers, counters: &mut Counters) -> u32 {
-        let Some(sending) = self.on_wire.take() else { return 0 };
-        counters.failed += 1;
-        if sending.cancelled || registers.has(at::CCCR, cccr::DAR) {
-            self.give_up(sending.buffer, registers, counters)
-        } else {
-            0
+    pub fn failed(&mut self) {
+        let Some(sending) = self.transmit.on_wire.take() else { return };
+        self.counters.failed += 1;
+        if sending.cancelled || self.registers.has(at::CCCR, cccr::DAR) {
+            self.give_up(sending.buffer);
         }
     }
 
-    /// The frame on the wire was acknowledged.
-    pub fn succeeded(
-        &mut self,
-        registers: &Registers,
-        ram: &mut MessageRam,
-        counters: &mut Counters,
-    ) -> u32 {
-        let Some(sending) = self.on_wire.take() else { return 0 };
+    pub fn succeeded(&mut self, ram: &mut MessageRam) {
+        let Some(sending) = self.transmit.on_wire.take() else { return };
         let bit = 1 << sending.buffer;
-        counters.sent += 1;
-        counters.oldest_sent = counters.oldest_sent.max(sending.age);
-        self.pending &= !bit;
-        self.occurred |= bit;
-        let mut flags = if bit & registers.at(at::TXBTIE) != 0 { ir::TC } else { 0 };
+        self.counters.sent += 1;
+        self.counters.oldest_sent = self.counters.oldest_sent.max(sending.age);
+        self.transmit.pending &= !bit;
+        self.transmit.occurred |= bit;
+        if bit & self.registers.at(at::TXBTIE) != 0 {
+            self.flags |= ir::TC;
+        }
         if sending.cancelled {
-            flags |= self.finish_cancellation(bit, registers);
+            self.finish_cancellation(bit);
         }
-        flags |= self.release(Layout::new(registers));
+        self.flags |= self.transmit.release(self.layout());
         if sending.control & EVENT != 0 {
-            flags |= self.tell(sending, registers, ram, counters);
+            self.flags |= self.tell(sending, ram);
         }
-        flags
     }
 
-    fn tell(
-        &mut self,
-        sent: Candidate,
-        registers: &Registers,
-        ram: &mut MessageRam,
-        counters: &mut Counters,
-    ) -> u32 {
-        let shape = Self::event_shape(registers);
-        let Put::Kept(index) = self.events.put(shape) else {
-            counters.events_lost += 1;
+    /// Puts a transmission into the event FIFO; the flags that this raises in IR.
+    fn tell(&mut self, sent: Candidate, ram: &mut MessageRam) -> u32 {
+        let shape = self.event_shape();
+        let Put::Kept(index) = self.transmit.events.put(shape) else {
+            self.counters.events_lost += 1;
             return ir::TEFL;
         };
-        let in_spite = sent.cancelled || registers.has(at::CCCR, cccr::DAR);
+        let in_spite = sent.cancelled || self.registers.has(at::CCCR, cccr::DAR);
         let kind = if in_spite { SENT_IN_SPITE } else { SENT };
         let marker = field(sent.control, 24, 8) << 24;
-        let address = registers.start_word(at::TXEFC) + 2 * index;
+        let address = self.registers.start_word(at::TXEFC) + 2 * index;
         ram.store(address, sent.header);
         ram.store(address + 1, marker | kind | sent.control & 0xF << 16 | sent.timestamp);
-        let level = self.events.level();
+        let level = self.transmit.events.level;
         let watermark = if level == shape.watermark { ir::TEFW } else { 0 };
         let full = if level == shape.size { ir::TEFF } else { 0 };
         ir::TEFN | watermark | full
     }
 
-    fn event_shape(registers: &Registers) -> Shape {
+    fn event_shape(&self) -> Shape {
         // Bit 31 is reserved in TXEFC and reads as 0: no overwriting.
-        Shape::new(registers.at(at::TXEFC), LARGEST_EVENT_FIFO)
+        Shape::new(self.registers.at(at::TXEFC), LARGEST_EVENT_FIFO)
     }
 
     /// TXEFS without its element-lost bit.
-    pub fn event_status(&self, registers: &Registers) -> u32 {
-        self.events.status(Self::event_shape(registers))
+    pub fn event_status(&self) -> u32 {
+        self.transmit.events.status(self.event_shape())
     }
 
     /// TXEFA; `false` if that event is not in the FIFO.
-    pub fn acknowledge_event(&mut self, index: u32, registers: &Registers) -> bool {
-        self.events.acknowledge(index & 0x1F, Self::event_shape(registers))
+    pub fn acknowledge_event(&mut self, index: u32) -> bool {
+        let shape = self.event_shape();
+        self.transmit.events.acknowledge(index & 0x1F, shape)
     }
 }

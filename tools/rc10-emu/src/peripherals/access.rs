@@ -10,28 +10,20 @@ use crate::board::Package;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// 8 bit.
-    Byte,
+    Byte = 1,
     /// 16 bit.
-    Half,
+    Half = 2,
     /// 32 bit.
-    Word,
+    Word = 4,
 }
 
 impl Width {
     pub(super) const fn bytes(self) -> u32 {
-        match self {
-            Self::Byte => 1,
-            Self::Half => 2,
-            Self::Word => 4,
-        }
+        self as u32
     }
 
     pub(super) const fn mask(self) -> u32 {
-        match self {
-            Self::Byte => 0xFF,
-            Self::Half => 0xFFFF,
-            Self::Word => u32::MAX,
-        }
+        u32::MAX >> (32 - 8 * self.bytes())
     }
 }
 
@@ -52,16 +44,23 @@ pub enum AccessKind {
     OutOfReach,
     /// A DMA stream that serves a UART without `CR.TRBUFF` has locked: it moves nothing more.
     Locked,
-    /// RAM, before the supply is configured (`PWR_CSR1.ACTVOSRDY`): "write accesses to the RAMs are not
-    /// permitted". Reported only if [`Options`](crate::Options) ask for it, and once.
+    /// RAM is written before the supply is configured (`PWR_CSR1.ACTVOSRDY`), which RM0468 forbids.
+    /// Reported once, and only if [`Options`](crate::Options) ask for it.
     BeforeSupply,
     /// The written value makes a clock faster than its consumers can be.
     TooFast(TooFast),
-    /// A pin is set up as an output or for an alternate function, and does not lead outside. Reported
-    /// once for each pin and reason.
+    /// A pin in use as an output or for an alternate function does not lead outside. Reported once
+    /// for each pin and reason.
     Pin(PinFault),
     /// ADC1 is used against the manual.
     Adc(AdcFault),
+}
+
+impl AccessKind {
+    /// Refuses an access for this reason, if it is so.
+    pub(super) fn when(self, is_so: bool) -> Result<(), Self> {
+        if is_so { Err(self) } else { Ok(()) }
+    }
 }
 
 /// A pin that does not lead outside.
@@ -109,7 +108,7 @@ impl fmt::Display for Access {
             0x3000_0000..0x3000_4000 => "SRAM1",
             0x3000_4000..0x3000_8000 => "SRAM2",
             _ if self.kind == AccessKind::BeforeSupply => "RAM",
-            _ => super::map::row_of(self.address).map_or("nobody", |(_, row)| row.name),
+            _ => super::map::row_of(self.address).map_or("no device", |(_, row)| row.name),
         };
         let what = match self.kind {
             AccessKind::Unowned => "unowned or unaligned",
@@ -136,87 +135,14 @@ impl fmt::Display for Access {
     }
 }
 
-/// Number of accesses of each [`AccessKind`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// [`AccessKind::Unowned`].
-    pub unowned: u64,
-    /// [`AccessKind::Gated`].
-    pub gated: u64,
-    /// [`AccessKind::Unmodelled`].
-    pub unmodelled: u64,
-    /// [`AccessKind::Protected`].
-    pub protected: u64,
-    /// [`AccessKind::WaitStates`].
-    pub wait_states: u64,
-    /// [`AccessKind::OutOfReach`].
-    pub out_of_reach: u64,
-    /// [`AccessKind::Locked`].
-    pub locked: u64,
-    /// [`AccessKind::BeforeSupply`].
-    pub before_supply: u64,
-    /// [`AccessKind::TooFast`].
-    pub too_fast: u64,
-    /// [`AccessKind::Pin`].
-    pub pins: u64,
-    /// [`AccessKind::Adc`].
-    pub adc: u64,
-}
-
-impl Counts {
-    pub(super) const fn add(&mut self, kind: AccessKind) {
-        let count = match kind {
-            AccessKind::Unowned => &mut self.unowned,
-            AccessKind::Gated => &mut self.gated,
-            AccessKind::Unmodelled => &mut self.unmodelled,
-            AccessKind::Protected => &mut self.protected,
-            AccessKind::WaitStates => &mut self.wait_states,
-            AccessKind::OutOfReach => &mut self.out_of_reach,
-            AccessKind::Locked => &mut self.locked,
-            AccessKind::BeforeSupply => &mut self.before_supply,
-            AccessKind::TooFast(_) => &mut self.too_fast,
-            AccessKind::Pin(_) => &mut self.pins,
-            AccessKind::Adc(_) => &mut self.adc,
-        };
-        *count += 1;
-    }
-}
-
 /// The bus answers with an error: a `BusFault` of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusFault;
 
-impl fmt::Display for BusFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("bus fault")
-    }
-}
-
-impl std::error::Error for BusFault {}
-
-/// Reason for which a block does not do what an access asks for. The access itself is harmless.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Refusal {
-    Unmodelled,
-    Protected,
-    Adc(AdcFault),
-}
-
-impl From<Refusal> for AccessKind {
-    fn from(refusal: Refusal) -> Self {
-        match refusal {
-            Refusal::Unmodelled => Self::Unmodelled,
-            Refusal::Protected => Self::Protected,
-            Refusal::Adc(fault) => Self::Adc(fault),
-        }
-    }
-}
-
-/// A write to a register: of a word, or of some of its bytes. Where writing a one or a zero does
-/// something, bytes that were not written do nothing.
+/// A write to a register, or to some bytes of it: the others do nothing.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Write {
-    /// Of the whole word.
+pub(crate) struct Write {
+    /// The whole word's offset.
     pub offset: u32,
     value: u32,
     lanes: u32,
@@ -224,7 +150,7 @@ pub(super) struct Write {
 
 impl Write {
     /// `offset` as accessed; the value in its lowest bytes.
-    pub(super) const fn new(offset: u32, width: Width, value: u32) -> Self {
+    pub(crate) const fn new(offset: u32, width: Width, value: u32) -> Self {
         let shift = 8 * (offset & 3);
         let lanes = width.mask() << shift;
         Self { offset: offset & !3, value: (value << shift) & lanes, lanes }
@@ -235,8 +161,7 @@ impl Write {
         Self { offset, ..self }
     }
 
-    /// As a register behind an AHB-to-APB bridge sees it: the bridge makes a word of what is narrower,
-    /// by repeating it (RM0468, AHB/APB bridges).
+    /// The write behind an AHB-to-APB bridge, which repeats what is narrower than a word (RM0468).
     pub(super) const fn repeated(self) -> Self {
         let value = self.value >> self.lanes.trailing_zeros();
         let value = match self.width() {

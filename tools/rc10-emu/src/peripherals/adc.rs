@@ -1,22 +1,21 @@
 //! ADC1: regular sequences started by software (RM0468, ADC chapter).
 //!
-//! Modelled: deep power-down, the regulator's and the converter's start, calibration times, channel
-//! preselection, sampling times, resolutions, sequences of up to 16 channels, once or continuously,
-//! oversampling without shifts to the left, overrun, DMA requests. A converter is exact;
-//! calibration changes nothing but the time. Each conversion is an event, also of a sequence that
-//! goes on for ever.
+//! Modelled: deep power-down, start-up and calibration times, channel preselection, sampling times,
+//! resolutions, sequences, once or continuously, oversampling without shifts to the left, overrun,
+//! DMA requests. A converter is exact; each conversion is an event.
 //! Not modelled, and reported when asked for: triggers, injected channels, differential inputs,
-//! watchdogs, offsets, discontinuous mode, the wait for a reader (AUTDLY), dual mode, ADC2 and
-//! ADC3, the channels inside of the chip.
-//! Not modelled, and not reported: the mode of an input's pin, which should be analog, and the
-//! switches of PC2 and PC3 (`PMCR`), which lead to inputs 12 and 13: voltages always come in.
+//! watchdogs, offsets, discontinuous mode, AUTDLY, dual mode, ADC2 and ADC3, the channels inside of
+//! the chip.
+//! Not modelled, and not reported: the mode of an input's pin, and the switches of PC2 and PC3
+//! (`PMCR`), which lead to inputs 12 and 13: voltages always come in.
 
 use std::fmt;
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
-use super::clocks::{Clocks, Limit, TooFast, field};
+use super::access::{AccessKind, Write};
+use super::clocks::{Clocks, Limit, PRESCALERS, TooFast, field};
+use super::registers::{Register, Registers, fixed, masked, plain};
 
 /// Number of its interrupt, and DMAMUX1's of its request. Source: stm32-metapac.
 const INTERRUPT: usize = 18;
@@ -26,33 +25,13 @@ const REFERENCE: u64 = 3_300_000;
 
 /// Pins of its inputs `INP0` ..= `INP19`. Source: stm32-metapac; 0 and 1 are pads of larger
 /// packages.
-const INPUTS: [Option<(char, usize)>; 20] = [
-    None,
-    None,
-    Some(('F', 11)),
-    Some(('A', 6)),
-    Some(('C', 4)),
-    Some(('B', 1)),
-    Some(('F', 12)),
-    Some(('A', 7)),
-    Some(('C', 5)),
-    Some(('B', 0)),
-    Some(('C', 0)),
-    Some(('C', 1)),
-    Some(('C', 2)),
-    Some(('C', 3)),
-    Some(('A', 2)),
-    Some(('A', 3)),
-    Some(('A', 0)),
-    Some(('A', 1)),
-    Some(('A', 4)),
-    Some(('A', 5)),
+const INPUTS: [&str; 20] = [
+    "", "", "F11", "A6", "C4", "B1", "F12", "A7", "C5", "B0", "C0", "C1", "C2", "C3", "A2", "A3",
+    "A0", "A1", "A4", "A5",
 ];
 
 /// Sampling times in half clocks, by `SMP`. Source: RM0468, `ADC_SMPR1`.
 const SAMPLING: [u64; 8] = [3, 5, 17, 33, 65, 129, 775, 1_621];
-/// Divider of the kernel clock by `PRESC`. Source: RM0468, `ADC_CCR`.
-const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
 /// Highest clock by `BOOST`, hertz. Source: RM0468, `ADC_CR`.
 const BOOSTS: [u64; 4] = [6_250_000, 12_500_000, 25_000_000, 50_000_000];
 
@@ -68,6 +47,30 @@ const LINEARITY: u64 = 165_010;
 /// Clocks from ADEN to ADRDY: "one conversion cycle", data sheet, ADC characteristics, `tSTAB`;
 /// quoted from memory.
 const STABLE: u64 = 10;
+
+const IER: u32 = 0x04;
+const CFGR: u32 = 0x0C;
+const CFGR2: u32 = 0x10;
+const SMPR: [u32; 2] = [0x14, 0x18];
+const PCSEL: u32 = 0x1C;
+const SQR: [u32; 4] = [0x30, 0x34, 0x38, 0x3C];
+
+/// Registers that only store; DIFSEL and CALFACT read as zero. JQDIS is set in CFGR.
+const TABLE: &[Register] = &[
+    masked(IER, 0, 0x7FF),
+    plain(CFGR, 1 << 31),
+    plain(CFGR2, 0),
+    masked(SMPR[0], 0, 0x3FFF_FFFF),
+    masked(SMPR[1], 0, 0x3FFF_FFFF),
+    masked(PCSEL, 0, 0xF_FFFF),
+    plain(SQR[0], 0),
+    plain(SQR[1], 0),
+    plain(SQR[2], 0),
+    plain(SQR[3], 0),
+    fixed(0xC0, 0),
+    fixed(0xC4, 0),
+    fixed(0xC8, 0),
+];
 
 // CR.
 const ADEN: u32 = 1 << 0;
@@ -100,7 +103,7 @@ const ROVSE: u32 = 1 << 0;
 /// JOVSE, TROVS, ROVSM, RSHIFT1 to 4, LSHIFT.
 const CFGR2_UNMODELLED: u32 = 1 << 1 | 0x3F << 9 | 0xF << 28;
 
-/// What a program does against the manual.
+/// A use of ADC1 against the manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AdcFault {
     /// The regulator is off, or switched on less than 10 us ago.
@@ -126,63 +129,43 @@ impl fmt::Display for AdcFault {
     }
 }
 
-/// What it is doing, and until when.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    Idle,
-    Calibrates {
-        until: Nanos,
-    },
-    Starts {
-        until: Nanos,
-    },
+#[derive(Clone, Copy, Debug)]
+enum Work {
+    Calibrates,
+    Starts,
     /// The rank in the sequence, 0 for the first.
-    Converts {
-        rank: usize,
-        until: Nanos,
-    },
+    Converts(usize),
 }
 
 #[derive(Debug)]
 pub(super) struct Adc {
+    registers: Registers,
     flags: u32,
-    interrupts: u32,
     control: u32,
-    config: [u32; 2],
-    /// SMPR1, SMPR2.
-    sampling: [u32; 2],
-    preselected: u32,
-    /// SQR1 to SQR4.
-    sequence: [u32; 4],
     data: u32,
     /// CCR.
     common: u32,
-    /// Time at which the regulator is up.
     regulated_at: Option<Nanos>,
-    state: State,
+    /// The present work, and its end.
+    work: Option<(Work, Nanos)>,
     bus_hz: u64,
     kernel_hz: u64,
     /// Voltages at the inputs, in microvolts.
     inputs: [u32; INPUTS.len()],
-    /// It ends nothing that it has begun.
+    /// Whether it ends nothing that it has begun.
     fails: bool,
 }
 
 impl Adc {
-    pub(super) const fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
+            registers: Registers::new(TABLE),
             flags: 0,
-            interrupts: 0,
             control: DEEPPWD,
-            // JQDIS.
-            config: [1 << 31, 0],
-            sampling: [0; 2],
-            preselected: 0,
-            sequence: [0; 4],
             data: 0,
             common: 0,
             regulated_at: None,
-            state: State::Idle,
+            work: None,
             bus_hz: 0,
             kernel_hz: 0,
             inputs: [0; INPUTS.len()],
@@ -196,14 +179,10 @@ impl Adc {
         *self = Self { bus_hz, kernel_hz, inputs, fails, ..Self::new() };
     }
 
-    /// From now on it ends no conversion, no calibration and no start, or does again: then what
-    /// would have ended meanwhile ends at once.
+    /// Sets whether it ends no work. When it does again, what would have ended meanwhile ends.
     pub(super) fn set_fails(&mut self, fails: bool, now: Nanos) {
         self.fails = fails;
-        if let State::Calibrates { until }
-        | State::Starts { until }
-        | State::Converts { until, .. } = &mut self.state
-        {
+        if let Some((_, until)) = &mut self.work {
             *until = now.max(*until);
         }
     }
@@ -215,31 +194,28 @@ impl Adc {
 
     /// The voltage at a pin from now on. `false`: no input of this converter is there.
     pub(super) fn set_voltage(&mut self, pin: (char, usize), microvolts: u32) -> bool {
-        let input = INPUTS.iter().position(|input| *input == Some(pin));
+        let name = format!("{}{}", pin.0, pin.1);
+        let input = INPUTS.iter().position(|input| *input == name);
         input.map(|input| self.inputs[input] = microvolts).is_some()
     }
 
-    /// Half clocks a second of its analog part, whose clock is half of what it is given.
-    ///
-    /// Source: RM0433 Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL halves it,
-    /// too, for every `STM32H72x` and `STM32H73x` (`ADC_ConfigureBoostMode`).
+    /// Half clocks a second of the analog part, which has half of the given clock. Source: RM0433
+    /// Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL
+    /// (`ADC_ConfigureBoostMode`).
     fn half_clocks_hz(&self) -> u64 {
         self.half_clocks_of(self.bus_hz, self.kernel_hz)
     }
 
     fn half_clocks_of(&self, bus_hz: u64, kernel_hz: u64) -> u64 {
         match field(self.common, 16, 2) {
-            0 => {
-                let prescaler = PRESCALERS.get(field(self.common, 18, 4) as usize);
-                prescaler.map_or(0, |prescaler| kernel_hz / prescaler)
-            }
+            0 => PRESCALERS.get(field(self.common, 18, 4) as usize).map_or(0, |by| kernel_hz / by),
             1 => bus_hz,
             2 => bus_hz / 2,
             _ => bus_hz / 4,
         }
     }
 
-    /// Its nominal clock, if that is too fast for it.
+    /// The nominal clock, if that is too fast.
     pub(super) fn too_fast(&self, nominal: &Clocks) -> Option<TooFast> {
         let hz = self.half_clocks_of(nominal.bus, nominal.adc) / 2;
         let limit = BOOSTS[field(self.control, 8, 2) as usize % BOOSTS.len()];
@@ -248,12 +224,9 @@ impl Adc {
         (is_on && hz > limit).then_some(TooFast { clock, hz, limit: Limit::Boost(limit) })
     }
 
-    /// Time that half clocks take from now.
-    fn after(&self, half_clocks: u64, now: Nanos) -> Result<Nanos, Refusal> {
+    fn after(&self, half_clocks: u64, now: Nanos) -> Result<Nanos, AccessKind> {
         let hz = self.half_clocks_hz();
-        if hz == 0 {
-            return Err(Refusal::Adc(AdcFault::NoClock));
-        }
+        AccessKind::Adc(AdcFault::NoClock).when(hz == 0)?;
         let nanos = (u128::from(half_clocks) * 1_000_000_000).div_ceil(u128::from(hz));
         Ok(now + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX)))
     }
@@ -262,144 +235,104 @@ impl Adc {
         self.regulated_at.is_some_and(|at| at <= now)
     }
 
-    const fn is_idle(&self) -> bool {
-        matches!(self.state, State::Idle)
-    }
-
     pub(super) fn interrupt(&self) -> Option<usize> {
-        (self.flags & self.interrupts != 0).then_some(INTERRUPT)
+        (self.flags & self.registers.value(IER) != 0).then_some(INTERRUPT)
     }
 
-    /// Whether it asserts a request of DMAMUX1.
-    pub(super) const fn requests(&self, request: u32) -> bool {
+    pub(super) fn requests(&self, request: u32) -> bool {
         // DMNGT: by DMA, once or round and round.
-        let by_dma = self.config[0] & 1 != 0;
+        let by_dma = self.registers.value(CFGR) & 1 != 0;
         request == REQUEST && by_dma && self.flags & EOC != 0
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         Ok(match offset {
             0x00 => self.flags | if self.is_regulated(now) { LDORDY } else { 0 },
-            0x04 => self.interrupts,
             0x08 => self.control,
-            0x0C => self.config[0],
-            0x10 => self.config[1],
-            0x14 => self.sampling[0],
-            0x18 => self.sampling[1],
-            0x1C => self.preselected,
-            0x30 | 0x34 | 0x38 | 0x3C => self.sequence[(offset - 0x30) as usize / 4],
             0x40 => {
                 self.flags &= !EOC;
                 self.data
             }
-            // DIFSEL, CALFACT, CALFACT2.
-            0xC0 | 0xC4 | 0xC8 => 0,
-            _ => return Err(Refusal::Unmodelled),
+            _ => return self.registers.read(offset),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         let converts = self.control & ADSTART != 0;
         match write.offset {
             0x00 => self.flags &= !write.ones(),
-            0x04 => self.interrupts = write.over(self.interrupts) & 0x7FF,
             0x08 => return self.control(write.over(self.control), now),
             0x40 => {}
             // RM0468: allowed only while ADSTART is zero.
-            0x0C..=0x3C if converts => return Err(Refusal::Protected),
-            0x0C => {
-                self.config[0] = write.over(self.config[0]);
-                // DMNGT of the DFSDM.
-                if self.config[0] & CFGR_UNMODELLED != 0 || self.config[0] & 3 == 2 {
-                    return Err(Refusal::Unmodelled);
-                }
-            }
-            0x10 => {
-                self.config[1] = write.over(self.config[1]);
-                if self.config[1] & CFGR2_UNMODELLED != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
-            }
-            0x14 | 0x18 => {
-                let register = &mut self.sampling[(write.offset - 0x14) as usize / 4];
-                *register = write.over(*register) & 0x3FFF_FFFF;
-            }
-            0x1C => self.preselected = write.over(self.preselected) & 0xF_FFFF,
-            0x30 | 0x34 | 0x38 | 0x3C => {
-                let register = &mut self.sequence[(write.offset - 0x30) as usize / 4];
-                *register = write.over(*register);
-            }
-            // Differential inputs.
-            0xC0 if write.ones() == 0 => {}
-            _ => return Err(Refusal::Unmodelled),
+            CFGR..=0x3C if converts => return Err(AccessKind::Protected),
+            // Differential inputs; calibration factors.
+            0xC0 if write.ones() != 0 => return Err(AccessKind::Unmodelled),
+            0xC4 | 0xC8 => return Err(AccessKind::Unmodelled),
+            _ => self.registers.write(write)?,
         }
-        Ok(())
+        // DMNGT of the DFSDM.
+        let config = self.registers.value(CFGR);
+        let unmodelled = match write.offset {
+            CFGR => config & CFGR_UNMODELLED != 0 || config & 3 == 2,
+            CFGR2 => self.registers.value(CFGR2) & CFGR2_UNMODELLED != 0,
+            _ => false,
+        };
+        AccessKind::Unmodelled.when(unmodelled)
     }
 
     /// CCR and the other registers that it shares with ADC2.
-    pub(super) const fn read_common(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) const fn read_common(&self, offset: u32) -> Result<u32, AccessKind> {
         match offset {
             // CSR: the master's flags.
             0x00 => Ok(self.flags & 0x7FF),
             0x08 => Ok(self.common),
-            _ => Err(Refusal::Unmodelled),
+            _ => Err(AccessKind::Unmodelled),
         }
     }
 
-    pub(super) fn write_common(&mut self, write: Write) -> Result<(), Refusal> {
-        if write.offset != 0x08 {
-            return Err(Refusal::Unmodelled);
-        }
+    pub(super) fn write_common(&mut self, write: Write) -> Result<(), AccessKind> {
+        AccessKind::Unmodelled.when(write.offset != 0x08)?;
         // RM0468: allowed only while the ADCs are disabled.
-        if self.control & (ADEN | ADCAL) != 0 {
-            return Err(Refusal::Protected);
-        }
+        AccessKind::Protected.when(self.control & (ADEN | ADCAL) != 0)?;
         self.common = write.over(self.common);
         // DUAL; VREFEN, VSENSEEN, VBATEN lead to ADC3.
-        if self.common & 0x1F != 0 { Err(Refusal::Unmodelled) } else { Ok(()) }
+        AccessKind::Unmodelled.when(self.common & 0x1F != 0)
     }
 
     /// CR: most bits are set by the program and cleared by the converter.
-    fn control(&mut self, wanted: u32, now: Nanos) -> Result<(), Refusal> {
+    fn control(&mut self, wanted: u32, now: Nanos) -> Result<(), AccessKind> {
         let new = wanted & !self.control;
         self.control = self.control & !CR_STORED | wanted & CR_STORED;
         if self.control & (ADEN | ADCAL) == 0 {
             self.regulate(wanted, now);
         }
-        if new & (JADSTART | JADSTP) != 0 {
-            return Err(Refusal::Unmodelled);
-        }
+        AccessKind::Unmodelled.when(new & (JADSTART | JADSTP) != 0)?;
         if new & ADCAL != 0 {
             self.may_begin(self.control & ADEN == 0, now)?;
             let clocks = if self.control & ADCALLIN == 0 { CALIBRATION } else { LINEARITY };
-            self.state = State::Calibrates { until: self.after(2 * clocks, now)? };
+            self.work = Some((Work::Calibrates, self.after(2 * clocks, now)?));
             self.control |= ADCAL;
         }
         if new & ADEN != 0 {
             self.may_begin(true, now)?;
-            self.state = State::Starts { until: self.after(2 * STABLE, now)? };
+            self.work = Some((Work::Starts, self.after(2 * STABLE, now)?));
             self.control |= ADEN;
         }
         if new & ADSTP != 0 {
-            if self.control & ADSTART == 0 {
-                return Err(Refusal::Protected);
-            }
-            self.state = State::Idle;
+            AccessKind::Protected.when(self.control & ADSTART == 0)?;
+            self.work = None;
             self.control &= !ADSTART;
         }
         if new & ADSTART != 0 {
-            if self.control & ADEN == 0 || !self.is_idle() {
-                return Err(Refusal::Adc(AdcFault::NotReady));
-            }
+            AccessKind::Adc(AdcFault::NotReady)
+                .when(self.control & ADEN == 0 || self.work.is_some())?;
             self.convert(0, now)?;
             self.control |= ADSTART;
             return self.check_preselection();
         }
         if new & ADDIS != 0 {
-            if self.control & ADEN == 0 || self.control & ADSTART != 0 {
-                return Err(Refusal::Protected);
-            }
-            self.state = State::Idle;
+            AccessKind::Protected.when(self.control & ADEN == 0 || self.control & ADSTART != 0)?;
+            self.work = None;
             self.control &= !ADEN;
             self.flags &= !ADRDY;
         }
@@ -416,16 +349,13 @@ impl Adc {
         self.regulated_at = (bits & ADVREGEN != 0).then_some(started);
     }
 
-    fn may_begin(&self, allowed: bool, now: Nanos) -> Result<(), Refusal> {
-        if !self.is_regulated(now) {
-            return Err(Refusal::Adc(AdcFault::RegulatorNotUp));
-        }
-        if allowed && self.is_idle() { Ok(()) } else { Err(Refusal::Protected) }
+    fn may_begin(&self, allowed: bool, now: Nanos) -> Result<(), AccessKind> {
+        AccessKind::Adc(AdcFault::RegulatorNotUp).when(!self.is_regulated(now))?;
+        if allowed && self.work.is_none() { Ok(()) } else { Err(AccessKind::Protected) }
     }
 
-    /// Channels in the sequence.
-    const fn length(&self) -> usize {
-        field(self.sequence[0], 0, 4) as usize + 1
+    fn length(&self) -> usize {
+        field(self.registers.value(SQR[0]), 0, 4) as usize + 1
     }
 
     /// The channel of a rank, 0 for the first.
@@ -433,24 +363,23 @@ impl Adc {
         // SQR1 has L and four ranks, the others five each.
         let (register, place) = ((rank + 1) / 5, (rank + 1) % 5);
         let shift = u32::try_from(6 * place).unwrap_or(0);
-        self.sequence.get(register).map_or(0, |sequence| field(*sequence, shift, 5))
+        SQR.get(register).map_or(0, |at| field(self.registers.value(*at), shift, 5))
     }
 
-    fn check_preselection(&self) -> Result<(), Refusal> {
+    fn check_preselection(&self) -> Result<(), AccessKind> {
         let mut channels = (0..self.length()).map(|rank| self.channel(rank));
-        match channels.find(|channel| self.preselected >> channel & 1 == 0) {
+        match channels.find(|channel| self.registers.value(PCSEL) >> channel & 1 == 0) {
             Some(channel) => {
                 let channel = u8::try_from(channel).unwrap_or(u8::MAX);
-                Err(Refusal::Adc(AdcFault::NotPreselected(channel)))
+                Err(AccessKind::Adc(AdcFault::NotPreselected(channel)))
             }
             None => Ok(()),
         }
     }
 
-    /// Bits of a result.
-    const fn bits(&self) -> u32 {
+    fn bits(&self) -> u32 {
         // RES; 5 and 6 are 14 and 12 bits with less power.
-        match field(self.config[0], 2, 3) {
+        match field(self.registers.value(CFGR), 2, 3) {
             0 => 16,
             1 | 5 => 14,
             2 | 6 => 12,
@@ -460,51 +389,47 @@ impl Adc {
     }
 
     /// Conversions that are summed up for one result.
-    const fn oversampling(&self) -> u64 {
-        if self.config[1] & ROVSE == 0 { 1 } else { field(self.config[1], 16, 10) as u64 + 1 }
+    fn oversampling(&self) -> u64 {
+        let config = self.registers.value(CFGR2);
+        if config & ROVSE == 0 { 1 } else { u64::from(field(config, 16, 10)) + 1 }
     }
 
-    fn convert(&mut self, rank: usize, now: Nanos) -> Result<(), Refusal> {
+    fn convert(&mut self, rank: usize, now: Nanos) -> Result<(), AccessKind> {
         let channel = self.channel(rank);
-        let sampling = field(self.sampling[channel as usize / 10 % 2], 3 * (channel % 10), 3);
+        let times = self.registers.value(SMPR[channel as usize / 10 % 2]);
+        let sampling = field(times, 3 * (channel % 10), 3);
         // RM0468: 8.5 clocks for 16 bits, one less for every two bits less.
         let approximation = 17 - (16 - u64::from(self.bits()));
         let half_clocks = SAMPLING[sampling as usize % SAMPLING.len()] + approximation;
         let until = self.after(half_clocks * self.oversampling(), now)?;
-        self.state = State::Converts { rank, until };
+        self.work = Some((Work::Converts(rank), until));
         Ok(())
     }
 
-    /// The result of a channel now.
     fn result(&self, channel: u32) -> u32 {
-        if self.preselected >> channel & 1 == 0 {
+        if self.registers.value(PCSEL) >> channel & 1 == 0 {
             return 0;
         }
         let input = self.inputs.get(channel as usize).copied().unwrap_or(0);
         let (bits, largest) = (self.bits(), (1 << self.bits()) - 1);
         let one = ((u64::from(input) << bits) / REFERENCE).min(largest);
-        let shift = if self.config[1] & ROVSE == 0 { 0 } else { field(self.config[1], 5, 4) };
+        let config = self.registers.value(CFGR2);
+        let shift = if config & ROVSE == 0 { 0 } else { field(config, 5, 4) };
         // OVSS; results have 32 bits at most.
         u32::try_from((one * self.oversampling()) >> shift).unwrap_or(u32::MAX)
     }
 
-    pub(super) const fn next_event(&self) -> Option<Nanos> {
-        match self.state {
-            State::Idle => None,
-            _ if self.fails => None,
-            State::Calibrates { until }
-            | State::Starts { until }
-            | State::Converts { until, .. } => Some(until),
-        }
+    pub(super) fn next_event(&self) -> Option<Nanos> {
+        self.work.filter(|_| !self.fails).map(|(_, until)| until)
     }
 
     pub(super) fn advance(&mut self, now: Nanos) {
-        while let Some(at) = self.next_event().filter(|&at| at <= now) {
-            match std::mem::replace(&mut self.state, State::Idle) {
-                State::Idle => {}
-                State::Calibrates { .. } => self.control &= !ADCAL,
-                State::Starts { .. } => self.flags |= ADRDY,
-                State::Converts { rank, .. } => self.converted(rank, at),
+        while let Some((work, at)) = self.work.filter(|&(_, until)| until <= now && !self.fails) {
+            self.work = None;
+            match work {
+                Work::Calibrates => self.control &= !ADCAL,
+                Work::Starts => self.flags |= ADRDY,
+                Work::Converts(rank) => self.converted(rank, at),
             }
         }
     }
@@ -514,7 +439,7 @@ impl Adc {
         if lost {
             self.flags |= OVR;
         }
-        if !lost || self.config[0] & OVRMOD != 0 {
+        if !lost || self.registers.value(CFGR) & OVRMOD != 0 {
             self.data = self.result(self.channel(rank));
         }
         self.flags |= EOSMP | EOC;
@@ -522,7 +447,7 @@ impl Adc {
         if is_last {
             self.flags |= EOS;
         }
-        let goes_on = !is_last || self.config[0] & CONT != 0;
+        let goes_on = !is_last || self.registers.value(CFGR) & CONT != 0;
         let next = if is_last { 0 } else { rank + 1 };
         if !goes_on || self.convert(next, at).is_err() {
             self.control &= !ADSTART;

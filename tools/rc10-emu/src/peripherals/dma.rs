@@ -1,29 +1,25 @@
 //! DMA1 and DMA2, and the router DMAMUX1 in front of them (RM0468, DMA and DMAMUX chapters).
 //!
-//! An item moves in the moment its peripheral asks, without bus delay; memory to memory in the moment
-//! the stream is enabled. Items are as wide as the peripheral's; where memory's are wider or narrower,
-//! the same bytes lie in the same places. A stream is not enabled while a flag of its last transfer
-//! stands.
+//! An item moves when its peripheral asks, without bus delay; memory to memory when the stream is
+//! enabled. Items are as wide as the peripheral's. A stream is not enabled while a flag of its last
+//! transfer stands.
 //!
-//! With its FIFO (`FCR.DMDIS`) a stream from a peripheral counts an item when it has fetched it, and
-//! writes to memory when the FIFO has reached its threshold, at the end, or when it is switched off; one
-//! to a peripheral reads memory as far ahead as its FIFO holds.
+//! With its FIFO (`FCR.DMDIS`) a stream from a peripheral writes to memory at the threshold, at the
+//! end, or when switched off; one to a peripheral reads as far ahead as the FIFO holds.
 //!
-//! A stream that serves a UART without `CR.TRBUFF` locks when another stream of its controller moves
-//! at that time: it stays enabled and moves nothing more, until it is enabled anew. Source: STM32H7
-//! errata, "DMA stream locked when transferring data to/from USART/UART", as ST's
-//! `stm32h7xx_hal_dma.c` and Zephyr (issue 72790) work around it.
+//! A stream that serves a UART without `CR.TRBUFF` locks when another stream of its controller
+//! moves at that time, until it is enabled anew. Source: STM32H7 errata, "DMA stream locked when
+//! transferring data to/from USART/UART"; ST's `stm32h7xx_hal_dma.c`; Zephyr (issue 72790).
 //!
 //! Not modelled, and reported when asked for: double buffers, flow control by the peripheral,
-//! synchronised requests and request generators. Priorities are those of the streams' numbers.
+//! synchronised requests, request generators. Priorities are those of the streams' numbers.
 
 use std::ops::Range;
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Width, Write};
+use super::access::{AccessKind, Width, Write};
 
-/// Streams of one controller.
 pub(super) const STREAMS: usize = 8;
 
 /// Memories that DMA1 and DMA2 cannot reach: the core's own (RM0468, bus matrix).
@@ -58,7 +54,6 @@ const CONCURRENT: Nanos = Nanos::new(100);
 const INTERRUPTS: [[usize; STREAMS]; 2] =
     [[11, 12, 13, 14, 15, 16, 17, 47], [56, 57, 58, 59, 60, 68, 69, 70]];
 
-/// Direction of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Direction {
     FromPeripheral,
@@ -67,21 +62,20 @@ enum Direction {
     MemoryToMemory,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct Stream {
+#[derive(Debug, Default)]
+pub(super) struct Stream {
     control: u32,
     /// Items that remain, and what it starts again with.
     items: u32,
     reload: u32,
     peripheral: u32,
     memory: [u32; 2],
-    /// Reset value 0x21, with the state of an empty FIFO.
+    /// FCR without the FIFO's state.
     fifo: u32,
     flags: u32,
     /// Items done since it was enabled or started again.
     done: u32,
-    /// The next item is to fail.
-    fails: bool,
+    pub(super) fails: bool,
     /// Contents of its FIFO: values, with their destination if that is memory.
     held: [(u32, u32); FIFO_ITEMS],
     level: usize,
@@ -89,7 +83,6 @@ struct Stream {
     locked: bool,
 }
 
-/// One item to move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Transfer {
     pub from: u32,
@@ -100,22 +93,8 @@ pub(super) struct Transfer {
 }
 
 impl Stream {
-    const fn new() -> Self {
-        Self {
-            control: 0,
-            items: 0,
-            reload: 0,
-            peripheral: 0,
-            memory: [0; 2],
-            fifo: 0x01,
-            flags: 0,
-            done: 0,
-            fails: false,
-            held: [(0, 0); FIFO_ITEMS],
-            level: 0,
-            moved_at: None,
-            locked: false,
-        }
+    fn new() -> Self {
+        Self { fifo: 0x01, ..Self::default() }
     }
 
     const fn is(&self, bit: u32) -> bool {
@@ -138,7 +117,16 @@ impl Stream {
         }
     }
 
-    fn next(&self) -> Transfer {
+    pub(super) const fn is_enabled(&self) -> bool {
+        self.is(ENABLE)
+    }
+
+    /// The item to move next, if enabled; `None`: it waits for a request.
+    pub(super) fn next(&self, requested: bool) -> Option<Transfer> {
+        let moves = requested || self.direction() == Direction::MemoryToMemory;
+        if !self.is(ENABLE) || self.locked || !moves {
+            return None;
+        }
         let width = self.width();
         let moved = self.done.wrapping_mul(width.bytes());
         let at = |base: u32, bit| if self.is(bit) { base.wrapping_add(moved) } else { base };
@@ -148,7 +136,7 @@ impl Stream {
             Direction::ToPeripheral => (memory, peripheral),
             Direction::FromPeripheral | Direction::MemoryToMemory => (peripheral, memory),
         };
-        Transfer { from, to, width, buffered: self.buffers() }
+        Some(Transfer { from, to, width, buffered: self.buffers() })
     }
 
     /// Memory to memory has its FIFO too, but nothing to wait for.
@@ -156,8 +144,8 @@ impl Stream {
         self.fifo & FIFO_MODE != 0 && self.direction() != Direction::MemoryToMemory
     }
 
-    /// The memory address to be read ahead, if there is room.
-    fn ahead(&self) -> Option<u32> {
+    /// Memory address to be read ahead into the FIFO, if there is room.
+    pub(super) fn ahead(&self) -> Option<u32> {
         let bytes = self.width().bytes();
         let level = u32::try_from(self.level).unwrap_or(0);
         let next = self.done + level;
@@ -171,15 +159,16 @@ impl Stream {
         (next < self.reload).then(|| self.memory[0].wrapping_add(moved))
     }
 
-    fn hold(&mut self, to: u32, value: u32) {
+    /// Puts a value into the FIFO; `to` is where in memory it goes, if it does.
+    pub(super) fn hold(&mut self, to: u32, value: u32) {
         if let Some(slot) = self.held.get_mut(self.level) {
             *slot = (to, value);
             self.level += 1;
         }
     }
 
-    /// The oldest value in the FIFO.
-    fn give(&mut self) -> Option<(u32, u32)> {
+    /// The oldest value in the FIFO, and where it goes.
+    pub(super) fn give(&mut self) -> Option<(u32, u32)> {
         self.level = self.level.checked_sub(1)?;
         let oldest = self.held[0];
         self.held.rotate_left(1);
@@ -206,7 +195,19 @@ impl Stream {
         }
     }
 
-    fn moved(&mut self, worked: bool) {
+    /// The writes to memory that are due: address, value, width.
+    pub(super) fn give_due(&mut self) -> Vec<(u32, u32, Width)> {
+        if !self.is_due() {
+            return Vec::new();
+        }
+        let width = self.width();
+        let values = std::iter::from_fn(|| self.give());
+        values.map(|(to, value)| (to, value, width)).collect()
+    }
+
+    /// The transfer that [`next`](Self::next) named was made, or could not be.
+    pub(super) fn moved(&mut self, worked: bool, now: Nanos) {
+        self.moved_at = Some(now);
         if !worked {
             self.flags |= ERROR;
             self.control &= !ENABLE;
@@ -228,7 +229,7 @@ impl Stream {
         }
     }
 
-    fn write(&mut self, register: u32, write: Write) -> Result<(), Refusal> {
+    fn write(&mut self, register: u32, write: Write) -> Result<(), AccessKind> {
         let locked = self.is(ENABLE);
         match register {
             0x00 => {
@@ -245,9 +246,9 @@ impl Stream {
                         self.items = self.reload;
                     }
                     let refusal = if self.is(UNMODELLED) {
-                        Some(Refusal::Unmodelled)
+                        Some(AccessKind::Unmodelled)
                     } else {
-                        (self.items == 0 || self.flags != 0).then_some(Refusal::Protected)
+                        (self.items == 0 || self.flags != 0).then_some(AccessKind::Protected)
                     };
                     if let Some(refusal) = refusal {
                         self.control &= !ENABLE;
@@ -258,7 +259,7 @@ impl Stream {
                     (self.level, self.locked) = (0, false);
                 }
             }
-            0x04 | 0x08 | 0x0C if locked => return Err(Refusal::Protected),
+            0x04 | 0x08 | 0x0C if locked => return Err(AccessKind::Protected),
             0x04 => {
                 self.items = write.over(self.items) & 0xFFFF;
                 self.reload = self.items;
@@ -266,7 +267,7 @@ impl Stream {
             0x08 => self.peripheral = write.over(self.peripheral),
             0x0C => self.memory[0] = write.over(self.memory[0]),
             0x10 => self.memory[1] = write.over(self.memory[1]),
-            _ if locked => return Err(Refusal::Protected),
+            _ if locked => return Err(AccessKind::Protected),
             _ => self.fifo = write.over(self.fifo) & 0x87,
         }
         Ok(())
@@ -276,14 +277,13 @@ impl Stream {
 #[derive(Debug)]
 pub(super) struct Dma {
     index: usize,
-    streams: [Stream; STREAMS],
+    pub(super) streams: [Stream; STREAMS],
 }
 
 /// Position of a stream's flags in LISR or HISR.
 const FLAG_SHIFTS: [u32; 4] = [0, 6, 16, 22];
 const FLAGS: u32 = 0x3D;
 
-/// A register of a stream: which stream, which register.
 fn stream_of(offset: u32) -> Option<(usize, u32)> {
     let offset = offset.checked_sub(0x10)?;
     let stream = (offset / 0x18) as usize;
@@ -292,15 +292,15 @@ fn stream_of(offset: u32) -> Option<(usize, u32)> {
 
 impl Dma {
     /// DMA1 is 0.
-    pub(super) const fn new(index: usize) -> Self {
-        Self { index, streams: [const { Stream::new() }; STREAMS] }
+    pub(super) fn new(index: usize) -> Self {
+        Self { index, streams: std::array::from_fn(|_| Stream::new()) }
     }
 
     pub(super) fn reset(&mut self) {
         *self = Self::new(self.index);
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         if let 0x00 | 0x04 = offset {
             let half = self.streams.iter().skip(offset as usize).take(4);
             return Ok(half.zip(FLAG_SHIFTS).map(|(stream, shift)| stream.flags << shift).sum());
@@ -308,7 +308,7 @@ impl Dma {
         if let 0x08 | 0x0C = offset {
             return Ok(0);
         }
-        let (stream, register) = stream_of(offset).ok_or(Refusal::Unmodelled)?;
+        let (stream, register) = stream_of(offset).ok_or(AccessKind::Unmodelled)?;
         let stream = &self.streams[stream];
         Ok(match register {
             0x00 => stream.control,
@@ -320,7 +320,7 @@ impl Dma {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
         match write.offset {
             // LISR, HISR cannot be written.
             0x00 | 0x04 => Ok(()),
@@ -332,54 +332,14 @@ impl Dma {
                 Ok(())
             }
             _ => {
-                let (stream, register) = stream_of(write.offset).ok_or(Refusal::Unmodelled)?;
+                let (stream, register) = stream_of(write.offset).ok_or(AccessKind::Unmodelled)?;
                 self.streams[stream].write(register, write)
             }
         }
     }
 
-    /// Item that an enabled stream moves next; `None` if it waits for a request that is not there.
-    pub(super) fn next(&self, stream: usize, requested: bool) -> Option<Transfer> {
-        let stream =
-            self.streams.get(stream).filter(|stream| stream.is(ENABLE) && !stream.locked)?;
-        let moves = requested || stream.direction() == Direction::MemoryToMemory;
-        moves.then(|| stream.next())
-    }
-
-    /// The transfer that [`next`](Self::next) named was made, or could not be.
-    pub(super) fn moved(&mut self, stream: usize, worked: bool, now: Nanos) {
-        self.streams[stream].moved_at = Some(now);
-        self.streams[stream].moved(worked);
-    }
-
-    /// Address at which a stream reads ahead into its FIFO.
-    pub(super) fn ahead(&self, stream: usize) -> Option<u32> {
-        self.streams[stream].ahead()
-    }
-
-    /// Puts a value into the FIFO; `to` is where in memory it goes, if it does.
-    pub(super) fn hold(&mut self, stream: usize, to: u32, value: u32) {
-        self.streams[stream].hold(to, value);
-    }
-
-    /// The oldest value in the FIFO, and where it goes.
-    pub(super) fn give(&mut self, stream: usize) -> Option<(u32, u32)> {
-        self.streams[stream].give()
-    }
-
-    /// The writes to memory that are due: address, value, width.
-    pub(super) fn give_due(&mut self, stream: usize) -> Vec<(u32, u32, Width)> {
-        let stream = &mut self.streams[stream];
-        let width = stream.width();
-        if !stream.is_due() {
-            return Vec::new();
-        }
-        let values = std::iter::from_fn(|| stream.give());
-        values.map(|(to, value)| (to, value, width)).collect()
-    }
-
-    /// Locks a stream that serves a UART without TRBUFF, if another one moves at this time.
-    /// `requested` says which streams have a request now. `true`: it just did.
+    /// Locks a stream that serves a UART without TRBUFF, if another moves now or has a request.
+    /// `true`: it just did.
     pub(super) fn locks(&mut self, stream: usize, requested: [bool; STREAMS], now: Nanos) -> bool {
         let concurrent = (0..STREAMS).filter(|other| *other != stream).any(|other| {
             let one = &self.streams[other];
@@ -392,7 +352,6 @@ impl Dma {
         is_at_risk && stream.locked
     }
 
-    /// Address of a stream's CR.
     pub(super) fn control_address(&self, stream: usize) -> u32 {
         let offset = u32::try_from(0x400 * self.index + 0x18 * stream).unwrap_or(0);
         0x4002_0010 + offset
@@ -402,22 +361,6 @@ impl Dma {
         self.streams.iter().all(|stream| !stream.is(ENABLE))
     }
 
-    pub(super) fn is_enabled(&self, stream: usize) -> bool {
-        self.streams[stream].is(ENABLE)
-    }
-
-    /// The next item of a stream is to fail. `false`: there is no such stream.
-    pub(super) fn fail(&mut self, stream: usize) -> bool {
-        let stream = self.streams.get_mut(stream);
-        stream.map(|stream| stream.fails = true).is_some()
-    }
-
-    /// Whether it is this item that is to fail.
-    pub(super) fn take_failure(&mut self, stream: usize) -> bool {
-        std::mem::take(&mut self.streams[stream].fails)
-    }
-
-    /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> {
         let asks = |stream: &Stream| {
             // TEIE, HTIE, TCIE are one bit below their flags.
@@ -435,23 +378,23 @@ pub(super) struct DmaMux {
 }
 
 impl DmaMux {
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         match offset {
             0x80 | 0x84 => Ok(0),
-            _ => self.channels.get(offset as usize / 4).copied().ok_or(Refusal::Unmodelled),
+            _ => self.channels.get(offset as usize / 4).copied().ok_or(AccessKind::Unmodelled),
         }
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
         if let 0x80 | 0x84 = write.offset {
             return Ok(());
         }
         let channel =
-            self.channels.get_mut(write.offset as usize / 4).ok_or(Refusal::Unmodelled)?;
+            self.channels.get_mut(write.offset as usize / 4).ok_or(AccessKind::Unmodelled)?;
         let wanted = write.over(*channel);
         *channel = wanted;
         // SOIE, SE. EGE alone does nothing. Requests go up to 137 here: eight bits.
-        if wanted & (1 << 8 | 1 << 16) == 0 { Ok(()) } else { Err(Refusal::Unmodelled) }
+        if wanted & (1 << 8 | 1 << 16) == 0 { Ok(()) } else { Err(AccessKind::Unmodelled) }
     }
 
     /// The request that a stream listens to; 0: none.

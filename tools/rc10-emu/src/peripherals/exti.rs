@@ -1,8 +1,8 @@
 //! External interrupts: edges on pins, software triggers (RM0468, EXTI chapter). Lines 0 ..= 15 are
-//! pins, 16 ..= 21 have only their software triggers here; registers of the lines above only
-//! store. Not modelled: events (`EMR`), wake-up, the D3 domain's pending flags.
+//! pins, 16 ..= 21 have software triggers, the others only store. Not modelled: events (`EMR`),
+//! wake-up, the D3 domain's pending flags.
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::registers::{Register, Registers, masked, plain};
 
 const RISING: u32 = 0x00;
@@ -45,7 +45,7 @@ const INTERRUPTS: [(u32, usize); 12] = [
 
 #[derive(Debug)]
 pub(super) struct Exti {
-    registers: Registers,
+    pub(super) registers: Registers,
     /// Levels of lines 0 ..= 15 when last looked at.
     levels: u32,
 }
@@ -55,15 +55,7 @@ impl Exti {
         Self { registers: Registers::new(TABLE), levels: 0 }
     }
 
-    pub(super) fn reset(&mut self) {
-        self.registers.reset();
-    }
-
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
-        self.registers.read(offset)
-    }
-
-    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
         match write.offset {
             SOFTWARE => self.pend(write.ones() & LINES),
             PENDING => {
@@ -79,7 +71,6 @@ impl Exti {
         self.registers.set(PENDING, self.registers.value(PENDING) | lines);
     }
 
-    /// The levels of lines 0 ..= 15 now.
     pub(super) fn look(&mut self, levels: u32) {
         let (rose, fell) = (levels & !self.levels, self.levels & !levels);
         self.levels = levels;
@@ -89,7 +80,6 @@ impl Exti {
         }
     }
 
-    /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> {
         let lines = self.registers.value(PENDING) & self.registers.value(MASK);
         INTERRUPTS.iter().filter(move |(mask, _)| lines & mask != 0).map(|&(_, number)| number)

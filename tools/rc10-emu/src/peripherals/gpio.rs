@@ -1,66 +1,68 @@
 //! A port of 16 pins (RM0468, GPIO chapter). Not modelled: the lock register, speeds, voltages.
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
+use super::registers::{Register, Registers, fixed, masked, plain};
 
 const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const ANALOG: u32 = 3;
 
-/// Number of pins of a port.
 pub(super) const PINS: usize = 16;
 
-/// Mode, speed and pull registers after a reset: port A's and B's debug pins work, all others are
-/// analog. Source: RM0468, GPIO register descriptions.
-const AFTER_RESET: [(u32, u32, u32); 2] =
-    [(0xABFF_FFFF, 0x0C00_0000, 0x6400_0000), (0xFFFF_FEBF, 0x0000_00C0, 0x0000_0100)];
+const MODER: u32 = 0x00;
+const OTYPER: u32 = 0x04;
+const PUPDR: u32 = 0x0C;
+const ODR: u32 = 0x14;
+const AFR: [u32; 2] = [0x20, 0x24];
 
-#[derive(Clone, Debug)]
+/// The registers of a port whose mode, speed and pull registers have these values after a reset.
+/// `IDR` and `BSRR` read otherwise than they store.
+const fn table(mode: u32, speed: u32, pull: u32) -> [Register; 9] {
+    [
+        plain(MODER, mode),
+        masked(OTYPER, 0, 0xFFFF),
+        plain(0x08, speed),
+        plain(PUPDR, pull),
+        fixed(0x10, 0),
+        masked(ODR, 0, 0xFFFF),
+        fixed(0x18, 0),
+        plain(AFR[0], 0),
+        plain(AFR[1], 0),
+    ]
+}
+
+/// Ports A, B, and the others: the debug pins of the first two work, all others are analog. Source:
+/// RM0468, GPIO register descriptions.
+static TABLES: [[Register; 9]; 3] = [
+    table(0xABFF_FFFF, 0x0C00_0000, 0x6400_0000),
+    table(0xFFFF_FEBF, 0x0000_00C0, 0x0000_0100),
+    table(u32::MAX, 0, 0),
+];
+
+#[derive(Debug)]
 pub(super) struct Port {
-    index: usize,
-    mode: u32,
-    open_drain: u32,
-    speed: u32,
-    pull: u32,
-    output: u32,
-    alternate: [u32; 2],
+    registers: Registers,
     /// Pins that something outside drives, and to which level.
     driven: u32,
     levels: u32,
     /// Pins that do not lead outside.
-    cut: u32,
+    pub(super) cut: u32,
 }
 
 impl Port {
     /// Port A is 0.
     pub(super) fn new(index: usize) -> Self {
-        let (mode, speed, pull) = AFTER_RESET.get(index).copied().unwrap_or((u32::MAX, 0, 0));
-        Self {
-            index,
-            mode,
-            open_drain: 0,
-            speed,
-            pull,
-            output: 0,
-            alternate: [0; 2],
-            driven: 0,
-            levels: 0,
-            cut: 0,
-        }
+        let registers = Registers::new(&TABLES[index.min(2)]);
+        Self { registers, driven: 0, levels: 0, cut: 0 }
     }
 
     /// The outside stays as it is.
     pub(super) fn reset(&mut self) {
-        let Self { driven, levels, cut, .. } = *self;
-        *self = Self { driven, levels, cut, ..Self::new(self.index) };
+        self.registers.reset();
     }
 
     fn mode(&self, pin: usize) -> u32 {
-        self.mode >> (2 * pin) & 3
-    }
-
-    /// Pins that do not lead outside from now on, a bit each.
-    pub(super) const fn set_cut(&mut self, pins: u32) {
-        self.cut = pins;
+        self.registers.value(MODER) >> (2 * pin) & 3
     }
 
     const fn is_cut(&self, pin: usize) -> bool {
@@ -76,7 +78,7 @@ impl Port {
 
     /// Alternate function in use at a pin that leads outside.
     pub(super) fn alternate(&self, pin: usize) -> Option<u32> {
-        let function = self.alternate[pin / 8 % 2] >> (4 * (pin % 8)) & 0xF;
+        let function = self.registers.value(AFR[pin / 8 % 2]) >> (4 * (pin % 8)) & 0xF;
         (self.mode(pin) == ALTERNATE && !self.is_cut(pin)).then_some(function)
     }
 
@@ -86,8 +88,8 @@ impl Port {
     }
 
     fn own_output(&self, pin: usize) -> Option<bool> {
-        let high = self.output >> pin & 1 != 0;
-        let releases = high && self.open_drain >> pin & 1 != 0;
+        let high = self.registers.value(ODR) >> pin & 1 != 0;
+        let releases = high && self.registers.value(OTYPER) >> pin & 1 != 0;
         (self.mode(pin) == OUTPUT && !releases).then_some(high)
     }
 
@@ -98,51 +100,30 @@ impl Port {
         }
         let outside = (self.driven >> pin & 1 != 0 && !self.is_cut(pin))
             .then_some(self.levels >> pin & 1 != 0);
-        let pull_up = self.pull >> (2 * pin) & 3 == 1;
+        let pull_up = self.registers.value(PUPDR) >> (2 * pin) & 3 == 1;
         self.own_output(pin).or(outside).unwrap_or(pull_up)
     }
 
-    /// Something outside drives a pin, or lets go of it.
     pub(super) fn drive(&mut self, pin: usize, level: Option<bool>) {
         let bit = 1 << pin;
         self.driven = self.driven & !bit | if level.is_some() { bit } else { 0 };
         self.levels = self.levels & !bit | if level == Some(true) { bit } else { 0 };
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
-        Ok(match offset {
-            0x00 => self.mode,
-            0x04 => self.open_drain,
-            0x08 => self.speed,
-            0x0C => self.pull,
-            0x10 => (0..PINS).map(|pin| u32::from(self.input(pin)) << pin).sum(),
-            0x14 => self.output,
-            0x18 => 0,
-            0x20 => self.alternate[0],
-            0x24 => self.alternate[1],
-            _ => return Err(Refusal::Unmodelled),
-        })
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+        match offset {
+            0x10 => Ok((0..PINS).map(|pin| u32::from(self.input(pin)) << pin).sum()),
+            _ => self.registers.read(offset),
+        }
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
-        match write.offset {
-            0x00 => self.mode = write.over(self.mode),
-            0x04 => self.open_drain = write.over(self.open_drain) & 0xFFFF,
-            0x08 => self.speed = write.over(self.speed),
-            0x0C => self.pull = write.over(self.pull),
-            // IDR cannot be written.
-            0x10 => {}
-            0x14 => self.output = write.over(self.output) & 0xFFFF,
-            0x18 => {
-                // Setting wins over resetting.
-                let (reset, set) = (write.ones() >> 16, write.ones() & 0xFFFF);
-                self.output = self.output & !reset | set;
-            }
-            0x20 => self.alternate[0] = write.over(self.alternate[0]),
-            0x24 => self.alternate[1] = write.over(self.alternate[1]),
-            _ => return Err(Refusal::Unmodelled),
+    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
+        if write.offset == 0x18 {
+            // Setting wins over resetting.
+            let (reset, set) = (write.ones() >> 16, write.ones() & 0xFFFF);
+            self.registers.set(ODR, self.registers.value(ODR) & !reset | set);
         }
-        Ok(())
+        self.registers.write(write)
     }
 }
 

@@ -1,36 +1,18 @@
-//! I2C1, 2, 3 and 5 as masters with devices on their buses (RM0468, I2C chapter), in units of
-//! bytes: nine clocks each, a start and a stop condition one.
+//! I2C1, 2, 3 and 5 as masters with devices (RM0468, I2C chapter), in bytes of nine clocks.
 //!
-//! Modelled: 7-bit addresses, reload, automatic and software stop, repeated start, refused addresses
-//! and bytes, clock stretching, a bus held low, DMA requests, interrupts.
+//! Modelled: 7-bit addresses, reload, automatic and software stop, repeated start, refused
+//! addresses and bytes, clock stretching, a bus held low, DMA requests, interrupts.
 //! Not modelled, and reported when asked for: 10-bit addresses, slaves, `SMBus`, time-outs in
-//! hardware. Filters and the delays of the edges take no time; there is no other master.
+//! hardware. Filters and edges take no time; there is no other master.
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
-
-/// Name of one I2C, and its connections inside the chip.
-pub(super) struct Facts {
-    /// The number in its name.
-    pub number: u8,
-    /// Numbers of its event and its error interrupt.
-    pub interrupts: [usize; 2],
-    /// DMAMUX1's number of its receive request; the transmit request is the next one.
-    pub receive_request: u32,
-}
-
-const fn facts(number: u8, event: usize, error: usize, receive_request: u32) -> Facts {
-    Facts { number, interrupts: [event, error], receive_request }
-}
-
-/// I2C1, 2, 3, 5. Source: stm32-metapac.
-pub(super) const I2CS: [Facts; 4] =
-    [facts(1, 31, 32, 33), facts(2, 33, 34, 35), facts(3, 72, 73, 73), facts(5, 157, 158, 124)];
+use super::access::{AccessKind, Write};
+use super::facts::{Facts, I2CS};
 
 /// A device on an I2C bus.
 pub trait I2cDevice: Send {
-    /// Its 7-bit address.
+    /// The 7-bit address.
     fn address(&self) -> u8;
 
     /// It is addressed, to be read or to be written; whether it acknowledges that.
@@ -83,12 +65,11 @@ const CLEARED: u32 = 0x3F38;
 
 const CLOCKS_OF_BYTE: u64 = 9;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
+    #[default]
     Idle,
-    /// The address is on the wires.
     Addressing,
-    /// A byte is on the wires.
     Sending(u8),
     Receiving,
     /// The clock is held low until the program gives a byte, ..
@@ -100,9 +81,12 @@ enum State {
     Stopping,
 }
 
+#[derive(Default)]
 pub(super) struct I2c {
-    facts: &'static Facts,
-    hz: u64,
+    /// Index in [`I2CS`].
+    index: usize,
+    /// Kernel clock; 0 if gated.
+    pub(super) hz: u64,
     control: [u32; 2],
     timing: u32,
     /// OAR1, OAR2, TIMEOUTR: only stored.
@@ -115,7 +99,7 @@ pub(super) struct I2c {
     /// End of the present transfer on the wires.
     due: Option<Nanos>,
     reads: bool,
-    /// Of the NBYTES of this part of the transfer: put into TXDR; done.
+    /// Bytes of this part's NBYTES: put into TXDR; done.
     submitted: u32,
     done: u32,
     /// Another node holds the data line low: nothing can start.
@@ -124,57 +108,27 @@ pub(super) struct I2c {
     held_busy: bool,
     /// Bytes to come in which BERR is raised for nothing.
     disturbed: u32,
-    connected: bool,
-    devices: Vec<Box<dyn I2cDevice>>,
+    /// Whether both pins lead outside.
+    pub(super) connected: bool,
+    pub(super) devices: Vec<Box<dyn I2cDevice>>,
     addressed: Option<usize>,
 }
 
 impl I2c {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            hz: 0,
-            control: [0; 2],
-            timing: 0,
-            own: [0; 2],
-            timeout: 0,
-            flags: 0,
-            transmit: None,
-            receive: None,
-            state: State::Idle,
-            due: None,
-            reads: false,
-            submitted: 0,
-            done: 0,
-            held: false,
-            held_busy: false,
-            disturbed: 0,
-            connected: false,
-            devices: Vec::new(),
-            addressed: None,
-        }
+    pub(super) fn new(index: usize) -> Self {
+        Self { index, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &I2CS[self.index]
     }
 
     /// Devices outside stay.
     pub(super) fn reset(&mut self, now: Nanos) {
         self.leave(now);
-        let old = std::mem::replace(self, Self::new(self.facts));
+        let old = std::mem::replace(self, Self::new(self.index));
         (self.hz, self.connected, self.devices) = (old.hz, old.connected, old.devices);
         self.held = old.held;
-    }
-
-    /// Its kernel clock from now on; 0 if gated.
-    pub(super) const fn set_clock(&mut self, hz: u64) {
-        self.hz = hz;
-    }
-
-    /// Whether both its pins lead outside.
-    pub(super) const fn set_connected(&mut self, connected: bool) {
-        self.connected = connected;
-    }
-
-    pub(super) fn attach(&mut self, device: Box<dyn I2cDevice>) {
-        self.devices.push(device);
     }
 
     /// Another node holds the data line low, or lets go of it.
@@ -190,13 +144,11 @@ impl I2c {
         }
     }
 
-    /// Adds bytes that raise BERR for nothing, as ST's errata sheets say of a master on this
-    /// block ("spurious bus error detection"): the transfer itself goes on.
+    /// Adds bytes that raise BERR for nothing (ST's errata, "spurious bus error detection").
     pub(super) const fn disturb(&mut self, bytes: u32) {
         self.disturbed += bytes;
     }
 
-    /// The chip lets go of the bus.
     fn leave(&mut self, now: Nanos) {
         if let Some(device) = self.addressed.take() {
             self.devices[device].stop(now);
@@ -255,7 +207,6 @@ impl I2c {
         self.stop(now);
     }
 
-    /// An address was on the wires.
     fn addressed(&mut self, now: Nanos) {
         self.control[1] &= !START;
         let address = self.control[1] >> 1 & 0x7F;
@@ -366,8 +317,7 @@ impl I2c {
             | flag(self.state != State::Idle || self.held_busy, BUSY)
     }
 
-    /// Whether it, or the device that it speaks with, holds clock and data low now. While a byte is
-    /// on the wires both change faster than they are sampled: low.
+    /// Whether clock and data are held low now; while a byte is on the wires, both.
     pub(super) const fn holds_low(&self) -> [bool; 2] {
         match self.state {
             State::Idle => [false; 2],
@@ -376,7 +326,6 @@ impl I2c {
         }
     }
 
-    /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
         let status = self.status();
         let sources = [
@@ -390,19 +339,18 @@ impl I2c {
         let event = sources.iter().any(|&(bit, flags)| self.is(1, 1 << bit) && status & flags != 0);
         let errors = status & (BUS_ERROR | ARBITRATION_LOST | OVERRUN) != 0;
         let asked = [on && event, on && self.is(1, ERROR_INTERRUPT) && errors];
-        let numbers = self.facts.interrupts.into_iter().zip(asked);
+        let numbers = self.facts().interrupts.into_iter().zip(asked);
         numbers.filter(|(_, asked)| *asked).map(|(number, _)| number)
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        let facts = self.facts();
         self.is(1, ENABLE)
-            && (request == receive && self.is(1, RECEIVE_DMA) && self.receive.is_some()
-                || request == transmit && self.is(1, TRANSMIT_DMA) && self.wants_byte())
+            && (facts.reads(request) && self.is(1, RECEIVE_DMA) && self.receive.is_some()
+                || facts.writes(request) && self.is(1, TRANSMIT_DMA) && self.wants_byte())
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.advance(now);
         Ok(match offset {
             0x00 | 0x04 => self.control[offset as usize / 4],
@@ -419,11 +367,11 @@ impl I2c {
                 byte.map_or(0, u32::from)
             }
             0x28 => self.transmit.map_or(0, u32::from),
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
         match write.offset {
             0x00 => {
@@ -436,27 +384,21 @@ impl I2c {
                     self.held_busy = false;
                 }
                 self.try_start(now);
-                if self.control[0] & CR1_UNMODELLED != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(self.control[0] & CR1_UNMODELLED != 0)?;
             }
             0x04 => return self.write_control_2(write, now),
             0x08 | 0x0C => {
                 let own = &mut self.own[(write.offset as usize - 0x08) / 4];
                 *own = write.over(*own);
                 // OAxEN.
-                if *own & 1 << 15 != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(*own & 1 << 15 != 0)?;
             }
-            0x10 if self.is(1, ENABLE) => return Err(Refusal::Protected),
+            0x10 if self.is(1, ENABLE) => return Err(AccessKind::Protected),
             0x10 => self.timing = write.over(self.timing) & 0xF0FF_FFFF,
             0x14 => {
                 self.timeout = write.over(self.timeout);
                 // TIMOUTEN, TEXTEN.
-                if self.timeout & (1 << 15 | 1 << 31) != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(self.timeout & (1 << 15 | 1 << 31) != 0)?;
             }
             // TXE: flushes.
             0x18 => {
@@ -476,13 +418,12 @@ impl I2c {
                     self.go_on(now);
                 }
             }
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }
 
-    /// CR2.
-    fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         if !self.is(1, ENABLE) {
             // START and STOP mean nothing then.
             self.control[1] = write.over(self.control[1]) & !(START | STOP);
@@ -491,9 +432,7 @@ impl I2c {
         // Both are set by the program and cleared by what they ask for.
         let standing = self.control[1] & (START | STOP);
         self.control[1] = write.over(self.control[1]) | standing;
-        if self.is(2, LONG_ADDRESS) {
-            return Err(Refusal::Unmodelled);
-        }
+        AccessKind::Unmodelled.when(self.is(2, LONG_ADDRESS))?;
         match self.state {
             // Nothing to stop.
             State::Idle => self.control[1] &= !STOP,

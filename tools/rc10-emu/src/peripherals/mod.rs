@@ -8,23 +8,6 @@
 //! a peripheral without clock, an address without a device, a register that is locked. Addresses,
 //! bits and interrupt numbers are those of stm32-metapac 21.0.0 for the STM32H723ZG.
 //!
-//! | file | contents |
-//! |---|---|
-//! | `map` | the address map |
-//! | `soc` | routes accesses, keeps gates, resets and interrupt lines |
-//! | `rcc`, `clocks` | oscillators, PLLs and their ready times; the clock tree |
-//! | `power` | PWR: supply and voltage scaling; wait states of the flash |
-//! | `gpio`, `pins` | ports; which pin carries which signal with which alternate function |
-//! | `exti` | edges on pins, software triggers |
-//! | `timer` | TIM1-8, 12-14, 16, 17, 23, 24: counting, compare, outputs, capture, encoder |
-//! | `usart` | USART1-3, 6, 10 and UART4, 5, 7-9, which sample levels on a wire |
-//! | `spi`, `i2c` | SPI1-5, I2C1-3 and 5 as masters, with devices |
-//! | `dma` | DMA1, DMA2 and DMAMUX1 |
-//! | `adc` | ADC1 |
-//! | `watchdog` | IWDG1 |
-//! | `outside` | the world at the pins: levels, characters, devices, injected faults |
-//! | `registers` | a block's registers as a table; blocks that only store |
-//!
 //! To add a peripheral: give it a file with `read`, `write`, `advance` and `next_event`, a variant
 //! in [`map::Block`], a row in [`map::MAP`], and an arm in `Soc`'s matches on the block.
 
@@ -33,27 +16,30 @@ mod adc;
 mod clocks;
 mod dma;
 mod exti;
+mod facts;
 mod gpio;
 mod i2c;
-pub mod map;
+mod map;
 mod outside;
 mod pins;
 mod power;
 mod rcc;
-mod registers;
+pub(crate) mod registers;
 mod soc;
 mod spi;
 mod timer;
 mod usart;
 mod watchdog;
 
-pub use access::{Access, AccessKind, BusFault, Counts, PinFault, Width};
+pub(crate) use access::Write;
+pub use access::{Access, AccessKind, BusFault, PinFault, Width};
 pub use adc::AdcFault;
 pub use clocks::{Clocks, Limit, TooFast};
 pub use i2c::I2cDevice;
 pub use outside::{Edge, PinTime};
 pub use rcc::ResetCause;
 pub use soc::Soc;
+pub(crate) use soc::lock;
 pub use spi::SpiDevice;
 pub use usart::{Character, Format, Parity, SentByte};
 pub(crate) use usart::{Outgoing, Sampling, Wire};

@@ -2,13 +2,14 @@
 
 use rc10_sim::{Nanos, UartFault};
 
+use super::facts::{Facts, I2CS, USARTS};
 use super::gpio::PINS;
-use super::i2c::{I2CS, I2cDevice};
+use super::i2c::I2cDevice;
 use super::pins::{Signal, pin_of, signal_at};
 use super::soc::{Soc, port_index};
 use super::spi::SpiDevice;
 use super::timer::{CHANNELS, TIMERS};
-use super::usart::{Character, Format, Outgoing, SentByte, USARTS};
+use super::usart::{Character, Format, Outgoing, SentByte, Usart};
 use crate::board::SupplySense;
 
 /// A change of a pin's level.
@@ -20,19 +21,18 @@ pub struct Edge {
     pub high: bool,
 }
 
-/// What a pin did in a time.
+/// Activity of a pin in a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinTime {
     /// Begin of that time.
     pub since: Nanos,
-    /// Its end.
+    /// End of it.
     pub until: Nanos,
     /// How long the pin was high.
     pub high: Nanos,
     /// How often it rose.
     pub rises: u64,
-    /// The longest time that it was high without a pause, also if that began earlier: as far as it
-    /// was watched or recorded.
+    /// The longest time high without a pause, as far back as it was watched or recorded.
     pub longest_high: Nanos,
 }
 
@@ -46,26 +46,23 @@ impl PinTime {
 }
 
 impl From<Nanos> for PinTime {
-    /// None yet, from then on.
+    /// No activity yet, from then on.
     fn from(since: Nanos) -> Self {
         let (high, longest_high) = (Nanos::ZERO, Nanos::ZERO);
         Self { since, until: since, high, rises: 0, longest_high }
     }
 }
 
-/// Recorder of what a pin does.
 pub(super) struct Recorder {
     pin: (usize, usize),
-    /// What the pin carries as it is set up now.
+    /// The signal that the pin carries now.
     signal: Option<Signal>,
     high: bool,
-    /// The edges, if they are kept.
     edges: Option<Vec<Edge>>,
     /// Time of the last rise; of the recorder's begin, if the pin was high then.
     rose: Nanos,
     /// How long it was high since the recorder is there, up to `time.until`.
     total: Nanos,
-    /// Whether its time is asked for: `watch_pin`.
     is_watched: bool,
     /// `until` is the time up to which `high` is summed up.
     time: PinTime,
@@ -92,7 +89,6 @@ impl Recorder {
     }
 }
 
-/// A wire between two pins of the chip.
 pub(super) struct Jumper {
     from: (usize, usize),
     to: (usize, usize),
@@ -113,18 +109,13 @@ fn pin_at(pin: (char, usize)) -> Option<(usize, usize)> {
     port_index(pin.0).filter(|_| pin.1 < PINS).map(|port| (port, pin.1))
 }
 
-fn usart_of(uart: u8) -> Option<usize> {
-    USARTS.iter().position(|facts| facts.number == uart)
+/// Index of the device with a number in its name.
+fn index_of(table: &[Facts], number: u8) -> Option<usize> {
+    table.iter().position(|facts| facts.number == number)
 }
 
-fn i2c_of(i2c: u8) -> Option<usize> {
-    I2CS.iter().position(|facts| facts.number == i2c)
-}
-
-/// Pins.
 impl Soc {
-    /// Something outside drives a pin of a port ('A' ..= 'K', 0 ..= 15) to a level, or lets go of
-    /// it. `false`: there is no such pin.
+    /// Drives a pin (port 'A' ..= 'K', 0 ..= 15) from outside, or lets go. `false`: no such pin.
     pub fn drive_pin(&mut self, port: char, pin: usize, level: Option<bool>, now: Nanos) -> bool {
         self.advance(now);
         let Some((port, pin)) = pin_at((port, pin)) else { return false };
@@ -134,8 +125,8 @@ impl Soc {
         true
     }
 
-    /// The level that the chip drives a pin to; `None` if it does not, or if there is no such pin.
-    /// Of the alternate functions, timers' channels and drivers' enables are seen here.
+    /// The level that the chip drives a pin to, as an output, a timer's channel or a driver's
+    /// enable.
     #[must_use]
     pub fn pin_output(&self, port: char, pin: usize) -> Option<bool> {
         self.output_at(pin_at((port, pin))?)
@@ -164,8 +155,7 @@ impl Soc {
         (0..PINS).filter(is_low).map(|pin| 1 << pin).sum()
     }
 
-    /// Writes down from now on whenever the chip changes the level of a pin; one that it does not
-    /// drive counts as low. `false`: there is no such pin.
+    /// Keeps from now on the edges of a pin that the chip drives. `false`: no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
         self.advance(now);
         let Some(recorder) = self.recorder(port, pin, now) else { return false };
@@ -175,8 +165,7 @@ impl Soc {
         true
     }
 
-    /// Sums up from now on how long the chip holds a pin high, without keeping its edges; one that
-    /// it does not drive counts as low. `false`: there is no such pin.
+    /// Sums up from now on how long the chip holds a pin high. `false`: no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
         self.advance(now);
         let Some(recorder) = self.recorder(port, pin, now) else { return false };
@@ -191,26 +180,24 @@ impl Soc {
     /// What a watched pin did since the last call, or since it is watched; `None`: it is not.
     pub fn take_pin_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<PinTime> {
         self.advance(now);
-        let pin = pin_at((port, pin))?;
-        let recorder = self.watched(pin)?;
-        recorder.go_on(recorder.high, now);
+        let recorder = self.watched(port, pin, now)?;
         Some(std::mem::replace(&mut recorder.time, PinTime::from(now)))
     }
 
     /// How long a watched pin was high in all; `None`: it is not.
     pub(crate) fn high_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<Nanos> {
+        Some(self.watched(port, pin, now)?.total)
+    }
+
+    /// The recorder of a pin that is watched, summed up to now.
+    fn watched(&mut self, port: char, pin: usize, now: Nanos) -> Option<&mut Recorder> {
         let pin = pin_at((port, pin))?;
-        let recorder = self.watched(pin)?;
+        let mut recorders = self.recorders.iter_mut();
+        let recorder = recorders.find(|recorder| recorder.pin == pin && recorder.is_watched)?;
         recorder.go_on(recorder.high, now);
-        Some(recorder.total)
+        Some(recorder)
     }
 
-    /// The recorder of a pin that is watched.
-    fn watched(&mut self, pin: (usize, usize)) -> Option<&mut Recorder> {
-        self.recorders.iter_mut().find(|recorder| recorder.pin == pin && recorder.is_watched)
-    }
-
-    /// The recorder of a pin, a new one if need be.
     fn recorder(&mut self, port: char, pin: usize, now: Nanos) -> Option<&mut Recorder> {
         let pin = pin_at((port, pin))?;
         let known = self.recorders.iter().position(|recorder| recorder.pin == pin);
@@ -236,8 +223,7 @@ impl Soc {
     pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
         let mut recorders = self.recorders.iter_mut();
         let of_pin = recorders.find(|recorder| Some(recorder.pin) == pin_at((port, pin)));
-        let edges = of_pin.and_then(|recorder| recorder.edges.as_mut());
-        edges.map(std::mem::take).unwrap_or_default()
+        of_pin.and_then(|recorder| recorder.edges.as_mut()).map(std::mem::take).unwrap_or_default()
     }
 
     pub(super) fn record(&mut self, now: Nanos) {
@@ -250,15 +236,13 @@ impl Soc {
         }
     }
 
-    /// Pins may carry other signals from now on.
     pub(super) fn find_signals(&mut self) {
         for recorder in &mut self.recorders {
             recorder.signal = signal_at(&self.ports, recorder.pin.0, recorder.pin.1);
         }
     }
 
-    /// Puts a wire from one pin, which the chip drives, to another, which listens. `false`: there
-    /// is no such pin.
+    /// Puts a wire from a pin that the chip drives to one that listens. `false`: no such pin.
     pub fn join_pins(&mut self, from: (char, usize), to: (char, usize), now: Nanos) -> bool {
         self.advance(now);
         let (Some(from), Some(to)) = (pin_at(from), pin_at(to)) else { return false };
@@ -284,7 +268,6 @@ impl Soc {
         changed
     }
 
-    /// Tells the timers which of their channels are observed.
     fn watch(&mut self) {
         let mut watched = [0_u32; TIMERS.len()];
         let recorded = self.recorders.iter().map(|recorder| recorder.signal);
@@ -300,7 +283,7 @@ impl Soc {
             }
         }
         for (timer, channels) in self.timers.iter_mut().zip(watched) {
-            timer.watch(channels);
+            timer.watched = channels;
         }
     }
 
@@ -311,7 +294,7 @@ impl Soc {
                 self.show_pins(timer, false, now);
             }
         }
-        for spi in self.spis.iter_mut().filter(|spi| spi.has_devices()) {
+        for spi in self.spis.iter_mut().filter(|spi| !spi.devices.is_empty()) {
             spi.look(|(port, pin)| self.ports[port].output(pin) == Some(false), now);
         }
         self.look_at_holders(now);
@@ -320,7 +303,6 @@ impl Soc {
         }
     }
 
-    /// Shows a timer the levels of its pins.
     pub(super) fn show_pins(&mut self, timer: usize, fresh: bool, now: Nanos) {
         let levels = (0..CHANNELS).map(|channel| {
             let pin = pin_of(&self.ports, Signal::Timer(timer, channel));
@@ -329,41 +311,32 @@ impl Soc {
         let levels = levels.sum();
         self.timers[timer].look(levels, fresh, now);
     }
-}
 
-/// Voltages.
-impl Soc {
-    /// The voltage at a pin from outside, in microvolts, from now on; 0 before. `false`: the pin
-    /// does not lead outside, or to no converter that is modelled.
+    /// Sets the voltage at a pin, in microvolts. `false`: it leads to no modelled converter.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32, now: Nanos) -> bool {
         self.advance(now);
         self.board().package.bonds(port, pin) && self.adc.set_voltage((port, pin), microvolts)
     }
 
-    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it. `false`: it
-    /// does not on this board.
+    /// Sets the board's supply (VIN), in millivolts. `false`: the chip does not measure it.
     pub fn set_supply(&mut self, millivolts: u32, now: Nanos) -> bool {
         self.board().supply_sense.is_some_and(|SupplySense { pin: (port, pin), divider }| {
             let microvolts = u64::from(millivolts) * 1000 / u64::from(divider.max(1));
             self.set_voltage(port, pin, u32::try_from(microvolts).unwrap_or(u32::MAX), now)
         })
     }
-}
 
-/// Serial lines.
-impl Soc {
-    /// Bytes that UARTs have sent at connected pins since the last call, in the order of their
-    /// ends.
+    /// Bytes sent at connected pins since the last call, in the order of their ends.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
-        let mut sent: Vec<_> = self.usarts.iter_mut().flat_map(|usart| usart.take_sent()).collect();
+        let mut sent: Vec<_> =
+            self.usarts.iter_mut().flat_map(|usart| std::mem::take(&mut usart.sent)).collect();
         sent.sort_by_key(|byte| (byte.end, byte.uart));
         sent
     }
 
-    /// Bytes come in at a UART's receive pin (1 for USART1 ..= 10), one right after the other, the
-    /// first start bit at `start`, which must be after the bits fed before. `bits` is a frame's
-    /// length with start, parity and stop bits: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no
-    /// such UART, no such length, or no such baud rate.
+    /// Feeds bytes to a UART (1 for USART1 ..= 10), one after the other, the first at `start`.
+    /// `bits` is a frame's length: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no such UART,
+    /// length or rate.
     pub fn feed_serial(
         &mut self,
         uart: u8,
@@ -379,26 +352,20 @@ impl Soc {
         };
         (0..).zip(bytes).all(|(index, &byte)| {
             self.feed_character(uart, Character::new(byte.into(), format, baud, after(index)))
-        }) && usart_of(uart).is_some()
+        }) && index_of(&USARTS, uart).is_some()
     }
 
-    /// A character comes in at a UART's receive pin, now or later, after those that were fed
-    /// before.
-    /// `false`: there is no such UART.
+    /// Feeds a character, now or later, after those fed before. `false`: no such UART.
     pub fn feed_character(&mut self, uart: u8, character: Character) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].feed(character);
-        self.schedule();
-        true
+        self.with_usart(uart, |usart| usart.receiver.draw(character))
     }
 
     /// Whether a UART's receiver is on.
     pub fn listens(&self, uart: u8) -> bool {
-        usart_of(uart).is_some_and(|usart| self.usarts[usart].listens())
+        index_of(&USARTS, uart).is_some_and(|usart| self.usarts[usart].listens())
     }
 
-    /// Something damages the character that comes in at a UART's receive pin; if none does, it
-    /// looks like `otherwise`, damaged. `false`: there is no such UART.
+    /// Damages the character on its way in, or feeds `otherwise`, damaged. `false`: no such UART.
     pub fn disturb_serial(
         &mut self,
         uart: u8,
@@ -406,46 +373,41 @@ impl Soc {
         at: Nanos,
         otherwise: Character,
     ) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].disturb(fault, at, otherwise);
-        self.schedule();
-        true
+        self.with_usart(uart, |usart| usart.receiver.disturb(fault, at, otherwise))
     }
 
-    /// The level of a UART's receive pin while its line is idle: high, unless it is inverted.
-    /// `false`: there is no such UART.
+    /// Sets the level of a UART's idle line: high unless inverted. `false`: no such UART.
     pub fn set_serial_idle(&mut self, uart: u8, high: bool) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].set_idle(high);
-        self.schedule();
-        true
+        self.with_usart(uart, |usart| usart.receiver.set_idle(high))
     }
 
     /// Keeps what a UART sends for [`take_outgoing`](Self::take_outgoing). `false`: no such UART.
     pub(crate) fn link_serial(&mut self, uart: u8) -> bool {
-        let Some(usart) = usart_of(uart) else { return false };
-        self.usarts[usart].link();
-        true
+        self.with_usart(uart, |usart| usart.transmitter.tells = true)
+    }
+
+    /// Does something with a UART from outside. `false`: there is no such UART.
+    fn with_usart(&mut self, uart: u8, act: impl FnOnce(&mut Usart)) -> bool {
+        let usart = index_of(&USARTS, uart).map(|usart| act(&mut self.usarts[usart]));
+        self.schedule();
+        usart.is_some()
     }
 
     pub(crate) fn take_outgoing(&mut self, uart: u8) -> Vec<Outgoing> {
-        usart_of(uart).map(|usart| self.usarts[usart].take_outgoing()).unwrap_or_default()
+        index_of(&USARTS, uart)
+            .map(|usart| std::mem::take(&mut self.usarts[usart].outgoing))
+            .unwrap_or_default()
     }
 
-    /// The level of a UART's driver enable pin; `None` if it has none: not enabled, or no pin set
-    /// up for it.
+    /// The level of a UART's driver enable pin, if it has one.
     #[must_use]
     pub fn driver_enable(&self, uart: u8) -> Option<bool> {
-        let usart = usart_of(uart)?;
+        let usart = index_of(&USARTS, uart)?;
         pin_of(&self.ports, Signal::SerialEnable(usart))?;
         self.usarts[usart].driver_level()
     }
-}
 
-/// Devices, and faults.
-impl Soc {
-    /// Puts a device on an SPI (1 to 5), selected by a low level at a general-purpose output.
-    /// `false`: there is no such SPI, or no such pin.
+    /// Puts a device on an SPI (1 to 5), selected by a low output. `false`: no such SPI or pin.
     pub fn attach_spi(
         &mut self,
         spi: u8,
@@ -461,22 +423,16 @@ impl Soc {
 
     /// Puts a device on an I2C (1, 2, 3 or 5). `false`: there is no such I2C.
     pub fn attach_i2c(&mut self, i2c: u8, device: Box<dyn I2cDevice>) -> bool {
-        let Some(i2c) = i2c_of(i2c) else { return false };
-        self.i2cs[i2c].attach(device);
-        true
+        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].devices.push(device)).is_some()
     }
 
-    /// In the next bytes that an I2C sends it sees a bus error that is none. `false`: there is
-    /// no such I2C.
+    /// Lets an I2C see a false bus error in the next bytes it sends. `false`: no such I2C.
     pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
-        let Some(i2c) = i2c_of(i2c) else { return false };
-        self.i2cs[i2c].disturb(bytes);
-        true
+        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].disturb(bytes)).is_some()
     }
 
-    /// A device holds an I2C's data line low, as one does that lost a clock, until it has seen so
-    /// many clocks from the clock pin as a general-purpose output. Both lines have pull-ups from
-    /// now on. `false`: no such I2C, or no such pins.
+    /// Lets a device hold an I2C's data line low until it has seen some clocks from the clock pin
+    /// as an output. Both lines have pull-ups from now on. `false`: no such I2C or pins.
     pub fn hold_data(
         &mut self,
         i2c: u8,
@@ -486,7 +442,8 @@ impl Soc {
         now: Nanos,
     ) -> bool {
         self.advance(now);
-        let (Some(i2c), Some(clock), Some(data)) = (i2c_of(i2c), pin_at(clock), pin_at(data))
+        let (Some(i2c), Some(clock), Some(data)) =
+            (index_of(&I2CS, i2c), pin_at(clock), pin_at(data))
         else {
             return false;
         };
@@ -522,10 +479,10 @@ impl Soc {
         self.pins_changed = true;
     }
 
-    /// The next item of a stream (DMA 1 or 2, stream 0 to 7) fails: a transfer error. `false`:
-    /// there is no such stream.
+    /// Lets the next item of a stream (DMA 1 or 2, stream 0 to 7) fail. `false`: no such stream.
     pub fn inject_dma_error(&mut self, dma: usize, stream: usize) -> bool {
         let dma = dma.checked_sub(1).and_then(|index| self.dmas.get_mut(index));
-        dma.is_some_and(|dma| dma.fail(stream))
+        let stream = dma.and_then(|dma| dma.streams.get_mut(stream));
+        stream.map(|stream| stream.fails = true).is_some()
     }
 }

@@ -1,9 +1,10 @@
-//! The signals of each pin, by alternate function. A pin with another one is not
-//! connected. Source: stm32-metapac 21.0.0, STM32H723ZG.
+//! The pins of each signal, by alternate function. Source: stm32-metapac 21.0.0, STM32H723ZG.
+
+use std::sync::LazyLock;
 
 use super::gpio::Port;
+use super::soc::port_index;
 
-/// A signal of a peripheral at a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Signal {
     /// FDCAN1 is 0.
@@ -12,11 +13,9 @@ pub(super) enum Signal {
     /// Index in the table of UARTs.
     SerialReceive(usize),
     SerialTransmit(usize),
-    /// Driver enable.
     SerialEnable(usize),
     /// Index in the table of timers, and channel 0 to 3.
     Timer(usize, usize),
-    /// A channel's complementary output.
     TimerComplement(usize, usize),
     /// SPI1 is 0.
     SpiClock(usize),
@@ -27,124 +26,89 @@ pub(super) enum Signal {
     I2cData(usize),
 }
 
-/// Port, pin, alternate function.
-type Place = (char, usize, u32);
+/// Port (A is 0), pin, alternate function.
+type Place = (usize, usize, u32);
 
+/// Signals of a kind, from index or channel 0 on, and a text of places for each.
+type Kind = (fn(usize) -> Signal, &'static [&'static str]);
+
+/// All signals, with their pins and alternate functions.
 #[rustfmt::skip]
-const PLACES: &[(Signal, &[Place])] = &[
-    (Signal::CanReceive(0), &[('A', 11, 9), ('B', 8, 9), ('D', 0, 9)]),
-    (Signal::CanTransmit(0), &[('A', 12, 9), ('B', 9, 9), ('D', 1, 9)]),
-    (Signal::CanReceive(1), &[('B', 5, 9), ('B', 12, 9)]),
-    (Signal::CanTransmit(1), &[('B', 6, 9), ('B', 13, 9)]),
-    (Signal::CanReceive(2), &[('D', 12, 5), ('F', 6, 2), ('G', 10, 2)]),
-    (Signal::CanTransmit(2), &[('D', 13, 5), ('F', 7, 2), ('G', 9, 2)]),
-    (Signal::SerialReceive(0), &[('A', 10, 7), ('B', 7, 7), ('B', 15, 4)]),
-    (Signal::SerialTransmit(0), &[('A', 9, 7), ('B', 6, 7), ('B', 14, 4)]),
-    (Signal::SerialReceive(1), &[('A', 3, 7), ('D', 6, 7)]),
-    (Signal::SerialTransmit(1), &[('A', 2, 7), ('D', 5, 7)]),
-    (Signal::SerialReceive(2), &[('B', 11, 7), ('C', 11, 7), ('D', 9, 7)]),
-    (Signal::SerialTransmit(2), &[('B', 10, 7), ('C', 10, 7), ('D', 8, 7)]),
-    (Signal::SerialReceive(3), &[('A', 1, 8), ('A', 11, 6), ('B', 8, 8), ('C', 11, 8), ('D', 0, 8)]),
-    (Signal::SerialTransmit(3), &[('A', 0, 8), ('A', 12, 6), ('B', 9, 8), ('C', 10, 8), ('D', 1, 8)]),
-    (Signal::SerialReceive(4), &[('B', 5, 14), ('B', 12, 14), ('D', 2, 8)]),
-    (Signal::SerialTransmit(4), &[('B', 6, 14), ('B', 13, 14), ('C', 12, 8)]),
-    (Signal::SerialReceive(5), &[('C', 7, 7), ('G', 9, 7)]),
-    (Signal::SerialTransmit(5), &[('C', 6, 7), ('G', 14, 7)]),
-    (Signal::SerialReceive(6), &[('A', 8, 11), ('B', 3, 11), ('E', 7, 7), ('F', 6, 7)]),
-    (Signal::SerialTransmit(6), &[('A', 15, 11), ('B', 4, 11), ('E', 8, 7), ('F', 7, 7)]),
-    (Signal::SerialReceive(7), &[('E', 0, 8)]),
-    (Signal::SerialTransmit(7), &[('E', 1, 8)]),
-    (Signal::SerialReceive(8), &[('D', 14, 11), ('G', 0, 11)]),
-    (Signal::SerialTransmit(8), &[('D', 15, 11), ('G', 1, 11)]),
-    (Signal::SerialReceive(9), &[('E', 2, 4), ('G', 11, 4)]),
-    (Signal::SerialTransmit(9), &[('E', 3, 11), ('G', 12, 4)]),
-    (Signal::SerialEnable(0), &[('A', 12, 7)]),
-    (Signal::SerialEnable(1), &[('A', 1, 7), ('D', 4, 7)]),
-    (Signal::SerialEnable(2), &[('B', 14, 7), ('D', 12, 7)]),
-    (Signal::SerialEnable(3), &[('A', 15, 8), ('B', 14, 8)]),
-    (Signal::SerialEnable(4), &[('C', 8, 8)]),
-    (Signal::SerialEnable(5), &[('G', 8, 7), ('G', 12, 7)]),
-    (Signal::SerialEnable(6), &[('E', 9, 7), ('F', 8, 7)]),
-    (Signal::SerialEnable(7), &[('D', 15, 8)]),
-    (Signal::SerialEnable(8), &[('D', 13, 11)]),
-    (Signal::SerialEnable(9), &[('G', 14, 4)]),
-    (Signal::Timer(0, 0), &[('A', 0, 1), ('A', 5, 1), ('A', 15, 1)]),
-    (Signal::Timer(0, 1), &[('A', 1, 1), ('B', 3, 1)]),
-    (Signal::Timer(0, 2), &[('A', 2, 1), ('B', 10, 1)]),
-    (Signal::Timer(0, 3), &[('A', 3, 1), ('B', 11, 1)]),
-    (Signal::Timer(1, 0), &[('A', 6, 2), ('B', 4, 2), ('C', 6, 2)]),
-    (Signal::Timer(1, 1), &[('A', 7, 2), ('B', 5, 2), ('C', 7, 2)]),
-    (Signal::Timer(1, 2), &[('B', 0, 2), ('C', 8, 2)]),
-    (Signal::Timer(1, 3), &[('B', 1, 2), ('C', 9, 2)]),
-    (Signal::Timer(2, 0), &[('B', 6, 2), ('D', 12, 2)]),
-    (Signal::Timer(2, 1), &[('B', 7, 2), ('D', 13, 2)]),
-    (Signal::Timer(2, 2), &[('B', 8, 2), ('D', 14, 2)]),
-    (Signal::Timer(2, 3), &[('B', 9, 2), ('D', 15, 2)]),
-    (Signal::Timer(3, 0), &[('A', 0, 2)]),
-    (Signal::Timer(3, 1), &[('A', 1, 2)]),
-    (Signal::Timer(3, 2), &[('A', 2, 2)]),
-    (Signal::Timer(3, 3), &[('A', 3, 2)]),
-    (Signal::Timer(6, 0), &[('B', 14, 2)]),
-    (Signal::Timer(6, 1), &[('B', 15, 2)]),
-    (Signal::Timer(7, 0), &[('A', 6, 9), ('F', 8, 9)]),
-    (Signal::Timer(8, 0), &[('A', 7, 9), ('F', 9, 9)]),
-    (Signal::Timer(9, 0), &[('F', 0, 13), ('F', 6, 13), ('G', 12, 13)]),
-    (Signal::Timer(9, 1), &[('F', 1, 13), ('F', 7, 13), ('G', 13, 13)]),
-    (Signal::Timer(9, 2), &[('F', 2, 13), ('F', 8, 13), ('G', 14, 13)]),
-    (Signal::Timer(9, 3), &[('F', 3, 13), ('F', 9, 13)]),
-    (Signal::Timer(10, 0), &[('F', 11, 14)]),
-    (Signal::Timer(10, 1), &[('F', 12, 14)]),
-    (Signal::Timer(10, 2), &[('F', 13, 14)]),
-    (Signal::Timer(10, 3), &[('F', 14, 14)]),
-    (Signal::Timer(11, 0), &[('A', 8, 1), ('E', 9, 1)]),
-    (Signal::Timer(11, 1), &[('A', 9, 1), ('E', 11, 1)]),
-    (Signal::Timer(11, 2), &[('A', 10, 1), ('E', 13, 1)]),
-    (Signal::Timer(11, 3), &[('A', 11, 1), ('E', 14, 1)]),
-    (Signal::TimerComplement(11, 0), &[('A', 7, 1), ('B', 13, 1), ('E', 8, 1)]),
-    (Signal::TimerComplement(11, 1), &[('B', 0, 1), ('B', 14, 1), ('E', 10, 1)]),
-    (Signal::TimerComplement(11, 2), &[('B', 1, 1), ('B', 15, 1), ('E', 12, 1)]),
-    (Signal::Timer(12, 0), &[('C', 6, 3)]),
-    (Signal::Timer(12, 1), &[('C', 7, 3)]),
-    (Signal::Timer(12, 2), &[('C', 8, 3)]),
-    (Signal::Timer(12, 3), &[('C', 9, 3)]),
-    (Signal::TimerComplement(12, 0), &[('A', 5, 3), ('A', 7, 3)]),
-    (Signal::TimerComplement(12, 1), &[('B', 0, 3), ('B', 14, 3)]),
-    (Signal::TimerComplement(12, 2), &[('B', 1, 3), ('B', 15, 3)]),
-    (Signal::Timer(13, 0), &[('B', 8, 1), ('F', 6, 1)]),
-    (Signal::TimerComplement(13, 0), &[('B', 6, 1), ('F', 8, 1)]),
-    (Signal::Timer(14, 0), &[('B', 9, 1), ('F', 7, 1)]),
-    (Signal::TimerComplement(14, 0), &[('B', 7, 1), ('F', 9, 1)]),
-    (Signal::SpiClock(0), &[('A', 5, 5), ('B', 3, 5), ('G', 11, 5)]),
-    (Signal::SpiIn(0), &[('A', 6, 5), ('B', 4, 5), ('G', 9, 5)]),
-    (Signal::SpiOut(0), &[('A', 7, 5), ('B', 5, 5), ('D', 7, 5)]),
-    (Signal::SpiClock(1), &[('A', 9, 5), ('A', 12, 5), ('B', 10, 5), ('B', 13, 5), ('D', 3, 5)]),
-    (Signal::SpiIn(1), &[('B', 14, 5), ('C', 2, 5)]),
-    (Signal::SpiOut(1), &[('B', 15, 5), ('C', 1, 5), ('C', 3, 5)]),
-    (Signal::SpiClock(2), &[('B', 3, 6), ('C', 10, 6)]),
-    (Signal::SpiIn(2), &[('B', 4, 6), ('C', 11, 6)]),
-    (Signal::SpiOut(2), &[('B', 2, 7), ('B', 5, 7), ('C', 12, 6), ('D', 6, 5)]),
-    (Signal::SpiClock(3), &[('E', 2, 5), ('E', 12, 5)]),
-    (Signal::SpiIn(3), &[('E', 5, 5), ('E', 13, 5)]),
-    (Signal::SpiOut(3), &[('E', 6, 5), ('E', 14, 5)]),
-    (Signal::SpiClock(4), &[('F', 7, 5)]),
-    (Signal::SpiIn(4), &[('F', 8, 5)]),
-    (Signal::SpiOut(4), &[('F', 9, 5), ('F', 11, 5)]),
-    (Signal::I2cClock(0), &[('B', 6, 4), ('B', 8, 4)]),
-    (Signal::I2cData(0), &[('B', 7, 4), ('B', 9, 4)]),
-    (Signal::I2cClock(1), &[('B', 10, 4), ('F', 1, 4)]),
-    (Signal::I2cData(1), &[('B', 11, 4), ('F', 0, 4)]),
-    (Signal::I2cClock(2), &[('A', 8, 4)]),
-    (Signal::I2cData(2), &[('C', 9, 4)]),
-    (Signal::I2cClock(3), &[('A', 8, 6), ('C', 11, 4), ('F', 1, 6)]),
-    (Signal::I2cData(3), &[('C', 9, 6), ('C', 10, 4), ('F', 0, 6)]),
+const SIGNALS: &[Kind] = &[
+    (Signal::CanReceive, &["A11:9 B8:9 D0:9", "B5:9 B12:9", "D12:5 F6:2 G10:2"]),
+    (Signal::CanTransmit, &["A12:9 B9:9 D1:9", "B6:9 B13:9", "D13:5 F7:2 G9:2"]),
+    (Signal::SerialReceive, &[
+        "A10:7 B7:7 B15:4", "A3:7 D6:7", "B11:7 C11:7 D9:7", "A1:8 A11:6 B8:8 C11:8 D0:8",
+        "B5:14 B12:14 D2:8", "C7:7 G9:7", "A8:11 B3:11 E7:7 F6:7", "E0:8", "D14:11 G0:11",
+        "E2:4 G11:4",
+    ]),
+    (Signal::SerialTransmit, &[
+        "A9:7 B6:7 B14:4", "A2:7 D5:7", "B10:7 C10:7 D8:7", "A0:8 A12:6 B9:8 C10:8 D1:8",
+        "B6:14 B13:14 C12:8", "C6:7 G14:7", "A15:11 B4:11 E8:7 F7:7", "E1:8", "D15:11 G1:11",
+        "E3:11 G12:4",
+    ]),
+    (Signal::SerialEnable, &[
+        "A12:7", "A1:7 D4:7", "B14:7 D12:7", "A15:8 B14:8", "C8:8", "G8:7 G12:7", "E9:7 F8:7",
+        "D15:8", "D13:11", "G14:4",
+    ]),
+    (|channel| Signal::Timer(0, channel), &[
+        "A0:1 A5:1 A15:1", "A1:1 B3:1", "A2:1 B10:1", "A3:1 B11:1",
+    ]),
+    (|channel| Signal::Timer(1, channel), &[
+        "A6:2 B4:2 C6:2", "A7:2 B5:2 C7:2", "B0:2 C8:2", "B1:2 C9:2",
+    ]),
+    (|channel| Signal::Timer(2, channel), &[
+        "B6:2 D12:2", "B7:2 D13:2", "B8:2 D14:2", "B9:2 D15:2",
+    ]),
+    (|channel| Signal::Timer(3, channel), &["A0:2", "A1:2", "A2:2", "A3:2"]),
+    (|channel| Signal::Timer(6, channel), &["B14:2", "B15:2"]),
+    (|channel| Signal::Timer(7, channel), &["A6:9 F8:9"]),
+    (|channel| Signal::Timer(8, channel), &["A7:9 F9:9"]),
+    (|channel| Signal::Timer(9, channel), &[
+        "F0:13 F6:13 G12:13", "F1:13 F7:13 G13:13", "F2:13 F8:13 G14:13", "F3:13 F9:13",
+    ]),
+    (|channel| Signal::Timer(10, channel), &["F11:14", "F12:14", "F13:14", "F14:14"]),
+    (|channel| Signal::Timer(11, channel), &[
+        "A8:1 E9:1", "A9:1 E11:1", "A10:1 E13:1", "A11:1 E14:1",
+    ]),
+    (|channel| Signal::TimerComplement(11, channel), &[
+        "A7:1 B13:1 E8:1", "B0:1 B14:1 E10:1", "B1:1 B15:1 E12:1",
+    ]),
+    (|channel| Signal::Timer(12, channel), &["C6:3", "C7:3", "C8:3", "C9:3"]),
+    (|channel| Signal::TimerComplement(12, channel), &["A5:3 A7:3", "B0:3 B14:3", "B1:3 B15:3"]),
+    (|channel| Signal::Timer(13, channel), &["B8:1 F6:1"]),
+    (|channel| Signal::TimerComplement(13, channel), &["B6:1 F8:1"]),
+    (|channel| Signal::Timer(14, channel), &["B9:1 F7:1"]),
+    (|channel| Signal::TimerComplement(14, channel), &["B7:1 F9:1"]),
+    (Signal::SpiClock, &[
+        "A5:5 B3:5 G11:5", "A9:5 A12:5 B10:5 B13:5 D3:5", "B3:6 C10:6", "E2:5 E12:5", "F7:5",
+    ]),
+    (Signal::SpiIn, &["A6:5 B4:5 G9:5", "B14:5 C2:5", "B4:6 C11:6", "E5:5 E13:5", "F8:5"]),
+    (Signal::SpiOut, &[
+        "A7:5 B5:5 D7:5", "B15:5 C1:5 C3:5", "B2:7 B5:7 C12:6 D6:5", "E6:5 E14:5", "F9:5 F11:5",
+    ]),
+    (Signal::I2cClock, &["B6:4 B8:4", "B10:4 F1:4", "A8:4", "A8:6 C11:4 F1:6"]),
+    (Signal::I2cData, &["B7:4 B9:4", "B11:4 F0:4", "C9:4", "C9:6 C10:4 F0:6"]),
 ];
 
-/// Port (A is 0) and pin that are set up to carry a signal: the first, if there are several.
-/// `ports`: A first.
+static PLACES: LazyLock<Vec<(Signal, Vec<Place>)>> = LazyLock::new(|| {
+    let signals = SIGNALS.iter().flat_map(|(signal, places)| {
+        let places = places.iter().map(|places| places.split(' ').filter_map(place).collect());
+        (0..).map(signal).zip(places)
+    });
+    signals.collect()
+});
+
+fn place(text: &str) -> Option<Place> {
+    let (port, rest) = text.split_at_checked(1)?;
+    let (pin, function) = rest.split_once(':')?;
+    Some((port_index(port.parse().ok()?)?, pin.parse().ok()?, function.parse().ok()?))
+}
+
+/// Port (A is 0) and first pin that are set up to carry a signal. `ports`: A first.
 pub(super) fn pin_of(ports: &[Port], signal: Signal) -> Option<(usize, usize)> {
     let of_signal = PLACES.iter().filter(|(other, _)| *other == signal);
-    of_signal.flat_map(|(_, places)| *places).find_map(|&(port, pin, function)| {
-        let port = port as usize - 'A' as usize;
+    of_signal.flat_map(|(_, places)| places).find_map(|&(port, pin, function)| {
         (ports.get(port)?.alternate(pin)? == function).then_some((port, pin))
     })
 }
@@ -152,11 +116,23 @@ pub(super) fn pin_of(ports: &[Port], signal: Signal) -> Option<(usize, usize)> {
 /// The signal that a pin carries as it is set up.
 pub(super) fn signal_at(ports: &[Port], port: usize, pin: usize) -> Option<Signal> {
     let function = ports.get(port)?.alternate(pin)?;
-    let here = (char::from(b'A' + u8::try_from(port).ok()?), pin, function);
+    let here = (port, pin, function);
     PLACES.iter().find(|(_, places)| places.contains(&here)).map(|&(signal, _)| signal)
 }
 
-/// Whether a pin is set up to carry a signal.
 pub(super) fn is_connected(ports: &[Port], signal: Signal) -> bool {
     pin_of(ports, signal).is_some()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_is_read() {
+        let texts = SIGNALS.iter().flat_map(|(_, places)| *places).flat_map(|it| it.split(' '));
+        let places = PLACES.iter().map(|(_, places)| places.len()).sum::<usize>();
+        assert_eq!((places, PLACES.len()), (texts.count(), 105));
+        assert!(PLACES.contains(&(Signal::SpiOut(4), vec![(5, 9, 5), (5, 11, 5)])));
+    }
 }

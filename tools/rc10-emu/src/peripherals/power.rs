@@ -1,12 +1,11 @@
-//! Power control (supply, voltage scaling), and the flash's wait states, which depend on it
-//! (RM0468, PWR and FLASH chapters).
+//! Power control, and the flash's wait states, which depend on it (RM0468, PWR and FLASH).
 //!
-//! Only stored: voltage detectors, low-power modes, wake-up pins. Of the flash interface only
-//! `ACR` is modelled: the program cannot erase, program or set option bytes.
+//! Only stored: voltage detectors, low-power modes, wake-up pins. Of the flash interface only `ACR`
+//! is modelled: the program cannot erase, program or set option bytes.
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::registers::{Register, Registers, masked, plain};
 
 const CR1: u32 = 0x00;
@@ -79,7 +78,7 @@ impl Power {
         self.supply_written && (supply & 1 != 0) != (supply & 2 != 0)
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         let stored = self.registers.read(offset)?;
         self.scale(now);
         Ok(match offset {
@@ -89,7 +88,7 @@ impl Power {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         match write.offset {
             CR3 => {
                 let unlocked = if self.supply_written { !SUPPLY } else { u32::MAX };
@@ -113,8 +112,7 @@ impl Power {
 /// The flash interface: `ACR`, also at 0x100.
 pub(super) const FLASH: &[Register] = &[masked(0x00, 0x13, 0x37)];
 
-/// Highest AXI clock in MHz at 0, 1, 2, 3 wait states, by voltage scale. Source: RM0468, table of
-/// flash wait states.
+/// Highest AXI clock in MHz by wait states and voltage scale. Source: RM0468, flash wait states.
 const LIMITS: [&[u64]; 4] = [&[70, 140, 210, 275], &[67, 133, 200], &[50, 100, 150], &[35, 70, 85]];
 
 /// Whether the flash can be read at this bus clock.

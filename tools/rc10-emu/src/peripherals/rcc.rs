@@ -1,25 +1,27 @@
 //! Reset and clock control: oscillators and PLLs that need time to start, the switch of the system
 //! clock, gates and resets (RM0468, RCC chapter).
 //!
-//! While a PLL is on, its input and its dividers are locked: writes to them change nothing, and are
-//! not reported, because embassy writes there at every boot and relies on it.
+//! While a PLL is on, writes to its input and dividers change nothing, and are not reported:
+//! embassy relies on it at every boot.
 //!
 //! A crystal may be dead or die. With clock security on (`CR.HSECSSON`) the chip then switches to
-//! HSI and raises an NMI; without it everything that comes from the crystal stands still until it
-//! swings again: what a PLL without its reference does the manual leaves open. Whether its ready
-//! flags fall, too: here they do. A failure is detected at once.
+//! HSI and raises an NMI; without it everything from the crystal stands still until it swings
+//! again. The manual leaves open what a PLL without reference does; here its ready flag falls, too,
+//! at once.
 //!
-//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock
-//! security of LSE, calibration, low-power gates. A `CPURST` does nothing.
+//! MCO1 goes to TIM17, MCO2 nowhere. Only stored: ready interrupts, clock security of LSE,
+//! calibration, low-power gates. A `CPURST` does nothing.
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::clocks::{
-    self, CSI_HZ, Clocks, HSI_HZ, LSE_HZ, LSI_HZ, Pll, PllInput, Settings, Sources, Tone, Tones,
-    field,
+    self, CFGR, CSI_HZ, Clocks, D1CCIPR, D1CFGR, D2CCIP1R, D2CCIP2R, D2CFGR, D3CCIPR, HSI_HZ,
+    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones, field,
 };
+use super::map::Switch;
 use super::registers::{Register, Registers, masked, plain};
+use crate::machine::Options;
 
 /// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,9 +39,9 @@ pub enum ResetCause {
 }
 
 impl ResetCause {
-    /// Flags in `RCC_RSR`. A reset from inside also pulls the reset pin. Source: RM0468, table of
-    /// reset sources: CPURSTF 17, D1RSTF 19, D2RSTF 20, BORRSTF 21, PINRSTF 22, PORRSTF 23,
-    /// SFTRSTF 24, IWDG1RSTF 26.
+    /// Flags in `RCC_RSR` (RM0468, table of reset sources): CPURSTF 17, D1RSTF 19, D2RSTF 20,
+    /// BORRSTF 21, PINRSTF 22, PORRSTF 23, SFTRSTF 24, IWDG1RSTF 26. Every reset also pulls the
+    /// reset pin.
     const fn flags(self) -> u32 {
         const PIN: u32 = 1 << 22 | 1 << 17;
         match self {
@@ -55,15 +57,8 @@ impl ResetCause {
 /// The address of `RCC_CR`, used in reports of clocks that change without an access.
 pub(super) const CONTROL: u32 = 0x5802_4400;
 const CR: u32 = 0x00;
-const CFGR: u32 = 0x10;
-const D1CFGR: u32 = 0x18;
-const D2CFGR: u32 = 0x1C;
 const PLLCKSELR: u32 = 0x28;
 const PLLCFGR: u32 = 0x2C;
-const D1CCIPR: u32 = 0x4C;
-const D2CCIP1R: u32 = 0x50;
-const D2CCIP2R: u32 = 0x54;
-const D3CCIPR: u32 = 0x58;
 const CIFR: u32 = 0x64;
 const CICR: u32 = 0x68;
 const BDCR: u32 = 0x70;
@@ -111,9 +106,8 @@ const TABLE: &[Register] = &[
     plain(0x114, 0x0300_0136), plain(0x118, 0x31D7_3033), plain(0x11C, 0x0421_FEAA),
 ];
 
-/// A clock source that has to start: its bit in CR, and its start-up time. The flag that
-/// says it is ready is the next bit, two further for HSI. Source: STM32H723 data sheet, maximum or
-/// typical times of the oscillator tables.
+/// A clock source that has to start: its bit and its ready flag in CR, and its start-up time.
+/// Source: STM32H723 data sheet, maximum or typical times of the oscillator tables.
 #[rustfmt::skip]
 const STARTERS: [(u32, u32, Nanos); 4] = [
     (HSI, 2, Nanos::new(2_000)),
@@ -133,6 +127,8 @@ const SECURITY_FLAG: u32 = 1 << 10;
 const FALL_BACK_TO_CSI: u32 = 1 << 6;
 /// PLL1's bit in CR; PLL2 and PLL3 are two further each.
 const PLL: u32 = 24;
+/// Bits in CR of the sources of the system clock, by SW; the first three are also the PLLs'.
+const SOURCES: [u32; 4] = [HSI, CSI, HSE, PLL];
 /// Data sheet, PLL characteristics, typical.
 const LOCK: Nanos = Nanos::new(50_000);
 /// Data sheet, LSI characteristics, typical.
@@ -155,7 +151,7 @@ pub(super) struct Rcc {
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
     /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
-    pub(super) removal_stays: bool,
+    removal_stays: bool,
     /// SWS.
     source: u32,
     /// Until when changes that need no access are taken into account.
@@ -164,13 +160,14 @@ pub(super) struct Rcc {
 }
 
 impl Rcc {
-    /// `hsi_ppm`: how much too fast HSI is, in millionths.
-    pub(super) fn new(crystal_hz: u64, hsi_ppm: i32) -> Self {
-        let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * i64::from(hsi_ppm);
-        Self::of(crystal_hz, HSI_HZ.saturating_add_signed(off))
+    pub(super) fn new(options: &Options) -> Self {
+        let ppm = i64::from(options.hsi_deviation_ppm);
+        let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * ppm;
+        let (crystal_hz, hsi_hz) = (options.board.crystal_hz, HSI_HZ.saturating_add_signed(off));
+        Self::of(crystal_hz, hsi_hz, options.removal_stays)
     }
 
-    fn of(crystal_hz: u64, hsi_hz: u64) -> Self {
+    fn of(crystal_hz: u64, hsi_hz: u64, removal_stays: bool) -> Self {
         let mut ready = [None; 34];
         ready[HSI as usize] = Some(Nanos::ZERO);
         let mut registers = Registers::new(TABLE);
@@ -181,7 +178,7 @@ impl Rcc {
             crystal_hz,
             hsi_hz,
             crystal: true,
-            removal_stays: true,
+            removal_stays,
             source: 0,
             settled: Nanos::ZERO,
             system_ready_at: None,
@@ -192,9 +189,8 @@ impl Rcc {
     pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
-        let (crystal, removal_stays) = (self.crystal, self.removal_stays);
-        *self =
-            Self { crystal, removal_stays, settled: now, ..Self::of(self.crystal_hz, self.hsi_hz) };
+        let fresh = Self::of(self.crystal_hz, self.hsi_hz, self.removal_stays);
+        *self = Self { crystal: self.crystal, settled: now, ..fresh };
         if cause != ResetCause::PowerOn {
             let held = flags & REMOVE != 0;
             self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
@@ -203,7 +199,6 @@ impl Rcc {
         }
     }
 
-    /// The crystal dies, or lives again.
     pub(super) fn set_crystal(&mut self, alive: bool, now: Nanos) {
         self.advance(now);
         let was_ready = self.is_ready(HSE as usize);
@@ -221,8 +216,13 @@ impl Rcc {
         self.start(now);
     }
 
+    /// PLLSRC.
+    fn pll_source(&self) -> usize {
+        field(self.registers.value(PLLCKSELR), 0, 2) as usize
+    }
+
     fn plls_are_fed_by_hse(&self) -> bool {
-        field(self.registers.value(PLLCKSELR), 0, 2) == 2
+        self.pll_source() == 2
     }
 
     /// Clock security: RM0468, "Clock security system on HSE".
@@ -249,7 +249,6 @@ impl Rcc {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
-    /// Time at which the system clock was switched to PLL1.
     pub(super) const fn system_ready_at(&self) -> Option<Nanos> {
         self.system_ready_at
     }
@@ -267,19 +266,16 @@ impl Rcc {
     }
 
     /// Whether one of `mask`'s bits is set in the enable register, and none in the reset register.
-    pub(super) fn is_running(&self, switch: super::map::Switch) -> bool {
-        let held = switch.reset.is_some_and(|offset| self.resets(offset) & switch.mask != 0);
-        self.registers.value(switch.enable) & switch.mask != 0 && !held
+    pub(super) fn is_running(&self, switch: Switch) -> bool {
+        self.registers.value(switch.enable) & switch.mask != 0 && !self.holds_in_reset(switch)
     }
 
-    /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
+    pub(super) fn holds_in_reset(&self, switch: Switch) -> bool {
+        switch.reset.is_some_and(|offset| self.registers.value(offset) & switch.mask != 0)
+    }
+
     pub(super) fn memories_run(&self) -> [bool; 2] {
         [29, 30].map(|bit| field(self.registers.value(0xDC), bit, 1) != 0)
-    }
-
-    /// A reset register.
-    pub(super) fn resets(&self, offset: u32) -> u32 {
-        self.registers.value(offset)
     }
 
     /// Whether gates or resets may have changed by a write there.
@@ -288,7 +284,7 @@ impl Rcc {
         ENABLES.contains(&offset) || (0x7C..=0x9C).contains(&offset)
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         let offset = alias(offset);
         let stored = self.registers.read(offset)?;
         let ready = |index, flag: u32| u32::from(self.is_ready(index)) << flag;
@@ -313,7 +309,7 @@ impl Rcc {
         write: Write,
         now: Nanos,
         backup_unlocked: bool,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), AccessKind> {
         self.advance(now);
         let write = write.at(alias(write.offset));
         let off = |pll, mask| if self.pll_is_on(pll) { 0 } else { mask };
@@ -343,7 +339,7 @@ impl Rcc {
                 let unlocked = off((write.offset - 0x30) / 8, u32::MAX);
                 self.registers.write_only(write, unlocked)?;
             }
-            BDCR if !backup_unlocked => return Err(Refusal::Protected),
+            BDCR if !backup_unlocked => return Err(AccessKind::Protected),
             BDCR => {
                 const RTCSEL: u32 = 3 << 8;
                 const BDRST: u32 = 1 << 16;
@@ -369,16 +365,9 @@ impl Rcc {
 
     /// Bits of CR that the system clock needs.
     fn in_use(&self) -> u32 {
-        let pll_source = || match field(self.registers.value(PLLCKSELR), 0, 2) {
-            0 => 1 << HSI,
-            1 => 1 << CSI,
-            _ => 1 << HSE,
-        };
         match self.source {
-            0 => 1 << HSI,
-            1 => 1 << CSI,
-            2 => 1 << HSE,
-            _ => 1 << PLL | pll_source(),
+            3 => 1 << PLL | 1 << SOURCES[self.pll_source().min(2)],
+            source => 1 << SOURCES[source as usize],
         }
     }
 
@@ -398,13 +387,8 @@ impl Rcc {
         for pll in 0..3 {
             let bit = PLL + 2 * pll;
             // Its input may still be starting.
-            let input = match field(self.registers.value(PLLCKSELR), 0, 2) {
-                0 => Some(HSI),
-                1 => Some(CSI),
-                2 => Some(HSE),
-                _ => None,
-            };
-            let input = input.and_then(|input| self.ready[input as usize]);
+            let input = SOURCES[..3].get(self.pll_source());
+            let input = input.and_then(|&input| self.ready[input as usize]);
             let locks = clocks::pll(self.pll_input(self.hsi_hz), &self.pll(pll)).is_some();
             let at = input.filter(|_| locks).map(|input| now.max(input) + LOCK);
             let ready = &mut self.ready[bit as usize];
@@ -413,16 +397,13 @@ impl Rcc {
         self.advance(now);
     }
 
-    /// Frequency at the PLLs' input, running or not, with an HSI of this frequency.
-    fn pll_input(&self, hsi_hz: u64) -> PllInput {
-        match field(self.registers.value(PLLCKSELR), 0, 2) {
-            0 => {
-                let [nominal, actual] = [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift());
-                PllInput { nominal, actual }
-            }
-            1 => PllInput::exact(CSI_HZ),
-            2 => PllInput::exact(self.crystal_hz),
-            _ => PllInput::default(),
+    /// Nominal and actual frequency at the PLLs' input, running or not.
+    fn pll_input(&self, hsi_hz: u64) -> [u64; 2] {
+        match self.pll_source() {
+            0 => [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift()),
+            1 => [CSI_HZ; 2],
+            2 => [self.crystal_hz; 2],
+            _ => [0; 2],
         }
     }
 
@@ -452,7 +433,6 @@ impl Rcc {
         }
     }
 
-    /// Time at which the next source becomes ready.
     pub(super) fn next_event(&self) -> Option<Nanos> {
         self.ready.iter().flatten().copied().filter(|&at| at > self.settled).min()
     }
@@ -461,13 +441,7 @@ impl Rcc {
     pub(super) fn advance(&mut self, now: Nanos) {
         self.settled = now.max(self.settled);
         let wanted = field(self.registers.value(CFGR), 0, 3);
-        let bit = match wanted {
-            0 => HSI,
-            1 => CSI,
-            2 => HSE,
-            3 => PLL,
-            _ => return,
-        };
+        let Some(&bit) = SOURCES.get(wanted as usize) else { return };
         if wanted != self.source && self.is_ready(bit as usize) {
             self.source = wanted;
             if wanted == 3 && self.system_ready_at.is_none() {
@@ -476,7 +450,6 @@ impl Rcc {
         }
     }
 
-    /// Clocks that go to timers' inputs.
     pub(super) fn tones(&self) -> Tones {
         let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
         let config = self.registers.value(CFGR);
@@ -493,12 +466,9 @@ impl Rcc {
             4 => if_ready(HSI48 as usize, HSI48_HZ),
             _ => 0,
         };
-        Tones {
-            lsi: Tone::new(if_ready(LSI, LSI_HZ), 1),
-            lse: Tone::new(lse, 1),
-            hse: Tone::new(hse, for_rtc).filter(|_| for_rtc > 1),
-            output: Tone::new(output, field(config, 18, 4)),
-        }
+        let lsi = Tone::new(if_ready(LSI, LSI_HZ), 1);
+        let hse = Tone::new(hse, for_rtc).filter(|_| for_rtc > 1);
+        [lsi, Tone::new(lse, 1), hse, Tone::new(output, field(config, 18, 4)), None]
     }
 
     /// P, Q and R of a PLL, as far as it runs.
@@ -526,17 +496,7 @@ impl Rcc {
             lse: if_ready(LSE, LSE_HZ),
             plls: [0, 1, 2].map(|pll| self.pll_outputs(pll, hsi_hz)),
         };
-        let settings = Settings {
-            source: self.source,
-            cfgr: self.registers.value(CFGR),
-            d1cfgr: self.registers.value(D1CFGR),
-            d2cfgr: self.registers.value(D2CFGR),
-            d1ccipr: self.registers.value(D1CCIPR),
-            d2ccip1r: self.registers.value(D2CCIP1R),
-            d2ccip2r: self.registers.value(D2CCIP2R),
-            d3ccipr: self.registers.value(D3CCIPR),
-        };
-        Clocks::new(&sources, &settings)
+        Clocks::new(&sources, self.source, |at| self.registers.value(at))
     }
 }
 

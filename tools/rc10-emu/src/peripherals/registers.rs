@@ -1,83 +1,82 @@
 //! A block's registers as a table.
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 
-/// A register: offset, its value after a reset, and the bits that keep a written value. All other
-/// bits do not change by writing.
+/// A register: offset, value after a reset, and the bits that can be written.
 #[derive(Debug)]
-pub(super) struct Register {
+pub(crate) struct Register {
     pub offset: u32,
     pub reset: u32,
     pub writable: u32,
 }
 
 /// A register whose bits all keep a written value.
-pub(super) const fn plain(offset: u32, reset: u32) -> Register {
+pub(crate) const fn plain(offset: u32, reset: u32) -> Register {
     Register { offset, reset, writable: u32::MAX }
 }
 
 /// A register of which some bits keep a written value.
-pub(super) const fn masked(offset: u32, reset: u32, writable: u32) -> Register {
+pub(crate) const fn masked(offset: u32, reset: u32, writable: u32) -> Register {
     Register { offset, reset, writable }
 }
 
 /// A register that cannot be written.
-pub(super) const fn fixed(offset: u32, value: u32) -> Register {
+pub(crate) const fn fixed(offset: u32, value: u32) -> Register {
     Register { offset, reset: value, writable: 0 }
 }
 
-/// The registers of one block, and their values. Registers that the table lacks are not modelled.
+/// The registers of one block, and their values by offset; others are not modelled.
 #[derive(Debug)]
-pub(super) struct Registers {
+pub(crate) struct Registers {
     table: &'static [Register],
     values: Vec<u32>,
 }
 
 impl Registers {
-    pub(super) fn new(table: &'static [Register]) -> Self {
-        Self { table, values: table.iter().map(|register| register.reset).collect() }
+    pub(crate) fn new(table: &'static [Register]) -> Self {
+        let end = table.iter().map(|register| register.offset as usize / 4 + 1).max();
+        let mut registers = Self { table, values: vec![0; end.unwrap_or(0)] };
+        registers.reset();
+        registers
     }
 
-    pub(super) fn reset(&mut self) {
-        *self = Self::new(self.table);
+    pub(crate) fn reset(&mut self) {
+        self.table.iter().for_each(|register| self.set(register.offset, register.reset));
     }
 
-    fn position(&self, offset: u32) -> Result<usize, Refusal> {
-        self.table.iter().position(|register| register.offset == offset).ok_or(Refusal::Unmodelled)
+    fn find(&self, offset: u32) -> Result<&'static Register, AccessKind> {
+        let mut table = self.table.iter();
+        table.find(|register| register.offset == offset).ok_or(AccessKind::Unmodelled)
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
-        self.position(offset).map(|position| self.values[position])
+    pub(crate) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+        self.find(offset).map(|register| self.value(register.offset))
     }
 
     /// Like [`read`](Self::read), for a register that the table is known to have.
-    pub(super) fn value(&self, offset: u32) -> u32 {
-        self.read(offset).unwrap_or(0)
+    #[inline]
+    pub(crate) fn value(&self, offset: u32) -> u32 {
+        self.values[offset as usize / 4]
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+    pub(crate) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
         self.write_only(write, u32::MAX)
     }
 
     /// Writes those bits that are both writable and `unlocked`.
-    pub(super) fn write_only(&mut self, write: Write, unlocked: u32) -> Result<(), Refusal> {
-        let position = self.position(write.offset)?;
-        let writable = self.table[position].writable & unlocked;
-        let old = self.values[position];
-        self.values[position] = old & !writable | write.over(old) & writable;
+    pub(super) fn write_only(&mut self, write: Write, unlocked: u32) -> Result<(), AccessKind> {
+        let writable = self.find(write.offset)?.writable & unlocked;
+        let old = self.value(write.offset);
+        self.set(write.offset, old & !writable | write.over(old) & writable);
         Ok(())
     }
 
-    /// Sets a value from inside.
     pub(super) fn set(&mut self, offset: u32, value: u32) {
-        if let Ok(position) = self.position(offset) {
-            self.values[position] = value;
-        }
+        self.values[offset as usize / 4] = value;
     }
 }
 
-/// Debug unit: what it freezes matters only while a debugger holds the core, so it only stores.
-/// `IDC`: device 0x483, revision Z (RM0468, debug chapter).
+/// Debug unit: it only stores, as there is no debugger. `IDC`: device 0x483, revision Z (RM0468).
 pub(super) const DEBUG: &[Register] = &[
     fixed(0x00, 0x1001_6483),
     masked(0x04, 0, 0x1070_0007),
@@ -91,21 +90,20 @@ pub(super) const DEBUG: &[Register] = &[
 /// SYSCFG's `PMCR`: the switch of PC2 is bit 26, of PC3 bit 27; 0 is closed (RM0468, `PCxSO`).
 pub(super) const PMCR: u32 = 0x04;
 pub(super) const SWITCHES: u32 = 3 << 26;
+/// SYSCFG's `EXTICR1` to 4, with the ports of four lines of EXTI each.
+pub(super) const EXTICR: [u32; 4] = [0x08, 0x0C, 0x10, 0x14];
 
-/// System configuration. `EXTICR` routes pins to EXTI; the compensation cell's ready flag is added
-/// where it is read; the rest only stores. User registers `UR0` ..= `UR18`: as after a reset with
-/// factory option bytes (`UR18`: no frequency boost).
+/// System configuration: `EXTICR` routes pins to EXTI, the rest only stores.
 ///
-/// `PMCR` after a reset: the switches of pins that both packages bond out as their analog pad only,
-/// PC2 and PC3, are closed (0), the others open. An assumption: RM0468 leaves it to the package,
-/// and programs are told to run on DM-MC02 that never touch them. `Soc::set_switches_closed` has
-/// the other.
+/// `PMCR` after a reset: the switches of PC2 and PC3, which both packages bond out as analog pads
+/// only, are closed (0), the others open. An assumption, as RM0468 leaves it to the package:
+/// `Soc::set_switches_closed` has the other.
 pub(super) const SYSCFG: &[Register] = &[
     masked(PMCR, 0x0300_0000, 0x0FE0_03FF),
-    masked(0x08, 0, 0xFFFF),
-    masked(0x0C, 0, 0xFFFF),
-    masked(0x10, 0, 0xFFFF),
-    masked(0x14, 0, 0xFFFF),
+    masked(EXTICR[0], 0, 0xFFFF),
+    masked(EXTICR[1], 0, 0xFFFF),
+    masked(EXTICR[2], 0, 0xFFFF),
+    masked(EXTICR[3], 0, 0xFFFF),
     plain(0x18, 0),
     masked(0x20, 0, 0x0001_0003),
     fixed(0x24, 0),

@@ -1,33 +1,35 @@
 //! All peripherals together: dispatch of accesses, clocks, interrupts.
 
-use std::fmt;
+use std::collections::HashMap;
+use std::mem::{Discriminant, discriminant};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
 
-use super::access::{Access, AccessKind, BusFault, Counts, PinFault, Refusal, Width, Write};
+use super::access::{Access, AccessKind, BusFault, PinFault, Width, Write};
 use super::adc::Adc;
-use super::clocks::{self, Clocks, TooFast, Used};
+use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
+use super::facts::{I2CS, SPIS, USARTS};
 use super::gpio::{PINS, Port};
-use super::i2c::{I2CS, I2c};
+use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
 use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
-use super::spi::{self, SPIS, Spi};
+use super::spi::{self, Spi};
 use super::timer::{TIMERS, Timer};
-use super::usart::{self, USARTS, Usart};
+use super::usart::{self, Usart};
 use super::watchdog::Watchdog;
 use crate::board::Board;
+use crate::core::INTERRUPT_WORDS;
 use crate::fdcan::Fdcans;
+use crate::machine::Options;
 use crate::memory::{FLASH, Memory, PERIPHERALS};
 
-/// External interrupts in words of 32.
-const INTERRUPT_WORDS: usize = 6;
 /// Ports A ..= K. There is no port I.
 const PORTS: usize = 11;
 /// Line 0 and line 1 of FDCAN1, FDCAN2, FDCAN3. Source: stm32-metapac.
@@ -41,11 +43,10 @@ const REPORTS: usize = 256;
 ///
 /// Every method that takes a time lets the peripherals go on to it first; times must not decrease.
 pub struct Soc {
-    /// The FDCANs and their message RAM: their registers are reached through here, their wires are
-    /// not.
+    /// The FDCANs and their message RAM: only their registers are reached through here.
     pub fdcan: Arc<Mutex<Fdcans>>,
     memory: Memory,
-    board: Board,
+    options: Options,
     rcc: Rcc,
     power: Power,
     flash: Registers,
@@ -68,58 +69,41 @@ pub struct Soc {
     pub(super) recorders: Vec<Recorder>,
     pub(super) jumpers: Vec<Jumper>,
     pub(super) holders: Vec<Holder>,
-    memories_run: [bool; 2],
-    guards_ram: bool,
     clocks: Clocks,
     flash_keeps_up: bool,
-    /// The clocks that are too fast now.
     too_fast: Vec<TooFast>,
     next: Option<Nanos>,
     levels: [u32; INTERRUPT_WORDS],
     wants_reset: bool,
     reports: Vec<Access>,
-    counts: Counts,
+    /// Number of refused accesses, by the variant of their kind.
+    counts: HashMap<Discriminant<AccessKind>, u64>,
     /// Pins in use that do not lead outside, a bit each: told already.
     pins_told: [u32; PORTS],
-    /// Whether the switches of PC2 and PC3 are closed after a reset.
-    switches_closed: bool,
     /// Rows of the map whose devices say nothing.
     silent: Vec<bool>,
 }
 
-impl fmt::Debug for Soc {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Soc").field("clocks", &self.clocks).finish_non_exhaustive()
-    }
-}
-
 impl Soc {
-    /// Peripherals as power-on leaves them, at time zero, on the team's own board. `memory` is what
-    /// the DMAs see.
+    /// Creates the peripherals at power-on, at time zero, but silences none; `memory` is what the
+    /// DMAs see.
     #[must_use]
-    pub fn new(fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
-        Self::on(Board::H723ZG, 0, fdcan, memory)
-    }
-
-    /// The same on another board. `hsi_ppm`: how much too fast the chip's own oscillator is, in
-    /// millionths.
-    #[must_use]
-    pub fn on(board: Board, hsi_ppm: i32, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
+    pub fn new(options: Options, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         let mut soc = Self {
             fdcan,
             memory,
-            board,
-            rcc: Rcc::new(board.crystal_hz, hsi_ppm),
+            options,
+            rcc: Rcc::new(&options),
             power: Power::new(),
             flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),
             debug: Registers::new(registers::DEBUG),
             exti: Exti::new(),
             ports: std::array::from_fn(Port::new),
-            timers: TIMERS.each_ref().map(Timer::new),
-            usarts: USARTS.each_ref().map(Usart::new),
-            spis: SPIS.each_ref().map(Spi::new),
-            i2cs: I2CS.each_ref().map(I2c::new),
+            timers: std::array::from_fn(Timer::new),
+            usarts: std::array::from_fn(Usart::new),
+            spis: std::array::from_fn(Spi::new),
+            i2cs: std::array::from_fn(I2c::new),
             adc: Adc::new(),
             dmas: [Dma::new(0), Dma::new(1)],
             mux: DmaMux::default(),
@@ -129,8 +113,6 @@ impl Soc {
             recorders: Vec::new(),
             jumpers: Vec::new(),
             holders: Vec::new(),
-            memories_run: [false; 2],
-            guards_ram: false,
             clocks: Clocks::default(),
             flash_keeps_up: true,
             too_fast: Vec::new(),
@@ -138,11 +120,11 @@ impl Soc {
             levels: [0; INTERRUPT_WORDS],
             wants_reset: false,
             reports: Vec::new(),
-            counts: Counts::default(),
+            counts: HashMap::new(),
             pins_told: [0; PORTS],
-            switches_closed: true,
             silent: vec![false; MAP.len()],
         };
+        soc.reset_syscfg();
         soc.apply_switches();
         soc.apply_clocks(Nanos::ZERO);
         soc.connect_pins(Nanos::ZERO);
@@ -150,8 +132,8 @@ impl Soc {
         soc
     }
 
-    /// Starts anew. What a reset of this kind leaves alone stays: flags of earlier resets, backup
-    /// domain, supply, debug unit; the outside: levels and bytes at the pins.
+    /// Resets the chip. Flags of earlier resets, backup domain, supply and debug unit stay unless
+    /// power was gone; levels and bytes at the pins stay.
     pub fn reset(&mut self, cause: ResetCause, now: Nanos) {
         self.rcc.reset(cause, now);
         if cause == ResetCause::PowerOn {
@@ -162,7 +144,7 @@ impl Soc {
         }
         self.flash.reset();
         self.watchdog = Watchdog::new();
-        self.exti.reset();
+        self.exti.registers.reset();
         self.mux = DmaMux::default();
         self.wants_reset = false;
         for row in MAP.iter().filter(|row| row.switch.is_some()) {
@@ -221,15 +203,13 @@ impl Soc {
         Ok(())
     }
 
-    /// Reports an access without an answer, also where there is a device: instructions are not
-    /// fetched from peripherals.
+    /// Reports an access without an answer; instructions are not fetched from peripherals.
     pub fn refuse(&mut self, address: u32, write: bool) -> BusFault {
         self.report(address, write, AccessKind::Unowned);
         BusFault
     }
 
-    /// Time of the next event without an access: the earliest time to call
-    /// [`advance`](Self::advance) at. The FDCANs' own events are their wires'.
+    /// Earliest time to call [`advance`](Self::advance) at; the FDCANs' wires have their own.
     #[must_use]
     pub const fn next_event(&self) -> Option<Nanos> {
         self.next
@@ -267,17 +247,16 @@ impl Soc {
         levels
     }
 
-    /// Clocks of the core that its access to a peripheral takes beyond the instruction's own. A
-    /// write counts as a read does: it may be posted, but the next access waits for it. APB2 to
-    /// APB4 count as fast as APB1.
+    /// Clocks of the core that an access to a peripheral takes beyond the instruction's own. A
+    /// posted write counts as a read: the next access waits for it. APB2 to APB4 count as APB1.
     #[must_use]
     pub fn access_clocks(&self, address: u32) -> u64 {
         if !is_peripheral(address) {
             return 0;
         }
-        let way = map::way_to(address);
+        let (bus, apb) = map::way_to(address);
         let of = |hz| self.clocks.core.checked_div(hz).unwrap_or(0);
-        way.bus * of(self.clocks.bus) + way.apb * of(self.clocks.apb[0])
+        bus * of(self.clocks.bus) + apb * of(self.clocks.apb[0])
     }
 
     /// Whether the core's non-maskable interrupt is asked for: by clock security.
@@ -322,28 +301,16 @@ impl Soc {
         std::mem::take(&mut self.reports)
     }
 
-    /// Number of refused accesses since the chip exists.
+    /// Number of accesses refused for this kind of reason since the chip exists.
     #[must_use]
-    pub const fn counts(&self) -> Counts {
-        self.counts
-    }
-
-    /// [`Counts::unowned`].
-    #[must_use]
-    pub const fn unowned(&self) -> u64 {
-        self.counts.unowned
-    }
-
-    /// [`Counts::gated`].
-    #[must_use]
-    pub const fn gated(&self) -> u64 {
-        self.counts.gated
+    pub fn count(&self, kind: AccessKind) -> u64 {
+        self.counts.get(&discriminant(&kind)).copied().unwrap_or(0)
     }
 
     /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
     #[must_use]
     pub fn memories_run(&self) -> [bool; 2] {
-        self.memories_run
+        self.rcc.memories_run()
     }
 
     /// Whether the supply is configured (`PWR_CSR1.ACTVOSRDY`).
@@ -352,32 +319,22 @@ impl Soc {
         self.power.is_supplied()
     }
 
-    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to
-    /// know on which chip it is.
+    /// Sets the chip's identity, `DBGMCU_IDC`, if not that of an STM32H723.
     pub fn set_identity(&mut self, identity: u32) {
         self.debug.set(0, identity);
     }
 
-    /// Sets how RSR.RMVF behaves: whether it stays set until it is cleared, and holds the reset
-    /// flags at zero as long. It does if never said.
-    pub fn set_removal_stays(&mut self, stays: bool) {
-        self.rcc.removal_stays = stays;
-    }
-
-    /// Sets whether the switches of PC2 and PC3 are closed after a reset, and lets them be so now.
-    /// They are if never said.
+    /// Sets [`Options::switches_closed`](crate::Options::switches_closed), and the switches now.
     pub fn set_switches_closed(&mut self, closed: bool, now: Nanos) {
         self.advance(now);
-        self.switches_closed = closed;
+        self.options.switches_closed = closed;
         self.reset_syscfg();
         self.connect_pins(now);
         self.settle(now);
     }
 
-    /// A peripheral, by its name in [`map::MAP`], says nothing from now on, as if the program ran
-    /// on an emulator that does not have it: its registers read as zero, take nothing, and nothing
-    /// is reported.
-    /// `ADC1` stands for its common registers, too. `false`: there is none of this name.
+    /// Silences a peripheral, by its name in [`map::MAP`]: see
+    /// [`Options::silent`](crate::Options::silent). `false`: there is no such peripheral.
     pub fn silence(&mut self, name: &str) -> bool {
         let is_meant =
             |row: &Row| row.name == name || name == "ADC1" && row.block == Block::AdcCommon;
@@ -387,53 +344,45 @@ impl Soc {
         MAP.iter().any(is_meant)
     }
 
-    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags
-    /// that are set stay.
+    /// Sets whether ADC1 ends no conversion, calibration or start. Flags that are set stay.
     pub fn set_adc_fails(&mut self, fails: bool, now: Nanos) {
         self.advance(now);
         self.adc.set_fails(fails, now);
         self.settle(now);
     }
 
-    /// RAM that is written before the supply is configured is to be reported.
-    pub fn set_guards_ram(&mut self, guards: bool) {
-        self.guards_ram = guards;
-    }
-
-    /// Whether the core is to be kept from writing RAM.
+    /// Whether the core is kept from writing RAM.
     pub(crate) fn guards_ram(&self) -> bool {
-        self.guards_ram && !self.is_supplied()
+        self.options.reports_early_ram && !self.is_supplied()
     }
 
-    /// A write to a RAM that the core is kept from: told, the first time, and done. `false`: it is
-    /// none.
+    /// Does a write to a RAM that the core is kept from, and reports the first. `false`: there is
+    /// no such RAM.
     pub(crate) fn write_early(&mut self, address: u32, bytes: &[u8]) -> bool {
         let is_ram = address >> 24 != FLASH >> 24 && !self.is_gated_memory(address);
         if !self.guards_ram() || !is_ram || self.memory.write(address, bytes).is_err() {
             return false;
         }
-        if self.counts.before_supply == 0 {
+        if self.count(AccessKind::BeforeSupply) == 0 {
             self.report(address, true, AccessKind::BeforeSupply);
         }
         true
     }
 
-    /// Whether an address lies in a memory that has no clock now.
-    const fn is_gated_memory(&self, address: u32) -> bool {
+    fn is_gated_memory(&self, address: u32) -> bool {
         match address {
-            0x3000_0000..0x3000_4000 => !self.memories_run[0],
-            0x3000_4000..0x3000_8000 => !self.memories_run[1],
+            0x3000_0000..0x3000_4000 => !self.memories_run()[0],
+            0x3000_4000..0x3000_8000 => !self.memories_run()[1],
             _ => false,
         }
     }
 
     fn fdcans(&self) -> MutexGuard<'_, Fdcans> {
-        // The state that a panic left behind is as good as any state of a chip.
-        self.fdcan.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.fdcan)
     }
 
     fn report(&mut self, address: u32, write: bool, kind: AccessKind) {
-        self.counts.add(kind);
+        *self.counts.entry(discriminant(&kind)).or_default() += 1;
         if self.reports.len() < REPORTS {
             self.reports.push(Access { address, write, kind });
         }
@@ -464,7 +413,7 @@ impl Soc {
         }
         let offset = (address - row.base) & !3;
         let word = self.read_block(row.block, offset, width, now).unwrap_or_else(|refusal| {
-            self.report(address, false, refusal.into());
+            self.report(address, false, refusal);
             0
         });
         Ok(word >> (8 * (address & 3)) & width.mask())
@@ -481,7 +430,7 @@ impl Soc {
         if answers {
             let write = Write::new(address - row.base, width, value);
             if let Err(refusal) = self.write_block(row.block, write, now) {
-                self.report(address, true, refusal.into());
+                self.report(address, true, refusal);
             }
             if matches!(row.block, Block::Rcc | Block::Power | Block::Flash) {
                 self.check_flash(address, now);
@@ -500,7 +449,7 @@ impl Soc {
         offset: u32,
         width: Width,
         now: Nanos,
-    ) -> Result<u32, Refusal> {
+    ) -> Result<u32, AccessKind> {
         match block {
             Block::Rcc => self.rcc.read(offset),
             Block::Power => self.power.read(offset, now),
@@ -511,7 +460,7 @@ impl Soc {
                 let ready = offset == 0x20 && stored & 1 != 0 && self.rcc.csi_is_ready();
                 Ok(stored | u32::from(ready) << 8)
             }
-            Block::Exti => self.exti.read(offset),
+            Block::Exti => self.exti.registers.read(offset),
             Block::Debug => self.debug.read(offset),
             Block::Watchdog => self.watchdog.read(offset),
             Block::Gpio(port) => {
@@ -528,19 +477,19 @@ impl Soc {
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
             Block::Fdcan(index) => {
-                self.fdcans().read(index, offset, now).ok_or(Refusal::Unmodelled)
+                self.fdcans().read(index, offset, now).ok_or(AccessKind::Unmodelled)
             }
             Block::FdcanRam => {
-                self.fdcans().read_ram(offset as usize / 4).ok_or(Refusal::Unmodelled)
+                self.fdcans().read_ram(offset as usize / 4).ok_or(AccessKind::Unmodelled)
             }
             Block::FdcanCalibration => {
-                self.fdcans().read_calibration(offset).ok_or(Refusal::Unmodelled)
+                self.fdcans().read_calibration(offset).ok_or(AccessKind::Unmodelled)
             }
-            Block::Unmodelled => Err(Refusal::Unmodelled),
+            Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
 
-    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Result<(), Refusal> {
+    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Result<(), AccessKind> {
         match block {
             Block::Rcc => self.write_rcc(write, now),
             Block::Power => self.power.write(write, now),
@@ -580,32 +529,34 @@ impl Soc {
             // Registers are words: a part of one writes zeros to the rest.
             Block::Fdcan(index) => {
                 let known = self.fdcans().write(index, write.offset, write.ones(), now);
-                if known { Ok(()) } else { Err(Refusal::Unmodelled) }
+                if known { Ok(()) } else { Err(AccessKind::Unmodelled) }
             }
             Block::FdcanRam => {
                 let word = write.offset as usize / 4;
                 let mut fdcans = self.fdcans();
-                let old = fdcans.read_ram(word).ok_or(Refusal::Unmodelled)?;
+                let old = fdcans.read_ram(word).ok_or(AccessKind::Unmodelled)?;
                 fdcans.write_ram(word, write.over(old));
                 Ok(())
             }
             Block::FdcanCalibration => {
                 let written = self.fdcans().write_calibration(write.offset, write.ones());
-                match written.ok_or(Refusal::Unmodelled)? {
+                match written.ok_or(AccessKind::Unmodelled)? {
                     true => Ok(()),
-                    false => Err(Refusal::Protected),
+                    false => Err(AccessKind::Protected),
                 }
             }
-            Block::Unmodelled => Err(Refusal::Unmodelled),
+            Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
 
-    fn write_rcc(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
-        let before = MAP.iter().map(|row| self.held_in_reset(row)).collect::<Vec<_>>();
+    fn write_rcc(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+        let is_held =
+            |rcc: &Rcc, row: &Row| row.switch.is_some_and(|switch| rcc.holds_in_reset(switch));
+        let before = MAP.iter().map(|row| is_held(&self.rcc, row)).collect::<Vec<_>>();
         let written = self.rcc.write(write, now, self.power.backup_unlocked());
         if Rcc::switches_at(write.offset) {
             for (row, was_held) in MAP.iter().zip(before) {
-                if self.held_in_reset(row) && !was_held {
+                if is_held(&self.rcc, row) && !was_held {
                     self.reset_block(row, now);
                 }
             }
@@ -614,13 +565,6 @@ impl Soc {
         }
         self.apply_clocks(now);
         written
-    }
-
-    fn held_in_reset(&self, row: &Row) -> bool {
-        let resets = |switch: super::map::Switch| {
-            switch.reset.map_or(0, |offset| self.rcc.resets(offset) & switch.mask)
-        };
-        row.switch.is_some_and(|switch| resets(switch) != 0)
     }
 
     fn reset_block(&mut self, row: &Row, now: Nanos) {
@@ -636,24 +580,13 @@ impl Soc {
             // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
             // The others have no reset of their own, or nothing to reset.
-            Block::Rcc
-            | Block::Power
-            | Block::Flash
-            | Block::Exti
-            | Block::Debug
-            | Block::Watchdog
-            | Block::DmaMux
-            | Block::Fdcan(_)
-            | Block::FdcanRam
-            | Block::FdcanCalibration
-            | Block::AdcCommon
-            | Block::Unmodelled => {}
+            _ => {}
         }
     }
 
     fn reset_syscfg(&mut self) {
         self.syscfg.reset();
-        if !self.switches_closed {
+        if !self.options.switches_closed {
             let reset = self.syscfg.value(registers::PMCR);
             self.syscfg.set(registers::PMCR, reset | registers::SWITCHES);
         }
@@ -661,13 +594,11 @@ impl Soc {
 
     /// Gates and resets: which peripherals have a clock.
     fn apply_switches(&mut self) {
-        self.memories_run = self.rcc.memories_run();
         for (running, row) in self.running.iter_mut().zip(MAP) {
             *running = row.switch.is_none_or(|switch| self.rcc.is_running(switch));
         }
     }
 
-    /// Gives each peripheral its present clock.
     fn apply_clocks(&mut self, now: Nanos) {
         let clocks = self.rcc.clocks();
         if clocks.fdcan != self.clocks.fdcan {
@@ -684,20 +615,19 @@ impl Soc {
                     self.timers[timer].set_tones(tones, now);
                 }
                 Block::Usart(usart) => {
-                    let hz = clocks.usarts[USARTS[usart].bus];
+                    let hz = clocks.usarts[USARTS[usart].clock];
                     self.usarts[usart].set_clock(gated(hz), now);
                 }
                 Block::Spi(spi) => {
-                    self.spis[spi].set_clock(gated(clocks.spis[SPIS[spi].clock]));
+                    self.spis[spi].hz = gated(clocks.spis[SPIS[spi].clock]);
                 }
-                Block::I2c(i2c) => self.i2cs[i2c].set_clock(gated(clocks.i2cs)),
+                Block::I2c(i2c) => self.i2cs[i2c].hz = gated(clocks.i2cs),
                 Block::Adc => self.adc.set_clocks(&clocks, running),
                 _ => {}
             }
         }
     }
 
-    /// Tells peripherals which of their pins lead outside.
     fn connect_pins(&mut self, now: Nanos) {
         self.pins_changed = true;
         self.cut_pins();
@@ -708,22 +638,20 @@ impl Soc {
             (connected(Signal::CanReceive(index)), connected(Signal::CanTransmit(index)))
         });
         for (index, usart) in self.usarts.iter_mut().enumerate() {
-            let (receive, transmit) =
-                (connected(Signal::SerialReceive(index)), connected(Signal::SerialTransmit(index)));
-            let (swapped_receive, swapped_transmit) = (transmit, receive);
-            let pins = usart::Pins { receive, transmit, swapped_receive, swapped_transmit };
-            usart.set_pins(pins, now);
+            let receive = connected(Signal::SerialReceive(index));
+            let transmit = connected(Signal::SerialTransmit(index));
+            usart.set_pins(usart::Pins { receive, transmit }, now);
         }
         for (index, spi) in self.spis.iter_mut().enumerate() {
-            spi.set_pins(spi::Pins {
+            spi.pins = spi::Pins {
                 clock: connected(Signal::SpiClock(index)),
                 input: connected(Signal::SpiIn(index)),
                 output: connected(Signal::SpiOut(index)),
-            });
+            };
         }
         for (index, i2c) in self.i2cs.iter_mut().enumerate() {
             let (clock, data) = (Signal::I2cClock(index), Signal::I2cData(index));
-            i2c.set_connected(connected(clock) && connected(data));
+            i2c.connected = connected(clock) && connected(data);
         }
         let mut fdcans = self.fdcans();
         for (index, (receive, transmit)) in can.into_iter().enumerate() {
@@ -733,7 +661,7 @@ impl Soc {
 
     /// Tells the ports which of their pins do not lead outside; reports those that are used.
     fn cut_pins(&mut self) {
-        let package = self.board.package;
+        let package = self.options.board.package;
         for (index, letter) in (0..PORTS).zip('A'..) {
             let pins = |holds: &dyn Fn(usize) -> bool| -> u32 {
                 (0..PINS).filter(|&pin| holds(pin)).map(|pin| 1 << pin).sum()
@@ -743,7 +671,7 @@ impl Soc {
             let switches = self.syscfg.value(registers::PMCR) >> 24;
             let open =
                 pins(&|pin| package.is_behind_switch(letter, pin) && switches >> pin & 1 != 0);
-            self.ports[index].set_cut(absent | open);
+            self.ports[index].cut = absent | open;
             let used = self.ports[index].cut_in_use();
             let new = used & !self.pins_told[index];
             self.pins_told[index] |= new;
@@ -751,7 +679,7 @@ impl Soc {
             self.pins_told[index] &= absent | used;
             for pin in (0..PINS).filter(|pin| new >> pin & 1 != 0) {
                 let is_switch_open = open >> pin & 1 != 0;
-                let (pin, chip) = ((letter, pin), self.board.chip);
+                let (pin, chip) = ((letter, pin), self.options.board.chip);
                 let fault = PinFault { pin, chip, package, is_switch_open };
                 let register = GPIO + 0x400 * u32::try_from(index).unwrap_or(0);
                 self.report(register, true, AccessKind::Pin(fault));
@@ -762,7 +690,7 @@ impl Soc {
     /// The board that the chip is on.
     #[must_use]
     pub const fn board(&self) -> Board {
-        self.board
+        self.options.board
     }
 
     /// Reports once when the flash becomes too slow for its clock.
@@ -777,20 +705,26 @@ impl Soc {
 
     /// Reports each clock once when it becomes too fast for what it drives.
     fn check_clocks(&mut self, address: u32, now: Nanos) {
-        let mut used = Used::default();
+        let nominal = self.rcc.nominal_clocks();
+        // What drives nothing may be as fast as it is.
+        let mut used = Clocks { fdcan: 0, usarts: [0; 2], spis: [0; 2], i2cs: 0, ..nominal };
         for (row, _) in MAP.iter().zip(&self.running).filter(|(_, running)| **running) {
             match row.block {
-                Block::Fdcan(_) => used.fdcan = true,
-                Block::Usart(usart) => used.usarts[USARTS[usart].bus] = true,
-                Block::Spi(spi) => used.spis[SPIS[spi].clock] = true,
-                Block::I2c(_) => used.i2cs = true,
+                Block::Fdcan(_) => used.fdcan = nominal.fdcan,
+                Block::Usart(usart) => {
+                    let bus = USARTS[usart].clock;
+                    used.usarts[bus] = nominal.usarts[bus];
+                }
+                Block::Spi(spi) => {
+                    let clock = SPIS[spi].clock;
+                    used.spis[clock] = nominal.spis[clock];
+                }
+                Block::I2c(_) => used.i2cs = nominal.i2cs,
                 _ => {}
             }
         }
-        let nominal = self.rcc.nominal_clocks();
-        let time_quantum = self.fdcans().time_quantum_of(nominal.fdcan);
-        let scale = self.power.scale(now);
-        let too_fast = clocks::too_fast(&nominal, time_quantum, used, scale);
+        let time_quantum = self.fdcans().time_quantum_of(used.fdcan);
+        let too_fast = clocks::too_fast(&used, time_quantum, self.power.scale(now));
         let too_fast: Vec<_> = too_fast.chain(self.adc.too_fast(&nominal)).collect();
         let before = std::mem::replace(&mut self.too_fast, too_fast.clone());
         for clock in too_fast.into_iter().filter(|clock| !before.contains(clock)) {
@@ -842,15 +776,7 @@ impl Soc {
         (0..PINS)
             .map(|pin| {
                 // Four lines in each of EXTICR1 ..= EXTICR4.
-                let register = if pin < 4 {
-                    0x08
-                } else if pin < 8 {
-                    0x0C
-                } else if pin < 12 {
-                    0x10
-                } else {
-                    0x14
-                };
+                let register = registers::EXTICR[pin / 4];
                 let port = self.syscfg.value(register) >> (4 * (pin % 4)) & 0xF;
                 let high = self.ports.get(port as usize).is_some_and(|port| port.input(pin));
                 u32::from(high) << pin
@@ -858,7 +784,6 @@ impl Soc {
             .sum()
     }
 
-    /// Moves what the DMAs can move now.
     fn transfer(&mut self, now: Nanos) {
         let mut moved = true;
         while std::mem::take(&mut moved) {
@@ -870,27 +795,28 @@ impl Soc {
                     continue;
                 }
                 for stream in 0..dma::STREAMS {
-                    if !self.dmas[dma].is_enabled(stream) {
-                        continue;
-                    }
-                    self.read_ahead(dma, stream);
-                    let request = self.mux.request(dma, stream);
-                    let requested = self.is_requested(request);
-                    if requested && self.locks(dma, stream, request, now) {
-                        continue;
-                    }
-                    let Some(transfer) = self.dmas[dma].next(stream, requested) else {
-                        continue;
-                    };
-                    self.timers.iter_mut().for_each(|timer| timer.acknowledge(request));
-                    let fails = self.dmas[dma].take_failure(stream);
-                    let worked = !fails && self.move_item(dma, stream, transfer, now).is_some();
-                    self.dmas[dma].moved(stream, worked, now);
-                    self.empty_fifo(dma, stream);
-                    moved = true;
+                    moved |= self.dmas[dma].streams[stream].is_enabled()
+                        && self.transfer_one(dma, stream, now);
                 }
             }
         }
+    }
+
+    fn transfer_one(&mut self, dma: usize, stream: usize, now: Nanos) -> bool {
+        self.read_ahead(dma, stream);
+        let request = self.mux.request(dma, stream);
+        let requested = self.is_requested(request);
+        if requested && self.locks(dma, stream, request, now) {
+            return false;
+        }
+        let one = &mut self.dmas[dma].streams[stream];
+        let Some(transfer) = one.next(requested) else { return false };
+        let fails = std::mem::take(&mut one.fails);
+        self.timers.iter_mut().for_each(|timer| timer.acknowledge(request));
+        let worked = !fails && self.move_item(dma, stream, transfer, now).is_some();
+        self.dmas[dma].streams[stream].moved(worked, now);
+        self.empty_fifo(dma, stream);
+        true
     }
 
     /// Whether a stream that serves a UART is locked, or locks now.
@@ -908,25 +834,24 @@ impl Soc {
         locked
     }
 
-    /// Fills the FIFO of a stream to a peripheral.
     fn read_ahead(&mut self, dma: usize, stream: usize) {
-        while let Some(from) = self.dmas[dma].ahead(stream) {
+        while let Some(from) = self.dmas[dma].streams[stream].ahead() {
             let mut bytes = [0; 4];
             let known = self.memory.read(from & !3, &mut bytes).is_ok();
             if !self.reaches(from, false, known) {
-                self.dmas[dma].moved(stream, false, Nanos::ZERO);
+                self.dmas[dma].streams[stream].moved(false, Nanos::ZERO);
                 return;
             }
             let value = u32::from_le_bytes(bytes) >> (8 * (from & 3));
-            self.dmas[dma].hold(stream, 0, value);
+            self.dmas[dma].streams[stream].hold(0, value);
         }
     }
 
     /// Writes to memory what the FIFO of a stream from a peripheral has to give.
     fn empty_fifo(&mut self, dma: usize, stream: usize) {
-        for (to, value, width) in self.dmas[dma].give_due(stream) {
+        for (to, value, width) in self.dmas[dma].streams[stream].give_due() {
             if self.write_item(to, value, width).is_none() {
-                self.dmas[dma].moved(stream, false, Nanos::ZERO);
+                self.dmas[dma].streams[stream].moved(false, Nanos::ZERO);
             }
         }
     }
@@ -939,8 +864,7 @@ impl Soc {
             || self.adc.requests(request)
     }
 
-    /// Whether a DMA reaches a memory address. One without clock, out of its reach, or not `known`
-    /// does not answer, and is reported.
+    /// Whether a DMA reaches a `known` memory address with a clock; else that is reported.
     fn reaches(&mut self, address: u32, write: bool, known: bool) -> bool {
         let kind = if self.is_gated_memory(address) {
             AccessKind::Gated
@@ -965,7 +889,7 @@ impl Soc {
         let value = if is_peripheral(from) {
             self.access_read(from, width, now).ok()?
         } else if buffered {
-            self.dmas[dma].give(stream)?.1 & width.mask()
+            self.dmas[dma].streams[stream].give()?.1 & width.mask()
         } else {
             let mut bytes = [0; 4];
             let known = self.memory.read(from, &mut bytes[..length]).is_ok();
@@ -977,7 +901,7 @@ impl Soc {
         if is_peripheral(to) {
             self.access_write(to, width, value, now).ok().map(drop)
         } else if buffered {
-            self.dmas[dma].hold(stream, to, value);
+            self.dmas[dma].streams[stream].hold(to, value);
             Some(())
         } else {
             self.write_item(to, value, width)
@@ -992,6 +916,11 @@ impl Soc {
         let length = width.bytes() as usize;
         if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
     }
+}
+
+/// A lock. The state that a panic left behind is as good as any state of a chip.
+pub(crate) fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn is_peripheral(address: u32) -> bool {

@@ -1,68 +1,42 @@
-//! SPI1 to SPI5 as masters with devices on their buses (RM0468, SPI chapter), in units of frames.
+//! SPI1 to SPI5 as masters with devices on their buses (RM0468, SPI chapter), in frames.
 //!
-//! An SPI that is disabled at the end of a transfer without a size (TSIZE = 0) has clocked on behind the last
-//! frame: a device that is still selected is late by [`SPURIOUS`] bits from then on. Seen on an STM32H7 by a
-//! logic analyser, and by no loopback test: Zephyr issue 66326, PR 66503. (There with frames queued in the FIFO;
-//! how many clocks is not said, nor whether one frame alone does it. This is the stricter reading.)
+//! An SPI that is disabled at the end of a transfer without a size (TSIZE = 0) has clocked on: a
+//! device that is still selected is late by [`SPURIOUS`] bits from then on. Seen on an STM32H7 by a
+//! logic analyser, and by no loopback test: Zephyr issue 66326, PR 66503 (there with frames queued;
+//! how many clocks is not said: this is the stricter reading).
 //!
 //! Modelled: full duplex, transmitter and receiver modes, transfers with and without a size, FIFOs
 //! with packing, overrun, suspension, clock modes and bit order, DMA requests.
 //! Not modelled, and reported when asked for: slaves, half duplex, CRC, I2S, the hardware's slave
-//! select, TI mode. A mode fault never happens; a slave select and delays between frames take no
-//! time.
+//! select, TI mode. A mode fault never happens; slave select and delays take no time.
 
 use std::collections::VecDeque;
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Width, Write};
-
-/// Constants of one SPI.
-pub(super) struct Facts {
-    /// 0: of SPI1 to 3, 1: of SPI4 and 5: which kernel clock it has.
-    pub clock: usize,
-    /// Bytes that each of its FIFOs holds.
-    pub fifo: usize,
-    /// Number of its interrupt.
-    pub interrupt: usize,
-    /// DMAMUX1's number of its receive request; the transmit request is the next one.
-    pub receive_request: u32,
-}
-
-const fn facts(clock: usize, fifo: usize, interrupt: usize, receive_request: u32) -> Facts {
-    Facts { clock, fifo, interrupt, receive_request }
-}
-
-/// SPI1 to SPI5. Source: RM0468, SPI implementation; numbers from stm32-metapac.
-pub(super) const SPIS: [Facts; 5] = [
-    facts(0, 16, 35, 37),
-    facts(0, 16, 36, 39),
-    facts(0, 16, 51, 61),
-    facts(1, 8, 84, 83),
-    facts(1, 8, 85, 85),
-];
+use super::access::{AccessKind, Width, Write};
+use super::facts::{Facts, SPIS};
 
 /// A device on an SPI bus.
 pub trait SpiDevice: Send {
-    /// Whether it understands this clock mode (0 to 3: CPOL, CPHA) and clock. If not, it does not
-    /// notice the frame, and what the chip reads is noise.
+    /// Whether it understands this clock mode (0 to 3: CPOL, CPHA) and clock; if not, the chip
+    /// reads noise.
     fn understands(&self, _mode: u8, _clock_hz: u64) -> bool {
         true
     }
 
-    /// Its select pin went low: a transaction begins.
+    /// The select pin went low: a transaction begins.
     fn select(&mut self, now: Nanos);
 
-    /// Its select pin went high: the transaction ends.
+    /// The select pin went high: the transaction ends.
     fn deselect(&mut self, _now: Nanos) {}
 
-    /// A frame has been exchanged, most significant bit first: what the chip sent, and what the
-    /// device had on its output meanwhile. That cannot depend on the byte sent.
+    /// A frame has been exchanged, most significant bit first: what the chip sent, and the device's
+    /// output, which cannot depend on it.
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16;
 }
 
-struct Attached {
-    /// Port and pin.
+pub(super) struct Attached {
     select: (usize, usize),
     selected: bool,
     /// Bits that it got between the chip's frames since it is selected, and what it has of its next frame.
@@ -72,8 +46,8 @@ struct Attached {
 }
 
 impl Attached {
-    /// As [`SpiDevice::exchange`], of frames with `bits`, for a device that is late: its bits stand over from frame
-    /// to frame. The last ones of an answer would be the next one's first: zeros here.
+    /// Exchanges a frame of some bits with a device that may be late: its bits stand over from
+    /// frame to frame. The last ones of an answer would be the next one's first: zeros here.
     fn exchange(&mut self, sent: u16, bits: u32, now: Nanos) -> u16 {
         let (stream, late) = (u32::from(self.begun) << bits | u32::from(sent), self.late % bits);
         let own = stream >> late;
@@ -87,7 +61,6 @@ impl Attached {
 /// Clocks behind the last frame of a transfer without a size: "several".
 const SPURIOUS: u32 = 3;
 
-/// Signals that are connected to pins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pins {
     pub clock: bool,
@@ -125,18 +98,17 @@ const WORD: u32 = 1 << 15;
 /// Bits that IFCR clears: EOT, TXTF, UDR, OVR, CRCE, TIFRE, MODF, TSERF, SUSP.
 const CLEARED: u32 = 0x0FF8;
 
-/// CFG2.COMM.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Communication {
-    FullDuplex,
-    Transmitter,
-    Receiver,
-    HalfDuplex,
-}
+/// CFG2.COMM; 0 is full duplex.
+const TRANSMITS: u32 = 1;
+const RECEIVES: u32 = 2;
+const HALF_DUPLEX: u32 = 3;
 
+#[derive(Default)]
 pub(super) struct Spi {
-    facts: &'static Facts,
-    hz: u64,
+    /// SPI1 is 0.
+    index: usize,
+    /// Kernel clock; 0 if gated.
+    pub(super) hz: u64,
     control: u32,
     /// TSIZE.
     size: u32,
@@ -152,52 +124,28 @@ pub(super) struct Spi {
     /// Frames of a transfer with a size that were put into the FIFO, and that are done.
     submitted: u32,
     done: u32,
-    pins: Pins,
-    devices: Vec<Attached>,
+    pub(super) pins: Pins,
+    pub(super) devices: Vec<Attached>,
 }
 
 impl Spi {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            hz: 0,
-            control: 0,
-            size: 0,
-            config: [0x0007_0007, 0],
-            interrupts: 0,
-            stored: [0x107, 0, 0, 0, 0],
-            flags: 0,
-            to_send: VecDeque::new(),
-            received: VecDeque::new(),
-            frame: None,
-            submitted: 0,
-            done: 0,
-            pins: Pins::default(),
-            devices: Vec::new(),
-        }
+    pub(super) fn new(index: usize) -> Self {
+        let (config, stored) = ([0x0007_0007, 0], [0x107, 0, 0, 0, 0]);
+        Self { index, config, stored, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &SPIS[self.index]
     }
 
     /// Devices outside stay.
     pub(super) fn reset(&mut self) {
-        let old = std::mem::replace(self, Self::new(self.facts));
+        let old = std::mem::replace(self, Self::new(self.index));
         (self.hz, self.pins, self.devices) = (old.hz, old.pins, old.devices);
-    }
-
-    /// Its kernel clock from now on; 0 if gated.
-    pub(super) const fn set_clock(&mut self, hz: u64) {
-        self.hz = hz;
-    }
-
-    pub(super) const fn set_pins(&mut self, pins: Pins) {
-        self.pins = pins;
     }
 
     pub(super) fn attach(&mut self, select: (usize, usize), device: Box<dyn SpiDevice>) {
         self.devices.push(Attached { select, selected: false, late: 0, begun: 0, device });
-    }
-
-    pub(super) fn has_devices(&self) -> bool {
-        !self.devices.is_empty()
     }
 
     /// Tells the devices their select pins: `is_low` of each.
@@ -219,7 +167,6 @@ impl Spi {
         self.control & bits == bits
     }
 
-    /// Bits of a frame.
     const fn frame_bits(&self) -> u32 {
         (self.config[0] & 0x1F) + 1
     }
@@ -230,7 +177,8 @@ impl Spi {
     }
 
     const fn capacity(&self) -> usize {
-        self.facts.fifo / self.frame_bytes()
+        // RM0468, SPI implementation: 16 bytes in SPI1 to 3, 8 in the others.
+        (16 >> self.facts().clock) / self.frame_bytes()
     }
 
     /// FTHLV: frames of a packet.
@@ -238,13 +186,8 @@ impl Spi {
         (self.config[0] >> 5 & 0xF) as usize + 1
     }
 
-    const fn communication(&self) -> Communication {
-        match self.config[1] >> 17 & 3 {
-            0 => Communication::FullDuplex,
-            1 => Communication::Transmitter,
-            2 => Communication::Receiver,
-            _ => Communication::HalfDuplex,
-        }
+    const fn communication(&self) -> u32 {
+        self.config[1] >> 17 & 3
     }
 
     /// MBR.
@@ -252,7 +195,6 @@ impl Spi {
         self.hz >> ((self.config[0] >> 28 & 7) + 1)
     }
 
-    /// Starts the next frame, if there is one.
     fn go_on(&mut self, now: Nanos) {
         if self.frame.is_some() || !self.is(ENABLE | START) || self.clock_hz() == 0 {
             return;
@@ -267,7 +209,7 @@ impl Spi {
             return;
         }
         let value = match self.communication() {
-            Communication::Receiver => 0,
+            RECEIVES => 0,
             _ => match self.to_send.pop_front() {
                 Some(value) => value,
                 None => return,
@@ -277,7 +219,6 @@ impl Spi {
         self.frame = Some((value, now + Nanos::new(nanos.div_ceil(self.clock_hz()))));
     }
 
-    /// The received frame.
     fn exchange(&mut self, value: u16, at: Nanos) -> u16 {
         let mode = u8::try_from((self.config[1] >> 24 & 1) | (self.config[1] >> 25 & 1) << 1);
         let (mode, clock_hz) = (mode.unwrap_or(0), self.clock_hz());
@@ -313,7 +254,7 @@ impl Spi {
         while let Some((value, end)) = self.frame.take_if(|(_, end)| *end <= now) {
             let answer = self.exchange(value, end);
             self.done += 1;
-            if self.communication() != Communication::Transmitter {
+            if self.communication() != TRANSMITS {
                 if self.received.len() < self.capacity() {
                     self.received.push_back(answer);
                 } else {
@@ -332,7 +273,7 @@ impl Spi {
         let all_submitted = self.size != 0 && self.submitted >= self.size;
         self.to_send.len() + self.packet() <= self.capacity()
             && !all_submitted
-            && self.communication() != Communication::Receiver
+            && self.communication() != RECEIVES
     }
 
     fn has_packet(&self) -> bool {
@@ -359,24 +300,27 @@ impl Spi {
             | remaining << 16
     }
 
-    /// Number of its interrupt, if it is asked for.
     pub(super) fn interrupt(&self) -> Option<usize> {
         // IER's bits stand where the flags do, but EOTIE is for EOT, SUSP and TXC.
         let status = self.status();
         let enabled = self.interrupts & 0x7F7;
         let ends = self.interrupts & END != 0 && status & (END | SUSPENDED | COMPLETE) != 0;
-        (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts.interrupt)
+        (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts().interrupts[0])
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        let (facts, config) = (self.facts(), self.config[0]);
         self.is(ENABLE)
-            && (request == receive && self.config[0] & RECEIVE_DMA != 0 && self.has_packet()
-                || request == transmit && self.config[0] & TRANSMIT_DMA != 0 && self.has_room())
+            && (facts.reads(request) && config & RECEIVE_DMA != 0 && self.has_packet()
+                || facts.writes(request) && config & TRANSMIT_DMA != 0 && self.has_room())
     }
 
-    pub(super) fn read(&mut self, offset: u32, width: Width, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(
+        &mut self,
+        offset: u32,
+        width: Width,
+        now: Nanos,
+    ) -> Result<u32, AccessKind> {
         self.advance(now);
         Ok(match offset {
             0x00 => self.control,
@@ -396,11 +340,11 @@ impl Spi {
                 value
             }
             0x40..=0x50 => self.stored[(offset as usize - 0x40) / 4],
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
         let enabled = self.is(ENABLE);
         match write.offset {
@@ -412,22 +356,20 @@ impl Spi {
                 let unlocked = [RECEIVE_DMA | TRANSMIT_DMA, 0][index];
                 let locked = if enabled { !unlocked } else { 0 };
                 self.config[index] = wanted & !locked | old & locked;
-                if (old ^ wanted) & locked != 0 {
-                    return Err(Refusal::Protected);
-                }
+                AccessKind::Protected.when((old ^ wanted) & locked != 0)?;
             }
             0x10 => self.interrupts = write.over(self.interrupts) & 0x7FF,
             // SR, RXDR cannot be written.
             0x14 | 0x30 => {}
             0x18 => self.flags &= !(write.ones() & CLEARED),
-            0x20 if !enabled => return Err(Refusal::Protected),
+            0x20 if !enabled => return Err(AccessKind::Protected),
             0x20 => {
                 let bits = 8 * self.frame_bytes();
                 let count = (write.width().bytes() as usize / self.frame_bytes()).max(1);
                 for index in 0..count {
                     if self.to_send.len() >= self.capacity() {
                         // A full FIFO takes nothing.
-                        return Err(Refusal::Protected);
+                        return Err(AccessKind::Protected);
                     }
                     let mask = u32::MAX >> (32 - bits);
                     let frame = write.ones() >> (bits * index) & mask;
@@ -443,17 +385,14 @@ impl Spi {
                 let stored = &mut self.stored[(write.offset as usize - 0x40) / 4];
                 *stored = write.over(*stored);
                 // I2SMOD.
-                if write.offset == 0x50 && *stored & 1 != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(write.offset == 0x50 && *stored & 1 != 0)?;
             }
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }
 
-    /// CR1.
-    fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         let was_enabled = self.is(ENABLE);
         let wanted = write.over(self.control);
         // CSTART is set by the program, and cleared by the end of a transfer.
@@ -483,12 +422,10 @@ impl Spi {
         let unmodelled = self.config[1] & MASTER == 0
             || self.config[1] & CFG2_UNMODELLED != 0
             || self.config[0] & CRC != 0
-            || self.communication() == Communication::HalfDuplex
+            || self.communication() == HALF_DUPLEX
             || self.frame_bits() > 16
             || self.control & CR1_UNMODELLED != 0;
-        if unmodelled {
-            return Err(Refusal::Unmodelled);
-        }
+        AccessKind::Unmodelled.when(unmodelled)?;
         self.go_on(now);
         Ok(())
     }

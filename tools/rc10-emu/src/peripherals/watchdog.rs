@@ -1,12 +1,11 @@
 //! The independent watchdog IWDG1 (RM0468, IWDG chapter).
 //!
-//! New values of `PR`, `RLR` and `WINR` come into force after five periods of the LSI oscillator,
-//! whose flag is set until then: the data sheet's and our estimate. The counter starts at 0xFFF,
-//! independent of `RLR`: the first feeding loads it.
+//! New values of `PR`, `RLR` and `WINR` come into force after five periods of LSI: an estimate. The
+//! counter starts at 0xFFF; the first feeding loads `RLR`.
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
 use super::clocks::LSI_HZ;
 
 const KEY_START: u32 = 0xCCCC;
@@ -17,7 +16,6 @@ const COUNTER_MASK: u32 = 0xFFF;
 /// Periods of LSI that an update takes.
 const UPDATE: u64 = 5;
 
-/// A register that comes into force later.
 #[derive(Clone, Copy, Debug)]
 struct Late {
     written: u32,
@@ -78,13 +76,11 @@ impl Watchdog {
         4 << self.prescaler.in_force.min(6)
     }
 
-    /// Time at which the counter passes zero.
     fn bite_at(&self) -> Option<Nanos> {
         let periods = (u64::from(self.counter) + 1) * self.period();
         self.counting_from.map(|start| start + lsi_periods(periods))
     }
 
-    /// The counter at a time.
     fn count(&self, now: Nanos) -> u32 {
         let from = self.counting_from.unwrap_or(now);
         let periods = u128::from(now.since(from).get()) * u128::from(LSI_HZ) / 1_000_000_000;
@@ -97,7 +93,6 @@ impl Watchdog {
         self.counting_from = self.counting_from.map(|_| now);
     }
 
-    /// Whether it has asked for a reset; forgets it.
     pub(super) fn take_bite(&mut self) -> bool {
         std::mem::take(&mut self.bites)
     }
@@ -106,7 +101,7 @@ impl Watchdog {
         self.counting_from.is_some()
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         let updating = |late: &Late, bit: u32| u32::from(late.updated_at.is_some()) << bit;
         Ok(match offset {
             0x00 => 0,
@@ -116,11 +111,11 @@ impl Watchdog {
                 updating(&self.prescaler, 0) | updating(&self.reload, 1) | updating(&self.window, 2)
             }
             0x10 => self.window.written,
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         let value = write.ones();
         match write.offset {
             0x00 => {
@@ -135,7 +130,7 @@ impl Watchdog {
                 return Ok(());
             }
             0x0C => return Ok(()),
-            0x04 | 0x08 | 0x10 if !self.unlocked => return Err(Refusal::Protected),
+            0x04 | 0x08 | 0x10 if !self.unlocked => return Err(AccessKind::Protected),
             0x04 => self.prescaler.write(value & 7, now),
             0x08 => self.reload.write(value & COUNTER_MASK, now),
             // Writing the window also feeds.
@@ -143,7 +138,7 @@ impl Watchdog {
                 self.window.write(value & COUNTER_MASK, now);
                 self.restart(self.reload.in_force, now);
             }
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }

@@ -195,7 +195,7 @@ impl Bench {
         self.write(TXBAR, 1 << buffer);
     }
 
-    /// Its next frame starts, if it has one.
+    /// The node's next frame starts, if it has one.
     pub fn start(&mut self) -> Option<CanFrame> {
         let frame = self.node.offer(self.now)?;
         self.node.sending(self.now);
@@ -215,7 +215,7 @@ impl Bench {
         self.node.wire_is(Activity::Idle, self.now);
     }
 
-    /// It sends its next frame, if it has one.
+    /// The node sends its next frame, if it has one.
     pub fn carry(&mut self, outcome: Outcome) -> Option<CanFrame> {
         let frame = self.start()?;
         self.end(&frame, outcome);

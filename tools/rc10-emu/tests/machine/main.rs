@@ -5,7 +5,7 @@ mod bit_rates;
 mod links;
 mod parts;
 
-use rc10_emu::peripherals::{ResetCause, Width};
+use rc10_emu::peripherals::{AccessKind, ResetCause, Width};
 use rc10_emu::{Injection, Machine, Options};
 use rc10_sim::{Nanos, World};
 
@@ -86,24 +86,28 @@ fn what_has_no_owner_is_counted_wherever_it_is() {
             let address = if instruction == BRANCH { address | 1 } else { address };
             let machine = run(&program(instruction, address, HANDLER));
             let reports = reports(&machine);
-            assert_eq!(machine.soc().unowned(), 1, "{address:#x} {instruction:#x} {reports:?}");
+            assert_eq!(
+                machine.soc().count(AccessKind::Unowned),
+                1,
+                "{address:#x} {instruction:#x} {reports:?}"
+            );
             assert!(reports[0].contains(&format!("{:#010x}", address & !1)), "{reports:?}");
             assert!(machine.profile().by_exception().iter().any(|cost| cost.exception == 3));
         }
     }
     let machine = run(&program(LOAD, FLASH, HANDLER));
-    assert_eq!((machine.soc().unowned(), machine.reports()), (0, &[][..]));
+    assert_eq!((machine.soc().count(AccessKind::Unowned), machine.reports()), (0, &[][..]));
 }
 
 #[test]
 fn flash_is_not_written_and_peripherals_are_not_executed() {
     let stores = program(STORE, START + 4, HANDLER);
     let machine = run(&stores);
-    assert_eq!(machine.soc().unowned(), 1);
+    assert_eq!(machine.soc().count(AccessKind::Unowned), 1);
     assert_eq!(machine.memory().word(START + 4).unwrap(), 0xE7FE_E7FE);
     // RCC.
     let machine = run(&program(BRANCH, 0x5802_4401, HANDLER));
-    assert_eq!(machine.soc().unowned(), 1, "{:?}", reports(&machine));
+    assert_eq!(machine.soc().count(AccessKind::Unowned), 1, "{:?}", reports(&machine));
 }
 
 #[test]
@@ -225,7 +229,7 @@ fn a_memory_without_clock_is_told() {
     const AHB2ENR: u32 = 0x5802_44DC;
     let load = program(LOAD, SRAM1, HANDLER);
     let machine = run(&load);
-    assert_eq!(machine.soc().gated(), 1);
+    assert_eq!(machine.soc().count(AccessKind::Gated), 1);
     let report = reports(&machine)[0].to_owned();
     assert!(report.contains("SRAM1") && report.contains("without clock"), "{report}");
 
@@ -235,7 +239,7 @@ fn a_memory_without_clock_is_told() {
     machine.memory().write(SRAM1, &[1, 2, 3, 4]).unwrap();
     machine.run(&mut World::new(1), Nanos::new(1)).unwrap();
     machine.run(&mut World::new(1), micros(10)).unwrap();
-    assert_eq!((machine.soc().gated(), reports(&machine).len()), (0, 0));
+    assert_eq!((machine.soc().count(AccessKind::Gated), reports(&machine).len()), (0, 0));
     // A reset takes it away again, and the memory keeps its contents.
     machine.soc().reset(ResetCause::Software, micros(10));
     assert_eq!(machine.soc().memories_run(), [false; 2]);

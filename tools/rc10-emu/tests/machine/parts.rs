@@ -1,7 +1,7 @@
 //! What is soldered on DM-MC02: its IMU on SPI2, the heater of that, its key, its supply.
 
 use rc10_emu::parts::Thermal;
-use rc10_emu::peripherals::Width;
+use rc10_emu::peripherals::{AccessKind, Width};
 use rc10_emu::{Board, Machine, Options};
 use rc10_sim::imu::bmi088::Motion;
 use rc10_sim::{Nanos, World};
@@ -221,7 +221,7 @@ fn options_and_faults_reach_the_chip() {
     let silent = Options { silent: &["TIM17"], ..options };
     let machine = Machine::with(&program, silent).unwrap();
     write(&machine, 0x4001_482C, 7);
-    assert_eq!((read(&machine, 0x4001_482C), machine.soc().gated()), (0, 0));
+    assert_eq!((read(&machine, 0x4001_482C), machine.soc().count(AccessKind::Gated)), (0, 0));
     let unknown = Options { silent: &["TIM99"], ..options };
     let error = Machine::with(&program, unknown).err().unwrap().to_string();
     assert_eq!(error, "there is no peripheral TIM99");

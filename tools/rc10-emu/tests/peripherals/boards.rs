@@ -1,7 +1,7 @@
 //! The boards: crystals, pins that lead nowhere, switches of pads.
 
-use rc10_emu::Board;
-use rc10_emu::peripherals::{AccessKind, ResetCause};
+use rc10_emu::peripherals::{AccessKind, PinFault, ResetCause};
+use rc10_emu::{Board, Package};
 use rc10_sim::Nanos;
 
 use crate::chip::{AHB1ENR, AHB4ENR, APB1LENR, APB2ENR, APB4ENR, Chip, RCC};
@@ -61,7 +61,9 @@ fn a_pin_that_the_package_lacks_is_told_once() {
     chip.write(GPIOF, u32::MAX);
     chip.write(GPIOF, 0xFFF7_FFFF);
     assert_eq!(said(&mut chip), [""; 0]);
-    assert_eq!((chip.soc.counts().pins, chip.soc.pin_output('F', 9)), (1, None));
+    let package = Package::Lqfp100;
+    let fault = PinFault { pin: ('F', 9), chip: "", package, is_switch_open: false };
+    assert_eq!((chip.soc.count(AccessKind::Pin(fault)), chip.soc.pin_output('F', 9)), (1, None));
     // It has the others, the team's own board all of them.
     chip.alternate(0, 7, 9);
     assert_eq!(chip.kinds(), []);

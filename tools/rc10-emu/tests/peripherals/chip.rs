@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex};
 
 use rc10_emu::fdcan::Fdcans;
-use rc10_emu::peripherals::{AccessKind, Soc, Width};
-use rc10_emu::{Board, Memory};
+use rc10_emu::peripherals::{AccessKind, Limit, Soc, TooFast, Width};
+use rc10_emu::{Board, Memory, Options};
 use rc10_sim::Nanos;
 
 pub const RCC: u32 = 0x5802_4400;
@@ -18,6 +18,10 @@ pub const APB1HENR: u32 = RCC + 0xEC;
 pub const APB2ENR: u32 = RCC + 0xF0;
 pub const APB4ENR: u32 = RCC + 0xF4;
 
+/// A clock that is too fast: any.
+pub const TOO_FAST: AccessKind =
+    AccessKind::TooFast(TooFast { clock: "", hz: 0, limit: Limit::AtMost(0) });
+
 /// All peripherals, their memories, and the time in nanoseconds.
 pub struct Chip {
     pub soc: Soc,
@@ -30,10 +34,14 @@ impl Chip {
         Self::on(Board::H723ZG, 0)
     }
 
-    pub fn on(board: Board, hsi_ppm: i32) -> Self {
+    pub fn on(board: Board, hsi_deviation_ppm: i32) -> Self {
+        Self::with(Options { board, hsi_deviation_ppm, ..Options::default() })
+    }
+
+    pub fn with(options: Options) -> Self {
         let memory = Memory::new(1);
         let fdcans = Arc::new(Mutex::new(Fdcans::new(1)));
-        let soc = Soc::on(board, hsi_ppm, fdcans, memory.clone());
+        let soc = Soc::new(options, fdcans, memory.clone());
         Self { soc, memory, now: 0 }
     }
 

@@ -1,7 +1,8 @@
+use rc10_emu::Options;
 use rc10_emu::peripherals::{AccessKind, Clocks, ResetCause};
 use rc10_sim::Nanos;
 
-use crate::chip::{APB1LENR, Chip, FLASH, PWR, RCC};
+use crate::chip::{APB1LENR, Chip, FLASH, PWR, RCC, TOO_FAST};
 
 const RSR: u32 = RCC + 0xD0;
 
@@ -82,7 +83,7 @@ fn too_few_wait_states_are_reported_once() {
     assert_eq!(chip.kinds(), [AccessKind::WaitStates]);
     chip.write(FLASH, 3);
     chip.write(FLASH, 2);
-    assert_eq!(chip.soc.counts().wait_states, 2);
+    assert_eq!(chip.soc.count(AccessKind::WaitStates), 2);
 }
 
 #[test]
@@ -241,7 +242,7 @@ fn the_fdcans_clock_has_limits() {
         }
         // Once, not with every access.
         chip.set(APB1HENR, 1 << 8, 1 << 8);
-        assert_eq!(chip.soc.counts().too_fast, said.len() as u64);
+        assert_eq!(chip.soc.count(TOO_FAST), said.len() as u64);
     }
 }
 
@@ -250,11 +251,11 @@ fn the_fdcans_clock_has_limits() {
 fn the_calibration_units_divider_counts() {
     let mut chip = Chip::with_pll1_q(4);
     chip.set(APB1HENR, 1 << 8, 1 << 8);
-    assert_eq!(chip.soc.counts().too_fast, 1);
+    assert_eq!(chip.soc.count(TOO_FAST), 1);
     chip.write(0x4000_A018, 3);
     chip.write(0x4000_A804, 1 << 16 | 1 << 6);
     chip.write(0x4000_A804, 1 << 6);
-    assert_eq!(chip.soc.counts().too_fast, 2, "and again when it is gone");
+    assert_eq!(chip.soc.count(TOO_FAST), 2, "and again when it is gone");
 }
 
 #[test]
@@ -269,7 +270,7 @@ fn kernel_clocks_have_limits_too() {
     chip.set(PWR + 0x18, 3 << 14, 3 << 14);
     chip.wait(PWR + 0x18, 1 << 13);
     chip.set(RCC + 0x10, 0, 0);
-    assert_eq!(chip.soc.counts().too_fast, 4, "{:?}", reports(&mut chip));
+    assert_eq!(chip.soc.count(TOO_FAST), 4, "{:?}", reports(&mut chip));
 }
 
 /// After a reset the APBs have HSI's 64 MHz at the lowest voltage, and a little more if HSI is off.
@@ -292,7 +293,7 @@ fn an_oscillator_may_be_off_and_a_setting_may_not() {
         chip.set(RCC + 0x10, 7, 3);
         chip.wait(RCC + 0x10, 3 << 3);
         assert_eq!(chip.soc.clocks().apb[0], u64::from(multiplier) * 200_000);
-        assert_eq!(chip.soc.counts().too_fast, told, "{:?}", reports(&mut chip));
+        assert_eq!(chip.soc.count(TOO_FAST), told, "{:?}", reports(&mut chip));
     }
 }
 
@@ -301,8 +302,7 @@ fn an_oscillator_may_be_off_and_a_setting_may_not() {
 fn rmvf_holds_the_flags_until_it_is_cleared_or_clears_itself() {
     for (stays, bit, second) in [(true, 1 << 16, 1 << 16), (false, 0, 1 << 26 | 1 << 22 | 1 << 17)]
     {
-        let mut chip = Chip::new();
-        chip.soc.set_removal_stays(stays);
+        let mut chip = Chip::with(Options { removal_stays: stays, ..Options::default() });
         chip.write(RSR, 1 << 16);
         assert_eq!(chip.read(RSR), bit, "{stays}");
         // A program that sets it, and leaves it at that, does not know why it was restarted.

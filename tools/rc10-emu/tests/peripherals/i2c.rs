@@ -247,7 +247,7 @@ fn unread_bytes_and_slow_devices_hold_the_clock() {
     assert_eq!((chip.read(ISR), log(&device).ends_with('P')), (TXE, true));
 }
 
-/// As embassy does it: interrupts and DMA.
+/// The way of embassy: interrupts and DMA.
 #[test]
 fn dma_and_interrupts() {
     let (mut chip, device) = i2c();

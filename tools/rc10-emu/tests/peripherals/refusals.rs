@@ -14,7 +14,7 @@ fn without_clock_it_reads_zero_and_is_counted() {
     chip.write(APB1LENR, 0);
     assert_eq!(chip.read(TIM2 + 0x2C), 0);
     chip.write(TIM2 + 0x2C, 99);
-    assert_eq!(chip.soc.gated(), 2);
+    assert_eq!(chip.soc.count(AccessKind::Gated), 2);
     let reports = chip.soc.take_reports();
     assert_eq!(reports.iter().map(|access| access.write).collect::<Vec<_>>(), [false, true]);
     assert_eq!(reports[0].to_string(), "read of 0x4000002c (TIM2): without clock or in reset");
@@ -28,7 +28,7 @@ fn a_peripheral_held_in_reset_has_its_reset_values_afterwards() {
     chip.write(APB1LENR, 1);
     chip.write(TIM2 + 0x2C, 1234);
     chip.write(RCC + 0x90, 1);
-    assert_eq!((chip.read(TIM2 + 0x2C), chip.soc.gated()), (0, 1));
+    assert_eq!((chip.read(TIM2 + 0x2C), chip.soc.count(AccessKind::Gated)), (0, 1));
     chip.write(RCC + 0x90, 0);
     assert_eq!(chip.read(TIM2 + 0x2C), u32::MAX);
 }
@@ -42,8 +42,8 @@ fn an_address_without_a_device_is_a_bus_fault() {
         assert_eq!(chip.soc.write(address, Width::Byte, 0, now), Err(BusFault));
     }
     assert_eq!(chip.soc.read(RCC + 2, Width::Word, now), Err(BusFault), "not aligned");
-    assert_eq!(chip.soc.unowned(), 9);
-    assert_eq!(chip.soc.gated(), 0);
+    assert_eq!(chip.soc.count(AccessKind::Unowned), 9);
+    assert_eq!(chip.soc.count(AccessKind::Gated), 0);
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn the_fdcans_share_a_clock_gate_a_reset_and_their_memory() {
     for base in fdcans.into_iter().chain([ram]) {
         assert_eq!(chip.read(base), 0);
     }
-    assert_eq!(chip.soc.gated(), 4);
+    assert_eq!(chip.soc.count(AccessKind::Gated), 4);
     chip.write(APB1HENR, 1 << 8);
     for base in fdcans {
         assert_eq!(chip.read(base), 0x3214_1218, "CREL");
@@ -89,10 +89,10 @@ fn the_fdcans_share_a_clock_gate_a_reset_and_their_memory() {
     // The calibration unit, while FDCAN1 is configured and when it no longer is.
     let ccfg = 0x4000_A804;
     chip.write(ccfg, 1 << 6);
-    assert_eq!((chip.read(ccfg), chip.soc.counts().protected), (1 << 6, 0));
+    assert_eq!((chip.read(ccfg), chip.soc.count(AccessKind::Protected)), (1 << 6, 0));
     chip.write(fdcans[0] + 0x18, 0);
     chip.write(ccfg, 0);
-    assert_eq!((chip.read(ccfg), chip.soc.counts().protected), (1 << 6, 1));
+    assert_eq!((chip.read(ccfg), chip.soc.count(AccessKind::Protected)), (1 << 6, 1));
 
     chip.write(ram + 0x27FC, 0x5A5A_0001);
     let now = Nanos::new(chip.now);

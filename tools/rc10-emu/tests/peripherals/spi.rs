@@ -188,7 +188,7 @@ fn stream(chip: &mut Chip, n: u32, request: u32, register: u32, memory: u32, cou
 const SENT: u32 = 0x2400_0000;
 const ANSWER: u32 = 0x2400_0100;
 
-/// As embassy's transfer with DMA does it.
+/// The order of embassy's transfer with DMA.
 #[test]
 fn dma_exchanges() {
     let (mut chip, _) = spi(0, 0);

@@ -1,6 +1,6 @@
 //! Double precision, beside this computer's own.
 
-use super::super::ieee::{DOUBLE, Float, HALF, SINGLE};
+use super::super::ieee::{DOUBLE, Float, HALF, Round, SINGLE};
 use super::random::Random;
 use super::{Core, wide, with_code};
 
@@ -55,7 +55,7 @@ fn doubles_are_what_this_computer_makes_of_them() {
         for (bits, own, name) in results {
             assert!(is_same(bits, own), "{x:e} {name} {y:e} {z:e}: {bits:x}, here {own:e}");
         }
-        float.rounding = 3;
+        float.rounding = Round::TowardZero;
         assert_eq!(float.integer(a, 32, true, 0) as i32, x as i32, "{x:e}");
         assert_eq!(float.integer(a, 32, false, 0) as u32, x as u32, "{x:e}");
         let mut float = Float::new(DOUBLE, 0);

@@ -207,7 +207,7 @@ thread_local! {
     pub(super) static WATCHES: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
 }
 
-/// What a core keeps for its witness.
+/// State that a core keeps for its witness.
 #[derive(Default)]
 pub(crate) struct Watch {
     pub(super) trace: Vec<Traced>,
@@ -257,7 +257,9 @@ impl Core {
 pub(crate) fn registers(core: &Core) -> Regs {
     let mut registers = Regs::new();
     registers.r = core.r;
-    (registers.msp, registers.psp) = (*core.stack(false), *core.stack(true));
+    let is_process = core.psr & EXCEPTION == 0 && core.control & super::super::PROCESS_STACK != 0;
+    (registers.msp, registers.psp) =
+        if is_process { (core.other_stack, core.r[13]) } else { (core.r[13], core.other_stack) };
     (registers.xpsr, registers.control) = (core.psr, core.control);
     (registers.primask, registers.faultmask) = (core.primask, core.faultmask);
     registers.basepri = core.basepri;

@@ -9,7 +9,7 @@ const REQUESTS_AT_UPDATE: u32 = 1 << 3;
 
 impl Timer {
     pub(super) const fn largest(&self) -> u32 {
-        u32::MAX >> (32 - self.facts.bits)
+        u32::MAX >> (32 - self.facts().bits)
     }
 
     /// Whether time moves it.
@@ -69,11 +69,10 @@ impl Timer {
 
     /// Channels that compare: those that exist and are not set up for capture.
     fn compares(&self) -> impl Iterator<Item = (usize, Preloaded)> + '_ {
-        let channels = self.compare.into_iter().enumerate().take(self.facts.channels);
+        let channels = self.compare.into_iter().enumerate().take(self.facts().channels);
         channels.filter(|&(channel, _)| self.mode(channel) & 3 == 0)
     }
 
-    /// The counter arrives at these values.
     pub(super) fn arrive(&mut self, at: impl Fn(u32) -> bool) {
         let hits = self.compares().filter(|(_, compare)| at(compare.in_force));
         let channels: u32 = hits.map(|(channel, _)| 1 << channel).sum();
@@ -172,7 +171,6 @@ impl Timer {
         self.update(true, self.anchor);
     }
 
-    /// Overflows to the next update, that one included.
     fn overflows_to_update(&self) -> u64 {
         u64::from(self.repetitions_left) + 1
     }
@@ -211,8 +209,7 @@ impl Timer {
         }
     }
 
-    /// Time at which a flag rises whose interrupt or transfer is wanted, a waiting value comes into
-    /// force, a level passes a filter, or an observed output changes.
+    /// Time of the next wanted flag, waiting value, passed level, or change of an observed output.
     pub(in super::super) fn next_event(&self) -> Option<Nanos> {
         let passes = self.next_pass().into_iter().chain(self.next_tone()).min();
         if !self.runs() {

@@ -4,27 +4,10 @@ use rc10_sim::Nanos;
 
 use super::{CHANNELS, ENCODER_MODES, Timer};
 
-/// Divider of the filter's clock (0: the timer's own, not the one that CKD divides) and how many
-/// equal samples let a level through, by `ICxF`. Source: RM0468, `TIMx_CCMR1`,
-/// IC1F.
-const FILTERS: [(u64, u64); 16] = [
-    (0, 0),
-    (0, 2),
-    (0, 4),
-    (0, 8),
-    (2, 6),
-    (2, 8),
-    (4, 6),
-    (4, 8),
-    (8, 6),
-    (8, 8),
-    (16, 5),
-    (16, 6),
-    (16, 8),
-    (32, 5),
-    (32, 6),
-    (32, 8),
-];
+/// Divider of the filter's clock (0: the timer's own, without CKD), and how many equal samples let
+/// a level through, by `ICxF`. Source: RM0468, `TIMx_CCMR1`.
+const DIVIDERS: [u64; 16] = [0, 0, 0, 0, 2, 2, 4, 4, 8, 8, 16, 16, 16, 32, 32, 32];
+const SAMPLES: [u64; 16] = [0, 2, 4, 8, 6, 8, 6, 8, 6, 8, 5, 6, 8, 5, 6, 8];
 
 /// A pin's level on its way through the filter.
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,7 +23,7 @@ pub(super) struct Input {
 impl Timer {
     /// Whether it looks at any of its pins: a channel is set up as an input and is switched on.
     pub(in super::super) fn listens(&self) -> bool {
-        self.is_encoder() || (0..self.facts.channels).any(|channel| self.captures(channel))
+        self.is_encoder() || (0..self.facts().channels).any(|channel| self.captures(channel))
     }
 
     pub(super) const fn is_encoder(&self) -> bool {
@@ -52,8 +35,7 @@ impl Timer {
         (selected == 1 || selected == 2) && self.outputs >> (4 * channel) & 1 != 0
     }
 
-    /// The levels of its pins now, a bit each. `fresh`: they have not changed, they only begin to
-    /// matter.
+    /// Takes the levels of the pins now. `fresh`: they did not change, they begin to matter.
     pub(in super::super) fn look(&mut self, levels: u32, fresh: bool, now: Nanos) {
         self.advance(now);
         for input in 0..CHANNELS {
@@ -80,12 +62,12 @@ impl Timer {
         if self.mode(input) & 3 == 0 || self.hz == 0 {
             return Nanos::ZERO;
         }
-        let (divider, samples) = FILTERS[(self.mode(input) >> 4 & 0xF) as usize];
+        let filter = (self.mode(input) >> 4 & 0xF) as usize;
+        let (divider, samples) = (DIVIDERS[filter], SAMPLES[filter]);
         let divider = if divider == 0 { 1 } else { divider << (self.control >> 8 & 3) };
         Nanos::new((divider * samples * 1_000_000_000).div_ceil(self.hz))
     }
 
-    /// Time at which a filter lets a level through.
     pub(super) fn next_pass(&self) -> Option<Nanos> {
         self.inputs.iter().filter_map(|input| input.passes_at).min()
     }
@@ -108,7 +90,7 @@ impl Timer {
         if self.is_encoder() && input < 2 {
             self.turn(input);
         }
-        for channel in 0..self.facts.channels {
+        for channel in 0..self.facts().channels {
             // CCxS: its own pin, or that of its neighbour in the pair.
             let listens_to = match self.mode(channel) & 3 {
                 1 => channel,

@@ -1,19 +1,15 @@
 //! Timers that count up: general-purpose and basic ones (RM0468, TIM chapters).
 //!
-//! Modelled: prescaler, reload and compare values with their preload, update and compare flags,
-//! one-pulse mode, software events, outputs in all plain modes, capture with filter and prescaler,
-//! the encoder interface, DMA requests; of TIM1, 8, 16 and 17 repetitions, the main output enable and
-//! complementary outputs; of TIM16 and 17 capture of the chip's own clocks (TISEL). Compare flags rise
-//! when the counter arrives at the value.
-//! Not modelled, and reported when asked for: counting down by time, the other slave modes, external
-//! triggers, combined output modes, DMA bursts, breaks, dead times, locks.
+//! Modelled: prescaler, reload and compare values with preload, update and compare flags, one-pulse
+//! mode, software events, outputs in all plain modes, capture with filter and prescaler, encoders,
+//! DMA requests; of TIM1, 8, 16 and 17 repetitions, main output enable and complementary outputs;
+//! of TIM16 and 17 capture of the chip's own clocks (TISEL). Compare flags rise when the counter
+//! arrives.
+//! Not modelled, and reported when asked for: counting down by time, the other slave modes,
+//! external triggers, combined output modes, DMA bursts, breaks, dead times, locks.
 //!
-//! | file | what |
-//! |---|---|
-//! | `counter` | counting and updates |
-//! | `input` | filters, capture, encoder |
-//! | `tone` | capture of the chip's own clocks |
-//! | `output` | what the compare channels do to their pins |
+//! `counter` counts and updates, `input` filters, captures and reads encoders, `tone` captures the
+//! chip's own clocks, `output` drives the pins.
 
 mod counter;
 mod input;
@@ -22,17 +18,15 @@ mod tone;
 
 use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
-use super::clocks::Tones;
+use super::access::{AccessKind, Write};
+use super::clocks::{TONE_HSE, TONE_LSE, TONE_LSI, TONE_MCO1, Tones, UNMODELLED};
 use input::Input;
 use tone::Listener;
 
-/// Constants of one timer.
 #[derive(Debug)]
 pub(super) struct Facts {
     /// Bits of the counter.
     pub bits: u32,
-    /// Compare channels.
     pub channels: usize,
     /// Numbers of its interrupts of an update and of the channels: often one.
     pub interrupts: [usize; 2],
@@ -42,19 +36,8 @@ pub(super) struct Facts {
     pub bus: usize,
     /// Channels with a complementary output: then it has `BDTR` and `RCR`, too.
     pub complements: usize,
-    /// The clocks that `TISEL.TI1SEL` = 1, 2, .. connects its first input to.
-    pub tones: &'static [Source],
-}
-
-/// A clock of the chip at a timer's input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Source {
-    Lsi,
-    Lse,
-    Hse,
-    Mco1,
-    /// A signal that this model does not have.
-    Unmodelled,
+    /// The clocks that `TISEL.TI1SEL` = 1, 2, .. connects its first input to: places in [`Tones`].
+    pub tones: &'static [usize],
 }
 
 /// Channels of a timer, at most.
@@ -71,14 +54,13 @@ const fn advanced(
     interrupts: [usize; 2],
     requests: [u32; 5],
     complements: usize,
-    tones: &'static [Source],
+    tones: &'static [usize],
 ) -> Facts {
     Facts { bits: 16, channels, interrupts, requests, bus: 1, complements, tones }
 }
 
-/// TIM2, 3, 4, 5, 6, 7, 12, 13, 14, 23, 24 on APB1, TIM1, 8, 16, 17 on APB2. Source: RM0468; interrupt
-/// and request numbers from stm32-metapac; inputs from RM0468, `TIMx_TISEL`, and ST's
-/// `stm32h7xx_hal_tim_ex.h`.
+/// TIM2, 3, 4, 5, 6, 7, 12, 13, 14, 23, 24 on APB1, TIM1, 8, 16, 17 on APB2. Source: RM0468
+/// (`TIMx_TISEL`), ST's `stm32h7xx_hal_tim_ex.h`; interrupts and requests from stm32-metapac.
 pub(super) const TIMERS: [Facts; 15] = [
     facts(32, 4, 28, [22, 18, 19, 20, 21]),
     facts(16, 4, 29, [27, 23, 24, 25, 26]),
@@ -93,8 +75,8 @@ pub(super) const TIMERS: [Facts; 15] = [
     facts(32, 4, 162, [136, 132, 133, 134, 135]),
     advanced(4, [25, 27], [15, 11, 12, 13, 14], 3, &[]),
     advanced(4, [44, 46], [51, 47, 48, 49, 50], 3, &[]),
-    advanced(1, [117; 2], [110, 109, 0, 0, 0], 1, &[Source::Lsi, Source::Lse, Source::Unmodelled]),
-    advanced(1, [118; 2], [112, 111, 0, 0, 0], 1, &[Source::Unmodelled, Source::Hse, Source::Mco1]),
+    advanced(1, [117; 2], [110, 109, 0, 0, 0], 1, &[TONE_LSI, TONE_LSE, UNMODELLED]),
+    advanced(1, [118; 2], [112, 111, 0, 0, 0], 1, &[UNMODELLED, TONE_HSE, TONE_MCO1]),
 ];
 
 // CR1.
@@ -123,25 +105,22 @@ const ENCODER_MODES: u32 = 3;
 const UPDATE: u32 = 1;
 
 /// A value that may wait for an update until it counts.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Preloaded {
     written: u32,
     in_force: u32,
 }
 
 impl Preloaded {
-    const fn new(value: u32) -> Self {
-        Self { written: value, in_force: value }
-    }
-
     const fn waits(self) -> bool {
         self.written != self.in_force
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Timer {
-    facts: &'static Facts,
+    /// Index in [`TIMERS`].
+    index: usize,
     control: u32,
     control_2: u32,
     slave_mode: u32,
@@ -162,7 +141,7 @@ pub(super) struct Timer {
     /// The last edge of an encoder was backwards.
     counts_down: bool,
     /// Channels whose pins are observed, a bit each.
-    watched: u32,
+    pub(super) watched: u32,
     /// BDTR.
     breaks: u32,
     /// RCR: overflows to an update, less one; and those still to come.
@@ -174,52 +153,29 @@ pub(super) struct Timer {
     listener: Option<Listener>,
     counter: u32,
     hz: u64,
-    /// The counter's ticks are counted from here, where the prescaler had counted `phase` clocks;
-    /// `ticks` of them are in `counter` already. So no rounding adds up.
+    /// Start of the count of ticks, where the prescaler had counted `phase` clocks; `ticks` of them
+    /// are in `counter` already. So no rounding adds up.
     anchor: Nanos,
     phase: u64,
     ticks: u64,
 }
 
 impl Timer {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            control: 0,
-            control_2: 0,
-            slave_mode: 0,
-            interrupts: 0,
-            flags: 0,
-            requests: 0,
-            modes: [0; 2],
-            outputs: 0,
-            prescaler: Preloaded::new(0),
-            reload: Preloaded::new(u32::MAX >> (32 - facts.bits)),
-            compare: [Preloaded::new(0); CHANNELS],
-            references: [false; CHANNELS],
-            inputs: [Input::default(); CHANNELS],
-            counts_down: false,
-            watched: 0,
-            breaks: 0,
-            repetitions: Preloaded::new(0),
-            repetitions_left: 0,
-            input_select: 0,
-            tones: Tones::default(),
-            listener: None,
-            counter: 0,
-            hz: 0,
-            anchor: Nanos::ZERO,
-            phase: 0,
-            ticks: 0,
-        }
+    pub(super) fn new(index: usize) -> Self {
+        let largest = u32::MAX >> (32 - TIMERS[index].bits);
+        let reload = Preloaded { written: largest, in_force: largest };
+        Self { index, reload, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &TIMERS[self.index]
     }
 
     pub(super) fn reset(&mut self, now: Nanos) {
         let Self { hz, watched, tones, .. } = *self;
-        *self = Self { hz, watched, tones, anchor: now, ..Self::new(self.facts) };
+        *self = Self { hz, watched, tones, anchor: now, ..Self::new(self.index) };
     }
 
-    /// Its clock from now on; 0 if gated.
     pub(super) fn set_clock(&mut self, hz: u64, now: Nanos) {
         if hz != self.hz {
             self.advance(now);
@@ -230,16 +186,16 @@ impl Timer {
 
     /// Whether it has a main output enable.
     const fn is_advanced(&self) -> bool {
-        self.facts.complements > 0
+        self.facts().complements > 0
     }
 
     /// BDTR.
-    fn write_breaks(&mut self, write: Write) -> Result<(), Refusal> {
+    fn write_breaks(&mut self, write: Write) -> Result<(), AccessKind> {
         let wanted = write.over(self.breaks);
         self.breaks = wanted & (MAIN_OUTPUT | OFF_STATES);
         // Dead time, locks, breaks and their filters; polarities of breaks that are off do nothing.
         let harmless = MAIN_OUTPUT | OFF_STATES | BREAK_POLARITIES;
-        if wanted & !harmless != 0 { Err(Refusal::Unmodelled) } else { Ok(()) }
+        AccessKind::Unmodelled.when(wanted & !harmless != 0)
     }
 
     /// The channel's byte in CCMR1 or CCMR2.
@@ -247,29 +203,26 @@ impl Timer {
         self.modes[channel / 2] >> (8 * (channel % 2)) & 0xFF
     }
 
-    /// Numbers of its interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
         let asked = self.flags & self.interrupts & 0xFF;
         let asks = [asked & UPDATE != 0, asked & !UPDATE != 0];
-        self.facts
+        self.facts()
             .interrupts
             .into_iter()
             .zip(asks)
             .filter_map(|(number, asks)| asks.then_some(number))
     }
 
-    /// Its request with this number in DMAMUX1.
+    /// Bit of the request with this number in DMAMUX1.
     fn request_bit(&self, request: u32) -> Option<u32> {
-        let position = self.facts.requests.iter().position(|&own| own == request && own != 0)?;
+        let position = self.facts().requests.iter().position(|&own| own == request && own != 0)?;
         Some(1 << position)
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
         self.requests != 0 && self.request_bit(request).is_some_and(|bit| self.requests & bit != 0)
     }
 
-    /// A transfer that it asked for is made.
     pub(super) fn acknowledge(&mut self, request: u32) {
         if let Some(bit) = self.request_bit(request) {
             self.requests &= !bit;
@@ -278,12 +231,12 @@ impl Timer {
 
     /// Bits of SR and of DIER's lower half that exist and are modelled: update and compare.
     const fn known_flags(&self) -> u32 {
-        (2 << self.facts.channels) - 1
+        (2 << self.facts().channels) - 1
     }
 
     /// DIER's bits that exist and are modelled.
     fn known_enables(&self) -> u32 {
-        let requests = self.facts.requests.iter().zip(0_u32..);
+        let requests = self.facts().requests.iter().zip(0_u32..);
         let transfers: u32 =
             requests.filter(|(number, _)| **number != 0).map(|(_, bit)| 0x100 << bit).sum();
         self.known_flags() | transfers
@@ -292,12 +245,12 @@ impl Timer {
     /// Compare channel of a register, if the timer has it.
     fn channel_of(&self, offset: u32) -> Option<usize> {
         let channel = offset.checked_sub(0x34)? as usize / 4;
-        (channel < self.facts.channels).then_some(channel)
+        (channel < self.facts().channels).then_some(channel)
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.advance(now);
-        let has_channels = self.facts.channels > 0;
+        let has_channels = self.facts().channels > 0;
         Ok(match offset {
             0x00 => self.control | if self.counts_down { DIRECTION } else { 0 },
             0x04 => self.control_2,
@@ -315,7 +268,7 @@ impl Timer {
             0x2C => self.reload.written,
             0x30 if self.is_advanced() => self.repetitions.written,
             0x44 if self.is_advanced() => self.breaks,
-            0x68 if !self.facts.tones.is_empty() => self.input_select,
+            0x68 if !self.facts().tones.is_empty() => self.input_select,
             _ => match self.channel_of(offset) {
                 Some(channel) => {
                     if self.mode(channel) & 3 != 0 {
@@ -324,14 +277,14 @@ impl Timer {
                     }
                     self.compare[channel].written
                 }
-                None => return Err(Refusal::Unmodelled),
+                None => return Err(AccessKind::Unmodelled),
             },
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
-        let has_channels = self.facts.channels > 0;
+        let has_channels = self.facts().channels > 0;
         match write.offset {
             0x00 => {
                 self.rebase(now);
@@ -339,28 +292,22 @@ impl Timer {
                 self.control = wanted & !OTHER_DIRECTIONS;
                 // An encoder's direction cannot be written, only written back.
                 let directions = wanted & OTHER_DIRECTIONS;
-                if directions != 0 && !(self.is_encoder() && directions == DIRECTION) {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled
+                    .when(directions != 0 && !(self.is_encoder() && directions == DIRECTION))?;
             }
             0x04 => self.control_2 = write.over(self.control_2),
             0x08 if has_channels => {
                 self.rebase(now);
                 self.slave_mode = write.over(self.slave_mode);
-                if self.slave_mode & !7 != 0 || self.slave_mode > ENCODER_MODES {
-                    return Err(Refusal::Unmodelled);
-                }
-                if self.is_encoder() && self.prescaler.in_force != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled
+                    .when(self.slave_mode & !7 != 0 || self.slave_mode > ENCODER_MODES)?;
+                AccessKind::Unmodelled.when(self.is_encoder() && self.prescaler.in_force != 0)?;
             }
             0x0C => {
                 let wanted = write.over(self.interrupts);
                 self.interrupts = wanted & self.known_enables();
                 self.requests &= self.interrupts >> 8;
-                if wanted != self.interrupts {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(wanted != self.interrupts)?;
             }
             0x10 => self.flags &= !write.zeros(),
             0x14 => self.event(write.ones(), now),
@@ -375,18 +322,16 @@ impl Timer {
             }
             0x30 if self.is_advanced() => {
                 // 16 bits in TIM1 and TIM8, 8 in the others.
-                let mask = if self.facts.channels > 1 { 0xFFFF } else { 0xFF };
+                let mask = if self.facts().channels > 1 { 0xFFFF } else { 0xFF };
                 self.repetitions.written = write.over(self.repetitions.written) & mask;
             }
             0x44 if self.is_advanced() => return self.write_breaks(write),
-            0x68 if !self.facts.tones.is_empty() => {
+            0x68 if !self.facts().tones.is_empty() => {
                 self.input_select = write.over(self.input_select) & 0xF;
                 self.listen(now);
                 let source = self.source();
-                if source == Some(Source::Unmodelled) || source.is_none() && self.input_select != 0
-                {
-                    return Err(Refusal::Unmodelled);
-                }
+                let is_unknown = source.is_none() && self.input_select != 0;
+                AccessKind::Unmodelled.when(source == Some(UNMODELLED) || is_unknown)?;
             }
             0x24 => self.counter = write.over(self.counter) & self.largest(),
             0x28 => self.prescaler.written = write.over(self.prescaler.written) & 0xFFFF,
@@ -399,10 +344,10 @@ impl Timer {
                 }
             }
             _ => {
-                let channel = self.channel_of(write.offset).ok_or(Refusal::Unmodelled)?;
+                let channel = self.channel_of(write.offset).ok_or(AccessKind::Unmodelled)?;
                 if self.mode(channel) & 3 != 0 {
                     // RM0468, CCR1: of an input channel it cannot be written.
-                    return Err(Refusal::Protected);
+                    return Err(AccessKind::Protected);
                 }
                 let mask = self.largest();
                 // OCxPE.
@@ -419,7 +364,7 @@ impl Timer {
 
     /// EGR.
     fn event(&mut self, bits: u32, now: Nanos) {
-        for channel in (0..self.facts.channels).filter(|channel| bits & 2 << channel != 0) {
+        for channel in (0..self.facts().channels).filter(|channel| bits & 2 << channel != 0) {
             if self.mode(channel) & 3 == 0 {
                 self.raise(2 << channel);
             } else {
@@ -438,7 +383,7 @@ impl Timer {
     }
 
     /// CCMR1, CCMR2.
-    fn write_mode(&mut self, write: Write) -> Result<(), Refusal> {
+    fn write_mode(&mut self, write: Write) -> Result<(), AccessKind> {
         let register = (write.offset - 0x18) as usize / 4;
         let old = self.modes[register];
         let mut wanted = write.over(old);
@@ -454,9 +399,7 @@ impl Timer {
         self.modes[register] = wanted;
         // CCxS = 3: captures at a trigger. OCxM's fourth bit: combined modes.
         let triggered = [0, 8].iter().any(|shift| wanted >> shift & 3 == 3);
-        if triggered || wanted & 0x0101_0000 != 0 {
-            return Err(Refusal::Unmodelled);
-        }
-        if locked { Err(Refusal::Protected) } else { Ok(()) }
+        AccessKind::Unmodelled.when(triggered || wanted & 0x0101_0000 != 0)?;
+        AccessKind::Protected.when(locked)
     }
 }

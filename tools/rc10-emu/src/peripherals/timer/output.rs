@@ -2,32 +2,10 @@
 
 use super::{CHANNELS, MAIN_OUTPUT, OFF_STATE_IDLE, OFF_STATE_RUN, Timer};
 
-/// `OCxM`.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Mode {
-    /// Keeps what it was.
-    Frozen,
-    /// Goes there when the counter arrives.
-    Match(bool),
-    Toggle,
-    Forced(bool),
-    /// Pulse width modulation: active below the compare value, or from it on.
-    Pwm {
-        below: bool,
-    },
-}
-
-const fn mode_of(bits: u32) -> Mode {
-    match bits >> 4 & 7 {
-        0 => Mode::Frozen,
-        1 => Mode::Match(true),
-        2 => Mode::Match(false),
-        3 => Mode::Toggle,
-        4 => Mode::Forced(false),
-        5 => Mode::Forced(true),
-        6 => Mode::Pwm { below: true },
-        _ => Mode::Pwm { below: false },
-    }
+/// `OCxM`: 0 keeps what it was; 1 and 2 become active and inactive when the counter arrives, 3 turns
+/// over; 4 and 5 are inactive and active; 6 and 7 are active below the compare value, and from it on.
+const fn output_mode(bits: u32) -> u32 {
+    bits >> 4 & 7
 }
 
 impl Timer {
@@ -38,19 +16,19 @@ impl Timer {
 
     /// The level at the pin of a channel's complementary output; `None` if nothing drives it.
     pub(in super::super) fn complement(&self, channel: usize) -> Option<bool> {
-        if channel < self.facts.complements { self.level(channel, true) } else { None }
+        if channel < self.facts().complements { self.level(channel, true) } else { None }
     }
 
     /// RM0468, TIM1 and TIM8 chapter, output control bits for complementary channels, without dead time.
     fn level(&self, channel: usize, complement: bool) -> Option<bool> {
         let bits = self.mode(channel);
-        if channel >= self.facts.channels || bits & 3 != 0 {
+        if channel >= self.facts().channels || bits & 3 != 0 {
             return None;
         }
         // CCxE, CCxP; CCxNE, CCxNP.
         let enables = self.outputs >> (4 * channel);
         let (main, other) =
-            (enables & 1 != 0, enables & 4 != 0 && channel < self.facts.complements);
+            (enables & 1 != 0, enables & 4 != 0 && channel < self.facts().complements);
         let (enabled, inverts) =
             if complement { (other, enables & 8 != 0) } else { (main, enables & 2 != 0) };
         if !main && !other {
@@ -65,10 +43,13 @@ impl Timer {
             // Its inactive level, or not driven.
             return (self.is_advanced() && self.breaks & OFF_STATE_RUN != 0).then_some(inverts);
         }
-        let active = match mode_of(bits) {
-            Mode::Forced(active) => active,
-            Mode::Pwm { below } => (self.counter < self.compare[channel].in_force) == below,
-            Mode::Frozen | Mode::Match(_) | Mode::Toggle => self.references[channel],
+        let is_below = self.counter < self.compare[channel].in_force;
+        let active = match output_mode(bits) {
+            4 => false,
+            5 => true,
+            6 => is_below,
+            7 => !is_below,
+            _ => self.references[channel],
         };
         // Alone, a complementary output carries the reference itself.
         let opposite = complement && main && other;
@@ -77,18 +58,16 @@ impl Timer {
 
     /// The counter has arrived at these channels' values, a bit each.
     pub(super) fn matched(&mut self, channels: u32) {
-        for channel in (0..self.facts.channels).filter(|channel| channels >> channel & 1 != 0) {
-            match mode_of(self.mode(channel)) {
-                Mode::Match(active) => self.references[channel] = active,
-                Mode::Toggle => self.references[channel] = !self.references[channel],
-                _ => {}
-            }
+        for channel in (0..self.facts().channels).filter(|channel| channels >> channel & 1 != 0) {
+            let mode = output_mode(self.mode(channel));
+            let reference = &mut self.references[channel];
+            *reference = match mode {
+                1 => true,
+                2 => false,
+                3 => !*reference,
+                _ => *reference,
+            };
         }
-    }
-
-    /// These channels' pins are observed, a bit each: every change is an event.
-    pub(in super::super) const fn watch(&mut self, channels: u32) {
-        self.watched = channels;
     }
 
     /// Ticks until the output of an observed channel may change.
@@ -96,13 +75,13 @@ impl Timer {
         if self.watched == 0 {
             return None;
         }
-        let channels = (0..CHANNELS.min(self.facts.channels)).filter(|channel| {
+        let channels = (0..CHANNELS.min(self.facts().channels)).filter(|channel| {
             self.watched >> channel & 1 != 0
                 && (self.output(*channel).is_some() || self.complement(*channel).is_some())
         });
         let ticks = channels.filter_map(|channel| {
             let value = self.compare[channel].in_force;
-            let modulates = matches!(mode_of(self.mode(channel)), Mode::Pwm { .. });
+            let modulates = output_mode(self.mode(channel)) >= 6;
             if value > self.reload.in_force || modulates && value == 0 {
                 // The same level for all of the period.
                 None

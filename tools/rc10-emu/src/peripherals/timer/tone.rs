@@ -1,12 +1,10 @@
-//! Capture of the chip's own clocks, in exact numbers: no edge is an event of its own.
-//!
-//! The filter delays every edge alike: it is left out. An input that TISEL connects to a clock
-//! counts only in capture of channel 1 from its own input (CC1S = 1).
+//! Capture of the chip's own clocks, in exact numbers: no edge is an event of its own. The filter's
+//! delay is left out; the input counts only in capture of channel 1 (CC1S = 1).
 
 use rc10_sim::Nanos;
 
 use super::super::clocks::{Tone, Tones};
-use super::{Source, Timer};
+use super::Timer;
 
 const NANOS_PER_SECOND: u128 = 1_000_000_000;
 
@@ -19,7 +17,6 @@ pub(super) struct Listener {
     halves: u64,
     /// From when on edges are counted; the first comes a period later.
     since: Nanos,
-    /// Captures so far.
     captures: u64,
 }
 
@@ -29,7 +26,6 @@ impl Listener {
         capture as u128 * self.every as u128 * self.halves as u128 * self.tone.divider as u128
     }
 
-    /// Captures that are over at a time.
     fn captures_at(&self, now: Nanos) -> u64 {
         let halves = u128::from(now.since(self.since).get()) * 2 * u128::from(self.tone.hz);
         let captures = halves / NANOS_PER_SECOND / self.half_periods(1);
@@ -45,48 +41,36 @@ impl Listener {
 }
 
 impl Timer {
-    /// The clocks that it may listen to, from now on.
     pub(in super::super) fn set_tones(&mut self, tones: Tones, now: Nanos) {
-        if tones != self.tones && !self.facts.tones.is_empty() {
+        if tones != self.tones && !self.facts().tones.is_empty() {
             self.advance(now);
             self.tones = tones;
             self.listen(now);
         }
     }
 
-    /// What TISEL selects; `None`: the pin, or nothing.
-    pub(super) fn source(&self) -> Option<Source> {
+    /// The clock that TISEL selects; `None`: the pin, or nothing.
+    pub(super) fn source(&self) -> Option<usize> {
         let index = (self.input_select as usize).checked_sub(1)?;
-        self.facts.tones.get(index).copied()
+        self.facts().tones.get(index).copied()
     }
 
     /// Begins to listen, goes on, or stops, as the registers say now.
     pub(super) fn listen(&mut self, now: Nanos) {
-        let tone = self.source().and_then(|source| match source {
-            Source::Lsi => self.tones.lsi,
-            Source::Lse => self.tones.lse,
-            Source::Hse => self.tones.hse,
-            Source::Mco1 => self.tones.output,
-            Source::Unmodelled => None,
-        });
+        let tone = self.source().and_then(|source| self.tones[source]);
         // CC1S = 1; CC1NP, CC1P both: both edges.
         let listens = self.mode(0) & 3 == 1 && self.captures(0);
         let every = 1 << (self.mode(0) >> 2 & 3);
         let halves = if self.outputs & 0b1010 == 0b1010 { 1 } else { 2 };
-        let wanted = tone.filter(|_| listens).map(|tone| Listener {
-            tone,
-            every,
-            halves,
-            since: now,
-            captures: 0,
-        });
-        let same = |old: &Listener| {
-            wanted.is_some_and(|new| {
-                (new.tone, new.every, new.halves) == (old.tone, old.every, old.halves)
-            })
-        };
-        if !self.listener.as_ref().is_some_and(same) {
-            self.listener = wanted;
+        let wanted = tone.filter(|_| listens).map(|tone| (tone, every, halves));
+        if self.listener.map(|old| (old.tone, old.every, old.halves)) != wanted {
+            self.listener = wanted.map(|(tone, every, halves)| Listener {
+                tone,
+                every,
+                halves,
+                since: now,
+                captures: 0,
+            });
         }
     }
 

@@ -1,15 +1,13 @@
-//! USARTs and UARTs (RM0468, USART chapter): asynchronous mode, with or without FIFOs of 16, driver
-//! enable, DMA requests. The receiver samples levels on a wire, three times a bit: another rate,
-//! format or polarity gives what it gives on the chip.
+//! USARTs and UARTs (RM0468, USART chapter): asynchronous mode, FIFOs, driver enable, DMA requests.
+//! The receiver samples levels on a wire: a wrong rate, format or polarity acts as on the chip.
 //!
 //! Not modelled, and reported when asked for: synchronous, half-duplex, LIN, infrared and smartcard
 //! modes, receiver timeout, FIFO thresholds, automatic baud rate, sending breaks, most significant
-//! bit first. Further: error flags belong to the receiver, not to a byte in the FIFO; no idle frame
-//! is sent when the transmitter is switched on.
+//! bit first. Error flags belong to the receiver, not to a byte in the FIFO; no idle frame is sent.
 //!
-//! Two rules that drivers get wrong. With `DMAR` and without `DDRE` a character that has an error is
-//! not transferred, only its flag is set (RM0468, CR3). And while `ORE` is set nothing is received,
-//! which the manual does not say and every STM32 does (efton.sk, "STM32 gotchas", 24).
+//! Two rules that drivers get wrong. With `DMAR` and without `DDRE` a character with an error is
+//! not transferred, only flagged (RM0468, CR3). And while `ORE` is set nothing is received, on
+//! every STM32 (efton.sk, "STM32 gotchas", 24).
 
 mod receiver;
 mod transmitter;
@@ -17,45 +15,16 @@ mod wire;
 
 use std::collections::VecDeque;
 
-use rc10_sim::{Nanos, UartFault};
+use rc10_sim::Nanos;
 
-use super::access::{Refusal, Write};
+use super::access::{AccessKind, Write};
+use super::clocks::PRESCALERS;
+use super::facts::{Facts, USARTS};
 use receiver::{Heard, Receiver};
 pub(crate) use transmitter::Outgoing;
 use transmitter::{Sending, Transmitter};
 pub use wire::{Character, Format, Parity};
 pub(crate) use wire::{Sampling, Wire};
-
-/// Name of one UART, and its connections inside the chip.
-#[derive(Debug)]
-pub(super) struct Facts {
-    /// The number in its name.
-    pub number: u8,
-    /// 0: clocked from APB1, 1: from APB2.
-    pub bus: usize,
-    /// Number of its interrupt.
-    pub interrupt: usize,
-    /// DMAMUX1's number of its receive request; the transmit request is the next one.
-    pub receive_request: u32,
-}
-
-const fn facts(number: u8, bus: usize, interrupt: usize, receive_request: u32) -> Facts {
-    Facts { number, bus, interrupt, receive_request }
-}
-
-/// USART1, 2, 3, UART4, 5, USART6, UART7, 8, 9, USART10. Source: stm32-metapac.
-pub(super) const USARTS: [Facts; 10] = [
-    facts(1, 1, 37, 41),
-    facts(2, 0, 38, 43),
-    facts(3, 0, 39, 45),
-    facts(4, 0, 52, 63),
-    facts(5, 0, 53, 65),
-    facts(6, 1, 71, 71),
-    facts(7, 0, 82, 79),
-    facts(8, 0, 83, 81),
-    facts(9, 1, 155, 116),
-    facts(10, 1, 156, 118),
-];
 
 /// A byte that has left at a transmit pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,12 +96,10 @@ const RECEIVE_FULL: u32 = 1 << 24;
 const STICKY: u32 = PARITY_ERROR | FRAMING | NOISE | OVERRUN | IDLE | COMPLETE;
 
 const FIFO_DEPTH: usize = 16;
-/// PRESC.
-const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
-
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Usart {
-    facts: &'static Facts,
+    /// Index in [`USARTS`].
+    index: usize,
     hz: u64,
     control: [u32; 3],
     divisor: u32,
@@ -140,61 +107,42 @@ pub(super) struct Usart {
     /// GTPR, RTOR: only stored.
     stored: [u32; 2],
     flags: u32,
-    transmitter: Transmitter,
-    receiver: Receiver,
+    pub(super) transmitter: Transmitter,
+    pub(super) receiver: Receiver,
     received: VecDeque<u16>,
     /// The character received last, good or not: it stays in RDR until the next one.
     latest: u16,
     pins: Pins,
-    sent: Vec<SentByte>,
+    pub(super) sent: Vec<SentByte>,
     /// For the far end of the transmit pin.
-    outgoing: Vec<Outgoing>,
+    pub(super) outgoing: Vec<Outgoing>,
 }
 
-/// Signals that are connected to pins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pins {
     pub receive: bool,
     pub transmit: bool,
-    /// The pins called RX and TX, also when they are swapped.
-    pub swapped_receive: bool,
-    pub swapped_transmit: bool,
 }
 
 impl Usart {
-    pub(super) fn new(facts: &'static Facts) -> Self {
-        Self {
-            facts,
-            hz: 0,
-            control: [0; 3],
-            divisor: 0,
-            prescaler: 0,
-            stored: [0; 2],
-            flags: COMPLETE,
-            transmitter: Transmitter::default(),
-            receiver: Receiver::new(),
-            received: VecDeque::new(),
-            latest: 0,
-            pins: Pins::default(),
-            sent: Vec::new(),
-            outgoing: Vec::new(),
-        }
+    pub(super) fn new(index: usize) -> Self {
+        Self { index, flags: COMPLETE, ..Self::default() }
+    }
+
+    const fn facts(&self) -> &'static Facts {
+        &USARTS[self.index]
     }
 
     /// Everything outside stays: its pins, bytes on their way in, bytes that have left.
     pub(super) fn reset(&mut self, now: Nanos) {
-        let fresh = Self::new(self.facts);
+        let fresh = Self::new(self.index);
         let old = std::mem::replace(self, fresh);
-        self.hz = old.hz;
-        self.pins = old.pins;
-        self.sent = old.sent;
-        self.outgoing = old.outgoing;
-        self.receiver = old.receiver;
-        self.receiver.reset(now);
+        (self.hz, self.pins, self.receiver) = (old.hz, old.pins, old.receiver);
+        (self.sent, self.outgoing) = (old.sent, old.outgoing);
         self.transmitter.tells = old.transmitter.tells;
+        self.receiver.reset(now);
     }
 
-    /// Its kernel clock from now on; 0 if gated. A byte that is being sent keeps its length.
     pub(super) fn set_clock(&mut self, hz: u64, now: Nanos) {
         if self.hz != hz {
             self.hz = hz;
@@ -202,7 +150,6 @@ impl Usart {
         }
     }
 
-    /// Its pins from now on.
     pub(super) fn set_pins(&mut self, pins: Pins, now: Nanos) {
         if self.pins != pins {
             self.pins = pins;
@@ -210,34 +157,8 @@ impl Usart {
         }
     }
 
-    pub(super) fn take_sent(&mut self) -> Vec<SentByte> {
-        std::mem::take(&mut self.sent)
-    }
-
-    /// A far end is linked: beginnings and ends of characters are kept from now on.
-    pub(super) fn link(&mut self) {
-        self.transmitter.tells = true;
-    }
-
-    pub(super) fn take_outgoing(&mut self) -> Vec<Outgoing> {
-        std::mem::take(&mut self.outgoing)
-    }
-
-    pub(super) fn set_idle(&mut self, high: bool) {
-        self.receiver.set_idle(high);
-    }
-
-    pub(super) fn feed(&mut self, character: Character) {
-        self.receiver.draw(character);
-    }
-
-    /// Whether its receiver is on.
     pub(super) const fn listens(&self) -> bool {
         self.is(1, ENABLE | RECEIVER)
-    }
-
-    pub(super) fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
-        self.receiver.disturb(fault, at, otherwise);
     }
 
     const fn is(&self, register: usize, bits: u32) -> bool {
@@ -300,7 +221,7 @@ impl Usart {
     }
 
     fn send_next(&mut self, now: Nanos) {
-        if self.transmitter.waiting() > 0
+        if !self.transmitter.waiting.is_empty()
             && let Some(how) = self.sending()
         {
             self.transmitter.start(now, &how);
@@ -308,14 +229,10 @@ impl Usart {
     }
 
     const fn pins_in_use(&self) -> (bool, bool) {
-        if self.is(2, SWAP) {
-            (self.pins.swapped_receive, self.pins.swapped_transmit)
-        } else {
-            (self.pins.receive, self.pins.transmit)
-        }
+        let Pins { receive, transmit } = self.pins;
+        if self.is(2, SWAP) { (transmit, receive) } else { (receive, transmit) }
     }
 
-    /// Tells the receiver how it listens as it is set up.
     fn listen(&mut self, now: Nanos) {
         let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use().0;
         let sampling = self.bit_fs().filter(|_| on).map(|bit_fs| Sampling {
@@ -328,9 +245,9 @@ impl Usart {
         self.receiver.listen(sampling, now);
     }
 
-    /// The level at the driver enable pin; `None` if it is none.
+    /// The level at the driver enable pin; `None` if there is no such pin.
     pub(super) fn driver_level(&self) -> Option<bool> {
-        let active = self.is(1, ENABLE) && self.transmitter.drives();
+        let active = self.is(1, ENABLE) && self.transmitter.driver;
         self.is(3, DRIVER_ENABLE).then(|| active != self.is(3, DRIVER_LOW))
     }
 
@@ -382,7 +299,7 @@ impl Usart {
     }
 
     fn sent(&mut self, outgoing: Outgoing) {
-        if outgoing.has_ended && !self.transmitter.is_sending() {
+        if outgoing.has_ended && self.transmitter.sending.is_none() {
             self.flags |= COMPLETE;
         }
         if !self.pins_in_use().1 {
@@ -390,7 +307,7 @@ impl Usart {
         }
         let Outgoing { character, end, has_ended } = outgoing;
         if has_ended {
-            let (uart, value, start) = (self.facts.number, character.value, character.start);
+            let (uart, value, start) = (self.facts().number, character.value, character.start);
             self.sent.push(SentByte { uart, value, start, end });
         }
         if self.transmitter.tells {
@@ -403,15 +320,14 @@ impl Usart {
         let on = self.is(1, ENABLE);
         self.flags
             | flag(!self.received.is_empty(), RECEIVED)
-            | flag(self.transmitter.waiting() < self.capacity(), ROOM)
+            | flag(self.transmitter.waiting.len() < self.capacity(), ROOM)
             | flag(self.receiver.is_busy(now), BUSY)
             | flag(on && self.is(1, TRANSMITTER), TRANSMIT_ACKNOWLEDGE)
             | flag(on && self.is(1, RECEIVER), RECEIVE_ACKNOWLEDGE)
-            | flag(self.is(1, FIFOS) && self.transmitter.waiting() == 0, TRANSMIT_EMPTY)
+            | flag(self.is(1, FIFOS) && self.transmitter.waiting.is_empty(), TRANSMIT_EMPTY)
             | flag(self.is(1, FIFOS) && self.received.len() == FIFO_DEPTH, RECEIVE_FULL)
     }
 
-    /// Number of its interrupt, if it is asked for.
     pub(super) fn interrupt(&self) -> Option<usize> {
         if !self.is(1, ENABLE) {
             return None;
@@ -429,17 +345,14 @@ impl Usart {
         ];
         let asked = sources.iter().any(|&(bit, flags)| self.is(1, 1 << bit) && status & flags != 0);
         let errors = self.is(3, ERROR_INTERRUPT) && status & (FRAMING | NOISE | OVERRUN) != 0;
-        (asked || errors).then_some(self.facts.interrupt)
+        (asked || errors).then_some(self.facts().interrupts[0])
     }
 
-    /// Whether it asserts a request of DMAMUX1.
     pub(super) fn requests(&self, request: u32) -> bool {
-        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        let (facts, waiting) = (self.facts(), self.transmitter.waiting.len());
         self.is(1, ENABLE)
-            && (request == receive && self.is(3, DMA_RECEIVE) && self.offers_to_dma()
-                || request == transmit
-                    && self.is(3, DMA_TRANSMIT)
-                    && self.transmitter.waiting() < self.capacity())
+            && (facts.reads(request) && self.is(3, DMA_RECEIVE) && self.offers_to_dma()
+                || facts.writes(request) && self.is(3, DMA_TRANSMIT) && waiting < self.capacity())
     }
 
     fn offers_to_dma(&self) -> bool {
@@ -448,7 +361,7 @@ impl Usart {
         !self.received.is_empty() && !stopped
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.advance(now);
         Ok(match offset {
             0x00 | 0x04 | 0x08 => self.control[offset as usize / 4],
@@ -459,11 +372,11 @@ impl Usart {
             0x24 => self.received.pop_front().unwrap_or(self.latest).into(),
             0x18 | 0x20 | 0x28 => 0,
             0x2C => self.prescaler,
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
         self.advance(now);
         match write.offset {
             0x00 | 0x04 | 0x08 => {
@@ -482,16 +395,12 @@ impl Usart {
                 self.listen(now);
                 self.send_next(now);
                 let unmodelled = [CR1_UNMODELLED, CR2_UNMODELLED, CR3_UNMODELLED][index];
-                if self.control[index] & unmodelled != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(self.control[index] & unmodelled != 0)?;
                 // Who switches it off writes them with the same write, and means nothing by it.
-                if locked != 0 && self.is(1, ENABLE) {
-                    return Err(Refusal::Protected);
-                }
+                AccessKind::Protected.when(locked != 0 && self.is(1, ENABLE))?;
             }
             // BRR, PRESC: locked while enabled.
-            0x0C | 0x2C if self.is(1, ENABLE) => return Err(Refusal::Protected),
+            0x0C | 0x2C if self.is(1, ENABLE) => return Err(AccessKind::Protected),
             0x0C => self.divisor = write.over(self.divisor) & 0xFFFF,
             0x2C => self.prescaler = write.over(self.prescaler) & 0xF,
             0x10 | 0x14 => {
@@ -503,30 +412,26 @@ impl Usart {
                     self.received.clear();
                 }
                 if write.ones() & 1 << 4 != 0 {
-                    self.transmitter.clear();
+                    self.transmitter.waiting.clear();
                 }
-                if write.ones() & 0b111 != 0 {
-                    return Err(Refusal::Unmodelled);
-                }
+                AccessKind::Unmodelled.when(write.ones() & 0b111 != 0)?;
             }
             0x20 => self.flags &= !(write.ones() & STICKY),
             0x28 => {
                 self.flags &= !COMPLETE;
-                if self.transmitter.waiting() == self.capacity() {
+                if self.transmitter.waiting.len() == self.capacity() {
                     // The register is overwritten; a full FIFO takes nothing.
-                    if self.is(1, FIFOS) {
-                        return Err(Refusal::Protected);
-                    }
-                    self.transmitter.clear();
+                    AccessKind::Protected.when(self.is(1, FIFOS))?;
+                    self.transmitter.waiting.clear();
                 }
                 // Nine bits at most.
                 let value = if self.is(2, INVERT_DATA) { !write.ones() } else { write.ones() };
-                self.transmitter.push(u16::try_from(value & 0x1FF).unwrap_or(0));
+                self.transmitter.waiting.push_back(u16::try_from(value & 0x1FF).unwrap_or(0));
                 self.send_next(now);
             }
             // ISR and RDR cannot be written.
             0x1C | 0x24 => {}
-            _ => return Err(Refusal::Unmodelled),
+            _ => return Err(AccessKind::Unmodelled),
         }
         Ok(())
     }

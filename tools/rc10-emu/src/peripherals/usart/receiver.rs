@@ -6,15 +6,15 @@ use super::wire::{Character, Sampled, Sampling, Wire, after, stop_sixteenths};
 
 /// Event at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Heard {
+pub(in super::super) enum Heard {
     /// A character's stop bit has been sampled. `late`: the one before counts as not taken.
     Character { sampled: Sampled, late: bool },
     /// The line was idle for a whole frame.
     Idle,
 }
 
-#[derive(Debug)]
-pub(super) struct Receiver {
+#[derive(Debug, Default)]
+pub(in super::super) struct Receiver {
     wire: Wire,
     /// Settings of sampling; `None`: it does not receive.
     sampling: Option<Sampling>,
@@ -22,7 +22,6 @@ pub(super) struct Receiver {
     from: Nanos,
     /// Start of the next character, and when its stop bit will have been sampled.
     coming: Option<(Nanos, Nanos)>,
-    /// The next character is to be an overrun.
     late: bool,
     /// Something was received since the line was found idle the last time.
     armed: bool,
@@ -31,18 +30,6 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    pub const fn new() -> Self {
-        Self {
-            wire: Wire::new(),
-            sampling: None,
-            from: Nanos::ZERO,
-            coming: None,
-            late: false,
-            armed: false,
-            idle_at: None,
-        }
-    }
-
     /// A reset of the chip: the line stays.
     pub fn reset(&mut self, now: Nanos) {
         self.listen(None, now);
@@ -130,8 +117,7 @@ impl Receiver {
         Some(Heard::Idle)
     }
 
-    /// The character that was just heard has been put where the program finds it: silence is worth
-    /// telling again.
+    /// The character just heard has been stored: silence is worth telling again.
     pub fn arm(&mut self, at: Nanos) {
         self.armed = true;
         if let Some(how) = self.sampling

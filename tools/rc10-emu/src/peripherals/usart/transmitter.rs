@@ -6,14 +6,13 @@ use rc10_sim::Nanos;
 
 use super::wire::{Character, Format, after};
 
-/// Settings of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Sending {
+pub(in super::super) struct Sending {
     pub format: Format,
     pub bit_fs: u64,
     pub inverted: bool,
-    /// With driver enable: how long before the start bit it is asserted, and how long after the last
-    /// stop bit released, in samples.
+    /// Samples from the driver's enable to the start bit, and from the last stop bit to its
+    /// release.
     pub driver: Option<(u64, u64)>,
     /// Samples of a bit, 8 or 16.
     pub samples: u64,
@@ -30,11 +29,11 @@ pub(crate) struct Outgoing {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Transmitter {
-    waiting: VecDeque<u16>,
-    sending: Option<(Character, Nanos)>,
+pub(in super::super) struct Transmitter {
+    pub(super) waiting: VecDeque<u16>,
+    pub(super) sending: Option<(Character, Nanos)>,
     /// Whether the driver is asserted, and when it will be released.
-    driver: bool,
+    pub(super) driver: bool,
     released_at: Option<Nanos>,
     /// Beginning of the character in transmission, while it has not been reported.
     begins_at: Option<Nanos>,
@@ -48,28 +47,7 @@ impl Transmitter {
         *self = Self { tells: self.tells, ..Self::default() };
     }
 
-    pub fn waiting(&self) -> usize {
-        self.waiting.len()
-    }
-
-    pub fn is_sending(&self) -> bool {
-        self.sending.is_some()
-    }
-
-    pub fn clear(&mut self) {
-        self.waiting.clear();
-    }
-
-    pub fn push(&mut self, value: u16) {
-        self.waiting.push_back(value);
-    }
-
-    pub const fn drives(&self) -> bool {
-        self.driver
-    }
-
-    /// Starts the next character if there is one, nothing is sent, and the driver is not just being
-    /// released.
+    /// Starts the next character, if nothing is sent and the driver is not being released.
     pub fn start(&mut self, now: Nanos, how: &Sending) {
         if self.sending.is_some() || self.released_at.is_some_and(|at| at > now) {
             return;

@@ -51,7 +51,7 @@ impl Format {
         self.data_bits + if self.parity.is_some() { 1 } else { 0 }
     }
 
-    /// Its length in half bits.
+    /// Length in half bits.
     pub(crate) const fn half_bits(self) -> u32 {
         2 + 2 * self.word() + self.half_stops
     }
@@ -69,7 +69,7 @@ impl Format {
 /// A character on a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Character {
-    /// Its data bits.
+    /// Data bits.
     pub value: u16,
     /// Their format.
     pub format: Format,
@@ -79,8 +79,7 @@ pub struct Character {
     pub bit_fs: u64,
     /// Whether the line idles low and all levels are inverted.
     pub inverted: bool,
-    /// Its fault. An overrun does not show on a wire: the receiver is made to find
-    /// that the character before was not taken.
+    /// The fault. An overrun does not show: the character before counts as not taken.
     pub fault: Option<UartFault>,
 }
 
@@ -103,8 +102,7 @@ impl Character {
         self.at(8 * u64::from(self.format.half_bits()))
     }
 
-    /// Calls with each of its levels, as of an idle-high wire: when it begins, in sixteenths of a
-    /// bit, and the level.
+    /// Calls with each level of an idle-high wire, and its begin in sixteenths of a bit.
     fn levels(&self, mut level: impl FnMut(u64, bool)) {
         let end = 8 * u64::from(self.format.half_bits());
         let stop = 16 * (1 + u64::from(self.format.word()));
@@ -139,7 +137,6 @@ impl Character {
     }
 }
 
-/// Sampling of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Sampling {
     pub format: Format,
@@ -167,8 +164,7 @@ impl Sampled {
     }
 }
 
-/// Levels over time: of the past as far as a receiver may still sample it, and of the future as far
-/// as it is under way.
+/// Levels over time: the past that may still be sampled, and the future that is under way.
 #[derive(Debug)]
 pub(crate) struct Wire {
     /// The level before the first edge.
@@ -177,18 +173,20 @@ pub(crate) struct Wire {
     last: Option<Character>,
 }
 
-impl Wire {
-    pub const fn new() -> Self {
+impl Default for Wire {
+    fn default() -> Self {
         Self { level: true, edges: VecDeque::new(), last: None }
     }
+}
 
+impl Wire {
     fn final_level(&self) -> bool {
         self.edges.back().map_or(self.level, |&(_, level)| level)
     }
 
     fn push(&mut self, at: Nanos, level: bool) {
         if self.edges.back().is_some_and(|&(last, _)| last == at) {
-            // A level of no length is none.
+            // A level of no length does not exist.
             self.edges.pop_back();
         }
         if level != self.final_level() {
@@ -277,8 +275,8 @@ const fn stop_sample(character: &Character) -> u64 {
     stop_sixteenths(character.format, false)
 }
 
-/// RM0468, configurable stop bits: one is sampled at its 8th, 9th and 10th sample; of two, the flags
-/// rise at the end of the first.
+/// Sixteenths from the start to the end of the sampling of the stop bit: its 10th sample; of two,
+/// the end of the first (RM0468, configurable stop bits).
 pub(crate) const fn stop_sixteenths(format: Format, by_8: bool) -> u64 {
     let stop = 16 * (1 + format.word() as u64);
     stop + if format.half_stops > 2 {
@@ -302,7 +300,7 @@ mod tests {
     const START: Nanos = Nanos::new(1_000);
 
     fn hear(character: Character, format: Format) -> Option<Sampled> {
-        let mut wire = Wire::new();
+        let mut wire = Wire::default();
         wire.draw(character);
         let how = Sampling {
             format,
@@ -345,7 +343,7 @@ mod tests {
     fn who_begins_is_heard_whatever_was_there() {
         let noise = Character::new(0x0F, Format::EIGHT_N_1, 9_600, START);
         let good = Character::new(0x5A, Format::EIGHT_N_1, 115_200, noise.at(40));
-        let mut wire = Wire::new();
+        let mut wire = Wire::default();
         wire.draw(noise);
         wire.draw(good);
         let how = Sampling {
