@@ -1,10 +1,9 @@
-use core::fmt;
-
 use crate::text::Text;
 
 /// A number in a configuration that cannot be used, and where it stands.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("{}", self.text())]
 pub struct ConfigError {
     /// Model and identifier of the device whose configuration it is, if it is a device's.
     pub device: Option<(&'static str, u16)>,
@@ -85,15 +84,6 @@ macro_rules! ok {
         }
     };
 }
-
-/// ``M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative``
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text().fmt(f)
-    }
-}
-
-impl core::error::Error for ConfigError {}
 
 /// `Ok` for a finite number.
 pub(crate) const fn finite(field: &'static str, value: f32) -> Result<(), ConfigError> {

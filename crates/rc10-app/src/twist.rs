@@ -4,7 +4,6 @@
 //! makes wheels slip), [`Twist::into_frame`] if the driver thinks in the field's axes, then the
 //! inverse kinematics of the base.
 
-use core::fmt;
 use core::marker::PhantomData;
 use core::ops::{Add, Mul, Sub};
 
@@ -102,7 +101,8 @@ impl<F: Frame> Mul<f32> for Twist<F> {
 }
 
 /// A twist with a component that is infinite, NaN, or too large to compute with, as it was given.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("not a usable twist: vx {vx} m/s, vy {vy} m/s, wz {wz} rad/s")]
 pub struct TwistNotFinite {
     /// Speed along x, in m/s.
     pub vx: f32,
@@ -117,15 +117,6 @@ impl TwistNotFinite {
         Self { vx: twist.vx, vy: twist.vy, wz: twist.wz }
     }
 }
-
-impl fmt::Display for TwistNotFinite {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { vx, vy, wz } = self;
-        write!(f, "not a usable twist: vx {vx} m/s, vy {vy} m/s, wz {wz} rad/s")
-    }
-}
-
-impl core::error::Error for TwistNotFinite {}
 
 /// Largest accelerations of a [`TwistLimiter`].
 #[derive(Clone, Copy, Debug, PartialEq)]

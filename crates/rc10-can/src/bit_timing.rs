@@ -1,5 +1,3 @@
-use core::fmt;
-
 /// The parts of one bit: one quantum of synchronisation, `before` quanta up to the sample point,
 /// and `after` quanta behind it. A quantum is `prescaler` cycles of the controller's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +32,8 @@ impl BitTimingLimits {
 const FEWEST_QUANTA: u32 = 8;
 
 /// Why a clock cannot make a bit rate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}", self.text())]
 pub enum BitTimingError {
     /// A bit is not a whole number of cycles.
     NotWhole,
@@ -53,14 +52,6 @@ impl BitTimingError {
         }
     }
 }
-
-impl fmt::Display for BitTimingError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.text())
-    }
-}
-
-impl core::error::Error for BitTimingError {}
 
 impl BitTiming {
     /// The timing of `bits_per_second` from a clock of `clock` hertz: exact, sampled at three

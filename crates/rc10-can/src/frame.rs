@@ -21,19 +21,12 @@ const REMOTE: u32 = 1 << 30;
 const NO_DATA: u8 = 1 << 7;
 
 /// More than eight data bytes were asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a classic CAN frame carries at most 8 data bytes, not {len}")]
 pub struct FrameTooLong {
     /// The number of bytes asked for.
     pub len: usize,
 }
-
-impl fmt::Display for FrameTooLong {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a classic CAN frame carries at most 8 data bytes, not {}", self.len)
-    }
-}
-
-impl core::error::Error for FrameTooLong {}
 
 impl CanFrame {
     /// A data frame.

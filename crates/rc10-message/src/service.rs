@@ -86,35 +86,26 @@ enum Stage<Request, Response> {
 }
 
 /// Why a call brought no response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CallError {
     /// As many callers wait as the service has room for. The request was not given to the server.
+    #[error("{most} callers wait already")]
     Full {
         /// Largest number of callers that can wait.
         most: usize,
     },
     /// The request was not taken in time, and was taken back: does the server run?
+    #[error("nobody took the request in time: does the server run?")]
     NotTaken,
     /// The server has taken the request but did not answer in time. Whether it carries it out
     /// is not known.
+    #[error("the server took the request and did not answer in time")]
     TimedOut,
     /// The server has taken the request and dropped it.
+    #[error("the server dropped the request")]
     NotServed,
 }
-
-impl fmt::Display for CallError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Full { most } => write!(f, "{most} callers wait already"),
-            Self::NotTaken => f.write_str("nobody took the request in time: does the server run?"),
-            Self::TimedOut => f.write_str("the server took the request and did not answer in time"),
-            Self::NotServed => f.write_str("the server dropped the request"),
-        }
-    }
-}
-
-impl core::error::Error for CallError {}
 
 /// Counters of a service's calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -400,17 +391,10 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug
 }
 
 /// Another task serves already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("another task serves already")]
 pub struct AlreadyServed;
-
-impl fmt::Display for AlreadyServed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("another task serves already")
-    }
-}
-
-impl core::error::Error for AlreadyServed {}
 
 /// A caller's slot in the queue; left on drop.
 struct Waiting<'s, Request, Response, const CALLERS: usize> {

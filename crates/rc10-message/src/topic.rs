@@ -167,16 +167,9 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
 }
 
 /// A [`Topic`] or a [`Latest`](crate::Latest) has as many subscribers as it has room for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is room for {most} subscribers")]
 pub struct SubscribersFull {
     /// Largest number of subscribers.
     pub most: usize,
 }
-
-impl fmt::Display for SubscribersFull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "there is room for {} subscribers", self.most)
-    }
-}
-
-impl core::error::Error for SubscribersFull {}

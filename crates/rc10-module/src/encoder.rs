@@ -9,8 +9,6 @@
 //!   speed tells, and [`gaps`](IncrementalEncoder::gaps) says how often.
 //! * it lost edges: nothing shows that but the index pulse, [`IncrementalEncoder::index`].
 
-use core::fmt;
-
 use rc10_app::angle::nearest_movement;
 use rc10_app::maths::within;
 use rc10_app::{ConfigError, CountsPerTurn, Rpm, Seconds, TotalAngle};
@@ -39,22 +37,15 @@ pub struct Counter {
 }
 
 /// A reading that the counter cannot have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("a counter of {modulus} counts showed {raw}")]
 pub struct OutOfRange {
     /// The reading.
     pub raw: u32,
     /// It must be below this.
     pub modulus: u64,
 }
-
-impl fmt::Display for OutOfRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a counter of {} counts showed {}", self.modulus, self.raw)
-    }
-}
-
-impl core::error::Error for OutOfRange {}
 
 impl Counter {
     /// A counter of `modulus` counts, 2 ..= 2³² (anything else is brought into that range). A timer
@@ -110,10 +101,11 @@ pub struct Config {
 }
 
 /// The counter said what the shaft cannot have done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
     /// It moved further than the shaft can have turned; the angle stays.
+    #[error("the counter jumped by {moved} where {possible} were possible: noise, or reset")]
     Jump {
         /// Counts that it moved.
         moved: i64,
@@ -121,22 +113,9 @@ pub enum Fault {
         possible: i64,
     },
     /// It showed a value beyond its modulus; the sample is ignored.
+    #[error(transparent)]
     OutOfRange(OutOfRange),
 }
-
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Jump { moved, possible } => write!(
-                f,
-                "the counter jumped by {moved} where {possible} were possible: noise, or reset"
-            ),
-            Self::OutOfRange(error) => fmt::Display::fmt(error, f),
-        }
-    }
-}
-
-impl core::error::Error for Fault {}
 
 /// Shortest time over which the speed is measured, µs: at 1 kHz and 4096 counts a turn a step is
 /// 0.7 rpm instead of 15.

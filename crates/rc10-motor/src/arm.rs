@@ -86,25 +86,16 @@ impl fmt::Display for Unfit {
 }
 
 /// Why [`ArmSwitch::arm`] was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ArmError {
     /// The robot is stopped; it must be reset before it can be armed.
+    #[error("the emergency stop is latched: reset it before arming")]
     EStopped,
     /// The robot cannot be armed until it is started again.
+    #[error("cannot be armed: {0}")]
     Unfit(Unfit),
 }
-
-impl fmt::Display for ArmError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::EStopped => f.write_str("the emergency stop is latched: reset it before arming"),
-            Self::Unfit(why) => write!(f, "cannot be armed: {why}"),
-        }
-    }
-}
-
-impl core::error::Error for ArmError {}
 
 impl ArmSwitch {
     /// A switch in state [`ArmState::Disarmed`].

@@ -1,5 +1,3 @@
-use core::fmt;
-
 use embedded_can::{Id, StandardId};
 use heapless::Vec;
 use rc10_can::CanFrame;
@@ -18,16 +16,9 @@ pub struct TxBatch {
 
 /// A tick has more frames than a [`TxBatch`] holds, or a lane does not fit its frame.
 /// [`TxBatch::refused`] says which frame it was.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no room in the tick's batch for a frame")]
 pub struct TxFull;
-
-impl fmt::Display for TxFull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("no room in the tick's batch for a frame")
-    }
-}
-
-impl core::error::Error for TxFull {}
 
 impl TxBatch {
     /// Frames a batch holds.

@@ -1,5 +1,3 @@
-use core::fmt;
-
 use rc10_app::{Cascade, PidConfig, Seconds};
 use rc10_can::{CanFrame, Micros};
 
@@ -66,36 +64,27 @@ pub enum FrameKind {
 }
 
 /// Why a frame is no feedback. It changes nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum FrameError {
     /// Another identifier, or a remote request.
+    #[error("not a frame of this motor")]
     NotMine,
     /// Not the length that this frame always has.
+    #[error("not the length that this frame always has")]
     Length,
     /// An encoder value that the device cannot have.
+    #[error("an encoder value that the device cannot have")]
     Encoder,
     /// Content that the device cannot send.
+    #[error("content that the device cannot send")]
     Unexpected,
     /// An answer to a request that this motor has not made: another program's, or one that came
     /// late. Not a bad frame, but not feedback either.
+    #[error("an answer to a request that was not made here")]
     Unasked,
 }
-
-impl fmt::Display for FrameError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotMine => f.write_str("not a frame of this motor"),
-            Self::Length => f.write_str("not the length that this frame always has"),
-            Self::Encoder => f.write_str("an encoder value that the device cannot have"),
-            Self::Unexpected => f.write_str("content that the device cannot send"),
-            Self::Unasked => f.write_str("an answer to a request that was not made here"),
-        }
-    }
-}
-
-impl core::error::Error for FrameError {}
 
 /// The control loops that follow speeds and angles, where they run here and not in the device.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,5 @@
 //! The motors of a CAN or RS-485 bus, and what keeps them safe.
 
-use core::fmt;
-
 use heapless::Vec;
 use rc10_app::{Seconds, Text};
 use rc10_can::Micros;
@@ -37,8 +35,9 @@ impl MotorId {
 }
 
 /// Why a motor was not attached.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
+#[error("{}", self.add_to(Text::new(), None))]
 pub enum AttachError {
     /// It clashes with one that is attached already.
     Clash {
@@ -110,34 +109,17 @@ impl AttachError {
     }
 }
 
-impl fmt::Display for AttachError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.add_to(Text::new(), None).fmt(f)
-    }
-}
-
-impl core::error::Error for AttachError {}
-
 /// Why a command was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CommandError {
     /// The motor does not take it.
+    #[error(transparent)]
     Target(TargetError),
     /// The bus has no such motor.
+    #[error("the bus has no such motor")]
     NoSuchMotor,
 }
-
-impl fmt::Display for CommandError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Target(error) => error.fmt(f),
-            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
-        }
-    }
-}
-
-impl core::error::Error for CommandError {}
 
 /// The motors of a bus: what a [`MotorBus`](crate::MotorBus) and an
 /// [`Rs485Bus`](crate::unitree::Rs485Bus) have in common.

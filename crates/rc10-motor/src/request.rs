@@ -1,5 +1,3 @@
-use core::fmt;
-
 pub use rc10_app::Gains;
 use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 
@@ -59,53 +57,38 @@ pub enum Response {
 }
 
 /// Why a request was refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum RequestError {
     /// This motor cannot do that.
+    #[error("this motor cannot do that")]
     Unsupported,
     /// A number in it cannot be used.
-    Config(ConfigError),
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// It needs feedback, and none came yet.
+    #[error("the motor has not been heard of yet")]
     NoFeedback,
     /// The one before has not been carried out yet.
+    #[error("the request before has not been carried out yet")]
     Busy,
     /// The bus has no such motor.
+    #[error("the bus has no such motor")]
     NoSuchMotor,
     /// Only while the robot is disarmed.
+    #[error("only while the robot is disarmed")]
     NotWhileArmed,
     /// Only while the motor is not driven.
+    #[error("only while the motor is not driven")]
     WhileDriven,
     /// It turned twice as fast as a jog asked for.
+    #[error("it turned twice as fast as asked for")]
     TooFast,
     /// The device did not answer in time: whether it did what was asked is not known.
+    #[error("the device did not answer in time")]
     Timeout,
     /// The device refused, with this code of its own.
+    #[error("the device refused, code {0}")]
     Refused(u32),
-}
-
-impl fmt::Display for RequestError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unsupported => f.write_str("this motor cannot do that"),
-            Self::Config(error) => error.fmt(f),
-            Self::NoFeedback => f.write_str("the motor has not been heard of yet"),
-            Self::Busy => f.write_str("the request before has not been carried out yet"),
-            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
-            Self::NotWhileArmed => f.write_str("only while the robot is disarmed"),
-            Self::WhileDriven => f.write_str("only while the motor is not driven"),
-            Self::TooFast => f.write_str("it turned twice as fast as asked for"),
-            Self::Timeout => f.write_str("the device did not answer in time"),
-            Self::Refused(code) => write!(f, "the device refused, code {code}"),
-        }
-    }
-}
-
-impl core::error::Error for RequestError {}
-
-impl From<ConfigError> for RequestError {
-    fn from(error: ConfigError) -> Self {
-        Self::Config(error)
-    }
 }

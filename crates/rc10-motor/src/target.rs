@@ -1,5 +1,3 @@
-use core::fmt;
-
 use rc10_app::mechanism::Command;
 use rc10_app::{Amps, AngleSetpoint, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 
@@ -290,28 +288,17 @@ impl TargetSet {
 }
 
 /// Why a target was refused. The motor keeps the one it had.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum TargetError {
     /// This motor cannot do that.
+    #[error("this motor takes no {0:?} target")]
     Unsupported(TargetKind),
     /// A number in it is infinite or NaN.
+    #[error("the {0:?} target is infinite or NaN")]
     NotFinite(TargetKind),
     /// A number in it lies where the motor cannot go.
+    #[error("the {0:?} target lies where the motor cannot go")]
     OutOfRange(TargetKind),
 }
-
-impl fmt::Display for TargetError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unsupported(kind) => write!(f, "this motor takes no {kind:?} target"),
-            Self::NotFinite(kind) => write!(f, "the {kind:?} target is infinite or NaN"),
-            Self::OutOfRange(kind) => {
-                write!(f, "the {kind:?} target lies where the motor cannot go")
-            }
-        }
-    }
-}
-
-impl core::error::Error for TargetError {}

@@ -1,37 +1,20 @@
-use core::fmt;
-
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
 use rc10_can::BitTimingError;
 
 /// Why a bus was not started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StartError {
     /// The controller's clock cannot make the bit rate.
-    BitTiming(BitTimingError),
+    #[error(transparent)]
+    BitTiming(#[from] BitTimingError),
     /// The controller did not go into its configuration mode within 1000 reads of its register;
     /// most likely it has no clock.
+    #[error("the CAN controller does not answer")]
     NoAnswer,
     /// bxCAN: the controller whose filters it shares was not started before.
+    #[error("the controller that has the filters starts first")]
     NoFilters,
 }
-
-impl From<BitTimingError> for StartError {
-    fn from(error: BitTimingError) -> Self {
-        Self::BitTiming(error)
-    }
-}
-
-impl fmt::Display for StartError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BitTiming(error) => error.fmt(f),
-            Self::NoAnswer => f.write_str("the CAN controller does not answer"),
-            Self::NoFilters => f.write_str("the controller that has the filters starts first"),
-        }
-    }
-}
-
-impl core::error::Error for StartError {}
 
 /// Reads of a register until the controller must have answered: tens of microseconds.
 const PATIENCE: u32 = 1000;

@@ -1,11 +1,10 @@
-use core::fmt;
-
 use crate::config::ConfigError;
 use crate::text::Text;
 use crate::transform::{Point, Robot};
 
 /// Why a list of wheels is no base. Wheels are counted from 0, as in the list.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{}", self.text())]
 pub enum BaseError {
     /// A number of a wheel that cannot be used.
     Wheel {
@@ -74,12 +73,3 @@ impl BaseError {
 const fn point(text: Text, x: f32, y: f32) -> Text {
     text.push("(").push_float(x).push(", ").push_float(y).push(")")
 }
-
-/// `wheels 0 and 1 have no rollers and do not roll in parallel: they drag each other sideways`
-impl fmt::Display for BaseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text().fmt(f)
-    }
-}
-
-impl core::error::Error for BaseError {}

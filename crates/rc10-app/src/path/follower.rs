@@ -1,8 +1,5 @@
 //! Follows a plan by the measured pose.
 
-use core::f32::consts::TAU;
-use core::fmt;
-
 use super::plan::{Cursor, Plan, Track};
 use crate::angle::shortest_way_f32;
 use crate::config::{ConfigError, not_negative, positive};
@@ -11,6 +8,7 @@ use crate::ok;
 use crate::transform::{Field, Pose};
 use crate::twist::{Twist, TwistLimits};
 use crate::units::{Radians, Seconds};
+use core::f32::consts::TAU;
 
 /// Gains and bounds of a [`Follower`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,17 +107,9 @@ pub struct FollowerOutput {
 }
 
 /// A measured pose with a component that is infinite or NaN, as it was given.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("not a usable pose: x {} m, y {} m, heading {}", .0.x, .0.y, .0.heading)]
 pub struct PoseNotFinite(pub Pose);
-
-impl fmt::Display for PoseNotFinite {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Pose { x, y, heading, .. } = self.0;
-        write!(f, "not a usable pose: x {x} m, y {y} m, heading {heading}")
-    }
-}
-
-impl core::error::Error for PoseNotFinite {}
 
 /// State of a base that follows a [`Plan`]. [The module](super) has an example.
 ///

@@ -12,8 +12,6 @@
 //!
 //! Bytes to send and received bytes go through SRAM1: the DMA reaches no stack.
 
-use core::fmt;
-
 use embassy_stm32::dma::InterruptHandler as DmaInterruptHandler;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Speed};
 use embassy_stm32::i2c::mode::Master;
@@ -62,34 +60,25 @@ impl I2cPeripheral for I2C5 {
 }
 
 /// Why a transaction failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum I2cError {
     /// Not acknowledged: no such device, or it is busy. (Of a read that shows after 30 ms only.)
+    #[error("nobody acknowledged")]
     NoAcknowledge,
     /// It took longer than 30 ms.
+    #[error("the transaction took longer than 30 ms")]
     Timeout,
     /// A line is held low, and recovery did not help: a short circuit, or no pull-ups.
+    #[error("a line is held low")]
     Held,
     /// More than eight operations, or more bytes than the buffer holds; nothing was sent.
+    #[error("the transaction does not fit the buffer, or has too many operations")]
     TooLong,
     /// Another error of the bus: arbitration, a START or STOP at a wrong place.
+    #[error("an error on the bus")]
     Bus,
 }
-
-impl fmt::Display for I2cError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::NoAcknowledge => "nobody acknowledged",
-            Self::Timeout => "the transaction took longer than 30 ms",
-            Self::Held => "a line is held low",
-            Self::TooLong => "the transaction does not fit the buffer, or has too many operations",
-            Self::Bus => "an error on the bus",
-        })
-    }
-}
-
-impl core::error::Error for I2cError {}
 
 impl embedded_hal_async::i2c::Error for I2cError {
     fn kind(&self) -> ErrorKind {

@@ -8,7 +8,6 @@
 //! The values are words, for a timer may be one of 32 bits: the bus doubles a half word that is
 //! written to a whole register (RM0468, AHB-to-APB bridges), and the pulse would last for minutes.
 
-use core::fmt;
 use core::marker::PhantomData;
 
 use embassy_stm32::Peri;
@@ -45,10 +44,11 @@ impl<D: DmaStream> Handler<D::Interrupt> for Interrupt<D> {
 }
 
 /// Why pulses were not sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PulseError {
     /// There were more than the buffer holds; none was sent.
+    #[error("the buffer holds {room} pulses, not {pulses}")]
     TooMany {
         /// Number of pulses that were to be sent.
         pulses: usize,
@@ -56,21 +56,9 @@ pub enum PulseError {
         room: usize,
     },
     /// The DMA could not transfer; some were sent.
+    #[error("a DMA transfer failed")]
     Dma,
 }
-
-impl fmt::Display for PulseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooMany { pulses, room } => {
-                write!(f, "the buffer holds {room} pulses, not {pulses}")
-            }
-            Self::Dma => f.write_str("a DMA transfer failed"),
-        }
-    }
-}
-
-impl core::error::Error for PulseError {}
 
 /// The output of a timer's channel.
 pub struct Ordinary;

@@ -26,8 +26,6 @@
 //! is the hundred lines below. It is the witness in the tests: on the same data this must not be
 //! worse.
 
-use core::fmt;
-
 use rc10_app::maths::{hypot, within};
 use rc10_app::{Radians, Seconds};
 
@@ -68,25 +66,16 @@ const REST: f32 = 1.0;
 const BIAS_MEMORY: f32 = 20.0;
 
 /// A sample was not used: nothing has changed, but a rotation was missed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refused {
     /// Not a step above zero, and up to [`LONGEST_STEP`].
+    #[error("a step of {0}: must be above 0 and up to 0.02 s")]
     Step(Seconds),
     /// The rotation about x, y, z, rad/s: not finite, or faster than any sensor.
+    #[error("rotation of {0:?} rad/s: no sensor says that")]
     Rotation([f32; 3]),
 }
-
-impl fmt::Display for Refused {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Step(step) => write!(f, "a step of {step}: must be above 0 and up to 0.02 s"),
-            Self::Rotation(rates) => write!(f, "rotation of {rates:?} rad/s: no sensor says that"),
-        }
-    }
-}
-
-impl core::error::Error for Refused {}
 
 /// Attitude of a robot: see the [module](self).
 ///

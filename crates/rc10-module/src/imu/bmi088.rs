@@ -66,12 +66,14 @@ impl fmt::Display for Part {
 }
 
 /// There is no sample, and why.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<E> {
     /// The SPI bus failed.
+    #[error("SPI to the {0} failed: {1:?}")]
     Spi(Part, E),
     /// Something else answers, or nothing.
+    #[error("the {part} says it is {read:#04x}, not {:#04x}: {}", .part.chip_id(), cause(*.read))]
     WrongChip {
         /// The chip that was asked.
         part: Part,
@@ -79,6 +81,10 @@ pub enum Error<E> {
         read: u8,
     },
     /// A setting is not what was written: not taken, or lost since.
+    #[error(
+        "the {part} has {read:#04x} in register {register:#04x}, not {wrote:#04x}: did it lose its \
+         supply?"
+    )]
     NotKept {
         /// The chip with the setting.
         part: Part,
@@ -90,11 +96,13 @@ pub enum Error<E> {
         read: u8,
     },
     /// The accelerometer says that it does not work: its `ACC_ERR_REG` (5.3.2).
+    #[error("the BMI088 accelerometer reports an error of its own: {errors:#04x}")]
     Broken {
         /// The value of `ACC_ERR_REG`.
         errors: u8,
     },
     /// The chip stands still: each reading is the same as the one before.
+    #[error("the {0} measures nothing new")]
     Stuck(Part),
 }
 
@@ -113,32 +121,13 @@ impl<E> Error<E> {
     }
 }
 
-impl<E: fmt::Debug> fmt::Display for Error<E> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Spi(part, error) => write!(f, "SPI to the {part} failed: {error:?}"),
-            Self::WrongChip { part, read } => {
-                let wanted = part.chip_id();
-                write!(f, "the {part} says it is {read:#04x}, not {wanted:#04x}")?;
-                match read {
-                    0x00 | 0xFF => f.write_str(": nothing answers; power, MISO, chip select?"),
-                    _ => f.write_str(": chip selects swapped, or the clock too fast?"),
-                }
-            }
-            Self::NotKept { part, register, wrote, read } => write!(
-                f,
-                "the {part} has {read:#04x} in register {register:#04x}, not {wrote:#04x}: \
-                 did it lose its supply?"
-            ),
-            Self::Broken { errors } => {
-                write!(f, "the BMI088 accelerometer reports an error of its own: {errors:#04x}")
-            }
-            Self::Stuck(part) => write!(f, "the {part} measures nothing new"),
-        }
+/// The likely cause of a wrong identity.
+const fn cause(read: u8) -> &'static str {
+    match read {
+        0x00 | 0xFF => "nothing answers; power, MISO, chip select?",
+        _ => "chip selects swapped, or the clock too fast?",
     }
 }
-
-impl<E: fmt::Debug> core::error::Error for Error<E> {}
 
 /// Counters of the readings, by outcome. Each starts over after 2³².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -15,7 +15,6 @@
 //! The crate `ws2812-async` was weighed: four bits of SPI per bit, which is half the memory. It
 //! knows no timer, and leaves out without a word the LEDs that its buffer has no room for.
 
-use core::fmt;
 use core::ops::RangeInclusive;
 
 use embassy_time::{Duration, Timer};
@@ -74,20 +73,13 @@ pub struct PulseTiming {
 }
 
 /// No whole number of a timer's clocks makes a width that LEDs understand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("a timer of {clock} Hz hits no pulse width of a WS2812: it needs some MHz")]
 pub struct TooCoarse {
     /// The timer's clock, Hz.
     pub clock: u32,
 }
-
-impl fmt::Display for TooCoarse {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a timer of {} Hz hits no pulse width of a WS2812: it needs some MHz", self.clock)
-    }
-}
-
-impl core::error::Error for TooCoarse {}
 
 impl PulseTiming {
     /// The pulses of a timer that counts at `clock` Hz: 312 ns, 750 ns and 1.25 µs, as near as it
@@ -223,30 +215,19 @@ pub struct Strip<O: Output, const LEDS: usize> {
 }
 
 /// A picture did not get onto the strip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<E> {
     /// It has more LEDs than the strip's buffer has room for; nothing was sent.
+    #[error("more colours than the strip's buffer has room for: {room} LEDs")]
     TooManyLeds {
         /// The room.
         room: usize,
     },
     /// The output to the strip failed; LEDs may show a part of the picture.
+    #[error("the strip's output failed: {0}")]
     Output(E),
 }
-
-impl<E: fmt::Display> fmt::Display for Error<E> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooManyLeds { room } => {
-                write!(f, "more colours than the strip's buffer has room for: {room} LEDs")
-            }
-            Self::Output(error) => write!(f, "the strip's output failed: {error}"),
-        }
-    }
-}
-
-impl<E: fmt::Debug + fmt::Display> core::error::Error for Error<E> {}
 
 impl<O: Output, const LEDS: usize> Strip<O, LEDS> {
     /// A strip at full brightness.

@@ -13,8 +13,6 @@
 //!
 //! Source: seven public parsers of Robocon teams, which agree; commands from two of them.
 
-use core::fmt;
-
 use rc10_app::Degrees;
 
 use crate::{Found, Protocol};
@@ -90,23 +88,15 @@ pub enum Coordinate {
 }
 
 /// A coordinate cannot be set to this.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("{coordinate:?} cannot be {value}: it must be finite, and within ±{PLAUSIBLE}")]
 pub struct Implausible {
     /// The coordinate.
     pub coordinate: Coordinate,
     /// The value that it was to have.
     pub value: f32,
 }
-
-impl fmt::Display for Implausible {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { coordinate, value } = self;
-        write!(f, "{coordinate:?} cannot be {value}: it must be finite, and within ±{PLAUSIBLE}")
-    }
-}
-
-impl core::error::Error for Implausible {}
 
 /// The command that sets a coordinate: from now on it is this. Public drivers wait 10 ms between
 /// two of them.

@@ -12,8 +12,6 @@
 //!
 //! Source: RC9's implementations for STM32 and ESP32, which agree.
 
-use core::fmt;
-
 use crate::{Found, Protocol};
 
 const HEAD: [u8; 2] = [0xFC, 0xFB];
@@ -45,29 +43,16 @@ pub struct Frame {
 }
 
 /// Why something is no frame's data.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
     /// The frame claims this number of bytes: too many.
+    #[error("{0} bytes of data: an RC9 frame has at most {MOST}")]
     TooLong(usize),
     /// This number, counted from 0, is infinite or none at all.
+    #[error("number {0} of an RC9 frame's data is not finite: it must be")]
     NotFinite(usize),
 }
-
-impl fmt::Display for FrameError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooLong(bytes) => {
-                write!(f, "{bytes} bytes of data: an RC9 frame has at most {MOST}")
-            }
-            Self::NotFinite(index) => {
-                write!(f, "number {index} of an RC9 frame's data is not finite: it must be")
-            }
-        }
-    }
-}
-
-impl core::error::Error for FrameError {}
 
 impl Frame {
     /// A frame of bytes.

@@ -1,5 +1,3 @@
-use core::fmt;
-
 use super::{Remote, Stick, Switch, Travel};
 
 /// A channel of a transmitter.
@@ -209,10 +207,11 @@ pub(super) const fn fitting<const CHANNELS: usize>(
 }
 
 /// Why there is no such [`ChannelMap`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ChannelMapError {
     /// The receiver has no such channel.
+    #[error("{role} is channel {number}: must be 1 to {channels}")]
     NoSuchChannel {
         /// Field of [`ChannelOrder`].
         role: &'static str,
@@ -222,6 +221,7 @@ pub enum ChannelMapError {
         channels: usize,
     },
     /// One channel cannot be two things.
+    #[error("{first} and {second} are both channel {number}: must be two")]
     Twice {
         /// Field of [`ChannelOrder`].
         first: &'static str,
@@ -231,26 +231,9 @@ pub enum ChannelMapError {
         number: u8,
     },
     /// The middle is not between the ends.
+    #[error("travel {}, {}, {}: must grow from one to the next", .0.low, .0.middle, .0.high)]
     Travel(Travel),
 }
-
-impl fmt::Display for ChannelMapError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::NoSuchChannel { role, number, channels } => {
-                write!(f, "{role} is channel {number}: must be 1 to {channels}")
-            }
-            Self::Twice { first, second, number } => {
-                write!(f, "{first} and {second} are both channel {number}: must be two")
-            }
-            Self::Travel(Travel { low, middle, high }) => {
-                write!(f, "travel {low}, {middle}, {high}: must grow from one to the next")
-            }
-        }
-    }
-}
-
-impl core::error::Error for ChannelMapError {}
 
 #[cfg(test)]
 mod tests {

@@ -1,5 +1,4 @@
 use core::convert::Infallible;
-use core::fmt;
 
 use embedded_io_async::Read;
 use rc10_can::Micros;
@@ -52,17 +51,10 @@ pub async fn listen(
 }
 
 /// The receiver sends pulses, no characters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("the receiver is Ppm, which no UART can hear: must be one of the serial ones")]
 pub struct NotSerial;
-
-impl fmt::Display for NotSerial {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the receiver is Ppm, which no UART can hear: must be one of the serial ones")
-    }
-}
-
-impl core::error::Error for NotSerial {}
 
 /// Listens to a receiver that sends pulses, for ever: `edges` waits for the next rising edge and
 /// gives its time. Channels are what [`ChannelMap::AIR_JOY`] says.

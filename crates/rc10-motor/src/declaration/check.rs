@@ -1,7 +1,5 @@
 //! Whether a declaration can be: the same function when it is compiled and when it runs.
 
-use core::fmt;
-
 use rc10_app::{ConfigError, Text, ok};
 use rc10_can::{EXTENDED_FILTERS, STANDARD_FILTERS};
 
@@ -17,7 +15,8 @@ use crate::unitree::Rs485Bus;
 const BITS_PER_SECOND: u32 = 1_000_000;
 
 /// Why a robot cannot be as it is declared.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{}", self.text())]
 pub struct SetupError {
     /// Label of the motor.
     pub label: &'static str,
@@ -120,15 +119,6 @@ const fn sort_and_number(on: Place) -> (&'static str, u8) {
         Place::Line(number) => ("line", number),
     }
 }
-
-/// ``​`wheel left` on bus 1: M3508 id 9: `id` is 9, but must be 1 to 8``
-impl fmt::Display for SetupError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text().fmt(f)
-    }
-}
-
-impl core::error::Error for SetupError {}
 
 impl From<AttachError> for Unsound {
     fn from(error: AttachError) -> Self {

@@ -1,5 +1,4 @@
 use core::cell::RefCell;
-use core::fmt;
 use core::ops::Deref;
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -67,26 +66,15 @@ pub struct BusStatus {
 }
 
 /// Why a frame was not put into the outbox.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OutboxError {
     /// As many frames wait as there is room for.
+    #[error("{OUTBOX} frames wait in the outbox already")]
     Full,
     /// A motor of this bus is commanded with this identifier, and only its bus may do that.
+    #[error("{} commands a motor of this bus", IdPattern::exact(*.0))]
     BelongsToMotor(Id),
 }
-
-impl fmt::Display for OutboxError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Full => write!(f, "{OUTBOX} frames wait in the outbox already"),
-            Self::BelongsToMotor(id) => {
-                write!(f, "{} commands a motor of this bus", IdPattern::exact(*id))
-            }
-        }
-    }
-}
-
-impl core::error::Error for OutboxError {}
 
 impl BusPort {
     /// The port of a bus that does not run yet: it refuses all targets until it does.

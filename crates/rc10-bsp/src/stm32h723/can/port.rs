@@ -253,16 +253,9 @@ impl fmt::Debug for FdcanPort {
 }
 
 /// A coast image of more frames than fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a bus keeps at most {COAST_FRAMES} coast frames, not {frames}")]
 pub struct CoastImageFull {
     /// Number of frames in the image.
     pub frames: usize,
 }
-
-impl fmt::Display for CoastImageFull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a bus keeps at most {COAST_FRAMES} coast frames, not {}", self.frames)
-    }
-}
-
-impl core::error::Error for CoastImageFull {}

@@ -1,8 +1,6 @@
 //! Settings of a serial port: how bytes look on the wire. Knows no register, so that it can be
 //! tested on a PC.
 
-use core::fmt;
-
 /// Parity of a byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Parity {
@@ -77,23 +75,12 @@ impl SerialConfig {
 }
 
 /// A baud rate that the UART cannot make.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("baud: {baud} is not within 1 % of {clock} Hz divided by a whole number, 16 ..= 65535")]
 pub struct BaudError {
     /// The baud rate that was asked for.
     pub baud: u32,
     /// The UART's kernel clock, Hz.
     pub clock: u32,
 }
-
-impl fmt::Display for BaudError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { baud, clock } = self;
-        write!(
-            f,
-            "baud: {baud} is not within 1 % of {clock} Hz divided by a whole number, 16 ..= 65535"
-        )
-    }
-}
-
-impl core::error::Error for BaudError {}

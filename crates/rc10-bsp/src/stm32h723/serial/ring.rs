@@ -1,44 +1,33 @@
 //! Accounts of a ring buffer that a circular DMA fills: the bytes received, and those of them that
 //! were read. Knows no register, so that it can be tested on a PC.
 
-use core::fmt;
-
 /// Something was wrong with what came in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SerialError {
     /// The UART had no place for a byte: the DMA was too slow, or had stopped.
+    #[error("the UART received a byte before the last one was fetched")]
     Overrun,
     /// No stop bit where one belongs: another baud rate, or a disturbance.
+    #[error("a byte without stop bit")]
     Framing,
     /// A byte's parity was wrong.
+    #[error("a byte of wrong parity")]
     Parity,
     /// The samples of a bit did not agree.
+    #[error("a noisy bit")]
     Noise,
     /// The line was held at the level of a start bit for longer than a byte.
+    #[error("the line was held in break")]
     Break,
     /// The reader was too slow, or interrupts were masked for too long: unread bytes were
     /// overwritten, and what was left of them is dropped.
+    #[error("bytes were overwritten before they were read")]
     TooSlow,
     /// The DMA could not transfer. It is restarted.
+    #[error("a DMA transfer failed")]
     Dma,
 }
-
-impl fmt::Display for SerialError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Overrun => "the UART received a byte before the last one was fetched",
-            Self::Framing => "a byte without stop bit",
-            Self::Parity => "a byte of wrong parity",
-            Self::Noise => "a noisy bit",
-            Self::Break => "the line was held in break",
-            Self::TooSlow => "bytes were overwritten before they were read",
-            Self::Dma => "a DMA transfer failed",
-        })
-    }
-}
-
-impl core::error::Error for SerialError {}
 
 /// Counters of the errors of a serial port, by kind. Each starts over after 2³².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -12,8 +12,6 @@
 //! | 13 ..= 14 | `k_spd` u16 | 12 ..= 13 | error in bits 2 to 0, foot force in 14 to 3 |
 //! | 15 ..= 16 | CRC | 14 ..= 15 | CRC |
 
-use core::fmt;
-
 use rc10_app::Celsius;
 
 use super::{Address, RawImpedance, RawMotion, Status, fault, mode, split_mode};
@@ -145,15 +143,18 @@ impl Reply {
 }
 
 /// Why bytes are no reply of a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ReplyError {
     /// Not sixteen bytes.
+    #[error("a reply has sixteen bytes")]
     Length,
     /// Another head than `FD EE`.
+    #[error("a reply begins with FD EE")]
     Head,
     /// The CRC does not match.
+    #[error("CRC {received:04X} received, {computed:04X} computed")]
     Crc {
         /// The one that was received.
         received: u16,
@@ -161,20 +162,6 @@ pub enum ReplyError {
         computed: u16,
     },
 }
-
-impl fmt::Display for ReplyError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Length => f.write_str("a reply has sixteen bytes"),
-            Self::Head => f.write_str("a reply begins with FD EE"),
-            Self::Crc { received, computed } => {
-                write!(f, "CRC {received:04X} received, {computed:04X} computed")
-            }
-        }
-    }
-}
-
-impl core::error::Error for ReplyError {}
 
 /// Finds replies in a stream of bytes: garbage is skipped, a reply whose CRC is wrong never
 /// comes out, and one that begins within what looked like another is not lost.
