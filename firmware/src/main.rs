@@ -48,7 +48,7 @@ bind_interrupts!(struct Irqs {
     TIM8_UP_TIM13 => pulse_input::Interrupt;
 });
 
-/// Of all that is no motor: UARTs, timers, their DMA.
+/// Interrupt priority of all that is no motor: UARTs, timers, their DMA.
 const PERIPHERALS: Priority = Priority::P7;
 /// The HWT101.
 const IMU: SerialConfig = SerialConfig::new(115_200);
@@ -57,7 +57,7 @@ const IMU: SerialConfig = SerialConfig::new(115_200);
 /// way between two of their ticks.
 const BETWEEN: Duration = Duration::from_micros(2_166);
 
-/// Of all LEDs, and two without a pulse.
+/// Pulses of all LEDs, and two without a pulse.
 const PULSES: usize = LEDS * BITS + 2;
 
 // Large values are made where they stay: moved, they would go over the stack.

@@ -30,7 +30,7 @@ impl CountsPerTurn {
         self.counts
     }
 
-    /// See [`counts`](Self::counts).
+    /// The turns of these [`counts`](Self::counts).
     #[must_use]
     pub const fn turns(self) -> u32 {
         self.turns
@@ -204,8 +204,8 @@ pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
     }
 }
 
-/// Of all movements that end where `step` ends on a circle of `turn` counts, the one nearest to
-/// `expected`: bridges a gap in which an unknown number of turns was made. Saturating.
+/// The nearest of all movements that end where `step` ends on a circle of `turn` counts: the one
+/// nearest to `expected`: bridges a gap in which an unknown number of turns was made. Saturating.
 pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
     let turn = turn.max(1);
     let excess = expected.saturating_sub(step);
@@ -220,7 +220,7 @@ pub fn shortest_way_degrees(from: Degrees, to: Degrees) -> Degrees {
     Degrees::new(shortest_way_f32(from.get(), to.get(), 360.0))
 }
 
-/// As [`shortest_way`], for f32 on a circle of any size.
+/// Like [`shortest_way`], for f32 on a circle of any size.
 pub(crate) fn shortest_way_f32(from: f32, to: f32, turn: f32) -> f32 {
     let way = to - from;
     if way.abs() <= turn * 0.5 { way } else { way - turn * crate::maths::round(way / turn) }

@@ -116,7 +116,7 @@ impl Base<4> {
     /// distance between the left and the right wheels' centres: metres.
     ///
     /// # Panics
-    /// As [`sound`](Base::sound).
+    /// Like [`sound`](Base::sound).
     #[must_use]
     pub const fn mecanum(
         radius: f32,
@@ -132,7 +132,7 @@ impl Base<4> {
     /// and distance in metres.
     ///
     /// # Panics
-    /// As [`sound`](Base::sound).
+    /// Like [`sound`](Base::sound).
     #[must_use]
     pub const fn omni_4(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(45.0)), max_wheel_speed)
@@ -144,7 +144,7 @@ impl Base<3> {
     /// second is at the rear. Arguments as those of [`omni_4`](Base::omni_4).
     ///
     /// # Panics
-    /// As [`sound`](Base::sound).
+    /// Like [`sound`](Base::sound).
     #[must_use]
     pub const fn omni_3(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(60.0)), max_wheel_speed)
@@ -156,7 +156,7 @@ impl Base<2> {
     /// and half the distance between the wheels in metres.
     ///
     /// # Panics
-    /// As [`sound`](Base::sound).
+    /// Like [`sound`](Base::sound).
     #[must_use]
     pub const fn differential(radius: f32, half_track: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::pair(radius, half_track), max_wheel_speed)
@@ -195,7 +195,7 @@ impl<const N: usize> Base<N> {
         Ok(base)
     }
 
-    /// As [`new`](Self::new), for a constant, where an unsound base is a compile error with the
+    /// Like [`new`](Self::new), for a constant, where an unsound base is a compile error with the
     /// reason.
     ///
     /// # Panics

@@ -84,9 +84,9 @@ const SOFT_TIME: f32 = 0.0205;
 const LEAST_LOAD: f32 = 0.01;
 /// Share of full scale from which on it tells all of it.
 const TELLING_LOAD: f32 = 0.05;
-/// What a load may be learned to be, as a share above what the feed-forward says.
+/// The least that a load may be learned to be, as a share above what the feed-forward says.
 const LIGHTEST: f32 = -0.8;
-/// See [`LIGHTEST`].
+/// The other end, like [`LIGHTEST`].
 const HEAVIEST: f32 = 2.0;
 
 /// The state of a cascade between two steps.
@@ -123,20 +123,20 @@ enum Active {
     Motion,
 }
 
-/// What a step of a cascade seeks.
+/// The goal of a step of a cascade.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Seek {
     /// A speed, rpm, at the cascade's own acceleration.
     Speed(f32),
-    /// An angle that is so many degrees away, by the angle loop.
+    /// An angle this far away, by the angle loop.
     Angle(f32),
     /// A motion that is known. It should not accelerate by more than the cascade does.
     Motion {
         /// Degrees to where it is now; `None`: its speed is all that counts.
         way: Option<f32>,
-        /// Its speed, rpm.
+        /// The speed, rpm.
         speed: f32,
-        /// Its acceleration, rpm/s.
+        /// The acceleration, rpm/s.
         acceleration: f32,
         /// Effort that this acceleration takes beside what the feed-forward says of it.
         inertia: f32,
@@ -490,7 +490,8 @@ mod tests {
         assert!(with < 0.5 && without > 3.0 * with, "{with} with, {without} without");
     }
 
-    /// What is learned while it accelerates at 500 rpm/s for 0.3 s, `inertia` times as heavy as known.
+    /// The load learned while it accelerates at 500 rpm/s for 0.3 s, `inertia` times as heavy as
+    /// known.
     fn learned(inertia: f32) -> CascadeState {
         let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
         let config = Cascade { feed_forward: known, ..CONFIG };

@@ -11,7 +11,7 @@ pub struct ConfigError {
     pub part: &'static str,
     /// The field, as it is written in the source.
     pub field: &'static str,
-    /// Its value.
+    /// The value.
     pub value: f32,
     /// The values allowed.
     pub must_be: &'static str,
@@ -48,7 +48,7 @@ impl ConfigError {
         Self { device: Some((model, id)), ..self }
     }
 
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     #[must_use]
     pub const fn text(&self) -> Text {
         self.add_to(Text::new())

@@ -23,7 +23,7 @@ use crate::maths;
 use crate::ok;
 use crate::units::{Degrees, Rpm, RpmPerSecond};
 
-/// What a motion takes, in the unit of the actuator's effort: amperes, newton metres or a share of the
+/// The effort that a motion takes, in the actuator's unit: amperes, newton metres or a share of the
 /// full voltage.
 ///
 /// Measure it: `friction` and `speed` are the efforts at two slow, steady speeds; `gravity` is the
@@ -89,7 +89,7 @@ impl FeedForward {
     pub const NONE: Self =
         Self { friction: 0.0, speed: 0.0, acceleration: 0.0, gravity: Gravity::None };
 
-    /// Of the speed alone: effort per rpm.
+    /// The effort of the speed alone, per rpm.
     #[must_use]
     pub const fn of_speed(speed: f32) -> Self {
         Self { speed, ..Self::NONE }

@@ -96,13 +96,13 @@ pub struct Covariance {
     pub tt: f32,
 }
 
-/// What is measured in one step.
+/// Measurements of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OdometryInput {
     /// The motion by the wheels.
     pub twist: Twist,
-    /// What the wheels contradict each other, in m/s: [`BaseMotion::slip`](crate::BaseMotion::slip); 0 if
-    /// it is not known.
+    /// The wheels' contradiction in m/s: [`BaseMotion::slip`](crate::BaseMotion::slip); 0 if it is
+    /// not known.
     pub slip: f32,
     /// The heading of a gyro, from any zero; `None` without one, or while it is not heard. Then the
     /// heading goes on by the wheels.
@@ -113,7 +113,7 @@ pub struct OdometryInput {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Sum {
     value: f32,
-    /// What it has too much.
+    /// The part by which the value is too large.
     excess: f32,
 }
 

@@ -193,8 +193,8 @@ impl<const N: usize> Path<N> {
         Ok(Self { waypoints })
     }
 
-    /// As [`new`](Self::new), for a constant, where a path that cannot be driven is a compile error
-    /// with the reason.
+    /// Like [`new`](Self::new), for a constant, where a path that cannot be driven is a compile
+    /// error with the reason.
     ///
     /// # Panics
     /// If it cannot be driven.

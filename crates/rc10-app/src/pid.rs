@@ -101,7 +101,7 @@ fn unusual(config: &PidConfig, error: f32, integrate: bool) -> (f32, bool) {
     (quiet, integrate && error.abs() <= config.integral_separation)
 }
 
-/// What a step has seen of the measurement itself.
+/// The measurement as a step has seen it.
 #[derive(Clone, Copy)]
 enum Seen {
     Nothing,

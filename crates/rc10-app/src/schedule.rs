@@ -35,7 +35,7 @@ pub struct GainSchedule<const N: usize> {
 }
 
 impl<const N: usize> GainSchedule<N> {
-    /// Of at least one point; their values rise.
+    /// One point at least; their values rise.
     ///
     /// # Errors
     /// The first value or gain that cannot be used.

@@ -69,7 +69,7 @@ pub struct Swerve<const N: usize> {
     inertia: f32,
 }
 
-/// What one module shall do.
+/// Speed and angle that one module shall have.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Module {
     /// Speed of its wheel.
@@ -78,7 +78,7 @@ pub struct Module {
     pub angle: TotalAngle,
 }
 
-/// What all modules shall do, from [`SwerveState::update`].
+/// Speeds and angles that all modules shall have, from [`SwerveState::update`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Modules<const N: usize> {
     /// In the order of the places.
@@ -133,7 +133,7 @@ impl<const N: usize> Swerve<N> {
         Ok(Self { places, radius, max_wheel_speed, steering, rpm, rim, middle, inertia })
     }
 
-    /// As [`new`](Self::new), for a constant, where an unsound base is a compile error with the
+    /// Like [`new`](Self::new), for a constant, where an unsound base is a compile error with the
     /// reason.
     ///
     /// # Panics

@@ -19,7 +19,7 @@ pub struct Text {
 const DECIMALS: u32 = 12;
 /// Below this and from [`LARGE`] on numbers are written with an exponent.
 const SMALL: f64 = 1e-3;
-/// See [`SMALL`].
+/// The other bound, like [`SMALL`].
 const LARGE: f64 = 1e9;
 /// Where a number with an exponent is as good as the next power of ten: an `f32` says it no better.
 const ROUNDED: f64 = 1.0 - 3e-8;
@@ -131,7 +131,7 @@ impl Text {
         text
     }
 
-    /// What it says.
+    /// The text.
     #[must_use]
     pub const fn as_str(&self) -> &str {
         match core::str::from_utf8(self.bytes.split_at(self.len).0) {

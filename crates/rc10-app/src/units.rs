@@ -177,7 +177,7 @@ impl Gear {
         self.rotor
     }
 
-    /// See [`rotor_turns`](Self::rotor_turns).
+    /// Turns of the output; [`rotor_turns`](Self::rotor_turns) go with them.
     #[must_use]
     pub const fn output_turns(self) -> u32 {
         self.output
@@ -207,7 +207,7 @@ impl Gear {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Direction {
-    /// As the motor does.
+    /// The motor's own way.
     #[default]
     Forward,
     /// The other way: a motor that is mounted mirrored.

@@ -13,11 +13,11 @@ pub struct BitTiming {
 /// The largest numbers that a controller's bit timing register holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTimingLimits {
-    /// Of [`BitTiming::prescaler`].
+    /// The largest [`BitTiming::prescaler`].
     pub prescaler: u16,
-    /// Of [`BitTiming::before`].
+    /// The largest [`BitTiming::before`].
     pub before: u16,
-    /// Of [`BitTiming::after`].
+    /// The largest [`BitTiming::after`].
     pub after: u16,
 }
 
@@ -62,7 +62,7 @@ impl BitTiming {
     /// 75 ..= 87.5 % in which motors sample.
     ///
     /// # Errors
-    /// [`BitTimingError`] if there is none.
+    /// [`BitTimingError`] for a clock that cannot make it.
     pub const fn find(
         clock: u32,
         bits_per_second: u32,
@@ -95,7 +95,7 @@ impl BitTiming {
     /// The same, for constants.
     ///
     /// # Panics
-    /// If there is none.
+    /// For a clock that cannot make it.
     #[must_use]
     pub const fn exact(clock: u32, bits_per_second: u32, limits: BitTimingLimits) -> Self {
         match Self::find(clock, bits_per_second, limits) {

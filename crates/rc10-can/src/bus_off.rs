@@ -5,13 +5,13 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusOffPolicy {
-    /// It goes back by itself: at once the first time, and with growing pauses (2 ms, 4 ms .. 50 ms)
-    /// while that keeps failing.
+    /// The bus goes back by itself: at once the first time, and with growing pauses (2 ms, 4 ms ..
+    /// 50 ms) while that keeps failing.
     #[default]
     Automatic,
-    /// It stays off until it is asked to come back.
+    /// The bus stays off until it is asked to come back.
     Manual,
-    /// As [`Automatic`](Self::Automatic), but the whole robot is in emergency stop then, until that
-    /// is reset: for a bus whose motors must never go on as if nothing had been.
+    /// Like [`Automatic`](Self::Automatic), but the whole robot is in emergency stop then, until
+    /// that is reset: for a bus whose motors must never go on as if nothing had been.
     Latched,
 }

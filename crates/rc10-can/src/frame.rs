@@ -199,7 +199,7 @@ impl Frame for CanFrame {
     }
 }
 
-/// As candump writes it: `201#0001F4`, `00000301#52`, `201#R8`.
+/// The notation of candump: `201#0001F4`, `00000301#52`, `201#R8`.
 impl fmt::Display for CanFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_extended_id() {

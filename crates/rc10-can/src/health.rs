@@ -87,7 +87,7 @@ impl Health {
     }
 }
 
-/// As CAN people say it.
+/// The words that CAN people use.
 impl fmt::Display for ErrorState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

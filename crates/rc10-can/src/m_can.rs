@@ -149,7 +149,7 @@ const fn place(used: &mut usize, most: usize, mask: u32) -> (usize, u32) {
 mod tests {
     use super::*;
 
-    /// What the hardware does with an identifier (RM0468, as above).
+    /// The hardware's handling of an identifier (RM0468, as above).
     fn is_let_in(id: Id, standard: &[u32], extended: &[u32]) -> bool {
         match id {
             Id::Standard(id) => standard.iter().any(|filter| {

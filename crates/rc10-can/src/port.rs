@@ -73,9 +73,9 @@ impl<P: CanPort + ?Sized> CanPort for &mut P {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "a refused frame is lost unless the caller counts or repeats it"]
 pub enum Submitted {
-    /// It will be sent.
+    /// The frame will be sent.
     Queued,
-    /// It will be sent instead of an older frame of the same stream.
+    /// The frame will be sent instead of an older one of the same stream.
     Replaced,
     /// There is no room, or the bus is off: it will not be sent.
     Refused,
@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_the_driver_refuses_is_counted_and_holds_nobody_up() {
+    fn a_frame_the_driver_refuses_is_counted_and_holds_no_other_up() {
         let mut port = NbPort::<_, 4>::new(Picky(vec![]), || Micros::ZERO);
         let _ = port.submit(&frame(0x100, 1));
         let _ = port.submit(&frame(0x300, 2));

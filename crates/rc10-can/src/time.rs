@@ -79,7 +79,7 @@ impl defmt::Format for Micros {
 }
 
 /// A drift-free plan of periodic work: every start is a whole number of periods after the first.
-/// It knows no clock; the caller says what time it is.
+/// There is no clock in it; the caller says what time it is.
 ///
 /// ```
 /// use rc10_can::{Micros, Schedule};
@@ -137,7 +137,7 @@ impl Schedule {
         Start { late, missed: u32::try_from(missed).unwrap_or(u32::MAX) }
     }
 
-    /// As [`start`](Self::start), but what was missed is made up for: the next start stays one
+    /// Like [`start`](Self::start), but what was missed is made up for: the next start stays one
     /// period after this one's plan, even if that is already past.
     pub fn start_and_catch_up(&mut self, now: Micros) -> Start {
         let late = now.since(self.next);

@@ -10,11 +10,11 @@ pub const GROUPS: usize = 4;
 /// Most changes in one [`Ask::Set`].
 pub const CHANGES: usize = 8;
 
-/// What a PC asks.
+/// A question of a PC.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Ask {
-    /// It is there: at the beginning, and again and again. [`Tell::Welcome`] is the answer.
+    /// A sign of the PC: at the beginning, and again and again. [`Tell::Welcome`] is the answer.
     Hello {
         /// The PC's [`VERSION`](crate::VERSION).
         version: u16,
@@ -40,7 +40,7 @@ pub enum Ask {
     },
     /// Changes parameters, all of them or none. [`Tell::Answer`] is the answer.
     Set {
-        /// Of this request, for its answer.
+        /// The request's number, for its answer.
         id: u16,
         /// Each parameter at most once.
         changes: Vec<Change, CHANGES>,
@@ -50,21 +50,21 @@ pub enum Ask {
     /// Stops or disarms, any robot and at any time; also without a [`Hello`](Self::Hello) before.
     /// [`Tell::Answer`] is the answer.
     Urge {
-        /// Of this request, for its answer.
+        /// The request's number, for its answer.
         id: u16,
-        /// What.
+        /// The order.
         what: Urgent,
     },
     /// Does something to one robot. [`Tell::Answer`] is the answer.
     Act {
-        /// Of this request, for its answer.
+        /// The request's number, for its answer.
         id: u16,
         /// The robot that is meant: another one refuses.
         declaration: Declaration,
         /// The newest time that the robot told, µs since its power-on. A [`Jog`](Action::Jog) is refused
         /// if that is older than [`JOG_AGE`](crate::JOG_AGE), or not newer than that of the one before.
         heard: u64,
-        /// What.
+        /// The action.
         action: Action,
     },
 }
@@ -96,11 +96,11 @@ impl Declaration {
 pub struct Change {
     /// Number of the parameter.
     pub parameter: u16,
-    /// Its value.
+    /// The value.
     pub value: f32,
 }
 
-/// What a PC wants at once, of any robot.
+/// An order of a PC at once, to any robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Urgent {
@@ -110,7 +110,7 @@ pub enum Urgent {
     Disarm,
 }
 
-/// What a PC wants done to a motor. Motors are told by their numbers in the robot's declaration.
+/// An order of a PC to a motor. Motors are told by their numbers in the robot's declaration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Action {
@@ -165,7 +165,7 @@ impl Bits {
         self.0.len() <= usize::from(number) / 32
     }
 
-    /// Whether there is none.
+    /// Whether it is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.iter().all(|word| *word == 0)
@@ -188,7 +188,8 @@ impl FromIterator<u16> for Bits {
     }
 }
 
-/// What a signal or a parameter is about: a folder and a label in it, such as "motors" and "lift left".
+/// The topic of a signal or a parameter: a folder and a label in it, such as "motors" and "lift
+/// left".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Topic<'a> {
     /// "motors", "buses", "lines", "robot", "signals", "parameters".
@@ -197,7 +198,7 @@ pub struct Topic<'a> {
     pub label: &'a str,
 }
 
-/// What a robot tells. A [sample](crate::samples) has number 0 and is not among them.
+/// A message of a robot. A [sample](crate::samples) has number 0 and is not among them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Tell<'a> {
@@ -206,7 +207,7 @@ pub enum Tell<'a> {
     Sample,
     /// The robot is there.
     Welcome {
-        /// Its [`VERSION`](crate::VERSION).
+        /// The robot's [`VERSION`](crate::VERSION).
         version: u16,
         /// Number of its signals.
         signals: u16,
@@ -214,7 +215,7 @@ pub enum Tell<'a> {
         parameters: u16,
         /// Time since power-on, µs.
         at: u64,
-        /// It differs when a parameter has changed, by this PC or another.
+        /// A count that differs when a parameter has changed, by this PC or another.
         changes: u32,
         /// Frames from the PC that were not sound, bytes that were no frame, and times that the port
         /// lost bytes.
@@ -226,52 +227,52 @@ pub enum Tell<'a> {
     },
     /// A signal.
     Signal {
-        /// Its number.
+        /// The signal's number.
         index: u16,
-        /// What it is about.
+        /// The thing that it is about.
         topic: Topic<'a>,
-        /// Its name there: small letters.
+        /// The signal's name there: small letters.
         name: &'a str,
-        /// Its unit; empty if it has none.
+        /// The unit; empty without one.
         unit: &'a str,
         /// If it is a state: the names of its values from 0 on, with commas between.
         states: &'a str,
     },
     /// A parameter.
     Parameter {
-        /// Its number.
+        /// The parameter's number.
         index: u16,
-        /// What it is about.
+        /// The thing that it is about.
         topic: Topic<'a>,
-        /// Its name there.
+        /// The parameter's name there.
         name: &'a str,
-        /// Its unit; empty if it has none.
+        /// The unit; empty without one.
         unit: &'a str,
         /// The lowest and the highest value that it takes.
         range: [f32; 2],
-        /// Its value.
+        /// The value now.
         value: f32,
         /// The value that it had at power-on.
         initial: f32,
     },
     /// Answers a request.
     Answer {
-        /// Of the request.
+        /// The number of the request.
         id: u16,
-        /// What became of it.
+        /// The outcome of the request.
         outcome: Outcome<'a>,
     },
 }
 
-/// What became of a request.
+/// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Outcome<'a> {
-    /// It is done.
+    /// The request is done.
     Done,
     /// The register's value.
     Register(u32),
-    /// It was refused, and nothing changed.
+    /// The request was refused, and nothing changed.
     Refused {
         /// The parameter, if one was the reason.
         parameter: Option<u16>,

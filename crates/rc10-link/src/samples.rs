@@ -7,7 +7,7 @@
 //! | 2, 3 | counts the group's samples: what is missing was lost on the way |
 //! | 4 .. 7 | counts the group's samples that were not taken, because those before were not sent yet |
 //! | 8 .. 15 | time since power-on, µs |
-//! | from 16 | an `f32` for each signal of the group, in the order of their numbers; NaN: there is none |
+//! | from 16 | an `f32` for each signal of the group, in the order of their numbers; NaN: no value |
 //!
 //! All little endian.
 
@@ -33,7 +33,7 @@ pub struct Head {
 }
 
 impl Head {
-    /// Its bytes.
+    /// The bytes of the head.
     #[must_use]
     pub fn bytes(self) -> [u8; HEAD] {
         let mut bytes = [0; HEAD];
@@ -44,7 +44,7 @@ impl Head {
         bytes
     }
 
-    /// A sample of a frame's body, with the bytes of its values; `None` if it is none.
+    /// A sample of a frame's body, with the bytes of its values; `None` for another body.
     #[must_use]
     pub fn of(body: &[u8]) -> Option<(Self, &[[u8; 4]])> {
         let (head, values) = body.split_first_chunk::<HEAD>()?;

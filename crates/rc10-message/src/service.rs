@@ -48,7 +48,7 @@ use rc10_can::Micros;
 ///
 /// A request or response is copied in and out under a critical section: keep them small.
 pub struct Service<Request, Response, const CALLERS: usize = 4> {
-    /// Whether a request may be there to be taken: to look costs one load while there is none.
+    /// Whether a request may be there to be taken: to look costs one load without a request.
     /// Written only where the state is locked; a hint, and what follows from it happens there, too.
     pending: AtomicBool,
     state: Mutex<CriticalSectionRawMutex, RefCell<State<Request, Response, CALLERS>>>,
@@ -62,7 +62,7 @@ struct State<Request, Response, const CALLERS: usize> {
     /// Whether there is a [`Server`], and what wakes it.
     served: bool,
     server: WakerRegistration,
-    /// Of the newest call, and so how many there were.
+    /// The number of the newest call, and so of all calls.
     sequence: u32,
     timed_out: u32,
     cancelled: u32,
@@ -89,14 +89,14 @@ enum Stage<Request, Response> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CallError {
-    /// As many callers wait as the service has room for. The request was not given to the server.
+    /// The service has no room for another caller. The request was not given to the server.
     #[error("{most} callers wait already")]
     Full {
         /// Largest number of callers that can wait.
         most: usize,
     },
     /// The request was not taken in time, and was taken back: does the server run?
-    #[error("nobody took the request in time: does the server run?")]
+    #[error("no server took the request in time: does the server run?")]
     NotTaken,
     /// The server has taken the request but did not answer in time. Whether it carries it out
     /// is not known.
@@ -189,7 +189,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     }
 
     /// The oldest request that was not taken yet, if there is one, and who waits for the response.
-    /// Never waits: while there is none it costs one load. Any task or interrupt may look.
+    /// Never waits: without a request it costs one load. Any task or interrupt may look.
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }

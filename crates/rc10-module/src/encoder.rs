@@ -43,7 +43,7 @@ pub struct Counter {
 pub struct OutOfRange {
     /// The reading.
     pub raw: u32,
-    /// It must be below this.
+    /// The modulus, which it must be below.
     pub modulus: u64,
 }
 
@@ -104,7 +104,7 @@ pub struct Config {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
-    /// It moved further than the shaft can have turned; the angle stays.
+    /// The counter moved further than the shaft can have turned; the angle stays.
     #[error("the counter jumped by {moved} where {possible} were possible: noise, or reset")]
     Jump {
         /// Counts that it moved.
@@ -112,7 +112,7 @@ pub enum Fault {
         /// Counts that were possible at most.
         possible: i64,
     },
-    /// It showed a value beyond its modulus; the sample is ignored.
+    /// The counter showed a value beyond its modulus; the sample is ignored.
     #[error(transparent)]
     OutOfRange(OutOfRange),
 }

@@ -21,7 +21,7 @@ pub struct Sample {
     pub acceleration: [f32; 3],
     /// Rotation about x, y, z, rad/s.
     pub rotation: [f32; 3],
-    /// Of the sensor, °C, if it knows.
+    /// The sensor's temperature, °C, if it knows.
     pub temperature: Option<f32>,
     /// An axis of `acceleration` is at the end of its range: it is more than that.
     pub acceleration_is_saturated: bool,

@@ -56,8 +56,8 @@ pub enum Position {
     Released,
     /// Pressed.
     Pressed,
-    /// It does not come to rest: a loose contact, a chafed wire, or noise on an open pin. An
-    /// axis that is driven towards it should stop.
+    /// The switch does not come to rest: a loose contact, a chafed wire, or noise on an open pin.
+    /// An axis that is driven towards it should stop.
     Chattering,
 }
 

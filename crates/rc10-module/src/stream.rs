@@ -37,7 +37,7 @@ pub enum Found<M> {
 /// The meaning of a pause of this length or longer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pause {
-    /// No frame has such a gap: what was begun is none, and the next byte begins one.
+    /// No frame has such a gap: what was begun is no frame, and the next byte begins one.
     Ends(Micros),
     /// The same, and nothing but silence tells one frame from the next, for they have no header.
     /// So what comes between two pauses is whole frames, or nothing of it is believed; and it is

@@ -186,7 +186,7 @@ impl ArmSwitch {
         });
     }
 
-    /// Ends an emergency stop; the robot is disarmed then. Changes nothing if there is none.
+    /// Ends an emergency stop; the robot is disarmed then. Changes nothing without one.
     pub fn reset(&self) {
         self.reset_after(self.stops());
     }

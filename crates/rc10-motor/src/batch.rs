@@ -9,7 +9,7 @@ use rc10_can::CanFrame;
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {
     frames: Vec<CanFrame, { Self::CAPACITY }>,
-    /// Of each of the frames.
+    /// The stream of each frame.
     streams: Vec<u32, { Self::CAPACITY }>,
     refused: Option<Id>,
 }

@@ -26,23 +26,23 @@ pub struct MotorBus<'m> {
     motors: CanMotors<'m>,
     table: ReceiveTable,
     counters: BusCounters,
-    /// It runs even if its motors do not fit on it.
+    /// Whether it runs even if its motors do not fit on it.
     overload_allowed: bool,
 }
 
 type CanMotors<'m> = Motors<'m, dyn CanMotor + 'm, CAPACITY>;
 
-/// See [`MotorBus::CAPACITY`].
+/// The number of [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
 
 /// The result of a received frame: the motor that it belongs to, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dispatch {
-    /// It was this motor's feedback.
+    /// This motor's feedback.
     Motor(MotorId),
-    /// It was this motor's answer to a request that was not made here. Counted; nothing changed.
+    /// This motor's answer to a request that was not made here. Counted; nothing changed.
     Unasked(MotorId),
-    /// It has this motor's identifier, but is no feedback. Counted; nothing changed.
+    /// A frame with this motor's identifier that is no feedback. Counted; nothing changed.
     Malformed(MotorId, FrameError),
     /// No motor claims it, or it is a remote request, which no motor sends. Counted.
     Unclaimed,

@@ -249,7 +249,7 @@ impl fmt::Display for Clash {
 }
 
 impl CanIds {
-    /// Of a motor that occupies nothing yet.
+    /// The identifiers of a motor that occupies none yet.
     pub const fn new() -> Self {
         let nothing = IdPattern::any_standard();
         Self {
@@ -416,7 +416,7 @@ mod tests {
         Frames::new(exact(raw), 8, Rate::EveryTick).owned(ownership)
     }
 
-    /// As protocols of later motors need it: two Damiao motors on one master identifier.
+    /// A case of later motors' protocols: two Damiao motors on one master identifier.
     #[test]
     fn a_shared_feedback_id_needs_guards_that_exclude_each_other() {
         let nibble = |value| Some(Guard { byte: 0, mask: 0x0F, value });

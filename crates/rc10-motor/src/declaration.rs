@@ -71,7 +71,7 @@ pub struct Entry<C> {
     pub on: Place,
     /// How it is set up: of its vendor's `Config`.
     pub config: C,
-    /// Its safe state, and how long a command holds.
+    /// The safe state, and how long a command holds.
     pub safety: Safety,
     /// The largest speed at which a PC may turn it while the robot is disarmed; `None`: it may not.
     pub jog: Option<Rpm>,
@@ -138,7 +138,7 @@ pub trait Names: Copy + fmt::Debug + 'static {
     /// Number of RS-485 lines.
     const LINES: u8;
 
-    /// Its number in the declaration, counted from 0.
+    /// The number in the declaration, counted from 0.
     fn index(self) -> usize;
 
     /// Label and place of the motor.

@@ -76,8 +76,8 @@ impl Feedback {
         effort: Reading::NONE,
     };
 
-    /// What not every device sends, NaN where it does not: current in A, torque in N m, temperature of the
-    /// motor and of what drives it in degrees Celsius, supply in V.
+    /// Readings that not every device sends, NaN without: current in A, torque in N m, temperature
+    /// of the motor and of what drives it in degrees Celsius, supply in V.
     #[inline]
     #[must_use]
     pub const fn readings(&self) -> [f32; 5] {
@@ -187,17 +187,17 @@ impl Fault {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Condition {
-    /// It does.
+    /// The motor follows its target.
     #[default]
     Ready,
     /// Not yet: its device is being set up or enabled.
     Starting,
     /// The speed asked for is below what its drive regulates: it turns as the load lets it.
     Unregulated,
-    /// Its feedback comes too seldom to control it by.
+    /// Feedback comes too seldom to control by.
     SlowFeedback,
-    /// Its device answers when asked, but sends no feedback: that has to be switched on there.
+    /// The device answers when asked, but sends no feedback: that has to be switched on there.
     NoReports,
-    /// Its device does not do what it is told, and does not say why: it may have a fault.
+    /// The device does not do what it is told, and does not say why: it may have a fault.
     NotFollowing,
 }

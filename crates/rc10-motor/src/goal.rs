@@ -19,7 +19,7 @@ pub(crate) enum Goal {
     Total(TotalAngle),
     /// Exactly there; the rest stands in the target.
     Impedance(TotalAngle),
-    /// It stands in the target.
+    /// The motion of the target.
     Motion,
 }
 
@@ -58,7 +58,7 @@ pub(crate) struct Goals {
     gone: f32,
 }
 
-/// A motion goes on with its acceleration for so many seconds, then at the speed that it has.
+/// A motion goes on with its acceleration for this time, then at the speed that it has.
 const LONGEST_ACCELERATION: f32 = 0.05;
 /// No command is valid for longer, s.
 const LONGEST_MOTION: f32 = 1.0;

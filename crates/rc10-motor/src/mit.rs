@@ -513,7 +513,7 @@ mod tests {
         assert_eq!(bad.validate().unwrap_err().field, "kd");
     }
 
-    /// As a field shows rad: stopping at its end, or starting over.
+    /// An angle as a field shows it, in rad: stopping at its end, or starting over.
     fn field(rad: f64, starts_over: bool) -> u16 {
         let rad = if starts_over { (rad + 12.5).rem_euclid(25.0) - 12.5 } else { rad };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]

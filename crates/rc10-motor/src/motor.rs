@@ -96,7 +96,7 @@ pub struct Loops {
     pub cascade: Cascade,
 }
 
-/// What [requests](Request) change in a motor's [`Loops`].
+/// The numbers in a motor's [`Loops`] that [requests](Request) change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
     /// The quantity of the effort, as in [`Loops`].
@@ -110,7 +110,7 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// That of some loops.
+    /// The tuning of some loops.
     #[must_use]
     pub const fn of(loops: &Loops) -> Self {
         const fn gains(pid: &PidConfig) -> Gains {
@@ -139,7 +139,7 @@ pub struct Tick {
     /// Ticks so far, counted from another number for each motor of a bus: what need not happen in
     /// every tick, such as an angle loop, happens in other ticks for each.
     pub count: u32,
-    /// What runs in this tick is a [`Request::Jog`]: with little effort.
+    /// Whether it runs by a [`Request::Jog`] in this tick: with little effort.
     pub is_jog: bool,
 }
 

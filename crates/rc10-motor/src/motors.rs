@@ -27,7 +27,7 @@ impl MotorId {
         Self(index)
     }
 
-    /// Its number on its bus, counted from 0.
+    /// The number on its bus, counted from 0.
     #[must_use]
     pub const fn index(self) -> usize {
         self.0 as usize
@@ -39,7 +39,7 @@ impl MotorId {
 #[non_exhaustive]
 #[error("{}", self.add_to(Text::new(), None))]
 pub enum AttachError {
-    /// It clashes with one that is attached already.
+    /// Another motor that is attached already clashes with it.
     Clash {
         /// The motor that was to be attached.
         motor: MotorName,
@@ -62,12 +62,12 @@ pub enum AttachError {
         /// The motor that was to be attached.
         motor: MotorName,
     },
-    /// It declares more identifiers than a [`CanIds`](crate::CanIds) holds.
+    /// The motor declares more identifiers than a [`CanIds`](crate::CanIds) holds.
     TooManyIds {
         /// The motor that was to be attached.
         motor: MotorName,
     },
-    /// Its commands would hold for no time, or for too long.
+    /// Commands would hold for no time, or for too long.
     Expiry {
         /// The motor that was to be attached.
         motor: MotorName,

@@ -38,7 +38,7 @@ impl Retry {
 pub struct Pending<Q> {
     asked: Option<Asked<Q>>,
     outcome: Option<Outcome>,
-    /// As of the last tick.
+    /// The link, as of the last tick.
     is_off: bool,
 }
 
@@ -48,7 +48,7 @@ struct Asked<Q> {
     retry: Retry,
     /// Tries so far, the one that is due included.
     tries: u8,
-    /// It is to be sent in this tick.
+    /// The question is to be sent in this tick.
     is_due: bool,
     /// Seconds since the last try.
     waited: f32,

@@ -47,7 +47,7 @@ pub enum Request {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Response {
-    /// It is done.
+    /// The request is done.
     Done,
     /// The device was asked; [`Motor::response`](crate::Motor::response) tells its answer. A task that
     /// waits at a motor's port never sees this.
@@ -67,7 +67,7 @@ pub enum RequestError {
     /// A number in it cannot be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// It needs feedback, and none came yet.
+    /// The request needs feedback, and none came yet.
     #[error("the motor has not been heard of yet")]
     NoFeedback,
     /// The one before has not been carried out yet.
@@ -82,7 +82,7 @@ pub enum RequestError {
     /// Only while the motor is not driven.
     #[error("only while the motor is not driven")]
     WhileDriven,
-    /// It turned twice as fast as a jog asked for.
+    /// The motor turned twice as fast as a jog asked for.
     #[error("it turned twice as fast as asked for")]
     TooFast,
     /// The device did not answer in time: whether it did what was asked is not known.

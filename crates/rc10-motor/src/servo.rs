@@ -141,7 +141,7 @@ impl Servo {
         self
     }
 
-    /// Of a device that makes springs: it takes [`Target::Impedance`] too. Efforts are torques.
+    /// For a device that makes springs: it takes [`Target::Impedance`] too. Efforts are torques.
     #[must_use]
     pub const fn with_springs(mut self, range: SpringRange) -> Self {
         self.goals = Goals::new(self.goals.supports().with(TargetKind::Impedance));
@@ -301,7 +301,7 @@ impl Servo {
         self.cascade.speed.output_limit = self.loop_limit.min(self.limit);
     }
 
-    /// Its gains and limits.
+    /// The gains and limits.
     pub const fn cascade(&self) -> &Cascade {
         &self.cascade
     }

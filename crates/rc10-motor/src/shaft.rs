@@ -247,7 +247,7 @@ impl Shaft {
         (self.turns, self.phase) = (turns, phase);
     }
 
-    /// Its speed at `at`, from that of the sensor.
+    /// The speed at `at`, from that of the sensor.
     pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
         self.speed = Rpm::new(sensor_rpm * self.ratio);
         self.at = at;

@@ -15,9 +15,9 @@ const IDENTIFIER: u8 = 64;
 /// One sort of frame of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Message {
-    /// Its name: letters, digits and underscores.
+    /// The name: letters, digits and underscores.
     pub name: &'static str,
-    /// Its identifier.
+    /// The identifier.
     pub id: Id,
     /// Bits of the identifier that carry content and differ from frame to frame; 0 for most.
     pub varies: u32,
@@ -29,7 +29,7 @@ pub struct Message {
     pub from_device: bool,
     /// The values that its data must have: they tell it from other frames with its identifier.
     pub marks: Marks,
-    /// Its signals.
+    /// The signals.
     pub signals: &'static [Signal],
 }
 
@@ -132,7 +132,7 @@ impl Marks {
 /// Some bits of a frame, as a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signal {
-    /// Its name: letters, digits and underscores.
+    /// The name: letters, digits and underscores.
     pub name: &'static str,
     /// The first bit of the signal, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 the
     /// lowest of byte 1. Little endian: its lowest bit; big endian: its highest. From 64 on: bits
@@ -146,7 +146,7 @@ pub struct Signal {
     pub kind: Kind,
     /// Physical value = raw value · `factor` + `offset`.
     pub factor: f64,
-    /// See `factor`.
+    /// The offset; see `factor`.
     pub offset: f64,
     /// Unit of the physical value; empty if it has none.
     pub unit: &'static str,
@@ -158,9 +158,9 @@ pub struct Signal {
 /// Meanings of raw values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Names {
-    /// Of these values.
+    /// Names of these values.
     Of(&'static [(u32, &'static str)]),
-    /// Of this value and those that follow it.
+    /// Names of this value and of those that follow it.
     From(u32, &'static [&'static str]),
 }
 
@@ -212,17 +212,17 @@ impl Signal {
         }
     }
 
-    /// Of `bytes` whole bytes from byte `first` on, highest first.
+    /// A signal of `bytes` whole bytes from byte `first` on, highest first.
     pub const fn big(name: &'static str, first: u8, bytes: u8) -> Self {
         Self::new(name, ByteOrder::Big, first * 8 + 7, bytes * 8)
     }
 
-    /// Of `bytes` whole bytes from byte `first` on, lowest first.
+    /// A signal of `bytes` whole bytes from byte `first` on, lowest first.
     pub const fn little(name: &'static str, first: u8, bytes: u8) -> Self {
         Self::new(name, ByteOrder::Little, first * 8, bytes * 8)
     }
 
-    /// Of `bits` bits of the identifier from bit `first` on.
+    /// A signal of `bits` bits of the identifier from bit `first` on.
     pub const fn in_id(name: &'static str, first: u8, bits: u8) -> Self {
         Self::new(name, ByteOrder::Little, IDENTIFIER + first, bits)
     }
@@ -291,7 +291,7 @@ impl Signal {
         self
     }
 
-    /// Its raw bits in a payload; `None` if the payload is too short.
+    /// The raw bits in a payload; `None` if the payload is too short.
     pub fn raw(&self, payload: &[u8]) -> Option<u64> {
         let mut raw = 0_u64;
         // Big endian: highest bit first, downwards within a byte and on to the next one's highest.
@@ -313,7 +313,7 @@ impl Signal {
         Some(raw)
     }
 
-    /// Its raw bits in a frame; `None` if the frame is too short.
+    /// The raw bits in a frame; `None` if the frame is too short.
     pub fn raw_in(&self, frame: &CanFrame) -> Option<u64> {
         match self.start.checked_sub(IDENTIFIER) {
             Some(start) => Self { start, ..*self }.raw(&frame.raw_id().to_le_bytes()),
@@ -321,13 +321,13 @@ impl Signal {
         }
     }
 
-    /// Its physical value in a payload; `None` if the payload is too short. Whether it is
+    /// The physical value in a payload; `None` if the payload is too short. Whether it is
     /// [present](Presence) is the caller's to know.
     pub fn physical(&self, payload: &[u8]) -> Option<f64> {
         self.scale(self.raw(payload)?)
     }
 
-    /// Its physical value in a frame, as [`physical`](Self::physical).
+    /// The physical value in a frame, like [`physical`](Self::physical).
     pub fn physical_in(&self, frame: &CanFrame) -> Option<f64> {
         self.scale(self.raw_in(frame)?)
     }

@@ -15,7 +15,7 @@ use crate::target::{Target, TargetError, TargetKind};
 /// The command timeout of a motor, and its safe state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Safety {
-    /// Its state once it may not follow its target.
+    /// The state of a motor that may not follow its target.
     pub state: SafeState,
     /// Time for which a command holds: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
     pub command_expiry: Micros,
@@ -92,7 +92,7 @@ pub struct Refusals {
 impl Refusals {
     pub(crate) const NONE: Self = Self { unsupported: 0, not_finite: 0, out_of_range: 0 };
 
-    /// Of all reasons together.
+    /// The sum of all.
     pub const fn total(&self) -> u32 {
         self.unsupported.saturating_add(self.not_finite).saturating_add(self.out_of_range)
     }
@@ -145,17 +145,17 @@ impl fmt::Display for Refusals {
 pub struct MotorStatus {
     /// Whether it is heard.
     pub link: Link,
-    /// Its drive mode in the last tick.
+    /// The drive mode in the last tick.
     pub drive: DriveMode,
     /// The target it has.
     pub target: Target,
-    /// Its newest measurements.
+    /// The newest measurements.
     pub feedback: Feedback,
     /// The fault that it reports.
     pub fault: Option<Fault>,
     /// Whether it does what its target says, given that it may run.
     pub condition: Condition,
-    /// Its counters.
+    /// The counters.
     pub counters: MotorCounters,
 }
 
@@ -176,7 +176,7 @@ impl MotorStatus {
         self.feedback.effort().filter(|_| self.is_looped())
     }
 
-    /// What a [mechanism](rc10_app::mechanism) wants to know of it. The effort is the current in A where
+    /// Measurements for a [mechanism](rc10_app::mechanism). The effort is the current in A where
     /// the device tells one, else the torque in N m, else 0.
     #[must_use]
     pub fn measured(&self) -> Measured {
@@ -191,7 +191,7 @@ impl MotorStatus {
         Measured { angle, speed, effort, gaps, health }
     }
 
-    /// Of a motor that was never heard.
+    /// The status of a motor that was never heard.
     pub const NEW: Self = Self {
         link: Link::NeverSeen,
         drive: DriveMode::Off,
@@ -229,7 +229,7 @@ pub(crate) struct Supervision {
     faulted: bool,
     /// Clearing it has been asked for, and the device has not answered yet.
     clearing: bool,
-    /// It turns by [`Request::Jog`] while the robot is disarmed, as asked for last at this time.
+    /// The time of the last [`Request::Jog`] by which it turns while the robot is disarmed.
     jogged: bool,
     jogged_at: Micros,
     /// The last jog was too fast: until zero is asked for, or nothing for a while.
@@ -245,7 +245,7 @@ const FORGET: Micros = Micros::from_millis(200);
 const NOISE: f32 = 5.0;
 
 impl Supervision {
-    /// Of a motor that was never heard; `safety` is valid.
+    /// The supervision of a motor that was never heard; `safety` is valid.
     pub(crate) fn new(safety: Safety, link_timeout: Micros) -> Self {
         Self {
             heard_at: Micros::ZERO,
@@ -337,7 +337,7 @@ impl Supervision {
         self.jogged || (arm != ArmState::Disarmed && (drives || self.is_commanded(now)))
     }
 
-    /// Its command has not expired.
+    /// Whether the command still holds.
     #[inline]
     fn is_commanded(&self, now: Micros) -> bool {
         self.fresh && since(self.commanded_at, now) < self.command_expiry

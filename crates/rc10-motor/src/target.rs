@@ -207,7 +207,7 @@ named! {
 }
 
 impl Target {
-    /// Its kind.
+    /// The kind of target.
     pub const fn kind(&self) -> TargetKind {
         match self {
             Self::Coast => TargetKind::Coast,

@@ -19,12 +19,12 @@ pub struct Shared<'p> {
     pub mechanisms: Latest<MechanismCommand, 1>,
     /// Timing of the chassis task.
     pub chassis_timing: Statistics,
-    /// What a PC may watch and tune beside the motors.
+    /// Values that a PC may watch and tune beside the motors.
     pub live: Live,
 }
 
 rc10_tasks::live! {
-    /// What a PC may watch and tune beside the motors.
+    /// Values that a PC may watch and tune beside the motors.
     pub struct Live {
         signals {
             tilt: "lift tilt", "deg";
@@ -71,7 +71,7 @@ pub struct MechanismCommand {
 pub struct Goal {
     /// The angle.
     pub angle: TotalAngle,
-    /// Its speed; zero as soon as the stick is let go.
+    /// The speed; zero as soon as the stick is let go.
     pub speed: Rpm,
 }
 

@@ -5,12 +5,12 @@
 /// tells that it went off again.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BusOff {
-    /// It was restarted, and was not seen off the way back since.
+    /// Whether it was restarted, and was not seen off the way back since.
     returning: bool,
 }
 
 impl BusOff {
-    /// Of a controller that was just reset.
+    /// The state of a controller that was just reset.
     #[must_use]
     pub const fn new() -> Self {
         Self { returning: false }

@@ -28,7 +28,7 @@ const LONGEST_JUMP: u16 = 4;
 
 /// A bus, as [`bxcan_bus`](crate::bxcan_bus) declares it.
 pub trait Bus: 'static {
-    /// Its peripheral.
+    /// The peripheral.
     type Peripheral: Instance;
 
     #[doc(hidden)]

@@ -30,11 +30,11 @@ pub struct Driver<H> {
 /// Whether the controller takes part in the bus.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Presence {
-    /// It does, or is on its way back.
+    /// The controller takes part, or is on its way back.
     On,
-    /// It has left, and has not been told to go back.
+    /// The controller has left, and has not been told to go back.
     Off,
-    /// It has left, and has not begun the way back that was asked for.
+    /// The controller has left, and has not begun the way back that was asked for.
     Asked,
 }
 
@@ -47,13 +47,13 @@ struct Loaded {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Purpose {
-    /// It is to be sent.
+    /// The frame is to be sent.
     Send,
-    /// It is being aborted to make room for a more urgent one; then it waits again.
+    /// The frame is being aborted to make room for a more urgent one; then it waits again.
     MakeRoom,
-    /// It is being aborted: there is a newer one of its stream.
+    /// The frame is being aborted: there is a newer one of its stream.
     Superseded,
-    /// It is being aborted: nothing of it is wanted any more.
+    /// The frame is being aborted: nothing of it is wanted any more.
     Cancelled,
 }
 
@@ -65,7 +65,7 @@ impl Loaded {
 }
 
 impl<H: Hardware> Driver<H> {
-    /// Of a controller that was just started, with empty mailboxes.
+    /// The driver of a controller that was just started, with empty mailboxes.
     pub const fn new(hardware: H) -> Self {
         Self {
             hardware,
@@ -99,8 +99,8 @@ impl<H: Hardware> Driver<H> {
         self.fill();
     }
 
-    /// As [`CanPort::receive`](rc10_can::CanPort::receive). The arrival time is the time at which
-    /// the frame was taken from the hardware.
+    /// The next frame, for [`CanPort::receive`](rc10_can::CanPort::receive). The arrival time is
+    /// the time at which the frame was taken from the hardware.
     pub fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         if self.received.is_empty() {
             // Also where interrupts are masked, or come too late.
@@ -109,8 +109,9 @@ impl<H: Hardware> Driver<H> {
         self.received.pop_front()
     }
 
-    /// As [`CanPort::submit_as`](rc10_can::CanPort::submit_as). A frame that is on the wire cannot
-    /// be replaced any more: then the answer is [`Submitted::Queued`], and the newer one follows.
+    /// Takes a frame, for [`CanPort::submit_as`](rc10_can::CanPort::submit_as). A frame that is on
+    /// the wire cannot be replaced any more: then the answer is [`Submitted::Queued`], and the
+    /// newer one follows.
     pub fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
         if self.presence != Presence::On {
             return Submitted::Refused;
@@ -129,8 +130,8 @@ impl<H: Hardware> Driver<H> {
         if aborted == Some(Ended::Aborted) { Submitted::Replaced } else { submitted }
     }
 
-    /// As [`CanPort::cancel_pending`](rc10_can::CanPort::cancel_pending). A frame that is on the
-    /// wire is not repeated if it fails, and not among those that it says.
+    /// Drops frames, for [`CanPort::cancel_pending`](rc10_can::CanPort::cancel_pending). A frame
+    /// that is on the wire is not repeated if it fails, and not among those that it says.
     pub fn cancel_pending(&mut self) -> u8 {
         self.settle_all();
         let mut cancelled = self.waiting.clear();
@@ -144,7 +145,7 @@ impl<H: Hardware> Driver<H> {
         cancelled
     }
 
-    /// As [`CanPort::health`](rc10_can::CanPort::health).
+    /// The health, for [`CanPort::health`](rc10_can::CanPort::health).
     pub fn health(&mut self) -> Health {
         let errors = self.hardware.errors();
         self.health.state = errors.state;
@@ -162,13 +163,14 @@ impl<H: Hardware> Driver<H> {
         self.unreplaced
     }
 
-    /// As [`CanPort::accept`](rc10_can::CanPort::accept).
+    /// Sets the filters, for [`CanPort::accept`](rc10_can::CanPort::accept).
     pub fn accept(&mut self, patterns: &[IdPattern]) {
         self.hardware.accept(patterns);
     }
 
-    /// As [`CanPort::recover`](rc10_can::CanPort::recover). A controller that cannot begin at once
-    /// is asked again by [`serve`](Self::serve); until it has begun, frames are refused.
+    /// Goes back, for [`CanPort::recover`](rc10_can::CanPort::recover). A controller that cannot
+    /// begin at once is asked again by [`serve`](Self::serve); until it has begun, frames are
+    /// refused.
     pub fn recover(&mut self) {
         if self.presence != Presence::On {
             self.take_received();
@@ -177,7 +179,7 @@ impl<H: Hardware> Driver<H> {
         }
     }
 
-    /// What was received must have been taken.
+    /// Received frames must have been taken before.
     #[cold]
     fn go_back(&mut self) {
         self.presence = if self.hardware.restart() { Presence::On } else { Presence::Asked };

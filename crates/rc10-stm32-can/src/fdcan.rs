@@ -29,7 +29,7 @@ const BUFFERS: u32 = (1 << MAILBOXES) - 1;
 
 /// A bus, as [`fdcan_bus`](crate::fdcan_bus) declares it.
 pub trait Bus: 'static {
-    /// Its peripheral.
+    /// The peripheral.
     type Peripheral: Instance;
 
     #[doc(hidden)]

@@ -3,12 +3,12 @@ use rc10_can::{BusError, CanFrame, ErrorState, IdPattern, Micros};
 /// Transmit mailboxes of a controller: bxCAN (RM0090) and the small FDCAN (RM0440) have three.
 pub const MAILBOXES: usize = 3;
 
-/// What became of a frame in a mailbox.
+/// The fate of a frame in a mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It was sent and acknowledged.
+    /// The frame was sent and acknowledged.
     Sent,
-    /// It was not sent, and will not be.
+    /// The frame was not sent, and will not be.
     Aborted,
 }
 
@@ -43,8 +43,8 @@ pub trait Hardware {
     /// that is on the wire goes on, and ends either way. [`ended`](Self::ended) tells how.
     fn abort(&mut self, mailbox: usize);
 
-    /// What became of the frame in a mailbox; `None` while it waits or is on the wire. Told once:
-    /// then the mailbox is free.
+    /// The fate of the frame in a mailbox; `None` while it waits or is on the wire. Told once: then
+    /// the mailbox is free.
     fn ended(&mut self, mailbox: usize) -> Option<Ended>;
 
     /// The oldest frame that was received.

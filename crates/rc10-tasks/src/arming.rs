@@ -62,7 +62,8 @@ pub struct ArmingConfig {
     pub disarm: SwitchAt,
     /// Stops, if a switch is to do so.
     pub stop: Option<SwitchAt>,
-    /// What must be at rest for the robot to be armed: each stick and dial that moves something.
+    /// Controls that must be at rest for the robot to be armed: each stick and dial that moves
+    /// something.
     pub at_rest: &'static [Axis],
 }
 
@@ -103,7 +104,7 @@ impl Axis {
         self.of(remote).abs() <= AT_REST
     }
 
-    /// What it is called.
+    /// The name of the switch.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -135,7 +136,7 @@ pub const STEADY: Micros = Micros::from_millis(40);
 pub struct SwitchAt {
     /// The switch.
     pub switch: SwitchName,
-    /// Its position.
+    /// The position of the switch.
     pub position: Switch,
 }
 
@@ -294,7 +295,7 @@ impl fmt::Display for ArmingError {
 
 impl core::error::Error for ArmingError {}
 
-/// What the switches of a remote ask for.
+/// The wish of a remote's switches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Zone {
     Stops,
@@ -311,7 +312,7 @@ struct Hand {
     since: Micros,
     /// The last zone that was steady; `None` while none is known to have been before.
     steady: Option<Zone>,
-    /// It went from one steady zone to another since the last stop.
+    /// Whether it went from one steady zone to another since the last stop.
     has_moved: bool,
 }
 
@@ -379,7 +380,7 @@ impl Arming {
         self.link
     }
 
-    /// What was not at rest when the switch was to arm, until the switch disarms.
+    /// The control that was not at rest when the switch was to arm, until the switch disarms.
     #[must_use]
     pub const fn refused(&self) -> Option<Axis> {
         self.refused

@@ -33,7 +33,7 @@ pub struct DrivenBase<N, const WHEELS: usize> {
     pub wheels: [N; WHEELS],
     /// Where the wheels are.
     pub base: Base<WHEELS>,
-    /// What stands on them.
+    /// The body on the wheels.
     pub body: Body,
     /// Torque of a wheel's motor, at its output shaft, per unit of its effort: N m/A, or 1 where that
     /// is N m.
@@ -41,7 +41,7 @@ pub struct DrivenBase<N, const WHEELS: usize> {
 }
 
 impl<N: Names, const WHEELS: usize> DrivenBase<N, WHEELS> {
-    /// Its motion as the wheels measure it.
+    /// The motion as the wheels measure it.
     #[must_use]
     pub fn measured<const BUSES: usize, const LINES: usize>(
         &self,

@@ -91,7 +91,8 @@ pub async fn listen_for<N: Names, const BUSES: usize, const LINES: usize>(
 /// Setting it up takes 0.12 s.
 const LONGEST_READ: Duration = Duration::from_millis(250);
 
-/// Reads a BMI088 once a millisecond, for ever; hands on each heading, each sample or in words why there is none, and its time.
+/// Reads a BMI088 once a millisecond, for ever; hands on each heading, each sample or in words why
+/// there is no sample, and its time.
 ///
 /// `reception` counts samples as frames, those that the chips spoilt as damaged, and errors of the SPI bus as errors of
 /// the port. The sensor lies flat, its z axis up. Where the robot does not stand still for a second after power-on, its heading

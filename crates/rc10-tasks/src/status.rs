@@ -25,7 +25,7 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub arm: ArmState,
     /// Why it cannot be armed, if it cannot.
     pub unfit: Option<Unfit>,
-    /// What was not at rest when the remote was to arm it.
+    /// The control that was not at rest when the remote was to arm it.
     pub not_at_rest: Option<Axis>,
     /// Motors that are heard.
     pub online: u8,
@@ -41,7 +41,7 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub buses: [BusSummary; BUSES],
     /// Status of each line.
     pub lines: [LineSummary; LINES],
-    /// What is wrong with the IMU, in a few words behind that word.
+    /// The error of the IMU, in a few words behind that word.
     pub imu_trouble: Option<&'static str>,
     /// The supply, of a board that measures it.
     pub supply: Option<Supply>,

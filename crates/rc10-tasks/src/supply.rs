@@ -9,14 +9,14 @@ pub const OLDEST_SUPPLY: Micros = Micros::from_millis(500);
 
 /// A lithium cell is nearly empty at this voltage, loaded: mV.
 const EMPTY: u16 = 3_500;
-/// Packs that teams have: from these voltages on a supply is one of as many cells in series, mV. Below is none: USB, or
-/// a bench that is off.
+/// Packs that teams have: from these voltages on a supply is one of as many cells in series, mV.
+/// Below there is no pack: USB, or a bench that is off.
 const PACKS: [(u16, u16); 3] = [(17_200, 6), (12_900, 4), (6_000, 3)];
 
 /// The supply of a robot: a battery of 3, 4 or 6 lithium cells in series, or what stands in for one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Supply {
-    /// Its voltage, mV.
+    /// The pack's voltage, mV.
     pub millivolts: u16,
 }
 

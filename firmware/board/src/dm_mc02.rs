@@ -20,13 +20,13 @@ use rc10_bsp::serial::{ReceiverParts, SerialParts};
 
 pub use soldered::{SETTLING, serve};
 
-/// Its name, as the tools know it.
+/// The board's name, as the tools know it.
 pub const NAME: &str = "dm-mc02";
 
-/// Its chip.
+/// The board's chip.
 pub const CHIP: &str = "STM32H723VG";
 
-/// Its crystal.
+/// The board's crystal.
 pub const CRYSTAL: Crystal = Crystal::new(24_000_000);
 
 /// The remote's socket is for DBUS and SBUS, with an NPN inverter before the pin.
@@ -58,7 +58,7 @@ pub struct Board {
     pub switches: SwitchParts,
     /// USB, as a device of full speed.
     pub usb: UsbParts,
-    /// What is soldered on, for [`serve`].
+    /// Soldered parts, for [`serve`].
     pub soldered: Soldered,
     /// A timer that drives no pin.
     pub supervisor: Peri<'static, TIM7>,
@@ -69,13 +69,13 @@ pub struct Board {
 /// TIM1, channels 1 and 3, and TIM5, channels 1 and 3. (TIM2, which the maker's examples use on PA0 and PA2, keeps the
 /// time.)
 pub struct ServoParts {
-    /// It makes the pulses of the first two.
+    /// The timer of the first two.
     pub timer: Peri<'static, TIM1>,
     /// Channel 1.
     pub first: Peri<'static, PE9>,
     /// Channel 3.
     pub second: Peri<'static, PE13>,
-    /// It makes those of the other two.
+    /// The timer of the other two.
     pub other: Peri<'static, TIM5>,
     /// Channel 1.
     pub third: Peri<'static, PA0>,
@@ -101,7 +101,7 @@ pub struct UsbParts {
     pub minus: Peri<'static, PA11>,
 }
 
-/// What is soldered on and needs a program.
+/// Soldered parts that need a program.
 pub struct Soldered {
     outputs: OutputPins,
     imu: ImuParts,

@@ -21,20 +21,20 @@ use rc10_tasks::Common;
 
 use crate::Output;
 
-/// Its name, as the tools know it.
+/// The board's name, as the tools know it.
 pub const NAME: &str = "h723zg";
 
-/// Its chip.
+/// The board's chip.
 pub const CHIP: &str = "STM32H723ZG";
 
-/// Its crystal.
+/// The board's crystal.
 pub const CRYSTAL: Crystal = Crystal::new(25_000_000);
 
 /// Whether there is an inverter between the remote's receiver and the pin, as on boards with a DBUS
 /// socket. Here the UART inverts, where the receiver needs it.
 pub const REMOTE_HAS_INVERTER: bool = false;
 
-/// What is soldered on and needs a program: nothing.
+/// Soldered parts that need a program: this board has none.
 pub struct Soldered;
 
 /// Serves what is soldered on.
@@ -96,7 +96,7 @@ pub struct Board {
 
 /// TIM13, channel 1.
 pub struct PulseParts {
-    /// It notes when the pin rises.
+    /// The timer that notes when the pin rises.
     pub timer: Peri<'static, TIM13>,
     /// The pulses.
     pub pin: Peri<'static, PF8>,
@@ -104,11 +104,11 @@ pub struct PulseParts {
 
 /// TIM23, channel 4. (The team's C project uses TIM14 on this pin, which cannot ask a DMA.)
 pub struct StripParts {
-    /// It makes the pulses.
+    /// The timer that makes the pulses.
     pub timer: Peri<'static, TIM23>,
     /// The strip's data.
     pub pin: Peri<'static, PF9>,
-    /// It brings their widths.
+    /// The stream that brings their widths.
     pub stream: Peri<'static, DMA1_CH7>,
 }
 
@@ -148,7 +148,7 @@ pub struct I2cParts {
 
 /// TIM4, channels 1 to 4.
 pub struct ServoParts {
-    /// It makes the pulses.
+    /// The timer that makes the pulses.
     pub timer: Peri<'static, TIM4>,
     /// Channel 1.
     pub first: Peri<'static, PD12>,
@@ -162,7 +162,7 @@ pub struct ServoParts {
 
 /// TIM24, channel 1.
 pub struct CaptureParts {
-    /// It notes the edges.
+    /// The timer that notes the edges.
     pub timer: Peri<'static, TIM24>,
     /// The pulse.
     pub pin: Peri<'static, PF11>,
@@ -172,11 +172,11 @@ pub struct CaptureParts {
 pub struct EncoderParts {
     /// Counts in 16 bits.
     pub short: Peri<'static, TIM3>,
-    /// Its tracks A and B.
+    /// Tracks A and B of the short counter.
     pub short_tracks: (Peri<'static, PC6>, Peri<'static, PC7>),
     /// Counts in 32 bits.
     pub long: Peri<'static, TIM5>,
-    /// Its tracks A and B.
+    /// Tracks A and B of the long counter.
     pub long_tracks: (Peri<'static, PA0>, Peri<'static, PA1>),
 }
 

@@ -1,5 +1,5 @@
-//! What a program's file says of the board that it is for. It takes no memory of the chip: tools read it in the
-//! ELF file, section `.rc10.board`, and the emulator takes that board.
+//! A note of the board that a program is for, in its file. It takes no memory of the chip: tools
+//! read it in the ELF file, section `.rc10.board`, and the emulator takes that board.
 
 use crate::board::{CHIP, CRYSTAL, NAME};
 

@@ -26,7 +26,7 @@
 /// The robot's crate has `Ports`, `Motors` and `table::{BUSES, RECEIVER}`, as `rc10_motor::motors!` and its
 /// table make them, and `Shared`, which is [`rc10_tasks::Common`] or dereferences to it.
 ///
-/// What runs, most urgent first:
+/// Tasks that run, most urgent first:
 ///
 /// | priority | what | when it stands still |
 /// |---|---|---|
@@ -230,7 +230,7 @@ macro_rules! start_imu {
     };
 }
 
-/// Its IMU is soldered on.
+/// The robot, whose IMU is soldered on.
 #[cfg(feature = "dm-mc02")]
 #[doc(hidden)]
 #[macro_export]

@@ -1,4 +1,4 @@
-//! What the firmware of every robot does, whatever its motors: the first words of its log, its buses
+//! The work of every robot's firmware, whatever its motors: the first words of its log, its buses
 //! with what keeps them safe in a crash, its watchdog, its line of text, and what keeps it from
 //! starting.
 
@@ -356,7 +356,7 @@ pub fn switch(pin: Peri<'static, impl Pin>) -> Input<'static> {
 
 /// Reasons why the robot cannot start: mistakes in the program, not on the board.
 pub enum Unstartable {
-    /// Its declaration.
+    /// The robot's declaration.
     Robot(SetupError),
     /// A number in its program.
     Config(ConfigError),

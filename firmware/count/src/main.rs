@@ -161,11 +161,11 @@ measured! {
     "count_8_motor_speed", speed_tick, everything
 }
 measured! {
-    /// As above with the angle loop before the speed loop.
+    /// The tick above with the angle loop before the speed loop.
     "count_8_motor_angle", angle_tick, everything
 }
 measured! {
-    /// As above without a loop.
+    /// The tick above without a loop.
     "count_8_motor_coasting", coasting_tick, everything
 }
 measured! {

@@ -38,7 +38,7 @@ fn good<P: Protocol>(protocol: P, frames: &[&[u8]], receive: fn(&mut Stream<P>, 
         if stream.counters().frames as usize != frames.len() * (round + 1)
             || stream.counters().skipped != 0
         {
-            // A frame that is none.
+            // An invalid frame.
             cortex_m::asm::udf();
         }
     }

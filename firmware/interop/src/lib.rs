@@ -35,7 +35,7 @@ pub fn now() -> Micros {
 }
 
 impl Heartbeat {
-    /// Of a core that runs at `core_hz` (at most 16 GHz: the timer has 24 bits).
+    /// A heartbeat of a core that runs at `core_hz` (at most 16 GHz: the timer has 24 bits).
     #[must_use]
     pub fn start(mut timer: SYST, core_hz: u32) -> Self {
         timer.set_clock_source(SystClkSource::Core);

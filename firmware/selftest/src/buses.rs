@@ -88,9 +88,9 @@ pub async fn i2c(parts: I2cParts) -> Outcome {
     let recoveries = bus.recoveries();
     want!(recoveries == 0, "recovered {recoveries} times from nothing");
     let refused = bus.write(NOBODY, &[0]).await;
-    want!(refused == Err(I2cError::NoAcknowledge), "nobody answered {refused:?}");
+    want!(refused == Err(I2cError::NoAcknowledge), "without a device the answer is {refused:?}");
     let refused = bus.read(NOBODY, &mut read[..1]).await;
-    want!(refused == Err(I2cError::NoAcknowledge), "nobody's byte is {refused:?}");
+    want!(refused == Err(I2cError::NoAcknowledge), "a byte to no device is {refused:?}");
     // Of what comes behind a refused byte nothing gets into the next transaction.
     let refused = bus.write(DEVICE, &[READ_ONLY, 1, 2, 3]).await;
     want!(refused == Err(I2cError::NoAcknowledge), "wrote what is read-only: {refused:?}");
@@ -114,7 +114,7 @@ pub async fn i2c(parts: I2cParts) -> Outcome {
     want!(read[0] == 3, "read {} after recovery", read[0]);
     let recoveries = bus.recoveries() - before;
     want!(recoveries == 1, "recovered {recoveries} times");
-    // Errors of the bus that are none: one, and then two in a row.
+    // False errors of the bus: one, and then two in a row.
     defmt::info!("disturb the bus");
     embassy_time::Timer::after_millis(5).await;
     want!(bus.write(DEVICE, &[0x40, 7]).await == Ok(()), "a spurious error fails a transaction");

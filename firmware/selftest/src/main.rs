@@ -55,7 +55,7 @@ bind_interrupts!(struct Irqs {
     EXTI3 => exti::InterruptHandler<embassy_stm32::interrupt::typelevel::EXTI3>;
 });
 
-/// Of all peripherals, as in the robot's firmware.
+/// Interrupt priority of all peripherals, like that of the robot's firmware.
 const PRIORITY: Priority = Priority::P7;
 
 #[embassy_executor::main]

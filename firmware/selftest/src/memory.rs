@@ -38,8 +38,8 @@ unsafe extern "C" fn skip() {
 /// Whether a word can be read.
 fn reads(address: u32) -> bool {
     let before = REFUSED.load(Ordering::Relaxed);
-    // SAFETY: a word of memory or of a register that reading does not change; if there is none, the
-    // handler above skips this.
+    // SAFETY: a word of memory or of a register that reading does not change; without memory there,
+    // the handler above skips this.
     unsafe {
         core::arch::asm!(
             "ldr.w {word}, [{address}]",

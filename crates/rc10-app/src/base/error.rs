@@ -10,7 +10,7 @@ pub enum BaseError {
     Wheel {
         /// The wheel.
         wheel: usize,
-        /// Its field.
+        /// The field of the wheel.
         error: ConfigError,
     },
     /// A number of the base that cannot be used.
@@ -39,7 +39,7 @@ pub enum BaseError {
 }
 
 impl BaseError {
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     #[must_use]
     pub const fn text(&self) -> Text {
         let text = Text::new();

@@ -159,7 +159,7 @@ impl Plain {
         [self.d[0] * d + self.e[0] * e, self.d[1] * d + self.e[1] * e, turn]
     }
 
-    /// See [`Solution::refused`].
+    /// The row of [`Solution::refused`].
     const fn refused(&self) -> ([f64; 3], [f64; 2]) {
         if self.is_there {
             ([self.e[0], self.e[1], self.lever], self.e)
@@ -227,7 +227,7 @@ const fn plus_square(mut sum: [[f64; 3]; 3], row: [f64; 3]) -> [[f64; 3]; 3] {
     sum
 }
 
-/// Of a symmetric matrix: its inverse times its determinant.
+/// A symmetric matrix's inverse times its determinant.
 const fn adjugate(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let mut adjugate = [[0.0; 3]; 3];
     let mut at = 0;

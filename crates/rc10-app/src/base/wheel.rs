@@ -37,7 +37,7 @@ impl Tread {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheel {
-    /// Its point of contact, in metres.
+    /// The point of contact, in metres.
     pub place: Point<Robot>,
     /// Where it rolls when it turns forward, as the driver of the robot sees it: counter-clockwise
     /// from the robot's x axis.

@@ -60,7 +60,7 @@ const WAITING: f32 = 0.1;
 pub enum AxesFailure {
     /// A motor cannot be relied on.
     Motor {
-        /// Its index.
+        /// The motor's index.
         motor: usize,
         /// Why not.
         trouble: Trouble,

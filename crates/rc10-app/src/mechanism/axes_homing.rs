@@ -34,7 +34,7 @@ impl AxesHomingConfig {
 pub enum AxesHomingFailure {
     /// Homing of one motor failed.
     Motor {
-        /// Its index.
+        /// The motor's index.
         motor: usize,
         /// Why.
         failure: HomingFailure,

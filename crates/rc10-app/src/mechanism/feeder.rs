@@ -9,7 +9,7 @@ use crate::ok;
 use crate::profile::AngleSetpoint;
 use crate::units::{Degrees, Direction, Rpm, RpmPerSecond, Seconds};
 
-/// What a feeder is like.
+/// Properties of a feeder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeederConfig {
     /// Pieces (counts) in turns of the shaft: `CountsPerTurn::new(8, 1)` for a wheel of eight pockets.
@@ -24,8 +24,8 @@ pub struct FeederConfig {
     /// How far before the angle of its pocket a piece counts as fed; 0 or more, less than half a piece.
     /// More than the motor is off where it holds an angle.
     pub tolerance: Degrees,
-    /// Its jams. The following error must be at most the tolerance: so a piece that is not fed is
-    /// a jam.
+    /// The jams. The following error must be at most the tolerance: so a piece that is not fed is a
+    /// jam.
     pub jam: JamConfig,
 }
 
@@ -108,7 +108,7 @@ pub struct Feeder {
     began: Option<TotalAngle>,
     /// The angle asked for, forward from the beginning.
     setpoint: TotalAngle,
-    /// Its speed, 0 or more.
+    /// The speed, 0 or more.
     speed: Rpm,
     order: Order,
     fed: i64,
@@ -116,7 +116,7 @@ pub struct Feeder {
     command: Command,
 }
 
-/// What is asked for.
+/// An order to a feeder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Order {
     /// A number of pieces since the beginning.
@@ -190,7 +190,7 @@ impl Feeder {
         };
     }
 
-    /// Its jams.
+    /// The feeder's jams.
     pub const fn jam(&self) -> &Jam {
         &self.jam
     }

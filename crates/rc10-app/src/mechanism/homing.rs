@@ -25,7 +25,7 @@ pub enum Reference {
 /// How an axis is homed: a fast first touch, back off, a slow second touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HomingConfig {
-    /// What is touched.
+    /// The thing that is touched.
     pub reference: Reference,
     /// Where it is, as the motor counts.
     pub direction: Direction,

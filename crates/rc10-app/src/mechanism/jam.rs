@@ -10,8 +10,8 @@ use crate::units::{Degrees, Direction, Rpm, Seconds};
 /// When a motor counts as jammed, and how it is cleared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JamConfig {
-    /// It stalls although it is to move. An effort of 0 for a motor that does not tell its effort: then
-    /// it is its speed and its following error alone.
+    /// The stall of a motor that is to move. An effort of 0 for a motor that does not tell its
+    /// effort: then it is its speed and its following error alone.
     pub stall: Stall,
     /// A motor that seeks an angle is to move if the angle is further away than this; 0 or more. More
     /// than a load pulls it away from an angle that it holds.
@@ -58,12 +58,12 @@ impl JamConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum JamStatus {
-    /// It is not.
+    /// The motor is free.
     #[default]
     Free,
-    /// It reverses.
+    /// The motor reverses.
     Clearing,
-    /// It stands until [`Jam::reset`]: no try has helped.
+    /// The motor stands until [`Jam::reset`]: no try has helped.
     GivenUp,
 }
 

@@ -108,12 +108,12 @@ pub struct Measured {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Health {
-    /// It can.
+    /// The motor can be used.
     #[default]
     Ready,
-    /// It is not heard.
+    /// The motor is not heard.
     Offline,
-    /// It reports a fault.
+    /// The motor reports a fault.
     Faulty,
 }
 
@@ -127,7 +127,7 @@ pub enum Trouble {
     Faulty,
     /// A measurement is infinite or NaN.
     NotFinite,
-    /// Its turns had to be estimated: its angle may have jumped.
+    /// The motor's turns had to be estimated: its angle may have jumped.
     AngleGap,
 }
 
@@ -208,7 +208,7 @@ impl Braking {
         // The positive root of v·t + v² / 2a = way, without a difference of nearly equal numbers.
         let square = 2.0 * way / acceleration;
         let root = fast_sqrt(reaction * reaction + square) + reaction;
-        // A way too short to compute with is none.
+        // A way too short to compute with counts as zero.
         let time = if root > 0.0 { square / root } else { 0.0 };
         Rpm::new(self.acceleration.get() * time)
     }

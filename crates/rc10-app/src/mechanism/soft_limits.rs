@@ -80,7 +80,7 @@ impl SoftLimits {
         not_negative("not_homed", self.not_homed.get())
     }
 
-    /// What is left of `wanted` within the limits. `position`: the axis' angle, from its zero; `None`
+    /// The part of `wanted` within the limits. `position`: the axis' angle, from its zero; `None`
     /// before it is homed.
     ///
     /// A speed is such that the axis can still brake before the limit. An angle is held within the

@@ -25,7 +25,7 @@ macro_rules! stages {
 }
 
 stages! {
-    /// It has never been updated.
+    /// Never updated yet.
     NotBegun: "not begun",
     /// [`Phase::First`].
     FirstTouch: "first touch",
@@ -37,33 +37,33 @@ stages! {
     Clear: "backed off",
     /// [`Phase::Second`].
     SecondTouch: "second touch",
-    /// It does what it is told to.
+    /// Doing what was asked for.
     Ready: "ready",
     /// [`JamStatus::Clearing`].
     Clearing: "clears a jam",
-    /// It gave up: [`Trouble::Offline`].
+    /// Given up: [`Trouble::Offline`].
     Offline: "motor offline",
-    /// It gave up: [`Trouble::Faulty`].
+    /// Given up: [`Trouble::Faulty`].
     Faulty: "motor faulty",
-    /// It gave up: [`Trouble::NotFinite`].
+    /// Given up: [`Trouble::NotFinite`].
     NotFinite: "measures no number",
-    /// It gave up: [`Trouble::AngleGap`].
+    /// Given up: [`Trouble::AngleGap`].
     AngleGap: "angle lost",
-    /// It gave up: time or travel ended before the first touch.
+    /// Given up: time or travel ended before the first touch.
     NotTouched: "nothing touched",
-    /// It gave up: time or travel ended before it had backed off.
+    /// Given up: time or travel ended before it had backed off.
     NotBackedOff: "not backed off",
-    /// It gave up: time or travel ended before the second touch.
+    /// Given up: time or travel ended before the second touch.
     NotTouchedAgain: "nothing touched again",
-    /// It gave up: [`HomingFailure::NeverOpened`].
+    /// Given up: [`HomingFailure::NeverOpened`].
     NeverOpened: "contact never opened",
-    /// It gave up: [`HomingFailure::TouchesDiffer`].
+    /// Given up: [`HomingFailure::TouchesDiffer`].
     TouchesDiffer: "touches differ",
-    /// It gave up: [`AxesHomingFailure::Spread`].
+    /// Given up: [`AxesHomingFailure::Spread`].
     Apart: "motors apart",
-    /// It gave up: [`AxesFailure::Lags`].
+    /// Given up: [`AxesFailure::Lags`].
     Lags: "motors lag",
-    /// It gave up: [`JamStatus::GivenUp`].
+    /// Given up: [`JamStatus::GivenUp`].
     Jammed: "jammed",
 }
 
@@ -74,7 +74,7 @@ impl Stage {
         self as u8 >= Self::Offline as u8
     }
 
-    /// Its name.
+    /// The name.
     ///
     /// ```
     /// use rc10_app::mechanism::Stage;
@@ -124,7 +124,7 @@ impl From<HomingFailure> for Stage {
 }
 
 impl Homing {
-    /// Its stage; [`Stage::Ready`] when it is done.
+    /// The stage; [`Stage::Ready`] when it is done.
     #[must_use]
     pub fn stage(&self) -> Stage {
         match self.status() {
@@ -137,7 +137,7 @@ impl Homing {
 }
 
 impl<const N: usize> AxesHoming<N> {
-    /// Its stage, of the motor that is furthest behind; [`Stage::Ready`] when it is done.
+    /// The stage of the motor that is furthest behind; [`Stage::Ready`] when it is done.
     #[must_use]
     pub fn stage(&self) -> Stage {
         match self.status() {
@@ -149,7 +149,7 @@ impl<const N: usize> AxesHoming<N> {
 }
 
 impl<const N: usize> Axes<N> {
-    /// Its stage.
+    /// The stage.
     #[must_use]
     pub fn stage(&self) -> Stage {
         match self.failure() {
@@ -161,7 +161,7 @@ impl<const N: usize> Axes<N> {
 }
 
 impl Jam {
-    /// Its stage.
+    /// The stage.
     #[must_use]
     pub const fn stage(&self) -> Stage {
         match self.status() {
@@ -173,7 +173,7 @@ impl Jam {
 }
 
 impl Feeder {
-    /// Its stage.
+    /// The stage.
     #[must_use]
     pub const fn stage(&self) -> Stage {
         self.jam().stage()

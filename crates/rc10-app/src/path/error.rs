@@ -11,7 +11,7 @@ pub enum PathError {
     Waypoint {
         /// The waypoint.
         waypoint: usize,
-        /// Its field.
+        /// The field of the waypoint.
         error: ConfigError,
     },
     /// A waypoint less than a millimetre from the one before.
@@ -23,7 +23,7 @@ pub enum PathError {
     ArcTooWide {
         /// The waypoint with the wider arc.
         waypoint: usize,
-        /// What the arcs take, in metres.
+        /// Length that the arcs take, in metres.
         takes: f32,
         /// The leg's length, in metres.
         length: f32,
@@ -37,7 +37,7 @@ pub enum PathError {
 }
 
 impl PathError {
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     #[must_use]
     pub const fn text(&self) -> Text {
         let (waypoint, text) = match self {
@@ -75,7 +75,7 @@ pub enum PlanError {
     /// A limit that cannot be used.
     #[error(transparent)]
     Limits(ConfigError),
-    /// It starts faster than it could slow down within the limits.
+    /// The start is faster than it could slow down within the limits.
     #[error("faster at the start than the path allows, {allowed} m/s")]
     TooFast {
         /// Highest speed at the start, in m/s.

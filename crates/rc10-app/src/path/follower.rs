@@ -80,12 +80,12 @@ pub enum PathStatus {
     Waiting,
     /// At the end, within the tolerances. It keeps being held there.
     Done,
-    /// It was farther from the path than it may be: the twist is zero until there is a new
+    /// The base was farther from the path than it may be: the twist is zero until there is a new
     /// [`Follower`].
     GaveUp,
 }
 
-/// What the base shall do, from [`Follower::update`].
+/// The motion that the base shall make, from [`Follower::update`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FollowerOutput {
     /// For [`Base::inverse`](crate::Base::inverse): the plan's twist and the correction. It is the
@@ -140,8 +140,8 @@ impl Follower {
         Self { cursor: Cursor::START, rate: 1.0, direction: [1.0, 0.0], gave_up: false }
     }
 
-    /// What the base shall do for the coming `dt`, if it is at `pose` now. With a `dt` that is not
-    /// finite and positive the path's time does not go on.
+    /// The motion for the coming `dt`, if the base is at `pose` now. With a `dt` that is not finite
+    /// and positive the path's time does not go on.
     ///
     /// # Errors
     /// [`PoseNotFinite`]; the state stays unchanged.
@@ -228,7 +228,7 @@ impl Follower {
         dt: f32,
     ) {
         let left = 2.0 - 2.0 * along / config.max_lag;
-        // Not a number, with a configuration that is not valid, is none.
+        // NaN, of a configuration that is not valid, counts as zero.
         let wanted = if left > 0.0 { left.min(1.0) } else { 0.0 };
         if wanted >= self.rate && self.rate < 1.0 {
             // Speeding up takes of the acceleration what it does along the path.
@@ -249,7 +249,7 @@ impl Follower {
     }
 }
 
-/// As [`Twist::into_frame`], where the sine and cosine of the heading are known.
+/// Like [`Twist::into_frame`], where the sine and cosine of the heading are known.
 fn into_robot(twist: Twist<Field>, sin: f32, cos: f32) -> Twist {
     Twist::new(twist.vx * cos + twist.vy * sin, twist.vy * cos - twist.vx * sin, twist.wz)
 }

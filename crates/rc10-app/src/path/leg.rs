@@ -13,7 +13,7 @@ use crate::maths;
 
 /// Cells of the speed's grid in each leg.
 pub(super) const CELLS: usize = 24;
-/// Of these in each half of an arc, if there is one.
+/// Cells in each half of an arc, if there is one.
 const ARC_CELLS: u8 = 6;
 
 /// A corner up to this, in rad, is passed as if it were straight: at 3 m/s the velocity then jumps
@@ -63,7 +63,7 @@ impl Turn {
         self.sin.abs() > STRAIGHT || self.cos < 0.0
     }
 
-    /// What an arc of this radius takes of the legs on both sides: radius · tan(turn / 2).
+    /// Length that an arc of this radius takes of the legs on both sides: radius · tan(turn / 2).
     pub(super) const fn takes(self, radius: f32) -> f32 {
         if radius > 0.0 && self.is_corner() {
             radius * self.sin.abs() / (1.0 + self.cos)
@@ -88,7 +88,7 @@ impl Turn {
 /// The arc that rounds a corner off.
 #[derive(Clone, Copy, Default)]
 struct Arc {
-    /// What it takes of each leg, in m.
+    /// Length that the arc takes of each leg, in m.
     takes: f32,
     /// Half its length, in m.
     half: f32,
@@ -124,7 +124,7 @@ pub(super) struct Cell {
     pub(super) start: f32,
     /// In m.
     pub(super) length: f32,
-    /// Of the path, in 1/m.
+    /// The path's curvature, in 1/m.
     pub(super) curvature: f32,
 }
 
@@ -149,7 +149,7 @@ pub(super) struct Leg {
     cell_lengths: [f32; 3],
     /// Number of cells in the first two.
     cells: [u8; 2],
-    /// Of the arcs.
+    /// The arcs' curvatures.
     curvatures: [f32; 2],
     /// The heading over the way: coefficients of its cubic polynomial.
     heading: [f32; 4],

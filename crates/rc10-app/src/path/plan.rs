@@ -15,7 +15,7 @@ use crate::transform::{Field, Pose};
 use crate::twist::{Twist, TwistLimits};
 use crate::units::{Radians, Seconds};
 
-/// What limits the speed along a path, besides the wheels.
+/// The limits of the speed along a path, besides the wheels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathLimits {
     /// Largest accelerations, the linear one in every direction: along the path and across it
@@ -249,7 +249,7 @@ impl<'a, const N: usize> Planner<'a, N> {
     }
 }
 
-/// What a follower needs of a plan, whatever its size.
+/// The part of a plan that a follower needs, whatever its size.
 #[derive(Clone, Copy)]
 pub(super) struct Track<'a> {
     legs: &'a [Leg],
@@ -287,7 +287,7 @@ impl Cursor {
         self.leg >= track.legs.len()
     }
 
-    /// Goes on by a time in seconds, to the end at most. One that is negative or NaN is none.
+    /// Goes on by a time in seconds, to the end at most. A negative or NaN time counts as zero.
     pub(super) fn advance(&mut self, track: Track<'_>, time: f32) {
         self.time += time.max(0.0);
         while let (Some(leg), Some((from, to))) =

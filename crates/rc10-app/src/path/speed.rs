@@ -24,7 +24,7 @@ use crate::maths;
 /// A little below one: what [`maths::fast_sqrt`] may be off.
 const BELOW_ONE: f32 = 1.0 - 1e-5;
 
-/// What limits the speed.
+/// The limits of the speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds<'a> {
     /// rpm of each wheel for (vx, vy, wz).
@@ -42,8 +42,8 @@ pub(super) struct Bounds<'a> {
 /// The squares of the speeds at the beginnings of a leg's cells.
 pub(super) type Squares = [f32; CELLS];
 
-/// What is needed of a cell to change the speed in it: the headings at its ends, the first of which
-/// is where the speed is known.
+/// The numbers of a cell to change the speed in it: the headings at its ends, the first of which is
+/// where the speed is known.
 #[derive(Clone, Copy)]
 struct Ends {
     cell: Cell,

@@ -10,15 +10,15 @@ use crate::{Rpm, RpmPerSecond, Seconds, TotalAngle};
 /// velocity is in rpm.
 const MICRODEGREES_PER_UNIT: i64 = 6_000_000;
 
-/// What a shaft shall do now.
+/// Angle, speed and acceleration that a shaft shall have now.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AngleSetpoint {
     /// Angle of the output shaft.
     pub angle: TotalAngle,
-    /// Its speed.
+    /// The speed.
     pub speed: Rpm,
-    /// Its acceleration: for feed-forward.
+    /// The acceleration: for feed-forward.
     pub acceleration: RpmPerSecond,
 }
 
@@ -66,7 +66,7 @@ impl AngleProfile {
         Self::from_setpoint(AngleSetpoint::at(angle))
     }
 
-    /// See [`Profile::from_setpoint`].
+    /// A profile that begins at a setpoint: [`Profile::from_setpoint`].
     pub const fn from_setpoint(setpoint: AngleSetpoint) -> Self {
         let AngleSetpoint { angle, speed, acceleration } = setpoint;
         let (velocity, acceleration) = (speed.get(), acceleration.get());
@@ -74,10 +74,10 @@ impl AngleProfile {
         Self { zero: angle, profile: Profile::from_setpoint(setpoint) }
     }
 
-    /// See [`Profile::set_target`].
+    /// Goes to an angle: [`Profile::set_target`].
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn set_target(
         &mut self,
         limits: &ProfileLimits,
@@ -87,10 +87,10 @@ impl AngleProfile {
         self.profile.set(limits, Goal::Place(self.place(angle), speed.get()))
     }
 
-    /// See [`Profile::follow`].
+    /// Follows a moving angle: [`Profile::follow`].
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn follow(
         &mut self,
         limits: &ProfileLimits,
@@ -100,10 +100,10 @@ impl AngleProfile {
         self.profile.set(limits, Goal::Moving(self.place(angle), speed.get()))
     }
 
-    /// See [`Profile::set_velocity`].
+    /// Keeps a speed: [`Profile::set_velocity`].
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn set_speed(&mut self, limits: &ProfileLimits, speed: Rpm) -> Result<(), ConfigError> {
         self.profile.set_velocity(limits, speed.get())
     }
@@ -133,13 +133,13 @@ impl AngleProfile {
         }
     }
 
-    /// See [`Profile::has_arrived`].
+    /// Whether it stands in its target: [`Profile::has_arrived`].
     #[must_use]
     pub const fn has_arrived(&self) -> bool {
         self.profile.has_arrived()
     }
 
-    /// See [`Profile::remaining`].
+    /// The time to the target: [`Profile::remaining`].
     #[must_use]
     pub const fn remaining(&self) -> Seconds {
         self.profile.remaining()

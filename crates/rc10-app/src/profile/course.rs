@@ -215,7 +215,7 @@ impl Motion {
     }
 
     /// The course that takes `duration`, which is not less than that of `fastest`, at a lower
-    /// velocity between. `None` if there is none: to brake and start again would take longer.
+    /// velocity between. `None` without one: to brake and start again would take longer.
     pub(super) fn lasting(
         &self,
         duration: f32,

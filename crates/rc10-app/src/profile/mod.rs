@@ -71,7 +71,7 @@ impl ProfileLimits {
     }
 }
 
-/// What an axis shall do now.
+/// Position, velocity and acceleration that an axis shall have now.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// In units of the axis.
@@ -105,7 +105,7 @@ impl Goal {
 
 /// State of a motion profile: the setpoint, and the plan to the target.
 ///
-/// See the [module](self) for an example.
+/// A profile of a linear axis: the [module](self) has an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Profile {
     position: Double,
@@ -178,7 +178,7 @@ impl Profile {
     /// Changes to a velocity, in units per second, wherever the axis is.
     ///
     /// # Errors
-    /// As [`set_target`](Self::set_target).
+    /// The same errors as [`set_target`](Self::set_target).
     pub fn set_velocity(
         &mut self,
         limits: &ProfileLimits,

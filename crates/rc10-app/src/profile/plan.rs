@@ -15,7 +15,7 @@ struct Phase {
     jerk: f32,
 }
 
-/// What a plan says for one time.
+/// The state of a plan at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Planned {
     /// Distance from where the plan began.
@@ -124,7 +124,7 @@ impl Plan {
         self.elapsed = self.elapsed.plus(dt);
     }
 
-    /// What the plan says for now.
+    /// The state of the plan now.
     pub(super) fn now(&mut self) -> Planned {
         while self.present + 1 < self.count
             && let Some(next) = self.phases.get(usize::from(self.present) + 1)

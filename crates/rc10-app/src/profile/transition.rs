@@ -9,7 +9,7 @@ pub(super) struct Bounds {
     pub(super) acceleration: f32,
     /// Largest jerk, either way; may be infinite.
     pub(super) jerk: f32,
-    /// Its reciprocal: 0 without a limit.
+    /// The limit's reciprocal: 0 without a limit.
     pub(super) per_jerk: f32,
 }
 

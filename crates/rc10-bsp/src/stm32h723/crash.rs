@@ -44,7 +44,7 @@ pub enum LastCrash {
     },
     /// An interrupt or exception without a handler.
     Interrupt {
-        /// Its number; exceptions are negative, as cortex-m-rt counts.
+        /// The exception's number; exceptions are negative, as cortex-m-rt counts.
         number: i16,
     },
     /// The crystal stopped.
@@ -180,7 +180,7 @@ static LEFT: AtomicU32 = AtomicU32::new(0);
 /// The last of them: what runs is kept from now on, until the watchdog is fed.
 const LATE: u32 = 1;
 
-/// The watchdog was fed: so many looks of the supervisor may pass.
+/// The watchdog was fed: this number of looks of the supervisor may pass.
 pub(super) fn fed(looks: u32) {
     if LEFT.swap(looks.max(LATE), Ordering::Relaxed) == LATE {
         // It was late, and hangs no longer.

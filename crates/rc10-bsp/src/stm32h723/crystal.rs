@@ -38,10 +38,11 @@ pub enum CrystalState {
     },
     /// The clocks come from it; its frequency could not be measured.
     Unmeasured,
-    /// It does not swing. The chip's own oscillator stands in for it: times and bit rates are off by its drift since
-    /// the last good start, or by up to 1.5 %, and motors must stay without torque.
+    /// The crystal does not swing. The chip's own oscillator stands in for it: times and bit rates
+    /// are off by its drift since the last good start, or by up to 1.5 %, and motors must stay
+    /// without torque.
     Dead,
-    /// It has another frequency than the program is made for. As if it were dead.
+    /// The crystal has another frequency than the program is made for. Handled like a dead one.
     Other {
         /// The measured one, within 1.5 %: hertz.
         hz: u32,
@@ -56,7 +57,7 @@ static MEASURED: AtomicU32 = AtomicU32::new(0);
 #[unsafe(link_section = ".uninit.rc10_hsi")]
 static MULTIPLIER: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 
-/// That one, or the one of an exact HSI.
+/// The measured frequency, or the one of an exact HSI.
 fn multiplier() -> u32 {
     let [kept, complement] = MULTIPLIER.each_ref().map(|word| word.load(Ordering::Relaxed));
     if kept == !complement { kept } else { pll::HSI_MULTIPLIER }

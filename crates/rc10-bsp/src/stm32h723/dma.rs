@@ -40,7 +40,7 @@ impl Element for u32 {
 pub struct DmaBuffer<T: Element, const N: usize>(&'static mut [T; N]);
 
 impl<T: Element, const N: usize> DmaBuffer<T, N> {
-    /// Its elements, for drivers that give them to a DMA themselves, as embassy-stm32's do.
+    /// The elements, for drivers that give them to a DMA themselves, as embassy-stm32's do.
     #[must_use]
     pub const fn elements(self) -> &'static mut [T; N] {
         self.0
@@ -118,7 +118,7 @@ impl<T: Element> DmaMemory<T> {
         self.length
     }
 
-    /// An element as it is now; zero if there is none.
+    /// An element as it is now; zero beyond the last.
     #[inline]
     pub fn read(&self, index: usize) -> T {
         if index >= self.length {
@@ -191,7 +191,7 @@ pub(super) struct Transfer {
 pub(super) struct Events {
     pub half: bool,
     pub complete: bool,
-    /// It has stopped.
+    /// Whether the stream has stopped.
     pub error: bool,
 }
 

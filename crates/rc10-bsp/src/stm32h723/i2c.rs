@@ -64,9 +64,9 @@ impl I2cPeripheral for I2C5 {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum I2cError {
     /// Not acknowledged: no such device, or it is busy. (Of a read that shows after 30 ms only.)
-    #[error("nobody acknowledged")]
+    #[error("no device acknowledged")]
     NoAcknowledge,
-    /// It took longer than 30 ms.
+    /// The transaction took longer than 30 ms.
     #[error("the transaction took longer than 30 ms")]
     Timeout,
     /// A line is held low, and recovery did not help: a short circuit, or no pull-ups.

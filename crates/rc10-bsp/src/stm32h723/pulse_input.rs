@@ -104,7 +104,7 @@ impl PulseInput {
             w.set_icf(0, vals::FilterValue::FCK_INT_N8);
         });
         timer.ccer().modify(|w| w.set_cce(0, true));
-        // Takes the prescaler over; that shows as an update, which is none.
+        // Takes the prescaler over; that shows as an update, which does not count.
         timer.egr().write(|w| w.set_ug(true));
         timer.sr().write_value(regs::Sr1ch(0));
         STATE.lock(|state| state.set(State { round_began: rc10_message::now(), lost: 0 }));

@@ -9,7 +9,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::{OutputCompareMode, RoundTo, Timer};
 use embassy_stm32::timer::{Channel, GeneralInstance4Channel, TimerChannel, TimerPin};
 
-/// Of [`PwmOutput::set`].
+/// The largest share of [`PwmOutput::set`].
 pub const WHOLE: u16 = 1000;
 
 /// The output of one timer at one pin: low, until it is told another share. While the program hangs, or crashes,
@@ -18,7 +18,7 @@ pub struct PwmOutput<T: GeneralInstance4Channel> {
     /// Never dropped: without its clock it would leave the pin as it is at that moment.
     timer: ManuallyDrop<Timer<'static, T>>,
     channel: Channel,
-    /// Of the counter, in whole periods.
+    /// The counter's whole period.
     period: u32,
     most: u16,
 }

@@ -102,7 +102,7 @@ pub fn start(
 pub struct UsbReceiver {
     receiver: Receiver<'static, Controller>,
     packet: [u8; PACKET as usize],
-    /// Of the packet.
+    /// The part of the packet that was not read yet.
     unread: Range<usize>,
 }
 

@@ -29,7 +29,7 @@ const CONVERSION: u64 = 300;
 pub struct VoltageInput {
     channel: u8,
     is_ready: bool,
-    /// It has not been set up yet.
+    /// Whether it has still to be set up.
     is_fresh: bool,
 }
 

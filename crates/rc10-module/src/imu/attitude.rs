@@ -227,7 +227,7 @@ impl Attitude {
         (self.rested > 0.0).then_some(self.bias)
     }
 
-    /// It has stood still for a second, and does.
+    /// Whether it has stood still for a second, and does.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         self.still >= REST

@@ -220,7 +220,7 @@ where
     /// Dropped half-way, nothing is lost but this sample.
     ///
     /// # Errors
-    /// Why there is none. Call again: a chip that comes back is used again.
+    /// The reason without a sample. Call again: a chip that comes back is used again.
     pub async fn read(&mut self) -> Result<Sample, Error<A::Error>> {
         let started = if self.is_running { Ok(()) } else { self.start().await };
         let result = match started {

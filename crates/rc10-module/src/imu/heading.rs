@@ -2,8 +2,8 @@ use rc10_app::angle::{shortest_way, shortest_way_degrees};
 use rc10_app::{Degrees, Radians, TotalAngle, maths};
 use rc10_can::Micros;
 
-/// A heading that was heard longer ago is none any more. In this time the fastest rotation that
-/// these sensors measure, 2000 °/s, is half a turn: the robot may look the other way by now.
+/// A heading that was heard longer ago is too old. In this time the fastest rotation that these
+/// sensors measure, 2000 °/s, is half a turn: the robot may look the other way by now.
 pub const FRESH_FOR: Micros = Micros::from_millis(90);
 
 /// Microdegrees.
@@ -18,7 +18,7 @@ const TURN: i32 = 360_000_000;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heading {
     heard: Option<Micros>,
-    /// Of the sensor, within its turn; and how many turns it made.
+    /// The sensor's yaw, within its turn; and how many turns it made.
     yaw: i32,
     turns: i32,
     zero: i32,

@@ -51,7 +51,7 @@ pub enum Message {
     Acceleration {
         /// In g, -16 ..< 16.
         g: [f32; 3],
-        /// Of its chip.
+        /// The chip's temperature.
         temperature: Celsius,
     },
     /// Angular rate.
@@ -157,7 +157,7 @@ pub enum Baud {
 }
 
 impl Command {
-    /// Its bytes: `FF AA`, a register, and its new value, little endian.
+    /// The bytes: `FF AA`, a register, and its new value, little endian.
     #[must_use]
     pub const fn pack(self) -> [u8; 5] {
         let [register, low, high] = match self {

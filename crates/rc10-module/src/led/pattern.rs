@@ -25,7 +25,7 @@ pub enum State {
     /// No torque.
     #[default]
     Disarmed,
-    /// It may move at any time.
+    /// The robot may move at any time.
     Armed,
     /// Armed, and let go for a moment: it goes on by itself.
     Suspended,
@@ -110,7 +110,7 @@ mod tests {
 
     use super::*;
 
-    /// What an eye that sees no colours sees of an LED in a while.
+    /// The signs of an LED for an eye that sees no colours.
     fn seen(state: State, index: usize) -> Vec<bool> {
         let at = |beat| Micros::new(1_000_000_000_000 + beat * BEAT.get() + 99_999);
         (0..20).map(|beat| colour(state, at(beat), index) != RGB8::default()).collect()

@@ -218,7 +218,7 @@ pub struct Strip<O: Output, const LEDS: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<E> {
-    /// It has more LEDs than the strip's buffer has room for; nothing was sent.
+    /// The strip has more LEDs than its buffer has room for; nothing was sent.
     #[error("more colours than the strip's buffer has room for: {room} LEDs")]
     TooManyLeds {
         /// The room.

@@ -96,13 +96,13 @@ impl Frame {
         self.id
     }
 
-    /// Its data.
+    /// The data.
     #[must_use]
     pub fn data(&self) -> &[u8] {
         self.data.get(..self.len.into()).unwrap_or_default()
     }
 
-    /// Its data as numbers; `None` if they are not whole numbers of four bytes, or one of them is
+    /// The data as numbers; `None` if they are not whole numbers of four bytes, or one of them is
     /// infinite or NaN.
     #[must_use]
     pub fn floats(&self) -> Option<heapless::Vec<f32, { MOST / 4 }>> {
@@ -111,7 +111,7 @@ impl Frame {
         if rest.is_empty() { numbers.iter().map(finite).collect() } else { None }
     }
 
-    /// Its bytes on the wire.
+    /// The bytes on the wire.
     #[must_use]
     pub fn pack(&self) -> heapless::Vec<u8, LONGEST> {
         let crc = crc(self.data()).to_le_bytes();
@@ -209,7 +209,7 @@ mod tests {
             assert_eq!((frame.id(), frame.data()), (len, data.as_slice()));
         }
         assert_eq!(Frame::new(1, &[0; 65]), Err(FrameError::TooLong(65)));
-        // A frame that says it had 65 is none, and costs none.
+        // A frame that says it had 65 is invalid, and costs no other.
         let good = Frame::new(1, &[7; 3]).unwrap();
         let too_long = [&[0xFC, 0xFB, 1, 65][..], &[0; 65], &[0, 0, 0xFD, 0xFE]].concat();
         assert_eq!(heard(&[&too_long[..], &good.pack()].concat()), [good]);

@@ -51,17 +51,17 @@ pub struct Jrt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Answer {
-    /// It measured.
+    /// The module measured.
     Result {
         /// The address of the module: 0 as sold.
         address: u8,
-        /// See [`range`](Self::range).
+        /// The distance; [`range`](Self::range) judges it.
         millimetres: u32,
         /// The quality of the signal. The manual calls a small value good; users who measured found
         /// the contrary. Try it with yours before you rely on it.
         quality: u16,
     },
-    /// It could not measure.
+    /// The module could not measure.
     Error {
         /// The address of the module.
         address: u8,
@@ -71,9 +71,9 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// The distance of something, or why there is none. Codes that speak of the target are states;
-    /// the others (1 supply too low, 3 and 4 too cold and too hot, 10 and up hardware, 129 no such
-    /// command) are a [`Fault`](Range::Fault).
+    /// The distance of something, or why it is not known. Codes that speak of the target are
+    /// states; the others (1 supply too low, 3 and 4 too cold and too hot, 10 and up hardware, 129
+    /// no such command) are a [`Fault`](Range::Fault).
     #[must_use]
     pub fn range(&self) -> Range {
         match *self {
@@ -146,7 +146,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Its bytes.
+    /// The bytes of the command.
     ///
     /// ```
     /// use rc10_module::ranging::jrt::Command;
@@ -262,7 +262,7 @@ mod tests {
         }
     }
 
-    /// What comes back of a command, an error's other head, heads too many, and a damaged frame.
+    /// Commands that come back, an error's other head, heads too many, and a damaged frame.
     #[test]
     fn nothing_in_between_costs_a_result() {
         let echo = Command::Continuously(Speed::Auto).pack();

@@ -25,7 +25,7 @@ const HEAD: u8 = 0xAA;
 const DISTANCES: u8 = 0x02;
 const POINTS: usize = 12;
 const POINT_LEN: usize = 15;
-/// Its reach, in mm (data sheet).
+/// The sensor's reach, in mm (data sheet).
 const REACH: core::ops::RangeInclusive<u16> = 30..=7500;
 
 /// The protocol of an STP-23L.
@@ -74,7 +74,7 @@ impl Point {
         }
     }
 
-    /// It has a confidence, and is within the device's reach of 30 to 7500 mm.
+    /// Whether it has a confidence, and is within the device's reach of 30 to 7500 mm.
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.confidence > 0 && REACH.contains(&self.millimetres)

@@ -6,7 +6,7 @@ use super::{Remote, Stick, Switch, Travel};
 pub struct Channel {
     /// From 1 on, as transmitters show it.
     pub number: u8,
-    /// Its low end is right, away from the body, or a switch that is down.
+    /// The low end is right, away from the body, or a switch that is down.
     pub is_reversed: bool,
 }
 
@@ -41,9 +41,9 @@ pub struct ChannelOrder {
     pub right_switch: Channel,
     /// The switch on the left.
     pub left_switch: Channel,
-    /// Two more switches; `Middle` where there are none.
+    /// Two more switches; `Middle` without them.
     pub more_switches: [Option<Channel>; 2],
-    /// A wheel or dial; 0 where there is none.
+    /// A wheel or dial; 0 without one.
     pub dial: Option<Channel>,
 }
 
@@ -63,8 +63,8 @@ impl ChannelOrder {
         dial: Some(Channel::new(9)),
     };
 
-    /// That of `RC10_LIB`'s `AirJoy`: left x, left y, right y, right x, switches A, B, C, D, of
-    /// which A is the right one here, B the left one.
+    /// The order of `RC10_LIB`'s `AirJoy`: left x, left y, right y, right x, switches A, B, C, D,
+    /// of which A is the right one here, B the left one.
     pub const AIR_JOY: Self = Self {
         left_x: Channel::new(1),
         left_y: Channel::new(2),

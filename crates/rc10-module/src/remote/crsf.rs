@@ -49,7 +49,7 @@ pub struct LinkStatistics {
     pub downlink_snr: i8,
 }
 
-/// Of the whole frame: length 62, and the two bytes before it counts.
+/// The longest frame: length 62, and the two bytes before it counts.
 const LONGEST: usize = 64;
 /// Broadcast, flight controller, handset, receiver, transmitter module (TBS's device addresses).
 /// To a robot comes C8; the others are allowed as the first byte, too.

@@ -27,9 +27,9 @@ pub struct DbusFrame {
     pub left_switch: Switch,
     /// The mouse of the computer that the remote is plugged into.
     pub mouse: Mouse,
-    /// Its keys, in the order of [`Keys`].
+    /// The computer's keys, in the order of [`Keys`].
     pub keys: u16,
-    /// The wheel, like a channel; 0 where there is none.
+    /// The wheel, like a channel; 0 without a wheel.
     pub wheel: u16,
 }
 
@@ -273,7 +273,7 @@ mod tests {
         let counters = line.stream.counters();
         assert_eq!((counters.port_errors, counters.frames), (1, 1));
         assert_eq!(counters.skipped, 7 + 10 + 8 + 18);
-        // An error while a frame waits to be believed: it is none.
+        // An error while a frame waits to be believed: it is dropped.
         line.read(&CENTRED).stream.interrupt();
         assert_eq!(line.pause(3000).heard() + line.pause(3000).heard(), 0);
     }

@@ -121,7 +121,7 @@ impl Receiver {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Dr16, Self::Sbus, Self::Crsf, Self::Ppm, Self::Vt03];
 
-    /// Its name in small letters.
+    /// The name in small letters.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -44,7 +44,7 @@ pub struct Vt03Frame {
     pub trigger: bool,
     /// The mouse's counts since the frame before: x, y, wheel.
     pub mouse_motion: [i16; 3],
-    /// Its buttons, left, right, middle: two bits each, 0 if not pressed.
+    /// The mouse's buttons, left, right, middle: two bits each, 0 if not pressed.
     pub mouse_buttons: [u8; 3],
     /// Keys, in the order of [`Keys`].
     pub keys: u16,

@@ -11,7 +11,7 @@ use crate::mit::Limits;
 /// A model of motor: its limits, faults and gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// Physical values at the ends of the number fields of a frame.
     pub limits: Limits,

@@ -35,7 +35,7 @@ pub struct CyberGear {
     read_back: Option<Parameter>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    /// As the bus said in the last tick.
+    /// The drive mode of the last tick.
     drive: DriveMode,
     setpoint: Setpoint,
 }

@@ -169,7 +169,7 @@ pub enum Reply {
     Faults(FaultReport),
     /// The identity of the motor: its identifier, and the number of its chip.
     Identity {
-        /// Its identifier.
+        /// The motor's identifier.
         motor: u8,
         /// Eight bytes as they came, big endian.
         chip: u64,
@@ -180,11 +180,11 @@ pub enum Reply {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
-    /// It does not: stopped, or never enabled.
+    /// The motor stands: stopped, or never enabled.
     Reset = 0,
-    /// It calibrates itself.
+    /// The motor calibrates itself.
     Calibration = 1,
-    /// It does what it is told.
+    /// The motor does what it is told.
     Run = 2,
     /// Not documented.
     Unknown = 3,
@@ -208,7 +208,7 @@ pub struct Feedback {
     pub velocity: f32,
     /// In N m.
     pub torque: f32,
-    /// Of the motor; in steps of 0.1.
+    /// The motor's temperature, in steps of 0.1.
     pub temperature: Celsius,
 }
 
@@ -227,13 +227,13 @@ pub struct ParameterValue {
 }
 
 impl ParameterValue {
-    /// As an f32; `None` if it is infinite or NaN.
+    /// The bytes as an f32; `None` if it is infinite or NaN.
     pub const fn real(&self) -> Option<f32> {
         let real = f32::from_le_bytes(self.bytes);
         if real.is_finite() { Some(real) } else { None }
     }
 
-    /// As a single byte.
+    /// The first byte.
     pub const fn byte(&self) -> u8 {
         self.bytes[0]
     }

@@ -15,7 +15,7 @@ use crate::target::{Target, TargetError, TargetKind, TargetSet, without_effort};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// PMAX, VMAX and TMAX.
     pub limits: Limits,
@@ -195,7 +195,7 @@ impl Config {
     }
 }
 
-/// It reacts to every standard identifier with its own low byte.
+/// The mask of what it reacts to: every standard identifier with its own low byte.
 const LOW_BYTE: u32 = 0xFF;
 
 pub(super) const fn can_ids(can_id: u16, master_id: u16, mode: Mode) -> CanIds {
@@ -231,7 +231,7 @@ const fn register(low: u8, len: u8) -> Frames {
 /// Largest velocity that a force-position frame carries, rad/s.
 const FASTEST_FORCE_POSITION: f32 = 100.0;
 
-/// What follows the targets.
+/// The controller that follows the targets.
 #[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
 #[derive(Clone, Debug)]
 pub(super) enum Controller {
@@ -248,7 +248,7 @@ pub(super) enum Controller {
 }
 
 impl Controller {
-    /// Of a control that can be used.
+    /// The controller of a valid control.
     pub(super) fn new(control: Control, limits: &Limits) -> Self {
         use TargetKind::{Angle, Coast, Speed, SpeedMotion, TotalAngle};
         let own = |kinds: &[TargetKind], speed: Rpm, torque_share| Self::Own {

@@ -36,7 +36,7 @@ pub struct Damiao {
     pending: Pending<Question>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    /// As the bus said in the last tick.
+    /// The drive mode of the last tick.
     drive: DriveMode,
     command: Command,
     /// The operation goes to the bare identifier, not to the mode's.
@@ -228,7 +228,7 @@ impl Damiao {
         }
     }
 
-    /// One tick of the question in flight; the next check, if there is none.
+    /// One tick of the question in flight; without one, the next check.
     fn update_pending(&mut self, tick: &Tick) {
         let question = self.pending.question();
         if tick.link != Link::Online {

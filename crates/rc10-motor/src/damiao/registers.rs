@@ -110,7 +110,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// As on the wire, little endian.
+    /// The bits on the wire, little endian.
     pub(super) const fn bits(self) -> u32 {
         match self {
             Self::Real(real) => real.to_bits(),
@@ -256,7 +256,7 @@ fn held(register: Register, bytes: &[u8]) -> Result<Value, FrameError> {
 /// The highest register there is.
 const LAST_REGISTER: u8 = 81;
 
-/// A reply, or why the frame that looks like one is none; `None` for a frame that can be feedback.
+/// A reply, or why a frame that looks like one is invalid; `None` for a frame that can be feedback.
 ///
 /// As a feedback, a reply would be of a shaft at the very end of its range that turns out of it at
 /// more than a third of its largest speed.

@@ -27,7 +27,7 @@ impl DeviceId {
         if raw <= Self::LAST { Some(Self(raw)) } else { None }
     }
 
-    /// As a number.
+    /// The number.
     #[must_use]
     pub const fn raw(self) -> u16 {
         self.0
@@ -151,7 +151,7 @@ pub fn force_position(id: DeviceId, position: f32, velocity: f32, current: f32) 
 
 /// Per rad/s.
 const VELOCITY_STEPS: f32 = 100.0;
-/// Of the largest current.
+/// Steps of the largest current.
 const CURRENT_STEPS: f32 = 10_000.0;
 
 /// The nearest number of steps, 0 ..= 10000; none for NaN.
@@ -168,11 +168,11 @@ fn steps(x: f32, per_unit: f32) -> u16 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum State {
-    /// It has been told to make no torque. (Not every model turns freely then: an H3510 brakes.)
+    /// The motor makes no torque, as told. (Not every model turns freely then: an H3510 brakes.)
     Disabled,
-    /// It does what it is told.
+    /// The motor does what it is told.
     Enabled,
-    /// It has stopped by itself; the code.
+    /// The motor has stopped by itself; the code.
     Error(u8),
 }
 
@@ -192,7 +192,7 @@ pub(super) const ERRORS: [(u32, &str); 11] = [
 ];
 
 impl State {
-    /// As it is on the wire, 0 ..= 15.
+    /// The code on the wire, 0 ..= 15.
     #[must_use]
     pub const fn code(self) -> u8 {
         match self {

@@ -22,17 +22,17 @@ pub struct SetupError {
     pub label: &'static str,
     /// Where it is plugged in.
     pub on: Place,
-    /// What is wrong.
+    /// The reason.
     pub why: Unsound,
 }
 
-/// What is wrong with a motor of a declaration.
+/// The reason why a motor of a declaration is unsound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Unsound {
     /// A number in its configuration cannot be used.
     Config(ConfigError),
-    /// It cannot be attached.
+    /// The motor cannot be attached.
     Attach {
         /// Why not.
         error: AttachError,
@@ -73,7 +73,7 @@ impl SetupError {
         }
     }
 
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     #[must_use]
     pub const fn text(&self) -> Text {
         let Self { label, on, ref why } = *self;
@@ -126,9 +126,9 @@ impl From<AttachError> for Unsound {
     }
 }
 
-/// Whether these motors can be a robot with so many buses and lines: labels, places, configurations,
-/// identifiers, receive tables, filters and load. `buses` says for each how much of it its motors may
-/// need typically, percent at 1 Mbit/s.
+/// Whether these motors can be a robot with these buses and lines: labels, places, configurations,
+/// identifiers, receive tables, filters and load. `buses` says for each how much of it its motors
+/// may need typically, percent at 1 Mbit/s.
 ///
 /// # Errors
 /// The first that is wrong, in the order of the declaration.

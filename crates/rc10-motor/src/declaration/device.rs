@@ -32,13 +32,13 @@ pub enum Device {
 pub struct OtherDevice {
     /// Model and identifier.
     pub name: MotorName,
-    /// What it occupies on its bus.
+    /// The identifiers on its bus.
     pub ids: CanIds,
     /// Which way its output shaft counts.
     pub direction: Direction,
 }
 
-/// What a device occupies where it is plugged in.
+/// Identifiers or address of a device where it is plugged in.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "for constants")]
 pub enum Wiring {
@@ -97,7 +97,7 @@ impl Device {
         }
     }
 
-    /// What it occupies where it is plugged in.
+    /// Identifiers or address where it is plugged in.
     pub const fn wiring(&self) -> Wiring {
         Wiring::Can(match self {
             Self::Dji(config) => config.can_ids(),

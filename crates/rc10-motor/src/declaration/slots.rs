@@ -64,11 +64,11 @@ impl fmt::Display for Place {
 /// Label and place of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slot {
-    /// Its label.
+    /// The label.
     pub label: &'static str,
     /// The bus or line that it is plugged into.
     pub on: Place,
-    /// Its number there: as many motors of that place stand before it in the declaration.
+    /// The number there: as many motors of that place stand before it in the declaration.
     pub motor: MotorId,
     /// The largest speed at which a PC may turn it, if it may.
     pub jog: Option<Rpm>,

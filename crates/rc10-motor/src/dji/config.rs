@@ -10,7 +10,7 @@ use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 /// constant of this type.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// Identifiers go from 1 to this.
     pub last_id: u8,
@@ -187,13 +187,13 @@ pub struct Config {
     pub model: &'static Model,
     /// The identifier set on it: 1 to the model's `last_id`.
     pub id: u8,
-    /// Its gearbox.
+    /// The gearbox.
     pub gear: Gear,
     /// Which way its output shaft counts.
     pub direction: Direction,
     /// The feedback rate set in its controller.
     pub rate: FeedbackRate,
-    /// Its control loops.
+    /// The control loops.
     pub cascade: Cascade,
 }
 

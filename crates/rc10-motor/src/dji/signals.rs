@@ -15,7 +15,8 @@ pub const NOT_IN_DBC: &[&str] = &[
 ];
 
 /// The feedback of device `id`, its lane of the command frame that it shares with others, and the
-/// frame with which all of them begin to take new identifiers, which this crate never sends; `None` if the model is none of this crate's, or has no such identifier.
+/// frame with which all of them begin to take new identifiers, which this crate never sends; `None`
+/// for a model of another crate, or without this identifier.
 ///
 /// ```
 /// use rc10_motor::dji::{M3508, signals::messages};
@@ -60,7 +61,7 @@ const QUICK_ID_SETTING: StandardId = match StandardId::new(0x700) {
 struct Table {
     name: &'static str,
     feedback: &'static [Signal],
-    /// Of the first to the fourth device of a command frame.
+    /// Lanes of the first to the fourth device of a command frame.
     lanes: [[Signal; 1]; 4],
 }
 

@@ -30,7 +30,7 @@ struct MotorCell {
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
     /// Targets that did not come as far as the mail.
     refused: Mutex<CriticalSectionRawMutex, Cell<Refusals>>,
-    /// As declared, and as of the last request.
+    /// The tuning as declared, and as of the last request.
     tuning: Mutex<CriticalSectionRawMutex, Cell<Option<[Tuning; 2]>>>,
 }
 

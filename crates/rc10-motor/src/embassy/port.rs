@@ -68,7 +68,7 @@ pub struct BusStatus {
 /// Why a frame was not put into the outbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OutboxError {
-    /// As many frames wait as there is room for.
+    /// The outbox is full.
     #[error("{OUTBOX} frames wait in the outbox already")]
     Full,
     /// A motor of this bus is commanded with this identifier, and only its bus may do that.

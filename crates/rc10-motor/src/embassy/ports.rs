@@ -36,7 +36,7 @@ use crate::declaration::{Names, Place, Slot};
 /// let wheel = PORTS.motor(theirs::Name::Lift);
 /// ```
 ///
-/// Its own does:
+/// A robot's own program does the same:
 ///
 /// ```
 /// # mod ours {

@@ -31,7 +31,7 @@ impl EncoderBits {
 /// Properties of one model of drive, as seen on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// Amperes in a step of iq, in commands and answers alike.
     pub amps_per_count: f32,
@@ -88,7 +88,7 @@ impl Model {
         Amps::new(FULL_SCALE as f32 * self.amps_per_count)
     }
 
-    /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
+    /// The torque current of an answer; `None` where it carries no current, see [`Motion::effort`].
     pub fn current(&self, motion: &Motion) -> Option<Amps> {
         let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
         (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
@@ -218,7 +218,7 @@ impl Config {
         ConfigError::check(fits, "output_limit", limit, must_be)
     }
 
-    /// Its identifier, and the first of its two bytes in the multi-motor frame.
+    /// The identifier, and the first of its two bytes in the multi-motor frame.
     pub(super) const fn lane(&self) -> Result<(DriveId, usize), ConfigError> {
         let Some(drive) = DriveId::new(self.id) else {
             return Err(ConfigError::new("id", self.id as f32, "1 to 32"));

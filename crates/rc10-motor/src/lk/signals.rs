@@ -151,7 +151,7 @@ static COMMANDS: &[(u32, &str)] = &[
     (PHASE_CURRENTS as u32, "phase currents"),
 ];
 
-/// Of the error bits, lowest first: in the answer to `9A`, and to `9B`.
+/// Names of the error bits, lowest first: in the answer to `9A`, and to `9B`.
 const ERROR_NAMES: [[&str; 2]; 8] = [
     ["SUPPLY_TOO_LOW", "CLEARED_SUPPLY_TOO_LOW"],
     ["SUPPLY_TOO_HIGH", "CLEARED_SUPPLY_TOO_HIGH"],

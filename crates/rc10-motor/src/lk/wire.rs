@@ -81,7 +81,7 @@ impl DriveId {
         Some(Self { number, can: standard(BASE_ID + number as u16) })
     }
 
-    /// As set on the drive.
+    /// The number set on the drive.
     #[must_use]
     pub const fn number(self) -> u8 {
         self.number
@@ -139,14 +139,14 @@ pub enum Command {
         angle: Degrees,
         /// The way round.
         direction: SpinDirection,
-        /// As in [`TurnTo`](Self::TurnTo).
+        /// The limit, like [`TurnTo`](Self::TurnTo)'s.
         speed_limit: Option<RotorRpm>,
     },
     /// `A7`; `A8` if there is a limit: by an angle from here, ±59,652 turns.
     TurnBy {
         /// The angle to turn by.
         angle: TotalAngle,
-        /// As in [`TurnTo`](Self::TurnTo).
+        /// The limit, like [`TurnTo`](Self::TurnTo)'s.
         speed_limit: Option<RotorRpm>,
     },
     /// `9A`: asks for [`Health`].
@@ -286,9 +286,9 @@ impl Motion {
 pub struct Health {
     /// The command that was answered.
     pub command: u8,
-    /// Of the motor.
+    /// The motor's temperature.
     pub temperature: Celsius,
-    /// Of the supply, in volts.
+    /// The supply's voltage, in volts.
     pub supply: f32,
     /// Error bits.
     pub errors: Errors,
@@ -321,7 +321,7 @@ impl Errors {
         Self(bits)
     }
 
-    /// As the drive sent them.
+    /// The bits as the drive sent them.
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0
@@ -345,7 +345,7 @@ impl Errors {
 /// Phase currents of a drive: the response to `9D`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseCurrents {
-    /// Of the motor.
+    /// The motor's temperature.
     pub temperature: Celsius,
     /// Phases A, B, C.
     pub phases: [Amps; 3],

@@ -13,9 +13,9 @@ use crate::feedback::Fault;
 /// The setup of an axis, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
-    /// Its number, 0 to 62: an axis without a number has 63.
+    /// The axis's number, 0 to 62: an axis without a number has 63.
     pub node: u8,
-    /// Its firmware: what its errors mean.
+    /// The axis's firmware: what its errors mean.
     pub firmware: Firmware,
     /// Turns of the encoder's shaft for turns of the output shaft. Torques on the wire are those of
     /// the encoder's shaft, too.
@@ -118,9 +118,9 @@ impl Rates {
 /// The limits of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Of the output shaft.
+    /// The output shaft's largest speed.
     pub speed: Rpm,
-    /// Of the motor.
+    /// The motor's largest current.
     pub current: Amps,
 }
 
@@ -205,7 +205,7 @@ impl Config {
         ConfigError::check(good, "input mode", input as u8 as f32, must_be)
     }
 
-    /// Its node, if there is such a one.
+    /// The node, if the number is valid.
     pub(super) const fn checked_node(&self) -> Result<Node, ConfigError> {
         match Node::new(self.node) {
             Some(node) if self.node < 63 => Ok(node),
@@ -258,7 +258,7 @@ const fn message(node: u8, number: u8) -> IdPattern {
 /// A family of firmware, by what its error word means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Firmware {
-    /// As the vendor counts.
+    /// The version, as the vendor counts.
     pub version: &'static str,
     /// Bits of the error word and their texts, the gravest first.
     pub errors: &'static [(u8, &'static str)],

@@ -77,7 +77,7 @@ enum Loops {
     Axis { goals: Goals, input: f32, beside: Beside },
 }
 
-/// What the loops of an axis add to their own, of a motion that is known.
+/// Numbers that the loops of an axis add to their own, of a motion that is known.
 #[derive(Clone, Copy, Debug, Default)]
 struct Beside {
     /// Beside a position, turns a second.

@@ -204,7 +204,7 @@ const INPUT_MODES: &[&str] = &[
     "tuning",
 ];
 
-/// Of the error bits, by number.
+/// Names of the error bits, by number.
 const ERROR_NAMES: [&str; 32] = [
     "ERROR_0", "ERROR_1", "ERROR_2", "ERROR_3", "ERROR_4", "ERROR_5", "ERROR_6", "ERROR_7",
     "ERROR_8", "ERROR_9", "ERROR_10", "ERROR_11", "ERROR_12", "ERROR_13", "ERROR_14", "ERROR_15",

@@ -42,7 +42,7 @@ impl Node {
         if number <= LAST_NODE { Some(Self(number)) } else { None }
     }
 
-    /// As set on the device.
+    /// The number set on the device.
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
@@ -104,13 +104,13 @@ impl AxisState {
         Self(number)
     }
 
-    /// As on the wire.
+    /// The number on the wire.
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
     }
 
-    /// Its name; `None` for a state that is not documented.
+    /// The name; `None` for a state that is not documented.
     #[must_use]
     pub fn name(self) -> Option<&'static str> {
         AXIS_STATES.get(usize::from(self.0)).copied()
@@ -186,7 +186,7 @@ pub enum Command {
     Limits {
         /// Turns a second, not negative.
         velocity: f32,
-        /// Of the motor, not negative.
+        /// The motor's current limit, not negative.
         current: Amps,
     },
     /// `18`: forget the errors.
@@ -335,9 +335,9 @@ pub struct Supply {
 /// so it is no [`Message`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Temperatures {
-    /// Of the power stage; NaN where there is no sensor.
+    /// The power stage's temperature; NaN without a sensor.
     pub controller: Celsius,
-    /// Of the motor; NaN where there is no sensor.
+    /// The motor's temperature; NaN without a sensor.
     pub motor: Celsius,
 }
 

@@ -68,7 +68,7 @@ pub struct Rs485Bus<'m> {
 struct Poll {
     /// Not polled since the last tick.
     is_due: bool,
-    /// Its link is online, as of the last tick or its last reply.
+    /// Whether its link is online, as of the last tick or its last reply.
     is_heard: bool,
     polled_at: Option<Micros>,
     /// The drive mode of the motor, since the last tick.
@@ -83,7 +83,7 @@ struct Polled {
     at: Micros,
 }
 
-/// See [`Rs485Bus::CAPACITY`].
+/// The number of [`Rs485Bus::CAPACITY`].
 const CAPACITY: usize = 15;
 /// Least number of polls of a motor after a change of its drive mode.
 const URGENT: u8 = 3;

@@ -50,7 +50,7 @@ const fn check_cascade(cascade: &Cascade) -> Result<(), ConfigError> {
 /// A GO-M8010-6 on RS-485 as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineConfig {
-    /// Its number on the line, 0 to 14.
+    /// The number on the line, 0 to 14.
     pub id: u8,
     /// Which way its output shaft counts.
     pub direction: Direction,
@@ -94,7 +94,7 @@ impl LineConfig {
         }
     }
 
-    /// Its address on the line.
+    /// The address on the line.
     ///
     /// # Errors
     /// [`ConfigError`] for an `id` that no motor has.
@@ -115,7 +115,7 @@ pub struct ModuleConfig {
     /// The module that it is behind, 0 to 3, by its switches 1 and 2; 3 as it is sold. Never 0
     /// beside a VESC: they would take each other's frames.
     pub module: u8,
-    /// Its number on the module's line, 0 to 14.
+    /// The number on the module's line, 0 to 14.
     pub motor: u8,
     /// Which way its output shaft counts.
     pub direction: Direction,
@@ -174,7 +174,7 @@ impl ModuleConfig {
         }
     }
 
-    /// Its module, and its address there.
+    /// The module, and the address behind it.
     pub(super) const fn devices(&self) -> Result<(Module, Address), ConfigError> {
         let error = match (Module::new(self.module), Address::new(self.motor)) {
             (Some(module), Some(address)) => return Ok((module, address)),

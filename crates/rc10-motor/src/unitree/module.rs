@@ -94,7 +94,7 @@ impl GoModule {
         self.module
     }
 
-    /// Its number on the module's line.
+    /// The number on the module's line.
     pub const fn address(&self) -> Address {
         self.address
     }
@@ -251,7 +251,7 @@ mod tests {
     use super::*;
     use crate::unitree::wire::Status;
 
-    /// What a tick sends.
+    /// The identifier that a tick sends.
     fn tick(motor: &mut GoModule, drive: DriveMode) -> u32 {
         motor.update(&Tick::new(drive));
         let mut tx = TxBatch::new();

@@ -94,7 +94,7 @@ impl Actuator {
         self.servo.update(tick, &self.shaft);
     }
 
-    /// Its zero, its gains and its [`TorqueLimit`](Request::TorqueLimit).
+    /// Takes zero, gains and [`TorqueLimit`](Request::TorqueLimit).
     pub(super) fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.servo.request(request, &mut self.shaft)
     }

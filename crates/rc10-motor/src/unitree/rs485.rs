@@ -152,7 +152,7 @@ impl Motor for GoM8010 {
         };
     }
 
-    /// Its zero, its gains, its [`TorqueLimit`](Request::TorqueLimit), and
+    /// Takes zero, gains, [`TorqueLimit`](Request::TorqueLimit), and
     /// [`ClearFault`](Request::ClearFault): the device has no such command, so what its next reply
     /// says decides, and a fault that is still there refuses with its code. Over-temperature ends
     /// only with the supply.

@@ -71,8 +71,8 @@ pub struct ElectricalScale {
 }
 
 impl ElectricalScale {
-    /// Of a motor with these pole pairs (half its magnet poles) behind a gearbox, with the
-    /// firmware's own minimum speed.
+    /// A motor with these pole pairs (half its magnet poles) behind a gearbox, with the firmware's
+    /// own minimum speed.
     pub const fn new(pole_pairs: NonZeroU8, gear: Gear) -> Self {
         Self { pole_pairs, gear, minimum: DEFAULT_MINIMUM }
     }
@@ -157,7 +157,7 @@ impl StatusRates {
         status_6: 0,
     };
 
-    /// Of the frame that says this.
+    /// The rate of the frame that says this.
     pub(super) const fn of(&self, status: &Status) -> u16 {
         match status {
             Status::Motion { .. } => self.status_1,
@@ -330,7 +330,7 @@ impl Config {
         cascade.validate()
     }
 
-    /// Its number, if there is such a one.
+    /// The number, if it is valid.
     pub(super) const fn vesc_id(&self) -> Result<VescId, ConfigError> {
         match VescId::new(self.id) {
             Some(id) => Ok(id),

@@ -89,7 +89,7 @@ pub(super) struct Reported {
     motor: Celsius,
     transistors: Celsius,
     supply: Volts,
-    /// Of the position controller, in microdegrees.
+    /// The position controller's angle, in microdegrees.
     position: i32,
 }
 
@@ -527,7 +527,7 @@ impl CanMotor for Vesc {
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         let id = self.id;
         if self.is_due {
-            // A number that is none is never sent: then it goes free.
+            // NaN is never sent: then it goes free.
             tx.push_as(self.command.pack(id).unwrap_or_else(|error| error.neutral), self.stream)?;
             self.is_due = false;
         }

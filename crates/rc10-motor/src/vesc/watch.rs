@@ -25,7 +25,7 @@ const NOTHING: f32 = 0.05;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch {
     is_slow_by_design: bool,
-    /// As of the last tick.
+    /// Whether it is online, as of the last tick.
     is_online: bool,
     until_asking: f32,
     /// Seconds for which the last answer counts yet.
@@ -38,7 +38,7 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Of a VESC that was never heard, whose STATUS comes this many times a second.
+    /// The watch of a VESC that was never heard, whose STATUS comes this many times a second.
     pub(super) const fn new(status_hz: u16) -> Self {
         Self {
             is_slow_by_design: status_hz < CONTROL_HZ,
@@ -68,7 +68,7 @@ impl Watch {
         self.until_asking <= 0.0
     }
 
-    /// It was asked.
+    /// The question was sent.
     pub(super) const fn asked(&mut self) {
         self.until_asking = ASK_PERIOD;
     }

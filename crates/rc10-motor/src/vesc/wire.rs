@@ -57,7 +57,7 @@ macro_rules! packets {
         }
 
         impl Packet {
-            /// The packet of a number; `None` if it is none of these.
+            /// The packet of a number; `None` for another.
             pub const fn from_number(number: u8) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$variant),)*
@@ -65,7 +65,7 @@ macro_rules! packets {
                 }
             }
 
-            /// As the firmware's source names it, without `CAN_PACKET_`.
+            /// The name in the firmware's source, without `CAN_PACKET_`.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -114,7 +114,7 @@ packets! {
 }
 
 impl Packet {
-    /// Its number.
+    /// The number of the packet.
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
@@ -148,13 +148,13 @@ pub(super) const STATUSES: [Packet; 6] = [
 
 // Raw units of a command per unit (bldc `comm_can.c`, `comm_can_set_*` and `comm_can_conf_*`).
 
-/// Of duty and of relative current, per 1.
+/// Steps of duty and of relative current, per 1.
 const STEPS_PER_SHARE: f32 = 1e5;
-/// Of current, per ampere.
+/// Steps of current, per ampere.
 const STEPS_PER_AMPERE: f32 = 1e3;
-/// Of `SET_POS`, per degree.
+/// Steps of `SET_POS`, per degree.
 const STEPS_PER_DEGREE: i32 = 1_000_000;
-/// Of both numbers of a setting, per ampere, electrical rpm or volt.
+/// Steps of both numbers of a setting, per ampere, electrical rpm or volt.
 const STEPS_PER_SETTING: f32 = 1e3;
 
 // Units per raw unit of a status (bldc `comm_can.c`, `send_status1` to `send_status6`).
@@ -284,14 +284,14 @@ pub fn shutdown(to: impl Into<Address>) -> CanFrame {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Setting {
-    /// Of the motor.
+    /// The motor's current.
     MotorCurrent {
         /// Most negative: braking.
         min: Amps,
         /// Most positive: driving.
         max: Amps,
     },
-    /// Of the supply.
+    /// The supply's current.
     InputCurrent {
         /// Most negative: back into the battery.
         min: Amps,
@@ -326,7 +326,7 @@ impl Setting {
     /// The frame that also writes the VESC's flash memory, which wears out: never periodically.
     ///
     /// # Errors
-    /// As of [`pack`](Self::pack).
+    /// [`NotANumber`], like [`pack`](Self::pack).
     pub fn pack_store(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
         self.pack_as(self.packets().1, to.into())
     }
@@ -373,14 +373,14 @@ fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanF
 pub enum Reply {
     /// One of its periodic frames.
     Status {
-        /// Its sender.
+        /// The sender.
         from: VescId,
         /// The content of the frame.
         status: Status,
     },
     /// The answer to a [`ping`].
     Pong {
-        /// Its sender.
+        /// The sender.
         from: VescId,
         /// The sender of the PING.
         to: VescId,
@@ -418,9 +418,9 @@ pub enum Status {
     },
     /// `STATUS_4`
     Temperatures {
-        /// Of the transistors.
+        /// The transistors' temperature.
         transistors: Celsius,
-        /// Of the motor.
+        /// The motor's temperature.
         motor: Celsius,
         /// Current of the supply.
         input_current: Amps,
@@ -478,7 +478,7 @@ impl Reply {
     }
 }
 
-/// Of a data frame.
+/// The bytes of a data frame.
 fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
     let bytes = || frame.all_eight().ok_or(FrameError::Length);
     Ok(match packet {
@@ -519,12 +519,12 @@ fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
     })
 }
 
-/// As two numbers.
+/// The bytes as two numbers.
 const fn words(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [i32; 2] {
     [i32::from_be_bytes([a, b, c, d]), i32::from_be_bytes([e, f, g, h])]
 }
 
-/// As four numbers.
+/// The bytes as four numbers.
 fn halves(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [f32; 4] {
     [[a, b], [c, d], [e, f], [g, h]].map(|half| i16::from_be_bytes(half).into())
 }

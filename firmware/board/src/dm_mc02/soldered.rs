@@ -1,4 +1,5 @@
-//! What is soldered on a DM-MC02 and needs a program: power outputs, IMU with heater, status lamp, buzzer, key, supply.
+//! Parts soldered on a DM-MC02 that need a program: power outputs, IMU with heater, status lamp,
+//! buzzer, key, supply.
 
 use core::cell::Cell;
 use core::sync::atomic::Ordering;
@@ -41,7 +42,7 @@ bind_interrupts!(struct Irqs {
     EXTI15_10 => exti::InterruptHandler<typelevel::EXTI15_10>;
 });
 
-/// Of all that is no motor.
+/// Interrupt priority of all that is no motor.
 const PRIORITY: Priority = Priority::P7;
 
 /// For this time after the outputs are switched on a motor that has not been heard is not missing: its ESC starts.
@@ -69,13 +70,13 @@ const TENTH: Duration = Duration::from_millis(100);
 /// 3.3 V and the divider of 100 and 10 kOhm before the pin: the full scale of 16 bits, mV.
 const SUPPLY_SCALE: u32 = 3_300 * 11;
 
-/// What the buzzer is tuned to. Its transistor has 22 ohms before the base: half of the time is the most that it
-/// is ever high.
+/// The buzzer's tone. Its transistor has 22 ohms before the base: half of the time is the most that
+/// it is ever high.
 const TONE: Hertz = Hertz(4_000);
 const HALF: u16 = 500;
 const BEEP: Duration = Duration::from_millis(60);
 
-/// It is on a table before eyes.
+/// The brightness, for a board on a table before eyes.
 const BRIGHTNESS: u8 = 24;
 
 /// Serves what is soldered on, for ever: switches the outputs on; tells the heading by the IMU, and keeps that warm;

@@ -62,9 +62,9 @@ pub(super) struct Shared {
 
 /// The port has been asked since the supervisor looked last.
 const POLLED: u8 = 0;
-/// It has not been asked again since the supervisor saw that.
+/// The controller has not been asked again since the supervisor saw that.
 const SEEN: u8 = 1;
-/// It had not been asked when the supervisor looked again.
+/// The controller had not been asked when the supervisor looked again.
 const STALLED: u8 = 2;
 
 static SHARED: [Shared; 3] = [const {

@@ -46,7 +46,7 @@ impl Crystal {
         panic!("PLL1 cannot make 480 MHz of this crystal");
     }
 
-    /// Its frequency in hertz.
+    /// The frequency in hertz.
     #[must_use]
     pub const fn hz(self) -> u32 {
         self.hz

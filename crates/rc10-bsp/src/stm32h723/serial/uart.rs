@@ -276,7 +276,7 @@ impl Uart {
 #[derive(Clone, Copy, Default)]
 pub(super) struct Direction {
     pub transmits: bool,
-    /// Its driver-enable pin is high while it sends.
+    /// Whether its driver-enable pin is high while it sends.
     pub drives_enable: bool,
 }
 

@@ -11,7 +11,7 @@ pub const RESET: u8 = 0xB6;
 
 /// Accelerometer `ACC_ERR_REG` (5.3.2).
 pub const ERRORS: u8 = 0x02;
-/// Of [`ERRORS`], those that mean something: `error_code` and `fatal_err`.
+/// The bits of [`ERRORS`] that mean something: `error_code` and `fatal_err`.
 pub const ERROR_BITS: u8 = 0b0001_1101;
 /// Accelerometer, six bytes of data (5.3.4).
 pub const ACCELERATION: u8 = 0x12;

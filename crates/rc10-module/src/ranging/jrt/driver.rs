@@ -11,7 +11,7 @@ use crate::{Reception, listen};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Speed {
-    /// As it thinks fit.
+    /// The module's own choice.
     #[default]
     Auto = 0,
     /// Seldom and exactly.

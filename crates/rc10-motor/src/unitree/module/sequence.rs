@@ -20,7 +20,7 @@ enum Step {
     Setting { tick: u8, status: Status },
     /// The module has them; the motor does not follow yet.
     Enabling,
-    /// It follows.
+    /// The motor follows.
     Following { tick: u8 },
 }
 
@@ -133,7 +133,7 @@ mod tests {
     const SPRING: RawImpedance = RawImpedance { stiffness: 300, damping: 20 };
     const TURNING: RawMotion = RawMotion { torque: 1, speed: 2, angle: 3 };
 
-    /// What the next tick sends.
+    /// The question that the next tick sends.
     fn next(sequence: &mut Sequence, wanted: RawImpedance) -> Request {
         sequence.advance(wanted);
         sequence.request(TURNING)
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_restarted_is_set_up_anew() {
+    fn a_side_that_restarted_is_set_up_anew() {
         let mut sequence = following(NONE);
         sequence.on_state(Status::LOCK);
         assert!(!sequence.is_following());

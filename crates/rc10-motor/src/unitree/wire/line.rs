@@ -94,11 +94,11 @@ pub fn destination(command: &[u8; COMMAND_LEN]) -> Option<Address> {
 pub struct Reply {
     /// The motor.
     pub address: Address,
-    /// Its status.
+    /// The status of the motor.
     pub status: Status,
     /// The motion it has, of the rotor.
     pub motion: RawMotion,
-    /// Of the motor, in whole degrees.
+    /// The motor's temperature, in whole degrees.
     pub temperature: Celsius,
     /// The vendor's `MError`, 0 ..= 7; see [`fault`](Self::fault).
     pub error: u8,

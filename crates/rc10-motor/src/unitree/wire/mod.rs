@@ -28,7 +28,7 @@ impl Address {
         if id < Self::BROADCAST.0 { Some(Self(id)) } else { None }
     }
 
-    /// Its number, 0 ..= 15.
+    /// The number, 0 ..= 15.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -51,7 +51,7 @@ impl Status {
     /// meanwhile.
     pub const CALIBRATE: Self = Self(2);
 
-    /// Its number, 0 ..= 7.
+    /// The number, 0 ..= 7.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0

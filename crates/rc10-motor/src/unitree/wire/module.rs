@@ -38,15 +38,15 @@ pub(in crate::unitree) const NO_TEMPERATURE: i8 = -128;
 pub struct Module(u8);
 
 impl Module {
-    /// As sold: both switches on, 3.
+    /// The number as sold, with both switches on: 3.
     pub const FACTORY: Self = Self(3);
 
-    /// As switches 1 and 2 say, 0 ..= 3, else `None`.
+    /// The module that switches 1 and 2 say, 0 ..= 3, else `None`.
     pub const fn new(id: u8) -> Option<Self> {
         if id <= 3 { Some(Self(id)) } else { None }
     }
 
-    /// Its number, 0 ..= 3.
+    /// The number, 0 ..= 3.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -113,7 +113,7 @@ pub struct Reply {
     pub module: Module,
     /// The motor.
     pub address: Address,
-    /// Its content.
+    /// The content.
     pub content: Content,
 }
 
@@ -123,18 +123,18 @@ pub struct Reply {
 pub enum Content {
     /// The motor runs, or could.
     State {
-        /// Its status.
+        /// The status of the motor.
         status: Status,
         /// The motion it has, of the rotor.
         motion: RawMotion,
-        /// Of the motor, in whole degrees, from −127.
+        /// The motor's temperature, in whole degrees, from −127.
         temperature: Celsius,
         /// The upper eight bits of a pressure sensor, in units of its own.
         air_pressure: u8,
     },
     /// The motor has a fault.
     Fault {
-        /// Its status.
+        /// The status of the motor.
         status: Status,
         /// The vendor's `MError`.
         error: u8,
