@@ -31,10 +31,7 @@ pub struct Cascade {
 }
 
 impl Cascade {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.speed.validate(), in "speed");
         ok!(self.angle.validate(), in "angle");

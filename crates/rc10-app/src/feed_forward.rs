@@ -95,10 +95,7 @@ impl FeedForward {
         Self { speed, ..Self::NONE }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("friction", self.friction));
         ok!(finite("speed", self.speed));

@@ -43,10 +43,7 @@ pub struct HeadingHoldConfig {
 }
 
 impl HeadingHoldConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("kp", self.kp));
         ok!(not_negative("kd", self.kd));

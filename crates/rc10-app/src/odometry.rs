@@ -70,10 +70,7 @@ impl OdometryConfig {
         lever: 0.4,
     };
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("per_distance", self.per_distance));
         ok!(not_negative("per_turn", self.per_turn));

@@ -68,10 +68,7 @@ impl PidConfig {
         }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         // A negative gain runs away.
         ok!(not_negative("kp", self.kp));

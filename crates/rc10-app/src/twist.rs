@@ -129,10 +129,7 @@ pub struct TwistLimits {
 }
 
 impl TwistLimits {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    /// Names the field that is not finite or not positive.
+    /// Checks every field; the error names the first that is not finite or not positive.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("linear_acceleration", self.linear_acceleration));
         positive("angular_acceleration", self.angular_acceleration)

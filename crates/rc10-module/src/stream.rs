@@ -173,7 +173,7 @@ impl<P: Protocol> Stream<P> {
 
     /// Bytes came in, the last of them not after `at`; `hear` gets the messages that they complete.
     ///
-    /// No bytes: at the time `at` there were none. That is how a [`Protocol::PAUSE`] is heard, and
+    /// No bytes: there was no byte at the time `at`. That is how a [`Protocol::PAUSE`] is heard, and
     /// the only way: bytes that are read late say nothing about when they came. What it completes
     /// came with the bytes before.
     pub fn receive(&mut self, bytes: &[u8], at: Micros, mut hear: impl FnMut(P::Message)) {

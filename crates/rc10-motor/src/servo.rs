@@ -104,10 +104,8 @@ const SOFT_SLOPE: f32 = 50.0;
 
 impl Servo {
     /// Efforts are those of `effort` ([`TargetKind::Current`], [`TargetKind::Torque`] or
-    /// [`TargetKind::Duty`]); the largest is the speed loop's output limit.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// [`TargetKind::Duty`]); the largest is the speed loop's output limit. [`ConfigError`] names a
+    /// field that cannot be used.
     pub fn new(effort: TargetKind, cascade: Cascade) -> Result<Self, ConfigError> {
         cascade.validate()?;
         Ok(Self::of(effort, cascade))

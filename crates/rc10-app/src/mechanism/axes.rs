@@ -29,10 +29,7 @@ pub struct AxesConfig {
 }
 
 impl AxesConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         let (wait, stop) = (self.wait.get(), self.stop.get());
         ok!(positive("wait", wait));

@@ -18,10 +18,7 @@ pub struct AxesHomingConfig {
 }
 
 impl AxesHomingConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.homing.validate());
         positive("spread", self.spread.get())

@@ -30,10 +30,7 @@ pub struct FeederConfig {
 }
 
 impl FeederConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (tolerance, error) = (self.tolerance.get(), self.jam.following_error.get());
         let piece = self.piece().degrees().get();

@@ -51,10 +51,7 @@ pub struct HomingConfig {
 }
 
 impl HomingConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         let (fast, slow) = (self.fast.get(), self.slow.get());
         let (back_off, tolerance) = (self.back_off.get(), self.tolerance.get());

@@ -28,10 +28,7 @@ pub struct JamConfig {
 }
 
 impl JamConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.stall.validate(), in "stall");
         ok!(not_negative("following_error", self.following_error.get()));

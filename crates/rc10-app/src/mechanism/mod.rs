@@ -169,10 +169,7 @@ pub struct Braking {
 }
 
 impl Braking {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("acceleration", self.acceleration.get()));
         not_negative("reaction", self.reaction.get())
@@ -228,10 +225,7 @@ pub struct Stall {
 }
 
 impl Stall {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("effort", self.effort));
         ok!(positive("standstill", self.standstill.get()));

@@ -68,10 +68,7 @@ pub struct Limited {
 }
 
 impl SoftLimits {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         let upper = self.upper.degrees().get();
         let in_order = self.lower.microdegrees() < self.upper.microdegrees();

@@ -49,10 +49,7 @@ impl FollowerConfig {
         arrived_heading: 0.02,
     };
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("along", self.along));
         ok!(not_negative("across", self.across));

@@ -29,10 +29,7 @@ pub struct PathLimits {
 }
 
 impl PathLimits {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.twist.validate(), in "twist");
         ok!(positive_or_unlimited("max_speed", self.max_speed));

@@ -55,10 +55,7 @@ pub struct ProfileLimits {
 }
 
 impl ProfileLimits {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("velocity", self.velocity));
         ok!(positive("acceleration", self.acceleration));

@@ -59,7 +59,7 @@ impl Protocol for Sbus {
             return Found::More(LENGTH);
         };
         if !matches!(end, 0x00 | 0x04 | 0x14 | 0x24 | 0x34) {
-            // A header of one byte: most likely it was none.
+            // A header of one byte: most likely it was another byte.
             return Found::Nothing;
         }
         if flags & 0xF0 != 0 {

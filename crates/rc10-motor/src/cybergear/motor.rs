@@ -88,10 +88,7 @@ const AT_ZERO: f32 = 0.1;
 const UNKNOWN_PARAMETER: u32 = 1;
 
 impl CyberGear {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let Config { model, address, direction, cascade } = config;

@@ -82,10 +82,7 @@ const STANDSTILL: f32 = 0.005;
 const ZERO: f32 = 2e-3;
 
 impl Damiao {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let Config { model, can_id, master_id, control, direction, verify } = config;

@@ -79,10 +79,7 @@ impl Device {
         }
     }
 
-    /// Whether every field of its configuration can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         match self {
             Self::Dji(config) => config.validate(),

@@ -260,10 +260,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.id as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.model.ids(self.id));
         self.name().blamed(self.cascade.validate())

@@ -39,10 +39,7 @@ pub struct Dji {
 }
 
 impl Dji {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let Config { model, id, gear, direction, rate, cascade } = config;

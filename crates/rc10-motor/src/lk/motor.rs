@@ -68,10 +68,7 @@ pub struct Lk {
 }
 
 impl Lk {
-    /// The drive that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The drive that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let (id, lane) = config.lane()?;

@@ -126,10 +126,7 @@ pub struct ODrive {
 }
 
 impl ODrive {
-    /// The axis that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The axis that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Coast, Motion, Speed, SpeedMotion, TotalAngle};
         config.validate()?;

@@ -83,10 +83,7 @@ impl LineConfig {
         MotorName { model: "GO-M8010-6", id: self.id as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         match self.address() {
             Ok(_) => self.name().blamed(check_cascade(&self.cascade)),
@@ -163,10 +160,7 @@ impl ModuleConfig {
         MotorName { model, id: self.motor as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         match self.devices() {
             Ok(_) => self.name().blamed(check_cascade(&self.cascade)),

@@ -70,10 +70,7 @@ pub struct GoModule {
 }
 
 impl GoModule {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: ModuleConfig) -> Result<Self, ConfigError> {
         config.validate()?;
         let (module, address) = config.devices()?;

@@ -44,10 +44,7 @@ pub struct GoM8010 {
 const CLEARING: Retry = Retry::new(0.25, 1);
 
 impl GoM8010 {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: LineConfig) -> Result<Self, ConfigError> {
         config.validate()?;
         let address = config.address()?;

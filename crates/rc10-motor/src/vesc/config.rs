@@ -285,10 +285,7 @@ impl Config {
         MotorName { model: "VESC", id: self.id as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         self.name().blamed(self.check())
     }

@@ -94,10 +94,7 @@ pub(super) struct Reported {
 }
 
 impl Vesc {
-    /// A VESC that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// A VESC that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Brake, Coast, Current, Duty, Handbrake, Speed, SpeedMotion};
         config.validate()?;
