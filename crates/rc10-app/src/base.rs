@@ -47,6 +47,7 @@ const RADIANS_PER_SECOND: f64 = PI / 30.0;
 /// const BASE: Base<2> = Base::sound([WHEEL, ACROSS], Rpm::new(400.0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Base<const N: usize> {
     wheels: [Wheel; N],
     max_wheel_speed: Rpm,
@@ -117,7 +118,6 @@ impl Base<4> {
     ///
     /// # Panics
     /// Like [`sound`](Base::sound).
-    #[must_use]
     pub const fn mecanum(
         radius: f32,
         half_wheelbase: f32,
@@ -133,7 +133,6 @@ impl Base<4> {
     ///
     /// # Panics
     /// Like [`sound`](Base::sound).
-    #[must_use]
     pub const fn omni_4(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(45.0)), max_wheel_speed)
     }
@@ -145,7 +144,6 @@ impl Base<3> {
     ///
     /// # Panics
     /// Like [`sound`](Base::sound).
-    #[must_use]
     pub const fn omni_3(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(60.0)), max_wheel_speed)
     }
@@ -157,7 +155,6 @@ impl Base<2> {
     ///
     /// # Panics
     /// Like [`sound`](Base::sound).
-    #[must_use]
     pub const fn differential(radius: f32, half_track: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::pair(radius, half_track), max_wheel_speed)
     }
@@ -200,7 +197,6 @@ impl<const N: usize> Base<N> {
     ///
     /// # Panics
     /// If it is not sound.
-    #[must_use]
     pub const fn sound(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Self {
         match Self::new(wheels, max_wheel_speed) {
             Ok(base) => base,

@@ -4,6 +4,7 @@ use crate::text::Text;
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[error("{}", self.text())]
+#[must_use]
 pub struct ConfigError {
     /// Model and identifier of the device whose configuration it is, if it is a device's.
     pub device: Option<(&'static str, u16)>,
@@ -37,25 +38,21 @@ impl ConfigError {
     }
 
     /// The same, in a part of a configuration.
-    #[must_use]
     pub const fn in_part(self, part: &'static str) -> Self {
         Self { part, ..self }
     }
 
     /// The same, in the configuration of a device.
-    #[must_use]
     pub const fn of_device(self, model: &'static str, id: u16) -> Self {
         Self { device: Some((model, id)), ..self }
     }
 
     /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
-    #[must_use]
     pub const fn text(&self) -> Text {
         self.add_to(Text::new())
     }
 
     /// A text with what it says at its end.
-    #[must_use]
     pub const fn add_to(&self, mut text: Text) -> Text {
         let Self { device, part, field, value, must_be } = *self;
         if let Some((model, id)) = device {

@@ -30,6 +30,7 @@ use crate::units::{Degrees, Rpm, RpmPerSecond};
 /// effort that holds the mechanism; `acceleration` is its inertia over the torque constant, or what
 /// makes the measured speed follow a ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct FeedForward {
     /// Effort against dry friction, whichever way it moves; ks, 0 or more. All of it from 1 rpm on.
     pub friction: f32,
@@ -90,7 +91,6 @@ impl FeedForward {
         Self { friction: 0.0, speed: 0.0, acceleration: 0.0, gravity: Gravity::None };
 
     /// The effort of the speed alone, per rpm.
-    #[must_use]
     pub const fn of_speed(speed: f32) -> Self {
         Self { speed, ..Self::NONE }
     }
@@ -120,7 +120,6 @@ impl FeedForward {
 
     /// The same behind another gearbox, of which the output shaft turns `factor` times slower: the
     /// rotor is driven as before, and the weight at the output shaft stays.
-    #[must_use]
     pub const fn geared(mut self, factor: f32) -> Self {
         self.speed *= factor;
         self.acceleration *= factor;

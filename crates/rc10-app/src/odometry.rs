@@ -157,7 +157,6 @@ impl Odometry {
     }
 
     /// Where the robot is, and which way it looks: −π ..= π.
-    #[must_use]
     pub const fn pose(&self) -> Pose {
         #[expect(clippy::cast_precision_loss, reason = "the nearest f32")]
         let heading = self.heading as f32 * maths::RADIANS_PER_PART;

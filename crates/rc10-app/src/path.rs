@@ -71,6 +71,7 @@ const SAME_PLACE: f32 = 1e-3;
 /// let shelf = Waypoint::new(2.0, 3.0, Radians::new(1.57)).at_most(0.0); // stops
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Waypoint {
     /// Where, and which way the robot looks there. From one waypoint to the next it turns the
     /// shorter way.
@@ -85,19 +86,16 @@ pub struct Waypoint {
 
 impl Waypoint {
     /// Exactly through this place in metres, with this heading.
-    #[must_use]
     pub const fn new(x: f32, y: f32, heading: Radians) -> Self {
         Self { pose: Pose::new(x, y, heading), radius: 0.0, max_speed: f32::INFINITY }
     }
 
     /// The same, with an arc of this radius in metres in place of the corner.
-    #[must_use]
     pub const fn rounded(self, radius: f32) -> Self {
         Self { radius, ..self }
     }
 
     /// The same, passed no faster than this, in m/s.
-    #[must_use]
     pub const fn at_most(self, max_speed: f32) -> Self {
         Self { max_speed, ..self }
     }
@@ -207,7 +205,6 @@ impl<const N: usize> Path<N> {
     }
 
     /// The waypoints, as they were given.
-    #[must_use]
     pub const fn waypoints(&self) -> &[Waypoint; N] {
         &self.waypoints
     }

@@ -152,7 +152,6 @@ impl<const N: usize> Swerve<N> {
     }
 
     /// Where the modules stand.
-    #[must_use]
     pub const fn places(&self) -> &[Point<Robot>; N] {
         &self.places
     }

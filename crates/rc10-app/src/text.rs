@@ -9,6 +9,7 @@
 
 /// A sentence of up to [`CAPACITY`](Self::CAPACITY) bytes.
 #[derive(Clone, Copy)]
+#[must_use]
 pub struct Text {
     bytes: [u8; Self::CAPACITY],
     len: usize,
@@ -29,13 +30,11 @@ impl Text {
     pub const CAPACITY: usize = 512;
 
     /// An empty text.
-    #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [0; Self::CAPACITY], len: 0 }
     }
 
     /// With this at its end.
-    #[must_use]
     pub const fn push(mut self, text: &str) -> Self {
         let bytes = text.as_bytes();
         let mut fits = bytes.len();
@@ -51,19 +50,16 @@ impl Text {
     }
 
     /// With a whole number at its end.
-    #[must_use]
     pub const fn push_number(self, number: u64) -> Self {
         self.push_digits(number, 10, 1)
     }
 
     /// With `0x` and at least this many digits at its end.
-    #[must_use]
     pub const fn push_hex(self, number: u32, digits: u32) -> Self {
         self.push("0x").push_digits(number as u64, 16, digits)
     }
 
     /// With a number at its end, in as few digits as read back as the same.
-    #[must_use]
     pub const fn push_float(mut self, number: f32) -> Self {
         if number.is_nan() {
             return self.push("NaN");

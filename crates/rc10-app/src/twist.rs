@@ -23,6 +23,7 @@ use crate::units::{Radians, Seconds};
 /// let robot: Twist = away_from_the_driver; // without its heading?
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[must_use]
 pub struct Twist<F: Frame = Robot> {
     /// Speed along x, in m/s; the robot's x is forward.
     pub vx: f32,
@@ -62,7 +63,6 @@ impl Twist<Field> {
     /// let robot = wish.into_frame(Radians::new(FRAC_PI_2));
     /// assert!((robot.vy + 1.0).abs() < 1e-6 && robot.vx.abs() < 1e-6);
     /// ```
-    #[must_use]
     pub fn into_frame(self, heading: Radians) -> Twist<Robot> {
         let (vx, vy) = rotate((self.vx, self.vy), -heading);
         Twist::new(vx, vy, self.wz)
@@ -72,7 +72,6 @@ impl Twist<Field> {
 impl Twist<Robot> {
     /// From the axes of a robot with this heading to the field's: the inverse of
     /// [`into_frame`](Twist::into_frame).
-    #[must_use]
     pub fn out_of_frame(self, heading: Radians) -> Twist<Field> {
         let (vx, vy) = rotate((self.vx, self.vy), heading);
         Twist::new(vx, vy, self.wz)

@@ -26,6 +26,7 @@ impl WireLength {
 /// The shortest and the longest a frame of a given shape can be on the wire, in bit times,
 /// interframe space included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct LengthBounds {
     /// No stuff bit at all.
     pub min: u32,
@@ -45,7 +46,6 @@ impl LengthBounds {
     ///
     /// Source: `8n + g + 13` and `⌊(g + 8n - 1) / 4⌋` stuff bits, g = 34 or 54; Davis, Burns, Bril,
     /// Lukkien, "Controller Area Network (CAN) schedulability analysis", 2007.
-    #[must_use]
     pub const fn of(len: usize, extended: bool) -> Self {
         let g = if extended { STUFFED_EXTENDED } else { STUFFED_STANDARD };
         let bytes = if len < 8 { len } else { 8 };
@@ -142,7 +142,6 @@ impl CanFrame {
     }
 
     /// The bounds for frames of this one's shape.
-    #[must_use]
     pub fn length_bounds(&self) -> LengthBounds {
         LengthBounds::of(self.bytes().len(), self.is_extended_id())
     }

@@ -148,6 +148,7 @@ impl Schedule {
 
 /// Smallest, mean and largest of a series of durations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct Timing {
     count: u32,
     min: u32,
@@ -157,7 +158,6 @@ pub struct Timing {
 
 impl Timing {
     /// Nothing measured yet.
-    #[must_use]
     pub const fn new() -> Self {
         Self { count: 0, min: u32::MAX, max: 0, sum: 0 }
     }
@@ -169,7 +169,6 @@ impl Timing {
     }
 
     /// The same again, of its [`parts`](Self::parts).
-    #[must_use]
     pub fn from_parts([count, min, max, sum]: [u64; 4]) -> Self {
         let short = |part: u64| u32::try_from(part).unwrap_or(u32::MAX);
         Self { count: short(count), min: short(min), max: short(max), sum }

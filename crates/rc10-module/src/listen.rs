@@ -22,7 +22,6 @@ impl Reception {
     }
 
     /// The counters so far.
-    #[must_use]
     pub fn read(&self) -> Counters {
         self.0.lock(Cell::get)
     }

@@ -21,6 +21,7 @@ pub use tfmini::TfMini;
 /// A measurement of a range finder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub enum Range {
     /// Distance in millimetres. All three devices count whole ones.
     Distance(u32),

@@ -96,6 +96,7 @@ impl<const N: usize> Buffer for heapless::Vec<u8, N> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[must_use]
 pub struct Counters {
     /// Good frames.
     pub frames: u32,
@@ -229,7 +230,6 @@ impl<P: Protocol> Stream<P> {
     }
 
     /// Counters of the frames and bytes so far.
-    #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
     }

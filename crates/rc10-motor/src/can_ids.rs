@@ -20,6 +20,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 /// assert_eq!(IDS.link_timeout().get(), 10_000);
 /// ```
 #[derive(Clone, Copy, Debug)]
+#[must_use]
 pub struct CanIds {
     received: List<Frames, 8>,
     transmitted: List<Frames, 8>,
@@ -260,14 +261,12 @@ impl CanIds {
     }
 
     /// Adds frames the device sends; eight at most.
-    #[must_use]
     pub const fn receives(mut self, frames: Frames) -> Self {
         self.received.push(frames);
         self
     }
 
     /// Adds frames sent to the device; eight at most.
-    #[must_use]
     pub const fn transmits(mut self, frames: Frames) -> Self {
         self.transmitted.push(frames);
         self
@@ -275,7 +274,6 @@ impl CanIds {
 
     /// Adds identifiers the device obeys although we never use them: no other device's frames may
     /// match. (A Damiao reacts to the low byte of every standard identifier.) Two at most.
-    #[must_use]
     pub const fn listens_to(mut self, pattern: IdPattern) -> Self {
         self.listens.push(pattern);
         self
@@ -290,7 +288,6 @@ impl CanIds {
     ///
     /// # Panics
     /// If not; in a `const` that is a compile error.
-    #[must_use]
     pub const fn checked(self) -> Self {
         assert!(self.is_complete(), "8 received, 8 transmitted and 2 listened-to patterns at most");
         self

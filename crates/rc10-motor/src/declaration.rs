@@ -64,6 +64,7 @@ use crate::supervision::Safety;
 
 /// A line of a declaration: a motor, where it is plugged in, and how it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Entry<C> {
     /// Label of the motor, for people: in the status, in reports and errors. No other motor has it.
     pub label: &'static str,
@@ -89,7 +90,6 @@ impl<C: Copy> Entry<C> {
     }
 
     /// With another safe state.
-    #[must_use]
     pub const fn with_safety(mut self, safety: Safety) -> Self {
         self.safety = safety;
         self
@@ -100,7 +100,6 @@ impl<C: Copy> Entry<C> {
     ///
     /// # Panics
     /// If the speed is not above zero; in a `const` that is a compile error.
-    #[must_use]
     pub const fn with_jog(mut self, fastest: Rpm) -> Self {
         assert!(fastest.get() > 0.0 && fastest.get() < f32::MAX, "a jog has a speed above zero");
         self.jog = Some(fastest);
@@ -111,7 +110,6 @@ impl<C: Copy> Entry<C> {
     ///
     /// # Panics
     /// If it is below 1; in a `const` that is a compile error.
-    #[must_use]
     pub const fn with_most_gain(mut self, times: f32) -> Self {
         assert!(times >= 1.0 && times < f32::MAX, "a gain may be as large as it is declared");
         self.most_gain = times;
@@ -213,7 +211,6 @@ macro_rules! motors {
         #[allow(dead_code, reason = "not every robot asks for all")]
         impl $Motors {
             /// Room for the motors.
-            #[must_use]
             $motors_vis const fn new() -> Self {
                 Self { $($motor: $crate::Held::new()),+ }
             }

@@ -7,6 +7,7 @@ use rc10_can::Micros;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[must_use]
 pub struct Feedback {
     /// The time at which it arrived.
     pub at: Micros,
@@ -122,42 +123,36 @@ impl Feedback {
     }
 
     /// The same with a current. What is NaN counts as not told, here and below.
-    #[must_use]
     pub const fn with_current(mut self, current: Amps) -> Self {
         self.current = Reading(current.get());
         self
     }
 
     /// The same with a torque.
-    #[must_use]
     pub const fn with_torque(mut self, torque: NewtonMetres) -> Self {
         self.torque = Reading(torque.get());
         self
     }
 
     /// The same with a temperature of the motor.
-    #[must_use]
     pub const fn with_temperature(mut self, temperature: Celsius) -> Self {
         self.temperature = Reading(temperature.get());
         self
     }
 
     /// The same with a temperature of what drives the motor.
-    #[must_use]
     pub const fn with_controller_temperature(mut self, temperature: Celsius) -> Self {
         self.controller_temperature = Reading(temperature.get());
         self
     }
 
     /// The same with the voltage it is supplied with.
-    #[must_use]
     pub const fn with_supply(mut self, supply: Volts) -> Self {
         self.supply = Reading(supply.get());
         self
     }
 
     /// The same with the effort of its servo.
-    #[must_use]
     pub const fn with_effort(mut self, effort: f32) -> Self {
         self.effort = Reading(effort);
         self

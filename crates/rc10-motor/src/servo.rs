@@ -48,6 +48,7 @@ use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
 /// Efforts are in the unit of the target that asks for one directly: amperes, newton metres, or a
 /// share of the full voltage.
 #[derive(Clone, Copy, Debug)]
+#[must_use]
 pub struct Servo {
     effort: TargetKind,
     goals: Goals,
@@ -132,7 +133,6 @@ impl Servo {
     }
 
     /// With a largest effort that may be above the speed loop's output limit.
-    #[must_use]
     pub const fn with_full_scale(mut self, full: f32) -> Self {
         (self.full, self.limit) = (full, full);
         self.apply_limit();
@@ -140,7 +140,6 @@ impl Servo {
     }
 
     /// For a device that makes springs: it takes [`Target::Impedance`] too. Efforts are torques.
-    #[must_use]
     pub const fn with_springs(mut self, range: SpringRange) -> Self {
         self.goals = Goals::new(self.goals.supports().with(TargetKind::Impedance));
         self.springs = Some(range);

@@ -14,6 +14,7 @@ const IDENTIFIER: u8 = 64;
 
 /// One sort of frame of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Message {
     /// The name: letters, digits and underscores.
     pub name: &'static str,
@@ -47,21 +48,18 @@ impl Message {
     }
 
     /// The same, and these bits of its identifier are content.
-    #[must_use]
     pub const fn varying(mut self, bits: u32) -> Self {
         self.varies = bits;
         self
     }
 
     /// The same, and its data must be so.
-    #[must_use]
     pub const fn marked(mut self, marks: Marks) -> Self {
         self.marks = marks;
         self
     }
 
     /// The remote request for it, which is sent to the device.
-    #[must_use]
     pub const fn requested(mut self) -> Self {
         (self.remote, self.from_device, self.signals) = (true, false, &[]);
         self
@@ -131,6 +129,7 @@ impl Marks {
 
 /// Some bits of a frame, as a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Signal {
     /// The name: letters, digits and underscores.
     pub name: &'static str,
@@ -228,49 +227,42 @@ impl Signal {
     }
 
     /// The same in two's complement.
-    #[must_use]
     pub const fn signed(mut self) -> Self {
         self.kind = Kind::Signed;
         self
     }
 
     /// The same as an IEEE 754 number.
-    #[must_use]
     pub const fn float(mut self) -> Self {
         self.kind = Kind::Float;
         self
     }
 
     /// The same with a factor and a unit.
-    #[must_use]
     pub const fn scaled(mut self, factor: f64, unit: &'static str) -> Self {
         (self.factor, self.unit) = (factor, unit);
         self
     }
 
     /// The same with an offset.
-    #[must_use]
     pub const fn offset(mut self, offset: f64) -> Self {
         self.offset = offset;
         self
     }
 
     /// The same with names for raw values.
-    #[must_use]
     pub const fn named(mut self, values: &'static [(u32, &'static str)]) -> Self {
         self.names = Names::Of(values);
         self
     }
 
     /// The same with names for the raw values from `first` on.
-    #[must_use]
     pub const fn listed(mut self, first: u32, names: &'static [&'static str]) -> Self {
         self.names = Names::From(first, names);
         self
     }
 
     /// The same as a bit that means this if it is set.
-    #[must_use]
     pub const fn flag(self, name: &'static &'static str) -> Self {
         self.listed(1, core::slice::from_ref(name))
     }
@@ -285,7 +277,6 @@ impl Signal {
     }
 
     /// The same, there only when `presence` says so.
-    #[must_use]
     pub const fn when(mut self, presence: Presence) -> Self {
         self.presence = presence;
         self

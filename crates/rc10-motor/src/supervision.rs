@@ -178,7 +178,6 @@ impl MotorStatus {
 
     /// Measurements for a [mechanism](rc10_app::mechanism). The effort is the current in A where
     /// the device tells one, else the torque in N m, else 0.
-    #[must_use]
     pub fn measured(&self) -> Measured {
         let Feedback { total_angle: angle, speed, turn_gaps: gaps, .. } = self.feedback;
         let torque = || self.feedback.torque().map(NewtonMetres::get);

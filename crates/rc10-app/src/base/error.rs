@@ -40,7 +40,6 @@ pub enum BaseError {
 
 impl BaseError {
     /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
-    #[must_use]
     pub const fn text(&self) -> Text {
         let text = Text::new();
         match self {

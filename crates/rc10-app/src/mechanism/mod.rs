@@ -90,6 +90,7 @@ impl Command {
 /// The newest measurements of a motor, at its output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub struct Measured {
     /// Angle of many turns.
     pub angle: TotalAngle,
@@ -133,7 +134,6 @@ pub enum Trouble {
 
 impl Measured {
     /// The same with its angle counted from `zero`.
-    #[must_use]
     pub const fn counted_from(self, zero: TotalAngle) -> Self {
         Self { angle: self.angle.minus(zero), ..self }
     }

@@ -10,6 +10,7 @@ macro_rules! stages {
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
+        #[must_use]
         pub enum Stage {
             #[default]
             $($(#[$doc])* $Stage,)*
@@ -125,7 +126,6 @@ impl From<HomingFailure> for Stage {
 
 impl Homing {
     /// The stage; [`Stage::Ready`] when it is done.
-    #[must_use]
     pub fn stage(&self) -> Stage {
         match self.status() {
             HomingStatus::Running(_) if !self.has_begun() => Stage::NotBegun,
@@ -138,7 +138,6 @@ impl Homing {
 
 impl<const N: usize> AxesHoming<N> {
     /// The stage of the motor that is furthest behind; [`Stage::Ready`] when it is done.
-    #[must_use]
     pub fn stage(&self) -> Stage {
         match self.status() {
             AxesHomingStatus::Failed(AxesHomingFailure::Motor { failure, .. }) => failure.into(),
@@ -150,7 +149,6 @@ impl<const N: usize> AxesHoming<N> {
 
 impl<const N: usize> Axes<N> {
     /// The stage.
-    #[must_use]
     pub fn stage(&self) -> Stage {
         match self.failure() {
             None => Stage::Ready,
@@ -162,7 +160,6 @@ impl<const N: usize> Axes<N> {
 
 impl Jam {
     /// The stage.
-    #[must_use]
     pub const fn stage(&self) -> Stage {
         match self.status() {
             JamStatus::Free => Stage::Ready,
@@ -174,7 +171,6 @@ impl Jam {
 
 impl Feeder {
     /// The stage.
-    #[must_use]
     pub const fn stage(&self) -> Stage {
         self.jam().stage()
     }

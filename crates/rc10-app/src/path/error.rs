@@ -38,7 +38,6 @@ pub enum PathError {
 
 impl PathError {
     /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
-    #[must_use]
     pub const fn text(&self) -> Text {
         let (waypoint, text) = match self {
             Self::TooFewWaypoints => {

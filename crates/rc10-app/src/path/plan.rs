@@ -95,7 +95,6 @@ impl<const N: usize> Plan<N> {
     }
 
     /// The last waypoint.
-    #[must_use]
     pub const fn end(&self) -> Pose {
         self.end
     }

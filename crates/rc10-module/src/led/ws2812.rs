@@ -208,6 +208,7 @@ impl<F: AsyncFnMut(&[u16]) -> Result<(), E>, E> Output for Pulses<F> {
 /// # }
 /// ```
 #[derive(Debug)]
+#[must_use]
 pub struct Strip<O: Output, const LEDS: usize> {
     output: O,
     brightness: u8,
@@ -231,7 +232,6 @@ pub enum Error<E> {
 
 impl<O: Output, const LEDS: usize> Strip<O, LEDS> {
     /// A strip at full brightness.
-    #[must_use]
     pub fn new(output: O) -> Self {
         let dark = core::array::from_fn(|_| O::Symbol::default());
         Self { output, brightness: u8::MAX, symbols: [dark; LEDS] }
@@ -239,7 +239,6 @@ impl<O: Output, const LEDS: usize> Strip<O, LEDS> {
 
     /// The same with every colour at `brightness` of 255: an LED takes up to 60 mA at full white,
     /// more than a board's 5 V gives a strip of them.
-    #[must_use]
     pub const fn with_brightness(mut self, brightness: u8) -> Self {
         self.brightness = brightness;
         self

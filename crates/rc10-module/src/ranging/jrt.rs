@@ -74,7 +74,6 @@ impl Answer {
     /// The distance of something, or why it is not known. Codes that speak of the target are
     /// states; the others (1 supply too low, 3 and 4 too cold and too hot, 10 and up hardware, 129
     /// no such command) are a [`Fault`](Range::Fault).
-    #[must_use]
     pub fn range(&self) -> Range {
         match *self {
             Self::Result { millimetres, .. } if REACH.contains(&millimetres) => {

@@ -85,7 +85,6 @@ impl Measurement {
     /// The median of the good points, if more than half of the twelve are good: a stray one moves
     /// a mean, but no median. It is about 50 ms old when it arrives. A few good points are
     /// [`Unsteady`](Doubt::Unsteady), none at all means that there is nothing within reach.
-    #[must_use]
     pub fn range(&self) -> Range {
         let mut good = heapless::Vec::<u16, POINTS>::new();
         for point in self.points.iter().filter(|point| point.is_good()) {

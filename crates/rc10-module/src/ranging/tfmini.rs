@@ -61,7 +61,6 @@ impl Measurement {
     }
 
     /// The distance of something, or why it is not known.
-    #[must_use]
     pub fn range(&self) -> Range {
         match (self.strength, self.centimetres) {
             (SATURATED, _) => Range::Unreliable(Doubt::TooStrong),

@@ -3,6 +3,7 @@ use super::{Remote, Stick, Switch, Travel};
 /// A channel of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub struct Channel {
     /// From 1 on, as transmitters show it.
     pub number: u8,
@@ -13,13 +14,11 @@ pub struct Channel {
 impl Channel {
     /// The channel of this number. Its high end is right, away from the body, or a switch that is
     /// down.
-    #[must_use]
     pub const fn new(number: u8) -> Self {
         Self { number, is_reversed: false }
     }
 
     /// The other way round.
-    #[must_use]
     pub const fn reversed(self) -> Self {
         Self { is_reversed: !self.is_reversed, ..self }
     }
@@ -151,7 +150,6 @@ impl<const CHANNELS: usize> ChannelMap<CHANNELS> {
     }
 
     /// The state of the remote with these channel values.
-    #[must_use]
     pub fn remote(&self, channels: &[u16; CHANNELS]) -> Remote {
         let raw = |channel: Channel| {
             let index = usize::from(channel.number).wrapping_sub(1);

@@ -89,7 +89,6 @@ impl DbusFrame {
     }
 
     /// The state of the remote.
-    #[must_use]
     pub fn remote(&self) -> Remote {
         let [right_x, right_y, left_x, left_y] = self.channels.map(|raw| TRAVEL.share(raw));
         Remote {

@@ -36,6 +36,7 @@ pub use watch::Watch;
 /// The state of a remote control: one frame of any receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub struct Remote {
     /// The left stick.
     pub left: Stick,

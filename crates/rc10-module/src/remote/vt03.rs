@@ -127,7 +127,6 @@ impl Vt03Frame {
     /// | `left_switch` | down while the pause button is pressed, else up while the left button (fn1) is, else in the middle |
     /// | `left` | y from channel 2, x from channel 3 |
     /// | keys 16, 17, 18, 19 | pause, left button, right button, trigger |
-    #[must_use]
     pub fn remote(&self) -> Remote {
         let [right_x, right_y, left_y, left_x] = self.channels.map(|raw| dbus::TRAVEL.share(raw));
         let [left, right, middle] = self.mouse_buttons.map(|pressed| pressed != 0);

@@ -18,7 +18,7 @@ use super::{INTERRUPTED_AFTER, LOST_AFTER, Remote, RemoteLink};
 pub struct Watch {
     /// The time at which the newest good frame came.
     good: Option<Micros>,
-    /// The newest frame did not count.
+    /// The newest frame says that the receiver hears no transmitter.
     failsafe: bool,
 }
 

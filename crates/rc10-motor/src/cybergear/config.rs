@@ -182,6 +182,7 @@ const LARGEST_RANGE: f32 = 15.0;
 
 /// A CyberGear or RobStride as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The model, with the range of position that is in the device.
     pub model: Model,
@@ -202,7 +203,6 @@ impl Config {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
@@ -210,14 +210,12 @@ impl Config {
 
     /// With another range of position, rad, above 0 and at most 15: sources give a CyberGear 12.5 or
     /// 4π, an RS00 before firmware 0.0.2.6 has 12.5.
-    #[must_use]
     pub const fn with_position_range(mut self, range: f32) -> Self {
         self.model.limits.position = range;
         self
     }
 
     /// With gains of your own, efforts in N m.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self

@@ -123,6 +123,7 @@ impl Control {
 
 /// A Damiao motor as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The model, with the limits that are in the device.
     pub model: Model,
@@ -151,14 +152,12 @@ impl Config {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// Whether its [registers are verified](Self::verify).
-    #[must_use]
     pub const fn verify_limits(mut self, verify: bool) -> Self {
         self.verify = verify;
         self

@@ -74,7 +74,6 @@ impl SetupError {
     }
 
     /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
-    #[must_use]
     pub const fn text(&self) -> Text {
         let Self { label, on, ref why } = *self;
         let text = Text::new().push("`").push(label).push("` on ");

@@ -182,6 +182,7 @@ impl Model {
 /// const _: () = assert!(WHEEL.validate().is_ok());
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The model.
     pub model: &'static Model,
@@ -208,7 +209,6 @@ impl Config {
 
     /// With another gearbox ([`Gear::DIRECT`] for none). The gains are scaled so that the rotor is
     /// driven as before; an explicit [`with_cascade`](Self::with_cascade) comes after this.
-    #[must_use]
     pub const fn with_gear(mut self, gear: Gear) -> Self {
         let factor = gear.ratio() / self.gear.ratio();
         self.cascade.speed.kp *= factor;
@@ -222,21 +222,18 @@ impl Config {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With the feedback rate that is set in the controller.
-    #[must_use]
     pub const fn with_feedback_rate(mut self, rate: FeedbackRate) -> Self {
         self.rate = rate;
         self
     }
 
     /// With what is on its shaft: the effort that moving it takes. After [`with_gear`](Self::with_gear).
-    #[must_use]
     pub const fn with_feed_forward(mut self, feed_forward: FeedForward) -> Self {
         self.cascade.feed_forward = feed_forward;
         self
@@ -249,7 +246,6 @@ impl Config {
     }
 
     /// With gains of your own.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self

@@ -153,6 +153,7 @@ pub enum Commands {
 
 /// The setup of a drive, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// Current step, encoder, gearbox, torque constant.
     pub model: Model,
@@ -174,13 +175,11 @@ impl Config {
     }
 
     /// Commanded by these frames.
-    #[must_use]
     pub const fn with_commands(self, commands: Commands) -> Self {
         Self { commands, ..self }
     }
 
     /// Counting this way.
-    #[must_use]
     pub const fn with_direction(self, direction: Direction) -> Self {
         Self { direction, ..self }
     }

@@ -12,6 +12,7 @@ use crate::feedback::Fault;
 
 /// The setup of an axis, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The axis's number, 0 to 62: an axis without a number has 63.
     pub node: u8,
@@ -140,19 +141,16 @@ impl Config {
     }
 
     /// Behind a gearbox.
-    #[must_use]
     pub const fn with_gear(self, gear: Gear) -> Self {
         Self { gear, ..self }
     }
 
     /// Counting this way.
-    #[must_use]
     pub const fn with_direction(self, direction: Direction) -> Self {
         Self { direction, ..self }
     }
 
     /// Never exceeding these.
-    #[must_use]
     pub const fn with_limits(self, limits: Limits) -> Self {
         Self { limits: Some(limits), ..self }
     }

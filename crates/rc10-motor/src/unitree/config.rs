@@ -49,6 +49,7 @@ const fn check_cascade(cascade: &Cascade) -> Result<(), ConfigError> {
 
 /// A GO-M8010-6 on RS-485 as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct LineConfig {
     /// The number on the line, 0 to 14.
     pub id: u8,
@@ -65,14 +66,12 @@ impl LineConfig {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With gains of your own.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self
@@ -108,6 +107,7 @@ impl LineConfig {
 
 /// A GO-M8010-6 behind a CAN-to-485 module as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct ModuleConfig {
     /// The module that it is behind, 0 to 3, by its switches 1 and 2; 3 as it is sold. Never 0
     /// beside a VESC: they would take each other's frames.
@@ -140,14 +140,12 @@ impl ModuleConfig {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With gains of your own.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self

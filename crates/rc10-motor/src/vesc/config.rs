@@ -210,6 +210,7 @@ pub struct Currents {
 
 /// A VESC as it is set up, to be checked by [`Vesc::new`](super::Vesc::new).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The id set in it: 0 to 254.
     pub id: u8,
@@ -267,14 +268,12 @@ impl Config {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With [angle loops on our side](Self::angle_loops).
-    #[must_use]
     pub const fn with_angle_loops(mut self, cascade: Cascade) -> Self {
         self.angle_loops = Some(cascade);
         self

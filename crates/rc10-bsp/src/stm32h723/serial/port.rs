@@ -197,7 +197,6 @@ impl SerialReceiver {
     }
 
     /// Counters of lost or damaged bytes so far, in both directions.
-    #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.uart.shared.line.lock(|line| line.borrow().ring.counters)
     }
@@ -324,7 +323,6 @@ impl Serial {
     }
 
     /// Counters of lost or damaged bytes so far, in both directions.
-    #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.receiver.counters()
     }

@@ -33,6 +33,7 @@ pub enum SerialError {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[must_use]
 pub struct SerialCounters {
     /// [`SerialError::Overrun`].
     pub overruns: u32,
