@@ -10,8 +10,7 @@ pub enum ArmState {
     Disarmed,
     /// Motors follow their commands.
     Armed,
-    /// Armed, but the operator is not heard: every motor is in its safe state, until
-    /// [`ArmSwitch::resume`].
+    /// Armed, but the operator is not heard: safe states until [`ArmSwitch::resume`].
     Suspended,
     /// Every motor is in its safe state, until [`ArmSwitch::reset`].
     EStopped,
@@ -47,8 +46,7 @@ impl fmt::Display for ArmState {
 #[derive(Debug, Default)]
 pub struct ArmSwitch(AtomicU32);
 
-/// The low byte of the switch is its state, all above counts the stops: so a stop that comes between a
-/// look and what follows from it is seen.
+/// The switch's low byte is its state, the rest counts stops: no stop between two looks is missed.
 const STATE: u32 = 0xFF;
 const ONE_STOP: u32 = 0x100;
 
@@ -119,8 +117,7 @@ impl ArmSwitch {
         }
     }
 
-    /// Lets the motors follow their commands. Arming an armed robot changes nothing, nor does
-    /// arming a suspended one.
+    /// Lets the motors follow their commands; an armed or suspended robot stays as it is.
     ///
     /// # Errors
     /// [`ArmError`] while an emergency stop is latched, and after [`forbid`](Self::forbid).
@@ -154,17 +151,15 @@ impl ArmSwitch {
         }
     }
 
-    /// Stops driving: every motor coasts, also one that holds during an emergency stop. The stop
-    /// stays latched.
+    /// Lets every motor coast, also one that holds during an emergency stop, which stays latched.
     pub fn disarm(&self) {
         self.always(
             |state| if matches!(state, STOPPED | STOPPED_OFF) { STOPPED_OFF } else { DISARMED },
         );
     }
 
-    /// Sends every motor of an armed robot to its safe state in the next tick of its bus, until
-    /// [`resume`](Self::resume): for a link that is lost and may come back. Changes nothing if the
-    /// robot is not armed.
+    /// Sends every motor of an armed robot to its safe state in its bus's next tick, until
+    /// [`resume`](Self::resume): for a link that is lost and may come back.
     pub fn suspend(&self) {
         self.change(ARMED, SUSPENDED);
     }
@@ -191,8 +186,7 @@ impl ArmSwitch {
         self.reset_after(self.stops());
     }
 
-    /// The number of emergency stops so far, counted anew after 2^24: for
-    /// [`reset_after`](Self::reset_after).
+    /// The emergency stops so far, modulo 2^24: for [`reset_after`](Self::reset_after).
     pub fn stops(&self) -> u32 {
         self.0.load(Ordering::Acquire) / ONE_STOP
     }
@@ -214,8 +208,7 @@ impl ArmSwitch {
         if state == ARMED { ArmState::Armed } else { for_idle_motors(state) }
     }
 
-    /// One step from the state there is, in one piece: no other step comes in between. An unfit
-    /// robot stays what it is.
+    /// One step from the present state, in one piece. An unfit robot stays what it is.
     fn always(&self, step: impl Fn(u8) -> u8) {
         self.update(&|word| {
             let state = state_of(word);

@@ -14,8 +14,7 @@ pub struct TxBatch {
     refused: Option<Id>,
 }
 
-/// A tick has more frames than a [`TxBatch`] holds, or a lane does not fit its frame.
-/// [`TxBatch::refused`] says which frame it was.
+/// No room in a [`TxBatch`] or a lane; [`TxBatch::refused`] says for which frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no room in the tick's batch for a frame")]
 pub struct TxFull;
@@ -95,8 +94,7 @@ impl TxBatch {
         &self.frames
     }
 
-    /// The frames with their streams: what [`CanPort::submit_as`](rc10_can::CanPort::submit_as)
-    /// takes.
+    /// The frames and streams for [`CanPort::submit_as`](rc10_can::CanPort::submit_as).
     pub fn entries(&self) -> impl Iterator<Item = (&CanFrame, u32)> {
         self.frames.iter().zip(self.streams.iter().copied())
     }

@@ -100,9 +100,8 @@ impl<'m> MotorBus<'m> {
         }
     }
 
-    /// Lets the robot be armed even if the motors of this bus do not fit on it: without this a
-    /// runner forbids that ([`Unfit::Overload`](crate::Unfit::Overload)). Frames will be lost, and
-    /// motors with them.
+    /// Lets the robot be armed even if the bus's motors do not fit on it, which a runner forbids
+    /// ([`Unfit::Overload`](crate::Unfit::Overload)): frames will be lost.
     pub const fn allow_overload(&mut self) {
         self.overload_allowed = true;
     }
@@ -175,8 +174,7 @@ impl<'m> MotorBus<'m> {
         }
     }
 
-    /// The load of its motors on a bus of `bits_per_second`. If that does not fit, the robot is not
-    /// armed until the next start.
+    /// The load on a bus of `bits_per_second`. If it does not fit, the robot cannot be armed.
     #[cfg(feature = "embassy")]
     pub(crate) fn check_load(&self, bits_per_second: u32) -> BusLoad {
         let load = self.load(bits_per_second);

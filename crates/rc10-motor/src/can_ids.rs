@@ -206,8 +206,7 @@ pub enum Ownership {
     /// Some of its bytes, bit n for byte n: several devices are commanded by one frame. Of sent
     /// frames only: a received frame comes from one device.
     Bytes(u8),
-    /// All of it, if the payload says so: several devices share one identifier, for what they are
-    /// sent or for what they send.
+    /// All of it, if the payload says so: several devices share one identifier.
     Guard(Guard),
 }
 
@@ -308,8 +307,7 @@ impl CanIds {
         self.listens.items()
     }
 
-    /// Longest time without a frame before the motor is lost: three periods of its most frequent
-    /// feedback, but at least 10 ms.
+    /// Time without a frame before the motor is lost: three feedback periods, at least 10 ms.
     pub fn link_timeout(&self) -> Micros {
         let rates = self.received().iter().map(|receive| receive.rate.per_second());
         let fastest = rates.max().unwrap_or(0).max(1);

@@ -1,6 +1,5 @@
-//! A robot's motors, declared once: from one table follow their names, where they stand, what they
-//! are plugged into, their ports, the check of the whole when it is compiled, and what tools need to
-//! know of them.
+//! A robot's motors, declared once: names, places, ports, the check when it is compiled, and what
+//! tools need to know all follow from one table.
 //!
 //! ```
 //! use rc10_motor::Place::Bus;
@@ -218,8 +217,7 @@ macro_rules! motors {
             /// Makes the motors and attaches them to the robot's buses and lines, which have none yet.
             ///
             /// # Errors
-            /// [`SetupError`](rc10_motor::SetupError), which a checked declaration has only if it is
-            /// given other buses and lines than its own.
+            /// [`SetupError`](rc10_motor::SetupError) for other buses and lines than the declared.
             #[inline(never)]
             $motors_vis fn attach<'m>(
                 &'m mut self,

@@ -13,8 +13,7 @@ pub struct Feedback {
     pub at: Micros,
     /// Speed.
     pub speed: Rpm,
-    /// Angle within the turn, 0 ..< 360 degrees. Behind a gearbox it counts from where the motor
-    /// was at power-on, or from where it was zeroed.
+    /// Angle within the turn, 0 ..< 360 degrees. Behind a gearbox, from power-on or the zero set.
     pub angle: Degrees,
     /// Angle of many turns, exact.
     pub total_angle: TotalAngle,

@@ -190,8 +190,7 @@ impl Goals {
         Moment { motion, gone: self.gone }
     }
 
-    /// The goal of a tick; `stand` is the angle at which the shaft comes to a stand, if that is
-    /// known.
+    /// The goal of a tick; `stand` is where the shaft comes to a stand, if that is known.
     pub(crate) fn update(
         &mut self,
         mode: DriveMode,

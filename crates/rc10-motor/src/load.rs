@@ -4,8 +4,7 @@ use rc10_can::{IdPattern, LengthBounds};
 
 use crate::can_ids::{CanIds, Frames, Ownership};
 
-/// The share of a bus that the motors attached to it need, known before power-on: from their
-/// identifiers alone.
+/// The share of a bus that its motors need, known before power-on from their identifiers.
 ///
 /// Percent of the bit rate. Every figure counts exact frame lengths with interframe space;
 /// they differ in the stuff bits, which depend on the data.
@@ -62,8 +61,7 @@ impl BusLoad {
 pub(crate) struct LoadSum {
     pub(crate) load: BusLoad,
     bits_per_second: u32,
-    /// Frames that several motors share, which are sent once. If the list is full, a shared frame
-    /// counts twice: the load is never too low.
+    /// Shared frames, sent once. With a full list one counts twice: the load is never too low.
     shared: [IdPattern; 32],
     /// Number of those.
     len: usize,

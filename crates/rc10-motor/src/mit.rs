@@ -138,8 +138,7 @@ const PER_RADIAN: f32 = 180e6 / core::f32::consts::PI;
 /// Microdegrees per rpm and microsecond.
 const PER_RPM_MICRO: f32 = 6.0;
 
-/// A position that a device tells in 16 bits, within ±[`Limits::position`]; for a [`Shaft`] that
-/// counts in steps of a microdegree.
+/// A position of 16 bits within ±[`Limits::position`], for a [`Shaft`] in microdegrees.
 ///
 /// No source says what such a device tells beyond its range. So this takes both possibilities:
 ///
@@ -243,8 +242,7 @@ impl RangedPosition {
         None
     }
 
-    /// The steps to add to a movement of the reading because the field started over; `None` after a
-    /// restart. A silence counts as a gap.
+    /// The steps to add to a movement where the field started over; `None` after a restart.
     fn ranges_passed(
         &self,
         shaft: &mut Shaft,
@@ -316,8 +314,7 @@ impl RangedPosition {
         self.of_angle(shaft, angle).unsigned_abs() <= self.end.unsigned_abs()
     }
 
-    /// The angle nearest to one of the shaft, whole turns from it, to which the device can be told to
-    /// go.
+    /// The nearest angle, whole turns away, to which the device can be told to go.
     pub(crate) fn within_reach(&self, shaft: &Shaft, angle: TotalAngle) -> Option<TotalAngle> {
         let position = self.of_angle(shaft, angle);
         let out = position.saturating_sub(position.clamp(-self.end, self.end));
@@ -332,8 +329,7 @@ impl RangedPosition {
         self.reaches(shaft, angle).then_some(angle)
     }
 
-    /// The value to send to the device for an angle of the shaft, in rad: at most the end of its
-    /// range.
+    /// The value for an angle of the shaft, in rad: at most the end of its range.
     pub(crate) fn radians_of(&self, shaft: &Shaft, angle: TotalAngle) -> f32 {
         radians(self.of_angle(shaft, angle).clamp(-self.end, self.end))
     }
@@ -427,8 +423,7 @@ pub(crate) fn pack_positive<const BITS: u32>(x: f32, limit: f32) -> u32 {
     beyond(x, full(BITS), 0)
 }
 
-/// Out of line: the usual case stays short. The limits themselves come here too, because rounding
-/// could put them one step inside.
+/// Out of line: the usual case stays short. Limits come here too: rounding could shift them.
 fn beyond(x: f32, full: u32, neutral: u32) -> u32 {
     if x.is_nan() {
         neutral
@@ -439,8 +434,7 @@ fn beyond(x: f32, full: u32, neutral: u32) -> u32 {
     }
 }
 
-/// The value of a field for -`limit` ..= `limit`: symmetric, never beyond, and as exact around zero
-/// as elsewhere.
+/// The field of -`limit` ..= `limit`: symmetric, never beyond, as exact around zero as elsewhere.
 pub(crate) const fn unpack_signed<const BITS: u32>(raw: u32, limit: f32) -> f32 {
     let from_middle = (2 * raw).cast_signed() - full(BITS).cast_signed();
     from_middle as f32 / full(BITS) as f32 * limit

@@ -56,8 +56,7 @@ impl SafeState {
 pub enum FrameKind {
     /// Feedback: it keeps the link alive.
     Feedback,
-    /// Feedback with a fault: the bus takes the motor to its safe state until the fault is cleared
-    /// ([`Request::ClearFault`]).
+    /// Feedback with a fault: the safe state until [`Request::ClearFault`].
     Fault,
     /// Something else, such as the reply to a request: it does not keep the link alive.
     Other,
@@ -133,8 +132,7 @@ pub struct Tick {
     pub dt: Seconds,
     /// The drive mode of the motor in this tick.
     pub mode: DriveMode,
-    /// Whether it is heard. A motor whose link is lost may come back as another one: restarted,
-    /// disabled, its turns counted from elsewhere.
+    /// Whether it is heard. One that was lost may come back restarted, its turns counted anew.
     pub link: Link,
     /// Ticks so far, counted from another number for each motor of a bus: what need not happen in
     /// every tick, such as an angle loop, happens in other ticks for each.
@@ -164,8 +162,7 @@ pub trait Motor: Send {
     /// [`TargetError`]; the old target stays.
     fn set_target(&mut self, target: Target) -> Result<(), TargetError>;
 
-    /// The target it has; of a motion, where it is now. After [`Request::SetZero`] it is told from the
-    /// new zero.
+    /// The target; of a motion, where it is now. [`Request::SetZero`] moves it to the new zero.
     fn target(&self) -> Target;
 
     /// The newest measurements; all zero before the first feedback.
@@ -227,8 +224,7 @@ pub trait CanMotor: Motor {
     /// [`TxFull`] if the batch has no room.
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull>;
 
-    /// Adds the frames that leave it without torque, whatever state it is in: what a panic
-    /// handler sends.
+    /// Adds the frames that leave it without torque in any state, for a panic handler.
     ///
     /// # Errors
     /// [`TxFull`] if the batch has no room.

@@ -124,9 +124,8 @@ pub enum CommandError {
 /// The motors of a bus: what a [`MotorBus`](crate::MotorBus) and an
 /// [`Rs485Bus`](crate::unitree::Rs485Bus) have in common.
 ///
-/// No motor can opt out of: no torque until the [`ArmSwitch`] is armed; its safe state when
-/// commands stop coming; no torque when its feedback is lost; its safe state while the emergency
-/// stop is latched.
+/// No motor can opt out: no torque unless the [`ArmSwitch`] is armed and its feedback comes, and
+/// its safe state without commands or in an emergency stop.
 pub struct Motors<'m, M: ?Sized, const N: usize> {
     switch: &'m ArmSwitch,
     slots: Vec<Slot<'m, M>, N>,
@@ -177,8 +176,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         self.slots.iter().map(|slot| &*slot.motor)
     }
 
-    /// Has a motor take a frame that arrived at `at`, with what is known of its link until then.
-    /// `None` for a motor that does not exist.
+    /// Has a motor take a frame of `at`, with its link until then; `None` for an unknown motor.
     pub(crate) fn hear(
         &mut self,
         motor: MotorId,
@@ -194,8 +192,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         Some(slot.supervision.heard(heard, at))
     }
 
-    /// One tick: decides what each motor may do, lets it compute, and has `send` take what it
-    /// sends.
+    /// One tick: decides what each motor may do, lets it compute, and has `send` take its frames.
     pub(crate) fn tick(
         &mut self,
         now: Micros,
@@ -249,8 +246,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         slot.supervision.command(&mut *slot.motor, target, now).map_err(CommandError::Target)
     }
 
-    /// Makes a request. After [`Response::Pending`] its [`response`](Self::response) is to be asked
-    /// for after each tick.
+    /// Makes a request. After [`Response::Pending`] ask [`response`](Self::response) each tick.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed.
@@ -269,8 +265,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         }
     }
 
-    /// The outcome of a request that was [`Pending`](Response::Pending), once it is known; told
-    /// once.
+    /// The outcome of a [`Pending`](Response::Pending) request, once it is known; told once.
     pub fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
         let slot = self.slot_mut(motor)?;
         slot.supervision.response(&mut *slot.motor)
@@ -291,8 +286,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         self.slot(motor).map_or(TargetSet::NONE, |slot| slot.motor.supports())
     }
 
-    /// The control loops of a motor, where they run here; `None` also for a motor that does not
-    /// exist.
+    /// A motor's control loops that run here; `None` also for a motor that does not exist.
     pub fn loops(&self, motor: MotorId) -> Option<Loops> {
         self.slot(motor).and_then(|slot| slot.motor.loops())
     }
@@ -305,8 +299,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         Some(status)
     }
 
-    /// The same, written where it is wanted: every tick for every motor. Nothing for a motor that
-    /// does not exist.
+    /// Writes a motor's status in place, every tick; nothing for a motor that does not exist.
     pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
         if let Some(slot) = self.slot(motor) {
             slot.supervision.write_status(&*slot.motor, now, status);

@@ -141,8 +141,7 @@ impl<Q: Copy> Pending<Q> {
         core::mem::take(&mut asked.is_due).then_some(asked.question)
     }
 
-    /// Keeps a failure that the device told, but that does not end the request: the outcome if time
-    /// runs out.
+    /// Keeps a failure that does not end the request: the outcome if time runs out.
     pub fn fail_with(&mut self, failure: RequestError) {
         if let Some(asked) = &mut self.asked {
             asked.failure = failure;

@@ -23,13 +23,11 @@ pub enum Request {
     AngleGains(Gains),
     /// Never command more torque than this.
     TorqueLimit(NewtonMetres),
-    /// The shaft's angle now is zero from now on, also after power-off: the device stores it. Only
-    /// while the robot is disarmed.
+    /// The shaft's angle now is zero, also after power-off. Only while the robot is disarmed.
     StoreZero,
     /// Reads a register of the device: four bytes, little endian ([`Response::Register`]).
     ReadRegister(u16),
-    /// Writes four bytes, little endian, into a register of the device, until power-off. Only while
-    /// the robot is disarmed.
+    /// Writes four bytes, little endian, into a register until power-off. Only while disarmed.
     WriteRegister(u16, u32),
     /// Turns slowly while the robot is disarmed, and only this motor: for 80 ms at this speed, or not at
     /// all any more at zero; repeat it. Loops that run here use a fifth of their limit. A target from a
@@ -37,8 +35,7 @@ pub enum Request {
     /// one is refused, too ([`RequestError::TooFast`]), until zero is asked for, or nothing for 0.2 s.
     /// Refused while a task commands the motor ([`RequestError::Busy`]).
     Jog(Rpm),
-    /// The device keeps its registers also after power-off. Only while the robot is disarmed: its
-    /// flash wears, and its loops stop meanwhile.
+    /// The device keeps its registers after power-off. Only while disarmed: it wears and stops.
     SaveRegisters,
 }
 
@@ -49,8 +46,7 @@ pub enum Request {
 pub enum Response {
     /// The request is done.
     Done,
-    /// The device was asked; [`Motor::response`](crate::Motor::response) tells its answer. A task that
-    /// waits at a motor's port never sees this.
+    /// The device was asked; [`Motor::response`](crate::Motor::response) tells. Not at a port.
     Pending,
     /// Raw value of the register.
     Register(u32),

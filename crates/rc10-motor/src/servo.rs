@@ -45,8 +45,7 @@ use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
 
 /// Follows targets by an effort, or by a spring that the device makes.
 ///
-/// Efforts are in the unit of the target that asks for one directly: amperes, newton metres, or a
-/// share of the full voltage.
+/// Efforts have the unit of the target for one: amperes, newton metres, or a share of the voltage.
 #[derive(Clone, Copy, Debug)]
 #[must_use]
 pub struct Servo {
@@ -274,8 +273,7 @@ impl Servo {
         self.state.rest();
     }
 
-    /// All angles count from `zero` (as measured until now) from now on. What is sought or held
-    /// stays where it is.
+    /// Counts all angles from `zero`, as measured until now; what is sought stays where it is.
     pub fn set_zero(&mut self, zero: TotalAngle) {
         self.goals.set_zero(zero);
     }

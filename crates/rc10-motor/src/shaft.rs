@@ -26,11 +26,9 @@ use crate::feedback::Feedback;
 
 const TURN: i32 = 360_000_000;
 
-/// Readings of an encoder this close together (µs) are less than half a turn apart: no rotor makes
-/// 20,700 rpm.
+/// Readings this close together (µs) are less than half a turn apart: no rotor makes 20,700 rpm.
 const CERTAIN_MICROS: u64 = 1_300;
-/// Speed (rpm) times time (µs) in which a rotor makes 0.45 turns: beyond it, the turns between two
-/// readings are not certain any more.
+/// Speed (rpm) times time (µs) of 0.45 rotor turns: beyond it turns between readings are uncertain.
 const CERTAIN_RPM_MICROS: f32 = 27e6;
 /// Nor are they after such a silence, whatever the speed was before and after.
 const LONG_SILENCE: Micros = Micros::from_millis(100);
@@ -47,8 +45,7 @@ pub struct Shaft {
     whole: i32,
     part: i32,
     divisor: i32,
-    /// The most steps at once for which 32 bits are enough, and that move the output by less than a
-    /// turn.
+    /// The most steps at once that 32 bits hold, and that move the output by less than a turn.
     most: u32,
     /// Twice as many.
     most_twice: u32,
@@ -129,8 +126,7 @@ impl Shaft {
         self.at.get() < NEVER.get()
     }
 
-    /// Takes the reading of an encoder that starts over every turn (0 ..< `steps_per_turn`), and
-    /// the speed of its rotor.
+    /// Takes the reading of an encoder of one turn (0 ..< `steps_per_turn`), and the rotor's speed.
     ///
     /// The first reading is an absolute angle. After a silence in which the rotor may have gone
     /// round, its speed before and after says which number of turns is likeliest, and the gap is
@@ -179,9 +175,8 @@ impl Shaft {
         }
     }
 
-    /// The sensor moved by `step`, give or take whole turns of it, between the measurement `before`
-    /// (when, and how fast) and the one that has just been [taken](Self::measure): their mean speed
-    /// says how many. Counts a gap.
+    /// The sensor moved by `step` and unknown whole turns since `before` (time, speed); the mean
+    /// speed of `before` and the newest [measurement](Self::measure) says how many. Counts a gap.
     pub fn bridge(&mut self, step: i64, before: (Micros, Rpm)) {
         let (last, speed) = before;
         let mean = 0.5 * (speed.get() + self.speed.get()) / self.ratio;

@@ -70,8 +70,7 @@ impl Message {
         self.varies == 0 && !self.remote && self.marks == Marks::NONE
     }
 
-    /// Whether a frame is one of these. Of several messages that a frame is, the last in a vendor's
-    /// table is the most special.
+    /// Whether a frame is one of these. Of several that fit, the last in a vendor's table is it.
     pub fn matches(&self, frame: &CanFrame) -> bool {
         IdPattern::masked(self.id, !self.varies).contains(frame.id())
             && frame.is_remote() == self.remote
@@ -108,8 +107,7 @@ impl Marks {
         Self { mask, value: u64::from_le_bytes(value) & mask }
     }
 
-    /// Nothing behind `len` bytes, as every frame of that length has it: makes a message special that
-    /// a DBC file has no room for.
+    /// Nothing behind `len` bytes: makes a message special that a DBC file has no room for.
     pub const fn behind(len: u8) -> Self {
         let mut mask = [0; 8];
         let mut index = len as usize;
@@ -312,8 +310,7 @@ impl Signal {
         }
     }
 
-    /// The physical value in a payload; `None` if the payload is too short. Whether it is
-    /// [present](Presence) is the caller's to know.
+    /// The physical value in a payload, [present](Presence) or not; `None` if that is too short.
     pub fn physical(&self, payload: &[u8]) -> Option<f64> {
         self.scale(self.raw(payload)?)
     }

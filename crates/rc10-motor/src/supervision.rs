@@ -169,8 +169,7 @@ impl MotorStatus {
         is_driven && matches!(self.link, Link::Online) && !is_asked
     }
 
-    /// The effort that its loops commanded last, in their unit; `None` while they decide nothing, and
-    /// where none run here.
+    /// The effort that its loops commanded last, in their unit; `None` while none here decide.
     #[must_use]
     pub fn effort(&self) -> Option<f32> {
         self.feedback.effort().filter(|_| self.is_looped())
@@ -209,8 +208,7 @@ impl MotorStatus {
     };
 }
 
-/// A frame may have arrived this long after the tick began that takes it. What lies further in the future is
-/// not fresh, but another clock.
+/// A frame may come this long after its tick began; one further ahead has another clock.
 const SKEW: Micros = Micros::from_millis(2);
 
 /// Decides in every tick what a motor may do, from when it was heard and commanded last.
@@ -444,8 +442,7 @@ impl Supervision {
         self.link
     }
 
-    /// Decides the drive mode of the motor now. This and [`change`](Self::change) are the one place
-    /// where motors are stopped.
+    /// Decides the drive mode: this and [`change`](Self::change) are where motors are stopped.
     #[inline]
     pub(crate) fn decide(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         if arm == ArmState::Armed
@@ -490,8 +487,7 @@ fn is_too_fast(motor: &(impl Motor + ?Sized), asked: Rpm) -> bool {
     motor.feedback().speed.get().abs() > (2.0 * asked).max(asked + NOISE)
 }
 
-/// From a time until `now`, and [`SKEW`]: what lies a little in the future is fresh, and what lies further off
-/// is old.
+/// The time until `now`, plus [`SKEW`]: what lies further ahead than that is old.
 #[inline]
 fn since(earlier: Micros, now: Micros) -> Micros {
     Micros::new((now + SKEW).get().wrapping_sub(earlier.get()))

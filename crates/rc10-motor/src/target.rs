@@ -15,15 +15,13 @@ pub enum Target {
     Duty(f32),
     /// A speed.
     Speed(Rpm),
-    /// An angle within the turn, reached the shorter way round; any number of degrees, taken
-    /// modulo 360.
+    /// An angle within the turn (any number of degrees, modulo 360), reached the shorter way round.
     Angle(Degrees),
     /// An angle of many turns.
     TotalAngle(TotalAngle),
     /// A torque.
     Torque(NewtonMetres),
-    /// A spring and a damper between the shaft and a moving point, and a torque on top ("MIT
-    /// mode").
+    /// A spring and a damper to a moving point, and a torque on top ("MIT mode").
     Impedance(Impedance),
     /// A motion that is known in advance: angle, speed, acceleration and effort at once.
     Motion(Motion),
@@ -33,8 +31,7 @@ pub enum Target {
     Handbrake(Amps),
 }
 
-/// The values of a [`Target::Impedance`]: torque = `kp` · (`angle` - measured) + `kd` · (`speed` -
-/// measured) + `torque`.
+/// A [`Target::Impedance`]: `kp` · (`angle` - measured) + `kd` · (`speed` - measured) + `torque`.
 ///
 /// A single step of `angle` is a blow: a spring pulls with all it has. Move it, or keep `kp` low.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,8 +62,7 @@ impl Impedance {
     }
 }
 
-/// The values of a [`Target::Motion`]: where the shaft shall be when the target is given, and how it
-/// moves on from there.
+/// A [`Target::Motion`]: where the shaft shall be when it is given, and how it moves on.
 ///
 /// Until the next one comes, the motion goes on: with its acceleration for at most 50 ms, then at the
 /// speed that it has. So a task that commands every 5 or 10 ms makes a motion without steps.
@@ -142,8 +138,7 @@ impl From<Command> for Target {
     }
 }
 
-/// `Ok` for a target of these kinds, but no motion with an effort: for a device that closes its own
-/// loops and takes none.
+/// `Ok` for these kinds, but no motion with an effort: for a device with loops of its own.
 ///
 /// # Errors
 /// [`TargetError`].

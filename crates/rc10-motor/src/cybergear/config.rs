@@ -208,8 +208,7 @@ impl Config {
         self
     }
 
-    /// With another range of position, rad, above 0 and at most 15: sources give a CyberGear 12.5 or
-    /// 4π, an RS00 before firmware 0.0.2.6 has 12.5.
+    /// The position range in rad, up to 15: a CyberGear has 12.5 or 4π, RS00 before 0.0.2.6 12.5.
     pub const fn with_position_range(mut self, range: f32) -> Self {
         self.model.limits.position = range;
         self

@@ -42,8 +42,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Sources: CyberGear manual and its samples, `CyberGearDriver` 0.2.0 (Python); RobStride manuals
-//! RS00 to RS06 (260428).
+//! Sources: CyberGear manual and samples, `CyberGearDriver` 0.2.0, RobStride manuals (260428).
 
 mod config;
 mod motor;

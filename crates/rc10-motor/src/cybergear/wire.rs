@@ -1,8 +1,6 @@
-//! Commands as frames, frames as replies. Positions in rad, velocities in rad/s, torques in N m,
-//! all at the output shaft.
+//! Commands and replies as frames: rad, rad/s and N m at the output shaft.
 //!
-//! Packing never fails: it limits first, then converts. NaN becomes zero: check a setpoint before
-//! ([`Setpoint::validate`]).
+//! Packing limits first and never fails; NaN becomes zero: see [`Setpoint::validate`].
 
 use embedded_can::ExtendedId;
 use rc10_app::Celsius;
@@ -85,8 +83,7 @@ pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     return frame(kind::MOTION, torque as u16, motor, [a, b, c, d, e, f, g, h]);
 }
 
-/// The shaft's position now is zero, at once, so never while it runs. A CyberGear forgets it when the
-/// power is cut.
+/// Makes the position zero at once: never while it runs. A CyberGear forgets it without power.
 pub fn set_zero(to: Address) -> CanFrame {
     frame(kind::SET_ZERO, to.host.into(), to.motor, first(1))
 }
@@ -239,8 +236,7 @@ impl ParameterValue {
     }
 }
 
-/// The faults and warnings of a motor: type 21. What the bits mean stands beside the models, as
-/// text.
+/// The faults and warnings of a motor: type 21. The models have the texts of the bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FaultReport {

@@ -67,8 +67,7 @@ pub mod models {
     }
 }
 
-/// The control mode of a motor, with its settings; its register 10 (`CTRL_MODE`) is to say the
-/// same.
+/// The control mode, with its settings; register 10 (`CTRL_MODE`) is to say the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
     /// Our loops, or an impedance of the device's: takes torques, speeds, angles and impedances.
@@ -127,11 +126,9 @@ impl Control {
 pub struct Config {
     /// The model, with the limits that are in the device.
     pub model: Model,
-    /// `CAN_ID`, the identifier of the frames that it takes: at most 0x4FE, its low byte not 0xFF
-    /// as that of register frames.
+    /// `CAN_ID`, of frames that it takes: at most 0x4FE, its low byte not 0xFF (register frames).
     pub can_id: u16,
-    /// `MST_ID`, the identifier of the frames that it sends: at most 0x7FE, its low byte not that of
-    /// `CAN_ID`, or the motor would answer itself.
+    /// `MST_ID`, of frames that it sends: at most 0x7FE, its low byte not `CAN_ID`'s.
     pub master_id: u16,
     /// How it is controlled.
     pub control: Control,

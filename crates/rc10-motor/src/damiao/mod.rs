@@ -34,8 +34,7 @@
 //!
 //! * An angle is sought within ±PMAX only, by the longer way round if need be: what a motor does
 //!   beyond is not documented. A target there is [`OutOfRange`](crate::TargetError::OutOfRange).
-//! * Holding and braking are the same in the position modes; in velocity mode a motor told to hold
-//!   stands still, and gives way slowly.
+//! * Holding and braking are the same in position modes; in velocity mode a motor gives way slowly.
 //! * [`StoreZero`](crate::Request::StoreZero), writing and saving registers: only while disarmed.
 //!   Saving makes it deaf for up to 30 ms: it is lost for a moment.
 //!

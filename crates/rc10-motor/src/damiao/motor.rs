@@ -250,8 +250,7 @@ impl Damiao {
         }
     }
 
-    /// Takes a feedback as the answer to the pending request, where it is one. Returns whether the
-    /// device has a new zero.
+    /// Takes a feedback as the answer to a request, if it is; whether the device has a new zero.
     fn answer(&mut self, reported: &wire::Feedback) -> bool {
         let question = self.pending.sent();
         match (question, reported.state) {
@@ -320,8 +319,7 @@ impl Damiao {
         CanFrame::key_of(self.id.command_id(self.mode()))
     }
 
-    /// The stream of its register frames, whose identifier all motors share: an identifier with its
-    /// low byte that it never uses.
+    /// The stream of its register frames: an identifier with its low byte that it never uses.
     fn register_stream(&self) -> u32 {
         let unused = match self.mode() {
             Mode::ForcePosition => Mode::Velocity,

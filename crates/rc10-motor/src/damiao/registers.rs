@@ -35,8 +35,7 @@ impl Register {
     /// The position now, rad. Read it before changing to a mode that seeks a position.
     pub const POSITION: Self = Self(80);
 
-    /// Whether it holds a whole number: 7 to 10, 13 to 16, 35 and 36 do, all others an f32 (manual
-    /// of J10010L, register table).
+    /// Whether it holds a whole number, not an f32 (manual of J10010L, register table).
     #[must_use]
     pub const fn is_whole(self) -> bool {
         matches!(self.0, 7..=10 | 13..=16 | 35 | 36)
@@ -128,8 +127,7 @@ pub enum Access {
     Read(Register),
     /// Hold this, until the power is cut. Out of range, the old value stays and is answered.
     Write(Register, Value),
-    /// Keep all values when the power is cut: while disabled only, up to 30 ms, and the memory
-    /// lasts for about 10,000 times.
+    /// Keep all values without power: while disabled only, up to 30 ms, about 10,000 times.
     Save,
     /// Send a feedback; the answer is that, and no [`Reply`].
     Refresh,
@@ -144,8 +142,7 @@ impl Access {
     /// The frame that asks for it: eight bytes for a write, else four.
     ///
     /// # Errors
-    /// [`ConfigError`] for a number that is not finite, for a whole number in a register that holds
-    /// none, or the reverse.
+    /// [`ConfigError`] for a number that is not finite, or not what the register holds.
     pub fn pack(&self, id: DeviceId) -> Result<CanFrame, ConfigError> {
         let [low, high] = id.raw().to_le_bytes();
         let short =
@@ -258,8 +255,7 @@ const LAST_REGISTER: u8 = 81;
 
 /// A reply, or why a frame that looks like one is invalid; `None` for a frame that can be feedback.
 ///
-/// As a feedback, a reply would be of a shaft at the very end of its range that turns out of it at
-/// more than a third of its largest speed.
+/// As a feedback it would be a shaft at its range's end that turns out at a third of its speed.
 pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, FrameError>> {
     let &[low, high, operation, register, ..] = frame.bytes() else { return None };
     let is_reply = u16::from_le_bytes([low, high]) == id.raw()
@@ -271,8 +267,7 @@ pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, F
     is_reply.then(|| Reply::unpack(frame))
 }
 
-/// The registers that are compared with the configuration before a motor is enabled, and what is
-/// wrong if they differ.
+/// The registers compared with the configuration before enabling, and the fault if they differ.
 pub(super) const CHECKED: [(Register, &str); 4] = [
     (Register::MODE, "register 10 (CTRL_MODE) is not the control mode configured"),
     (Register::POSITION_LIMIT, "register 21 (PMAX) is not the limit configured"),

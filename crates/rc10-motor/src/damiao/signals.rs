@@ -18,8 +18,7 @@ pub const NOT_IN_DBC: &[&str] = &[
     "Damiao: a motor obeys every standard identifier with the low byte of its CAN_ID.",
 ];
 
-/// Signals whose scales follow from a motor's limits. They have to outlive the messages: a
-/// `static`, or a leaked box on a PC.
+/// Signals scaled by a motor's limits. They outlive the messages: a `static`, or a leaked box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scaled {
     feedback: [Signal; 7],
@@ -82,8 +81,7 @@ static REGISTER_NAMES: [(u32, &str); NAMES.len()] = {
 
 const WHICH: Signal = Signal::little("REGISTER", 3, 1).named(&REGISTER_NAMES);
 
-/// Signals of a frame about a register: `first` of other signals, the number of the register, and a
-/// value for each register.
+/// Signals of a register frame: `first`, the number of the register, and a value for each.
 const fn with_registers<const FIRST: usize, const ALL: usize>(
     first: [Signal; FIRST],
 ) -> [Signal; ALL] {

@@ -1,8 +1,6 @@
-//! Commands as frames, frames as feedback. Positions in rad, velocities in rad/s, torques in N m,
-//! all at the output shaft.
+//! Commands and feedback as frames: rad, rad/s and N m at the output shaft.
 //!
-//! Packing never fails: it limits first, then converts. NaN becomes zero: check a setpoint before
-//! ([`Setpoint::validate`]).
+//! Packing limits first and never fails; NaN becomes zero: see [`Setpoint::validate`].
 
 use embedded_can::StandardId;
 use rc10_app::Celsius;
@@ -12,8 +10,7 @@ use crate::feedback::Fault;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 
-/// The `CAN_ID` of a motor, register 8: identifier of the frames that it takes. The motor compares
-/// the low byte only.
+/// The `CAN_ID` of a motor, register 8: of frames that it takes. It compares the low byte only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DeviceId(u16);
@@ -53,8 +50,7 @@ pub(super) fn standard(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap_or(StandardId::MAX)
 }
 
-/// The control mode of a motor: the number in register 10, `CTRL_MODE`. What another mode's frame
-/// does is not documented.
+/// The control mode: register 10, `CTRL_MODE`. Another mode's frames are not documented.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
@@ -105,8 +101,7 @@ pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
 
 /// A setpoint in MIT mode: position in 16 bits, the others in 12 each, highest bit first.
 ///
-/// With every field at its end the bytes would be those of an [`Operation`]: `kd` is then sent one
-/// step lower.
+/// With every field at its end it would be an [`Operation`]: `kd` goes one step lower then.
 pub fn mit(id: DeviceId, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
     let velocity = pack_signed::<12>(setpoint.velocity, limits.velocity);
@@ -134,8 +129,7 @@ pub fn position_velocity(id: DeviceId, position: f32, velocity: f32) -> CanFrame
     CanFrame::eight_bytes(id.command_id(Mode::PositionVelocity), [a, b, c, d, e, f, g, h])
 }
 
-/// A velocity: one f32, little endian. Four bytes, as in the manual and the vendor's C code; its
-/// Python code sends eight.
+/// A velocity: one f32, little endian, four bytes as in the manual; Python code sends eight.
 pub fn velocity(id: DeviceId, velocity: f32) -> CanFrame {
     CanFrame::exact(id.command_id(Mode::Velocity), sendable(velocity).to_le_bytes())
 }
@@ -253,8 +247,7 @@ impl Feedback {
     /// to compare. A reply to a [register](super::registers) access looks the same.
     ///
     /// # Errors
-    /// [`FrameError::NotMine`] for an extended or a remote frame, [`FrameError::Length`] unless
-    /// there are eight bytes.
+    /// [`FrameError::NotMine`] if extended or remote, [`FrameError::Length`] unless eight bytes.
     pub fn unpack(frame: &CanFrame, limits: &Limits) -> Result<Self, FrameError> {
         if frame.is_extended_id() || frame.is_remote() {
             return Err(FrameError::NotMine);

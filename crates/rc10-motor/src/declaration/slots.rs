@@ -76,8 +76,7 @@ pub struct Slot {
     pub most_gain: f32,
 }
 
-/// Label and place of each motor of a declaration. Motors beyond the 256th of a place have the
-/// number of its last; none holds that many.
+/// Label and place of each motor. Beyond the 256th of a place they have its last number.
 #[must_use]
 pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
     let (on, motor) = (Place::Bus(0), MotorId::new(0));
@@ -97,8 +96,7 @@ pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
     slots
 }
 
-/// The number of each motor on its bus or line, of motors that are attached in this order: for tools
-/// that have no names.
+/// The number of each motor on its bus or line, in this order: for tools without names.
 pub fn numbers(places: impl IntoIterator<Item = Place>) -> impl Iterator<Item = MotorId> {
     let mut before = [[0_u8; 256]; 2];
     places.into_iter().map(move |on| {

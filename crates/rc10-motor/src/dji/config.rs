@@ -6,8 +6,7 @@ use rc10_can::IdPattern;
 
 use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 
-/// Properties of one DJI model. Other controllers that speak the same protocol are one more
-/// constant of this type.
+/// Properties of a DJI model. Controllers of the same protocol are one more constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// The name, as the vendor writes it.
@@ -62,8 +61,7 @@ const fn gear(rotor: u32, output: u32) -> Gear {
     }
 }
 
-/// `speed` is kp, ki and the largest effort; `angle` is kp and the largest speed, rpm;
-/// `acceleration` is in rpm/s.
+/// `speed` is kp, ki, largest effort; `angle` is kp, largest speed in rpm; `acceleration` rpm/s.
 const fn cascade(speed: [f32; 3], angle: [f32; 2], acceleration: f32) -> Cascade {
     let ([kp, ki, effort], [angle_kp, rpm]) = (speed, angle);
     Cascade {
@@ -119,8 +117,7 @@ pub const GM6020_CURRENT: Model = Model {
     cascade: cascade([0.04, 0.1, 3.0], [0.8, 250.0], 500.0),
 };
 
-/// GM6020 set to voltage mode, as it is sold. ±25000 is what every firmware takes (the first manual
-/// says 30000, all newer ones 25000).
+/// GM6020 set to voltage mode, as sold. ±25000: every firmware (the first manual says 30000).
 pub const GM6020_VOLTAGE: Model = Model {
     name: "GM6020 (voltage mode)",
     command_ids: [0x1FF, 0x2FF],
@@ -262,8 +259,7 @@ impl Config {
         self.name().blamed(self.cascade.validate())
     }
 
-    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate);
-    /// else none.
+    /// The identifiers on its bus, of a [valid](Self::validate) configuration; else no identifier.
     pub const fn can_ids(&self) -> CanIds {
         let Ok((_, _, lane)) = self.model.ids(self.id) else { return CanIds::new() };
         let Model { feedback_base, command_ids, .. } = self.model;
@@ -275,8 +271,7 @@ impl Config {
     }
 }
 
-/// The rate at which the controller sends feedback; set in RoboMaster Assistant (GM6020: 1 kHz
-/// only).
+/// The feedback rate, set in RoboMaster Assistant (GM6020: 1 kHz only).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FeedbackRate {

@@ -5,8 +5,7 @@
 //! that they keep the last current. They have no speed or angle control of their own, so a
 //! [`Dji`] runs a [`Cascade`](rc10_app::Cascade) at its output shaft.
 //!
-//! Sources: C620, C610 and GM6020 user manuals (CAN tables), RoboMaster Development-Board-C
-//! examples.
+//! Sources: C620, C610 and GM6020 manuals (CAN tables), RoboMaster Development-Board-C examples.
 
 mod config;
 mod motor;

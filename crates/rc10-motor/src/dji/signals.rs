@@ -51,8 +51,7 @@ pub fn messages(model: &Model, id: u8) -> Option<Vec<Message, 3>> {
     .ok()
 }
 
-/// Eight bytes of zero begin the quick setting of identifiers (RoboMaster's sample code for board C,
-/// `CAN_cmd_chassis_reset_ID`).
+/// Eight zeros begin quick setting of identifiers (board C sample, `CAN_cmd_chassis_reset_ID`).
 const QUICK_ID_SETTING: StandardId = match StandardId::new(0x700) {
     Some(id) => id,
     None => StandardId::MAX,

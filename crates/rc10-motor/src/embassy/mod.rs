@@ -1,5 +1,4 @@
-//! The bus under Embassy: a runner that owns the motors and ticks every millisecond, and the port
-//! that all other tasks share with it.
+//! The bus under Embassy: a runner with the motors, and the port shared with all other tasks.
 //!
 //! No other task ever touches a motor: a [`MotorPort`] is a mailbox for the newest command and a
 //! copy of the newest status. No lock is held over an `await`, so no task can stall another's bus.

@@ -204,9 +204,8 @@ pub struct MotorPort<'p> {
 }
 
 impl MotorPort<'_> {
-    /// Gives the motor a new target: it holds from the bus's next tick until it expires (50 ms
-    /// unless the motor was attached otherwise), so repeat it. A newer command replaces one that
-    /// the bus has not taken yet.
+    /// Gives the motor a new target: from the bus's next tick until it expires (50 ms by default),
+    /// so repeat it. A newer one replaces one that waits.
     ///
     /// # Errors
     /// [`TargetError`]: the motor does not take such targets, or a number is not finite. While the
@@ -262,8 +261,7 @@ impl MotorPort<'_> {
         })
     }
 
-    /// A part of its status, without a copy of the whole. Targets that its port refused are not in
-    /// the counters here.
+    /// A part of its status, without a copy, and without targets that its port refused.
     #[inline]
     pub fn look<R>(&self, look: impl FnOnce(&MotorStatus) -> R) -> R {
         match self.cell {

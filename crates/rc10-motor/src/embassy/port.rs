@@ -15,8 +15,7 @@ use crate::arm::ArmState;
 use crate::bus::{BusCounters, MotorBus};
 use crate::load::BusLoad;
 
-/// The shared side of a CAN bus, for all other tasks: the ports of its motors, an outbox, and
-/// subscriptions.
+/// The shared side of a CAN bus: the ports of its motors, an outbox, and subscriptions.
 pub struct BusPort {
     motors: MotorPorts<BusStatus, { MotorBus::CAPACITY }>,
     outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
@@ -52,8 +51,7 @@ pub struct BusStatus {
     pub submitted: u32,
     /// Frames that replaced an older one of the same identifier that had not been sent yet.
     pub replaced: u32,
-    /// Frames that the port or the tick's batch had no room for, or that the port did not take
-    /// because the bus was off.
+    /// Frames that port or batch had no room for, or that came while the bus was off.
     pub refused: u32,
     /// Frames received.
     pub received: BusCounters,

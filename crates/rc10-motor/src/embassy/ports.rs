@@ -5,11 +5,9 @@ use super::port::BusPort;
 use super::rs485::Rs485Port;
 use crate::declaration::{Names, Place, Slot};
 
-/// The shared side of a whole robot: a port for each bus and line of its declaration, and its motors
-/// by name.
+/// A robot's shared side: a port for each bus and line, and its motors by name.
 ///
-/// Another number of buses or lines than is declared does not compile; nor does the name of
-/// another robot's motor:
+/// Other numbers of buses or lines, or another robot's names, do not compile:
 ///
 /// ```compile_fail,E0308
 /// # mod ours {

@@ -43,8 +43,7 @@ pub fn run_bus<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>>(
     run_buses([Runner::new(port, bus, shared, now())])
 }
 
-/// Runs the buses of one processor in one task; the future never ends. Each ticks as in
-/// [`run_bus`], 60 µs behind the one before.
+/// Runs the buses of a processor in one task, for ever: [`run_bus`], each 60 µs behind the other.
 ///
 /// Not written `async fn`, which would keep a second copy of the runners: 2 KiB a bus.
 pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
@@ -67,11 +66,9 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
     }
 }
 
-/// A bus, its CAN port, and the port that it shares with other tasks: the state of [`run_bus`], for
-/// loops of your own.
+/// A bus, its CAN port and its shared port: the state of [`run_bus`], for loops of your own.
 ///
-/// The bus is a [`MotorBus`] or a `&mut MotorBus`: on a chip a bus better stands where it was made,
-/// for it is large.
+/// The bus is a [`MotorBus`] or a `&mut MotorBus`: it is large, and better stays where it was made.
 pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     port: P,
     bus: B,
@@ -142,8 +139,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.due = first - LEAD;
     }
 
-    /// The time at which [`tick`](Self::tick) is due: 60 µs before frames are to leave, and then
-    /// the moment when they are to.
+    /// When [`tick`](Self::tick) is due: 60 µs before frames are to leave, and then as they are to.
     #[inline]
     pub const fn next(&self) -> Micros {
         self.due
@@ -167,8 +163,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.send(now);
     }
 
-    /// Whether what was prepared may leave now: nothing that is as old as a tick, and no torque
-    /// after a stop.
+    /// Whether the prepared may leave: nothing as old as a tick, and no torque after a stop.
     fn holds(&self, now: Micros) -> bool {
         let is_stopped = self.arm == ArmState::Armed
             && matches!(

@@ -146,8 +146,7 @@ pub enum Commands {
     /// By frames of its own, as it is sold.
     #[default]
     Single,
-    /// By two bytes of the frame that four drives share. The drive is never off then, does not tell
-    /// its errors and takes no other command.
+    /// By two bytes of a frame that four drives share: never off, no errors, no other command.
     MultiMotor,
 }
 
@@ -159,8 +158,7 @@ pub struct Config {
     pub model: Model,
     /// The identifier set on it: 1 to 32, 1 to 4 in the multi-motor frame.
     pub id: u8,
-    /// Loops and limits: amperes of iq, at the output shaft. The largest current is the speed
-    /// loop's output limit.
+    /// Loops and limits: amperes of iq at the output; the speed loop's output limit is the largest.
     pub cascade: Cascade,
     /// By which frames it is commanded.
     pub commands: Commands,
@@ -228,8 +226,7 @@ impl Config {
         }
     }
 
-    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate);
-    /// else none.
+    /// The identifiers on its bus, of a [valid](Self::validate) configuration; else no identifier.
     pub const fn can_ids(&self) -> CanIds {
         match self.lane() {
             Ok((id, lane)) => can_ids(id, self.commands, lane),

@@ -215,8 +215,7 @@ impl<'m> Rs485Bus<'m> {
         Ok(motor)
     }
 
-    /// The next step on the bus now. After [`Step::Send`] ask again at once: it says how long to
-    /// wait for the reply.
+    /// The next step on the bus. After [`Step::Send`] ask again at once for how long to wait.
     pub fn poll(&mut self, now: Micros) -> Step {
         if let Some(Polled { at, .. }) = self.polled {
             let until = at + self.reply_timeout;
@@ -270,8 +269,7 @@ impl<'m> Rs485Bus<'m> {
         }
     }
 
-    /// The motor to poll now. One walk past all of them: it is on the way from a reply to the next
-    /// command.
+    /// The motor to poll now. One walk past all: it stands between a reply and the next command.
     fn next(&mut self, now: Micros) -> Option<MotorId> {
         let (mut heard, mut due, mut first_due, mut absent) = (0, None, None, None);
         for (motor, poll) in self.motors.ids().zip(&self.polls) {

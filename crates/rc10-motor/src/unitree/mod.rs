@@ -1,5 +1,4 @@
-//! Unitree GO-M8010-6: a motor with its own controller and gearbox, on RS-485 or behind Unitree's
-//! CAN-to-485 module.
+//! Unitree GO-M8010-6, with controller and gearbox, on RS-485 or behind a CAN-to-485 module.
 //!
 //! **Terms.** The *rotor* turns 6.33 times while the *output shaft* turns once. The wire speaks of
 //! the rotor, this crate of the output shaft; [`wire::RotorScale`] is the only place where one
@@ -26,8 +25,7 @@
 //! about five seconds, in which nothing may be sent. Protection at 90 °C ends only with the
 //! supply. What motor and module do when commands stop is not documented.
 //!
-//! Sources: GO-M8010-6 user manual v1.2 and data manual, CAN-to-485 module manual V1.0,
-//! `unitree_actuator_sdk`.
+//! Sources: GO-M8010-6 user manual v1.2, data manual, module manual V1.0, `unitree_actuator_sdk`.
 
 mod bus;
 mod config;

@@ -12,9 +12,8 @@
 //! when the link was lost, when the motor reports that it is locked, and when the module has other
 //! gains (read 20 times a second during an impedance).
 //!
-//! **One frame a tick.** A module puts gains on its line after the motion of the same tick,
-//! because identifiers go out in order. All frames of a motor are one stream: a newer one takes
-//! the place of one that still waits.
+//! **One frame a tick.** Identifiers go out in order, so gains would follow the motion of their
+//! tick. All frames are one stream: a newer one takes the place of one that waits.
 //!
 //! ```
 //! use rc10_motor::unitree::{GoModule, ModuleConfig};

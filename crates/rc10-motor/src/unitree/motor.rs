@@ -61,8 +61,7 @@ impl Actuator {
         (self.reported, self.temperature) = (motion, temperature);
     }
 
-    /// The first report of all, or after a silence in which the motor may have lost its power: it
-    /// then counts from its rotor's angle again.
+    /// The first report, or one after a silence: a motor without power counts from its angle again.
     fn resume(&mut self, angle: i32, rpm: f32, at: Micros) {
         let step = i64::from(angle) - i64::from(self.reported.angle);
         let (was_known, before) = (self.shaft.is_known(), self.shaft.before());

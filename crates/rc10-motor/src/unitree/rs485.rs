@@ -15,18 +15,14 @@ use crate::target::{Target, TargetError, TargetSet};
 
 /// A GO-M8010-6 on RS-485. It belongs to a [`Rs485Bus`](super::Rs485Bus), which polls it.
 ///
-/// * **Speed, angle, torque**: loops of ours ([`Servo`](crate::servo::Servo)), and one torque in
-///   each command.
-/// * **Impedance**: the controller's own law; stiffness and damping travel in each command too. Both
-///   are taken back where torque at the measured angle and speed would exceed the limit, and for
-///   the first 20 ms.
-/// * **No torque** ([`DriveMode::Coast`]): field-oriented control without torque, stiffness and
-///   damping. **Off**, and while it has a fault: status 0, the vendor's "lock"; what the shaft feels
-///   then is not documented, expect a brake.
+/// * **Speed, angle, torque**: [loops of ours](crate::servo::Servo), one torque in each command.
+/// * **Impedance**: the controller's own law, stiffness and damping in each command. Both are taken
+///   back where the torque would exceed the limit, and for the first 20 ms.
+/// * **No torque** ([`DriveMode::Coast`]): field-oriented control with all zero. **Off**, and with
+///   a fault: status 0, the vendor's "lock", which is not documented: expect a brake.
 ///
-/// A motor that is heard again after its link was lost starts softly. Where it may have been
-/// without power meanwhile, the turns it made are estimated ([`Feedback::turn_gaps`]): after
-/// power-on it only knows its rotor's angle.
+/// Heard again after a loss it starts softly. If it may have been without power, its turns are
+/// estimated ([`Feedback::turn_gaps`]): it only knows its rotor's angle then.
 #[derive(Clone, Debug)]
 pub struct GoM8010 {
     address: Address,
@@ -150,9 +146,8 @@ impl Motor for GoM8010 {
     }
 
     /// Takes zero, gains, [`TorqueLimit`](Request::TorqueLimit), and
-    /// [`ClearFault`](Request::ClearFault): the device has no such command, so what its next reply
-    /// says decides, and a fault that is still there refuses with its code. Over-temperature ends
-    /// only with the supply.
+    /// [`ClearFault`](Request::ClearFault), which the next reply decides: one that is still there
+    /// refuses with its code. Over-temperature ends only with the supply.
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         match request {
             Request::ClearFault => self.pending.ask((), CLEARING),

@@ -1,5 +1,4 @@
-//! The layout of the frames to a GO-M8010-6 behind a CAN-to-485 module. Values are those of
-//! the output shaft.
+//! Layout of the frames to a GO-M8010-6 behind a module. Values are the output shaft's.
 
 use embedded_can::{ExtendedId, Id};
 use heapless::Vec;

@@ -42,15 +42,13 @@ impl fmt::Display for VescId {
     }
 }
 
-/// Below this a VESC does not regulate speed, unless it is set otherwise: `s_pid_min_erpm` in
-/// bldc's `mcconf_default.h`.
+/// Below this it regulates no speed, as sold: `s_pid_min_erpm` in bldc's `mcconf_default.h`.
 pub const DEFAULT_MINIMUM: ElectricalRpm = ElectricalRpm::new(900.0);
 
 /// Tachometer steps per electrical turn: one per commutation step (`comm_can.md`, `STATUS_5`).
 const STEPS_PER_ELECTRICAL_TURN: u32 = 6;
 
-/// Pole pairs and gear between electrical turns and the output shaft, and the slowest speed that is
-/// regulated.
+/// Pole pairs and gear from electrical turns to the output shaft, and the slowest speed.
 ///
 /// ```
 /// use core::num::NonZeroU8;
@@ -112,8 +110,7 @@ impl ElectricalScale {
         self.to_electrical(output).get().abs() >= self.minimum.get()
     }
 
-    /// Tachometer steps per turn of the output shaft. The tachometer itself goes round after 2³²
-    /// of them.
+    /// Tachometer steps per turn of the output shaft. The tachometer goes round after 2³² of them.
     pub fn steps_per_turn(&self) -> CountsPerTurn {
         // At most 6 · 255 · 65,535: fits.
         let pairs = u32::from(self.pole_pairs.get());
@@ -203,8 +200,7 @@ pub struct Currents {
     pub limit: Amps,
     /// The current of [`DriveMode::Brake`](crate::DriveMode::Brake), 0 ..= `limit`.
     pub brake: Amps,
-    /// The current of [`DriveMode::Hold`](crate::DriveMode::Hold), 0 ..= `limit`. It flows as long
-    /// as the shaft is held, and heats.
+    /// The current of [`DriveMode::Hold`](crate::DriveMode::Hold), 0 ..= `limit`. It heats.
     pub handbrake: Amps,
 }
 
@@ -220,11 +216,9 @@ pub struct Config {
     pub direction: Direction,
     /// The rates of its status frames.
     pub status: StatusRates,
-    /// The rate at which a command is repeated, in Hz: 1 ..= 1000, and three times within the
-    /// timeout.
+    /// The rate of repeated commands, 1 ..= 1000 Hz, and three times within the timeout.
     pub command_hz: u16,
-    /// The timeout set in it ("Timeout" under App Settings): it lets go when commands stop for this
-    /// time.
+    /// The timeout set in it ("Timeout" under App Settings), after which it lets go.
     pub timeout: Micros,
     /// The currents that the motor may be given.
     pub currents: Currents,

@@ -26,8 +26,7 @@
 //! * `SET_POS` is an angle within one turn of the encoder the VESC is set up with.
 //! * A VESC lets go when commands stop: after 1 s by the firmware's default, 0.5 s by its
 //!   documentation. Repeat them at 50 Hz or more.
-//! * `STATUS_6` is packet 58, from firmware 6.00 on. Packet 28, as which it is often listed, asks
-//!   for an encoder's state.
+//! * `STATUS_6` is packet 58, from firmware 6.00 on; packet 28 asks for an encoder's state.
 //!
 //! **As a motor.** A [`Vesc`] sends one command frame, repeated at the rate of its [`Config`] and at
 //! once when it is to drive in another way; a new one takes the place of one that has not left yet.
@@ -44,8 +43,7 @@
 //! | `Angle` | `SET_POS`, only with an encoder on the output shaft |
 //! | `TotalAngle`, and `Angle` without such an encoder | `SET_CURRENT` of our own angle loops ([`Config::angle_loops`]): `SET_RPM` cannot be regulated near standstill |
 //!
-//! The currents of the first three are shares of the VESC's own limit (`_REL`) with
-//! [`Config::relative_to`], else amperes.
+//! The currents of the first three are shares (`_REL`) with [`Config::relative_to`], else amperes.
 //!
 //! The safe states: coast; the brake of its [`Currents`]; to hold, our angle loops if there are
 //! any, else the brake until a still field can catch the rotor, then the handbrake.

@@ -322,8 +322,7 @@ impl Vesc {
 
     /// Takes a value of the tachometer, which goes round after 2³² steps.
     fn count(&mut self, steps: i32) {
-        // One step is a sixth of the field's turn. A VESC that has made more was restarted in a
-        // blink.
+        // A step is a sixth of the field's turn. A VESC that made more has restarted in a blink.
         let most = MOST_ASIDE + 0.2 * self.reported.speed.get().abs() * self.tachometer_age;
         self.tachometer_age = 0.0;
         let after_silence = core::mem::take(&mut self.after_silence);
@@ -439,8 +438,7 @@ impl Motor for Vesc {
             .with_supply(supply)
     }
 
-    /// Never one: no frame of a VESC tells its faults. [`Condition::NotFollowing`] is what is seen
-    /// of them.
+    /// `None`: no frame of a VESC tells faults; [`Condition::NotFollowing`] shows them.
     fn fault(&self) -> Option<Fault> {
         None
     }

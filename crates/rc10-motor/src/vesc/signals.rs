@@ -102,8 +102,7 @@ macro_rules! order {
     };
 }
 
-/// Commands to a VESC (bldc `comm_can.c`, `comm_can_set_*`); [`Vesc`](super::Vesc) sends the first
-/// eleven.
+/// Commands (bldc `comm_can.c`, `comm_can_set_*`); [`Vesc`](super::Vesc) sends eleven.
 const ORDERS: &[(Packet, &str, u8, &[Signal])] = &[
     order!(SetDuty, "VESC_SET_DUTY", 1e-5, ""),
     order!(SetCurrent, "VESC_SET_CURRENT", 1e-3, "A"),

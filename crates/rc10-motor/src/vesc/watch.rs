@@ -1,5 +1,4 @@
-//! Signs of trouble with a VESC beside its numbers: whether it reports at all, often enough, and
-//! does what it is told.
+//! Signs of trouble with a VESC: whether it reports, often enough, and does what it is told.
 
 use super::config::CONTROL_HZ;
 use super::motor::Reported;

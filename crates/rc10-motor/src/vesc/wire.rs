@@ -120,8 +120,7 @@ impl Packet {
         self as u8
     }
 
-    /// The identifier of this packet with an address: the receiver's if it is a command, the
-    /// sender's if it is a status.
+    /// The identifier with an address: the receiver's of a command, the sender's of a status.
     #[must_use]
     pub fn id(self, address: impl Into<Address>) -> ExtendedId {
         let raw = u32::from(u16::from_be_bytes([self.number(), address.into().byte()]));
@@ -214,8 +213,7 @@ impl Command {
     /// The frame, of exactly four bytes.
     ///
     /// # Errors
-    /// [`NotANumber`]; neutral is [`coast`], whatever was wanted: duty 0 would brake, and position 0
-    /// would move.
+    /// [`NotANumber`]; neutral is [`coast`]: duty 0 would brake, and position 0 would move.
     ///
     /// ```
     /// use rc10_motor::vesc::{Command, ElectricalRpm, VescId};
@@ -248,8 +246,7 @@ impl Command {
     }
 }
 
-/// A millionth of a degree is less than the last place of an f32 times a million: whole degrees
-/// and the rest are scaled by themselves.
+/// An f32's last place is coarser: whole degrees and the rest are scaled by themselves.
 fn position_steps(degrees: f32) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
     let whole = degrees as i32;

@@ -1,8 +1,7 @@
 use crate::unitree::wire::module::Request;
 use crate::unitree::wire::{RawImpedance, RawMotion, Status};
 
-/// The enabling sequence of a motor: one frame a tick, each step taken on a reply, repeated until
-/// that comes.
+/// The enabling of a motor: a frame a tick, each step on a reply, repeated until that comes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sequence {
     step: Step,

@@ -1,5 +1,4 @@
-//! RS-485: the 17 bytes of a command, the 16 of its reply, and finding replies in a stream.
-//! Little endian.
+//! RS-485: commands of 17 bytes, replies of 16, found in a stream. Little endian.
 //!
 //! | command | | reply | |
 //! |---|---|---|---|
