@@ -164,8 +164,7 @@ impl ArmSwitch {
         self.change(ARMED, SUSPENDED);
     }
 
-    /// Lets the motors of a suspended robot follow their commands again, each with its soft start.
-    /// Changes nothing if the robot is not suspended: it never arms one.
+    /// Lets a suspended robot's motors follow their commands again, softly. It never arms one.
     pub fn resume(&self) {
         self.change(SUSPENDED, ARMED);
     }
@@ -200,8 +199,7 @@ impl ArmSwitch {
         });
     }
 
-    /// The arm state as the motors see it: disarmed also while stopped without torque, stopped also
-    /// while suspended.
+    /// The state as motors see it: disarmed also while stopped without torque.
     #[inline]
     pub(crate) fn for_motors(&self) -> ArmState {
         let state = self.load();

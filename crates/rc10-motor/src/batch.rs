@@ -2,10 +2,8 @@ use embedded_can::{Id, StandardId};
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-/// The frames of one tick. Motors that share a frame each write their own bytes of it (their
-/// lane): the batch finds the frame of that identifier, or opens it with all other bytes zero.
-/// So there is one frame per identifier on a bus, however many motors contribute; of frames that a motor
-/// [names a stream](Self::push_as) for, one per stream.
+/// The frames of one tick. Motors that share a frame each write their lane of it: there is one
+/// frame per identifier, other bytes zero, or one per [stream](Self::push_as) that a motor names.
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {
     frames: Vec<CanFrame, { Self::CAPACITY }>,

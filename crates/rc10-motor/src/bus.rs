@@ -184,9 +184,8 @@ impl<'m> MotorBus<'m> {
         load
     }
 
-    /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`.
-    /// `dt` is the time since the last tick: more than 10 ms counts as 10 ms, so that no loop takes a
-    /// leap after a pause; what is not above zero counts as 1 ms.
+    /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`. `dt`
+    /// since the last tick: 10 ms at most, so that no loop leaps; 1 ms if not above zero.
     ///
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
@@ -213,8 +212,7 @@ impl<'m> MotorBus<'m> {
         BusLoad::of(self.motors.iter().map(CanMotor::can_ids), bits_per_second)
     }
 
-    /// The identifiers each motor occupies, in order. One after the other: all at once they would
-    /// take a large part of a chip's stack.
+    /// Each motor's identifiers, in order: all at once would take much of a chip's stack.
     pub fn for_each_can_ids(&self, f: impl FnMut(&CanIds)) {
         let mut f = f;
         self.motors.iter().for_each(|motor| f(&motor.can_ids()));

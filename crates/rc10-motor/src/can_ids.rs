@@ -3,8 +3,7 @@ use core::fmt;
 use rc10_app::{ConfigError, Text};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
-/// The identifiers that a motor occupies on its bus, declared once. The clash check, the receive
-/// table, the load figure and the link timeout all follow from it.
+/// The identifiers of a motor: clash check, receive table, load and link timeout follow from them.
 ///
 /// Built by `const` functions that cannot fail: a motor that declares more than fits is refused when
 /// it is attached, or, in a `const`, by [`checked`](Self::checked) when it is compiled.
@@ -203,8 +202,7 @@ impl Frames {
 pub enum Ownership {
     /// All of it.
     Whole,
-    /// Some of its bytes, bit n for byte n: several devices are commanded by one frame. Of sent
-    /// frames only: a received frame comes from one device.
+    /// Some of its bytes, bit n for byte n, of a sent frame: several devices are commanded by one.
     Bytes(u8),
     /// All of it, if the payload says so: several devices share one identifier.
     Guard(Guard),

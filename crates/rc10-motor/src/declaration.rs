@@ -164,13 +164,11 @@ pub trait Names: Copy + fmt::Debug + 'static {
 
 /// Declares a robot's motors: see [`declaration`](crate::declaration).
 ///
-/// `buses` says for each bus how much of it its motors may need typically, percent: 100.0 unless
-/// something else needs room there; above 100.0 a bus may be too small for its motors, and loses
-/// frames. `lines` is the number of RS-485 lines. Then a line for each motor: its name, its type, its
-/// [`Entry`](crate::Entry).
+/// `buses` is the share of each bus that its motors may need typically, percent: 100.0 by default;
+/// above that a bus may lose frames. `lines` is the number of RS-485 lines. Then a line for each
+/// motor: its name, its type, its [`Entry`](crate::Entry).
 ///
-/// With `unchecked` in front the declaration compiles although it is wrong: to see what
-/// [`Names::check`](crate::Names::check) says of it at run time.
+/// `unchecked` in front lets a wrong one compile, to ask [`Names::check`](crate::Names::check).
 #[macro_export]
 macro_rules! motors {
     (unchecked $($declaration:tt)+) => {

@@ -28,8 +28,7 @@ pub struct Feedback {
     effort: Reading,
 }
 
-/// A measurement that not every device sends: absent as NaN, because an `Option<f32>` takes twice
-/// the room, and every task that looks at a motor gets a copy.
+/// A measurement that not every device sends: NaN without; an `Option<f32>` takes twice the room.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Reading(f32);

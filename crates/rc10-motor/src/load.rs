@@ -6,8 +6,7 @@ use crate::can_ids::{CanIds, Frames, Ownership};
 
 /// The share of a bus that its motors need, known before power-on from their identifiers.
 ///
-/// Percent of the bit rate. Every figure counts exact frame lengths with interframe space;
-/// they differ in the stuff bits, which depend on the data.
+/// Percent of the bit rate: exact lengths with interframe space, and different stuff bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusLoad {

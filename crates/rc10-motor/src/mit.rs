@@ -1,9 +1,8 @@
 //! Range-mapped fields: what Damiao's MIT mode and CyberGear's motion control have in common.
 //!
-//! A quantity within ±limit (or 0 ..= limit) is spread over all values of an unsigned field. The
-//! vendors' code truncates, so that zero lies at 0x7FFF of 16 bits and 0x7FF of 12. It divides by
-//! the width of the range; multiplying by a reciprocal instead would put round numbers such as a
-//! gain of 100 one step lower than the vendor does.
+//! A quantity within ±limit (or 0 ..= limit) is spread over all values of an unsigned field, and
+//! truncated as the vendors do: zero is 0x7FFF of 16 bits and 0x7FF of 12. It divides by the
+//! range's width: a reciprocal would put round numbers one step lower.
 
 use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle, ok};
 use rc10_can::Micros;
@@ -14,8 +13,7 @@ use crate::signals::Signal;
 use crate::supervision::Link;
 use crate::target::{Motion, Target, TargetError, TargetKind};
 
-/// A setpoint for the drive's own loop, at the output shaft: torque = `kp` (`position` -
-/// measured) + `kd` (`velocity` - measured) + `torque`.
+/// A drive's own loop: `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setpoint {
@@ -47,8 +45,7 @@ impl Setpoint {
     }
 }
 
-/// Physical values at the ends of the number fields of a frame. They are settings of the device:
-/// wrong ones scale every value, and nothing tells.
+/// Physical values at the ends of number fields: settings of the device, which wrong scale all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
@@ -143,9 +140,8 @@ const PER_RPM_MICRO: f32 = 6.0;
 /// No source says what such a device tells beyond its range. So this takes both possibilities:
 ///
 /// * A reading that moves by more than half the range has started over from the other end.
-/// * While a reading stands at the end of the range, the position beyond it is estimated from the
-///   speed, so that a loop that turns the shaft out there sees it turn. Back within the range it is
-///   exact again.
+/// * At the end of the range the position beyond it is estimated from the speed, so that a loop
+///   sees the shaft turn there. Back within the range it is exact again.
 ///
 /// Without power such a device forgets the number of its turns: a jump of the reading, or a reading
 /// that does not fit the speed after a silence, means that it counts from elsewhere.
@@ -170,9 +166,8 @@ pub(crate) struct RangedPosition {
 /// Seconds in which a device at its largest speed makes [`RangedPosition::fastest`]: twice the link
 /// timeout of one that answers in every tick, because a load may turn it faster than it can.
 const LONGEST_STEP: f32 = 0.020;
-/// A device whose reading after a silence is this near to where its speed took it, and half that
-/// way, has counted all the time. The count of a restarted one that differs by less does little
-/// harm.
+/// A device whose reading after a silence is this near to what its speed makes has counted on. A
+/// restarted one that differs by less does little harm.
 #[expect(clippy::cast_possible_truncation, reason = "half a radian")]
 const NEAR: i64 = (0.5 * PER_RADIAN) as i64;
 

@@ -79,8 +79,7 @@ pub enum FrameError {
     /// Content that the device cannot send.
     #[error("content that the device cannot send")]
     Unexpected,
-    /// An answer to a request that this motor has not made: another program's, or one that came
-    /// late. Not a bad frame, but not feedback either.
+    /// An answer to another program's request, or a late one. Not bad, but no feedback either.
     #[error("an answer to a request that was not made here")]
     Unasked,
 }
@@ -88,8 +87,7 @@ pub enum FrameError {
 /// The control loops that follow speeds and angles, where they run here and not in the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loops {
-    /// The quantity of their effort: [`TargetKind::Current`] in A, [`TargetKind::Torque`] in N m,
-    /// or [`TargetKind::Duty`] as a share of the full voltage.
+    /// The effort: [`TargetKind::Current`], [`TargetKind::Torque`] or [`TargetKind::Duty`].
     pub effort: TargetKind,
     /// Their gains and limits. The speed loop's output limit is the largest effort.
     pub cascade: Cascade,
@@ -134,8 +132,7 @@ pub struct Tick {
     pub mode: DriveMode,
     /// Whether it is heard. One that was lost may come back restarted, its turns counted anew.
     pub link: Link,
-    /// Ticks so far, counted from another number for each motor of a bus: what need not happen in
-    /// every tick, such as an angle loop, happens in other ticks for each.
+    /// Ticks so far, each motor from another number: slower work falls in different ticks.
     pub count: u32,
     /// Whether it runs by a [`Request::Jog`] in this tick: with little effort.
     pub is_jog: bool,
@@ -181,8 +178,7 @@ pub trait Motor: Send {
     /// [`RequestError`]; nothing changed.
     fn request(&mut self, request: Request) -> Result<Response, RequestError>;
 
-    /// The outcome of a request that was [`Pending`](Response::Pending), once it is known; told
-    /// once. The motor itself gives up on a device that does not answer.
+    /// The outcome of a [`Pending`](Response::Pending) request, told once, also of a silent device.
     fn response(&mut self) -> Option<Result<Response, RequestError>> {
         None
     }
@@ -192,8 +188,7 @@ pub trait Motor: Send {
         Condition::Ready
     }
 
-    /// The loops by which it follows [`Target::Speed`], [`Target::Angle`] and
-    /// [`Target::TotalAngle`]; `None` if they run in the device.
+    /// The loops for [`Target::Speed`] and angles; `None` if they run in the device.
     fn loops(&self) -> Option<Loops> {
         None
     }

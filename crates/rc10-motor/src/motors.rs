@@ -11,8 +11,7 @@ use crate::request::{Request, RequestError, Response};
 use crate::supervision::{Link, MotorStatus, Safety, Supervision};
 use crate::target::{Target, TargetError, TargetSet};
 
-/// The number of a motor on its bus: `attach` hands it out, and [`Names`](crate::Names) have it.
-/// There is no other way to one, so that motors are not counted by hand.
+/// The number of a motor on its bus, from `attach` or [`Names`](crate::Names) only.
 ///
 /// ```compile_fail
 /// let turret = rc10_motor::MotorId::new(1);
@@ -121,8 +120,7 @@ pub enum CommandError {
     NoSuchMotor,
 }
 
-/// The motors of a bus: what a [`MotorBus`](crate::MotorBus) and an
-/// [`Rs485Bus`](crate::unitree::Rs485Bus) have in common.
+/// The part that a [`MotorBus`](crate::MotorBus) and an `Rs485Bus` have in common.
 ///
 /// No motor can opt out: no torque unless the [`ArmSwitch`] is armed and its feedback comes, and
 /// its safe state without commands or in an emergency stop.

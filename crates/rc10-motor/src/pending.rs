@@ -112,9 +112,8 @@ impl<Q: Copy> Pending<Q> {
         }
     }
 
-    /// One tick later. A question that was asked often enough is over, and so is one of a device
-    /// that is driven now and must not be: by [`RequestError::Timeout`] if it was sent (what the
-    /// device did is not known), else by [`RequestError::NotWhileArmed`].
+    /// One tick later. A question asked often enough, or not allowed to a driven device, ends: by
+    /// [`RequestError::Timeout`] if it was sent, else by [`RequestError::NotWhileArmed`].
     pub fn update(&mut self, tick: &Tick) {
         self.is_off = tick.mode == DriveMode::Off;
         let is_sent = self.sent().is_some();

@@ -6,12 +6,10 @@ use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Request {
-    /// The shaft's angle now is zero from now on. Only while the motor is not driven: a task that goes
-    /// on asking for the same number would send it elsewhere.
+    /// Zero is here from now on. Only while not driven: commands of old numbers would move it.
     SetZero,
-    /// The same of a motor that may be driven, for a task that knows where it is, such as in homing. No
-    /// number given before counts on the new scale: a total angle that is sought or held stays where
-    /// it is. The same number commanded again lies elsewhere.
+    /// The same of a driven motor, for a task such as homing. What is sought or held stays where it
+    /// is; an old number commanded again lies elsewhere.
     SetZeroOfDriven,
     /// Forget a fault and go on.
     ClearFault,

@@ -1,6 +1,5 @@
-//! The servo: it makes an effort or a spring from a [`Target`], for motors whose device takes one,
-//! with the loops of a [`Cascade`], soft starts, and the ways to stop. A motor adds its frames to
-//! it.
+//! The servo makes an effort or a spring from a [`Target`], for devices that take one: the loops of
+//! a [`Cascade`], soft starts, and ways to stop.
 //!
 //! ```
 //! use rc10_app::{Cascade, Direction, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
@@ -154,8 +153,7 @@ impl Servo {
     /// Takes a new target; it takes effect in the next [`update`](Self::update).
     ///
     /// # Errors
-    /// [`TargetError`]; the old target stays. [`TargetError::OutOfRange`] for an impedance that the
-    /// device cannot make; its torque is limited instead.
+    /// [`TargetError`]; the old target stays. `OutOfRange` for a spring beyond the device's.
     pub fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         if let (Target::Impedance(impedance), Some(range)) = (&target, &self.springs) {
             self.supports().accepts(&target)?;
@@ -337,8 +335,7 @@ impl Servo {
         Ok(Response::Done)
     }
 
-    /// Decides the spring of a tick. Where the law would ask for more torque than the limit, all of
-    /// it is taken back by one factor: the equilibrium stays.
+    /// Decides the spring of a tick. Too much torque is taken back by one factor: its place stays.
     fn impede(&mut self, way: f32, measured: f32, dt: Seconds) {
         let Target::Impedance(Impedance { speed, torque, kp, kd, .. }) = self.target() else {
             return self.rest();
@@ -371,8 +368,7 @@ impl SpringRange {
     }
 }
 
-/// The angle at which a turning shaft comes to a stand: holding the angle at which it still turns
-/// would throw it back there. `acceleration` in rpm/s.
+/// The angle at which a turning shaft stands: the present one would throw it back. rpm/s.
 fn stand(shaft: &Shaft, acceleration: f32) -> TotalAngle {
     // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
     let rpm = shaft.speed().get();

@@ -1,8 +1,7 @@
 //! The angle of the output shaft: [`Shaft`] counts its turns exactly, for every motor.
 //!
-//! A device tells by how many steps its sensor moved, or a reading that starts over every turn;
-//! the shaft makes millionths of a degree of the output of them, through the gearbox and in the
-//! direction that the robot counts.
+//! From a sensor's steps, or a reading that starts over every turn, to millionths of a degree of
+//! the output, through the gearbox and in the robot's direction.
 //!
 //! ```
 //! use rc10_app::{Direction, Gear};
@@ -128,9 +127,8 @@ impl Shaft {
 
     /// Takes the reading of an encoder of one turn (0 ..< `steps_per_turn`), and the rotor's speed.
     ///
-    /// The first reading is an absolute angle. After a silence in which the rotor may have gone
-    /// round, its speed before and after says which number of turns is likeliest, and the gap is
-    /// counted.
+    /// The first reading is absolute. After a silence the speeds before and after say which number
+    /// of turns is likeliest, and the gap is counted.
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
         let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;

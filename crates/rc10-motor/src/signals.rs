@@ -1,10 +1,8 @@
-//! The layout of a vendor's frames, as data: for DBC files, for `rc10 decode`, and for programs that
-//! read a bus without this crate's types. Each vendor's table stands beside its codec and
-//! is tested against it, bit for bit.
+//! The layout of a vendor's frames, as data: for DBC files, `rc10 decode` and programs that read a
+//! bus. Each table stands beside its codec and is tested against it, bit for bit.
 //!
-//! A table has the plain messages first, which a DBC file can describe, then the special ones:
-//! frames that are told from others by their data (`0xFF` seven times and `0xFD`), that carry
-//! content in their identifier, or that are remote requests.
+//! Plain messages, which a DBC file can describe, come first; then frames told by their data, with
+//! content in their identifier, or remote.
 
 use embedded_can::Id;
 use rc10_can::{CanFrame, IdPattern};
@@ -131,9 +129,8 @@ impl Marks {
 pub struct Signal {
     /// The name: letters, digits and underscores.
     pub name: &'static str,
-    /// The first bit of the signal, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 the
-    /// lowest of byte 1. Little endian: its lowest bit; big endian: its highest. From 64 on: bits
-    /// of the identifier, its lowest being 64.
+    /// The first bit, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 of byte 1. Little
+    /// endian: its lowest bit; big endian: its highest. From 64 on: the identifier's bits.
     pub start: u8,
     /// Bits, 1 ..= 64.
     pub bits: u8,

@@ -37,8 +37,7 @@ pub enum Target {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Impedance {
-    /// The angle to which the spring pulls, over many turns, counted from the zero as
-    /// [`Feedback::total_angle`](crate::Feedback::total_angle) is.
+    /// The angle to which the spring pulls, of many turns, from the feedback's zero.
     pub angle: Degrees,
     /// The speed at which the damper does nothing.
     pub speed: Rpm,
@@ -89,8 +88,7 @@ pub struct Motion {
     pub angle: Option<TotalAngle>,
     /// The speed.
     pub speed: Rpm,
-    /// The rate of change of the speed. Loops that run here limit it to their own acceleration; a
-    /// device's take it as it is.
+    /// The rate of change of the speed. Loops here limit it to their own; a device's do not.
     pub acceleration: RpmPerSecond,
     /// Effort that the acceleration takes beside what the motor itself knows of it: that of the robot on
     /// a wheel, for example. In the unit of the motor's own ([`Loops::effort`](crate::Loops::effort)): A,

@@ -140,8 +140,7 @@ pub mod models {
 }
 
 impl Model {
-    /// The fault that a fault frame reports: its bits as the code, the gravest as the text; `None`
-    /// if no bit is set.
+    /// The fault of a fault frame: bits as code, the gravest as text; `None` if no bit is set.
     pub fn detail(&self, faults: u32) -> Option<Fault> {
         if faults == 0 {
             return None;
@@ -186,8 +185,7 @@ const LARGEST_RANGE: f32 = 15.0;
 pub struct Config {
     /// The model, with the range of position that is in the device.
     pub model: Model,
-    /// The identifier set on it, 1 to 127, and that of the host: any number below 0xFE that no motor
-    /// on the bus has (vendors' tools: 0xFD).
+    /// Its identifier, 1 to 127, and the host's: below 0xFE, and no motor's (vendors' tools: 0xFD).
     pub address: Address,
     /// Which way its output shaft counts.
     pub direction: Direction,

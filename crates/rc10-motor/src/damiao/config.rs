@@ -141,8 +141,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// The motor that listens to `can_id` and answers with `master_id`, controlled as `control`
-    /// says, turning forward, its registers verified.
+    /// The motor with these identifiers and this control, turning forward, its registers verified.
     pub const fn new(model: Model, can_id: u16, master_id: u16, control: Control) -> Self {
         let (direction, verify) = (Direction::Forward, true);
         Self { model, can_id, master_id, control, direction, verify }

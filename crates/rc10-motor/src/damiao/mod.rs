@@ -1,10 +1,9 @@
 //! Damiao motors: DM-J, -H, -G and -S series.
 //!
-//! Terms: **`CAN_ID`** is what a motor listens to, **`MST_ID`** the identifier it answers with; both
-//! are settings. A **mode** is a way of control, chosen in register 10. **Limits** (PMAX, VMAX,
-//! TMAX) are what the ends of range-mapped fields stand for, registers 21 to 23. Other limits
-//! than the motor's give wrong values and no error, so they are always given, from a [`Model`] or by
-//! hand.
+//! Terms: **`CAN_ID`** is what a motor listens to, **`MST_ID`** what it answers with. A **mode** is
+//! a way of control (register 10). **Limits** (PMAX, VMAX, TMAX, registers 21 to 23) are the ends
+//! of range-mapped fields: others than the motor's give wrong values and no error, so they are
+//! always given, from a [`Model`] or by hand.
 //!
 //! Standard identifiers, 1 Mbit/s unless set otherwise. A motor speaks only when spoken to.
 //! Positions are in rad, velocities in rad/s, torques in N m, at the output shaft.
@@ -58,10 +57,9 @@
 //! # Ok::<(), rc10_motor::rc10_app::ConfigError>(())
 //! ```
 //!
-//! Sources: manuals of J4310, J4340, J6006, J8009, J10010L and S3519; the vendor's `dm_motor_drv.c`,
-//! `DM_CAN` and dm-tools; `openarm_can` and damiao-motor 1.0.6 (Python). Where they disagree: 0xFD disables
-//! (one vendor table swaps it with 0xFE); a write is acknowledged with 0x55 or 0x33; a velocity has
-//! four bytes.
+//! Sources: manuals of J4310, J4340, J6006, J8009, J10010L and S3519; the vendor's
+//! `dm_motor_drv.c`, `DM_CAN` and dm-tools; `openarm_can`, damiao-motor 1.0.6. Where they disagree:
+//! 0xFD disables, a write is acknowledged with 0x55 or 0x33, a velocity has four bytes.
 
 mod config;
 mod motor;

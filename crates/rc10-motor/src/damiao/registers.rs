@@ -47,9 +47,8 @@ impl Register {
     }
 }
 
-/// Names and units of all registers that the vendor names: manual of J10010L, register table, and the
-/// vendor's Python library, `DM_variable`; names in capitals. No unit: a plain number, or the sources
-/// do not tell.
+/// Names and units of registers (manual of J10010L; the vendor's `DM_variable`), in capitals. No
+/// unit: a plain number, or the sources do not tell.
 pub(super) const NAMES: [(u8, &str, &str); 45] = [
     (0, "UV_VALUE", "V"),
     (1, "KT_VALUE", "N m/A"),

@@ -128,10 +128,9 @@ static ASKED: [Signal; 1] = [WHICH];
 /// The most messages of a motor.
 pub const MOST: usize = 22;
 
-/// The frames of a motor: its feedback, its commands, and the registers' frame, which all motors of
-/// a bus share and which is the same for each. Then the special ones: enable, disable, clear error
-/// and store zero, and what is asked and answered about registers. None of a motor with a `CAN_ID`
-/// that cannot be.
+/// A motor's feedback, commands, and the registers' frame, which all motors share. Then enable,
+/// disable, clear error and store zero, and register questions and answers. Empty for a motor with
+/// an invalid `CAN_ID`.
 pub fn messages(motor: &Config, scaled: &'static Scaled) -> Vec<Message, MOST> {
     let (mode, id) = (motor.control.mode(), DeviceId::new(motor.can_id));
     let Some(id) = id else { return Vec::new() };

@@ -91,8 +91,7 @@ pub enum Operation {
     StoreZero = 0xFE,
 }
 
-/// The frame of an operation. New firmware looks at the low byte of the identifier only, old
-/// firmware wants the offset of the mode it is in.
+/// An operation's frame. New firmware takes the low byte only, old firmware its mode's offset.
 pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
     let last = operation as u8;
     let bytes = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last];
@@ -134,8 +133,7 @@ pub fn velocity(id: DeviceId, velocity: f32) -> CanFrame {
     CanFrame::exact(id.command_id(Mode::Velocity), sendable(velocity).to_le_bytes())
 }
 
-/// A position, approached with at most this velocity (0 ..= 100 rad/s, in steps of 0.01) and this
-/// current (a share of the largest, 0 ..= 1, in steps of 0.0001).
+/// A position, with a velocity (0 ..= 100 rad/s, steps of 0.01) and a current (a share, 0.0001).
 pub fn force_position(id: DeviceId, position: f32, velocity: f32, current: f32) -> CanFrame {
     let [a, b, c, d] = sendable(position).to_le_bytes();
     let [e, f] = steps(velocity, VELOCITY_STEPS).to_le_bytes();

@@ -125,9 +125,8 @@ impl From<AttachError> for Unsound {
     }
 }
 
-/// Whether these motors can be a robot with these buses and lines: labels, places, configurations,
-/// identifiers, receive tables, filters and load. `buses` says for each how much of it its motors
-/// may need typically, percent at 1 Mbit/s.
+/// Checks labels, places, configurations, identifiers, receive tables, filters and load of a robot.
+/// `buses`: the share of each that its motors may need typically, percent at 1 Mbit/s.
 ///
 /// # Errors
 /// The first that is wrong, in the order of the declaration.

@@ -29,9 +29,8 @@ pub struct Model {
     pub gear: Gear,
     /// Torque per ampere at the rotor, N m / A.
     pub rotor_torque_constant: f32,
-    /// Gains it works well with out of the box, from a bare shaft to a usual load (wheel of a
-    /// 20 kg robot: 0.029 kg m², M2006 0.002, gimbal 0.01), give or take 30 %:
-    /// `tests/closed_loop.rs`.
+    /// Gains that work from a bare shaft to a usual load (wheel of a 20 kg robot: 0.029 kg m²,
+    /// M2006 0.002, gimbal 0.01), give or take 30 %.
     pub cascade: Cascade,
 }
 
@@ -101,8 +100,7 @@ pub const M2006: Model = Model {
     ..M3508
 };
 
-/// GM6020 set to current mode: ±3 A, no gearbox. The mode is set in RoboMaster Assistant (firmware
-/// 1.0.11.2 or newer); a motor obeys only the mode it is set to.
+/// GM6020 in current mode: ±3 A. Set in RoboMaster Assistant (1.0.11.2 on); it obeys no other mode.
 pub const GM6020_CURRENT: Model = Model {
     name: "GM6020 (current mode)",
     last_id: 7,

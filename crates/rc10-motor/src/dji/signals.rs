@@ -14,9 +14,8 @@ pub const NOT_IN_DBC: &[&str] = &[
     "DJI: an angle above 359.96 deg is no angle, its frame is refused",
 ];
 
-/// The feedback of device `id`, its lane of the command frame that it shares with others, and the
-/// frame with which all of them begin to take new identifiers, which this crate never sends; `None`
-/// for a model of another crate, or without this identifier.
+/// The feedback of device `id`, its lane of the shared command frame, and the frame that begins
+/// setting of identifiers, which is never sent; `None` for an unknown model or identifier.
 ///
 /// ```
 /// use rc10_motor::dji::{M3508, signals::messages};

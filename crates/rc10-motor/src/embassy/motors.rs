@@ -222,22 +222,18 @@ impl MotorPort<'_> {
         Ok(())
     }
 
-    /// Asks something of the motor beside a target, and waits until it is done: the next tick of
-    /// its bus, or when the device has answered. Never [`Response::Pending`].
+    /// Asks something of the motor beside a target, and waits until it is done. Never `Pending`.
     ///
-    /// It is a call of a [`Service`] that the motors of a bus share: requests are carried out in the
-    /// order in which they came, and each task gets its own response. There is no timeout, because
-    /// every motor gives up by itself on a device that does not reply.
+    /// It is a call of the [`Service`] that a bus's motors share: in the order of the calls, each
+    /// with its own response, and without a timeout, because motors give up on silent devices.
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed, unless it is [`RequestError::Timeout`].
-    /// [`RequestError::Busy`] while this motor's device has not answered an earlier request, or
-    /// while four requests to motors of this bus wait;
-    /// [`RequestError::NoSuchMotor`] also while the bus is not running yet.
+    /// [`RequestError`]; nothing changed but for [`RequestError::Timeout`]. [`RequestError::Busy`]
+    /// while an earlier request is not answered, or four wait; [`RequestError::NoSuchMotor`] also
+    /// while the bus is not running yet.
     ///
     /// # Cancel safety
-    /// The future may be dropped at any time. A request that the bus has not taken yet is taken
-    /// back; another is carried out, and its response is dropped.
+    /// The future may be dropped: a request not taken yet is taken back, another is carried out.
     pub async fn request(&self, request: Request) -> Result<Response, RequestError> {
         if self.supports() == TargetSet::NONE {
             // No bus would ever take it.

@@ -119,8 +119,7 @@ impl BusPort {
         self.subscriptions.subscribe(filter)
     }
 
-    /// Brings the bus back in its next tick, if it is off then: the only way back under
-    /// [`BusOffPolicy::Manual`](rc10_can::BusOffPolicy::Manual).
+    /// Brings back a bus that is off in its next tick: the only way under `BusOffPolicy::Manual`.
     pub fn recover(&self) {
         self.recover.store(true, Ordering::Release);
     }

@@ -67,9 +67,7 @@ impl Model {
         Self::bare("MF", 16.5 / 2048.0, encoder)
     }
 
-    /// MS drives, which have no current loop and so no step of iq: only
-    /// [`Command::OpenLoop`](super::Command::OpenLoop), [`Command::Speed`](super::Command::Speed)
-    /// and angles.
+    /// MS drives, without a current loop and so a step of iq: open loop, speed and angles only.
     pub const fn ms(encoder: EncoderBits) -> Self {
         Self::bare("MS", 0.0, encoder)
     }

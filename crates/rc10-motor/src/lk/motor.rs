@@ -33,9 +33,8 @@ enum Step {
 const ECHOES: u8 = 2;
 /// The drive is asked for its errors once in this many ticks.
 const HEALTH_EVERY: u8 = 100;
-/// A drive that was restarted in a blink answers as before, and gives no current. This many steps of
-/// current asked for, and not an eighth of it flowing, for this many ticks: it is switched on again,
-/// by which no torque is lost.
+/// A drive restarted in a blink answers, and gives no current. This many steps asked for without an
+/// eighth of it for this many ticks: it is switched on again.
 const ASKED_STEPS: f32 = 16.0;
 const NOTHING_FLOWS: f32 = 0.125;
 const IDLE_TICKS: u8 = 20;

@@ -18,8 +18,7 @@ pub struct Config {
     pub node: u8,
     /// The axis's firmware: what its errors mean.
     pub firmware: Firmware,
-    /// Turns of the encoder's shaft for turns of the output shaft. Torques on the wire are those of
-    /// the encoder's shaft, too.
+    /// Turns of the encoder's shaft for turns of the output. Torques on the wire are the encoder's.
     pub gear: Gear,
     /// Which way the output shaft counts.
     pub direction: Direction,
@@ -44,8 +43,7 @@ pub enum Control {
     Torque(Cascade),
     /// In the axis, which gets speeds: [`InputMode::Passthrough`] or [`InputMode::VelocityRamp`].
     Velocity(InputMode),
-    /// In the axis, which gets positions: [`InputMode::Passthrough`],
-    /// [`InputMode::PositionFilter`] or [`InputMode::Trapezoid`].
+    /// In the axis, which gets positions: `Passthrough`, `PositionFilter` or `Trapezoid`.
     Position(InputMode),
 }
 

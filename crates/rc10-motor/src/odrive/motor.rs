@@ -27,8 +27,7 @@ const MAX_TURNS: f32 = 16_777_216.0;
 const MAX_SPEED: f32 = 10_000.0;
 /// No axis has this many volts or amperes.
 const MAX_ELECTRICAL: f32 = 10_000.0;
-/// Turns that an axis may be away from where its speed takes it, and twice that after a silence: one
-/// further away was restarted.
+/// Turns that an axis may be off its speed's way, twice after a silence, before it has restarted.
 const MAX_ASIDE: f32 = 0.25;
 /// Below this, estimates are too seldom for loops that run here.
 const CONTROL_RATE: u16 = 200;
@@ -38,19 +37,16 @@ const REMIND_EVERY: u8 = 10;
 const START_STEPS: u8 = 4;
 /// A multiple of both.
 const BEATS: u8 = 20;
-/// Largest velocity and torque beside a position, turns a second and N m at the motor: an i16 of
-/// thousandths.
+/// Largest velocity and torque beside a position: an i16 of thousandths of turns/s and N m.
 const MAX_BESIDE: f32 = 32.767;
 /// New limits are not answered, so they are sent three times.
 const LIMIT_FRAMES: u8 = 3;
-/// An axis that closes its own loops gets its current in this many ticks: else it would come back
-/// with all it has.
+/// An axis with loops of its own gets its current in this many ticks, to come back softly.
 const SOFT_TICKS: u8 = 20;
 /// Tries to clear errors until the heartbeats have to say that they are gone.
 const CLEAR_TRIES: u8 = 4;
 
-/// Microdegrees in a turn: the steps in which the encoder's shaft is counted. A [`TotalAngle`] has
-/// no finer ones.
+/// Microdegrees in a turn of the encoder's shaft: a [`TotalAngle`] has no finer steps.
 ///
 /// [`TotalAngle`]: rc10_app::TotalAngle
 const TURN: i32 = 360_000_000;
@@ -212,9 +208,8 @@ impl ODrive {
         }
     }
 
-    /// After a silence, or restarted in a blink: it may be another axis than the one that was
-    /// switched on. One that was restarted counts from anywhere, and its angle goes on from where
-    /// it was.
+    /// After a silence, or restarted in a blink: maybe another axis. One that was restarted counts
+    /// from anywhere, and its angle goes on from where it was.
     fn returned(&mut self, before: f32, aside: f32, link: Link) {
         self.shaft.count_gap();
         if link != Link::Online && aside <= 2.0 * MAX_ASIDE {
@@ -357,8 +352,7 @@ impl ODrive {
     }
 }
 
-/// Microdegrees of the encoder's shaft from the axis's own zero, cut off towards it: of turns within
-/// ± [`MAX_TURNS`].
+/// Microdegrees from the axis's own zero, cut off towards it: of turns within ± [`MAX_TURNS`].
 fn microdegrees(turns: f32) -> i64 {
     const PARTS: i64 = 1 << 31;
     // Both are exact, and so is the difference.

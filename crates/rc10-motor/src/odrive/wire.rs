@@ -27,8 +27,7 @@ const LAST_NODE: u8 = 63;
 pub(super) const MESSAGE_BITS: u32 = 5;
 const MESSAGE_MASK: u16 = (1 << MESSAGE_BITS) - 1;
 
-/// The feed-forwards of a position: 0.001 turns/s and 0.001 N m a step (firmware 0.5.6,
-/// `set_input_pos_callback`).
+/// A position's feed-forwards: 0.001 turns/s, 0.001 N m (0.5.6, `set_input_pos_callback`).
 const STEPS_PER_FEED_FORWARD: f32 = 1000.0;
 
 /// An axis on the bus: 0 ..= 63.
@@ -71,8 +70,7 @@ impl Node {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AxisState(u8);
 
-/// Names of the states, in their order (firmware 0.5.6 `AxisState`, and 0.6.7 from 11 on; 5 is
-/// sensorless control up to 0.5.1).
+/// Names of the states, in order (0.5.6 `AxisState`, 0.6.7 from 11 on; 5 up to 0.5.1).
 pub(super) const AXIS_STATES: [&str; 15] = [
     "undefined",
     "idle",
@@ -155,9 +153,8 @@ pub enum InputMode {
     Tuning = 8,
 }
 
-/// A command to an axis. Positions are in turns, velocities in turns a second, of the shaft the
-/// encoder sits on: the units of the wire, so that every value arrives as it was given. What is
-/// infinite becomes the largest f32.
+/// A command to an axis, in turns and turns a second of the encoder's shaft, the wire's units:
+/// every value arrives as given. What is infinite becomes the largest f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// `07`: do this.
@@ -208,9 +205,8 @@ impl Command {
     /// The frame for an axis.
     ///
     /// # Errors
-    /// [`NotANumber`]; neutral is zero where the NaN was. No position is neutral: in place of one
-    /// stands velocity and torque zero, which leave a position input as it is. Limits are zero both:
-    /// nothing moves.
+    /// [`NotANumber`]; neutral is zero for the NaN; for a position, velocity and torque zero, which
+    /// leave it; for limits zero both.
     pub fn pack(&self, node: Node) -> Result<CanFrame, NotANumber> {
         let frame = |message, low: [u8; 4], high: [u8; 4]| {
             let ([a, b, c, d], [e, f, g, h]) = (low, high);
@@ -295,9 +291,8 @@ pub struct Heartbeat {
     pub errors: u32,
     /// State of the axis.
     pub state: AxisState,
-    /// Bytes 5 ..= 7. Firmware 0.5: an error of the motor, of the encoder, of the controller (bit 0
-    /// each), and in bit 7 of the last that a trajectory is done. Firmware 0.6: result of the last
-    /// procedure, trajectory done, reserved.
+    /// Bytes 5 ..= 7. 0.5: errors of motor, encoder, controller (bit 0 each), bit 7 of the last:
+    /// trajectory done. 0.6: result of the last procedure, trajectory done, reserved.
     pub details: [u8; 3],
 }
 
@@ -331,8 +326,7 @@ pub struct Supply {
     pub current: Amps,
 }
 
-/// Temperatures of an axis: message `15` of firmware 0.6. In 0.5 that number is another message's,
-/// so it is no [`Message`].
+/// Temperatures: message `15` of firmware 0.6; in 0.5 it is another, so no [`Message`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Temperatures {
     /// The power stage's temperature; NaN without a sensor.
@@ -392,9 +386,8 @@ impl Message {
     /// From a frame of an axis.
     ///
     /// # Errors
-    /// [`FrameError::NotMine`], [`FrameError::Length`] if it has not eight bytes, and
-    /// [`FrameError::Unexpected`] for a message that is not read here, or with a number that is
-    /// infinite or not one.
+    /// [`FrameError::NotMine`], [`FrameError::Length`] unless eight bytes,
+    /// [`FrameError::Unexpected`] for a message not read here, or a number that is infinite or NaN.
     pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, FrameError> {
         let (message, [a, b, c, d, e, f, g, h]) = parts(frame, node)?;
         let floats = || {

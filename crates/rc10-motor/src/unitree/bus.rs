@@ -13,8 +13,7 @@ use crate::motor::{DriveMode, Motor, Tick};
 use crate::motors::{AttachError, MotorId, Motors};
 use crate::supervision::{Link, Safety, count};
 
-/// The motors of one RS-485 bus, and what keeps them safe: what a [`MotorBus`](crate::MotorBus) is
-/// to motors on CAN. What both have in common is that of its [`Motors`].
+/// The motors of one RS-485 bus, and what keeps them safe, like a [`MotorBus`](crate::MotorBus).
 ///
 /// Plain synchronous functions; bytes and time come in as arguments. [`tick`](Self::tick) it every
 /// millisecond, after the newest targets ([`command`](Motors::command)). In between do what
@@ -150,8 +149,7 @@ impl DerefMut for Rs485Bus<'_> {
 impl<'m> Rs485Bus<'m> {
     /// Motors that a bus holds: as many as there are ids.
     pub const CAPACITY: usize = CAPACITY;
-    /// A motor is lost after this time without a reply: within it, fifteen motors of which fourteen
-    /// do not reply have all been polled.
+    /// A motor is lost after this time without a reply: all of fifteen have been polled by then.
     pub const LINK_TIMEOUT: Micros = Micros::from_millis(20);
     /// The reply time-out without [`with_reply_timeout`](Self::with_reply_timeout).
     pub const REPLY_TIMEOUT: Micros = Micros::from_millis(1);
@@ -170,9 +168,8 @@ impl<'m> Rs485Bus<'m> {
         }
     }
 
-    /// With another time-out, from when [`poll`](Self::poll) hands out a command to the end of its
-    /// reply: 100 µs ..= 1 ms. At 4 Mbit/s the bytes take 82.5 µs; how long a motor thinks in
-    /// between is not documented. [`Rs485Counters::exchange`] measures it.
+    /// With another time-out, from a command to the end of its reply: 100 µs ..= 1 ms. At 4 Mbit/s
+    /// the bytes take 82.5 µs; [`Rs485Counters::exchange`] measures the rest.
     ///
     /// # Errors
     /// [`ConfigError`] for another time.
@@ -250,9 +247,8 @@ impl<'m> Rs485Bus<'m> {
         self.parser.clear();
     }
 
-    /// Takes a command that another host sends at `now` to a motor of this bus: for a program that
-    /// only listens, and neither ticks nor polls. A command before it that has no reply by then counts
-    /// as a [time-out](Rs485Counters::timeouts).
+    /// Takes a command of another host at `now`: for a program that only listens. A command before
+    /// it without a reply counts as a [time-out](Rs485Counters::timeouts).
     pub fn overhear(&mut self, command: &[u8; COMMAND_LEN], now: Micros) {
         let Some(address) = destination(command) else { return };
         if self.polled.take().is_some() {
@@ -326,9 +322,8 @@ impl<'m> Rs485Bus<'m> {
         }
     }
 
-    /// One tick: decides what each motor may do, lets it compute, and makes its turn come. `dt` is
-    /// the time since the last tick: more than 10 ms counts as 10 ms; what is not above zero counts
-    /// as 1 ms.
+    /// One tick: decides what each motor may do, lets it compute, and makes its turn come. `dt`
+    /// since the last tick: 10 ms at most; 1 ms if not above zero.
     pub fn tick(&mut self, now: Micros, dt: Seconds) {
         let Self { motors, polls, .. } = self;
         motors.tick(now, dt, |index, _, &Tick { mode, link, .. }| {
@@ -342,9 +337,8 @@ impl<'m> Rs485Bus<'m> {
         });
     }
 
-    /// The command that leaves every motor without torque, whatever state it is in: for a panic
-    /// handler. It is for all of them and none replies, so it can be repeated without a pause. Send
-    /// it twice: the first may meet a reply that is on the bus.
+    /// The command that leaves every motor without torque, for a panic handler. None replies, so
+    /// repeat it without a pause: the first may meet a reply on the bus.
     pub fn coast_image() -> [u8; COMMAND_LEN] {
         idle(Address::BROADCAST, Status::FOC).pack()
     }

@@ -15,8 +15,7 @@ use super::wire::{Address, GAIN_LIMIT, GEAR, SPEED_LIMIT};
 /// Largest torque at the output shaft (data manual).
 pub const LARGEST_TORQUE: NewtonMetres = NewtonMetres::new(23.7);
 
-/// Gains for both links, in N m at the output shaft, from a bare shaft to a load of 0.02 kg m²,
-/// give or take 30 %. Our choice, tuned in simulation only.
+/// Gains in N m at the output, to a load of 0.02 kg m², give or take 30 %; from simulation only.
 pub const CASCADE: Cascade = Cascade {
     speed: PidConfig::new(0.12, 0.8, 0.0, LARGEST_TORQUE.get()),
     angle: PidConfig::new(1.1, 0.0, 0.0, 200.0),

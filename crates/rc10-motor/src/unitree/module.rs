@@ -5,12 +5,11 @@
 //! [`Servo`](crate::servo::Servo), with both zero in the module. For [`Target::Impedance`] the module
 //! gets the target's `kp` and `kd`, and the motor runs the law itself, at its own rate.
 //!
-//! **Enabling.** Disarmed, the motor is polled with status 0 (lock). Armed, the gains are written to
-//! the module and read back; once they are the same, the motor is put into field-oriented control;
-//! once it reports that, it is driven, softly: from the fourth tick on at best. Until then its
-//! condition is [`Condition::Starting`] and it has no torque. The same happens when the gains change,
-//! when the link was lost, when the motor reports that it is locked, and when the module has other
-//! gains (read 20 times a second during an impedance).
+//! **Enabling.** Disarmed, the motor is polled with status 0 (lock). Armed, the gains are written
+//! to the module and read back, then the motor is put into field-oriented control, then driven,
+//! softly: from the fourth tick on at best. Until then it is [`Condition::Starting`], without
+//! torque. So again after a change of gains, a lost link, a lock, or other gains in the module
+//! (read 20 times a second during an impedance).
 //!
 //! **One frame a tick.** Identifiers go out in order, so gains would follow the motion of their
 //! tick. All frames are one stream: a newer one takes the place of one that waits.

@@ -98,8 +98,7 @@ impl Actuator {
         self.servo.request(request, &mut self.shaft)
     }
 
-    /// The motion for a torque (N m). It has the angle and the speed reported last, so that
-    /// stiffness and damping, whatever they are, add nothing.
+    /// The motion for a torque (N m), with angle and speed reported last: gains add nothing.
     pub(super) fn push(&self, torque: f32) -> RawMotion {
         let torque = NewtonMetres::new(torque * self.shaft.sign());
         RawMotion { torque: OUTPUT.raw_torque(torque), ..self.reported }

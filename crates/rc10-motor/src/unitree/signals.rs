@@ -33,8 +33,7 @@ const GAINS: &[Signal] = &[
     Signal::little("Stiffness", 2, 2).scaled(GEAR * GEAR / 1280.0, "Nm/rad"),
 ];
 
-/// Everything that is sent to a motor, then its replies, which is [not in a DBC
-/// file](NOT_IN_DBC). None of a motor that cannot be.
+/// Frames to a motor, then its replies ([not in a DBC file](NOT_IN_DBC)); empty if it is invalid.
 pub fn messages(config: &ModuleConfig) -> Vec<Message, MOST> {
     let Ok((module, motor)) = config.devices() else { return Vec::new() };
     let with_id = |name, raw, from_device, signals| {

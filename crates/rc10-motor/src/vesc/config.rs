@@ -119,8 +119,7 @@ impl ElectricalScale {
     }
 }
 
-/// Below this rate of `STATUS`, in Hz, a motor is not controlled well: its
-/// [`Condition`](crate::Condition) is `SlowFeedback`.
+/// Below this rate of `STATUS`, in Hz, the [`Condition`](crate::Condition) is `SlowFeedback`.
 pub const CONTROL_HZ: u16 = 200;
 
 /// Rates of the status frames, in Hz, as set in VESC Tool; 0: never.
@@ -222,9 +221,8 @@ pub struct Config {
     pub timeout: Micros,
     /// The currents that the motor may be given.
     pub currents: Currents,
-    /// Whether its position controller knows the angle of the output shaft, by an encoder that sits
-    /// there: only then is a [`Target::Angle`](crate::Target::Angle) left to it (`SET_POS`).
-    /// `STATUS_4` is needed to see that angle.
+    /// Whether an encoder on the output shaft tells its position controller the angle: only then it
+    /// gets [`Target::Angle`](crate::Target::Angle) (`SET_POS`). It needs `STATUS_4`.
     pub encoder_on_shaft: bool,
     /// Motor Current Max, as set in it, to send currents as shares of that (`SET_CURRENT_REL`,
     /// `SET_CURRENT_BRAKE_REL`, `SET_CURRENT_HANDBRAKE_REL`); at least `currents.limit`. The VESC
@@ -243,8 +241,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// Turning forward, [`StatusRates::CONTROL`], commands at 200 Hz, a timeout of 200 ms, no
-    /// encoder on the output shaft, currents in amperes, asked by number 254.
+    /// Forward, [`StatusRates::CONTROL`], commands at 200 Hz, 200 ms timeout, amperes, asker 254.
     pub const fn new(id: u8, scale: ElectricalScale, currents: Currents) -> Self {
         Self {
             id,

@@ -4,8 +4,7 @@ use rc10_app::{ElectricalRpm, Seconds};
 
 /// Slower than this a still field catches the rotor (estimate): five turns of the field a second.
 const CATCHABLE: f32 = 300.0;
-/// A rotor that swings about the field covers less than one turn of it at a time; one that covers
-/// this many runs past it.
+/// Turns of the field that a rotor which runs past it covers; one that swings covers less than one.
 const SLIP: f32 = 1.5;
 
 /// Brake or handbrake: a still field holds a rotor that nearly stands; one that runs past it is

@@ -375,9 +375,8 @@ impl Vesc {
     }
 }
 
-/// The current as torque: the firmware gives one that takes power from the supply a positive sign,
-/// and one that feeds it back a negative one, whichever way the motor turns (`mcpwm_foc.c`,
-/// `mcpwm_foc_get_tot_current`: the sign of voltage times current).
+/// The current as torque: the firmware's sign is positive for power from the supply, whichever way
+/// the motor turns (`mcpwm_foc_get_tot_current`: the sign of voltage times current).
 fn torque_current(current: f32, duty: f32, speed: ElectricalRpm) -> f32 {
     let speed = speed.get();
     if duty < 0.0 {

@@ -93,8 +93,7 @@ impl Watch {
         self.idle = if idles { self.idle + dt } else { 0.0 };
     }
 
-    /// `is_regulated`: whether the VESC regulates the speed asked for. `is_blind`: whether an angle
-    /// is sought by a tachometer that does not come.
+    /// `is_regulated`: the speed asked for is regulated. `is_blind`: an angle without a tachometer.
     pub(super) fn condition(
         &self,
         mode: DriveMode,

@@ -43,12 +43,10 @@ impl Address {
 
 macro_rules! packets {
     ($($variant:ident = $number:literal $name:literal,)*) => {
-        /// The kind of a frame: bits 15 to 8 of its identifier, as named and numbered in bldc's
-        /// `datatypes.h` (`CAN_PACKET_ID`).
+        /// The kind of a frame: identifier bits 15 to 8 (bldc's `datatypes.h`, `CAN_PACKET_ID`).
         ///
-        /// Also those that are not for robots, so that a frame on the bus can be named: packets 5
-        /// to 8 carry the VESC's serial protocol, 28, 55, 56 and 63 set up encoders and bit rates.
-        /// Nothing in this crate sends them.
+        /// Others than for robots are named too: packets 5 to 8 carry the serial protocol, 28, 55,
+        /// 56 and 63 set up encoders and bit rates. Nothing in this crate sends them.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
@@ -265,9 +263,8 @@ pub fn coast(to: impl Into<Address>) -> CanFrame {
     frame(Packet::SetCurrent, to.into(), [0; 4])
 }
 
-/// Asks a VESC to answer with a [`Reply::Pong`] to `sender`, whether or not its status frames are
-/// switched on. It answers within 10 ms: the firmware's own search waits that long. Never to all at
-/// once: their answers would differ under one identifier.
+/// Asks a VESC for a [`Reply::Pong`] to `sender`, whatever its status frames, within 10 ms as the
+/// firmware's own search. Never all at once: their answers would differ under one identifier.
 pub fn ping(to: VescId, sender: VescId) -> CanFrame {
     frame(Packet::Ping, to.into(), [sender.get()])
 }

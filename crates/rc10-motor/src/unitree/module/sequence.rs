@@ -23,14 +23,12 @@ enum Step {
     Following { tick: u8 },
 }
 
-// The ticks of `Setting`. The module replies neither to `SET` nor, if it is slow, before the next
-// tick; in the others the motor is polled, so that its link stays alive.
+// Ticks of `Setting`. The module does not answer `SET`; polls of the motor keep the link alive.
 const REST: u8 = 0;
 const SET: u8 = 1;
 const READ: u8 = 2;
 const LAST: u8 = 5;
-/// Ticks between two reads of the gains while the motor makes an impedance itself: the module may
-/// have restarted faster than its silence is noticed.
+/// Ticks between two reads of the gains: the module may restart faster than its silence shows.
 const CHECK_EVERY: u8 = 50;
 
 impl Sequence {

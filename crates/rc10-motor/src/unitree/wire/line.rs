@@ -24,8 +24,7 @@ pub const REPLY_LEN: usize = 16;
 const COMMAND_HEAD: [u8; 2] = [0xFE, 0xEE];
 const REPLY_HEAD: [u8; 2] = [0xFD, 0xEE];
 
-/// CRC-16/KERMIT: polynomial 0x1021 reflected, from zero, nothing inverted; 0x2189 for
-/// "123456789".
+/// CRC-16/KERMIT: 0x1021 reflected, from zero, not inverted; 0x2189 for "123456789".
 ///
 /// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
 /// so that its low half also runs into its high half, and the result comes out at three places.
@@ -165,8 +164,7 @@ pub enum ReplyError {
 /// Finds replies in a stream of bytes: garbage is skipped, a reply whose CRC is wrong never
 /// comes out, and one that begins within what looked like another is not lost.
 ///
-/// Each byte costs one comparison, or, where sixteen that look like a reply are together, one
-/// CRC and at most one move of the other fifteen.
+/// A byte costs one comparison, or, at the end of sixteen like a reply, one CRC and one move.
 ///
 /// ```
 /// use rc10_motor::unitree::wire::line::Parser;
