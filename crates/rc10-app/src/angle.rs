@@ -37,9 +37,8 @@ impl CountsPerTurn {
     }
 }
 
-/// An angle of any number of turns: a whole number of millionths of a degree. Adding a million
-/// turns and taking them away again leaves nothing behind; an f32 is only made for people and for
-/// differences.
+/// An angle of any number of turns, in whole millionths of a degree: sums stay exact. An f32 is
+/// only made for people and for differences.
 ///
 /// ```
 /// use rc10_app::{CountsPerTurn, TotalAngle};
@@ -112,8 +111,7 @@ impl TotalAngle {
         degrees_within_turn(self.microdegrees_within_turn())
     }
 
-    /// The same as whole microdegrees. A Cortex-M7 has no division of 64 bits. So the number of
-    /// turns is guessed in f32, and what remains is exact.
+    /// The same as whole microdegrees: turns are guessed in f32, without a division of 64 bits.
     const fn microdegrees_within_turn(self) -> i32 {
         const TURN: i32 = 360_000_000;
         // To 4 million turns the guess is within one.
@@ -214,8 +212,7 @@ pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
     step.saturating_add(turns.saturating_mul(turn))
 }
 
-/// The shortest way from one angle to another, both any finite number of degrees:
-/// -180 ..= 180 degrees.
+/// The shortest way between two angles, any finite degrees: -180 ..= 180 degrees.
 pub fn shortest_way_degrees(from: Degrees, to: Degrees) -> Degrees {
     Degrees::new(shortest_way_f32(from.get(), to.get(), 360.0))
 }

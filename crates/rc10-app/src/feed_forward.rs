@@ -23,12 +23,10 @@ use crate::maths;
 use crate::ok;
 use crate::units::{Degrees, Rpm, RpmPerSecond};
 
-/// The effort that a motion takes, in the actuator's unit: amperes, newton metres or a share of the
-/// full voltage.
+/// The effort of a motion, in the actuator's unit: A, N m or a share of the full voltage.
 ///
-/// Measure it: `friction` and `speed` are the efforts at two slow, steady speeds; `gravity` is the
-/// effort that holds the mechanism; `acceleration` is its inertia over the torque constant, or what
-/// makes the measured speed follow a ramp.
+/// Measure it: `friction` and `speed` at two slow, steady speeds; `gravity` while holding;
+/// `acceleration` is inertia over torque constant, or what makes a ramp fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct FeedForward {

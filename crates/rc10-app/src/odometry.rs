@@ -4,10 +4,9 @@
 //! an arc, not along its chord. The sums of the position carry their rounding errors along, and the
 //! heading is an integer, so thousands of small steps far from the origin do not drift in f32.
 //!
-//! How wrong the pose may be stands in its [`Covariance`], which grows with the way, with turning,
-//! with time on a gyro that drifts, and with measured slip: what the wheels contradict each other
-//! ([`BaseMotion::slip`](crate::BaseMotion::slip)), and where they contradict the gyro. Slip that neither
-//! shows is not in it.
+//! The [`Covariance`] of the pose grows with way, turning, time on a drifting gyro, and measured
+//! slip: the wheels' contradiction ([`BaseMotion::slip`](crate::BaseMotion::slip)), and theirs to
+//! the gyro.
 //!
 //! ```
 //! use rc10_app::{Odometry, OdometryConfig, OdometryInput, Pose, Seconds, Twist};
@@ -101,8 +100,7 @@ pub struct OdometryInput {
     /// The wheels' contradiction in m/s: [`BaseMotion::slip`](crate::BaseMotion::slip); 0 if it is
     /// not known.
     pub slip: f32,
-    /// The heading of a gyro, from any zero; `None` without one, or while it is not heard. Then the
-    /// heading goes on by the wheels.
+    /// A gyro's heading, from any zero; `None` without: then the wheels turn it.
     pub heading: Option<TotalAngle>,
 }
 
@@ -232,8 +230,7 @@ impl Odometry {
 }
 
 impl Covariance {
-    /// After a step by (x, y) in the field's axes: an error of the heading becomes one of the
-    /// position. (J P Jᵀ with J = [1 0 −y; 0 1 x; 0 0 1].)
+    /// After a step (x, y) in field axes: J P Jᵀ with J = [1 0 −y; 0 1 x; 0 0 1].
     fn move_by(&mut self, x: f32, y: f32) {
         let Self { xt, yt, tt, .. } = *self;
         self.xt -= y * tt;

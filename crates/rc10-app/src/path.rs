@@ -1,9 +1,8 @@
 //! Paths of a base: waypoints, the speed along them within what the wheels can do, and a follower.
 //!
-//! A [`Path`] is waypoints and nothing else, so it is a constant in a robot's table. A [`Plan`] is
-//! made of it when it starts: straight lines, corners that are arcs, the heading as a function of
-//! the way, and the highest speed at each place that every limit allows. A [`Follower`] makes a
-//! twist of the plan and of the measured pose, once a tick.
+//! A [`Path`] is waypoints, a constant in a robot's table. A [`Plan`] is made of it: straight
+//! lines, arcs, the heading along the way, and the highest speed that every limit allows. A
+//! [`Follower`] makes a twist of the plan and the measured pose, once a tick.
 //!
 //! ```
 //! use core::f32::consts::FRAC_PI_2;
@@ -57,8 +56,7 @@ use crate::transform::Pose;
 use crate::units::Radians;
 use leg::Turn;
 
-/// Waypoints lie within this of the field's origin, in metres, and their headings within as many
-/// radians. So an f32 has a tenth of a millimetre left.
+/// Largest metres from the field's origin, and radians: an f32 has a tenth of a millimetre left.
 const FARTHEST: f32 = 1000.0;
 /// Waypoints that are nearer to each other than this, in metres, are at the same place.
 const SAME_PLACE: f32 = 1e-3;
@@ -73,8 +71,7 @@ const SAME_PLACE: f32 = 1e-3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct Waypoint {
-    /// Where, and which way the robot looks there. From one waypoint to the next it turns the
-    /// shorter way.
+    /// The place, and the robot's heading there; in between it turns the shorter way.
     pub pose: Pose,
     /// Radius of the arc that rounds the corner off, in metres; ≥ 0. The path then passes the
     /// waypoint on the inside, and the heading is reached in the arc's middle. With 0 it passes
@@ -116,8 +113,7 @@ const fn near(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.abs() <= FARTHEST, field, value, "within -1000 .. 1000")
 }
 
-/// A path through `N` waypoints: straight lines, and arcs where a corner is
-/// [rounded](Waypoint::rounded). [The module](self) has an example.
+/// A path through `N` waypoints: lines, and arcs at [rounded](Waypoint::rounded) corners.
 ///
 /// One that cannot be driven does not compile:
 ///
@@ -191,8 +187,7 @@ impl<const N: usize> Path<N> {
         Ok(Self { waypoints })
     }
 
-    /// Like [`new`](Self::new), for a constant, where a path that cannot be driven is a compile
-    /// error with the reason.
+    /// Like [`new`](Self::new), for a constant: a path that cannot be driven does not compile.
     ///
     /// # Panics
     /// If it cannot be driven.

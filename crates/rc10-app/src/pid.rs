@@ -29,22 +29,19 @@ pub struct PidConfig {
     pub kp: f32,
     /// Output per error and second.
     pub ki: f32,
-    /// Output per measured change per second; acts on the measurement, so that a step of the
-    /// setpoint gives no kick.
+    /// Output per measured change per second: a step of the setpoint gives no kick.
     pub kd: f32,
     /// The output stays within ± this.
     pub output_limit: f32,
     /// The integral's part of the output stays within ± this.
     pub integral_limit: f32,
-    /// The integral rests while the error is larger than this (integral separation); infinite:
-    /// it never rests.
+    /// The integral rests while the error is larger (integral separation); infinite: never.
     pub integral_separation: f32,
     /// Smaller errors count as zero.
     pub deadband: f32,
     /// Time constant of the filter of the derivative, s; 0: none. A tenth of kd / kp is usual.
     pub derivative_filter: f32,
-    /// The share of the setpoint on which `kp` acts, 0 ..= 1: below 1 a step of the setpoint
-    /// overshoots less, and a load is answered as before.
+    /// The share of the setpoint for `kp`, 0 ..= 1: below 1 a step of it overshoots less.
     pub setpoint_weight: f32,
     /// Rate at which the integral is drawn back while the output is limited (back-calculation), 1/s;
     /// 0: conditional integration instead. Usual is 1 to 10 times ki / kp.
@@ -185,9 +182,8 @@ impl PidState {
         self.integral
     }
 
-    /// One step from setpoint and measurement. `feed_forward` is added to the output before it is
-    /// limited. Any input that is not finite leaves everything as it was, and the last output is
-    /// returned again.
+    /// One step. `feed_forward` is added before the limit. An input that is not finite changes
+    /// nothing, and the last output is returned again.
     #[inline(always)]
     pub fn update(
         &mut self,
@@ -284,8 +280,7 @@ impl PidState {
         rate
     }
 
-    /// The integral, the proportional part, and the limit. `left_out` is what the proportional part does
-    /// not see of the setpoint, `seen` is to be kept with the rest.
+    /// Integral, proportional part and limit. `left_out`: the setpoint that `kp` does not see.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "in registers: the usual step needs no stack")]
     fn integrate_and_limit(

@@ -27,8 +27,7 @@ pub struct Gains {
     pub kd: f32,
 }
 
-/// Gains at N values of what they depend on, and straight lines between them; beyond the first and the
-/// last the gains are those of the end.
+/// Gains at N values, with straight lines between them and constant beyond the ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GainSchedule<const N: usize> {
     points: [(f32, Gains); N],

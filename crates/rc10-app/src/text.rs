@@ -1,5 +1,4 @@
-//! Sentences that are put together in a `const`: what is wrong with a robot is said in the same words
-//! when it is compiled and when it runs.
+//! Sentences made in a `const`: errors have the same words when compiled and when run.
 //!
 //! ```
 //! use rc10_app::Text;
@@ -15,8 +14,7 @@ pub struct Text {
     len: usize,
 }
 
-/// Decimals that are tried until a number reads back as the same: nine digits of an `f32` are enough,
-/// so the smallest has twelve.
+/// Decimals tried until a number reads back: nine digits, so twelve for the smallest.
 const DECIMALS: u32 = 12;
 /// Below this and from [`LARGE`] on numbers are written with an exponent.
 const SMALL: f64 = 1e-3;

@@ -88,8 +88,7 @@ impl<F: Frame> Point<F> {
     }
 }
 
-/// Position and heading of the frame `Of` in the frame `In`: of the robot in the field, if nothing
-/// else is said.
+/// Position and heading of the frame `Of` in the frame `In`; by default the robot in the field.
 ///
 /// ```
 /// use core::f32::consts::FRAC_PI_2;
@@ -138,8 +137,7 @@ impl<Of: Frame, In: Frame> Pose<Of, In> {
         Pose::new(x, y, wrapped(-self.heading))
     }
 
-    /// The pose of `other` as seen from here, both given in one common frame:
-    /// `self.compose(result)` is `other`.
+    /// The pose of `other` as seen from here, both in one frame: `self.compose(result)` is `other`.
     pub fn between<Other: Frame>(self, other: Pose<Other, In>) -> Pose<Other, Of> {
         // Not inverse().compose(): the difference first keeps the digits when both are far away.
         let (x, y) = rotate((other.x - self.x, other.y - self.y), -self.heading);

@@ -1,8 +1,7 @@
 //! Motion in the plane: the twist of a base, and a limit of its acceleration.
 //!
-//! The usual way from a driver's stick to wheels: [`TwistLimiter::update`] (no acceleration that
-//! makes wheels slip), [`Twist::into_frame`] if the driver thinks in the field's axes, then the
-//! inverse kinematics of the base.
+//! From a driver's stick to wheels: [`TwistLimiter::update`] (wheels do not slip),
+//! [`Twist::into_frame`] for the field's axes, then the base's inverse kinematics.
 
 use core::marker::PhantomData;
 use core::ops::{Add, Mul, Sub};
@@ -29,8 +28,7 @@ pub struct Twist<F: Frame = Robot> {
     pub vx: f32,
     /// Speed along y, in m/s; the robot's y is to its left.
     pub vy: f32,
-    /// Yaw rate, counter-clockwise, in rad/s; the same in every frame that stands still on the
-    /// field or on the robot.
+    /// Yaw rate, counter-clockwise, in rad/s; the same on the field and on the robot.
     pub wz: f32,
     frame: PhantomData<F>,
 }
@@ -52,8 +50,7 @@ impl<F: Frame> Twist<F> {
 }
 
 impl Twist<Field> {
-    /// From the field's axes to those of a robot with this heading in the field: what the driver
-    /// means by "away from me" becomes what the robot has to do.
+    /// From the field's axes to a robot's with this heading: "away from me" becomes its own motion.
     ///
     /// ```
     /// use core::f32::consts::FRAC_PI_2;
@@ -70,8 +67,7 @@ impl Twist<Field> {
 }
 
 impl Twist<Robot> {
-    /// From the axes of a robot with this heading to the field's: the inverse of
-    /// [`into_frame`](Twist::into_frame).
+    /// From a robot's axes to the field's: the inverse of [`into_frame`](Twist::into_frame).
     pub fn out_of_frame(self, heading: Radians) -> Twist<Field> {
         let (vx, vy) = rotate((self.vx, self.vy), heading);
         Twist::new(vx, vy, self.wz)
@@ -137,10 +133,9 @@ impl TwistLimits {
 
 /// State of an acceleration limiter for twists.
 ///
-/// The linear acceleration is limited as a vector (the friction circle), so the velocity goes
-/// straight to its target instead of finishing one axis first. It works in the axes of one frame:
-/// the field's where there is a heading, because in the robot's axes the velocity of a robot that
-/// turns while it drives stands still although the robot accelerates.
+/// The linear acceleration is limited as a vector (the friction circle), in the axes of one frame:
+/// the field's where there is a heading, because a turning robot that drives straight accelerates
+/// in no robot axis.
 ///
 /// ```
 /// use rc10_app::{Seconds, Twist, TwistLimiter, TwistLimits};
@@ -173,9 +168,8 @@ impl<F: Frame> TwistLimiter<F> {
         }
     }
 
-    /// Moves towards `target` for `dt` and returns the new twist. The last step lands exactly on
-    /// the target. A `dt` that is not finite and positive changes nothing. To stop within the
-    /// limits, give it [`Twist::STOP`].
+    /// Moves towards `target` for `dt`; the last step lands exactly on it. A `dt` that is not
+    /// finite and positive changes nothing. [`Twist::STOP`] stops within the limits.
     ///
     /// # Errors
     /// [`TwistNotFinite`] if the target is infinite, NaN, or too far away to compute with; the
@@ -204,8 +198,7 @@ impl<F: Frame> TwistLimiter<F> {
     }
 }
 
-/// The share of `distance` that one step may go, 0 ..= 1. A step that is negative or not a number
-/// is no step.
+/// The share of `distance` in one step, 0 ..= 1; 0 for a negative or NaN step.
 fn step_share(distance: f32, step: f32) -> f32 {
     let step = step.max(0.0);
     if distance <= step { 1.0 } else { step / distance }

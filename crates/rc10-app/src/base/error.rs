@@ -25,8 +25,7 @@ pub enum BaseError {
         /// The wheels.
         wheels: [usize; 2],
     },
-    /// The wheels do not turn the base about this point, or turn it there only very fast for a
-    /// slow motion: no wheel has a lever.
+    /// The wheels do not turn the base about this point, or hardly: no wheel has a lever.
     CannotTurn {
         /// The point about which it turns freely.
         about: Point<Robot>,

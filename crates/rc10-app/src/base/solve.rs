@@ -1,5 +1,4 @@
-//! The matrices of a base, solved where it is declared: `const`, in f64, so that an unsound base does
-//! not compile and the chip only multiplies.
+//! The matrices of a base, solved in `const` f64: an unsound base does not compile.
 
 use super::error::BaseError;
 use super::wheel::{Tread, Wheel};
@@ -10,8 +9,7 @@ use crate::transform::Point;
 /// Sine of the smallest angle between the rollers of a wheel and its axle: 5 degrees. Ours: there
 /// the rim is eleven times as fast as the ground; mecanum wheels have 45 degrees.
 const LEAST_GRIP: f64 = 0.087;
-/// Sine of the largest angle between plain wheels that count as parallel. Ours: 0.1 degrees, which
-/// is how well a base is built.
+/// Sine of the largest angle of plain wheels that count as parallel: 0.1 degrees, as built.
 const PARALLEL: f64 = 0.0018;
 /// Smallest eigenvalue of the normal matrix, in parts of its trace. Ours: below it a wheel speed
 /// that is off by 1 % makes a motion that is off by more than the motion itself.
@@ -23,8 +21,7 @@ pub(super) struct Solution<const N: usize> {
     pub(super) inverse: [[f64; 3]; N],
     /// The twist that explains rim speeds best: the sum over the wheels of column times speed.
     pub(super) forward: [[f64; 3]; N],
-    /// The row of the sideways speed that plain wheels refuse, and the unit vector of it; zero
-    /// without plain wheels.
+    /// The row of the sideways speed that plain wheels refuse, and its unit vector; or zero.
     pub(super) refused: ([f64; 3], [f64; 2]),
 }
 
@@ -103,8 +100,7 @@ const fn size<const N: usize>(wheels: &[Wheel; N]) -> f64 {
 
 /// The plain wheels of a base: together they do not move along `e`, their axles.
 ///
-/// Two on one axle keep that exactly. Where they stand one behind the other, all slip when the base
-/// turns, and the middle of them is where that slip is least.
+/// Two on one axle keep that exactly; one behind the other slips least about the middle.
 struct Plain {
     is_there: bool,
     d: [f64; 2],
@@ -259,8 +255,7 @@ pub(super) const fn sqrt(x: f64) -> f64 {
     root
 }
 
-/// Sine and cosine of an angle in degrees, within 1e-15 for angles of few turns; exact for multiples
-/// of a quarter turn, and so that opposite wheels are opposite.
+/// Sine and cosine of degrees, within 1e-15 for few turns; exact at quarter turns and opposites.
 pub(super) const fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
     let mut rest = degrees % 360.0;
     let mut quarters = 0;

@@ -124,8 +124,7 @@ impl<const N: usize> AxesHoming<N> {
         &self.axes
     }
 
-    /// One step, as [`Homing::update`]: a contact for each motor. Once it has ended, the commands are
-    /// stops.
+    /// One step, like [`Homing::update`], a contact for each motor; stops at the end.
     pub fn update(
         &mut self,
         config: &AxesHomingConfig,

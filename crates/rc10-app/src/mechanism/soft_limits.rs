@@ -80,8 +80,7 @@ impl SoftLimits {
     /// The part of `wanted` within the limits. `position`: the axis' angle, from its zero; `None`
     /// before it is homed.
     ///
-    /// A speed is such that the axis can still brake before the limit. An angle is held within the
-    /// range; the way there is the motor's.
+    /// A speed is such that the axis can brake before the limit; an angle is held in the range.
     #[must_use]
     pub fn limit(&self, wanted: Command, position: Option<TotalAngle>) -> Limited {
         let (command, by) = match (wanted, position) {

@@ -28,8 +28,7 @@ pub enum PathError {
         /// The leg's length, in metres.
         length: f32,
     },
-    /// An arc where the path goes back by the way it came, within 10 degrees: only a stop is
-    /// possible there, so its radius must be 0.
+    /// An arc where the path goes back within 10 degrees: only a stop, radius 0, is possible.
     TurnsBack {
         /// The waypoint.
         waypoint: usize,
@@ -67,8 +66,7 @@ impl PathError {
 /// Why a base cannot drive along a path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
-    /// The base has plain wheels, as a differential one. It cannot move sideways, so it cannot have
-    /// a heading that is not the path's direction.
+    /// A base of plain wheels, whose heading must be the path's direction.
     #[error("a base that cannot move sideways")]
     CannotMoveSideways,
     /// A limit that cannot be used.

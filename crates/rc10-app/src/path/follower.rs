@@ -13,8 +13,7 @@ use core::f32::consts::TAU;
 /// Gains and bounds of a [`Follower`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FollowerConfig {
-    /// Speed per error along the path: m/s per m, so 1/s; ≥ 0. With the delay T of the base and its
-    /// measurement, in seconds, 0.3 / T does not overshoot.
+    /// Speed per error along the path, 1/s; ≥ 0. With a delay of T s, 0.3 / T does not overshoot.
     pub along: f32,
     /// The same for the error across the path.
     pub across: f32,
@@ -72,13 +71,11 @@ pub enum PathStatus {
     /// On its way.
     #[default]
     Following,
-    /// Too far behind, and so the path's time goes slower than the clock or stands: blocked, or
-    /// slower than planned. It goes on by itself.
+    /// Too far behind, so the path's time goes slower or stands. It goes on by itself.
     Waiting,
     /// At the end, within the tolerances. It keeps being held there.
     Done,
-    /// The base was farther from the path than it may be: the twist is zero until there is a new
-    /// [`Follower`].
+    /// Farther from the path than allowed: the twist is zero until a new [`Follower`].
     GaveUp,
 }
 
@@ -110,10 +107,9 @@ pub struct PoseNotFinite(pub Pose);
 
 /// State of a base that follows a [`Plan`]. [The module](super) has an example.
 ///
-/// The twist is that of the plan, and gains times the error of the pose. If the base does not come
-/// along, the plan waits for it: it is never asked to catch up by more than
-/// [`max_lag`](FollowerConfig::max_lag). When the way is free again the plan speeds up no faster
-/// than its limits allow.
+/// The twist is the plan's, plus gains times the error. The plan waits for a base that lags, never
+/// by more than [`max_lag`](FollowerConfig::max_lag) to catch up, and speeds up again within its
+/// limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Follower {
     cursor: Cursor,
@@ -137,8 +133,7 @@ impl Follower {
         Self { cursor: Cursor::START, rate: 1.0, direction: [1.0, 0.0], gave_up: false }
     }
 
-    /// The motion for the coming `dt`, if the base is at `pose` now. With a `dt` that is not finite
-    /// and positive the path's time does not go on.
+    /// The motion for the coming `dt` at `pose`. A bad `dt` does not move the path's time.
     ///
     /// # Errors
     /// [`PoseNotFinite`]; the state stays unchanged.

@@ -18,13 +18,11 @@ use crate::units::{Radians, Seconds};
 /// The limits of the speed along a path, besides the wheels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathLimits {
-    /// Largest accelerations, the linear one in every direction: along the path and across it
-    /// together.
+    /// Largest accelerations, the linear one of the vector along and across the path.
     pub twist: TwistLimits,
     /// Highest speed, in m/s; > 0, infinite for no limit.
     pub max_speed: f32,
-    /// The share of the wheels' highest speed that the plan uses; > 0, ≤ 1. The rest is left to the
-    /// follower: with 1 a base that is behind cannot catch up.
+    /// The plan's share of the wheels' highest speed; > 0, ≤ 1: the rest is for catching up.
     pub wheel_share: f32,
 }
 
@@ -69,8 +67,7 @@ impl<const N: usize> Plan<N> {
     /// The plan for this path and base. It begins with `start_speed` along the path, in m/s, and
     /// turning as the path then turns; 0 for a base that stands. It ends at rest.
     ///
-    /// This takes about 21,000 instructions a leg on a Cortex-M7. Where that is too much for one tick, use a
-    /// [`Planner`].
+    /// About 21,000 instructions a leg on a Cortex-M7; a [`Planner`] spreads them over ticks.
     ///
     /// # Errors
     /// A limit that cannot be used, a base that cannot move sideways, or a start that is too fast.
@@ -99,9 +96,8 @@ impl<const N: usize> Plan<N> {
         self.end
     }
 
-    /// The motion at a time from the path's beginning on; before it the first, after its
-    /// [`duration`](Self::duration) a stand at exactly the last waypoint. Searches through all
-    /// cells; a [`Follower`](super::Follower) does not.
+    /// The motion at a time from the beginning; after the [`duration`](Self::duration) a stand at
+    /// the last waypoint. It searches all cells; a [`Follower`](super::Follower) does not.
     #[must_use]
     pub fn at(&self, time: Seconds) -> PlannedMotion {
         let mut cursor = Cursor::START;
@@ -205,8 +201,7 @@ impl<'a, const N: usize> Planner<'a, N> {
         })
     }
 
-    /// Does the next portion: one leg, 15,000 instructions on a Cortex-M7 at most. `Some` with the
-    /// plan after the last.
+    /// Does one leg more, 15,000 instructions at most; `Some` with the plan after the last.
     ///
     /// # Errors
     /// A start that is too fast, once it is known.
@@ -302,8 +297,7 @@ impl Cursor {
         self.time = 0.0;
     }
 
-    /// The motion at this time, and in `direction` that of the path, which stays what it was at the
-    /// end.
+    /// The motion at this time; `direction` becomes the path's, but stays at its end.
     pub(super) fn motion(&self, track: Track<'_>, direction: &mut [f32; 2]) -> PlannedMotion {
         let leg_and_speeds = track.legs.get(self.leg).zip(track.speeds(self.leg, self.cell));
         let Some((leg, (from, to))) = leg_and_speeds else {

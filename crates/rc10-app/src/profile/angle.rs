@@ -6,8 +6,7 @@ use crate::config::ConfigError;
 use crate::maths;
 use crate::{Rpm, RpmPerSecond, Seconds, TotalAngle};
 
-/// The way of a shaft with 1 rpm in a second is 6 degrees. With it as the unit of the axis, the
-/// velocity is in rpm.
+/// Degrees that 1 rpm makes in a second: with this unit of the axis velocities are in rpm.
 const MICRODEGREES_PER_UNIT: i64 = 6_000_000;
 
 /// Angle, speed and acceleration that a shaft shall have now.

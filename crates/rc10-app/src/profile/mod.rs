@@ -1,18 +1,14 @@
-//! Motion profiles: setpoints of one axis on the way to a target, within limits of velocity,
-//! acceleration and jerk.
+//! Motion profiles: setpoints to a target, within limits of velocity, acceleration and jerk.
 //!
-//! A **profile** turns targets, which may change at any time, into setpoints that an axis can
-//! follow: position, velocity and acceleration for every tick. It takes the shortest time that the
-//! limits allow, from the state that it has, at rest or not. With a jerk limit the velocity is an
-//! S-curve; with an infinite one it is a trapezoid.
+//! A **profile** turns targets, which may change at any time, into position, velocity and
+//! acceleration for every tick, in the shortest time that the limits allow, from any state. With a
+//! jerk limit the velocity is an S-curve, else a trapezoid.
 //!
-//! A new target makes a **plan** of at most seven pieces of constant jerk, in bounded work
-//! (`cargo xtask count` measures it). A tick evaluates one piece. Nothing is integrated, so nothing
-//! drifts, and the last setpoint is the target exactly.
+//! A new target makes a **plan** of at most seven pieces of constant jerk, in bounded work (`cargo
+//! xtask count`). A tick evaluates one: nothing drifts, and the last setpoint is the target.
 //!
-//! Precision: the way is an f32, so a setpoint is off by at most a millionth of the distances that
-//! its plan covers. Positions are kept in two f32: neither an axis that has turned far nor a target
-//! that changes in every tick adds to that.
+//! Precision: a setpoint is off by at most a millionth of the plan's distances. Positions are two
+//! f32: neither many turns nor many targets add to that.
 //!
 //! ```
 //! use rc10_app::{Profile, ProfileLimits, Seconds};
@@ -140,8 +136,7 @@ impl Profile {
         }
     }
 
-    /// Goes to `position`, to have `velocity` there (usually 0) and to go on with it. The target it
-    /// already has costs nothing.
+    /// Goes to `position`, with `velocity` there (usually 0). The same target again costs nothing.
     ///
     /// # Errors
     /// A limit that cannot be used, a position that is not finite, a velocity beyond the limit, or
@@ -301,10 +296,9 @@ impl Profile {
     }
 }
 
-/// Lets all profiles arrive in the same tick, when the slowest of them does: the others cruise at a
-/// lower velocity. The time until then. Call it when they have got their targets, and update all
-/// with the same times; a new target ends it. A profile that has arrived, or that goes to a
-/// velocity without a position, stays as it is.
+/// Lets all profiles arrive with the slowest, by lower velocities; returns the time until then.
+/// Call it with all targets set, and update all with the same times; a new target ends it. One that
+/// has arrived, or has no position to reach, stays.
 ///
 /// One that is braking, and would have to start again to come a little later, makes all of them
 /// take longer: by a quarter, rarely by more.
@@ -331,8 +325,7 @@ pub fn synchronise(profiles: &mut [&mut Profile]) -> Seconds {
 }
 
 impl Profile {
-    /// Begins a new plan to the same target, as [`start`](Self::start) does. Nothing, if it is
-    /// there.
+    /// Begins a new plan to the same target, like [`start`](Self::start); not if it is there.
     fn restart(&mut self, duration: Option<f32>) -> Result<Option<f32>, ConfigError> {
         let goal = match self.goal {
             Goal::Moving(place, velocity) => {

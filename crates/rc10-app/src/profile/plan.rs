@@ -34,8 +34,7 @@ pub(super) struct Plan {
     duration: f32,
     /// Velocity that is added to all: that of a target that moves.
     frame: f32,
-    /// Velocity for the way alone: the frame's, and what distributes the rounding errors of the
-    /// course over its duration.
+    /// Velocity of the way alone: the frame's, and the rounding errors over the duration.
     drift: f32,
 }
 
