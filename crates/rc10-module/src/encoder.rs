@@ -1,7 +1,6 @@
 //! Incremental encoders: a timer counts the edges of two tracks, and starts over after 2¹⁶ or 2³².
 //!
-//! The count is unwrapped by a [`Counter`], in integers: exact for ever. What a counter cannot tell
-//! is said instead of guessed at:
+//! A [`Counter`] unwraps the count in integers, exact for ever. What it cannot tell is said:
 //!
 //! * it moved further than the shaft can have turned: [`Fault::Jump`]. The timer was written to,
 //!   or it counts noise. The angle stays; the counter's new value is where it goes on from.
@@ -14,11 +13,9 @@ use rc10_app::maths::within;
 use rc10_app::{ConfigError, CountsPerTurn, Rpm, Seconds, TotalAngle};
 use rc10_can::Micros;
 
-/// Unwraps a counter of 0 ..< modulus into an exact total. Integers only: no drift, and no overflow
-/// before 9 · 10¹⁸ counts.
+/// Unwraps a counter of 0 ..< modulus into an exact total: no drift or overflow before 9 · 10¹⁸.
 ///
-/// The first sample sets the total to itself. Between two samples the counter must move less than
-/// half-way round.
+/// The first sample is the total; then the counter moves less than half-way between samples.
 ///
 /// ```
 /// use rc10_module::encoder::Counter;
@@ -117,8 +114,7 @@ pub enum Fault {
     OutOfRange(OutOfRange),
 }
 
-/// Shortest time over which the speed is measured, µs: at 1 kHz and 4096 counts a turn a step is
-/// 0.7 rpm instead of 15.
+/// Shortest time of a speed, µs: at 1 kHz and 4096 counts a turn a step is 0.7 rpm, not 15.
 const WINDOW: u64 = 20_000;
 /// Time without a count after which the shaft stands still, µs.
 const STANDS: u64 = 500_000;
@@ -224,11 +220,10 @@ impl IncrementalEncoder {
         Ok(())
     }
 
-    /// The index pulse came when the counter showed `raw`, which a timer captures: less than half
-    /// the counter's way from its newest sample. The first pulse sets the mark. Every later one
-    /// tells by how many counts the angle is off by now, -turn/2 ..= turn/2, and corrects it; a few
-    /// are the pulse's own width. `None` before the first sample and for the first pulse, also for
-    /// the first after a jump; and if a turn is no whole number of counts.
+    /// The index pulse came at `raw`, which a timer captures near the newest sample. The first sets
+    /// the mark; every later one tells by how many counts the angle is off, -turn/2 ..= turn/2, and
+    /// corrects it (a few are the pulse's width). `None` before the first sample, for the first
+    /// pulse, also after a jump, and if a turn is no whole number of counts.
     ///
     /// # Errors
     /// [`Fault::OutOfRange`]
@@ -277,8 +272,7 @@ impl IncrementalEncoder {
         if self.config.is_reversed { -self.speed } else { self.speed }
     }
 
-    /// Number of times that the counter was not read for too long: above zero, the turns are an
-    /// estimate.
+    /// Number of times that it was not read for too long: above zero the turns are an estimate.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps

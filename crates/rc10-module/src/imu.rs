@@ -1,5 +1,4 @@
-//! Inertial measurement: what sensors say, which way up that makes the robot, and the heading
-//! that it drives by.
+//! Inertial measurement: sensors, which way up the robot is, and the heading that it drives by.
 //!
 //! Axes are right-handed: x forward, y to the left, z up. A sensor at rest and level measures
 //! +9.81 m/s² on z. Yaw is counter-clockwise positive, seen from above.

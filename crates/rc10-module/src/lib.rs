@@ -1,18 +1,15 @@
-//! Parts on a robot that are no motors: remote controls, laser ranging, IMUs, positioning, LED
-//! strips.
+//! Parts that are no motors: remotes, laser ranging, IMUs, positioning, LED strips.
 //!
-//! **Parsers do no input and output.** A [`Protocol`] says what some bytes are; a [`Stream`] finds
-//! its frames among whatever else is on the wire. **One driver loop serves every serial device**:
-//! [`listen`] reads any [`embedded_io_async::Read`], of any HAL or of a simulated line, and hands
-//! over messages; what was lost stands in [`Reception`].
+//! **Parsers do no input and output.** A [`Protocol`] says what bytes are; a [`Stream`] finds its
+//! frames. **One driver loop serves every serial device**: [`listen`] reads any
+//! [`embedded_io_async::Read`] and hands over messages; what was lost stands in [`Reception`].
 //!
 //! This crate knows no board and no motors: they meet in a robot. `docs/modules` has a page for each
 //! device: wiring, frame, how it fails, sources; and how to add one.
 //!
 //! # In a firmware of your own
 //!
-//! A task listens, and keeps what it hears with its time; each reader says how old it may be. So
-//! a device that is unplugged is noticed, although it says nothing any more:
+//! A task listens, and keeps what it hears with its time; a reader says how old it may be:
 //!
 //! ```
 //! use embedded_io_async::Read;

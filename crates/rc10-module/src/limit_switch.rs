@@ -56,8 +56,7 @@ pub enum Position {
     Released,
     /// Pressed.
     Pressed,
-    /// The switch does not come to rest: a loose contact, a chafed wire, or noise on an open pin.
-    /// An axis that is driven towards it should stop.
+    /// The switch does not come to rest: a loose contact, a chafed wire, noise. Stop the axis.
     Chattering,
 }
 
@@ -158,8 +157,7 @@ impl LimitSwitch {
     }
 }
 
-/// The period at which a switch that is not at rest is looked at; one edge in between is waited
-/// for. So a storm of edges on the pin does not take all of the processor.
+/// The period of looks at a switch not at rest: a storm of edges does not take the processor.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// Watches a switch for ever: `hear` gets the first position that is known, and each other one,

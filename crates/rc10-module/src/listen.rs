@@ -10,8 +10,7 @@ use rc10_can::Micros;
 
 use crate::{Counters, Pause, Protocol, Stream};
 
-/// Counters of a driver loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses)),
-/// for other tasks to read.
+/// Counters of a loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses)).
 pub struct Reception(Mutex<CriticalSectionRawMutex, Cell<Counters>>);
 
 impl Reception {

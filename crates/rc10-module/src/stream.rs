@@ -1,7 +1,6 @@
 use rc10_can::Micros;
 
-/// The protocol of a serial device: its messages, and how its frames are told from garbage. A new
-/// device is this one function; [`Stream`] does the rest.
+/// The protocol of a serial device: its messages, and how frames are told from garbage.
 pub trait Protocol {
     /// The content of a frame.
     type Message;
@@ -12,9 +11,8 @@ pub trait Protocol {
     /// The meaning of silence on the line, if it has one.
     const PAUSE: Option<Pause> = None;
 
-    /// Examines the frame that begins with the first of these bytes, of which there is one at
-    /// least. More than the buffer holds may not be asked for. Checks everything that can be
-    /// checked.
+    /// Examines the frame that begins with the first of these bytes (at least one), and all that
+    /// can be checked. It may not ask for more than the buffer holds.
     fn examine(&self, bytes: &[u8]) -> Found<Self::Message>;
 }
 
@@ -39,9 +37,8 @@ pub enum Found<M> {
 pub enum Pause {
     /// No frame has such a gap: what was begun is no frame, and the next byte begins one.
     Ends(Micros),
-    /// The same, and nothing but silence tells one frame from the next, for they have no header.
-    /// So what comes between two pauses is whole frames, or nothing of it is believed; and it is
-    /// judged when the second one is heard.
+    /// The same, for frames without a header: between two pauses all is whole frames, or nothing of
+    /// it is believed; judged at the second one.
     Delimits(Micros),
 }
 
@@ -116,8 +113,7 @@ impl Counters {
     }
 }
 
-/// Finds the frames of a protocol in a stream of bytes, whatever else is in it: bounded work per
-/// byte, no allocation, no panic on any input.
+/// Finds a protocol's frames in a stream: bounded work per byte, no allocation, no panic.
 ///
 /// ```
 /// use rc10_can::Micros;
@@ -174,9 +170,8 @@ impl<P: Protocol> Stream<P> {
 
     /// Bytes came in, the last of them not after `at`; `hear` gets the messages that they complete.
     ///
-    /// No bytes: there was no byte at the time `at`. That is how a [`Protocol::PAUSE`] is heard, and
-    /// the only way: bytes that are read late say nothing about when they came. What it completes
-    /// came with the bytes before.
+    /// No bytes: there was no byte at the time `at`. That is the only way to hear a
+    /// [`Protocol::PAUSE`]. What it completes came with the bytes before.
     pub fn receive(&mut self, bytes: &[u8], at: Micros, mut hear: impl FnMut(P::Message)) {
         if bytes.is_empty() {
             self.listen_for_pause(at, &mut hear);

@@ -1,30 +1,23 @@
-//! The attitude of a robot, from a gyroscope and an accelerometer: how it leans, and which way
-//! round it is.
+//! The attitude of a robot, from gyroscope and accelerometer: how it leans, and its heading.
 //!
-//! The rotation is integrated as a quaternion. Where the accelerometer feels gravity and nothing
-//! else, the estimate leans towards that: slowly while the robot moves, quickly while it rests, and
-//! not at all while it spins (an accelerometer off the centre feels the spin) or is pushed hard.
-//! Nothing leans it about the vertical: **yaw is the gyroscope's alone**, zero at the first sample,
-//! and drifts. What a gyroscope says at rest is its bias; it is learned whenever the robot has
-//! stood still for a second.
+//! The rotation is integrated as a quaternion. Where the accelerometer feels gravity alone, the
+//! estimate leans towards it: slowly on the move, quickly at rest, and not in a spin or a hard
+//! push. Nothing leans it about the vertical: **yaw is the gyroscope's alone**, zero at the first
+//! sample, and drifts. The gyroscope's bias is learned after a second at a stand.
 //!
-//! Accuracy to expect of a BMI088 (`tests/attitude.rs` measures it, with the noise and bias of its
-//! data sheet): yaw after a minute of driving within half a degree, at rest within a tenth of a
-//! degree a minute; tilt within what the accelerometer's own offset makes, 1.2 degrees for 20 mg.
-//! Not in that: the scale of a real gyroscope is off by up to a percent, which is 3.6 degrees after
-//! a turn one way and none after a turn back.
+//! Accuracy of a BMI088 (`tests/attitude.rs`, with its data sheet's noise and bias): yaw within
+//! half a degree after a minute of driving, a tenth of a degree a minute at rest; tilt within the
+//! accelerometer's offset, 1.2 degrees for 20 mg. Besides, a real gyroscope's scale is off by up to
+//! a percent: 3.6 degrees after a turn.
 //!
-//! The limit of the method: a turn slower than 0.6 °/s of a robot that nothing else shakes looks
-//! like bias. If the robot never stands still for a second after power-on, [`bias`](Attitude::bias)
-//! stays `None`, and yaw drifts by a degree a second.
+//! The limit: a turn below 0.6 °/s of a robot that nothing shakes looks like bias. Without a second
+//! at a stand [`bias`](Attitude::bias) stays `None`, and yaw drifts by a degree a second.
 //!
 //! # Why not `fusion-ahrs`
-//! It is `no_std`, `f32` and `libm` as this is, and a good port of a well-known filter. But one
-//! sample that is no number spoils its quaternion for good; it counts rest and recovery in samples
-//! of a fixed rate; it takes three seconds of any turn slower than 3 °/s for bias, again and again;
-//! and it does not know that a spinning accelerometer lies. What is left of it without magnetometer
-//! is the hundred lines below. It is the witness in the tests: on the same data this must not be
-//! worse.
+//! It is a good port of a well-known filter, `no_std` and `f32`. But a NaN spoils its quaternion
+//! for good; it counts in samples of a fixed rate, takes three seconds of any turn below 3 °/s for
+//! bias, and does not know that a spinning accelerometer lies. It is the witness in the tests: this
+//! must not be worse.
 
 use rc10_app::maths::{hypot, within};
 use rc10_app::{Radians, Seconds};
@@ -39,14 +32,12 @@ pub const LONGEST_STEP: Seconds = Seconds::new(0.02);
 /// No sensor of ours turns faster, rad/s: ±2000 °/s is 34.9.
 const FASTEST: f32 = 50.0;
 
-/// The rate at which the estimate leans towards the accelerometer's up, 1/s, on the move and at
-/// rest.
+/// The rate of leaning towards the accelerometer's up, 1/s, on the move and at rest.
 const LEAN: f32 = 0.1;
 const LEAN_AT_REST: f32 = 2.0;
 /// On the move while the bias is unknown: 1 °/s of it then makes 2 degrees of tilt.
 const LEAN_BEFORE: f32 = 0.5;
-/// Beyond this share more or less of gravity squared (a tenth of gravity) the accelerometer does
-/// not count.
+/// Share of gravity squared (a tenth of gravity) beyond which the accelerometer does not count.
 const OTHER_THAN_GRAVITY: f32 = 0.2;
 /// Beyond this rotation, rad/s, the accelerometer does not count either.
 const SPINS: f32 = 2.0;
@@ -132,8 +123,7 @@ impl Attitude {
         }
     }
 
-    /// Takes a sample, `step` after the last one that was taken. Where a sample is missing, the
-    /// next one comes with a longer step.
+    /// Takes a sample, `step` after the last one taken: longer where a sample is missing.
     ///
     /// # Errors
     /// [`Refused`], if it is not used; then a rotation was missed, and [`gaps`](Self::gaps) counts
@@ -177,8 +167,7 @@ impl Attitude {
         Ok(())
     }
 
-    /// About the vertical, counter-clockwise positive from above, -π ..= π. Means nothing while the
-    /// robot stands on its nose.
+    /// About the vertical, counter-clockwise from above, -π ..= π; not with the nose down.
     #[must_use]
     pub fn yaw(&self) -> Radians {
         let [w, x, y, z] = self.quaternion;
@@ -220,8 +209,7 @@ impl Attitude {
         }
     }
 
-    /// The rotation that the gyroscope reports at rest about x, y, z, rad/s; `None` while the robot
-    /// has not stood still for a second since power-on.
+    /// The gyroscope's rotation at rest, x, y, z, rad/s; `None` before a second at a stand.
     #[must_use]
     pub fn bias(&self) -> Option<[f32; 3]> {
         (self.rested > 0.0).then_some(self.bias)

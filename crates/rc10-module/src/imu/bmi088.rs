@@ -1,24 +1,19 @@
-//! Bosch BMI088: an accelerometer and a gyroscope that share a package and an SPI bus, each with a
-//! chip select of its own.
+//! Bosch BMI088: accelerometer and gyroscope on one SPI bus, each with a chip select.
 //!
-//! Facts are from Bosch's data sheet BST-BMI088-DS001 (1.3, 2018; section numbers below), times
-//! beside them from Bosch's own driver (`BMI08x_SensorAPI`).
+//! Source: Bosch's BST-BMI088-DS001 (1.3, 2018; sections below); times: `BMI08x_SensorAPI`.
 //!
 //! * SPI mode 0 or 3, 10 MHz at most, the address first; its bit 7 is set for reading (6.1).
 //! * The accelerometer answers a read with one byte of nothing before the data (6.1.2). It wakes
 //!   up speaking I²C, until its chip select rises (6.1), and suspended (4.1).
 //! * The gyroscope is ready 30 ms after a reset (4.8), the accelerometer after 1.
 //!
-//! One [`read`](Bmi088::read) is three transfers of 61 bytes, 50 µs at 10 MHz: everything of the
-//! gyroscope from its identity by its rates to its settings, everything of the accelerometer from
-//! its identity by its data to its time and temperature, and two of its settings. So a sample is
-//! only given if the chips are there, run, and are set as they were told: after a brown-out the
-//! scale would be another, without a word. Chips whose clock or whose noise stands still are an
-//! error, too.
+//! One [`read`](Bmi088::read) is three transfers of 61 bytes, 50 µs at 10 MHz: all of the
+//! gyroscope, all of the accelerometer, and two of its settings. So a sample is only given if the
+//! chips are there, run, and are set as told: after a brown-out the scale would change without a
+//! word. Chips whose clock or noise stands still are an error, too.
 //!
-//! Address and data are one transfer. Two under one chip select would be right by the data sheet, but an
-//! STM32H7 with `TSIZE` = 0 was seen to clock on behind the first one's last frame, and each clock shifts the
-//! chip's answer by a bit (Zephyr issue 66326, PR 66503).
+//! Address and data are one transfer: with two, an STM32H7 with `TSIZE` = 0 was seen to clock on
+//! behind the first, which shifts the answer by a bit (Zephyr issue 66326, PR 66503).
 //!
 //! Where a DMA cannot read all memory, the SPI device must copy.
 
@@ -151,8 +146,7 @@ const LONGEST: usize = 2 + registers::ACC_ALL;
 
 /// Errors in a row after which the chips are set up anew.
 pub const ERRORS_BEFORE_RESTART: u8 = 3;
-/// Equal readings of the gyroscope in a row that say it is stuck. Noise moves its last digits: of a
-/// hundred readings at 1 kHz ten are new even at its lowest rate.
+/// Equal readings that say the gyroscope is stuck: of a hundred at 1 kHz ten are new by noise.
 const EQUAL_RATES: u8 = 100;
 /// Raw values from here on are the end of the range: ±32,767, and what a filter leaves of it.
 const SATURATED: u16 = 32_700;
@@ -213,9 +207,8 @@ where
         }
     }
 
-    /// A new sample. To be called again and again, at the gyroscope's rate or slower; sets the
-    /// chips up first where that is needed: the first time, and after
-    /// [`ERRORS_BEFORE_RESTART`] errors in a row. That takes 0.12 s.
+    /// A new sample, at the gyroscope's rate or slower. Sets the chips up at first, and after
+    /// [`ERRORS_BEFORE_RESTART`] errors in a row, in 0.12 s.
     ///
     /// Dropped half-way, nothing is lost but this sample.
     ///

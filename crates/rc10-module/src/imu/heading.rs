@@ -12,8 +12,7 @@ const TURN: i32 = 360_000_000;
 /// The heading of a robot, made of the yaw that a sensor tells: continuous over any number of
 /// turns, counter-clockwise positive, from a zero of ours. Whole microdegrees: nothing adds up.
 ///
-/// It is small and `Copy`, made to be published as a whole; its reader says what time it is,
-/// and gets nothing where the newest yaw is older than [`FRESH_FOR`].
+/// Small and `Copy`, to be published; without a yaw newer than [`FRESH_FOR`] it has no value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heading {
@@ -28,8 +27,7 @@ pub struct Heading {
 }
 
 impl Heading {
-    /// The sensor says this at `at`: degrees, of which whole turns do not count. What is not finite
-    /// is ignored.
+    /// The sensor says this at `at`: degrees, without whole turns. What is not finite is ignored.
     pub fn hear(&mut self, yaw: Degrees, at: Micros) {
         if !yaw.is_finite() {
             return;
@@ -55,8 +53,7 @@ impl Heading {
         self.is_lost = false;
     }
 
-    /// Makes the present heading zero, and says that it tells no [`direction`](Self::direction): of an
-    /// IMU that has come late.
+    /// Makes the present heading zero, without a [`direction`](Self::direction): the IMU came late.
     pub const fn begin_here(&mut self) {
         self.zero();
         self.is_lost = true;

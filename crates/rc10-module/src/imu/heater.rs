@@ -19,10 +19,9 @@ pub struct HeaterConfig {
     pub target: f32,
 }
 
-/// The loop, in W by °C. A die that is warmed by 3 W to 20 degrees above the air within minutes follows without
-/// overshoot (`tests/heater.rs`): it begins tens of degrees off and the power is bounded, so the integral is drawn back
-/// meanwhile, and the proportional part sees a little less of the setpoint. The sensor counts in eighths of a degree,
-/// hence the filter.
+/// The loop, in W by °C, for a die that 3 W warms by 20 degrees within minutes, without overshoot
+/// (`tests/heater.rs`): back-calculation, because the power is bounded, a little less setpoint in
+/// the proportional part, and a filter for steps of an eighth of a degree.
 const LOOP: PidConfig = PidConfig {
     setpoint_weight: 0.95,
     derivative_filter: 5.0,

@@ -1,8 +1,7 @@
 //! Patterns of a strip: a colour and a rhythm per state of the robot.
 //!
-//! The rhythm alone tells the states apart, on a single LED too: one man in twelve confuses red
-//! with green, and colours are hard to see in the sun. No LED flashes more than three times in a
-//! second: faster is dangerous for some people (WCAG 2.3.1).
+//! The rhythm alone tells the states apart: one man in twelve confuses red and green, and the sun
+//! hides colours. No more than three flashes a second: faster is dangerous for some (WCAG 2.3.1).
 //!
 //! | state | colour | rhythm of an LED, one mark is 100 ms | |
 //! |---|---|---|---|

@@ -1,5 +1,4 @@
-//! WS2812: 24 bits an LED, green, red, blue, the highest bit first; a bit is a pulse of 1.25 µs
-//! whose width is its value, and silence ends the picture.
+//! WS2812: 24 bits an LED, green, red, blue, highest bit first, as pulse widths in 1.25 µs.
 //!
 //! | | 0 | 1 | period | silence |
 //! |---|---|---|---|---|
@@ -63,8 +62,7 @@ pub fn spi_bytes(colour: RGB8) -> [u8; BITS] {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseTiming {
-    /// Clocks from one pulse to the next: the period of the timer. (An STM32's auto-reload
-    /// register gets one less.)
+    /// Clocks between pulses: the timer's period (an STM32's auto-reload register gets one less).
     pub period: u16,
     /// Clocks for which a bit that is 0 is high: a compare value.
     pub zero: u16,
@@ -82,8 +80,7 @@ pub struct TooCoarse {
 }
 
 impl PulseTiming {
-    /// The pulses of a timer that counts at `clock` Hz: 312 ns, 750 ns and 1.25 µs, as near as it
-    /// comes.
+    /// Pulses of a timer at `clock` Hz: nearly 312 ns, 750 ns and 1.25 µs.
     ///
     /// ```
     /// use rc10_module::led::ws2812::PulseTiming;
@@ -137,8 +134,7 @@ pub trait Output {
     async fn send(&mut self, symbols: &[Self::Symbol]) -> Result<(), Self::Error>;
 }
 
-/// LEDs at an SPI bus's data pin. The bus runs at one of [`SPI_CLOCK`], and the pin is low while
-/// it rests (on STM32: `AFCNTR`, or a pull-down), or the first bit is misread.
+/// LEDs at an SPI bus of one of [`SPI_CLOCK`], low at rest (on STM32: `AFCNTR`, or a pull-down).
 #[derive(Debug)]
 pub struct Spi<S>(pub S);
 
@@ -161,9 +157,8 @@ impl<S: SpiBus> Output for Spi<S> {
 
 /// LEDs at a timer's output: PWM, high first, whose compare value a DMA replaces once a period.
 ///
-/// `send` gets the compare values, a pulse each, and returns when the last pulse is over and the
-/// line is low for good: one more compare value, of 0, does that. A DMA that cannot read all
-/// memory needs them copied anyway.
+/// `send` gets compare values, a pulse each, and returns when the line is low for good: one more
+/// value, of 0, does that.
 #[derive(Debug)]
 pub struct Pulses<F> {
     timing: PulseTiming,
@@ -237,8 +232,7 @@ impl<O: Output, const LEDS: usize> Strip<O, LEDS> {
         Self { output, brightness: u8::MAX, symbols: [dark; LEDS] }
     }
 
-    /// The same with every colour at `brightness` of 255: an LED takes up to 60 mA at full white,
-    /// more than a board's 5 V gives a strip of them.
+    /// The same at `brightness` of 255: at full white an LED takes up to 60 mA, too much for 5 V.
     pub const fn with_brightness(mut self, brightness: u8) -> Self {
         self.brightness = brightness;
         self
@@ -255,8 +249,7 @@ impl<O: Output, const LEDS: usize> SmartLedsWriteAsync for Strip<O, LEDS> {
     type Error = Error<O::Error>;
     type Color = RGB8;
 
-    /// Sends the colours to the first LEDs; those behind keep theirs. Takes 30 µs an LED and the
-    /// silence. Dropped half-way, it leaves any picture.
+    /// Sends colours to the first LEDs; others keep theirs. 30 µs an LED, and the silence.
     async fn write<T, I>(&mut self, colours: T) -> Result<(), Self::Error>
     where
         T: IntoIterator<Item = I>,

@@ -1,5 +1,4 @@
-//! ACTION positioning system, two odometer wheels and a gyroscope: UART, 115200 baud 8N1, frames by
-//! themselves. Little endian.
+//! ACTION positioning, two odometer wheels and a gyroscope: UART, 115200 baud 8N1, little endian.
 //!
 //! | byte | |
 //! |---|---|
@@ -27,8 +26,7 @@ const PLAUSIBLE: f32 = 1e6;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Action;
 
-/// The pose of the system: its angles and its place. Axes and signs are the maker's, from where it
-/// was switched on; how they lie on your robot depends on how it is mounted.
+/// The pose: angles and place, with the maker's axes and signs, since it was switched on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pose {
@@ -98,8 +96,7 @@ pub struct Implausible {
     pub value: f32,
 }
 
-/// The command that sets a coordinate: from now on it is this. Public drivers wait 10 ms between
-/// two of them.
+/// The command that sets a coordinate. Public drivers wait 10 ms between two.
 ///
 /// ```
 /// use rc10_module::positioning::action::{Coordinate, set};

@@ -1,5 +1,4 @@
-//! RC9 (GDUT) frames between boards, and of that team's positioning module: UART, any baud rate,
-//! 8N1.
+//! RC9 (GDUT) frames between boards, and of its positioning module: UART, any baud rate, 8N1.
 //!
 //! | bytes | |
 //! |---|---|
@@ -26,9 +25,8 @@ const LONGEST: usize = HEADER + MOST + 4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Rc9 {
-    /// Frames whose CRC is `00 00` are taken unchecked: one positioning module of the team
-    /// calculates none. Off, unless it is that module that you listen to: then a wire that lies is
-    /// believed.
+    /// Whether frames with a CRC of `00 00` are taken unchecked: for one positioning module of the
+    /// team that calculates none. Off for all else.
     pub unchecked: bool,
 }
 
@@ -76,8 +74,7 @@ impl Frame {
     /// ```
     ///
     /// # Errors
-    /// [`FrameError::TooLong`] for more than 16, [`FrameError::NotFinite`] for one that is infinite
-    /// or NaN.
+    /// [`FrameError::TooLong`] above 16, [`FrameError::NotFinite`] for infinity or NaN.
     pub fn of_floats(id: u8, numbers: &[f32]) -> Result<Self, FrameError> {
         let mut bytes = heapless::Vec::<u8, MOST>::new();
         for (index, number) in numbers.iter().enumerate() {
@@ -102,8 +99,7 @@ impl Frame {
         self.data.get(..self.len.into()).unwrap_or_default()
     }
 
-    /// The data as numbers; `None` if they are not whole numbers of four bytes, or one of them is
-    /// infinite or NaN.
+    /// The data as numbers; `None` unless all are finite and of four whole bytes.
     #[must_use]
     pub fn floats(&self) -> Option<heapless::Vec<f32, { MOST / 4 }>> {
         let (numbers, rest) = self.data().as_chunks::<4>();
@@ -122,8 +118,7 @@ impl Frame {
     }
 }
 
-/// CRC-16/XMODEM: polynomial 0x1021, from zero, most significant bit first; 0x31C3 for
-/// "123456789".
+/// CRC-16/XMODEM: 0x1021, from zero, highest bit first; 0x31C3 for "123456789".
 ///
 /// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
 /// so that its high half also runs into its low half, and the result comes out at three places.

@@ -13,8 +13,7 @@
 //! A result is register 0022 with three words: distance u32 in mm, signal quality u16. An error is
 //! one word, its code. A command that writes comes back as it was sent.
 //!
-//! Sources: drivers of RC9 (GDUT) and of IADIY's LRF100M3PS, the public driver `laser_ldj100` with
-//! the maker's table of codes.
+//! Sources: drivers of RC9 (GDUT) and IADIY's LRF100M3PS, `laser_ldj100` with its code table.
 
 mod driver;
 
@@ -39,8 +38,7 @@ const HEADER: usize = 6;
 /// No reply of these modules has more words than a result.
 const MOST_WORDS: usize = 3;
 const LONGEST: usize = HEADER + 2 * MOST_WORDS + 1;
-/// The range of modules of this family, in mm: all are blind below 30 mm, the furthest reach 150 m.
-/// Yours may reach less far, and says so itself, by an error.
+/// The family's range in mm: from 30 to 150 m. Yours may reach less far, and says so by an error.
 const REACH: core::ops::RangeInclusive<u32> = 30..=150_000;
 
 /// The protocol of a JRT-type module.
@@ -57,8 +55,7 @@ pub enum Answer {
         address: u8,
         /// The distance; [`range`](Self::range) judges it.
         millimetres: u32,
-        /// The quality of the signal. The manual calls a small value good; users who measured found
-        /// the contrary. Try it with yours before you rely on it.
+        /// The quality. The manual calls a small value good, users found the contrary: try it.
         quality: u16,
     },
     /// The module could not measure.

@@ -46,8 +46,7 @@ pub struct Point {
     pub confidence: u8,
     /// Pulses that were added up: the more, the weaker each was.
     pub integration: u32,
-    /// The time of flight within the device, for its temperature. Not a distance, though it looks
-    /// like one.
+    /// The time of flight within the device, for its temperature: no distance.
     pub reference: u16,
 }
 

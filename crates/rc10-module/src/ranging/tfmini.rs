@@ -8,8 +8,7 @@
 //! | 6, 7 | temperature, 1/8 °C above -256 °C |
 //! | 8 | sum of bytes 0 to 7 |
 //!
-//! Source: its manual A04, table 7 and section 5.4. A `TFmini` without *Plus* has the same frame with
-//! a mode where the temperature is, and other limits: not for this module.
+//! Source: manual A04, table 7 and section 5.4. Not for a `TFmini` without *Plus*: other fields.
 
 use rc10_app::Celsius;
 

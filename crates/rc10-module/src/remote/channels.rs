@@ -12,8 +12,7 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// The channel of this number. Its high end is right, away from the body, or a switch that is
-    /// down.
+    /// The channel of this number, whose high end is right, away from the body, or a switch down.
     pub const fn new(number: u8) -> Self {
         Self { number, is_reversed: false }
     }
@@ -117,8 +116,7 @@ pub struct ChannelMap<const CHANNELS: usize> {
 impl<const CHANNELS: usize> ChannelMap<CHANNELS> {
     /// # Errors
     ///
-    /// A channel that does not exist, or is two things at once; a travel whose middle is not
-    /// between its ends.
+    /// A channel that does not exist, or is twice; a travel whose middle is not in between.
     pub const fn new(order: ChannelOrder, travel: Travel) -> Result<Self, ChannelMapError> {
         if !travel.is_possible() {
             return Err(ChannelMapError::Travel(travel));

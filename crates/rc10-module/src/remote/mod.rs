@@ -1,8 +1,7 @@
 //! Remote controls: what a person's hands do, whatever the receiver speaks.
 //!
-//! [`listen`] hears a receiver on a UART, [`listen_pulses`] one that sends pulses; either gives a
-//! [`Remote`] for each good frame. [`Watch`] says how fresh the newest one is. [`Receiver::serial`]
-//! says what the UART must be set to.
+//! [`listen`] hears a UART, [`listen_pulses`] pulses; each gives a [`Remote`] per good frame.
+//! [`Watch`] says how fresh it is, [`Receiver::serial`] the UART's settings.
 //!
 //! Below that stands a [`Protocol`](crate::Protocol) for each receiver, with its frame as it comes
 //! from the wire; which channel of SBUS, CRSF or PPM is what is a [`ChannelMap`].

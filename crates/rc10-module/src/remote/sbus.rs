@@ -30,16 +30,14 @@ pub struct SbusFrame {
 /// Bytes of a frame.
 const LENGTH: usize = 25;
 const HEADER: u8 = 0x0F;
-/// A frame takes 3 ms and at least as much silence follows. Longer than a frame, so that a driver
-/// that hands over bytes only when the line is idle makes no pause within one.
+/// Longer than a frame (3 ms), for drivers that hand bytes over when the line is idle.
 const PAUSE: Micros = Micros::new(3500);
 
 /// The travel of channels: 987.5 µs, 1500 µs, 2011.9 µs. Transmitters of `FrSky`, `RadioMaster` and
 /// others at 100 %. (Futaba's middle is 1024: it needs a [`Travel`] of its own.)
 pub const SBUS_TRAVEL: Travel = Travel { low: 172, middle: 992, high: 1811 };
 
-/// The pulse that a channel of SBUS or CRSF stands for, µs: 5/8 a count, 992 is 1500 µs
-/// (betaflight; TBS's CRSF document).
+/// The pulse of an SBUS or CRSF channel, µs: 5/8 a count, 992 is 1500 (betaflight; TBS's CRSF).
 #[must_use]
 pub fn pulse_width(raw: u16) -> f32 {
     f32::from(raw) * 0.625 + 880.0

@@ -27,8 +27,7 @@ pub enum Mode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Vt03Frame {
-    /// 364 ..= 1684, in the middle 1024: right x, right y, and the two of the left stick, on whose
-    /// order sources disagree.
+    /// 364 ..= 1684, middle 1024: right x, y, and the left two, on whose order sources disagree.
     pub channels: [u16; 4],
     /// The switch.
     pub mode: Mode,

@@ -37,8 +37,7 @@ impl Watch {
         }
     }
 
-    /// The state of the link. A frame that came after `now`, by clocks that were not read
-    /// in order, is as old as one that comes just now.
+    /// The state of the link. A frame that came after `now` counts as new.
     #[must_use]
     pub fn link(&self, now: Micros) -> RemoteLink {
         let Some(good) = self.good else { return RemoteLink::Lost };

@@ -195,8 +195,7 @@ impl Setting {
 }
 
 impl Config {
-    /// The accelerometer's settings in the order in which they are written (4.1.1: awake, then on),
-    /// in pairs of neighbours.
+    /// The accelerometer's settings as they are written (4.1.1: awake, then on), in pairs.
     pub(super) const fn accelerometer(&self) -> [[Setting; 2]; 2] {
         const fn setting(register: u8, value: u8, mask: u8) -> Setting {
             Setting { part: Part::Accelerometer, register, value, mask }

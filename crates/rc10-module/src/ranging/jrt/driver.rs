@@ -34,10 +34,9 @@ impl Speed {
 /// Between two commands, so that the module has done the first. No source names a time.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Keeps a module measuring for ever and hands each answer and its time to `hear`: stops it, should
-/// it still measure since before our restart, switches its laser on and lets it measure
-/// continuously. All this again when no answer has come for 1 s ([`Speed::Fast`]) or 5 s: then it
-/// had no power, or a command was lost. Errors are answers.
+/// Keeps a module measuring for ever and hands each answer and its time to `hear`: stops it,
+/// switches its laser on and lets it measure continuously, again after 1 s ([`Speed::Fast`]) or 5 s
+/// without an answer. Errors are answers.
 ///
 /// `port` is as for [`listen`], and a `read` of it that is dropped must lose no byte.
 pub async fn run(
