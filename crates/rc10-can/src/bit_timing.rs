@@ -54,12 +54,10 @@ impl BitTimingError {
 }
 
 impl BitTiming {
-    /// The timing of `bits_per_second` from a clock of `clock` hertz: exact, sampled at three
-    /// quarters of the bit or, where quanta are few, up to a tenth later, with the shortest possible
-    /// quanta, so that resynchronisation is as fine as it can be.
+    /// The timing of `bits_per_second` from a `clock`: exact, sampled at three quarters or, with
+    /// few quanta, up to a tenth later, by the shortest quanta, for the finest resynchronisation.
     ///
-    /// Three quarters is what `CiA` 301 recommends at 1 Mbit/s, and the early end of the range of
-    /// 75 ..= 87.5 % in which motors sample.
+    /// Three quarters is `CiA` 301's at 1 Mbit/s, and motors sample at 75 ..= 87.5 %.
     ///
     /// # Errors
     /// [`BitTimingError`] for a clock that cannot make it.

@@ -2,16 +2,14 @@ use core::fmt;
 
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
 
-/// A classic CAN 2.0 frame: standard (11 bit) or extended (29 bit) identifier, 0 ..= 8 data bytes,
-/// or a remote request.
+/// A classic CAN 2.0 frame: 11 or 29 bit identifier, 0 ..= 8 data bytes, or a remote request.
 ///
 /// 16 bytes, `Copy`. Bytes past the length are always zero.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct CanFrame {
     /// Identifier, with [`EXTENDED`] and [`REMOTE`] on top: one word to compare and to hash.
     key: u32,
-    /// Data length code, with [`NO_DATA`] on top for a remote request: a data frame of eight bytes
-    /// is one comparison away.
+    /// Data length code, with [`NO_DATA`] on top of a remote request's: one comparison for eight.
     len: u8,
     data: [u8; 8],
 }
@@ -55,8 +53,7 @@ impl CanFrame {
         Self { key: key_of(id.into()), len: 8, data }
     }
 
-    /// A data frame of a length that is known at build time: cannot fail. More than eight bytes do
-    /// not compile.
+    /// A data frame whose length is known: more than eight bytes do not compile.
     ///
     /// ```
     /// use rc10_can::{CanFrame, embedded_can::StandardId};

@@ -23,8 +23,7 @@ impl WireLength {
     }
 }
 
-/// The shortest and the longest a frame of a given shape can be on the wire, in bit times,
-/// interframe space included.
+/// Shortest and longest length on the wire, in bit times, with interframe space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
 pub struct LengthBounds {
@@ -37,8 +36,7 @@ pub struct LengthBounds {
 /// Stuffed bits around the data field: start-of-frame, identifier, control bits, CRC.
 const STUFFED_STANDARD: u32 = 34;
 const STUFFED_EXTENDED: u32 = 54;
-/// Bits that are never stuffed: CRC delimiter, ACK slot and delimiter, end-of-frame (7),
-/// interframe space (3).
+/// Bits never stuffed: CRC delimiter, ACK slot and delimiter, end (7), interframe space (3).
 const UNSTUFFED_TAIL: u32 = 13;
 
 impl LengthBounds {

@@ -4,8 +4,7 @@ use embedded_can::{ExtendedId, Id, StandardId};
 
 use crate::CanFrame;
 
-/// The data frames of one identifier, or of a family of them: those whose bits under `mask` equal
-/// the pattern's. Standard and extended never match each other.
+/// Data frames whose identifier bits under `mask` are the pattern's; of one size only.
 ///
 /// ```
 /// use rc10_can::IdPattern;
@@ -22,8 +21,7 @@ pub struct IdPattern {
     mask: u32,
 }
 
-/// Filters for standard identifiers of a bus's controller, as `rc10-bsp` sets it up: one for each
-/// pattern.
+/// Standard filters of a controller as `rc10-bsp` sets it up: one for each pattern.
 pub const STANDARD_FILTERS: usize = 32;
 /// The same for extended identifiers.
 pub const EXTENDED_FILTERS: usize = 16;
@@ -34,14 +32,12 @@ const EXACT: u32 = 0x1FFF_FFFF;
 const STANDARD: u32 = 0x7FF;
 
 impl IdPattern {
-    /// Just this standard identifier. Of a number, so that a constant can have it; what is above
-    /// its 11 bits is cut off.
+    /// Just this standard identifier, as a constant; cut off above 11 bits.
     pub const fn standard(raw: u16) -> Self {
         Self { raw: raw as u32 & STANDARD, is_extended: false, mask: EXACT }
     }
 
-    /// Just this extended identifier. Of a number, so that a constant can have it; what is above
-    /// its 29 bits is cut off.
+    /// Just this extended identifier, as a constant; cut off above 29 bits.
     pub const fn extended(raw: u32) -> Self {
         Self { raw: raw & EXACT, is_extended: true, mask: EXACT }
     }

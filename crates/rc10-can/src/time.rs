@@ -78,8 +78,7 @@ impl defmt::Format for Micros {
     }
 }
 
-/// A drift-free plan of periodic work: every start is a whole number of periods after the first.
-/// There is no clock in it; the caller says what time it is.
+/// A drift-free plan: starts are whole periods after the first; the caller has the clock.
 ///
 /// ```
 /// use rc10_can::{Micros, Schedule};
@@ -137,8 +136,7 @@ impl Schedule {
         Start { late, missed: u32::try_from(missed).unwrap_or(u32::MAX) }
     }
 
-    /// Like [`start`](Self::start), but what was missed is made up for: the next start stays one
-    /// period after this one's plan, even if that is already past.
+    /// Like [`start`](Self::start), but missed starts are made up for: the next is one period on.
     pub fn start_and_catch_up(&mut self, now: Micros) -> Start {
         let late = now.since(self.next);
         self.next += self.period;

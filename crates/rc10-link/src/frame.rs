@@ -8,9 +8,8 @@
 //! | from 4 | the body |
 //! | the last four | CRC-32 (ISO-HDLC) of the body, little endian |
 //!
-//! [`rc10_module::Stream`] finds them, whatever else is in a stream: a false head costs one byte,
-//! and a damaged frame itself. There is no stuffing, which would cost a robot as many instructions
-//! for each byte as all else.
+//! [`rc10_module::Stream`] finds them in any stream: a false head costs one byte, a damaged frame
+//! itself. Stuffing would cost a robot as many instructions as all else.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;

@@ -47,8 +47,7 @@ pub enum Ask {
         /// The robot that is meant: another one refuses.
         declaration: Declaration,
     },
-    /// Stops or disarms, any robot and at any time; also without a [`Hello`](Self::Hello) before.
-    /// [`Tell::Answer`] is the answer.
+    /// Stops or disarms any robot at any time, also without a [`Hello`](Self::Hello) before.
     Urge {
         /// The request's number, for its answer.
         id: u16,
@@ -69,8 +68,7 @@ pub enum Ask {
     },
 }
 
-/// A number that differs where the declarations of two robots do: the names and places of their motors,
-/// buses and lines, their signals and parameters. FNV-1a of them.
+/// FNV-1a of a robot's declaration: names and places of motors, buses, lines, signals, parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Declaration(pub u32);
 
@@ -120,8 +118,7 @@ pub enum Action {
     ClearFault(u8),
     /// Reads a register of a motor's device: [`Outcome::Register`].
     ReadRegister(u8, u16),
-    /// Turns a motor of a disarmed robot at this speed, tenths of rpm, where the robot allows it: for
-    /// 80 ms, so it is repeated while a button is held. Zero ends it at once.
+    /// Turns a motor of a disarmed robot, tenths of rpm, for 80 ms: repeat it. Zero ends it.
     Jog(u8, i16),
 }
 
@@ -217,8 +214,7 @@ pub enum Tell<'a> {
         at: u64,
         /// A count that differs when a parameter has changed, by this PC or another.
         changes: u32,
-        /// Frames from the PC that were not sound, bytes that were no frame, and times that the port
-        /// lost bytes.
+        /// Bad frames, bytes of no frame, and losses of the port, from the PC.
         damaged: [u32; 3],
         /// Samples that were not taken because those before were not sent yet.
         skipped: u32,

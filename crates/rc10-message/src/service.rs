@@ -13,9 +13,8 @@ use rc10_can::Micros;
 
 /// Requests and their responses: any task calls, one task serves.
 ///
-/// Up to `CALLERS` calls at once; they are served in the order in which they came, and each caller
-/// gets the response to its own request or an error that says why not. A response that comes too
-/// late is dropped and counted: it never goes to another caller.
+/// Up to `CALLERS` calls, served in their order; each caller gets its own response or an error that
+/// says why not. A late response is dropped and counted.
 ///
 /// ```
 /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
@@ -43,8 +42,7 @@ use rc10_can::Micros;
 /// # Ok::<(), rc10_message::AlreadyServed>(())
 /// ```
 ///
-/// A task that has more to do than to serve, such as a control loop, looks with
-/// [`try_next`](Self::try_next) and never waits.
+/// A task with more to do, as a control loop, looks with [`try_next`](Self::try_next).
 ///
 /// A request or response is copied in and out under a critical section: keep them small.
 pub struct Service<Request, Response, const CALLERS: usize = 4> {
@@ -98,8 +96,7 @@ pub enum CallError {
     /// The request was not taken in time, and was taken back: does the server run?
     #[error("no server took the request in time: does the server run?")]
     NotTaken,
-    /// The server has taken the request but did not answer in time. Whether it carries it out
-    /// is not known.
+    /// The server has taken the request, but not answered in time: the outcome is not known.
     #[error("the server took the request and did not answer in time")]
     TimedOut,
     /// The server has taken the request and dropped it.
@@ -149,8 +146,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
 
     /// Asks, and waits for the response, at most for `timeout`.
     ///
-    /// A request that was not taken when its time is over is taken back: no server will ever see
-    /// it. A response that came in the last moment counts.
+    /// A request not taken in its time is taken back; a response in the last moment counts.
     ///
     /// # Errors
     /// [`CallError`], which says whether the request was taken.
@@ -231,8 +227,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         }
     }
 
-    /// The right to wait for requests. Dropping it makes room for another server; requests that
-    /// wait are left to that one.
+    /// The right to wait for requests. Dropped, it leaves them to another server.
     ///
     /// # Errors
     /// [`AlreadyServed`] while there is one: two that wait would wake each other for ever.

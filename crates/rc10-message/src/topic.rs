@@ -108,9 +108,8 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize>
         }
     }
 
-    /// Does `work` for every message, for ever: what other frameworks call a callback. Messages that
-    /// come while `work` waits are kept as for any subscriber, and what did not fit is told with the
-    /// next one.
+    /// Does `work` for every message, for ever. Those that come meanwhile are kept as for any
+    /// subscriber; the next one tells what did not fit.
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }

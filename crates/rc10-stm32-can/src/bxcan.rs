@@ -1,5 +1,4 @@
-//! bxCAN (RM0090, bxCAN chapter): F4, F7, F3, L4 and other chips whose pins have alternate functions;
-//! not the F1, which remaps them.
+//! bxCAN (RM0090): F4, F7, F3, L4 and others with alternate functions; not F1, which remaps.
 
 use core::marker::PhantomData;
 
@@ -82,11 +81,9 @@ impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
     }
 }
 
-/// Starts a bus at a bit rate; it lets all frames in. The pins are checked against the peripheral
-/// when this is compiled.
+/// Starts a bus at a bit rate, for all frames. Pins are checked when this is compiled.
 ///
-/// Set the priority of its two interrupts above that of everything that takes longer than the three
-/// shortest frames, 140 µs at 1 Mbit/s.
+/// Give its interrupts priority over all that takes longer than 140 µs, three frames.
 ///
 /// # Errors
 /// [`StartError`].
@@ -141,9 +138,8 @@ impl BxCan {
         can.mcr().modify(|w| {
             w.set_sleep(false);
             w.set_inrq(true);
-            // It is set by a reset. While a debugger holds the core, the controller goes on, as the
-            // FDCAN of a G4 does: it acknowledges the ESCs' frames, and sends what is in its
-            // mailboxes.
+            // Set by a reset. Under a debugger the controller goes on, as a G4's FDCAN: it
+            // acknowledges, and sends its mailboxes.
             w.set_dbf(false);
         });
         let is_ready = || {

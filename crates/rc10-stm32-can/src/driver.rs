@@ -8,15 +8,13 @@ use crate::hardware::{Ended, Hardware, MAILBOXES};
 
 /// Unsent frames at most, those in the mailboxes included: one frame a stream.
 pub const TRANSMIT_QUEUE: usize = 24;
-/// Received frames that wait for the task: 3 ms of the shortest frames, 7 ms of frames of eight
-/// bytes, of a full bus at 1 Mbit/s.
+/// Received frames that wait: 3 ms of the shortest, 7 ms of eight bytes, at 1 Mbit/s.
 pub const RECEIVE_QUEUE: usize = 64;
 
 /// A controller, the frames that wait for it, and those that wait for the task.
 ///
-/// The most urgent of the unsent frames are in the mailboxes, the others here. A mailbox whose frame
-/// is less urgent than one that waits here is emptied for it. So frames leave in the order of
-/// arbitration, by streams: of each stream the newest frame only.
+/// The most urgent unsent frames are in mailboxes, emptied for more urgent ones that wait here:
+/// frames leave in the order of arbitration, the newest of each stream.
 pub struct Driver<H> {
     hardware: H,
     mailboxes: [Option<Loaded>; MAILBOXES],
@@ -99,8 +97,7 @@ impl<H: Hardware> Driver<H> {
         self.fill();
     }
 
-    /// The next frame, for [`CanPort::receive`](rc10_can::CanPort::receive). The arrival time is
-    /// the time at which the frame was taken from the hardware.
+    /// The next frame and its time in hardware: [`CanPort::receive`](rc10_can::CanPort::receive).
     pub fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         if self.received.is_empty() {
             // Also where interrupts are masked, or come too late.
@@ -109,9 +106,8 @@ impl<H: Hardware> Driver<H> {
         self.received.pop_front()
     }
 
-    /// Takes a frame, for [`CanPort::submit_as`](rc10_can::CanPort::submit_as). A frame that is on
-    /// the wire cannot be replaced any more: then the answer is [`Submitted::Queued`], and the
-    /// newer one follows.
+    /// Takes a frame: [`CanPort::submit_as`](rc10_can::CanPort::submit_as). One on the wire is not
+    /// replaced: the answer is [`Submitted::Queued`], and the newer one follows.
     pub fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
         if self.presence != Presence::On {
             return Submitted::Refused;
@@ -157,8 +153,7 @@ impl<H: Hardware> Driver<H> {
         self.health
     }
 
-    /// Frames that left although a newer one of their stream was there already: they were on the
-    /// wire, where no hardware takes them back.
+    /// Frames that left, on the wire already, although a newer one of their stream was there.
     pub const fn unreplaced(&self) -> u32 {
         self.unreplaced
     }
@@ -168,9 +163,8 @@ impl<H: Hardware> Driver<H> {
         self.hardware.accept(patterns);
     }
 
-    /// Goes back, for [`CanPort::recover`](rc10_can::CanPort::recover). A controller that cannot
-    /// begin at once is asked again by [`serve`](Self::serve); until it has begun, frames are
-    /// refused.
+    /// Goes back: [`CanPort::recover`](rc10_can::CanPort::recover). If it cannot begin,
+    /// [`serve`](Self::serve) asks again, and frames are refused.
     pub fn recover(&mut self) {
         if self.presence != Presence::On {
             self.take_received();
@@ -247,9 +241,8 @@ impl<H: Hardware> Driver<H> {
         Some(ended)
     }
 
-    /// Loads the most urgent of the frames that wait, but none while an older one of its stream or its identifier is in a
-    /// mailbox: that may be aborted, and not know yet. Of equal identifiers the lower mailbox leaves first, whichever
-    /// is newer.
+    /// Loads the most urgent waiting frames, but none with an older one of its stream or identifier
+    /// in a mailbox: of equal identifiers the lower mailbox leaves first.
     fn fill(&mut self) {
         while let Some(next) = self.waiting.peek_if(may_leave(&self.mailboxes)).copied() {
             let mailbox = match self.mailboxes.iter().position(Option::is_none) {
@@ -267,8 +260,7 @@ impl<H: Hardware> Driver<H> {
         }
     }
 
-    /// All mailboxes are taken: empties the one with the least urgent frame, if that is less urgent
-    /// than `next`. Which one is free, if it is at once.
+    /// Empties the mailbox of the least urgent frame, if less than `next`; which is free at once.
     fn make_room(&mut self, next: &Queued) -> Option<usize> {
         let loaded = || self.mailboxes.iter().flatten();
         if loaded().any(|loaded| loaded.purpose != Purpose::Send) {
@@ -299,8 +291,7 @@ fn may_leave(mailboxes: &[Option<Loaded>; MAILBOXES]) -> impl Fn(&Queued) -> boo
     }
 }
 
-/// Lowest leaves first. `Id`'s order is arbitration order; a data frame goes before a remote one of
-/// the same id.
+/// Lowest leaves first: `Id`'s order; data before remote of the same id.
 fn urgency(queued: &Queued) -> (Id, bool) {
     (queued.frame.id(), queued.frame.is_remote())
 }

@@ -43,8 +43,7 @@ pub trait Hardware {
     /// that is on the wire goes on, and ends either way. [`ended`](Self::ended) tells how.
     fn abort(&mut self, mailbox: usize);
 
-    /// The fate of the frame in a mailbox; `None` while it waits or is on the wire. Told once: then
-    /// the mailbox is free.
+    /// The fate of a mailbox's frame, told once; `None` while it waits or is on the wire.
     fn ended(&mut self, mailbox: usize) -> Option<Ended>;
 
     /// The oldest frame that was received.
@@ -53,20 +52,17 @@ pub trait Hardware {
     /// Whether received frames were lost since the last call, because there was no room for them.
     fn overrun(&mut self) -> bool;
 
-    /// Whether it is off the bus (its transmit error counter went above 255), and has not been
-    /// [restarted](Self::restart) since.
+    /// Whether it is off the bus, and was not [restarted](Self::restart) since.
     fn is_off(&mut self) -> bool;
 
     /// Error state and counters.
     fn errors(&mut self) -> Errors;
 
-    /// Begins the way back from bus-off, at the end of which it has seen 128 times 11 recessive
-    /// bits. Whether that was begun; if not, it is to be called again. What was received and not
-    /// taken may be lost.
+    /// Begins the way back, 128 times 11 recessive bits; whether it was begun, else call again.
+    /// What was not taken may be lost.
     fn restart(&mut self) -> bool;
 
-    /// Whether the controller had put itself into restricted operation, in which it sends nothing;
-    /// if so it is sent back. Only FDCAN has that.
+    /// Whether FDCAN was in restricted operation, which sends nothing; it is sent back.
     fn leave_restricted(&mut self) -> bool {
         false
     }

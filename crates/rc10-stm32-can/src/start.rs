@@ -7,8 +7,7 @@ pub enum StartError {
     /// The controller's clock cannot make the bit rate.
     #[error(transparent)]
     BitTiming(#[from] BitTimingError),
-    /// The controller did not go into its configuration mode within 1000 reads of its register;
-    /// most likely it has no clock.
+    /// No configuration mode within 1000 reads; most likely the controller has no clock.
     #[error("the CAN controller does not answer")]
     NoAnswer,
     /// bxCAN: the controller whose filters it shares was not started before.
@@ -32,8 +31,7 @@ pub fn wait_briefly(mut is_so: impl FnMut() -> bool) -> bool {
     (0..BRIEF).any(|_| is_so())
 }
 
-/// Gives the pins to the controller, each with its alternate function. Only when it is reset: a
-/// transmit pin without a controller behind it could hold the bus low.
+/// Connects the pins, only after the reset: without a controller they could hold the bus.
 pub fn connect(receive: (Flex<'static>, u8), transmit: (Flex<'static>, u8)) {
     let (mut receive, function) = receive;
     // Pulled to recessive: a transceiver without supply would leave it to the noise.

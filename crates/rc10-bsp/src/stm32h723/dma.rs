@@ -4,9 +4,8 @@
 //! Memory that a DMA reads or writes lies in SRAM1, and [`dma_buffer!`](crate::dma_buffer) is the
 //! only way to have a [`DmaBuffer`]. The data cache is off, so nothing has to be kept coherent.
 //!
-//! embassy-stm32's own channels are for its own drivers (SPI, I2C): their interrupt panics on a
-//! transfer error, and their ring buffer stops at a line error. The types of its DMA channels and
-//! their request numbers are used here, too.
+//! embassy-stm32's channels serve its own drivers: they panic on a transfer error, and their ring
+//! stops at a line error. Its channel types and request numbers are used here.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -35,8 +34,7 @@ impl Element for u32 {
     const SIZE: vals::Size = vals::Size::BITS32;
 }
 
-/// Memory that DMA1 and DMA2 reach, in SRAM1. [`dma_buffer!`](crate::dma_buffer) makes one, full of
-/// zeros.
+/// Memory of DMA1 and DMA2, in SRAM1; [`dma_buffer!`](crate::dma_buffer) makes one of zeros.
 pub struct DmaBuffer<T: Element, const N: usize>(&'static mut [T; N]);
 
 impl<T: Element, const N: usize> DmaBuffer<T, N> {
@@ -100,8 +98,7 @@ macro_rules! dma_buffer {
     }};
 }
 
-/// The elements of a [`DmaBuffer`] that a stream may be working on at the same time. Copies are
-/// the same memory; every access is volatile.
+/// Elements of a [`DmaBuffer`] that a stream may work on: copies share it, accesses are volatile.
 #[derive(Clone, Copy)]
 pub(super) struct DmaMemory<T> {
     start: *mut T,
@@ -146,8 +143,7 @@ impl<T: Element> DmaMemory<T> {
 }
 
 impl DmaMemory<u8> {
-    /// Fills it from the front, many bytes at once; returns how many fitted. No stream may be working on
-    /// it.
+    /// Fills it from the front; returns how many bytes fitted. No stream may be working on it.
     pub fn copy(&mut self, bytes: &[u8]) -> usize {
         let bytes = &bytes[..bytes.len().min(self.length)];
         let (chunks, rest) = bytes.as_chunks::<16>();
@@ -205,8 +201,7 @@ impl Stream {
         self.router
     }
 
-    /// Starts a transfer of the first `items` elements of `memory`. The caller owns stream and
-    /// memory, and keeps both until it has ended.
+    /// Transfers the first `items` of `memory`; the caller owns and keeps both until the end.
     pub(super) fn start<T: Element>(
         self,
         transfer: &Transfer,
@@ -271,8 +266,7 @@ impl Stream {
     #[inline]
     pub(super) fn take_events(self) -> Events {
         // Six bits a stream (RM0468, DMA_LISR): FIFO error, -, direct mode error, transfer error,
-        // half, complete. By hand, because this runs in every interrupt of every serial port, and the
-        // register's accessors look up each bit's place.
+        // half, complete. By hand, because every interrupt of a serial port runs this.
         const ALL: u32 = 0b11_1101;
         let (half, shift) = (self.index / 4, [0, 6, 16, 22][self.index % 4]);
         let flags = self.controller.isr(half).read().0 >> shift & ALL;

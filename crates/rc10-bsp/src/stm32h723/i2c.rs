@@ -1,14 +1,11 @@
 //! I2C with timeouts and bus recovery, on embassy-stm32's driver.
 //!
-//! A device that lost a clock (a spike, a restart of ours in the middle of a byte) may hold the data
-//! line low for ever. Then the I2C-bus specification (UM10204, 3.1.16) has the master clock until the
-//! device lets go, nine times at most, and send a STOP. [`I2cBus`] does that before a transaction
-//! that finds a line low, after one that failed otherwise than by a NACK, and after one whose future
-//! was dropped.
+//! A device that lost a clock may hold the data line low for ever. Then the master clocks until it
+//! lets go, nine times at most, and sends a STOP (UM10204, 3.1.16). [`I2cBus`] does that before a
+//! transaction with a line low, after a failure without a NACK, and after a dropped future.
 //!
-//! An error of the bus (BERR) in the middle of a transaction may be none: by ST's errata sheets this
-//! block tells of misplaced STARTs and STOPs that were not there. The transaction is tried once more
-//! before that is believed; a device may hear its first bytes twice.
+//! An error of the bus (BERR) in a transaction may be false (ST's errata: STARTs and STOPs that
+//! were not there). It is tried once more; a device may hear its first bytes twice.
 //!
 //! Bytes to send and received bytes go through SRAM1: the DMA reaches no stack.
 
@@ -126,8 +123,7 @@ pub struct I2cBus {
 }
 
 impl I2cBus {
-    /// Starts the master. `buffer` holds the bytes of one transaction, both ways; `priority` is that
-    /// of its interrupts.
+    /// Starts the master; `buffer` holds one transaction, `priority` is its interrupts'.
     #[expect(clippy::too_many_arguments, reason = "embassy's own, and two")]
     pub fn start<T, C, D, X, R, I, const N: usize>(
         peripheral: Peri<'static, T>,
@@ -185,8 +181,7 @@ impl I2cBus {
         self.recoveries
     }
 
-    /// Number of transactions that were tried a second time, because of an error of the bus that
-    /// was perhaps none.
+    /// Transactions tried a second time, after an error of the bus that was perhaps false.
     #[must_use]
     pub const fn retries(&self) -> u32 {
         self.retries
@@ -236,8 +231,7 @@ impl I2cBus {
         self.is_at_rest()
     }
 
-    /// Clocks until the data line is free, sends a STOP, and starts the peripheral anew; whether the
-    /// bus is at rest then. Takes up to 0.2 ms.
+    /// Clocks the data line free, sends a STOP, starts anew; whether the bus rests. Up to 0.2 ms.
     async fn recover(&mut self) -> bool {
         self.recoveries = self.recoveries.saturating_add(1);
         self.clock.take();
@@ -259,8 +253,7 @@ impl I2cBus {
         Timer::after(HALF_CLOCK).await;
         self.data.pin.set_high();
         Timer::after(HALF_CLOCK).await;
-        // Off for three clocks at least: the state machine forgets everything (RM0468, I2C, software
-        // reset).
+        // Off for three clocks: the state machine forgets everything (RM0468, I2C, software reset).
         self.registers.cr1().modify(|w| w.set_pe(false));
         self.clock.give_back();
         self.data.give_back();

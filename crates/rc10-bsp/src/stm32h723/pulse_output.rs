@@ -1,9 +1,8 @@
 //! Pulses of given widths, one per period, without a gap: what an LED strip of WS2812 listens to.
 //!
-//! A timer makes a PWM on one of its channels, and at each of its updates a DMA brings the next compare value,
-//! which the one after takes over. It counts at [`TIMER_CLOCK`](crate::TIMER_CLOCK). Not every timer at a pin can ask
-//! a DMA; the compiler says so. At PF9 TIM23 can ([`Ordinary`]), at PA7 TIM8 by the complement of its channel 1
-//! ([`Complement`]).
+//! A timer makes a PWM, and at each update a DMA brings the next compare value. It counts at
+//! [`TIMER_CLOCK`](crate::TIMER_CLOCK). The compiler knows which timers can ask a DMA: at PF9 TIM23
+//! ([`Ordinary`]), at PA7 TIM8 by channel 1's complement ([`Complement`]).
 //!
 //! The values are words, for a timer may be one of 32 bits: the bus doubles a half word that is
 //! written to a whole register (RM0468, AHB-to-APB bridges), and the pulse would last for minutes.
@@ -63,8 +62,7 @@ pub enum PulseError {
 /// The output of a timer's channel.
 pub struct Ordinary;
 
-/// The complement of an advanced timer's channel: the channel's own signal, while that has no pin (RM0468, output
-/// control bits for complementary channels).
+/// An advanced timer's complement: the channel's own signal, if that has no pin (RM0468).
 pub struct Complement;
 
 /// A pin at which a timer can make pulses.

@@ -5,9 +5,8 @@
 //! CRS keeps in step with the frames of the host (RM0468, CRS): with the feature `usb`,
 //! [`clocks`](super::clocks) says so. It uses no DMA, so its memory may lie anywhere.
 //!
-//! **A PC may or may not listen**, and a robot must not wait for it: what is sent while none does
-//! is dropped and counted, [`UsbTransmitter::lost`]. What a PC sends waits in the PC until it is
-//! read: nothing is lost in that direction.
+//! **A robot does not wait for a PC**: what is sent while none listens is dropped and counted,
+//! [`UsbTransmitter::lost`]. What a PC sends waits there until it is read.
 //!
 //! The emulator knows no USB: no test runs this module. `firmware/usb` is there to try it on a board.
 //! `VDD33USB` must be supplied, or embassy-stm32 waits for it for ever.
@@ -29,8 +28,7 @@ pub use embassy_usb::Config as UsbConfig;
 
 /// Bytes of a packet of full speed.
 const PACKET: u16 = 64;
-/// Bytes that are sent in one: a packet that is not full ends a transfer, so that the PC waits for no
-/// other.
+/// Bytes sent in one: a packet that is not full ends a transfer.
 const PIECE: usize = PACKET as usize - 1;
 /// A PC that listens fetches a packet every millisecond or more often.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -160,8 +158,7 @@ impl ErrorType for UsbTransmitter {
 }
 
 impl Write for UsbTransmitter {
-    /// Takes up to 63 bytes. They are on their way to the PC when it returns, or counted as lost.
-    /// Dropped, it has taken nothing.
+    /// Takes up to 63 bytes, on their way or counted as lost. Dropped, it has taken nothing.
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         let piece = &bytes[..bytes.len().min(PIECE)];
         let patience = if self.is_deaf { Duration::MIN } else { PATIENCE };

@@ -1,7 +1,6 @@
 //! The voltage at a pin, a few times a second, by ADC1: for a supply.
 //!
-//! embassy-stm32's driver waits for the ADC in loops without an end. Here no step waits for longer than it may take:
-//! an ADC that does not answer is no voltage, and the robot goes on.
+//! embassy-stm32's driver waits for ever. Here an ADC that does not answer in time is no voltage.
 
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::{Flex, Pin};

@@ -1,5 +1,4 @@
-//! Settings of a serial port: how bytes look on the wire. Knows no register, so that it can be
-//! tested on a PC.
+//! Settings of a serial port. Without registers, to be tested on a PC.
 
 /// Parity of a byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,9 +25,8 @@ pub enum StopBits {
 /// Settings of a serial port: always eight data bits, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialConfig {
-    /// Bits a second: 1832 ..= 7 500 000 from a kernel clock of 120 MHz, and within 1 % of that
-    /// clock divided by a whole number. 4 000 000, 1 000 000, 100 000 and 9 600 are exact; 115 200
-    /// is 0.03 % off, 420 000 is 0.1 %.
+    /// Bits a second: 1832 ..= 7 500 000 of 120 MHz, within 1 % of its whole fractions: 4 000 000,
+    /// 1 000 000, 100 000, 9 600 are exact, 115 200 is 0.03 %, 420 000 0.1 % off.
     pub baud: u32,
     /// The parity bit, which comes after the data bits.
     pub parity: Parity,

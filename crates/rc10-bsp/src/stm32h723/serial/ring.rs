@@ -1,5 +1,4 @@
-//! Accounts of a ring buffer that a circular DMA fills: the bytes received, and those of them that
-//! were read. Knows no register, so that it can be tested on a PC.
+//! Accounts of a ring that a circular DMA fills: received and read. Without registers, for tests.
 
 /// Something was wrong with what came in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -20,8 +19,7 @@ pub enum SerialError {
     /// The line was held at the level of a start bit for longer than a byte.
     #[error("the line was held in break")]
     Break,
-    /// The reader was too slow, or interrupts were masked for too long: unread bytes were
-    /// overwritten, and what was left of them is dropped.
+    /// The reader or interrupts were too slow: unread bytes were overwritten, the rest is dropped.
     #[error("bytes were overwritten before they were read")]
     TooSlow,
     /// The DMA could not transfer. It is restarted.
@@ -83,8 +81,7 @@ pub enum Next {
     Nothing,
     /// Once.
     Error(SerialError),
-    /// Some bytes from this position on. They may have to be fetched in two pieces: the place
-    /// of a position is its remainder by the ring's length.
+    /// Some bytes from this position on, modulo the ring's length: maybe in two pieces.
     Bytes { from: u32, count: u32 },
 }
 
@@ -97,8 +94,7 @@ pub struct Ring {
     /// Up to here no byte was wrong: the reader gets none behind it.
     checked: u32,
     read: u32,
-    /// The place where the reader gets an error, and the bytes that it does not get; there may be
-    /// none.
+    /// The place of an error for the reader, and the bytes that it does not get, if any.
     hole: Option<Hole>,
     pub counters: SerialCounters,
 }
@@ -145,15 +141,13 @@ impl Ring {
         self.hole = Some(Hole { from: self.read, to: self.read, why });
     }
 
-    /// The DMA has `remaining` bytes to go in this round, and has passed the half or the end of a
-    /// round since the last look. (Flags first, then `remaining`: a mark that is passed between
-    /// the two shows at the next look.)
+    /// The DMA has `remaining` bytes to go, and passed the half or the end since the last look.
+    /// (Flags first: a mark passed in between shows at the next look.)
     pub fn look(&mut self, remaining: u32, half: bool, end: bool) {
         let place = self.length.wrapping_sub(remaining) & (self.length - 1);
         let moved = place.wrapping_sub(self.received) & (self.length - 1);
         self.received = self.received.wrapping_add(moved);
-        // A whole round passes both marks. So does a bit more than half of one, but then interrupts
-        // come so late that the two cannot be told apart.
+        // A whole round passes both marks. So may a bit more than half, by interrupts as late.
         if (half && end) || self.unread() > self.length {
             count(&mut self.counters.too_slow);
             self.drop_unread(SerialError::TooSlow);
@@ -165,9 +159,8 @@ impl Ring {
         self.checked = self.received;
     }
 
-    /// The UART says that since the last check a byte was wrong, or lost; it did not come here.
-    /// `wrong` is what there was of it, if that is known. Nothing tells where among the bytes since
-    /// then it belongs: they go.
+    /// A byte since the last check was wrong, or lost; `wrong` is what there was of it. Nothing
+    /// tells where it belongs: all since then go.
     pub fn fail(&mut self, flags: LineFlags, wrong: Option<u8>) {
         let counters = &mut self.counters;
         let mut why = None;
@@ -234,8 +227,7 @@ impl Ring {
         }
     }
 
-    /// The reader has fetched `count` bytes from `from` on, and has looked since: whether they are
-    /// what was received. If not, they do not count as read.
+    /// Whether the `count` bytes fetched from `from` are what was received; else they stay unread.
     pub fn take(&mut self, from: u32, count: u32) -> bool {
         if self.read != from {
             return false;
