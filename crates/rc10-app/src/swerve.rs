@@ -156,12 +156,6 @@ impl<const N: usize> Swerve<N> {
         self.radius
     }
 
-    /// No wheel is ever asked to turn faster than this.
-    #[must_use]
-    pub const fn max_wheel_speed(&self) -> Rpm {
-        self.max_wheel_speed
-    }
-
     /// The motion for measured speeds and steering angles, by least squares, and for each module
     /// the length of the velocity that it does not explain, in m/s: a wheel that is reversed, dead
     /// or slips, or a wrong angle. Speeds that are not finite give such a twist.

@@ -190,12 +190,6 @@ impl Gear {
     pub fn to_output(self, rotor: RotorRpm) -> Rpm {
         Rpm::new(rotor.get() / self.ratio())
     }
-
-    /// The rotor's speed for an output's.
-    #[must_use]
-    pub fn to_rotor(self, output: Rpm) -> RotorRpm {
-        RotorRpm::new(output.get() * self.ratio())
-    }
 }
 
 /// The direction in which the output shaft counts.

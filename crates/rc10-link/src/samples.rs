@@ -11,8 +11,6 @@
 //!
 //! All little endian.
 
-use heapless::Vec;
-
 /// Bytes before the values.
 pub const HEAD: usize = 16;
 
@@ -58,10 +56,4 @@ impl Head {
         };
         rest.is_empty().then_some((head, words))
     }
-}
-
-/// Puts a value behind the others; whether there was room.
-#[inline]
-pub fn push<const N: usize>(body: &mut Vec<u8, N>, value: f32) -> bool {
-    body.extend_from_slice(&value.to_le_bytes()).is_ok()
 }

@@ -47,15 +47,15 @@
 //! // `wheel right` on bus 1: M3508 id 1 cannot share a bus with M3508 id 1 (`wheel left`): …
 //! ```
 
-mod check;
+pub(crate) mod check;
 mod device;
-mod slots;
+pub(crate) mod slots;
 
 use core::fmt;
 
-pub use check::{SetupError, Unsound, assert_sound, check};
+pub use check::{SetupError, Unsound, check};
 pub use device::{Device, OtherDevice, Wiring};
-pub use slots::{Held, Place, Placed, Slot, Started, numbers, place, prepare, slots};
+pub use slots::{Place, Slot, Started, numbers, slots};
 
 use rc10_app::Rpm;
 
@@ -189,14 +189,14 @@ macro_rules! motors {
         $(#[$motors_meta])*
         #[derive(Default)]
         #[allow(non_snake_case, reason = "called as the motors are")]
-        $motors_vis struct $Motors { $($motor: $crate::Held<$Motor>),+ }
+        $motors_vis struct $Motors { $($motor: $crate::__declaration::Held<$Motor>),+ }
 
         impl $crate::Names for $Name {
             const ALL: &'static [Self] = &[$(Self::$motor),+];
             const ENTRIES: &'static [$crate::Entry<$crate::Device>] =
                 &[$({ let entry = $entry; entry.with_config(entry.config.device()) }),+];
             const SLOTS: &'static [$crate::Slot] =
-                &$crate::slots::<{ Self::ALL.len() }>(Self::ENTRIES);
+                &$crate::__declaration::slots::<{ Self::ALL.len() }>(Self::ENTRIES);
             const BUSES: &'static [f32] = &$buses;
             const LINES: u8 = $lines;
 
@@ -209,7 +209,7 @@ macro_rules! motors {
         impl $Motors {
             /// Room for the motors.
             $motors_vis const fn new() -> Self {
-                Self { $($motor: $crate::Held::new()),+ }
+                Self { $($motor: $crate::__declaration::Held::new()),+ }
             }
 
             /// Makes the motors and attaches them to the robot's buses and lines, which have none yet.
@@ -222,8 +222,8 @@ macro_rules! motors {
                 buses: &mut [&mut $crate::MotorBus<'m>],
                 lines: &mut [&mut $crate::unitree::Rs485Bus<'m>],
             ) -> Result<(), $crate::SetupError> {
-                $crate::prepare::<$Name>(buses, lines)?;
-                $($crate::place::<$Name, _, _>(
+                $crate::__declaration::prepare::<$Name>(buses, lines)?;
+                $($crate::__declaration::place::<$Name, _, _>(
                     &mut self.$motor, $Name::$motor, const { &$entry }, <$Motor>::new, buses, lines,
                 )?;)+
                 Ok(())
@@ -251,7 +251,7 @@ macro_rules! motors {
     ($(#[$meta:meta])* $vis:vis enum $Name:ident; $($rest:tt)+) => {
         $crate::motors! { @declare $(#[$meta])* $vis enum $Name; $($rest)+ }
 
-        const _: () = $crate::assert_sound(
+        const _: () = $crate::__declaration::assert_sound(
             <$Name as $crate::Names>::ENTRIES,
             <$Name as $crate::Names>::BUSES,
             <$Name as $crate::Names>::LINES,

@@ -92,17 +92,23 @@ pub use batch::{TxBatch, TxFull};
 pub use bus::{BusCounters, Dispatch, MotorBus};
 pub use can_ids::{CanIds, Clash, Frames, Guard, MotorName, Ownership, Rate};
 pub use declaration::{
-    Device, Entry, Held, Names, OtherDevice, Place, Placed, SetupError, Slot, Started, Unsound,
-    Wiring, assert_sound, check, numbers, place, prepare, slots,
+    Device, Entry, Names, OtherDevice, Place, SetupError, Slot, Started, Unsound, Wiring, numbers,
 };
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};
 pub use motor::{
-    CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, SafeState, Tick, Tuning,
+    CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, SafeState, Tick, Tuning,
 };
 pub use motors::{AttachError, CommandError, MotorId, Motors};
 pub use request::{Gains, Request, RequestError, Response};
-pub use supervision::{Link, MotorCounters, MotorStatus, Refusals, Safety};
+pub use supervision::{MotorCounters, MotorStatus, Refusals, Safety};
 pub use target::{Impedance, Motion, Target, TargetError, TargetKind, TargetSet};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
 pub use {rc10_app, rc10_can};
+
+/// The parts of [`motors!`](crate::motors) that its expansion names.
+#[doc(hidden)]
+pub mod __declaration {
+    pub use crate::declaration::check::assert_sound;
+    pub use crate::declaration::slots::{Held, Placed, place, prepare, slots};
+}

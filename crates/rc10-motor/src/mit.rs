@@ -7,10 +7,10 @@
 use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle, ok};
 use rc10_can::Micros;
 
+use crate::motor::Link;
 use crate::servo::{Servo, Spring, SpringRange};
 use crate::shaft::Shaft;
 use crate::signals::Signal;
-use crate::supervision::Link;
 use crate::target::{Motion, Target, TargetError, TargetKind};
 
 /// A drive's own loop: `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.

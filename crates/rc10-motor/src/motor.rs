@@ -5,7 +5,6 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::request::{Gains, Request, RequestError, Response};
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// A drive mode: what a motor may do in a tick, as its bus decides.
@@ -84,6 +83,9 @@ pub enum FrameError {
     Unasked,
 }
 
+/// The outcome of taking a frame.
+pub type Heard = Result<FrameKind, FrameError>;
+
 /// The control loops that follow speeds and angles, where they run here and not in the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loops {
@@ -121,6 +123,19 @@ impl Tuning {
             limit: speed.output_limit,
         }
     }
+}
+
+/// Whether a motor is heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Link {
+    /// No feedback since power-on.
+    #[default]
+    NeverSeen,
+    /// Feedback is fresh.
+    Online,
+    /// No feedback for max(3 feedback periods, 10 ms).
+    Lost,
 }
 
 /// Data that a bus gives to a motor in every tick.
@@ -204,12 +219,7 @@ pub trait CanMotor: Motor {
     ///
     /// # Errors
     /// [`FrameError`]; the frame changed nothing.
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError>;
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard;
 
     /// Adds what it sends in this tick: called every tick, also when it is disarmed or lost, so
     /// that it can enable, poll, or say "zero". Frames of one tick leave in arbitration order, not

@@ -6,9 +6,9 @@ use rc10_can::Micros;
 
 use crate::arm::{ArmState, ArmSwitch};
 use crate::can_ids::{Clash, MotorName};
-use crate::motor::{DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
-use crate::supervision::{Link, MotorStatus, Safety, Supervision};
+use crate::supervision::{MotorStatus, Safety, Supervision};
 use crate::target::{Target, TargetError, TargetSet};
 
 /// The number of a motor on its bus, from `attach` or [`Names`](crate::Names) only.
@@ -179,7 +179,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         &mut self,
         motor: MotorId,
         at: Micros,
-        take: impl FnOnce(&mut M, Link) -> Result<FrameKind, FrameError>,
+        take: impl FnOnce(&mut M, Link) -> Heard,
     ) -> Option<Result<(), FrameError>> {
         let slot = self.slots.get_mut(motor.index())?;
         let heard = take(slot.motor, slot.supervision.link(at));

@@ -8,7 +8,7 @@ use rc10_can::Micros;
 
 use crate::arm::ArmState;
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{DriveMode, FrameError, FrameKind, Motor, SafeState};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Motor, SafeState};
 use crate::request::{Request, RequestError, Response};
 use crate::target::{Target, TargetError, TargetKind};
 
@@ -41,19 +41,6 @@ impl Safety {
         let expiry = self.command_expiry.get();
         expiry > 0 && expiry <= Self::LONGEST_EXPIRY.get()
     }
-}
-
-/// Whether a motor is heard.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Link {
-    /// No feedback since power-on.
-    #[default]
-    NeverSeen,
-    /// Feedback is fresh.
-    Online,
-    /// No feedback for max(3 feedback periods, 10 ms).
-    Lost,
 }
 
 /// Counters of a motor's frames, commands and targets. `received` starts over after 2³² (49 days at
@@ -379,11 +366,7 @@ impl Supervision {
 
     /// A frame of the motor was something else than its plain feedback.
     #[cold] // The usual feedback does not come here.
-    pub(crate) fn heard(
-        &mut self,
-        heard: Result<FrameKind, FrameError>,
-        at: Micros,
-    ) -> Result<(), FrameError> {
+    pub(crate) fn heard(&mut self, heard: Heard, at: Micros) -> Result<(), FrameError> {
         let heard = heard.inspect_err(|error| {
             let counters = &mut self.counters;
             let is_unasked = *error == FrameError::Unasked;

@@ -66,8 +66,7 @@ pub struct Board {
     pub watchdog: Peri<'static, IWDG1>,
 }
 
-/// TIM1, channels 1 and 3, and TIM5, channels 1 and 3. (TIM2, which the maker's examples use on PA0 and PA2, keeps the
-/// time.)
+/// TIM1 and TIM5, channels 1 and 3. (TIM2, the maker's for PA0 and PA2, keeps the time.)
 pub struct ServoParts {
     /// The timer of the first two.
     pub timer: Peri<'static, TIM1>,
@@ -112,8 +111,7 @@ pub struct Soldered {
     key: (Peri<'static, PA15>, Peri<'static, EXTI15>),
 }
 
-/// Those of [`Output::ALL`]: 1 kOhm pulls each switch down, so all are off until the program switches them on, and while
-/// the chip restarts.
+/// Those of [`Output::ALL`], pulled down by 1 kOhm: off until switched on, and in a restart.
 type OutputPins = (Peri<'static, PC14>, Peri<'static, PC13>, Peri<'static, PC15>);
 
 /// A BMI088 on SPI2, and its chip selects.
@@ -180,9 +178,8 @@ impl Board {
     }
 }
 
-/// The package has `PC2_C` and `PC3_C` only: pads of the ADC, which a switch in the chip connects to PC2 and PC3. It must be
-/// closed, which is zero (RM0468, `SYSCFG_PMCR`), for MISO and the gyroscope's chip select. It is so after a reset; who
-/// started this program may have opened it.
+/// The package has pads `PC2_C` and `PC3_C` only: the switch to PC2 and PC3, for MISO and a chip
+/// select, must be closed (zero, RM0468, `SYSCFG_PMCR`), as after a reset.
 fn close_analogue_switches() {
     pac::RCC.apb4enr().modify(|w| w.set_syscfgen(true));
     let _ = pac::RCC.apb4enr().read();

@@ -1,9 +1,8 @@
 //! The board with the STM32H723ZG: its pins. Every pin is checked against its peripheral when this is compiled; so is
 //! every DMA stream, and that nothing is used twice. `docs/wiring.md` says the same for people.
 //!
-//! Sources: the team's `CubeMX` project for the STM32H723ZGT6 board has the CAN buses, USART1, the
-//! PPM input, the LED strip, USB, the crystal and the debug port. The rest is a proposal of ours: no
-//! pin of those, parts that belong together side by side.
+//! Sources: the team's `CubeMX` project for CAN, USART1, PPM, LED strip, USB, crystal and debug
+//! port; the rest is a proposal of ours.
 
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
@@ -30,8 +29,7 @@ pub const CHIP: &str = "STM32H723ZG";
 /// The board's crystal.
 pub const CRYSTAL: Crystal = Crystal::new(25_000_000);
 
-/// Whether there is an inverter between the remote's receiver and the pin, as on boards with a DBUS
-/// socket. Here the UART inverts, where the receiver needs it.
+/// Whether the board inverts the remote's receiver, as for a DBUS socket. Here the UART does.
 pub const REMOTE_HAS_INVERTER: bool = false;
 
 /// Soldered parts that need a program: this board has none.
@@ -47,8 +45,7 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
 
 /// The board's parts, by what they are for.
 pub struct Board {
-    /// FDCAN1: receive PD0, transmit PD1. If the transceiver has a standby pin that is wired to the
-    /// chip, [`BusParts::with_standby`] drives it.
+    /// FDCAN1: receive PD0, transmit PD1. [`BusParts::with_standby`] drives a standby pin.
     pub bus_1: BusParts<FDCAN1>,
     /// FDCAN2: receive PB12, transmit PB13.
     pub bus_2: BusParts<FDCAN2>,

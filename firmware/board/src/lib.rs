@@ -6,12 +6,10 @@
 //! | `dm-mc02` | Damiao DM-MC02: `docs/dm-mc02.md` | STM32H723VG | 24 MHz |
 //!
 //! * [`robot!`]: the whole program, of a robot and its tasks.
-//! * [`board`](mod@board): the pins, by what they are for, the crystal, and what is soldered on. [`robot`](mod@robot): what
-//!   every robot does on them; a program that needs more than [`robot!`] has calls it by itself, as that of
-//!   `rc10-robot` does.
+//! * [`board`](mod@board): pins, crystal, soldered parts. [`robot`](mod@robot): every robot's work
+//!   on them, for programs that need more than [`robot!`], as that of `rc10-robot`.
 //!
-//! The memory map comes with this crate. What a program's own package must have besides stands in its
-//! `.cargo/config.toml`; without it nothing is compiled, and the error says what is missing.
+//! The memory map comes with this crate; the rest is in a program's `.cargo/config.toml`.
 #![no_std]
 
 #[cfg(feature = "dm-mc02")]

@@ -13,8 +13,7 @@
 /// }
 /// ```
 ///
-/// Of a board with outputs of supply that are switched, all are switched on when everything else runs; or these only:
-/// `outputs: [First];` behind the console. A board without such outputs takes no notice of it.
+/// `outputs: [First];` behind the console switches on these outputs only, of a board that has them.
 ///
 /// Switches to ground, at the board's part `switches`, are further arguments of the tasks, one or two:
 /// `tasks: |shared, index| task::run(shared, index);`. Each is an `InputPin` with a pull-up, low while it is closed.

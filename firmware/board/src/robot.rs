@@ -1,6 +1,5 @@
-//! The work of every robot's firmware, whatever its motors: the first words of its log, its buses
-//! with what keeps them safe in a crash, its watchdog, its line of text, and what keeps it from
-//! starting.
+//! The work of every robot's firmware: its log's first words, its buses and their crash frames,
+//! watchdog, line of text, and what keeps it from starting.
 
 use core::fmt::Write as _;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -136,8 +135,7 @@ macro_rules! executor {
     };
 }
 
-/// The ports of buses and lines, made where they stay: all at once they would take 10 KiB of stack on
-/// their way.
+/// Ports of buses and lines, made in place: on their way they would take 10 KiB of stack.
 pub fn ports<N: Names, const BUSES: usize, const LINES: usize>(
     place: &'static StaticCell<Ports<N, BUSES, LINES>>,
 ) -> &'static Ports<N, BUSES, LINES> {
@@ -184,8 +182,7 @@ fn runner(
 
 /// Three buses: frames in, motors, frames out, every millisecond.
 ///
-/// One task, because setting a timer walks past those of all tasks. Not an `async fn`: that
-/// keeps a second copy of its arguments, 2 KiB a bus.
+/// One task: a timer walks past all tasks' timers. An `async fn` would keep 2 KiB a bus twice.
 #[embassy_executor::task]
 pub fn three_buses(
     ports: [FdcanPort; 3],
@@ -282,8 +279,7 @@ pub async fn watch<N: Names, const BUSES: usize, const LINES: usize>(
     }
 }
 
-/// Everything that a robot does beside its own tasks: feeds the watchdog, tells its status, and serves
-/// its console.
+/// Everything beside its own tasks: feeds the watchdog, tells its status, serves its console.
 pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
     own: &dyn Live,
@@ -295,11 +291,9 @@ pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
     join3(watch, tell, console(shared, own, text.split(), quiet)).await;
 }
 
-/// Writes the status, ten times a second, as a line of text: to the console, unless a PC is there that
-/// speaks as [`rc10_link`](mod@rc10_tasks::live) does, and into the debug probe's buffer. Never faster,
-/// because writing there blocks interrupts; and the text is made before, so that they wait for a copy of
-/// it only, and written whole milliseconds after `quiet`, when no bus is about to send. The console is any
-/// port in its two halves.
+/// Writes the status as a line, ten times a second: to the console, unless a PC speaks there as
+/// [`rc10_link`](mod@rc10_tasks::live) does, and to the probe's buffer. That blocks interrupts: so
+/// no faster, of text made before, and whole milliseconds after `quiet`, when no bus sends.
 pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
     own: &dyn Live,

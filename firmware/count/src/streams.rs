@@ -1,5 +1,4 @@
-//! Each serial protocol through a stream: good frames as a UART gives them, and garbage that takes
-//! the most work.
+//! Each serial protocol through a stream: good frames, and the most laborious garbage.
 
 use core::hint::black_box;
 

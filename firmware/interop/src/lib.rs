@@ -1,5 +1,4 @@
-//! RC10's motors without Embassy's executor and without RC10's drivers: a loop of one's own, on
-//! any driver that implements [`embedded_can::nb::Can`](nb::Can).
+//! RC10's motors without Embassy's executor and RC10's drivers, on any [`nb::Can`].
 //!
 //! The programs beside this library differ in nothing but the driver:
 //!
@@ -52,8 +51,7 @@ impl Heartbeat {
     }
 }
 
-/// Starts the chip for a driver on embassy-stm32's peripherals: clocks and the heartbeat. FDCAN runs
-/// from the crystal's 25 MHz, the core stays at the internal oscillator's 64 MHz.
+/// Starts the chip: heartbeat, FDCAN from the crystal's 25 MHz, the core from 64 MHz inside.
 ///
 /// # Panics
 /// If called twice.

@@ -39,8 +39,7 @@ pub async fn spi(parts: SpiParts) -> Outcome {
     let mut bus = DmaSpi::new(bus, dma_buffer!(u8; 20));
     let mut accelerometer = Output::new(parts.accelerometer, Level::High, Speed::Medium);
     let mut gyroscope = Output::new(parts.gyroscope, Level::High, Speed::Medium);
-    // The first transaction switches the accelerometer from I2C to SPI. One byte more than the
-    // register comes before its contents; not so the gyroscope.
+    // The first transaction switches the accelerometer to SPI; its register comes a byte later.
     let mut bytes = [CHIP_ID, 0, 0];
     for _ in 0..2 {
         bytes = [CHIP_ID, 0, 0];

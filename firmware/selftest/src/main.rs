@@ -1,8 +1,7 @@
 //! Drives every peripheral driver that the robot's firmware does not use, one after the other, and
 //! says what came of it: a line each, into the debug probe's buffer and on the line of text.
 //!
-//! It needs devices at the other end of the wires. `tests/firmware/selftest.rs` is that for the
-//! emulated chip; on a board it is what the table in `docs/wiring.md` says.
+//! It needs devices at its wires: `tests/firmware/selftest.rs`, or `docs/wiring.md`'s table.
 #![no_std]
 #![no_main]
 

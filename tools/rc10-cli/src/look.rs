@@ -125,7 +125,6 @@ impl MotorLook {
     }
 
     /// Its newest measurements.
-    #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.status.feedback
     }

@@ -1,6 +1,5 @@
 //! One wheel of a base: where it stands, and how it touches the ground.
 
-use super::solve::sin_cos_degrees;
 use crate::transform::{Point, Robot};
 use crate::units::{Degrees, Direction};
 
@@ -145,4 +144,31 @@ pub(super) const fn pair(radius: f32, half_track: f32) -> [Wheel; 2] {
         turns: Direction::Forward,
     };
     [left, Wheel { place: Point::new(0.0, -half_track), ..left }]
+}
+
+/// Sine and cosine of degrees, within 1e-15 for few turns; exact at quarter turns and opposites.
+pub(super) const fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
+    let mut rest = degrees % 360.0;
+    let mut quarters = 0;
+    while rest > 45.0 {
+        (rest, quarters) = (rest - 90.0, quarters + 1);
+    }
+    while rest < -45.0 {
+        (rest, quarters) = (rest + 90.0, quarters + 3);
+    }
+    let x = rest * (core::f64::consts::PI / 180.0);
+    // Taylor's series: at π/4 the term of x^18 is 2e-18.
+    let (mut sin, mut cos, mut n) = (1.0, 1.0, 18.0);
+    while n > 0.0 {
+        cos = 1.0 - x * x / (n * (n - 1.0)) * cos;
+        sin = 1.0 - x * x / (n * (n + 1.0)) * sin;
+        n -= 2.0;
+    }
+    sin *= x;
+    match quarters % 4 {
+        0 => (sin, cos),
+        1 => (cos, -sin),
+        2 => (-sin, -cos),
+        _ => (-cos, sin),
+    }
 }

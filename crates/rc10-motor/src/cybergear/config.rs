@@ -3,7 +3,7 @@
 use rc10_app::{Cascade, ConfigError, Direction, FeedForward, PidConfig, RpmPerSecond, ok};
 use rc10_can::IdPattern;
 
-use super::wire::Address;
+use super::wire::{Address, Faults};
 use crate::can_ids::{CanIds, Frames, MotorName, Rate};
 use crate::feedback::Fault;
 use crate::mit::Limits;
@@ -150,27 +150,12 @@ impl Model {
     }
 }
 
-/// Bits 21 to 16 of a feedback's identifier.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Faults(u8);
-
 impl Faults {
-    pub(super) const fn from_bits(bits: u8) -> Self {
-        Self(bits & 0x3F)
-    }
-
-    /// The six bits.
-    #[must_use]
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
     /// All bits as the code, the gravest as the text; `None` if nothing is wrong.
     #[must_use]
     pub fn gravest(self, model: &Model) -> Option<Fault> {
-        let &(_, text) = model.faults.iter().find(|(bit, _)| self.0 >> bit & 1 != 0)?;
-        Some(Fault::new(self.0.into(), text))
+        let &(_, text) = model.faults.iter().find(|(bit, _)| self.bits() >> bit & 1 != 0)?;
+        Some(Fault::new(self.bits().into(), text))
     }
 }
 

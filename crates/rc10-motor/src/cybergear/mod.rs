@@ -50,6 +50,6 @@ pub mod signals;
 pub mod wire;
 
 pub use crate::mit::{Limits, Setpoint};
-pub use config::{Config, Faults, Model, models};
+pub use config::{Config, Model, models};
 pub use motor::CyberGear;
-pub use wire::{Address, Reply};
+pub use wire::{Address, Faults, Reply};

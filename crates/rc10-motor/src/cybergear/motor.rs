@@ -10,12 +10,11 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetSet};
 
 /// One CyberGear or RobStride.
@@ -108,11 +107,6 @@ impl CyberGear {
         })
     }
 
-    /// The model, with the range of position that is set.
-    pub const fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// The identifiers of the motor and of the host.
     pub const fn address(&self) -> Address {
         self.address
@@ -187,7 +181,7 @@ impl CyberGear {
         fault.map_or(FrameKind::Feedback, |_| FrameKind::Fault)
     }
 
-    fn hear_parameter(&mut self, value: &ParameterValue) -> Result<FrameKind, FrameError> {
+    fn hear_parameter(&mut self, value: &ParameterValue) -> Heard {
         let held = u32::from_le_bytes(value.bytes);
         let is_run_mode = value.parameter == Parameter::RUN_MODE;
         match self.pending.question() {
@@ -332,12 +326,7 @@ impl CanMotor for CyberGear {
         can_ids(self.address)
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         // First of all: the length of another's frames says nothing here.
         if frame.raw_id() & 0xFFFF != self.replies() {
             return Err(FrameError::NotMine);

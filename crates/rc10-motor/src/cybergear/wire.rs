@@ -6,7 +6,6 @@ use embedded_can::ExtendedId;
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
-use super::config::Faults;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 
@@ -171,6 +170,23 @@ pub enum Reply {
         /// Eight bytes as they came, big endian.
         chip: u64,
     },
+}
+
+/// Bits 21 to 16 of a feedback's identifier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Faults(u8);
+
+impl Faults {
+    pub(super) const fn from_bits(bits: u8) -> Self {
+        Self(bits & 0x3F)
+    }
+
+    /// The six bits.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
 }
 
 /// Whether a motor moves: bits 23 and 22 of the identifier.

@@ -14,11 +14,10 @@ use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetSet};
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
@@ -105,19 +104,9 @@ impl Damiao {
         })
     }
 
-    /// The model.
-    pub const fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// Identifier of the frames that it takes.
     pub const fn can_id(&self) -> DeviceId {
         self.id
-    }
-
-    /// Identifier of the frames that it sends.
-    pub const fn master_id(&self) -> StandardId {
-        self.master
     }
 
     /// The control mode of the device.
@@ -267,7 +256,7 @@ impl Damiao {
         question == Some(Question::Operate(Operation::StoreZero))
     }
 
-    fn take_reply(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
+    fn take_reply(&mut self, reply: &Reply) -> Heard {
         let access = self.access().filter(|access| reply.answers(self.id, access));
         let access = access.ok_or(FrameError::Unasked)?;
         let held = reply.content.value();
@@ -478,12 +467,7 @@ impl CanMotor for Damiao {
         can_ids(self.id.raw(), self.master.as_raw(), self.mode())
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         if frame.key() != CanFrame::key_of(self.master) {
             return Err(FrameError::NotMine);
         }

@@ -16,10 +16,6 @@ use crate::motor::FrameError;
 pub struct Register(pub u8);
 
 impl Register {
-    /// Identifier of the feedback, `MST_ID`; whole.
-    pub const MASTER_ID: Self = Self(7);
-    /// Identifier of the frames that the motor takes, `ESC_ID`; whole.
-    pub const DEVICE_ID: Self = Self(8);
     /// Silence after which the motor stops, in steps of 50 µs (so the vendor's tool); whole.
     pub const TIMEOUT: Self = Self(9);
     /// `CTRL_MODE`, the number of a [`Mode`]; whole.
@@ -32,8 +28,6 @@ impl Register {
     pub const TORQUE_LIMIT: Self = Self(23);
     /// Bit rate: 0 125k, 1 200k, 2 250k, 3 500k, 4 1M; whole.
     pub const BIT_RATE: Self = Self(35);
-    /// The position now, rad. Read it before changing to a mode that seeks a position.
-    pub const POSITION: Self = Self(80);
 
     /// Whether it holds a whole number, not an f32 (manual of J10010L, register table).
     #[must_use]

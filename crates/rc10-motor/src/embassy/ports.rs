@@ -47,16 +47,6 @@ use crate::declaration::{Names, Place, Slot};
 /// #         Wheel: Dji = rc10_motor::Entry::new("wheel", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
 /// #     }
 /// # }
-/// # mod theirs {
-/// #     use rc10_motor::dji::{Config, Dji, M3508};
-/// #     rc10_motor::motors! {
-/// #         pub enum Name;
-/// #         pub struct Motors;
-/// #         buses: [100.0];
-/// #         lines: 0;
-/// #         Lift: Dji = rc10_motor::Entry::new("lift", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
-/// #     }
-/// # }
 /// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();
 /// let wheel = PORTS.motor(ours::Name::Wheel);
 /// ```

@@ -10,12 +10,11 @@ use super::wire::{
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// The step of switching on that a drive has reached.
@@ -95,12 +94,7 @@ impl Lk {
         Amps::new(self.servo.effort() * self.shaft.sign())
     }
 
-    fn heard_motion(
-        &mut self,
-        motion: Motion,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn heard_motion(&mut self, motion: Motion, at: Micros, link: Link) -> Heard {
         if motion.command != CURRENT && motion.command != MOTION {
             return Err(FrameError::Unasked);
         }
@@ -113,7 +107,7 @@ impl Lk {
         self.shaft.follow(motion.encoder.into(), motion.speed().get(), at);
         Ok(FrameKind::Feedback)
     }
-    fn heard_other(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
+    fn heard_other(&mut self, reply: &Reply) -> Heard {
         match (reply, self.commands) {
             (Reply::Health(health), Commands::Single) => return Ok(self.heard_health(health)),
             (Reply::Run, Commands::Single) => {
@@ -285,12 +279,7 @@ impl CanMotor for Lk {
         can_ids(self.id, self.commands, self.lane)
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         match Reply::from_frame(frame, self.id)? {
             Reply::Motion(motion) => self.heard_motion(motion, at, link),
             reply => self.heard_other(&reply),

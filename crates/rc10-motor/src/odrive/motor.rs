@@ -13,12 +13,11 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals, Moment};
-use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
+use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// From here on an f32 does not tell one turn from the next.
@@ -172,12 +171,7 @@ impl ODrive {
         self.state
     }
 
-    fn heard_estimates(
-        &mut self,
-        estimates: Estimates,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn heard_estimates(&mut self, estimates: Estimates, at: Micros, link: Link) -> Heard {
         let Estimates { position, velocity } = estimates;
         if position.abs() > MAX_TURNS || velocity.abs() > MAX_SPEED {
             return Err(FrameError::Encoder);
@@ -259,11 +253,7 @@ impl ODrive {
     fn messages(&self) -> impl Iterator<Item = (u8, u16)> {
         self.rates.all().into_iter().filter(|(_, rate)| *rate > 0)
     }
-    fn heard_other(
-        &mut self,
-        frame: &CanFrame,
-        error: FrameError,
-    ) -> Result<FrameKind, FrameError> {
+    fn heard_other(&mut self, frame: &CanFrame, error: FrameError) -> Heard {
         let number = frame.key() & !u32::from(NODE_MASK);
         let is_declared = self.messages().any(|(message, _)| u32::from(message) == number);
         if !is_declared || error == FrameError::NotMine {
@@ -540,7 +530,7 @@ impl Motor for ODrive {
 }
 
 /// Takes over what an axis measured beside its estimates.
-fn store(field: &mut f32, value: f32) -> Result<FrameKind, FrameError> {
+fn store(field: &mut f32, value: f32) -> Heard {
     if value.abs() > MAX_ELECTRICAL {
         return Err(FrameError::Unexpected);
     }
@@ -553,12 +543,7 @@ impl CanMotor for ODrive {
         can_ids(self.node.number(), self.modes.0, &self.rates)
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         match Message::from_frame(frame, self.node) {
             Ok(Message::Estimates(estimates)) => self.heard_estimates(estimates, at, link),
             Ok(Message::Heartbeat(heartbeat)) => Ok(self.heard_heartbeat(heartbeat)),

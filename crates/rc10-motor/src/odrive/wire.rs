@@ -92,8 +92,6 @@ pub(super) const AXIS_STATES: [&str; 15] = [
 impl AxisState {
     /// No torque.
     pub const IDLE: Self = Self(1);
-    /// Turns the motor by itself, then idle.
-    pub const FULL_CALIBRATION: Self = Self(3);
     /// Follows its inputs.
     pub const CLOSED_LOOP: Self = Self(8);
 

@@ -9,9 +9,9 @@ use super::wire::line::{COMMAND_LEN, Parser, Reply, destination};
 use super::wire::{Address, Status};
 use crate::arm::ArmSwitch;
 use crate::can_ids::Clash;
-use crate::motor::{DriveMode, Motor, Tick};
+use crate::motor::{DriveMode, Link, Motor, Tick};
 use crate::motors::{AttachError, MotorId, Motors};
-use crate::supervision::{Link, Safety, count};
+use crate::supervision::{Safety, count};
 
 /// The motors of one RS-485 bus, and what keeps them safe, like a [`MotorBus`](crate::MotorBus).
 ///

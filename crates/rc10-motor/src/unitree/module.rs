@@ -47,10 +47,9 @@ use super::wire::{self, Address, RawImpedance, RawMotion, RotorScale};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Spring;
-use crate::supervision::Link;
 use crate::target::{Impedance, Target, TargetError, TargetSet};
 
 /// A GO-M8010-6 behind a CAN-to-485 module.
@@ -204,12 +203,7 @@ impl CanMotor for GoModule {
         ModuleConfig::new(self.module.get(), self.address.get()).can_ids()
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         if frame.raw_id() & OWNER != self.owner {
             return Err(FrameError::NotMine);
         }
@@ -259,7 +253,7 @@ mod tests {
         CanFrame::key_of(motor.can_ids().transmitted()[0].pattern.id())
     }
 
-    fn reply(motor: &mut GoModule, id: u32, link: Link) -> Result<FrameKind, FrameError> {
+    fn reply(motor: &mut GoModule, id: u32, link: Link) -> Heard {
         let frame = CanFrame::eight_bytes(ExtendedId::new(id).unwrap(), [0; 8]);
         motor.unpack_feedback(&frame, Micros::from_millis(1), link)
     }

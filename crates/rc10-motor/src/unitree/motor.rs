@@ -4,11 +4,10 @@ use rc10_can::Micros;
 use super::config::servo;
 use super::wire::{ANGLE_STEPS, GEAR, RawMotion, RotorScale, SPEED_STEPS};
 use crate::feedback::{Fault, Feedback};
-use crate::motor::Tick;
+use crate::motor::{Link, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::{Servo, Spring};
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 
 /// A motor with its gearbox and its controller, whatever links them to us: from what it reports to
 /// feedback, and from a target to the motion that its controller shall follow.

@@ -7,10 +7,9 @@ use super::wire::line::{COMMAND_LEN, Command, Reply};
 use super::wire::{Address, Impedance, RawImpedance, RawMotion, RotorScale, Status};
 use crate::can_ids::MotorName;
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetSet};
 
 /// A GO-M8010-6 on RS-485. It belongs to a [`Rs485Bus`](super::Rs485Bus), which polls it.
@@ -68,12 +67,7 @@ impl GoM8010 {
     ///
     /// # Errors
     /// [`FrameError::NotMine`] if another motor replied; nothing changed.
-    pub fn unpack_reply(
-        &mut self,
-        reply: &Reply,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    pub fn unpack_reply(&mut self, reply: &Reply, at: Micros, link: Link) -> Heard {
         if reply.address != self.address {
             return Err(FrameError::NotMine);
         }

@@ -1,6 +1,5 @@
 //! Identifier, scale and limits of a VESC, as they are set in it.
 
-use core::fmt;
 use core::num::NonZeroU8;
 
 use rc10_app::{
@@ -8,39 +7,9 @@ use rc10_app::{
 };
 use rc10_can::{IdPattern, Micros};
 
-use super::wire::{Packet, STATUSES, Status};
+use super::wire::{EVERY, Packet, STATUSES, Status, VescId};
 use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::shaft::Shaft;
-
-/// The number a VESC is set to: 0 ..= 254.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct VescId(u8);
-
-/// The id that every VESC listens to.
-pub(super) const EVERY: u8 = 255;
-
-impl VescId {
-    /// The highest number: 254.
-    pub const LAST: Self = Self(EVERY - 1);
-
-    /// `None` for 255, which means all of them.
-    pub const fn new(id: u8) -> Option<Self> {
-        if id == EVERY { None } else { Some(Self(id)) }
-    }
-
-    /// The number.
-    #[must_use]
-    pub const fn get(self) -> u8 {
-        self.0
-    }
-}
-
-impl fmt::Display for VescId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
 
 /// Below this it regulates no speed, as sold: `s_pid_min_erpm` in bldc's `mcconf_default.h`.
 pub const DEFAULT_MINIMUM: ElectricalRpm = ElectricalRpm::new(900.0);

@@ -81,9 +81,7 @@ mod watch;
 pub mod wire;
 
 pub use crate::not_a_number::NotANumber;
-pub use config::{
-    CONTROL_HZ, Config, Currents, DEFAULT_MINIMUM, ElectricalScale, StatusRates, VescId,
-};
+pub use config::{CONTROL_HZ, Config, Currents, DEFAULT_MINIMUM, ElectricalScale, StatusRates};
 pub use motor::Vesc;
 pub use rc10_app::ElectricalRpm;
-pub use wire::{Address, Command, Packet, Reply, Setting, Status, coast, ping, shutdown};
+pub use wire::{Address, Command, Packet, Reply, Setting, Status, VescId, coast, ping, shutdown};

@@ -5,19 +5,18 @@ use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Seconds, Volts};
 use rc10_can::{CanFrame, Micros};
 
-use super::config::{Config, VescId};
+use super::config::Config;
 use super::hold::Hold;
 use super::watch::Watch;
-use super::wire::{Command, Packet, Reply, Setting, Status, coast, ping};
+use super::wire::{Command, Packet, Reply, Setting, Status, VescId, coast, ping};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// After driving starts, a current rises to what was asked for within this time, s …
@@ -493,12 +492,7 @@ impl CanMotor for Vesc {
         self.config.can_ids()
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         let Config { asker, status: rates, .. } = &self.config;
         let id = &self.id;
         match Reply::unpack(frame) {

@@ -4,8 +4,7 @@ use super::config::CONTROL_HZ;
 use super::motor::Reported;
 use super::wire::Command;
 use crate::feedback::Condition;
-use crate::motor::{DriveMode, Tick};
-use crate::supervision::Link;
+use crate::motor::{DriveMode, Link, Tick};
 
 /// A VESC that does not report is asked this often, s.
 const ASK_PERIOD: f32 = 0.5;

@@ -10,9 +10,38 @@ use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, Degrees, ElectricalRpm};
 use rc10_can::CanFrame;
 
-use super::config::{EVERY, VescId};
 use crate::motor::FrameError;
 use crate::not_a_number::NotANumber;
+
+/// The number a VESC is set to: 0 ..= 254.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VescId(u8);
+
+/// The id that every VESC listens to.
+pub(super) const EVERY: u8 = 255;
+
+impl VescId {
+    /// The highest number: 254.
+    pub const LAST: Self = Self(EVERY - 1);
+
+    /// `None` for 255, which means all of them.
+    pub const fn new(id: u8) -> Option<Self> {
+        if id == EVERY { None } else { Some(Self(id)) }
+    }
+
+    /// The number.
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl fmt::Display for VescId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
 
 /// The receiver of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
