@@ -82,7 +82,6 @@ macro_rules! ok {
     };
 }
 
-/// `Ok` for a finite number.
 pub(crate) const fn finite(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.is_finite(), field, value, "finite")
 }
@@ -92,7 +91,6 @@ pub(crate) const fn not_negative(field: &'static str, value: f32) -> Result<(), 
     ConfigError::check(value.is_finite() && value >= 0.0, field, value, "finite and not negative")
 }
 
-/// `Ok` for a finite number above zero.
 pub(crate) const fn positive(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.is_finite() && value > 0.0, field, value, "finite and positive")
 }

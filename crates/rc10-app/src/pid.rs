@@ -123,7 +123,6 @@ pub struct PidState {
     output: f32,
     /// NaN before the first step.
     last_measured: f32,
-    /// Filtered rate of change of the measurement.
     rate: f32,
 }
 

@@ -316,7 +316,6 @@ fn far(angle: TotalAngle, least: TotalAngle, most: TotalAngle) -> TotalAngle {
     TotalAngle::from_microdegrees(inside)
 }
 
-/// Sine and cosine of a total angle.
 fn direction(angle: TotalAngle) -> (f32, f32) {
     maths::near_sin_cos(angle.within_turn().get() * (PI / 180.0))
 }

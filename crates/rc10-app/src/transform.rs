@@ -80,7 +80,6 @@ impl<F: Frame> Point<F> {
         Self { x, y, frame: PhantomData }
     }
 
-    /// Whether both coordinates are finite.
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(finite("x", self.x), in "place");
         ok!(finite("y", self.y), in "place");

@@ -31,7 +31,6 @@ pub const AROUND: usize = HEAD + TAIL;
 const HEAD: usize = 4;
 const TAIL: usize = 4;
 
-/// CRC-32 as in ISO-HDLC: of zip files, Ethernet and many others.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// The check sum of a body.

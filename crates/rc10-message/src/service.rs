@@ -68,7 +68,6 @@ struct State<Request, Response, const CALLERS: usize> {
     late: u32,
 }
 
-/// The slot of a waiting caller.
 struct Slot<Request, Response> {
     /// Tells one call from the next, so that no caller takes another's response; counts upwards.
     sequence: u32,
@@ -287,7 +286,6 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug for Service<Request, Re
 }
 
 impl<Request, Response, const CALLERS: usize> State<Request, Response, CALLERS> {
-    /// The slot of the caller with this sequence, if it still waits.
     fn slot(&mut self, sequence: u32) -> Option<&mut Option<Slot<Request, Response>>> {
         let of_caller = |slot: &&mut Option<Slot<_, _>>| {
             slot.as_ref().is_some_and(|slot| slot.sequence == sequence)

@@ -147,7 +147,6 @@ pub struct IncrementalEncoder {
     zero: i64,
     /// The counter's total at the first index pulse.
     index: Option<i64>,
-    /// The time at which the counter was read last.
     read: Micros,
     /// Total and time where the speed's window begins.
     window: (i64, Micros),

@@ -80,7 +80,6 @@ pub struct LimitSwitch {
     config: Config,
     /// The last state of the contact (pressed or not), and the time of its last change.
     contact: Option<(bool, Micros)>,
-    /// The time at which it last left its rest.
     disturbed: Micros,
     position: Position,
     changes: u32,

@@ -47,7 +47,6 @@ impl fmt::Debug for Reception {
     }
 }
 
-/// Bytes taken from the port at once.
 const RECEIVE: usize = 64;
 /// A port that always fails must not keep the processor busy. What comes meanwhile waits in it.
 const ERROR_PAUSE: Duration = Duration::from_millis(4);

@@ -7,7 +7,6 @@ use rc10_can::CanFrame;
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {
     frames: Vec<CanFrame, { Self::CAPACITY }>,
-    /// The stream of each frame.
     streams: Vec<u32, { Self::CAPACITY }>,
     refused: Option<Id>,
 }

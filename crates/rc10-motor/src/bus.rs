@@ -32,7 +32,6 @@ pub struct MotorBus<'m> {
 
 type CanMotors<'m> = Motors<'m, dyn CanMotor + 'm, CAPACITY>;
 
-/// The number of [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
 
 /// The result of a received frame: the motor that it belongs to, or none.

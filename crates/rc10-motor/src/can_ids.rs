@@ -79,7 +79,6 @@ impl MotorName {
         }
     }
 
-    /// A text with it at its end.
     pub(crate) const fn add_to(self, text: Text) -> Text {
         text.push(self.model).push(" id ").push_number(self.id as u64)
     }
@@ -222,7 +221,6 @@ pub enum Clash {
 }
 
 impl Clash {
-    /// A text with it at its end.
     pub(crate) const fn add_to(self, text: Text) -> Text {
         match self {
             Self::RxFrames(of) => id(text.push("both send feedback with identifier "), of),

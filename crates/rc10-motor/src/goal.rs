@@ -19,7 +19,6 @@ pub(crate) enum Goal {
     Total(TotalAngle),
     /// Exactly there; the rest stands in the target.
     Impedance(TotalAngle),
-    /// The motion of the target.
     Motion,
 }
 

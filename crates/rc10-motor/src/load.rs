@@ -33,7 +33,6 @@ pub enum Verdict {
 }
 
 impl BusLoad {
-    /// A bus without motors.
     pub(crate) const NONE: Self =
         Self { frames_per_second: 0, least: 0.0, typical: 0.0, worst: 0.0 };
 
@@ -48,7 +47,6 @@ impl BusLoad {
         }
     }
 
-    /// The load of motors with these identifiers on a bus of `bits_per_second`.
     pub(crate) fn of(motors: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
         let mut sum = LoadSum::new(bits_per_second);
         motors.for_each(|ids| sum.add(&ids));
@@ -62,7 +60,6 @@ pub(crate) struct LoadSum {
     bits_per_second: u32,
     /// Shared frames, sent once. With a full list one counts twice: the load is never too low.
     shared: [IdPattern; 32],
-    /// Number of those.
     len: usize,
 }
 
@@ -72,7 +69,6 @@ impl LoadSum {
         Self { load: BusLoad::NONE, bits_per_second, shared, len: 0 }
     }
 
-    /// Adds a motor.
     pub(crate) const fn add(&mut self, ids: &CanIds) {
         let (mut at, received) = (0, ids.received());
         while at < received.len() {

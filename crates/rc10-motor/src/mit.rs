@@ -128,7 +128,6 @@ const fn check(
     Ok(())
 }
 
-/// rpm per rad/s.
 pub(crate) const RPM_PER_RADIAN_PER_SECOND: f32 = 30.0 / core::f32::consts::PI;
 /// Microdegrees per rad.
 const PER_RADIAN: f32 = 180e6 / core::f32::consts::PI;
@@ -172,7 +171,6 @@ const LONGEST_STEP: f32 = 0.020;
 const NEAR: i64 = (0.5 * PER_RADIAN) as i64;
 
 impl RangedPosition {
-    /// The shaft of such a device.
     pub(crate) const fn shaft(direction: Direction) -> Shaft {
         Shaft::new(360_000_000, Gear::DIRECT, direction)
     }
@@ -304,7 +302,6 @@ impl RangedPosition {
         (self.reading.unwrap_or(0) + self.ranges + self.beyond).saturating_add(way)
     }
 
-    /// Whether the device can be told to go to an angle of the shaft.
     pub(crate) fn reaches(&self, shaft: &Shaft, angle: TotalAngle) -> bool {
         self.of_angle(shaft, angle).unsigned_abs() <= self.end.unsigned_abs()
     }

@@ -21,7 +21,6 @@ use crate::target::{Target, TargetError, TargetSet};
 pub struct MotorId(u8);
 
 impl MotorId {
-    /// The motor attached as number `index`, counted from 0.
     pub(crate) const fn new(index: u8) -> Self {
         Self(index)
     }
@@ -169,7 +168,6 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         self.slots.get_mut(motor.index())
     }
 
-    /// The motors themselves, in order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &M> {
         self.slots.iter().map(|slot| &*slot.motor)
     }
@@ -220,12 +218,10 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         }
     }
 
-    /// A motor; `None` if it does not exist.
     pub(crate) fn get(&self, motor: MotorId) -> Option<&M> {
         self.slot(motor).map(|slot| &*slot.motor)
     }
 
-    /// Whether a motor is heard.
     pub(crate) fn is_online(&self, motor: MotorId, now: Micros) -> bool {
         self.slot(motor).is_some_and(|slot| slot.supervision.link(now) == Link::Online)
     }

@@ -48,7 +48,6 @@ struct Asked<Q> {
     retry: Retry,
     /// Tries so far, the one that is due included.
     tries: u8,
-    /// The question is to be sent in this tick.
     is_due: bool,
     /// Seconds since the last try.
     waited: f32,

@@ -55,7 +55,6 @@ pub struct Servo {
     full: f32,
     /// Largest effort of the speed loop by its own gains.
     loop_limit: f32,
-    /// Largest effort now.
     limit: f32,
     /// Whether it followed its target in the last tick.
     ran: bool,

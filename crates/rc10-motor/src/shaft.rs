@@ -46,7 +46,6 @@ pub struct Shaft {
     divisor: i32,
     /// The most steps at once that 32 bits hold, and that move the output by less than a turn.
     most: u32,
-    /// Twice as many.
     most_twice: u32,
     /// Steps in a turn of the sensor, and in half of one.
     steps_per_turn: i32,

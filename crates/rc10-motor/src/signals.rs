@@ -149,7 +149,6 @@ pub struct Signal {
     pub presence: Presence,
 }
 
-/// Meanings of raw values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Names {
     /// Names of these values.

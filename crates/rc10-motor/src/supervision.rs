@@ -84,7 +84,6 @@ impl Refusals {
         self.unsupported.saturating_add(self.not_finite).saturating_add(self.out_of_range)
     }
 
-    /// Both together.
     #[cfg(feature = "embassy")]
     pub(crate) const fn plus(self, other: Self) -> Self {
         Self {
@@ -94,7 +93,6 @@ impl Refusals {
         }
     }
 
-    /// Counts one.
     pub(crate) const fn add(&mut self, error: TargetError) {
         count(match error {
             TargetError::Unsupported(_) => &mut self.unsupported,
@@ -221,7 +219,6 @@ pub(crate) struct Supervision {
     counters: MotorCounters,
 }
 
-/// How long a [`Request::Jog`] holds.
 const JOG: Micros = Micros::from_millis(80);
 /// How long none is asked for before one that was too fast is forgotten.
 const FORGET: Micros = Micros::from_millis(200);
@@ -249,7 +246,6 @@ impl Supervision {
         }
     }
 
-    /// Gives the motor a target, which holds from `now` until it expires.
     #[inline]
     pub(crate) fn command(
         &mut self,
@@ -321,7 +317,6 @@ impl Supervision {
         self.jogged || (arm != ArmState::Disarmed && (drives || self.is_commanded(now)))
     }
 
-    /// Whether the command still holds.
     #[inline]
     fn is_commanded(&self, now: Micros) -> bool {
         self.fresh && since(self.commanded_at, now) < self.command_expiry

@@ -74,7 +74,6 @@ impl ReceiveTable {
         }
     }
 
-    /// Whether there is room for these too.
     pub(crate) fn has_room(&self, receives: &[Frames]) -> bool {
         let used = Room { exact: self.used.into(), masked: self.masked.len(), ..Room::NONE };
         used.with(receives).is_enough_in_table()
@@ -102,7 +101,6 @@ impl ReceiveTable {
         (entry.key == frame.key()).then_some(entry.slot)
     }
 
-    /// The motor that a frame belongs to.
     pub(crate) fn find(&self, frame: &CanFrame) -> Option<MotorId> {
         let key = frame.key();
         let mut index = home(key);

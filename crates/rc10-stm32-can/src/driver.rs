@@ -36,7 +36,6 @@ enum Presence {
     Asked,
 }
 
-/// A frame in a mailbox of the hardware.
 #[derive(Clone, Copy)]
 struct Loaded {
     queued: Queued,
@@ -200,7 +199,6 @@ impl<H: Hardware> Driver<H> {
         self.cancel_pending();
     }
 
-    /// Frames that are still to be sent.
     fn unsent(&self) -> usize {
         let loaded = self.mailboxes.iter().flatten().filter(|loaded| loaded.is_wanted());
         self.waiting.len() + loaded.count()

@@ -250,7 +250,6 @@ pub(super) struct Track<'a> {
 }
 
 impl Track<'_> {
-    /// The speeds at both ends of a cell.
     fn speeds(&self, leg: usize, cell: usize) -> Option<(f32, f32)> {
         let speeds = self.speeds.get(leg)?;
         let next = match speeds.get(cell + 1) {
@@ -270,10 +269,8 @@ pub(super) struct Cursor {
 }
 
 impl Cursor {
-    /// The beginning.
     pub(super) const START: Self = Self { leg: 0, cell: 0, time: 0.0 };
 
-    /// Whether it is at the end.
     pub(super) fn is_at_end(&self, track: Track<'_>) -> bool {
         self.leg >= track.legs.len()
     }

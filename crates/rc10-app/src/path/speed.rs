@@ -21,12 +21,10 @@ use crate::maths;
 /// A little below one: what [`maths::fast_sqrt`] may be off.
 const BELOW_ONE: f32 = 1.0 - 1e-5;
 
-/// The limits of the speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds<'a> {
     /// rpm of each wheel for (vx, vy, wz).
     pub(super) rows: &'a [[f32; 3]],
-    /// rpm.
     pub(super) wheel_speed: f32,
     /// m/s, squared.
     pub(super) speed_squared: f32,
@@ -52,7 +50,6 @@ impl Ends {
         Self { cell, slopes: [first.slope, last.slope], bends: [first.bend, last.bend] }
     }
 
-    /// The same cell driven the other way.
     fn reversed(self) -> Self {
         let ([first, last], [at_first, at_last]) = (self.slopes, self.bends);
         Self { cell: self.cell, slopes: [-last, -first], bends: [at_last, at_first] }

@@ -13,7 +13,6 @@ pub(super) struct Motion {
     /// Velocity and acceleration at the beginning.
     pub(super) velocity: f32,
     pub(super) acceleration: f32,
-    /// Distance to the target.
     pub(super) way: f32,
     /// Velocity there.
     pub(super) to: f32,

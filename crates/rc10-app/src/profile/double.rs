@@ -19,7 +19,6 @@ impl Double {
         (self.high, self.low)
     }
 
-    /// The nearest f32.
     pub(super) const fn rounded(self) -> f32 {
         self.high
     }

@@ -169,7 +169,6 @@ pub struct Stream {
     router: usize,
 }
 
-/// The settings of a stream's transfer.
 pub(super) struct Transfer {
     /// DMAMUX1's number of what asks for the elements.
     pub request: u8,
@@ -182,7 +181,6 @@ pub(super) struct Transfer {
     pub is_serial: bool,
 }
 
-/// Events of a stream.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Events {
     pub half: bool,
@@ -250,7 +248,6 @@ impl Stream {
         }
     }
 
-    /// Whether it has elements left to move.
     #[inline]
     pub(super) fn is_running(self) -> bool {
         self.controller.st(self.index).cr().read().en()

@@ -34,7 +34,6 @@ const LIMIT: Duration = Duration::from_millis(30);
 const HALF_CLOCK: Duration = Duration::from_micros(5);
 /// A STOP takes two of them.
 const STOP_HALF_CLOCKS: usize = 4;
-/// Operations of a transaction.
 const OPERATIONS: usize = 8;
 
 /// I2C1, I2C2, I2C3, I2C5. (I2C4 is in reach of the BDMA only.)

@@ -28,7 +28,6 @@ const ALTERNATE_FUNCTION: u8 = 9;
 /// Makes microseconds of [`TIMER_CLOCK`].
 const DIVISOR: u16 = 240;
 const _: () = assert!(TIMER_CLOCK.0 == DIVISOR as u32 * 1_000_000);
-/// Period of the timer in microseconds.
 const ROUND: u64 = 1 << 16;
 
 static EDGES: Channel<CriticalSectionRawMutex, Micros, HELD> = Channel::new();

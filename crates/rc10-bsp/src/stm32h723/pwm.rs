@@ -16,7 +16,6 @@ pub struct PwmOutput<T: GeneralInstance4Channel> {
     /// Never dropped: without its clock it would leave the pin as it is at that moment.
     timer: ManuallyDrop<Timer<'static, T>>,
     channel: Channel,
-    /// The counter's whole period.
     period: u32,
     most: u16,
 }

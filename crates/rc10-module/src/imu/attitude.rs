@@ -228,7 +228,6 @@ impl Attitude {
         self.gaps
     }
 
-    /// The world's up in the robot's axes.
     #[inline]
     fn up(&self) -> Vector {
         let [w, x, y, z] = self.quaternion;

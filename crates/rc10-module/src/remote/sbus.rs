@@ -27,7 +27,6 @@ pub struct SbusFrame {
     pub failsafe: bool,
 }
 
-/// Bytes of a frame.
 const LENGTH: usize = 25;
 const HEADER: u8 = 0x0F;
 /// Longer than a frame (3 ms), for drivers that hand bytes over when the line is idle.

@@ -50,7 +50,6 @@ pub struct Vt03Frame {
 }
 
 const HEADER: [u8; 2] = [0xA9, 0x53];
-/// Bytes of a frame.
 const LENGTH: usize = 21;
 
 /// Half a byte's worth of the reflected CRC-16 with polynomial 8408.

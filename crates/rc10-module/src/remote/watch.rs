@@ -16,7 +16,6 @@ use super::{INTERRUPTED_AFTER, LOST_AFTER, Remote, RemoteLink};
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watch {
-    /// The time at which the newest good frame came.
     good: Option<Micros>,
     /// The newest frame says that the receiver hears no transmitter.
     failsafe: bool,

@@ -34,7 +34,6 @@ pub struct CyberGear {
     read_back: Option<Parameter>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    /// The drive mode of the last tick.
     drive: DriveMode,
     setpoint: Setpoint,
 }
@@ -50,7 +49,6 @@ enum Step {
     Setting,
     /// Sends enables until the device says that it runs.
     Enabling,
-    /// Sends setpoints.
     Running,
 }
 
@@ -64,7 +62,6 @@ enum Question {
     Write(Parameter, [u8; 4]),
     /// Be at zero here.
     Zero,
-    /// Keep its parameters.
     Save,
 }
 
@@ -316,7 +313,6 @@ impl Motor for CyberGear {
     }
 }
 
-/// An identifier of 29 bits.
 fn extended(raw: u32) -> ExtendedId {
     ExtendedId::new(raw).unwrap_or(ExtendedId::MAX)
 }

@@ -216,7 +216,6 @@ static PARAMETER_NAMES: [(u32, &str); 10] = {
 
 static READ: [Signal; 1] = [INDEX];
 
-/// A parameter that is an f32.
 const fn real(name: &'static str, parameter: Parameter, unit: &'static str) -> Signal {
     Signal::little(name, 4, 4).float().scaled(1.0, unit).when(Presence::If(parameter.0 as u32))
 }

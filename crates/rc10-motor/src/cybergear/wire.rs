@@ -43,7 +43,6 @@ fn frame(kind: u8, middle: u16, motor: u8, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(ExtendedId::new(raw).unwrap_or(ExtendedId::MAX), data)
 }
 
-/// Nothing but the first byte.
 const fn first(byte: u8) -> [u8; 8] {
     [byte, 0, 0, 0, 0, 0, 0, 0]
 }

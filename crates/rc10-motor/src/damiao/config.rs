@@ -223,7 +223,6 @@ const fn register(low: u8, len: u8) -> Frames {
 /// Largest velocity that a force-position frame carries, rad/s.
 const FASTEST_FORCE_POSITION: f32 = 100.0;
 
-/// The controller that follows the targets.
 #[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
 #[derive(Clone, Debug)]
 pub(super) enum Controller {
@@ -240,7 +239,6 @@ pub(super) enum Controller {
 }
 
 impl Controller {
-    /// The controller of a valid control.
     pub(super) fn new(control: Control, limits: &Limits) -> Self {
         use TargetKind::{Angle, Coast, Speed, SpeedMotion, TotalAngle};
         let own = |kinds: &[TargetKind], speed: Rpm, torque_share| Self::Own {

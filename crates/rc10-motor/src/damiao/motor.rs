@@ -35,14 +35,12 @@ pub struct Damiao {
     pending: Pending<Question>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    /// The drive mode of the last tick.
     drive: DriveMode,
     command: Command,
     /// The operation goes to the bare identifier, not to the mode's.
     is_bare: bool,
 }
 
-/// The command of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Command {
     Operate(Operation),
@@ -131,7 +129,6 @@ impl Damiao {
         }
     }
 
-    /// One step of an enabled motor.
     fn drive(&mut self, tick: &Tick) -> CanFrame {
         let Self { model: Model { limits, .. }, controller, shaft, position, .. } = self;
         let runs = tick.mode == DriveMode::Run;
@@ -228,7 +225,6 @@ impl Damiao {
         }
     }
 
-    /// The register that is asked for or written.
     fn access(&self) -> Option<Access> {
         match self.pending.question()? {
             Question::Check => {

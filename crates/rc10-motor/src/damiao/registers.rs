@@ -243,7 +243,6 @@ fn held(register: Register, bytes: &[u8]) -> Result<Value, FrameError> {
     }
 }
 
-/// The highest register there is.
 const LAST_REGISTER: u8 = 81;
 
 /// A reply, or why a frame that looks like one is invalid; `None` for a frame that can be feedback.

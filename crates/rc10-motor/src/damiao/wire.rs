@@ -143,7 +143,6 @@ pub fn force_position(id: DeviceId, position: f32, velocity: f32, current: f32) 
 
 /// Per rad/s.
 const VELOCITY_STEPS: f32 = 100.0;
-/// Steps of the largest current.
 const CURRENT_STEPS: f32 = 10_000.0;
 
 /// The nearest number of steps, 0 ..= 10000; none for NaN.

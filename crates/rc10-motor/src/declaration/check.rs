@@ -11,7 +11,6 @@ use crate::motors::{AttachError, MotorId};
 use crate::table::Room;
 use crate::unitree::Rs485Bus;
 
-/// The bit rate of all buses.
 const BITS_PER_SECOND: u32 = 1_000_000;
 
 /// Why a robot cannot be as it is declared.

@@ -38,7 +38,6 @@ struct MotorCell {
 const CALLERS: usize = 4;
 
 type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
-/// The outcome of a request.
 type Outcome = Result<Response, RequestError>;
 /// The task that waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
@@ -97,7 +96,6 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
         self.requests.calls()
     }
 
-    /// A part of the bus's status.
     pub(super) fn look<R>(&self, look: impl FnOnce(&S) -> R) -> R {
         self.status.lock(|status| look(&status.borrow()))
     }

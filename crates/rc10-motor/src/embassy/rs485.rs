@@ -116,7 +116,6 @@ const WRITE_LIMIT: Duration = Duration::from_millis(1);
 /// A port that always fails at once must not keep the processor busy.
 const ERROR_PAUSE: Duration = Duration::from_micros(100);
 
-/// A bus and its clock.
 struct Runner<'r, 'm> {
     bus: &'r mut Rs485Bus<'m>,
     shared: &'r Rs485Port,
@@ -126,7 +125,6 @@ struct Runner<'r, 'm> {
 }
 
 impl<'r, 'm> Runner<'r, 'm> {
-    /// The first tick is due one period after `now`.
     fn new(bus: &'r mut Rs485Bus<'m>, shared: &'r Rs485Port, now: Micros) -> Self {
         let server = Server::new(shared, bus);
         shared.publish(|status| *status = Rs485Status::NEW);

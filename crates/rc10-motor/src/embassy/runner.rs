@@ -91,7 +91,6 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     recovery: Recovery,
     /// The subscriptions' state that the port knows.
     subscriptions: u32,
-    /// Whether there are any.
     listening: bool,
     server: Server<'p, BusStatus, { MotorBus::CAPACITY }>,
 }
@@ -173,7 +172,6 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         !is_stopped && now.since(self.clock.next()) < PERIOD - LEAD
     }
 
-    /// The first half of a tick.
     fn prepare(&mut self, now: Micros) {
         let elapsed = self.last_start.replace(now).map_or(PERIOD, |last| now.since(last));
         let subscriptions = self.shared.subscriptions().changes();
@@ -193,7 +191,6 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.server.publish(self.bus.borrow(), now);
     }
 
-    /// The second half.
     fn send(&mut self, now: Micros) {
         for (frame, stream) in self.tx.entries() {
             self.traffic.count(self.port.submit_as(frame, stream));

@@ -84,7 +84,6 @@ impl Subscriptions {
         self.changes.load(Ordering::Acquire)
     }
 
-    /// The filters of all subscriptions.
     pub(super) fn filters(&self) -> impl Iterator<Item = Filter> {
         self.places.iter().filter_map(|place| place.state.lock(Cell::get).filter)
     }

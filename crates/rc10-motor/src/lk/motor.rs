@@ -17,10 +17,8 @@ use crate::servo::Servo;
 use crate::shaft::Shaft;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
-/// The step of switching on that a drive has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    /// Kept off.
     Off,
     /// Being switched on; this many echoes have come.
     Starting(u8),
@@ -51,7 +49,6 @@ pub struct Lk {
     /// The target, if it is a torque: the servo knows currents only.
     torque: Option<NewtonMetres>,
     shaft: Shaft,
-    /// The newest measurement.
     motion: Motion,
     /// Volts; NaN until the drive tells.
     supply: f32,

@@ -205,12 +205,10 @@ const fn answer_signals(amps_per_count: f64, bits: u32) -> [Signal; ANSWERS] {
     signals
 }
 
-/// The signals in the frames of a model.
 struct Table {
     answers: [Signal; ANSWERS],
     /// In the answer to any command that moves.
     motion: [Signal; 5],
-    /// In a command.
     current: [Signal; 1],
 }
 

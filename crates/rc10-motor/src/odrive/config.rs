@@ -48,7 +48,6 @@ pub enum Control {
 }
 
 impl Control {
-    /// The modes that the axis is set to.
     pub(super) const fn modes(&self) -> (ControlMode, InputMode) {
         match *self {
             Self::Torque(_) => (ControlMode::Torque, InputMode::Passthrough),
@@ -80,7 +79,6 @@ impl Rates {
         Self { estimates, heartbeat, currents: 0, temperatures: 0, supply: 0 }
     }
 
-    /// Each message with its rate.
     pub(super) const fn all(&self) -> [(u8, u16); 5] {
         [
             (ESTIMATES, self.estimates),
@@ -198,7 +196,6 @@ impl Config {
         ConfigError::check(good, "input mode", input as u8 as f32, must_be)
     }
 
-    /// The node, if the number is valid.
     pub(super) const fn checked_node(&self) -> Result<Node, ConfigError> {
         match Node::new(self.node) {
             Some(node) if self.node < 63 => Ok(node),

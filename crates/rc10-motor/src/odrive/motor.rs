@@ -50,14 +50,11 @@ const CLEAR_TRIES: u8 = 4;
 /// [`TotalAngle`]: rc10_app::TotalAngle
 const TURN: i32 = 360_000_000;
 
-/// The step of switching on that an axis has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    /// Told to be idle.
     Off,
     /// Idle; told how to understand its inputs, and to follow them.
     Starting,
-    /// Follows its inputs.
     Running,
 }
 
@@ -91,14 +88,12 @@ pub struct ODrive {
     limits: Option<Limits>,
     /// The current limit of the configuration: no request goes beyond.
     max_current: Amps,
-    /// Ticks in which limits have to be sent yet.
     limits_due: u8,
     torque_constant: f32,
     /// Turns of the encoder's shaft per turn of the output, with the direction.
     ratio: f32,
     shaft: Shaft,
     loops: Loops,
-    /// The newest estimates.
     estimates: Estimates,
     /// Amperes, volts and degrees Celsius; NaN until the axis has sent them.
     current: f32,
@@ -108,7 +103,6 @@ pub struct ODrive {
     step: Step,
     /// Whether it may drive, as of the last tick.
     wanted: bool,
-    /// The state of the axis in its last heartbeat.
     state: AxisState,
     fault: Option<Fault>,
     /// Time since the last heartbeat, and how long it may be, s.
@@ -279,7 +273,6 @@ impl ODrive {
         Some(Command::Limits { velocity, current: current * share })
     }
 
-    /// The command of this tick, if there is one.
     fn command(&mut self) -> Option<Command> {
         let (control, input) = self.modes;
         match (self.step, self.beat % START_STEPS) {

@@ -62,7 +62,6 @@ pub struct Rs485Bus<'m> {
     counters: Rs485Counters,
 }
 
-/// The state of the polls of one motor.
 #[derive(Clone, Copy, Debug)]
 struct Poll {
     /// Not polled since the last tick.
@@ -70,7 +69,6 @@ struct Poll {
     /// Whether its link is online, as of the last tick or its last reply.
     is_heard: bool,
     polled_at: Option<Micros>,
-    /// The drive mode of the motor, since the last tick.
     mode: DriveMode,
     /// Number of polls still to come without a pause, even if the motor does not reply.
     urgent: u8,
@@ -82,7 +80,6 @@ struct Polled {
     at: Micros,
 }
 
-/// The number of [`Rs485Bus::CAPACITY`].
 const CAPACITY: usize = 15;
 /// Least number of polls of a motor after a change of its drive mode.
 const URGENT: u8 = 3;

@@ -24,7 +24,6 @@ pub const CASCADE: Cascade = Cascade {
     feed_forward: FeedForward::NONE,
 };
 
-/// The springs that the controller makes at the output shaft.
 #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
 const SPRINGS: SpringRange = {
     let ratio = GEAR.rotor_turns() as f64 / GEAR.output_turns() as f64;
@@ -165,7 +164,6 @@ impl ModuleConfig {
         }
     }
 
-    /// The module, and the address behind it.
     pub(super) const fn devices(&self) -> Result<(Module, Address), ConfigError> {
         let error = match (Module::new(self.module), Address::new(self.motor)) {
             (Some(module), Some(address)) => return Ok((module, address)),

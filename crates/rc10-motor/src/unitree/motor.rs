@@ -21,7 +21,6 @@ pub(super) struct Actuator {
     pub(super) fault: Option<Fault>,
 }
 
-/// Steps in half a turn of the rotor.
 const HALF_TURN: u32 = ANGLE_STEPS / 2;
 /// Speed of the rotor in rpm per step.
 #[expect(clippy::cast_possible_truncation, reason = "exact")]
@@ -40,7 +39,6 @@ impl Actuator {
         }
     }
 
-    /// Takes a report of the motor, which came at `at`.
     pub(super) fn report(
         &mut self,
         motion: RawMotion,

@@ -29,7 +29,6 @@ pub struct GoM8010 {
     mode: DriveMode,
     /// The last status that the motor reported.
     status: Status,
-    /// The command of the next poll.
     command: Command,
     /// A fault that is to be cleared: the next reply tells.
     pending: Pending<()>,

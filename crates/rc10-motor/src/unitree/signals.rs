@@ -19,7 +19,6 @@ pub const NOT_IN_DBC: &[&str] = &[
      UNITREE_GO_READ_GAINS are not documented; its data are those of UNITREE_GO_SET_GAINS.",
 ];
 
-/// Turns of the rotor per turn of the output.
 const GEAR: f64 = 6.33;
 
 const MOTION: &[Signal] = &[

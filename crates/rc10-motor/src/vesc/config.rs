@@ -51,7 +51,6 @@ impl ElectricalScale {
         self
     }
 
-    /// Electrical turns per turn of the rotor.
     pub(super) fn pole_pairs(&self) -> f32 {
         self.pole_pairs.get().into()
     }
@@ -286,7 +285,6 @@ impl Config {
         cascade.validate()
     }
 
-    /// The number, if it is valid.
     pub(super) const fn vesc_id(&self) -> Result<VescId, ConfigError> {
         match VescId::new(self.id) {
             Some(id) => Ok(id),

@@ -152,7 +152,6 @@ impl Vesc {
         &self.config
     }
 
-    /// The next command.
     fn decide(&mut self, tick: &Tick) -> Command {
         // Nothing is done to a shaft that was never seen.
         let mode = if self.shaft.is_known() { tick.mode } else { DriveMode::Off };

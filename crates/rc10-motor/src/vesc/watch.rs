@@ -23,7 +23,6 @@ const NOTHING: f32 = 0.05;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch {
     is_slow_by_design: bool,
-    /// Whether it is online, as of the last tick.
     is_online: bool,
     until_asking: f32,
     /// Seconds for which the last answer counts yet.
@@ -50,13 +49,11 @@ impl Watch {
         }
     }
 
-    /// A STATUS came.
     pub(super) const fn hear(&mut self) {
         self.answered = 0.0;
         self.reports = self.reports.saturating_add(1);
     }
 
-    /// A PONG came.
     pub(super) const fn hear_answer(&mut self) {
         self.answered = ANSWER_HOLDS;
     }
@@ -66,7 +63,6 @@ impl Watch {
         self.until_asking <= 0.0
     }
 
-    /// The question was sent.
     pub(super) const fn asked(&mut self) {
         self.until_asking = ASK_PERIOD;
     }

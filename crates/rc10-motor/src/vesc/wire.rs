@@ -385,7 +385,6 @@ impl Setting {
     }
 }
 
-/// A frame of exactly this length.
 fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanFrame {
     CanFrame::exact(packet.id(to), data)
 }
@@ -501,7 +500,6 @@ impl Reply {
     }
 }
 
-/// The bytes of a data frame.
 fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
     let bytes = || frame.all_eight().ok_or(FrameError::Length);
     Ok(match packet {
@@ -542,12 +540,10 @@ fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
     })
 }
 
-/// The bytes as two numbers.
 const fn words(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [i32; 2] {
     [i32::from_be_bytes([a, b, c, d]), i32::from_be_bytes([e, f, g, h])]
 }
 
-/// The bytes as four numbers.
 fn halves(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [f32; 4] {
     [[a, b], [c, d], [e, f], [g, h]].map(|half| i16::from_be_bytes(half).into())
 }

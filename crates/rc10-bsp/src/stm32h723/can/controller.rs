@@ -20,7 +20,6 @@ const TRANSMIT: usize = 32;
 pub const COAST_FRAMES: usize = 8;
 /// Transmit buffers for [`submit`](rc10_can::CanPort::submit).
 pub(super) const COMMANDS: usize = TRANSMIT - COAST_FRAMES;
-/// The buffers of `submit` as a register mask.
 pub(super) const COMMAND_MASK: u32 = (1 << COMMANDS) - 1;
 
 // Message RAM, in words from the start of a controller's share.
@@ -55,7 +54,6 @@ pub(super) struct Shared {
     coast: AtomicU32,
     /// Whether the port is being asked for frames: [`POLLED`], [`SEEN`] or [`STALLED`].
     attendance: AtomicU8,
-    /// Number of times that the port was not asked in time.
     stalls: AtomicU32,
 }
 
@@ -177,7 +175,6 @@ impl Controller {
         [read(0), read(1), read(2), read(3)]
     }
 
-    /// The number of frames in a FIFO, and the place of the oldest.
     #[inline]
     pub(super) fn held(self, fifo: Fifo) -> (u8, u8) {
         let status = self.registers.rxfs(fifo as usize).read();
@@ -283,7 +280,6 @@ impl Controller {
         self.stalls()
     }
 
-    /// Number of times that the port was not asked in time.
     #[inline]
     pub(super) fn stalls(self) -> u32 {
         self.shared.stalls.load(Ordering::Acquire)

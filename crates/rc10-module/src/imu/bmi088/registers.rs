@@ -210,7 +210,6 @@ impl Config {
         ]
     }
 
-    /// The gyroscope's settings.
     pub(super) const fn gyroscope(&self) -> [Setting; 3] {
         const fn setting(register: u8, value: u8, mask: u8) -> Setting {
             Setting { part: Part::Gyroscope, register, value, mask }

@@ -36,7 +36,6 @@ impl Sequence {
         Self { step: Step::Polling { answered: false }, given: RawImpedance::NONE, asked: false }
     }
 
-    /// Starts over.
     pub(super) const fn stop(&mut self) {
         self.step = Step::Polling { answered: false };
     }
