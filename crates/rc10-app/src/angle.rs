@@ -6,8 +6,7 @@ use crate::Degrees;
 
 /// The counts of a sensor in some turns of the output shaft: `counts` counts make `turns` turns.
 ///
-/// Two numbers, because a gearbox seldom leaves a whole number of encoder counts per output turn:
-/// an M3508's 8192-count encoder behind 3591 : 187 makes 29,417,472 counts in 187 turns.
+/// Two numbers: an M3508's 8192 counts behind 3591 : 187 make 29,417,472 counts in 187 turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CountsPerTurn {
@@ -183,8 +182,7 @@ impl fmt::Display for TotalAngle {
     }
 }
 
-/// The shortest way from `from` to `to` on a circle of `turn` counts: -turn/2 ..< turn/2 for
-/// positions 0 ..< turn. Exact. Half a turn is ambiguous and goes backwards.
+/// The shortest way on a circle of `turn` counts: -turn/2 ..< turn/2; half a turn goes back.
 ///
 /// ```
 /// use rc10_app::angle::shortest_way;
@@ -202,8 +200,7 @@ pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
     }
 }
 
-/// The nearest of all movements that end where `step` ends on a circle of `turn` counts: the one
-/// nearest to `expected`: bridges a gap in which an unknown number of turns was made. Saturating.
+/// Of movements that end at `step` modulo `turn`, the one nearest to `expected`. Saturating.
 pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
     let turn = turn.max(1);
     let excess = expected.saturating_sub(step);

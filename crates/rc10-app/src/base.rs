@@ -156,8 +156,7 @@ impl<const N: usize> Base<N> {
     /// A base on these wheels, none of which is ever asked to turn faster than `max_wheel_speed`.
     ///
     /// # Errors
-    /// Why these wheels are no base: a number that cannot be used, plain wheels that do not roll in
-    /// parallel, or a motion that no wheel makes or holds.
+    /// Wheels that make no base: a bad number, plain wheels not in parallel, a free motion.
     pub const fn new(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Result<Self, BaseError> {
         if let Err(error) = positive("max_wheel_speed", max_wheel_speed.get()) {
             return Err(BaseError::Config(error));
@@ -278,8 +277,7 @@ impl<const N: usize> Base<N> {
         BaseMotion { twist, residual }
     }
 
-    /// Whether wheels that accelerate by at most `most` keep these limits in every direction, both
-    /// at once: for the axes of the robot, and those of the field while it does not turn.
+    /// Whether wheels accelerating by `most` keep these limits in every direction, both at once.
     ///
     /// # Errors
     /// The acceleration that a wheel would need, if it is more; or the limit that cannot be used.

@@ -43,8 +43,7 @@ pub struct PidConfig {
     pub derivative_filter: f32,
     /// The share of the setpoint for `kp`, 0 ..= 1: below 1 a step of it overshoots less.
     pub setpoint_weight: f32,
-    /// Rate at which the integral is drawn back while the output is limited (back-calculation), 1/s;
-    /// 0: conditional integration instead. Usual is 1 to 10 times ki / kp.
+    /// Rate of back-calculation, 1/s, usually 1 to 10 times ki / kp; 0: conditional integration.
     pub tracking: f32,
 }
 
@@ -149,8 +148,7 @@ impl PidState {
         Self { integral: 0.0, last_error: 0.0, last_measured: f32::NAN, rate: 0.0, output: 0.0 }
     }
 
-    /// Starts over so that the first output, at error zero, is `output`: switching over from
-    /// another controller gives no kick.
+    /// Starts over with the output `output` at error zero: no kick from another controller.
     pub const fn preset(&mut self, output: f32) {
         *self = Self::new();
         if output.is_finite() {

@@ -88,8 +88,7 @@ impl<const N: usize> Swerve<N> {
     /// Modules at these places, with wheels of this radius in metres and at most `max_wheel_speed`.
     ///
     /// # Errors
-    /// A number that cannot be used; modules that all stand in one place, and cannot turn the base;
-    /// a range of steering below half a turn, in which not every direction can be reached.
+    /// A bad number; modules in one place; a range of steering below half a turn.
     pub const fn new(
         places: [Point<Robot>; N],
         radius: f32,

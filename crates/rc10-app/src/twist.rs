@@ -116,8 +116,7 @@ impl TwistNotFinite {
 /// Largest accelerations of a [`TwistLimiter`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwistLimits {
-    /// Largest change of the velocity vector (vx, vy), in m/s²; > 0. Rubber on a field gives
-    /// the coefficient of friction times 9.81 m/s² in any direction.
+    /// Largest change of (vx, vy), m/s²; > 0: on rubber, friction times 9.81.
     pub linear_acceleration: f32,
     /// Largest change of the yaw rate, in rad/s²; > 0.
     pub angular_acceleration: f32,
@@ -172,8 +171,7 @@ impl<F: Frame> TwistLimiter<F> {
     /// finite and positive changes nothing. [`Twist::STOP`] stops within the limits.
     ///
     /// # Errors
-    /// [`TwistNotFinite`] if the target is infinite, NaN, or too far away to compute with; the
-    /// state stays unchanged.
+    /// [`TwistNotFinite`] if infinite, NaN or too far away; the state stays unchanged.
     pub fn update(
         &mut self,
         limits: &TwistLimits,

@@ -130,8 +130,7 @@ impl ArmSwitch {
         }
     }
 
-    /// Disarms the robot, and keeps it disarmed until it is started again: something is wrong with
-    /// it that would make driving it unsafe. The first reason stays.
+    /// Disarms the robot until it is started again, because it is unsafe. The first reason stays.
     pub fn forbid(&self, why: Unfit) {
         let unfit = match why {
             Unfit::Overload => OVERLOAD,
@@ -158,8 +157,7 @@ impl ArmSwitch {
         );
     }
 
-    /// Sends every motor of an armed robot to its safe state in its bus's next tick, until
-    /// [`resume`](Self::resume): for a link that is lost and may come back.
+    /// Sends all motors of an armed robot to their safe states until [`resume`](Self::resume).
     pub fn suspend(&self) {
         self.change(ARMED, SUSPENDED);
     }
@@ -169,8 +167,7 @@ impl ArmSwitch {
         self.change(SUSPENDED, ARMED);
     }
 
-    /// Sends every motor to its safe state in the next tick of its bus, until
-    /// [`reset`](Self::reset). Motors of a robot that is not armed stay without torque.
+    /// Sends all motors to their safe states until [`reset`](Self::reset); disarmed ones stay free.
     pub fn emergency_stop(&self) {
         self.update(&|word| {
             let state = state_of(word);

@@ -33,9 +33,8 @@ impl TxBatch {
         self.push_as(frame, frame.key())
     }
 
-    /// Adds a whole frame that, whatever its identifier, takes the place of an unsent frame of the
-    /// same `stream` and of no other: for devices whose identifiers say what is commanded. A stream
-    /// is the [key](CanFrame::key) of an identifier of the motor's own [`CanIds`](crate::CanIds).
+    /// Adds a whole frame in place of an unsent one of the same `stream`, for devices whose
+    /// identifiers say what is commanded: the [key](CanFrame::key) of an own identifier.
     ///
     /// # Errors
     /// [`TxFull`] if there are [`CAPACITY`](Self::CAPACITY) frames already.

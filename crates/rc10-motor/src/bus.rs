@@ -99,8 +99,7 @@ impl<'m> MotorBus<'m> {
         }
     }
 
-    /// Lets the robot be armed even if the bus's motors do not fit on it, which a runner forbids
-    /// ([`Unfit::Overload`](crate::Unfit::Overload)): frames will be lost.
+    /// Lets the robot be armed although its motors do not fit on the bus: frames will be lost.
     pub const fn allow_overload(&mut self) {
         self.overload_allowed = true;
     }

@@ -5,8 +5,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 
 /// The identifiers of a motor: clash check, receive table, load and link timeout follow from them.
 ///
-/// Built by `const` functions that cannot fail: a motor that declares more than fits is refused when
-/// it is attached, or, in a `const`, by [`checked`](Self::checked) when it is compiled.
+/// A motor that declares too much is refused when attached, or by [`checked`](Self::checked).
 ///
 /// ```
 /// use rc10_can::IdPattern;
@@ -267,8 +266,7 @@ impl CanIds {
         self
     }
 
-    /// Adds identifiers the device obeys although we never use them: no other device's frames may
-    /// match. (A Damiao reacts to the low byte of every standard identifier.) Two at most.
+    /// Adds identifiers that the device obeys but we never use (a Damiao's low byte). Two at most.
     pub const fn listens_to(mut self, pattern: IdPattern) -> Self {
         self.listens.push(pattern);
         self

@@ -1,5 +1,4 @@
-//! A robot's motors, declared once: names, places, ports, the check when it is compiled, and what
-//! tools need to know all follow from one table.
+//! A robot's motors, declared once: one table gives names, places, ports, checks and tools all.
 //!
 //! ```
 //! use rc10_motor::Place::Bus;
@@ -94,8 +93,7 @@ impl<C: Copy> Entry<C> {
         self
     }
 
-    /// A PC may turn it, up to this speed, while the robot is disarmed: to find out which motor it is, and
-    /// which way it turns. Only where nothing is in the way, and nothing falls.
+    /// Lets a PC turn it up to this speed while disarmed, to see which it is. Only with free space.
     ///
     /// # Panics
     /// If the speed is not above zero; in a `const` that is a compile error.

@@ -17,8 +17,7 @@ pub struct Feedback {
     pub angle: Degrees,
     /// Angle of many turns, exact.
     pub total_angle: TotalAngle,
-    /// Number of times that the turns had to be estimated, because feedback was missing at speed or
-    /// for more than 100 ms. A motor that has lost count runs on: watch this where it matters.
+    /// Times that turns were estimated, for lack of feedback at speed or for 100 ms: watch this.
     pub turn_gaps: u32,
     current: Reading,
     torque: Reading,
@@ -114,8 +113,7 @@ impl Feedback {
         self.supply.get().map(Volts::new)
     }
 
-    /// The effort that its servo commanded last, in the unit of its [`Loops`](crate::Loops); `None` where
-    /// the loops run in its device. No measurement, but of the same moment.
+    /// The effort commanded last, in the unit of its [`Loops`](crate::Loops); `None` without loops.
     pub const fn effort(&self) -> Option<f32> {
         self.effort.get()
     }

@@ -65,8 +65,7 @@ pub struct Limits {
 const LARGEST: f32 = 1e6;
 
 impl Limits {
-    /// Ranges ±`position` (rad), ±`velocity` (rad/s), ±`torque` (N m); gains up to 500 N m / rad
-    /// and 5 N m s / rad, as Damiao, CyberGear and RobStride's small models have them.
+    /// Ranges ±`position` (rad), ±`velocity` (rad/s), ±`torque` (N m); usual gains up to 500 and 5.
     pub const fn new(position: f32, velocity: f32, torque: f32) -> Self {
         Self { position, velocity, torque, kp: 500.0, kd: 5.0 }
     }
@@ -142,8 +141,7 @@ const PER_RPM_MICRO: f32 = 6.0;
 /// * At the end of the range the position beyond it is estimated from the speed, so that a loop
 ///   sees the shaft turn there. Back within the range it is exact again.
 ///
-/// Without power such a device forgets the number of its turns: a jump of the reading, or a reading
-/// that does not fit the speed after a silence, means that it counts from elsewhere.
+/// Without power the turns are forgotten: a jump, or an odd reading after a silence, tells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RangedPosition {
     /// Microdegrees in half a step of the field, times 2^16.
@@ -162,8 +160,7 @@ pub(crate) struct RangedPosition {
     beyond: i64,
 }
 
-/// Seconds in which a device at its largest speed makes [`RangedPosition::fastest`]: twice the link
-/// timeout of one that answers in every tick, because a load may turn it faster than it can.
+/// Seconds of [`RangedPosition::fastest`]: twice a usual link timeout, for a load that turns it.
 const LONGEST_STEP: f32 = 0.020;
 /// A device whose reading after a silence is this near to what its speed makes has counted on. A
 /// restarted one that differs by less does little harm.
@@ -352,8 +349,7 @@ impl RangedPosition {
         }
     }
 
-    /// The setpoint that makes a spring of the output shaft; coasting where the device has no number
-    /// for where the spring pulls to. `sign` is that of the shaft's direction.
+    /// The setpoint of a spring; coasting where its place has no number. `sign`: the direction's.
     fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
         let now = radians(self.reading.unwrap_or(0));
         let position = now + (sign * spring.way.get()).to_radians();

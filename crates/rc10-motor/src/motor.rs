@@ -24,8 +24,7 @@ pub enum DriveMode {
     Run,
 }
 
-/// The behaviour of a motor that may not follow its target: its command expired, or the emergency
-/// stop is latched. (A motor whose feedback is lost always coasts: nothing can be held blindly.)
+/// The behaviour with an expired command or in an emergency stop. (A motor not heard coasts.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SafeState {
@@ -214,16 +213,14 @@ pub trait CanMotor: Motor {
     /// The identifiers it occupies on its bus. Always the same.
     fn can_ids(&self) -> CanIds;
 
-    /// Takes a frame of its own that arrived at `at`, and says what it was. `link` is what the bus
-    /// knew of the motor until then: [`Link::Online`] if it was heard within its time-out.
+    /// Takes an own frame of `at`, and says what it was. `link` is the bus's knowledge until then.
     ///
     /// # Errors
     /// [`FrameError`]; the frame changed nothing.
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard;
 
-    /// Adds what it sends in this tick: called every tick, also when it is disarmed or lost, so
-    /// that it can enable, poll, or say "zero". Frames of one tick leave in arbitration order, not
-    /// in the order they were added: what must follow another frame waits for the next tick.
+    /// Adds its frames of this tick, also while disarmed or lost, to enable, poll, or say "zero".
+    /// They leave in arbitration order: what must follow waits for the next tick.
     ///
     /// # Errors
     /// [`TxFull`] if the batch has no room.

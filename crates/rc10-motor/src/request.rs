@@ -8,8 +8,7 @@ use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 pub enum Request {
     /// Zero is here from now on. Only while not driven: commands of old numbers would move it.
     SetZero,
-    /// The same of a driven motor, for a task such as homing. What is sought or held stays where it
-    /// is; an old number commanded again lies elsewhere.
+    /// The same of a driven motor, as in homing: what is sought stays, under another number.
     SetZeroOfDriven,
     /// Forget a fault and go on.
     ClearFault,

@@ -1,5 +1,4 @@
-//! The servo makes an effort or a spring from a [`Target`], for devices that take one: the loops of
-//! a [`Cascade`], soft starts, and ways to stop.
+//! The servo: an effort or spring from a [`Target`], by a [`Cascade`], with soft starts and stops.
 //!
 //! ```
 //! use rc10_app::{Cascade, Direction, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};

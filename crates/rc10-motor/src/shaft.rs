@@ -1,7 +1,6 @@
 //! The angle of the output shaft: [`Shaft`] counts its turns exactly, for every motor.
 //!
-//! From a sensor's steps, or a reading that starts over every turn, to millionths of a degree of
-//! the output, through the gearbox and in the robot's direction.
+//! From a sensor's steps or readings to millionths of a degree of the output, by its gearbox.
 //!
 //! ```
 //! use rc10_app::{Direction, Gear};
@@ -126,8 +125,7 @@ impl Shaft {
 
     /// Takes the reading of an encoder of one turn (0 ..< `steps_per_turn`), and the rotor's speed.
     ///
-    /// The first reading is absolute. After a silence the speeds before and after say which number
-    /// of turns is likeliest, and the gap is counted.
+    /// After a silence the speeds before and after say the likeliest turns, and the gap is counted.
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
         let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;

@@ -1,8 +1,7 @@
 //! The layout of a vendor's frames, as data: for DBC files, `rc10 decode` and programs that read a
 //! bus. Each table stands beside its codec and is tested against it, bit for bit.
 //!
-//! Plain messages, which a DBC file can describe, come first; then frames told by their data, with
-//! content in their identifier, or remote.
+//! Plain messages come first, then what no DBC file describes: told by data, or remote.
 
 use embedded_can::Id;
 use rc10_can::{CanFrame, IdPattern};

@@ -43,8 +43,7 @@ impl Safety {
     }
 }
 
-/// Counters of a motor's frames, commands and targets. `received` starts over after 2³² (49 days at
-/// 1 kHz); the others stay at their largest value.
+/// A motor's counters. `received` is modulo 2³² (49 days at 1 kHz); others stay at the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -160,8 +159,7 @@ impl MotorStatus {
         self.feedback.effort().filter(|_| self.is_looped())
     }
 
-    /// Measurements for a [mechanism](rc10_app::mechanism). The effort is the current in A where
-    /// the device tells one, else the torque in N m, else 0.
+    /// Measurements for a mechanism; the effort is the current in A, else N m, else 0.
     pub fn measured(&self) -> Measured {
         let Feedback { total_angle: angle, speed, turn_gaps: gaps, .. } = self.feedback;
         let torque = || self.feedback.torque().map(NewtonMetres::get);
@@ -295,8 +293,7 @@ impl Supervision {
         Ok(Response::Done)
     }
 
-    /// Ends a jog when the robot is stopped, which it can be while it is disarmed, and one that turns much
-    /// faster than asked for: with gains from a PC the loop itself may be wrong.
+    /// Ends a jog when the robot stops, or the motor runs away: gains of a PC may be wrong.
     pub(crate) fn watch_jog(&mut self, motor: &(impl Motor + ?Sized), arm: ArmState) {
         self.ran_away = matches!(motor.target(), Target::Speed(asked) if is_too_fast(motor, asked));
         if self.ran_away || arm != ArmState::Disarmed {

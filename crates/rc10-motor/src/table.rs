@@ -4,8 +4,7 @@ use rc10_can::CanFrame;
 use crate::can_ids::{Frames, Guard};
 use crate::motors::MotorId;
 
-/// From a frame to the motor it belongs to, in constant time: an open-addressed hash table for
-/// exact identifiers, then a short list for patterns.
+/// From a frame to its motor in constant time: a hash table, then a list of patterns.
 pub(crate) struct ReceiveTable {
     entries: [Entry; SIZE],
     used: u8,

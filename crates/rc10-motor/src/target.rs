@@ -63,11 +63,9 @@ impl Impedance {
 
 /// A [`Target::Motion`]: where the shaft shall be when it is given, and how it moves on.
 ///
-/// Until the next one comes, the motion goes on: with its acceleration for at most 50 ms, then at the
-/// speed that it has. So a task that commands every 5 or 10 ms makes a motion without steps.
+/// The motion goes on until the next: accelerated for 50 ms at most, then at its speed.
 ///
-/// The motor adds what it knows of itself, the feed-forward of its
-/// [`Cascade`](rc10_app::Cascade): a task gives an `effort` only for what the motor cannot know.
+/// The motor adds its feed-forward ([`Cascade`](rc10_app::Cascade)); an `effort` is for the rest.
 ///
 /// ```
 /// use rc10_motor::rc10_app::{Rpm, RpmPerSecond, TotalAngle};
@@ -90,10 +88,9 @@ pub struct Motion {
     pub speed: Rpm,
     /// The rate of change of the speed. Loops here limit it to their own; a device's do not.
     pub acceleration: RpmPerSecond,
-    /// Effort that the acceleration takes beside what the motor itself knows of it: that of the robot on
-    /// a wheel, for example. In the unit of the motor's own ([`Loops::effort`](crate::Loops::effort)): A,
-    /// N m, or a share of the full voltage. It ends with the acceleration, and is scaled by what the
-    /// motor has learned of its load. A device whose own loop has no input for it does without.
+    /// Effort of the acceleration besides what the motor knows, as of the robot on a wheel, in the
+    /// unit of [`Loops::effort`](crate::Loops::effort). It ends with the acceleration, and is
+    /// scaled as the load is learned. A device's own loop may do without.
     pub inertia: f32,
     /// Effort on top that the motor cannot know, in the same unit: a piece that it carries.
     pub effort: f32,

@@ -6,13 +6,11 @@ use crate::config::{ConfigError, finite, positive};
 use crate::ok;
 use crate::transform::Point;
 
-/// Sine of the smallest angle between the rollers of a wheel and its axle: 5 degrees. Ours: there
-/// the rim is eleven times as fast as the ground; mecanum wheels have 45 degrees.
+/// Sine of the smallest angle of rollers to the axle, 5 degrees: the rim is eleven times as fast.
 const LEAST_GRIP: f64 = 0.087;
 /// Sine of the largest angle of plain wheels that count as parallel: 0.1 degrees, as built.
 const PARALLEL: f64 = 0.0018;
-/// Smallest eigenvalue of the normal matrix, in parts of its trace. Ours: below it a wheel speed
-/// that is off by 1 % makes a motion that is off by more than the motion itself.
+/// Smallest eigenvalue by trace: below, 1 % of a wheel speed is more than all of the motion.
 const SOUND: f64 = 1e-4;
 
 /// The matrices of a base, in m/s at the rims.

@@ -144,8 +144,7 @@ impl<const N: usize> Axes<N> {
         *self = Self::new();
     }
 
-    /// One step towards the common setpoint, whose speed and acceleration are those at full pace: at
-    /// a pace p the motors are told p times the speed, and p² times the acceleration.
+    /// One step to the setpoint of full pace: at a pace p motors get p and p² of it.
     ///
     /// A `dt` or setpoint that is not finite, or a `dt` not positive, repeats the last commands.
     pub fn update(

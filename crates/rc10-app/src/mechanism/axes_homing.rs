@@ -12,8 +12,7 @@ use crate::units::{Degrees, Seconds};
 pub struct AxesHomingConfig {
     /// How each of them is homed.
     pub homing: HomingConfig,
-    /// The ways made by the motors since the beginning never differ by more than this; > 0. It bounds
-    /// how far apart their touches are: how far the thing was tilted at the beginning.
+    /// Ways since the beginning differ by less; > 0: so far apart are touches of a tilted thing.
     pub spread: Degrees,
 }
 
@@ -60,8 +59,7 @@ pub enum AxesHomingStatus<const N: usize> {
     Failed(AxesHomingFailure),
 }
 
-/// State of homing of `N` motors together: all move at the same speed, and each stands where it has
-/// touched until all have. So they do for the first touch, for backing off and for the second touch.
+/// State of homing of `N` motors at one speed: each stands where it touched until all have.
 ///
 /// ```
 /// use rc10_app::mechanism::{

@@ -20,8 +20,7 @@ pub struct FeederConfig {
     pub rate: f32,
     /// Acceleration of the angle asked for; > 0, what the motor reaches: more would feed too much.
     pub acceleration: RpmPerSecond,
-    /// How far before the angle of its pocket a piece counts as fed; 0 or more, less than half a piece.
-    /// More than the motor is off where it holds an angle.
+    /// Degrees before its pocket at which a piece counts; less than half a piece, above the error.
     pub tolerance: Degrees,
     /// The jams. Their following error must be at most the tolerance: a piece not fed is a jam.
     pub jam: JamConfig,
@@ -201,8 +200,7 @@ impl Feeder {
 
     /// One step.
     ///
-    /// A `dt` that is not finite and positive changes nothing, and the last command is returned again.
-    /// While the motor cannot be used, nothing is fed.
+    /// A bad `dt` repeats the last command. An unusable motor feeds nothing.
     pub fn update(&mut self, config: &FeederConfig, measured: &Measured, dt: Seconds) -> Command {
         if dt.is_step() {
             self.command = match measured.usable() {

@@ -33,8 +33,7 @@ pub struct HomingConfig {
     pub slow: Rpm,
     /// How far it backs off from the first touch; > 0. A contact must be open there.
     pub back_off: Degrees,
-    /// The touches differ by no more than this; > 0 and less than `back_off`. Includes how far a stop
-    /// gives way, or the hysteresis of a switch.
+    /// The touches differ by less; > 0, < `back_off`: for a soft stop, a switch's hysteresis.
     pub tolerance: Degrees,
     /// The axis' angle at the touch: an offset.
     pub touch_at: TotalAngle,
@@ -213,8 +212,7 @@ impl Homing {
 
     /// One step. `closed`: the contact, if there is one. After the end the command is a stop.
     ///
-    /// A `dt` that is not finite and positive changes nothing, and the last command is returned again.
-    /// Measurements that are not finite end it: an axis must not go on blindly.
+    /// A bad `dt` repeats the last command. Bad measurements end it: no axis goes on blindly.
     pub fn update(
         &mut self,
         config: &HomingConfig,

@@ -77,8 +77,7 @@ impl SoftLimits {
         not_negative("not_homed", self.not_homed.get())
     }
 
-    /// The part of `wanted` within the limits. `position`: the axis' angle, from its zero; `None`
-    /// before it is homed.
+    /// The part of `wanted` within the limits; `position` from the zero, `None` before it.
     ///
     /// A speed is such that the axis can brake before the limit; an angle is held in the range.
     #[must_use]

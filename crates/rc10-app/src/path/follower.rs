@@ -23,8 +23,7 @@ pub struct FollowerConfig {
     pub max_correction: f32,
     /// Highest yaw rate for turning back to the planned heading, in rad/s; > 0.
     pub max_turn_correction: f32,
-    /// How far the base may be behind, in metres; > 0. From half of it on the path's time goes
-    /// slower, and at all of it it stands.
+    /// How far behind, in metres; > 0: from half of it the path is slower, at all it stands.
     pub max_lag: f32,
     /// Farther from where it shall be than this, in metres, it gives up; > `max_lag`.
     pub max_deviation: f32,
@@ -82,8 +81,7 @@ pub enum PathStatus {
 /// The motion that the base shall make, from [`Follower::update`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FollowerOutput {
-    /// For [`Base::inverse`](crate::Base::inverse): the plan's twist and the correction. It is the
-    /// mean of the coming step.
+    /// The plan's twist and the correction, for [`Base::inverse`](crate::Base::inverse).
     pub twist: Twist,
     /// For [`Base::accelerations`](crate::Base::accelerations): how the plan's twist changes in a
     /// second. The correction has no part in it, so the noise of the pose has not either.

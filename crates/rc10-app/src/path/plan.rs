@@ -64,8 +64,7 @@ pub struct PlannedMotion {
 }
 
 impl<const N: usize> Plan<N> {
-    /// The plan for this path and base. It begins with `start_speed` along the path, in m/s, and
-    /// turning as the path then turns; 0 for a base that stands. It ends at rest.
+    /// The plan of this path and base, from `start_speed` in m/s along it (0 at a stand) to rest.
     ///
     /// About 21,000 instructions a leg on a Cortex-M7; a [`Planner`] spreads them over ticks.
     ///

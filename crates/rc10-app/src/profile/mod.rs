@@ -119,8 +119,7 @@ impl Profile {
         Self::from_setpoint(Setpoint { position, velocity: 0.0, acceleration: 0.0 })
     }
 
-    /// In any state: to take over an axis that moves. It goes on with its velocity until it gets a
-    /// target.
+    /// In any state, to take over a moving axis at its velocity.
     pub const fn from_setpoint(setpoint: Setpoint) -> Self {
         let Setpoint { position, velocity, acceleration } = setpoint;
         let position = Double::new(position);
@@ -139,8 +138,7 @@ impl Profile {
     /// Goes to `position`, with `velocity` there (usually 0). The same target again costs nothing.
     ///
     /// # Errors
-    /// A limit that cannot be used, a position that is not finite, a velocity beyond the limit, or
-    /// a way that is too long to be computed. The profile goes on as it was.
+    /// A bad limit, position, velocity or distance. The profile goes on as it was.
     pub fn set_target(
         &mut self,
         limits: &ProfileLimits,
@@ -155,8 +153,7 @@ impl Profile {
     /// along with it: for a target that comes anew in every tick or every message.
     ///
     /// # Errors
-    /// As [`set_target`](Self::set_target); and `velocity` must be below the limit, for it could
-    /// not be caught up with.
+    /// As [`set_target`](Self::set_target); `velocity` must be below the limit.
     pub fn follow(
         &mut self,
         limits: &ProfileLimits,
@@ -300,8 +297,7 @@ impl Profile {
 /// Call it with all targets set, and update all with the same times; a new target ends it. One that
 /// has arrived, or has no position to reach, stays.
 ///
-/// One that is braking, and would have to start again to come a little later, makes all of them
-/// take longer: by a quarter, rarely by more.
+/// One that brakes, and would start again to come later, makes all slower by a quarter.
 pub fn synchronise(profiles: &mut [&mut Profile]) -> Seconds {
     /// Longer times that are tried: 1.25 to this power is more than braking and starting take.
     const TRIES: u32 = 16;

@@ -13,8 +13,7 @@ pub(super) struct Bounds {
     pub(super) per_jerk: f32,
 }
 
-/// The shortest change of the velocity that ends without acceleration: at most three pieces of
-/// constant jerk. To a peak of the acceleration, on with it, and back to none.
+/// The shortest change of velocity that ends without acceleration: three pieces at most.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Transition {
     /// Velocity and acceleration at the beginning.

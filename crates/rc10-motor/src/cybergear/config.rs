@@ -17,13 +17,11 @@ pub struct Model {
     pub limits: Limits,
     /// Meanings of bits 16 to 21 of a feedback's identifier, the gravest first.
     pub faults: &'static [(u8, &'static str); 6],
-    /// Meanings of the bits of a [`FaultReport`](super::wire::FaultReport): mask and text, the
-    /// gravest first.
+    /// Masks and texts of [`FaultReport`](super::wire::FaultReport) bits, the gravest first.
     pub details: &'static [(u32, &'static str)],
     /// Whether it can keep settings and its zero when the power is cut (type 22).
     pub saves: bool,
-    /// Gains it works well with out of the box, efforts in N m: in simulation from a bare shaft to
-    /// 0.02 kg m² on a CyberGear, and in proportion to the torque on the others.
+    /// Gains that work, in N m: simulated up to 0.02 kg m² on a CyberGear, others in proportion.
     pub cascade: Cascade,
 }
 
@@ -75,8 +73,7 @@ pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
     (1 << 7, "encoder not calibrated"),
 ];
 
-/// Gains in proportion to the torque, because inertia grows about as it does. Angles are sought at
-/// two thirds of the largest speed: what is left is for a supply that is low.
+/// Gains in proportion to torque, as inertia grows. Two thirds of the speed are for a low supply.
 const fn cascade(limits: &Limits) -> Cascade {
     let kp = limits.torque / 200.0;
     Cascade {

@@ -19,8 +19,7 @@ use crate::target::{Target, TargetError, TargetSet};
 
 /// One CyberGear or RobStride.
 ///
-/// Speeds and angles are controlled here and sent as torques; [`Target::Impedance`] is the device's
-/// own loop. Both are motion control, its run mode 0, which is checked before it is enabled.
+/// Loops here send torques; [`Target::Impedance`] is the device's loop: run mode 0, checked.
 #[derive(Clone, Debug)]
 pub struct CyberGear {
     model: Model,

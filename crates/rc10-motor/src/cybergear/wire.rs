@@ -67,8 +67,7 @@ pub fn clear_faults(to: Address) -> CanFrame {
     frame(kind::STOP, to.host.into(), to.motor, first(1))
 }
 
-/// A setpoint: position, velocity, kp and kd in 16 bits each, big endian, and the torque **in the
-/// identifier**, bits 23 to 8, so that no two of these frames need have the same one.
+/// A setpoint in four fields of 16 bits, and the torque **in the identifier**, bits 23 to 8.
 pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
     let velocity = pack_signed::<16>(setpoint.velocity, limits.velocity);
@@ -139,8 +138,7 @@ pub fn write_real(to: Address, parameter: Parameter, value: f32) -> CanFrame {
     access(kind::WRITE, to, parameter, sendable(value).to_le_bytes())
 }
 
-/// A RobStride keeps its parameters when the power is cut; answered with feedback. **Never to a
-/// CyberGear**: there the first byte is a new bit rate, 500 kbit/s for example.
+/// A RobStride keeps its parameters. **Never to a CyberGear**: there it is a new bit rate.
 pub fn save(to: Address) -> CanFrame {
     frame(kind::SAVE, to.host.into(), to.motor, [1, 2, 3, 4, 5, 6, 7, 8])
 }

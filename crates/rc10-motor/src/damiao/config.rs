@@ -10,8 +10,7 @@ use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 use crate::servo::Servo;
 use crate::target::{Target, TargetError, TargetKind, TargetSet, without_effort};
 
-/// A model and its factory limits. They are settings (registers 21 to 23), and what the vendor
-/// ships has changed over the years: compare them with the registers before moving anything.
+/// A model and its factory limits, which are settings and have changed: compare registers 21 to 23.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Model {
@@ -41,8 +40,7 @@ pub mod models {
         };
     }
 
-    // PMAX, VMAX, TMAX. Source: the vendor's dm-tools of 2025, with what its older DM_CAN says
-    // where that differs; JH11: openarm and damiao-motor 1.0.6.
+    // PMAX, VMAX, TMAX: dm-tools of 2025, older DM_CAN; JH11: openarm, damiao-motor 1.0.6.
     models! {
         J3507, "DM-J3507": 12.566, 50.0, 5.0;
         J4310, "DM-J4310": 12.5, 30.0, 10.0;

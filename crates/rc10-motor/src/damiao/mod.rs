@@ -5,8 +5,7 @@
 //! of range-mapped fields: others than the motor's give wrong values and no error, so they are
 //! always given, from a [`Model`] or by hand.
 //!
-//! Standard identifiers, 1 Mbit/s unless set otherwise. A motor speaks only when spoken to.
-//! Positions are in rad, velocities in rad/s, torques in N m, at the output shaft.
+//! Standard identifiers, 1 Mbit/s as sold; it answers only. Rad, rad/s and N m at the output.
 //!
 //! | frame | identifier | bytes |
 //! |---|---|---|
@@ -18,8 +17,7 @@
 //! | [`Access`](registers::Access) | 0x7FF | `CAN_ID` u16, operation, register, value |
 //! | [`Feedback`] | `MST_ID` | error and low four bits of `CAN_ID`, position, velocity, torque, two temperatures |
 //!
-//! * It reacts to **every** standard frame whose low byte is its `CAN_ID`: to a DJI motor's
-//!   feedback, and to another Damiao's if its `MST_ID` ends so.
+//! * It reacts to **every** standard frame with its `CAN_ID` in the low byte, of any motor.
 //! * Only four bits of `CAN_ID` fit into feedback: several motors on one `MST_ID` need 1 to 15.
 //! * A setpoint with all fields at their ends would be an operation; [`wire::mit`] never sends one.
 //! * What a mode's frame does while the motor is in another mode is not documented.
@@ -31,11 +29,9 @@
 //! fault with text (code 0x100 + register). An error of the device (codes 5 to 14) keeps it
 //! disabled until [`Request::ClearFault`](crate::Request::ClearFault).
 //!
-//! * An angle is sought within ±PMAX only, by the longer way round if need be: what a motor does
-//!   beyond is not documented. A target there is [`OutOfRange`](crate::TargetError::OutOfRange).
+//! * Angles are sought within ±PMAX, the longer way if need be; else `OutOfRange`.
 //! * Holding and braking are the same in position modes; in velocity mode a motor gives way slowly.
-//! * [`StoreZero`](crate::Request::StoreZero), writing and saving registers: only while disarmed.
-//!   Saving makes it deaf for up to 30 ms: it is lost for a moment.
+//! * [`StoreZero`](crate::Request::StoreZero), writing and saving (30 ms deaf): disarmed only.
 //!
 //! ```
 //! use rc10_motor::rc10_app::{Cascade, FeedForward};

@@ -58,8 +58,7 @@ enum Question {
 
 impl Question {
     const fn retry(self) -> Retry {
-        // Every 11th tick: with a period of 10 ms all tries can fall on the moment at which the bus's
-        // other periodic frames keep the reply waiting until the next feedback takes its place.
+        // Every 11th tick: at 10 ms other frames of that period could keep all replies waiting.
         let retry = Retry::new(0.0105, 10);
         match self {
             // Up to 30 ms deaf, and memory that lasts for ten thousand times.
@@ -183,8 +182,7 @@ impl Damiao {
         }
     }
 
-    /// An operation, alternating between both identifiers until the device does it: old firmware
-    /// takes it only with the offset of the mode it is in, and that may be another than ours.
+    /// An operation to both identifiers in turn: old firmware takes its present mode's offset only.
     fn operate(&mut self, operation: Operation, link: Link) -> Command {
         let is_obeyed = operation == Operation::Disable
             && link == Link::Online

@@ -219,8 +219,7 @@ impl Reply {
         Ok(Self { id: u16::from_le_bytes([low, high]), content })
     }
 
-    /// Whether this is motor `id`'s answer to `access`. A write is answered with either of two
-    /// codes, and, if refused, with another value than was written: compare it.
+    /// Whether this is motor `id`'s answer to `access`. A refused write answers another value.
     pub fn answers(&self, id: DeviceId, access: &Access) -> bool {
         let fits = match (access, &self.content) {
             (Access::Read(asked), Content::Holds(register, _))

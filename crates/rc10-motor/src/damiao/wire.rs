@@ -240,8 +240,7 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// From a frame that came with the motor's `MST_ID`; which identifier that is, is the caller's
-    /// to compare. A reply to a [register](super::registers) access looks the same.
+    /// From a frame with the motor's `MST_ID`; a [register](super::registers) reply looks alike.
     ///
     /// # Errors
     /// [`FrameError::NotMine`] if extended or remote, [`FrameError::Length`] unless eight bytes.

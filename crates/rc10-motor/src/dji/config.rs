@@ -194,8 +194,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// The device set to identifier `id`, with its stock gearbox, turning forward, at 1 kHz
-    /// feedback and with the gains that come with the model.
+    /// The device set to `id`, stock gearbox, forward, 1 kHz, with the model's gains.
     pub const fn new(model: &'static Model, id: u8) -> Self {
         let (gear, cascade) = (model.gear, model.cascade);
         let (direction, rate) = (Direction::Forward, FeedbackRate::Hz1000);

@@ -13,8 +13,7 @@ use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
 use crate::target::{Target, TargetError, TargetSet};
 
-/// The port of a bus with up to `N` motors, whatever its wire: a mailbox and a status per motor,
-/// and a status of type `S`. One per bus; every method works from any task or interrupt.
+/// The port of a bus of up to `N` motors: a mailbox and status each, from any task or interrupt.
 pub struct MotorPorts<S, const N: usize> {
     cells: [MotorCell; N],
     /// To all of its motors.
@@ -107,8 +106,7 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
     }
 }
 
-/// The part of a runner that serves its motors in every tick, on a bus of any kind: commands and
-/// requests in, status out. Dropped, it tells the tasks that wait for a motor's response.
+/// The part of a runner that serves its motors; dropped, it tells the tasks that wait.
 pub(super) struct Server<'p, S, const N: usize> {
     ports: &'p MotorPorts<S, N>,
     pending: Vec<(MotorId, Asker<'p>), N>,
@@ -202,8 +200,7 @@ pub struct MotorPort<'p> {
 }
 
 impl MotorPort<'_> {
-    /// Gives the motor a new target: from the bus's next tick until it expires (50 ms by default),
-    /// so repeat it. A newer one replaces one that waits.
+    /// Gives a new target, from the next tick until it expires (50 ms by default): repeat it.
     ///
     /// # Errors
     /// [`TargetError`]: the motor does not take such targets, or a number is not finite. While the
@@ -264,8 +261,7 @@ impl MotorPort<'_> {
         }
     }
 
-    /// The gains and the limit of its loops, as they were when its bus began and as they are now;
-    /// `None` if they do not run here, or its bus does not run yet.
+    /// Gains and limit of its loops, at the beginning and now; `None` without loops or bus.
     pub fn tuning(&self) -> Option<[Tuning; 2]> {
         self.cell.and_then(|cell| cell.tuning.lock(Cell::get))
     }

@@ -20,19 +20,16 @@ use crate::supervision::count;
 /// feedback that a frame answers is older by this at most. Several buses lie behind each other by the same
 /// time: as one sends, the next computes, so that one timer wakes both.
 const LEAD: Micros = Micros::new(60);
-/// Time by which the ticks lie behind those of the tasks that start with them, each 5, 10 or 100 ms: what they
-/// command is there by then, and what they log, with interrupts off, is said.
+/// Time between these ticks and tasks' of 5, 10 or 100 ms: commands are there, logs are written.
 const APART: Micros = Micros::new(500);
 /// Bit rate that load figures refer to.
 const BITS_PER_SECOND: u32 = 1_000_000;
-/// Frames taken from the port in one tick: three times what a saturated bus delivers, so that it
-/// soon catches up after a pause. Bounds the work of a tick; the rest is taken in the next one.
+/// Frames taken in a tick: three times a saturated bus, to catch up, but bounded.
 const RECEIVE_LIMIT: usize = 64;
 /// Patterns that a port is told to let in. Where more are wanted, it lets in everything.
 const ACCEPTED: usize = 48;
 
-/// Runs a bus that goes back by itself after bus-off; the future never ends. One tick every
-/// millisecond, on the grid, without drift. Ticks whose time has gone by are skipped and counted.
+/// Runs a bus, back by itself after bus-off: a tick every millisecond, missed ones counted.
 ///
 /// For another [`BusOffPolicy`]: [`Runner::with_bus_off`] and [`run_buses`].
 pub fn run_bus<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>>(
@@ -144,10 +141,9 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.due
     }
 
-    /// Does the work that is due: the first half of a tick (frames in, commands in, motors), and at
-    /// its time the second (frames out, status out), so that the time at which frames leave does
-    /// not depend on the work. A loop that comes by once a millisecond, or late, has both done at
-    /// once. Never waits. `clock` is read at the start, and for how long the first half took.
+    /// Does what is due: half a tick of frames in and motors, half of frames and status out, so
+    /// that work does not shift the frames; both at once in a slow loop. Never waits. `clock` is
+    /// read at the start, and for the first half's time.
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
         let leave = self.clock.next();

@@ -72,8 +72,7 @@ impl Model {
         Self::bare("MS", 0.0, encoder)
     }
 
-    /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
-    /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
+    /// The raw iq, within ±2048, 0 for NaN, cut off towards zero as librm does: never more.
     pub fn raw_current(&self, current: Amps) -> i16 {
         let full = self.full_scale().get();
         // Divided, not multiplied by the inverse: whole steps must stay whole.
@@ -108,10 +107,8 @@ impl Model {
 
 /// Models by name.
 ///
-/// Gear and rated torque by rated current are from the vendor's data sheets, as its resellers print
-/// them (SMC, shop pages of the MG series; MF9025 V2: code of several teams, from its data sheet).
-/// `torque_constant` is `None` where the printed constant and the rated figures do not agree.
-/// Encoders: SCUT librmcs, whose drives of all these series report 16 bits; check yours.
+/// Gears and rated torque by current are the data sheets' (SMC, shops; MF9025 V2: teams' code).
+/// `torque_constant` is `None` where figures do not agree. Encoders: SCUT librmcs; check yours.
 pub mod models {
     use super::{EncoderBits, Model};
 

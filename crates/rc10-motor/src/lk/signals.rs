@@ -81,8 +81,7 @@ const ASKED: [(&str, u8); 9] = [
     ("LK_READ_SINGLE_TURN", SINGLE_TURN),
 ];
 
-/// Commands with a value, and which bits of bytes 1 to 7 are zero in them: what tells them from
-/// their answers, unless a drive is at 0 degrees Celsius and without current.
+/// Commands with a value, and their zero bits, which tell them from answers but at 0 °C.
 const MOVES: [(&str, u8, [u8; 7], &[Signal]); 9] = {
     const NO_LIMIT: [u8; 7] = [0xFF, 0xFF, 0xFF, 0, 0, 0, 0];
     const LIMIT: [u8; 7] = [0xFF, 0, 0, 0, 0, 0, 0];

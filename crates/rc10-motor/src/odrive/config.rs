@@ -30,16 +30,14 @@ pub struct Config {
     /// [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them, and so does an axis that
     /// closes its own loops: by them it starts softly.
     pub limits: Option<Limits>,
-    /// Torque per ampere at the encoder's shaft, N m/A (`motor.config.torque_constant`): for the
-    /// torque in the feedback alone.
+    /// N m/A at the encoder's shaft (`motor.config.torque_constant`): for the torque's feedback.
     pub torque_constant: Option<f32>,
 }
 
 /// The place where the loops run, and the setpoints that the axis gets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
-    /// Here: the axis gets torques, N m at the output shaft. The largest is the speed loop's
-    /// output limit.
+    /// Here: the axis gets torques at the output, N m, up to the speed loop's output limit.
     Torque(Cascade),
     /// In the axis, which gets speeds: [`InputMode::Passthrough`] or [`InputMode::VelocityRamp`].
     Velocity(InputMode),
@@ -62,8 +60,7 @@ impl Control {
 pub struct Rates {
     /// `09`: 1 ..= 1000, at least 200 to control by.
     pub estimates: u16,
-    /// `01`: 1 ..= 1000; not above the estimates. Up to one period passes before it is known that
-    /// an axis was switched on, or has an error.
+    /// `01`: 1 ..= 1000, at most the estimates'; a period passes until a state or error is known.
     pub heartbeat: u16,
     /// `14`; not above the estimates.
     pub currents: u16,
@@ -259,8 +256,7 @@ pub struct Firmware {
 }
 
 impl Firmware {
-    /// `ODrive` v3 (`odrive-interface.yaml`, `ODrive.Axis.error`; bits 1 to 5, 10, 15 and 16 only
-    /// in older ones).
+    /// `ODrive` v3 (`odrive-interface.yaml`, `Axis.error`; bits 1 to 5, 10, 15, 16: older).
     pub const V0_5: Self = Self {
         version: "0.5",
         errors: &[

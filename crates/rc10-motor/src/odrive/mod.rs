@@ -17,9 +17,8 @@
 //! * A position's feed-forwards have 16 bits, 0.001 turns/s and 0.001 N m; all else is f32.
 //! * Error bits and heartbeat bytes 5 ..= 7 differ between 0.5 and 0.6: [`Firmware`].
 //!
-//! *Motor.* [`ODrive`] keeps an axis idle unless it may drive; then tells it its modes, an input that
-//! moves nothing, and to follow inputs, over and over until the heartbeat says that it does. All
-//! loops run here and the axis gets torques, or it closes them itself ([`Control`]).
+//! *Motor.* [`ODrive`] keeps an axis idle, then tells its modes, a neutral input, and to follow,
+//! until the heartbeat says so. Loops run here or in the axis ([`Control`]).
 //!
 //! ```
 //! use rc10_app::{Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
@@ -46,8 +45,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Sources: `ODrive` firmware 0.5.6 (`can_simple.cpp`, `odrive-interface.yaml`), `odrive-can` with
-//! the DBC of 0.5.6 and 0.6.10.
+//! Sources: firmware 0.5.6 (`can_simple.cpp`, `odrive-interface.yaml`), `odrive-can`, DBC files.
 
 mod config;
 mod motor;

@@ -64,8 +64,7 @@ enum Step {
 enum Loops {
     /// This crate: the axis gets torques.
     Here(Servo),
-    /// The axis: `input` is its velocity (turns a second) or its position (turns); `beside` what it
-    /// gets with it.
+    /// The axis: `input` is velocity (turns a second) or position (turns), with what is `beside`.
     Axis { goals: Goals, input: f32, beside: Beside },
 }
 

@@ -368,8 +368,7 @@ pub enum Message {
 /// Number and bytes of a message.
 ///
 /// # Errors
-/// [`FrameError::NotMine`] of another node, an extended identifier, or a remote request;
-/// [`FrameError::Length`] if it has not eight bytes.
+/// [`FrameError::NotMine`] if another's, extended or remote; [`FrameError::Length`] unless eight.
 fn parts(frame: &CanFrame, node: Node) -> Result<(u8, [u8; 8]), FrameError> {
     // The key of a standard data frame is its identifier, and larger for every other frame.
     if frame.key() >> MESSAGE_BITS != u32::from(node.0) {

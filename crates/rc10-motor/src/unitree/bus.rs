@@ -319,8 +319,7 @@ impl<'m> Rs485Bus<'m> {
         }
     }
 
-    /// One tick: decides what each motor may do, lets it compute, and makes its turn come. `dt`
-    /// since the last tick: 10 ms at most; 1 ms if not above zero.
+    /// One tick: decides, computes, and gives turns. `dt`: 10 ms at most; 1 ms if not above zero.
     pub fn tick(&mut self, now: Micros, dt: Seconds) {
         let Self { motors, polls, .. } = self;
         motors.tick(now, dt, |index, _, &Tick { mode, link, .. }| {
@@ -334,8 +333,7 @@ impl<'m> Rs485Bus<'m> {
         });
     }
 
-    /// The command that leaves every motor without torque, for a panic handler. None replies, so
-    /// repeat it without a pause: the first may meet a reply on the bus.
+    /// Leaves every motor without torque, for a panic handler: repeat it, no motor replies.
     pub fn coast_image() -> [u8; COMMAND_LEN] {
         idle(Address::BROADCAST, Status::FOC).pack()
     }

@@ -107,8 +107,7 @@ impl LineConfig {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct ModuleConfig {
-    /// The module that it is behind, 0 to 3, by its switches 1 and 2; 3 as it is sold. Never 0
-    /// beside a VESC: they would take each other's frames.
+    /// The module, 0 to 3, by switches 1 and 2; 3 as sold. Never 0 beside a VESC: same frames.
     pub module: u8,
     /// The number on the module's line, 0 to 14.
     pub motor: u8,

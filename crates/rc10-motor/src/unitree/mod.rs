@@ -8,11 +8,9 @@
 //!
 //! [`GoM8010`] is such a motor on RS-485, and [`Rs485Bus`] what a bus is to motors on CAN.
 //!
-//! **Identifiers.** Up to 15 motors share a line, 0 ..= 14; 15 is all, without a reply. Up to four
-//! modules share a CAN bus, 0 ..= 3, by switches 1 and 2 (3 as sold).
+//! **Identifiers.** 15 motors on a line, 0 ..= 14 (15: all); four modules on a bus, 0 ..= 3.
 //!
-//! **RS-485** ([`wire::line`]): 4 Mbit/s, 8N1, half duplex. The master sends 17 bytes, the motor
-//! they are for replies with 16; no motor speaks unasked. Both end in a CRC-16/KERMIT.
+//! **RS-485** ([`wire::line`]): 4 Mbit/s, 8N1: 17 bytes out, 16 back, with CRC-16/KERMIT.
 //!
 //! **CAN** ([`wire::module`]): extended, eight bytes, 1 Mbit/s (500 kbit/s with switch 4 on),
 //! little endian. The identifier holds module, direction, motor and, in replies, temperature and

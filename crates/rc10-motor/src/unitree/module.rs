@@ -11,8 +11,7 @@
 //! torque. So again after a change of gains, a lost link, a lock, or other gains in the module
 //! (read 20 times a second during an impedance).
 //!
-//! **One frame a tick.** Identifiers go out in order, so gains would follow the motion of their
-//! tick. All frames are one stream: a newer one takes the place of one that waits.
+//! **One frame a tick**, by identifiers' order, and one stream: the newest frame replaces others.
 //!
 //! ```
 //! use rc10_motor::unitree::{GoModule, ModuleConfig};

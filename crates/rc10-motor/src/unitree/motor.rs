@@ -9,8 +9,7 @@ use crate::request::{Request, RequestError, Response};
 use crate::servo::{Servo, Spring};
 use crate::shaft::Shaft;
 
-/// A motor with its gearbox and its controller, whatever links them to us: from what it reports to
-/// feedback, and from a target to the motion that its controller shall follow.
+/// A motor with gearbox and controller on any link: reports to feedback, targets to motions.
 #[derive(Clone, Debug)]
 pub(super) struct Actuator {
     pub(super) shaft: Shaft,

@@ -20,8 +20,7 @@ use crate::target::{Target, TargetError, TargetSet};
 /// * **No torque** ([`DriveMode::Coast`]): field-oriented control with all zero. **Off**, and with
 ///   a fault: status 0, the vendor's "lock", which is not documented: expect a brake.
 ///
-/// Heard again after a loss it starts softly. If it may have been without power, its turns are
-/// estimated ([`Feedback::turn_gaps`]): it only knows its rotor's angle then.
+/// It starts softly after a loss; its turns are estimated then ([`Feedback::turn_gaps`]).
 #[derive(Clone, Debug)]
 pub struct GoM8010 {
     address: Address,

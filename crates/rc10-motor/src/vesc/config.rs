@@ -38,8 +38,7 @@ pub struct ElectricalScale {
 }
 
 impl ElectricalScale {
-    /// A motor with these pole pairs (half its magnet poles) behind a gearbox, with the firmware's
-    /// own minimum speed.
+    /// A motor with half its magnet poles as pole pairs, and the firmware's own minimum speed.
     pub const fn new(pole_pairs: NonZeroU8, gear: Gear) -> Self {
         Self { pole_pairs, gear, minimum: DEFAULT_MINIMUM }
     }
@@ -71,8 +70,7 @@ impl ElectricalScale {
         Rpm::new(electrical.get() / (self.gear.ratio() * self.pole_pairs()))
     }
 
-    /// Whether the VESC regulates this speed of the output shaft. Slower ones it does not, standing
-    /// still among them: the motor is left free or drags, and holds nothing.
+    /// Whether this speed is regulated. At slower ones the motor is free or drags.
     pub fn regulates(&self, output: Rpm) -> bool {
         // False for NaN.
         self.to_electrical(output).get().abs() >= self.minimum.get()
@@ -162,8 +160,7 @@ impl StatusRates {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Currents {
-    /// Never more than this, either way. At most what "Motor Current Max" and "Motor Current Max
-    /// Brake" in VESC Tool both allow. Above 0.
+    /// The largest, either way, above 0; at most "Motor Current Max" and "... Max Brake".
     pub limit: Amps,
     /// The current of [`DriveMode::Brake`](crate::DriveMode::Brake), 0 ..= `limit`.
     pub brake: Amps,

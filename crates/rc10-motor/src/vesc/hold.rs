@@ -7,10 +7,9 @@ const CATCHABLE: f32 = 300.0;
 /// Turns of the field that a rotor which runs past it covers; one that swings covers less than one.
 const SLIP: f32 = 1.5;
 
-/// Brake or handbrake: a still field holds a rotor that nearly stands; one that runs past it is
-/// neither held nor braked. So the shaft is braked first, and again if it slips. Where the brake,
-/// which fades at low speed, does not slow it down far enough, because a weight pulls, it is left
-/// to sink on the brake: a field that does not catch it would let it fall.
+/// Brake or handbrake: a still field holds a rotor that nearly stands, and no other. So the shaft
+/// is braked first, and again if it slips. A weight that pulls on at low speed sinks on the brake:
+/// a field that does not catch it would let it fall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Hold {
     /// The field stands; else the shaft is braked.

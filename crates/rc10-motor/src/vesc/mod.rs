@@ -70,8 +70,7 @@
 //! [`Condition::NoReports`]: crate::Condition::NoReports
 //! [`Condition::NotFollowing`]: crate::Condition::NotFollowing
 //!
-//! Sources: vedderb/bldc, `comm/comm_can.c`, `datatypes.h`, `motor/mcconf_default.h` (firmware 5.03
-//! to 7.01) and `documentation/comm_can.md`.
+//! Sources: vedderb/bldc 5.03 to 7.01: `comm_can.c`, `datatypes.h`, `mcconf_default.h`, docs.
 
 mod config;
 mod hold;

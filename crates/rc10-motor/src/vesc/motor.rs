@@ -21,8 +21,7 @@ use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_
 
 /// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
-/// … and a duty from what the motor's own voltage is by this much a second. The VESC's ramp of 2 %
-/// in a millisecond is a blow: its winding has no more than a few hundredths of an ohm.
+/// … and a duty from the motor's voltage by this much a second: 2 % a millisecond is a blow.
 const SOFT_DUTY: f32 = 2.0;
 /// Steps that the tachometer may be away from twice what its speed makes: two turns of the field.
 const MOST_ASIDE: f32 = 12.0;

@@ -1,7 +1,6 @@
 //! The bytes of VESC frames: commands to frames, frames to values. No state.
 //!
-//! Values are limited, scaled and rounded to the nearest step, and saturate at i32's ends. No
-//! number on the wire stands for NaN, so it is an error instead of a frame.
+//! Values are limited, rounded to the nearest step, and saturate. NaN is an error, not a frame.
 
 use core::fmt;
 

@@ -26,8 +26,7 @@ const REPLY_HEAD: [u8; 2] = [0xFD, 0xEE];
 
 /// CRC-16/KERMIT: 0x1021 reflected, from zero, not inverted; 0x2189 for "123456789".
 ///
-/// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
-/// so that its low half also runs into its high half, and the result comes out at three places.
+/// Without a table: the taps of x¹⁶ + x¹² + x⁵ + 1 move a byte to three places.
 pub fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc: u16, byte| {
         let mixed = (crc ^ u16::from(*byte)) & 0xFF;
@@ -161,8 +160,7 @@ pub enum ReplyError {
     },
 }
 
-/// Finds replies in a stream of bytes: garbage is skipped, a reply whose CRC is wrong never
-/// comes out, and one that begins within what looked like another is not lost.
+/// Finds replies in a stream: none with a wrong CRC, and none lost within garbage.
 ///
 /// A byte costs one comparison, or, at the end of sixteen like a reply, one CRC and one move.
 ///
