@@ -132,12 +132,6 @@ impl LimitSwitch {
         if is_pressed { self.config.press } else { self.config.release }
     }
 
-    /// The position when it was looked at last.
-    #[must_use]
-    pub const fn position(&self) -> Position {
-        self.position
-    }
-
     /// The pin's level is what the position says: nothing happens before it changes.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {

@@ -75,11 +75,6 @@ impl<H: Hardware> Driver<H> {
         }
     }
 
-    /// The controller.
-    pub const fn hardware(&mut self) -> &mut H {
-        &mut self.hardware
-    }
-
     /// For each interrupt of the controller: takes what was received, and fills the mailboxes.
     pub fn serve(&mut self) {
         self.hardware.acknowledge();

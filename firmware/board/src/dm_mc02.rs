@@ -9,14 +9,16 @@ mod soldered;
 use embassy_stm32::peripherals::{
     ADC1, DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
     DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, EXTI0, EXTI14, EXTI15, FDCAN1, FDCAN2,
-    FDCAN3, IWDG1, PA0, PA2, PA7, PA11, PA12, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13,
-    PC14, PC15, PE0, PE9, PE13, PE14, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7,
-    USART1, USART2, USART3, USART10, USB_OTG_HS,
+    FDCAN3, IWDG1, PA0, PA2, PA7, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13, PC14, PC15,
+    PE0, PE9, PE13, PE14, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7, USART1, USART2,
+    USART3, USART10,
 };
 use embassy_stm32::{Peri, Peripherals, pac};
 use rc10_bsp::Crystal;
 use rc10_bsp::can::BusParts;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
+
+use crate::UsbParts;
 
 pub use soldered::{SETTLING, serve};
 
@@ -88,16 +90,6 @@ pub struct SwitchParts {
     pub first: (Peri<'static, PE14>, Peri<'static, EXTI14>),
     /// The second switch.
     pub second: (Peri<'static, PE0>, Peri<'static, EXTI0>),
-}
-
-/// USB OTG HS with its own full-speed transceiver.
-pub struct UsbParts {
-    /// The controller.
-    pub peripheral: Peri<'static, USB_OTG_HS>,
-    /// D+.
-    pub plus: Peri<'static, PA12>,
-    /// D-.
-    pub minus: Peri<'static, PA11>,
 }
 
 /// Soldered parts that need a program.

@@ -7,9 +7,9 @@
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
     DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, EXTI2, EXTI3, FDCAN1,
-    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PA11, PA12, PC4, PC5, PC6, PC7, PD12,
-    PD13, PD14, PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, PG4, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13,
-    TIM23, TIM24, UART5, UART7, USART1, USART2, USART3, USART10, USB_OTG_HS,
+    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PC4, PC5, PC6, PC7, PD12, PD13, PD14,
+    PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, PG4, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13, TIM23,
+    TIM24, UART5, UART7, USART1, USART2, USART3, USART10,
 };
 use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::Crystal;
@@ -18,7 +18,7 @@ use rc10_bsp::serial::{ReceiverParts, SerialParts};
 use rc10_motor::Names;
 use rc10_tasks::Common;
 
-use crate::Output;
+use crate::{Output, UsbParts};
 
 /// The board's name, as the tools know it.
 pub const NAME: &str = "h723zg";
@@ -183,16 +183,6 @@ pub struct SwitchParts {
     pub first: (Peri<'static, PG2>, Peri<'static, EXTI2>),
     /// The second switch.
     pub second: (Peri<'static, PG3>, Peri<'static, EXTI3>),
-}
-
-/// USB OTG HS with its own full-speed transceiver.
-pub struct UsbParts {
-    /// The controller.
-    pub peripheral: Peri<'static, USB_OTG_HS>,
-    /// D+.
-    pub plus: Peri<'static, PA12>,
-    /// D-.
-    pub minus: Peri<'static, PA11>,
 }
 
 impl Board {

@@ -20,11 +20,24 @@ mod note;
 mod program;
 pub mod robot;
 
+use embassy_stm32::Peri;
+use embassy_stm32::peripherals::{PA11, PA12, USB_OTG_HS};
+
 /// The board of this program.
 #[cfg(feature = "dm-mc02")]
 pub use dm_mc02 as board;
 #[cfg(feature = "h723zg")]
 pub use h723zg as board;
+
+/// USB OTG HS with its own full-speed transceiver.
+pub struct UsbParts {
+    /// The controller.
+    pub peripheral: Peri<'static, USB_OTG_HS>,
+    /// D+.
+    pub plus: Peri<'static, PA12>,
+    /// D-.
+    pub minus: Peri<'static, PA11>,
+}
 
 /// An output of supply that the program switches, of a board that has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
