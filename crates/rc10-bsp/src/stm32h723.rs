@@ -1,7 +1,6 @@
 //! STM32H723 on embassy-stm32. Facts: RM0468 and the board's `CubeMX` project.
 //!
-//! * [`initialise`]: clocks and caches, of a board's [`Crystal`]; [`crystal()`]: whether that works;
-//!   [`other_chip`]: whether this is an STM32H723 at all.
+//! * [`initialise`]: clocks and caches; [`crystal()`] and [`other_chip`]: whether they are right.
 //! * [`cycle_count`]: the core's cycle counter.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
@@ -100,8 +99,7 @@ pub fn clocks(crystal: Crystal) -> Config {
 /// Makes two regions without access, which to a Cortex-M7 are ordinary memory: it may read ahead in them.
 ///
 /// * `0x6000_0000` to `0xDFFF_FFFF`: external memories, which the board lacks: the FMC would wait.
-/// * `0x1FF0_0000` to `0x1FFF_FFFF`: system flash, where reading ahead sets the flash's errors of protection
-///   (Zephyr issue 60449), and right below DTCM: a stack that overflows is stopped there at once.
+/// * `0x1FF0_0000` to `0x1FFF_FFFF`: system flash (errors by prefetch, Zephyr 60449), below DTCM.
 fn forbid_regions(mpu: &cortex_m::peripheral::MPU) {
     // Armv7-M manual, B3.5: all 4 GiB, less the eighths 0, 1, 2 and 7; then 1 MiB. No access, no execution.
     const ENABLE: u32 = 1;
@@ -141,8 +139,7 @@ pub fn cycle_count() -> u32 {
     DWT::cycle_count()
 }
 
-/// The chip's identity, if it is another than the STM32H723's: `DEV_ID` of `DBGMCU_IDCODE` (RM0468: 0x483 for
-/// STM32H723, 725, 730, 733 and 735). Zero, which is no identity, counts as not known.
+/// Another chip's `DEV_ID` (RM0468: 0x483 is STM32H723 to 735); zero counts as not known.
 #[must_use]
 pub fn other_chip() -> Option<u16> {
     const OURS: u16 = 0x483;

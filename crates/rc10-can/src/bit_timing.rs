@@ -1,5 +1,4 @@
-/// The parts of one bit: one quantum of synchronisation, `before` quanta up to the sample point,
-/// and `after` quanta behind it. A quantum is `prescaler` cycles of the controller's clock.
+/// A bit's parts: one quantum, `before` up to the sample point, `after` behind; of `prescaler`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
     /// Cycles of a quantum, 1 or more.

@@ -9,7 +9,6 @@ pub enum BusOffPolicy {
     Automatic,
     /// The bus stays off until it is asked to come back.
     Manual,
-    /// Like [`Automatic`](Self::Automatic), but the whole robot is in emergency stop then, until
-    /// that is reset: for a bus whose motors must never go on as if nothing had been.
+    /// Like [`Automatic`](Self::Automatic), with an emergency stop of the whole robot.
     Latched,
 }

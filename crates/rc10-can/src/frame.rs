@@ -118,8 +118,7 @@ impl CanFrame {
         self.key & REMOTE != 0
     }
 
-    /// One word that tells frames apart by identifier, identifier size and remote flag: what
-    /// lookup tables compare. Its numeric order is not arbitration order; [`Id`]'s order is.
+    /// One word of identifier, size and remote flag, for tables; not in arbitration order.
     #[inline]
     #[must_use]
     pub const fn key(&self) -> u32 {

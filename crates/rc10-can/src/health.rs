@@ -47,15 +47,13 @@ pub struct Health {
     pub last_error: Option<BusError>,
     /// Received frames lost by late reading; one that a controller does not count is one.
     pub receive_lost: u32,
-    /// Frames accepted for sending that never left, and were not replaced by a newer one: the
-    /// driver refused them in the end, or they were too old when the bus came back.
+    /// Accepted frames that never left: the driver refused them, or they were too old.
     pub transmit_lost: u32,
     /// Received frames dropped without a look: not [accepted](crate::CanPort::accept).
     pub ignored: u32,
     /// Number of times that the controller went bus-off.
     pub bus_offs: u32,
-    /// Times in restricted operation, which sends nothing (slow message memory, or clock
-    /// calibration), and from which it was sent back.
+    /// Times in restricted operation, which sends nothing, and from which it was sent back.
     pub restrictions: u32,
     /// Times that a supervisor made the motors safe, because the port was not asked for long.
     pub stalls: u32,

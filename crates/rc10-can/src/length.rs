@@ -2,8 +2,7 @@ use crate::CanFrame;
 
 /// Duration of a frame on the bus, in bit times, interframe space included.
 ///
-/// The bits from start-of-frame to the end of the CRC are stuffed: after five equal bits the
-/// sender inserts one of the other value (ISO 11898-1, section "Bit stuffing").
+/// Start to CRC is stuffed: a bit after five equal ones (ISO 11898-1, "Bit stuffing").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WireLength {
     /// Bits without stuffing, with the 3-bit interframe space.
@@ -53,8 +52,7 @@ impl LengthBounds {
         Self { min, max: min + (stuffed - 1) / 4 }
     }
 
-    /// "Typical" length for planning: 30 % of the worst case's stuff bits, which is what motor
-    /// feedback in motion shows (118 of 111 ..= 135 bits for a standard 8-byte frame).
+    /// Typical length: 30 % of the most stuff bits, as motors show (118 of 111 ..= 135 bits).
     #[must_use]
     pub const fn typical(self) -> u32 {
         self.min + (self.max - self.min) * 3 / 10

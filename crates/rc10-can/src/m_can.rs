@@ -96,8 +96,7 @@ pub const fn time_stamp([_, length, ..]: [u32; ELEMENT]) -> u16 {
     length as u16
 }
 
-// RM0468, FDCAN chapter, "Standard message ID filter element" and "Extended message ID filter
-// element": an identifier and a mask; what matches goes to FIFO 0. A word of zeros is no filter.
+// An identifier and a mask, to FIFO 0 (RM0468, FDCAN, "filter element"); zeros are no filter.
 const STANDARD_BY_MASK: u32 = 0b10 << 30;
 const STANDARD_TO_FIFO_0: u32 = 0b001 << 27;
 const STANDARD_FILTER_ID_SHIFT: u32 = 16;

@@ -4,11 +4,9 @@
 //!   messages: a new one is one line. [samples] are raw words: they are many.
 //! * [`frame`]: how a message becomes bytes, and how it is found in a stream that also has other bytes.
 //!
-//! **The robot describes itself**: [`Tell::Signal`] and [`Tell::Parameter`] name everything that it can
-//! show or change, with its unit and its range. A PC has no list of its own.
+//! **The robot describes itself**: [`Tell::Signal`] and [`Tell::Parameter`], with units and ranges.
 //!
-//! **Versions**: messages and fields are only ever added, messages behind the others and fields at the
-//! end of a message. So either side may be older: it skips what it does not know.
+//! **Versions**: messages and fields are only added, at the end; an older side skips them.
 //!
 //! **The link is up** from [`Ask::Hello`] until none came for [`SILENCE`]; else a robot is silent.
 #![no_std]

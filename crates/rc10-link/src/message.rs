@@ -185,8 +185,7 @@ impl FromIterator<u16> for Bits {
     }
 }
 
-/// The topic of a signal or a parameter: a folder and a label in it, such as "motors" and "lift
-/// left".
+/// The topic of a signal or parameter: a folder and a label, as "motors" and "lift left".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Topic<'a> {
     /// "motors", "buses", "lines", "robot", "signals", "parameters".

@@ -8,8 +8,7 @@ use crate::SubscribersFull;
 
 /// The newest value of something, and how old it is.
 ///
-/// Any number of tasks may look at it; up to `SUBSCRIBERS` may wait for it to change. A
-/// subscriber that comes late sees the newest value once, not the ones between.
+/// Any task may look; `SUBSCRIBERS` may wait. A late one sees the newest value once.
 ///
 /// ```
 /// use rc10_message::Latest;

@@ -46,8 +46,7 @@ use rc10_can::Micros;
 ///
 /// A request or response is copied in and out under a critical section: keep them small.
 pub struct Service<Request, Response, const CALLERS: usize = 4> {
-    /// Whether a request may be there to be taken: to look costs one load without a request.
-    /// Written only where the state is locked; a hint, and what follows from it happens there, too.
+    /// Whether a request may be there: one load to look. A hint, written where the state is locked.
     pending: AtomicBool,
     state: Mutex<CriticalSectionRawMutex, RefCell<State<Request, Response, CALLERS>>>,
 }
@@ -151,8 +150,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     /// [`CallError`], which says whether the request was taken.
     ///
     /// # Cancel safety
-    /// The future may be dropped at any time, and does nothing before it is first polled. Dropped,
-    /// it takes its request back if it was not taken, and otherwise has its response dropped.
+    /// The future may be dropped: an untaken request is taken back, another's response dropped.
     pub async fn call(&self, request: Request, timeout: Micros) -> Result<Response, CallError> {
         let mut waiting = self.ask(request)?;
         let timeout = Duration::from_micros(timeout.get().min(LONGEST_TIMEOUT));
@@ -183,8 +181,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         })
     }
 
-    /// The oldest request that was not taken yet, if there is one, and who waits for the response.
-    /// Never waits: without a request it costs one load. Any task or interrupt may look.
+    /// The oldest untaken request and its caller, if any, from any task; never waits.
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
@@ -359,8 +356,7 @@ impl<'s, Request, Response, const CALLERS: usize> Server<'s, Request, Response, 
     /// Serves for ever: one request after the other.
     ///
     /// # Cancel safety
-    /// If the future is dropped while it answers, that caller is told
-    /// [`NotServed`](CallError::NotServed); those that wait stay in the queue for the next server.
+    /// Dropped while it answers, it tells that caller [`NotServed`](CallError::NotServed).
     pub async fn serve(&mut self, mut answer: impl AsyncFnMut(Request) -> Response) -> ! {
         loop {
             let (request, caller) = self.next().await;
@@ -435,8 +431,7 @@ impl<Request, Response, const CALLERS: usize> Drop for Waiting<'_, Request, Resp
     }
 }
 
-/// The caller that waits for a response. A server may keep it and [`reply`](Self::reply) later,
-/// after other requests; dropped, it tells the caller at once that its request is not served.
+/// The caller that waits: [`reply`](Self::reply) now or later; dropped, it is not served.
 #[must_use = "dropped, it tells the caller that its request is not served"]
 pub struct Caller<'s, Request, Response, const CALLERS: usize = 4> {
     service: &'s Service<Request, Response, CALLERS>,

@@ -8,8 +8,7 @@ type Channel<T, const CAPACITY: usize, const SUBSCRIBERS: usize> =
 
 /// A stream of messages: every subscriber hears every message.
 ///
-/// Publishing never waits. Who reads too slowly misses the oldest messages, and is told how many.
-/// Up to `CAPACITY` messages wait for the slowest of at most `SUBSCRIBERS` subscribers.
+/// Publishing never waits. Slow readers of the `SUBSCRIBERS` miss the oldest, and are told.
 ///
 /// ```
 /// use rc10_message::Topic;

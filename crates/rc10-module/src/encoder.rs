@@ -2,8 +2,7 @@
 //!
 //! A [`Counter`] unwraps the count in integers, exact for ever. What it cannot tell is said:
 //!
-//! * it moved further than the shaft can have turned: [`Fault::Jump`]. The timer was written to,
-//!   or it counts noise. The angle stays; the counter's new value is where it goes on from.
+//! * it moved further than the shaft can: [`Fault::Jump`], by a write or noise. The angle stays.
 //! * it was not read before it may have gone half-way round: the turns are those that the
 //!   speed tells, and [`gaps`](IncrementalEncoder::gaps) says how often.
 //! * it lost edges: nothing shows that but the index pulse, [`IncrementalEncoder::index`].
@@ -45,8 +44,7 @@ pub struct OutOfRange {
 }
 
 impl Counter {
-    /// A counter of `modulus` counts, 2 ..= 2³² (anything else is brought into that range). A timer
-    /// of 32 bits has 2³².
+    /// A counter of `modulus` counts, 2 ..= 2³² (else brought there); 2³² for a timer of 32 bits.
     pub const fn new(modulus: u64) -> Self {
         let modulus = match modulus {
             0 | 1 => 2,
@@ -56,8 +54,7 @@ impl Counter {
         Self { modulus, last: None, total: 0 }
     }
 
-    /// Takes a sample; returns how far the counter moved since the last one, the shorter way
-    /// round: -modulus/2 ..< modulus/2. The first sample moves it from 0 to itself.
+    /// Takes a sample; returns the shorter way since the last one. The first moves it from 0.
     ///
     /// # Errors
     /// [`OutOfRange`] if `raw` is not below the modulus; the sample is ignored.
@@ -264,8 +261,7 @@ impl IncrementalEncoder {
         TotalAngle::from_counts(self.counts(), self.config.scale)
     }
 
-    /// The speed when the counter was read last: the mean over 20 ms, or since the count before if
-    /// that is longer ago; 0 after half a second without one.
+    /// The mean speed over 20 ms, or since the count before; 0 half a second after the last.
     #[must_use]
     pub fn speed(&self) -> Rpm {
         if self.config.is_reversed { -self.speed } else { self.speed }

@@ -1,7 +1,6 @@
 //! Inertial measurement: sensors, which way up the robot is, and the heading that it drives by.
 //!
-//! Axes are right-handed: x forward, y to the left, z up. A sensor at rest and level measures
-//! +9.81 m/s² on z. Yaw is counter-clockwise positive, seen from above.
+//! Axes: x forward, y left, z up, where rest is +9.81 m/s²; yaw counter-clockwise from above.
 
 pub mod attitude;
 pub mod bmi088;

@@ -4,8 +4,7 @@
 //! frames. **One driver loop serves every serial device**: [`listen`] reads any
 //! [`embedded_io_async::Read`] and hands over messages; what was lost stands in [`Reception`].
 //!
-//! This crate knows no board and no motors: they meet in a robot. `docs/modules` has a page for each
-//! device: wiring, frame, how it fails, sources; and how to add one.
+//! This crate knows no board and no motors. `docs/modules` has a page for each device.
 //!
 //! # In a firmware of your own
 //!
@@ -66,10 +65,8 @@
 //! assert_eq!(wall(now), None);
 //! ```
 //!
-//! A remote control is the same with [`remote::listen`], and [`remote::Watch`] says how fresh it is,
-//! in the two steps of a failsafe. The binary brings an `embassy_time` driver and a
-//! [`critical_section`](https://docs.rs/critical-section) implementation, as every Embassy program
-//! does; parsers alone ([`Stream`]) need neither.
+//! A remote is the same with [`remote::listen`]; [`remote::Watch`] says how fresh it is. The binary
+//! brings an `embassy_time` driver and a [`critical_section`](https://docs.rs/critical-section).
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -53,10 +53,9 @@ const ERROR_PAUSE: Duration = Duration::from_millis(4);
 
 /// Listens to a serial device for ever, and hands each message and its time to `hear`.
 ///
-/// `port` must read as soon as there are bytes, not only when its buffer is full, and go on after
-/// an error: [`Counters::port_errors`] counts those, and after each it reads on 4 ms later. A protocol
-/// with a [`Protocol::PAUSE`] hears it when `port` had nothing to read that long; a late task hears
-/// none, rather than a wrong one, and so does one that has just paused after an error.
+/// `port` must read as soon as there are bytes, and go on after an error, which
+/// [`Counters::port_errors`] counts; 4 ms later it reads on. A [`Protocol::PAUSE`] is heard when
+/// `port` had nothing to read that long; a late task hears none rather than a wrong one.
 pub async fn listen<P: Protocol>(
     mut port: impl Read,
     protocol: P,

@@ -23,8 +23,7 @@ pub enum Found<M> {
     More(usize),
     /// No frame begins here.
     Nothing,
-    /// Something with a frame's shape whose contents are not sound: a checksum is wrong, say. The
-    /// search goes on behind its first byte.
+    /// A frame whose contents are not sound, as its checksum. The search goes on a byte behind.
     Damaged,
     /// A frame: its length in bytes, and its message.
     Frame(usize, M),
@@ -277,8 +276,7 @@ impl<P: Protocol> Stream<P> {
     }
 }
 
-/// Looks for frames. How many bytes are judged: up to what may be the beginning of a frame, or all,
-/// if what was sent `is_over`; and how many there must be from there on to go on.
+/// Looks for frames: the bytes judged (all, if what was sent `is_over`), and those needed next.
 fn search<P: Protocol>(
     protocol: &P,
     bytes: &[u8],

@@ -37,8 +37,7 @@ pub trait Bus: 'static {
     fn shared() -> &'static Shared<BxCan>;
 }
 
-/// Declares a bus: a type for [`start`](crate::bxcan::start) and
-/// [`InterruptHandler`](crate::bxcan::InterruptHandler), and the place where its driver stands.
+/// Declares a bus for [`start`](crate::bxcan::start) and its handler, and its driver's place.
 ///
 /// `bxcan_bus!(Drive on CAN1);` is one with filters of its own. CAN2 has its filters in CAN1, which
 /// must be started first: `bxcan_bus!(Turret on CAN2, filters of CAN1);`. Start all buses before
@@ -138,8 +137,7 @@ impl BxCan {
         can.mcr().modify(|w| {
             w.set_sleep(false);
             w.set_inrq(true);
-            // Set by a reset. Under a debugger the controller goes on, as a G4's FDCAN: it
-            // acknowledges, and sends its mailboxes.
+            // Set by a reset: under a debugger the controller goes on.
             w.set_dbf(false);
         });
         let is_ready = || {
@@ -156,8 +154,7 @@ impl BxCan {
             w.set_ts(1, byte(timing.after - 1));
             w.set_sjw(byte(timing.after.min(LONGEST_JUMP) - 1));
         });
-        // All else in MCR is zero after the reset, and right: mailboxes go by identifier, frames are
-        // sent again until acknowledged, and it stays off after bus-off.
+        // Zero is right for all else in MCR: mailboxes by identifier, repeated frames, bus-off.
         FILTERS.lock(|()| self.open_filters());
         can.ier().write(|w| {
             w.set_tmeie(true);
@@ -285,8 +282,7 @@ impl Hardware for BxCan {
 
     fn restart(&mut self) -> bool {
         let can = self.registers;
-        // RM0090: software has it enter and leave initialization mode; then it counts by itself. It
-        // enters when the frame that others are sending is over: until then the request stays.
+        // RM0090: software enters initialization mode, after the frame of others; then it counts.
         can.mcr().modify(|w| w.set_inrq(true));
         if !wait_briefly(|| can.msr().read().inak()) {
             return false;

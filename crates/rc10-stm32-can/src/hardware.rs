@@ -27,8 +27,7 @@ pub struct Errors {
 
 /// A CAN controller with three transmit mailboxes, numbered from 0. No method waits for the bus.
 ///
-/// Of the frames in its mailboxes it sends the most urgent one first (lowest in arbitration), and
-/// each until it is acknowledged. After bus-off it stays off until [`restart`](Self::restart).
+/// It sends the most urgent mailbox first, until acknowledged, and stays off after bus-off.
 pub trait Hardware {
     /// The time.
     fn now(&self) -> Micros;
@@ -39,8 +38,7 @@ pub trait Hardware {
     /// Writes a frame into a mailbox that is free, and requests that it is sent.
     fn load(&mut self, mailbox: usize, frame: &CanFrame);
 
-    /// Requests that the frame in a mailbox is not sent. From now on it is not started any more; one
-    /// that is on the wire goes on, and ends either way. [`ended`](Self::ended) tells how.
+    /// Requests that a frame is not sent; on the wire it goes on. [`ended`](Self::ended) tells how.
     fn abort(&mut self, mailbox: usize);
 
     /// The fate of a mailbox's frame, told once; `None` while it waits or is on the wire.
@@ -67,7 +65,6 @@ pub trait Hardware {
         false
     }
 
-    /// Lets only these data frames in, or more where its filters do not suffice. Without a call it
-    /// lets everything in. A frame that is wanted before and after is not lost.
+    /// Lets only these frames in, or more; without a call all. A frame wanted throughout is kept.
     fn accept(&mut self, patterns: &[IdPattern]);
 }

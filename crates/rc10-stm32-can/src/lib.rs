@@ -1,7 +1,6 @@
 //! CAN ports for STM32 chips with bxCAN or the small FDCAN, like `rc10-bsp` on an STM32H723.
 //!
-//! * [`Driver`]: everything that is decided: which frame goes into which mailbox, what a newer frame
-//!   replaces, what is lost, bus-off. It knows no register and runs on a PC.
+//! * [`Driver`]: mailboxes, replaced and lost frames, bus-off; without registers, on a PC.
 //! * [`Hardware`]: what a controller with three transmit mailboxes does for it.
 //! * [`BusOff`]: what bxCAN's registers tell of bus-off.
 //! * [`Shared`] and [`Port`]: a driver shared with its interrupt, as an [`rc10_can::CanPort`].

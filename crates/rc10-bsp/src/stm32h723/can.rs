@@ -17,8 +17,7 @@
 //!
 //! **Losses** are counted, all of them: see [`Health`](rc10_can::Health) and [`FdcanPort`].
 //!
-//! embassy-stm32's own CAN driver is not used: its FIFOs are three frames deep, it does not see
-//! overruns, and it cannot take a frame back. This port shares the pin types with it.
+//! embassy-stm32's CAN driver has FIFOs of three frames, sees no overruns, and takes none back.
 
 mod bus;
 mod clock;

@@ -3,8 +3,7 @@
 //! Interrupts go off; on every bus unsent frames are cancelled and the coast image is sent by
 //! registers; memory that a reset keeps gets the cause, for [`take_last`]; the chip restarts.
 //!
-//! A program that hangs crashes by nothing but the watchdog. Shortly before that bites, the
-//! [supervisor](super::supervisor) has kept what was executed.
+//! A hang ends by the watchdog; the [supervisor](super::supervisor) keeps what ran before.
 //!
 //! [`crash_handlers!`](crate::crash_handlers) puts it in place, also for stack overflows.
 
@@ -183,8 +182,7 @@ pub(super) fn fed(looks: u32) {
     }
 }
 
-/// The supervisor has looked; whether the watchdog is about to bite. `PendSV` has its priority and follows it at once,
-/// so what that has interrupted is what the supervisor has: its frame is where the stack begins.
+/// Whether the watchdog is about to bite. `PendSV` follows at once, on the same stack frame.
 pub(super) fn supervised() -> bool {
     match LEFT.load(Ordering::Relaxed) {
         0 => {}

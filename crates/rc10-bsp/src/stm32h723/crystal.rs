@@ -197,8 +197,7 @@ pub(super) fn take_stopped() -> bool {
     has_stopped
 }
 
-/// PLL1 goes on from HSI, as a good crystal has measured that. Where the crystal has stopped, the hardware has put the
-/// core on HSI and switched the PLL off, and with it the FDCANs' clock (RM0468, RCC, clock security system).
+/// PLL1 goes on from a measured HSI. After a stop the hardware has switched it off (RM0468).
 pub(super) fn replace() {
     RCC.cfgr().modify(|w| w.set_sw(Sysclk::HSI));
     comes(|| RCC.cfgr().read().sws() == Sysclk::HSI, SWITCH);

@@ -152,8 +152,7 @@ impl I2cBus {
         X::Interrupt::set_priority(priority);
         R::Interrupt::set_priority(priority);
         let functions = [clock.af_num(), data.af_num()];
-        // SAFETY: the driver below connects the same pins and never touches them again before it is
-        // dropped, which it is not; they change hands only in `recover`, while it does nothing.
+        // SAFETY: the driver below never drops its pins; they change hands only in `recover`.
         let lines =
             unsafe { [Flex::new(clock.clone_unchecked()), Flex::new(data.clone_unchecked())] };
         let mut config = Config::default();

@@ -4,8 +4,7 @@
 //! [`TIMER_CLOCK`](crate::TIMER_CLOCK). The compiler knows which timers can ask a DMA: at PF9 TIM23
 //! ([`Ordinary`]), at PA7 TIM8 by channel 1's complement ([`Complement`]).
 //!
-//! The values are words, for a timer may be one of 32 bits: the bus doubles a half word that is
-//! written to a whole register (RM0468, AHB-to-APB bridges), and the pulse would last for minutes.
+//! The values are words: a 32-bit timer's register would double a half word (RM0468).
 
 use core::marker::PhantomData;
 
@@ -111,8 +110,7 @@ pub struct PulseOutput {
 }
 
 impl PulseOutput {
-    /// Starts the timer: a pulse begins every `period` of its clocks, 2 or more. The buffer holds
-    /// two values more than pulses that are sent at once.
+    /// Starts the timer, a pulse every `period` of its clocks, 2 or more; two values more of room.
     ///
     /// `priority` is that of the stream's interrupt.
     pub fn start<T, C: TimerChannel, P: PulsePin<T, C, O>, O, D, const N: usize>(

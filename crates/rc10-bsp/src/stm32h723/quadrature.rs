@@ -50,8 +50,7 @@ impl QuadratureCounter {
             core::mem::forget(pin);
         }
         let timer = Timer::new(timer);
-        // SAFETY: one of the general timers, as its trait says. Those of 16 bits have the same
-        // registers; the upper half of counter and auto-reload is reserved there and reads zero.
+        // SAFETY: a general timer by its trait; those of 16 bits read zero in the upper halves.
         let registers = unsafe { TimGp32::from_ptr(timer.regs_core().as_ptr()) };
         // Dropped, it would stop.
         core::mem::forget(timer);

@@ -9,8 +9,7 @@
 //!
 //! **Sending.** One copy into a buffer that belongs to the driver, from which a DMA sends.
 //!
-//! **Losses** are counted, all of them: [`SerialCounters`]. A reader that is too slow learns it
-//! ([`SerialError::TooSlow`]) and never gets bytes that were overwritten while it read.
+//! **Losses** are counted: [`SerialCounters`]. A slow reader gets [`SerialError::TooSlow`].
 //!
 //! embassy-stm32's UART drivers are not used: a line error stops and empties their ring, and a
 //! transfer error panics. Its pins, DMA channels and bindings are.

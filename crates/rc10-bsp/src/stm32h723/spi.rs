@@ -6,8 +6,7 @@ use embedded_hal_async::spi::{ErrorType, SpiBus};
 
 use crate::dma::DmaBuffer;
 
-/// An [`SpiBus`] on another one, through a buffer in SRAM1. More than `N` bytes go in pieces. Between two
-/// pieces the chip may clock on (Zephyr PR 66503): make `N` the longest transfer under one chip select.
+/// An [`SpiBus`] through SRAM1, in pieces of `N` bytes: make that the longest transfer.
 ///
 /// ```ignore
 /// let bus = Spi::new(p.SPI1, sck, mosi, miso, transmit, receive, Irqs, config);

@@ -8,8 +8,7 @@
 //! **A robot does not wait for a PC**: what is sent while none listens is dropped and counted,
 //! [`UsbTransmitter::lost`]. What a PC sends waits there until it is read.
 //!
-//! The emulator knows no USB: no test runs this module. `firmware/usb` is there to try it on a board.
-//! `VDD33USB` must be supplied, or embassy-stm32 waits for it for ever.
+//! No test runs this module: `firmware/usb` tries it on a board, with `VDD33USB` supplied.
 
 use core::convert::Infallible;
 use core::ops::Range;
@@ -129,8 +128,7 @@ impl Read for UsbReceiver {
     }
 }
 
-/// The bytes to the PC: an [`embedded_io_async::Write`] that waits 50 ms at most, once, for a PC
-/// that has opened the port and does not fetch; after that not at all until it does.
+/// The bytes to the PC: an [`embedded_io_async::Write`] that waits 50 ms at most, once.
 pub struct UsbTransmitter {
     sender: Sender<'static, Controller>,
     lost: u32,
@@ -139,8 +137,7 @@ pub struct UsbTransmitter {
 }
 
 impl UsbTransmitter {
-    /// Bytes that were dropped because no PC listened; starts over after 2³². The last packet that
-    /// was handed to the controller before the PC went away, 63 bytes at most, is not among them.
+    /// Bytes dropped without a PC, modulo 2³², but for the last packet of 63 at most.
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost

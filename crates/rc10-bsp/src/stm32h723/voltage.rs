@@ -47,8 +47,7 @@ impl VoltageInput {
         Self { channel, is_ready: false, is_fresh: true }
     }
 
-    /// The voltage in 65,535ths of the ADC's reference; `None` if the ADC does not measure. It is set up anew then,
-    /// by the next call. Takes 0.3 ms, and 1.2 more where it has to be set up, 25 at most.
+    /// The voltage in 65,535ths of the reference; `None` if the ADC fails, and is set up anew.
     pub async fn read(&mut self) -> Option<u16> {
         if !self.is_ready {
             self.start().await?;

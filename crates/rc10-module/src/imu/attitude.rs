@@ -26,8 +26,7 @@ use super::{GRAVITY, Sample};
 
 type Vector = [f32; 3];
 
-/// The longest step: what happened between two samples further apart is not known. A robot that
-/// swings round at 30 rad/s² turns by 0.3 degrees in that time beyond what two samples tell.
+/// The longest step: between samples 30 rad/s² makes 0.3 degrees beyond what they tell.
 pub const LONGEST_STEP: Seconds = Seconds::new(0.02);
 /// No sensor of ours turns faster, rad/s: ±2000 °/s is 34.9.
 const FASTEST: f32 = 50.0;
@@ -221,8 +220,7 @@ impl Attitude {
         self.still >= REST
     }
 
-    /// Number of times that a rotation was missed: too long without a sample, no number, or at the
-    /// end of the gyroscope's range. Above zero, yaw may be off by any angle.
+    /// Missed rotations: no sample, no number, or out of range. Above zero, yaw may be off.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps
@@ -279,8 +277,7 @@ impl Attitude {
     #[inline]
     fn turn(&mut self, rotation: Vector, dt: f32) {
         let half = rotation.map(|rate| rate * dt * 0.5);
-        // Cosine and sine of the angle's half by their series: a last digit off at the longest step
-        // of a rotation at the end of the range, less at 1 kHz.
+        // Cosine and sine of the half by series: a last digit off at the longest, fastest step.
         let square = squared(half);
         let cos = 1.0 - square * (1.0 / 2.0 - square * (1.0 / 24.0 - square * (1.0 / 720.0)));
         let sin = 1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0)));

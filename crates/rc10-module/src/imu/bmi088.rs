@@ -3,8 +3,7 @@
 //! Source: Bosch's BST-BMI088-DS001 (1.3, 2018; sections below); times: `BMI08x_SensorAPI`.
 //!
 //! * SPI mode 0 or 3, 10 MHz at most, the address first; its bit 7 is set for reading (6.1).
-//! * The accelerometer answers a read with one byte of nothing before the data (6.1.2). It wakes
-//!   up speaking I²C, until its chip select rises (6.1), and suspended (4.1).
+//! * The accelerometer sends a byte of nothing first (6.1.2), and wakes in I²C, suspended (4.1).
 //! * The gyroscope is ready 30 ms after a reset (4.8), the accelerometer after 1.
 //!
 //! One [`read`](Bmi088::read) is three transfers of 61 bytes, 50 µs at 10 MHz: all of the

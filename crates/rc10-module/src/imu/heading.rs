@@ -2,15 +2,13 @@ use rc10_app::angle::{shortest_way, shortest_way_degrees};
 use rc10_app::{Degrees, Radians, TotalAngle, maths};
 use rc10_can::Micros;
 
-/// A heading that was heard longer ago is too old. In this time the fastest rotation that these
-/// sensors measure, 2000 °/s, is half a turn: the robot may look the other way by now.
+/// An older heading is of no use: 2000 °/s makes half a turn in this time.
 pub const FRESH_FOR: Micros = Micros::from_millis(90);
 
 /// Microdegrees.
 const TURN: i32 = 360_000_000;
 
-/// The heading of a robot, made of the yaw that a sensor tells: continuous over any number of
-/// turns, counter-clockwise positive, from a zero of ours. Whole microdegrees: nothing adds up.
+/// A heading from a sensor's yaw: continuous, counter-clockwise, exact microdegrees, own zero.
 ///
 /// Small and `Copy`, to be published; without a yaw newer than [`FRESH_FOR`] it has no value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,8 +65,7 @@ impl Heading {
         self.is_fresh(now).then(|| TotalAngle::from_microdegrees(turns * i64::from(TURN) + way))
     }
 
-    /// Which way it looks, -π ..= π, as [`Twist::into_frame`](rc10_app::Twist::into_frame) takes
-    /// it; `None` if that is not known.
+    /// The direction, -π ..= π, for [`Twist::into_frame`](rc10_app::Twist::into_frame), if known.
     #[must_use]
     pub fn direction(&self, now: Micros) -> Option<Radians> {
         let way = shortest_way(self.zero, self.yaw, TURN);
@@ -78,9 +75,8 @@ impl Heading {
         is_known.then(|| Radians::new(degrees.to_radians()))
     }
 
-    /// Number of times that the sensor was silent for longer than [`FRESH_FOR`]. Each time turns
-    /// may be missing from [`total`](Self::total); and if it lost power it counts from another zero
-    /// now, so that [`direction`](Self::direction) is wrong until [`zero`](Self::zero) is called.
+    /// Times of silence beyond [`FRESH_FOR`]: turns may be missing from [`total`](Self::total), and
+    /// [`direction`](Self::direction) be wrong until [`zero`](Self::zero).
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps

@@ -47,8 +47,7 @@ impl Heater {
         Self { config, power: PidState::new() }
     }
 
-    /// The share of time for which to heat from now on, in thousandths. `temperature` is the die's in °C, `supply` the
-    /// voltage at the heater; `None`, or outside of what can be: not known.
+    /// The share of time to heat, thousandths, by the die's °C and the supply's V, if known.
     pub fn update(&mut self, temperature: Option<f32>, supply: Option<f32>, step: Seconds) -> u16 {
         let known = temperature
             .filter(|now| PLAUSIBLE.contains(now))

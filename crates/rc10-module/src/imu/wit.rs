@@ -102,8 +102,7 @@ impl Protocol for Wit {
     }
 }
 
-/// A setting of a module. All but [`Unlock`](Self::Unlock) work only within 10 s after that, and
-/// last only until power-off if no [`Save`](Self::Save) follows.
+/// A setting, taken within 10 s of [`Unlock`](Self::Unlock), kept by [`Save`](Self::Save).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {

@@ -11,8 +11,7 @@
 //! A [`Strip`] sends by one of two [`Output`]s. [`Spi`]: a byte per bit, on any SPI bus, with no
 //! pin but data. [`Pulses`]: a timer's compare values, one per bit, which a DMA feeds to it.
 //!
-//! The crate `ws2812-async` was weighed: four bits of SPI per bit, which is half the memory. It
-//! knows no timer, and leaves out without a word the LEDs that its buffer has no room for.
+//! `ws2812-async` has half the memory, but no timer, and leaves LEDs out without a word.
 
 use core::ops::RangeInclusive;
 
@@ -31,8 +30,7 @@ pub const SPI_ZERO: u8 = 0x30;
 /// A bit that is 1: six of eight high.
 pub const SPI_ONE: u8 = 0xFC;
 
-/// Clocks of an SPI bus whose bytes are bits that LEDs understand, Hz: two of its bits last at least
-/// 250 ns and six at most 950 ns. The oldest, WS2812 without a letter, want 850: 7.06 MHz or more.
+/// SPI clocks in Hz: two bits last 250 ns, six 950 ns at most; a WS2812 without a letter 850.
 pub const SPI_CLOCK: RangeInclusive<u32> = 6_320_000..=8_000_000;
 
 /// Bytes of silence before and after a picture: 300 µs at the fastest clock.
@@ -157,8 +155,7 @@ impl<S: SpiBus> Output for Spi<S> {
 
 /// LEDs at a timer's output: PWM, high first, whose compare value a DMA replaces once a period.
 ///
-/// `send` gets compare values, a pulse each, and returns when the line is low for good: one more
-/// value, of 0, does that.
+/// `send` gets compare values, one a pulse, and returns once the line is low: 0 at the end.
 #[derive(Debug)]
 pub struct Pulses<F> {
     timing: PulseTiming,

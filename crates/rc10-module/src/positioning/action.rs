@@ -6,9 +6,8 @@
 //! | 2 ..= 25 | six f32: yaw, angle about x, angle about y, in degrees; x, y in mm; yaw rate |
 //! | 26, 27 | `0A 0D` |
 //!
-//! **There is no checksum.** What can be checked is: head, tail, and that each number is finite and
-//! below a million. A flipped bit in the middle of a number gets through: a program
-//! that steers by this must refuse a pose that is further from the last than the robot can be.
+//! **There is no checksum**, only head, tail, and finite numbers below a million. A program that
+//! steers by this must refuse a pose that is further from the last than the robot can be.
 //!
 //! Source: seven public parsers of Robocon teams, which agree; commands from two of them.
 

@@ -120,8 +120,7 @@ impl Frame {
 
 /// CRC-16/XMODEM: 0x1021, from zero, highest bit first; 0x31C3 for "123456789".
 ///
-/// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
-/// so that its high half also runs into its low half, and the result comes out at three places.
+/// Without a table: the taps of x¹⁶ + x¹² + x⁵ + 1 move a byte to three places.
 fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc: u16, byte| {
         let mixed = crc >> 8 ^ u16::from(*byte);

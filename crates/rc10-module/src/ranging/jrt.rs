@@ -1,5 +1,4 @@
-//! Laser modules of the JRT type, of many sellers: UART 8N1, 19200 baud or as the seller says. A
-//! module measures when told to: [`run`] does that. Big endian.
+//! JRT-type laser modules: UART 8N1, 19200 baud or other, big endian; [`run`] has them measure.
 //!
 //! | bytes | |
 //! |---|---|
@@ -10,8 +9,7 @@
 //! | 2 each | words |
 //! | 1 | sum of all but the first byte |
 //!
-//! A result is register 0022 with three words: distance u32 in mm, signal quality u16. An error is
-//! one word, its code. A command that writes comes back as it was sent.
+//! A result is register 0022: distance u32 in mm, quality u16. An error is its code, one word.
 //!
 //! Sources: drivers of RC9 (GDUT) and IADIY's LRF100M3PS, `laser_ldj100` with its code table.
 

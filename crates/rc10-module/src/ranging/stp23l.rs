@@ -1,5 +1,4 @@
-//! LDROBOT STP-23L: UART, 230400 baud 8N1, ten frames a second by itself, each with the twelve
-//! measurements of the 100 ms before. All look into one direction. Little endian.
+//! LDROBOT STP-23L: UART, 230400 baud 8N1, ten frames a second of twelve points, little endian.
 //!
 //! | byte | |
 //! |---|---|
@@ -12,8 +11,7 @@
 //! | 190 ..= 193 | time stamp |
 //! | 194 | sum of bytes 4 to 193 |
 //!
-//! Sources: LDROBOT's ROS driver (`MeasureFrameDataTypeDef`), three public team drivers, and a
-//! published capture checked with a tape measure. The maker documents no more than the wires.
+//! Sources: LDROBOT's ROS driver, three teams' drivers, and a capture checked by tape measure.
 
 use super::{Doubt, Range};
 use crate::sum::sum;

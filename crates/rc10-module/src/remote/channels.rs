@@ -48,8 +48,7 @@ pub struct ChannelOrder {
 const ROLES: usize = 9;
 
 impl ChannelOrder {
-    /// Aileron, elevator, throttle, rudder, right switch, left switch, two more, a dial: most
-    /// transmitters.
+    /// Aileron, elevator, throttle, rudder, both switches, two more, a dial: most transmitters.
     pub const AETR: Self = Self {
         right_x: Channel::new(1),
         right_y: Channel::new(2),
@@ -61,8 +60,7 @@ impl ChannelOrder {
         dial: Some(Channel::new(9)),
     };
 
-    /// The order of `RC10_LIB`'s `AirJoy`: left x, left y, right y, right x, switches A, B, C, D,
-    /// of which A is the right one here, B the left one.
+    /// `RC10_LIB`'s `AirJoy`: left x, y, right y, x, switches A (right here), B (left), C, D.
     pub const AIR_JOY: Self = Self {
         left_x: Channel::new(1),
         left_y: Channel::new(2),

@@ -7,8 +7,7 @@ use crate::{Found, Pause, Protocol};
 
 /// CRSF of TBS and `ExpressLRS`: `address, length, type, payload, checksum`, 420 kbaud 8N1.
 ///
-/// A frame is taken when its address is one of TBS's, its length 2 to 62 and right for its type,
-/// and its checksum right. Frames of other types are whole, and say nothing here.
+/// A frame has one of TBS's addresses, a length of 2 to 62 right for its type, and its checksum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Crsf;
 

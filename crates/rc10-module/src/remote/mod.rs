@@ -3,8 +3,7 @@
 //! [`listen`] hears a UART, [`listen_pulses`] pulses; each gives a [`Remote`] per good frame.
 //! [`Watch`] says how fresh it is, [`Receiver::serial`] the UART's settings.
 //!
-//! Below that stands a [`Protocol`](crate::Protocol) for each receiver, with its frame as it comes
-//! from the wire; which channel of SBUS, CRSF or PPM is what is a [`ChannelMap`].
+//! A [`Protocol`](crate::Protocol) for each receiver; a [`ChannelMap`] says which channel is what.
 
 mod channels;
 mod crsf;
@@ -94,8 +93,7 @@ pub struct Mouse {
     pub middle: bool,
 }
 
-/// Pressed keys, a bit each, in the order of DJI's: W S A D Shift Ctrl Q E R F G Z X C V B from bit
-/// 0 on. Bits 16 and up are buttons on the remote itself, as its page says.
+/// Pressed keys: W S A D Shift Ctrl Q E R F G Z X C V B from bit 0, from 16 the remote's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Keys(pub u32);

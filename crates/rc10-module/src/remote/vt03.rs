@@ -6,8 +6,7 @@ use crate::{Found, Protocol};
 
 /// The remote's protocol of a DJI VT03 or VT13 video link: 21 bytes, 921,600 baud 8N1.
 ///
-/// A frame is taken when it begins with A9 53, its mode exists and its checksum is right. What else
-/// the link sends on the same wire (A5 frames of the referee system) is passed over.
+/// A frame has A9 53, a mode that exists and its checksum; others (A5, referee) are passed over.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vt03;
 

@@ -35,8 +35,7 @@ impl<T: BusPeripheral> BusParts<T> {
 
     /// The transceiver's pin (STB, S, SILENT, EN) that decides whether it sends, at `level` if so.
     ///
-    /// In standby it ignores us: the controller reads no own bits, and is bus-off at once. The
-    /// level of a pin that is not driven differs by type.
+    /// In standby the controller reads no own bits, and is bus-off at once.
     #[must_use]
     pub fn with_standby(mut self, pin: Peri<'static, impl Pin>, level: Level) -> Self {
         self.standby = Some((Flex::new(pin), level));

@@ -270,8 +270,7 @@ impl Controller {
         self.shared.coast.store(mask, Ordering::Release);
     }
 
-    /// The port is being asked. If the coast image was sent because it had not been asked, the rest
-    /// of that image is taken back: it must not follow newer commands. Says how often that was.
+    /// The port is being asked: the rest of a coast image is taken back. Says how often that was.
     #[inline]
     pub(super) fn attend(self) -> u32 {
         if self.shared.attendance.swap(POLLED, Ordering::AcqRel) == STALLED {

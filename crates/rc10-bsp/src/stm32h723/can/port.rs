@@ -25,8 +25,7 @@ impl BusPeripheral for FDCAN3 {
     const CONTROLLER: Controller = ALL[2];
 }
 
-/// A [`CanPort`] on one FDCAN of the chip. There is no interrupt behind it: frames wait in the
-/// controller until [`receive`](CanPort::receive) takes them, so take them all, every millisecond.
+/// A [`CanPort`] on an FDCAN, without interrupt: take all frames by [`receive`](CanPort::receive).
 ///
 /// Frames that the filters let in ([`accept`](CanPort::accept); all frames at first) come first,
 /// oldest first. When there is no more of that, one frame that they did not let in follows, the

@@ -19,8 +19,7 @@ const HIGHEST: u32 = 50_000_000;
 /// PLL1's input, hertz: also HSI / 10's range, to go on from that (RM0468, PLL1RGE).
 const INPUT: core::ops::Range<u32> = 4_000_000..8_000_000;
 
-/// A crystal that differs by more, in thousandths, is another one. HSI, which measures it, is itself within 15
-/// (data sheet, -20 to 105 °C), so the right one is never refused; crystals of 24 and 25 MHz are 40 apart.
+/// Thousandths by which another crystal differs: HSI is within 15, 24 and 25 MHz are 40 apart.
 const APART: u32 = 25;
 
 impl Crystal {

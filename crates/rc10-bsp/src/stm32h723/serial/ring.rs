@@ -188,8 +188,7 @@ impl Ring {
         let Some(why) = why else { return };
         let from = self.hole.map_or(self.checked, |hole| hole.from);
         let why = self.hole.map_or(why, |hole| hole.why);
-        // Between two errors there may be good bytes. A reader that is so far behind does without:
-        // nothing would tell it that they do not belong together.
+        // Good bytes between two errors go: a slow reader could not tell them apart.
         self.hole = Some(Hole { from, to: self.received, why });
         self.checked = self.received;
     }

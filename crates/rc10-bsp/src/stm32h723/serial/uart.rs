@@ -132,8 +132,7 @@ impl Uart {
                 Parity::Odd => vals::Ps::ODD,
             });
             if direction.drives_enable {
-                // In sixteenths of a bit: the driver gets a bit's time to wake up before the start
-                // bit, and half of one behind the stop bit.
+                // In sixteenths of a bit: one bit to wake up before, and half of one behind.
                 w.set_deat(16);
                 w.set_dedt(8);
             }
@@ -213,8 +212,7 @@ impl Uart {
         self.registers.cr3().modify(|w| w.set_eie(!is_quiet));
     }
 
-    /// The reader has read all that was checked: what came since then is, and the next pause or error
-    /// interrupts again. Whether there may be more to read.
+    /// What came since the check is checked, and interrupts go on. Whether there is more to read.
     pub(super) fn go_on(self, line: &mut Line) -> bool {
         if !line.is_quiet {
             return false;
@@ -235,8 +233,7 @@ impl Uart {
             if let Some(stream) = line.receive {
                 let events = stream.take_events();
                 is_reader_due = events.half || events.complete || events.error;
-                // A stream that failed has stopped; the next read starts it again, so that one that
-                // fails for ever does not keep the processor busy.
+                // A failed stream stops until the next read: it does not keep the processor busy.
                 if !events.error {
                     line.ring.look(stream.remaining().into(), events.half, events.complete);
                 }

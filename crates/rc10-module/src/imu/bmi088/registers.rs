@@ -83,8 +83,7 @@ pub enum AccelerationRate {
     Hz1600 = 0xC,
 }
 
-/// Smoothing by the accelerometer. What comes through depends on the rate too: at 1600 Hz 280, 234
-/// and 145 Hz (4.4.1).
+/// Smoothing by the accelerometer; at 1600 Hz 280, 234 and 145 Hz come through (4.4.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AccelerationFilter {

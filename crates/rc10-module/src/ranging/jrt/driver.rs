@@ -21,8 +21,7 @@ pub enum Speed {
 }
 
 impl Speed {
-    /// Silence after which a module does not measure: `laser_ldj100` waits 5 s for an
-    /// answer; fast measurements come ten times a second and more.
+    /// Silence without measuring: 5 s in `laser_ldj100`; fast ones come ten times a second.
     const fn patience(self) -> Duration {
         match self {
             Self::Auto | Self::Slow => Duration::from_secs(5),
