@@ -108,9 +108,7 @@ impl Base<4> {
     /// above. A positive speed drives forward. (Reverse mirrored motors where they are configured.)
     ///
     /// Radius over the rollers, half the wheelbase, half the distance of left and right: metres.
-    ///
-    /// # Panics
-    /// Like [`sound`](Base::sound).
+    /// Panics like [`sound`](Base::sound).
     pub const fn mecanum(
         radius: f32,
         half_wheelbase: f32,
@@ -122,10 +120,7 @@ impl Base<4> {
 
     /// Four omni wheels counter-clockwise, the first 45 degrees to the left of ahead, at this
     /// `distance` from the middle. A positive speed of all turns the base counter-clockwise. Radius
-    /// and distance in metres.
-    ///
-    /// # Panics
-    /// Like [`sound`](Base::sound).
+    /// and distance in metres. Panics like [`sound`](Base::sound).
     pub const fn omni_4(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(45.0)), max_wheel_speed)
     }
@@ -133,10 +128,7 @@ impl Base<4> {
 
 impl Base<3> {
     /// Three omni wheels counter-clockwise, the first 60 degrees to the left of ahead, so that the
-    /// second is at the rear. Arguments as those of [`omni_4`](Base::omni_4).
-    ///
-    /// # Panics
-    /// Like [`sound`](Base::sound).
+    /// second is at the rear. Arguments and panics as those of [`omni_4`](Base::omni_4).
     pub const fn omni_3(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(60.0)), max_wheel_speed)
     }
@@ -144,9 +136,7 @@ impl Base<3> {
 
 impl Base<2> {
     /// Two plain wheels on one axle through the origin. Radius and half their distance in metres.
-    ///
-    /// # Panics
-    /// Like [`sound`](Base::sound).
+    /// Panics like [`sound`](Base::sound).
     pub const fn differential(radius: f32, half_track: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::pair(radius, half_track), max_wheel_speed)
     }
@@ -183,10 +173,7 @@ impl<const N: usize> Base<N> {
         Ok(base)
     }
 
-    /// Like [`new`](Self::new), for a constant: an unsound base does not compile.
-    ///
-    /// # Panics
-    /// If it is not sound.
+    /// Like [`new`](Self::new), but panics: in a constant, an unsound base does not compile.
     pub const fn sound(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Self {
         match Self::new(wheels, max_wheel_speed) {
             Ok(base) => base,

@@ -25,9 +25,6 @@ impl ConfigError {
     }
 
     /// `Ok` if `good`, else [`new`](Self::new).
-    ///
-    /// # Errors
-    /// If not `good`.
     pub const fn check(
         good: bool,
         field: &'static str,

@@ -187,10 +187,7 @@ impl<const N: usize> Path<N> {
         Ok(Self { waypoints })
     }
 
-    /// Like [`new`](Self::new), for a constant: a path that cannot be driven does not compile.
-    ///
-    /// # Panics
-    /// If it cannot be driven.
+    /// Like [`new`](Self::new), but panics: in a constant, a bad path does not compile.
     #[must_use]
     pub const fn sound(waypoints: [Waypoint; N]) -> Self {
         match Self::new(waypoints) {

@@ -52,10 +52,7 @@ impl<const N: usize> GainSchedule<N> {
         Ok(Self { points })
     }
 
-    /// The same for a constant: what cannot be used is an error of the compiler.
-    ///
-    /// # Panics
-    /// Where [`new`](Self::new) has an error.
+    /// Like [`new`](Self::new), but panics: in a constant, what cannot be used does not compile.
     #[must_use]
     pub const fn checked(points: [(f32, Gains); N]) -> Self {
         match Self::new(points) {

@@ -127,10 +127,7 @@ impl<const N: usize> Swerve<N> {
         Ok(Self { places, radius, max_wheel_speed, steering, rpm, rim, middle, inertia })
     }
 
-    /// Like [`new`](Self::new), for a constant: an unsound base does not compile.
-    ///
-    /// # Panics
-    /// If it is not sound.
+    /// Like [`new`](Self::new), but panics: in a constant, an unsound base does not compile.
     #[must_use]
     pub const fn sound(
         places: [Point<Robot>; N],

@@ -89,10 +89,7 @@ impl BitTiming {
         Err(BitTimingError::NoPrescaler)
     }
 
-    /// The same, for constants.
-    ///
-    /// # Panics
-    /// For a clock that cannot make it.
+    /// The same, for constants: panics if the clock cannot make it.
     #[must_use]
     pub const fn exact(clock: u32, bits_per_second: u32, limits: BitTimingLimits) -> Self {
         match Self::find(clock, bits_per_second, limits) {

@@ -153,10 +153,8 @@ pub struct IncrementalEncoder {
 }
 
 impl IncrementalEncoder {
-    /// An encoder that was not read yet. Its angle is zero where it is read first.
-    ///
-    /// # Errors
-    /// Names the field of the configuration that cannot be.
+    /// An encoder that was not read yet, unless a field of its configuration cannot be. Its angle
+    /// is zero where it is read first.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         let speed = config.max_speed.get();
         let bad = if !(2..=1 << 32).contains(&config.modulus) {

@@ -197,10 +197,7 @@ impl<'m> MotorBus<'m> {
         outcome
     }
 
-    /// The frames that leave every motor without torque: for a panic handler to keep.
-    ///
-    /// # Errors
-    /// [`TxFull`] if not all fit.
+    /// The frames that leave every motor without torque, if all fit: for a panic handler to keep.
     pub fn coast_image(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
         self.motors.iter().try_for_each(|motor| motor.coast_frames(tx))
     }

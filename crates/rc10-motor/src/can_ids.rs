@@ -277,10 +277,7 @@ impl CanIds {
         self.received.is_complete() && self.transmitted.is_complete() && self.listens.is_complete()
     }
 
-    /// The same, if all that was added found room: to be evaluated in a `const`.
-    ///
-    /// # Panics
-    /// If not; in a `const` that is a compile error.
+    /// The same, if all that was added found room; else it panics: to be evaluated in a `const`.
     pub const fn checked(self) -> Self {
         assert!(self.is_complete(), "8 received, 8 transmitted and 2 listened-to patterns at most");
         self

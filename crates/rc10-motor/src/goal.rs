@@ -87,10 +87,7 @@ impl Goals {
         self.supports
     }
 
-    /// Takes a new target.
-    ///
-    /// # Errors
-    /// [`TargetError`]; the old target stays.
+    /// Takes a new target, or keeps the old one.
     pub(crate) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         // The usual case is the same target again.
         if target != self.target {

@@ -324,9 +324,6 @@ impl RangedPosition {
     }
 
     /// `Ok` unless a target's angle of many turns lies out of the device's range.
-    ///
-    /// # Errors
-    /// [`TargetError::OutOfRange`].
     pub(crate) fn check(&self, shaft: &Shaft, target: &Target) -> Result<(), TargetError> {
         let angle = match target {
             Target::TotalAngle(angle) | Target::Motion(Motion { angle: Some(angle), .. }) => {

@@ -226,9 +226,6 @@ pub trait CanMotor: Motor {
     /// [`TxFull`] if the batch has no room.
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull>;
 
-    /// Adds the frames that leave it without torque in any state, for a panic handler.
-    ///
-    /// # Errors
-    /// [`TxFull`] if the batch has no room.
+    /// Adds the frames, if all fit, that leave it without torque in any state: for a panic handler.
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull>;
 }

@@ -66,10 +66,7 @@ impl<Q: Copy> Pending<Q> {
         self.asked.is_some() || self.outcome.is_some()
     }
 
-    /// Takes a question; its first try is due in the next tick after its delay.
-    ///
-    /// # Errors
-    /// [`RequestError::Busy`] while another is in flight; [`RequestError::NotWhileArmed`].
+    /// Takes a question unless one is in flight; its first try is due in the tick after its delay.
     pub fn ask(&mut self, question: Q, retry: Retry) -> Outcome {
         if self.is_busy() {
             return Err(RequestError::Busy);

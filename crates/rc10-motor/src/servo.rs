@@ -274,10 +274,8 @@ impl Servo {
         self.goals.set_zero(zero);
     }
 
-    /// Never more effort than this, nor than full scale.
-    ///
-    /// # Errors
-    /// [`ConfigError`] with the name of the `field`, if it is negative or NaN.
+    /// Never more effort than this, nor than full scale. An error, with the name of the `field`, if
+    /// it is negative or NaN.
     pub fn set_limit(&mut self, field: &'static str, limit: f32) -> Result<(), ConfigError> {
         if limit.is_nan() || limit < 0.0 {
             return Err(ConfigError::new(field, limit, "zero or more"));

@@ -134,9 +134,6 @@ impl From<Command> for Target {
 }
 
 /// `Ok` for these kinds, but no motion with an effort: for a device with loops of its own.
-///
-/// # Errors
-/// [`TargetError`].
 pub(crate) fn without_effort(kinds: TargetSet, target: &Target) -> Result<(), TargetError> {
     kinds.accepts(target)?;
     match target {
@@ -263,9 +260,6 @@ impl TargetSet {
     }
 
     /// `Ok` if the target's kind is among these and its numbers are finite.
-    ///
-    /// # Errors
-    /// [`TargetError`], saying which of both is wrong.
     pub const fn accepts(self, target: &Target) -> Result<(), TargetError> {
         if !self.contains(target.kind()) {
             Err(TargetError::Unsupported(target.kind()))

@@ -83,9 +83,6 @@ impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
 /// Starts a bus at a bit rate, for all frames. Pins are checked when this is compiled.
 ///
 /// Give its interrupts priority over all that takes longer than 140 µs, three frames.
-///
-/// # Errors
-/// [`StartError`].
 pub fn start<B: Bus>(
     _peripheral: Peri<'static, B::Peripheral>,
     receive: Peri<'static, impl RxPin<B::Peripheral>>,

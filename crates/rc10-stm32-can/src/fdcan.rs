@@ -88,9 +88,6 @@ impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
 /// clock is `rcc.mux.fdcansel`, by default the crystal.
 ///
 /// Give its interrupt priority over all that takes longer than 140 µs, three frames.
-///
-/// # Errors
-/// [`StartError`].
 pub fn start<B: Bus>(
     _peripheral: Peri<'static, B::Peripheral>,
     receive: Peri<'static, impl RxPin<B::Peripheral>>,

@@ -57,7 +57,7 @@ pub trait Hardware {
     fn errors(&mut self) -> Errors;
 
     /// Begins the way back, 128 times 11 recessive bits; whether it was begun, else call again.
-    /// What was not taken may be lost.
+    /// Frames not taken yet may be lost.
     fn restart(&mut self) -> bool;
 
     /// Whether FDCAN was in restricted operation, which sends nothing; it is sent back.

@@ -163,10 +163,8 @@ pub fn buses<const BUSES: usize>(
     places.each_ref().map(|place| place.init_with(|| MotorBus::new(switch)))
 }
 
-/// A bus with its motors. The frames that make them safe are stored before the first tick.
-///
-/// # Panics
-/// If there are more of those than a crash can send.
+/// A bus with its motors. The frames that make them safe are stored before the first tick: panics
+/// if they are more than a crash can send.
 fn runner(
     mut can: FdcanPort,
     motors: &'static mut MotorBus<'static>,
@@ -215,9 +213,6 @@ pub fn line(
 }
 
 /// The console, at `baud` bits a second: 921,600, which every USB adapter can, or 2,000,000.
-///
-/// # Errors
-/// If the UART cannot have its bit rate.
 pub fn console_port(
     parts: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
     interrupts: impl Binding<typelevel::USART1, serial::Interrupt<USART1>>
@@ -232,9 +227,6 @@ pub fn console_port(
 }
 
 /// The receiver of a remote control, if it speaks serially.
-///
-/// # Errors
-/// If it speaks in pulses, or the UART cannot have its bit rate.
 pub fn remote(
     parts: ReceiverParts<UART5, DMA1_CH2>,
     interrupts: impl Binding<typelevel::UART5, serial::Interrupt<UART5>>

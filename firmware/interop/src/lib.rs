@@ -51,10 +51,7 @@ impl Heartbeat {
     }
 }
 
-/// Starts the chip: heartbeat, FDCAN from the crystal's 25 MHz, the core from 64 MHz inside.
-///
-/// # Panics
-/// If called twice.
+/// Starts the chip, once: heartbeat, FDCAN from the crystal's 25 MHz, the core from 64 MHz inside.
 #[must_use]
 pub fn start() -> (Peripherals, Heartbeat) {
     let Some(core) = cortex_m::Peripherals::take() else {

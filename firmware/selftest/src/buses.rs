@@ -65,7 +65,7 @@ const READ_ONLY: u8 = 0;
 /// one that holds the clock for ever, ..
 const SLEEPER: u8 = 0x51;
 /// .. and no node.
-const NOBODY: u8 = 0x22;
+const ABSENT: u8 = 0x22;
 
 /// Writes and reads, is refused, waits no longer than allowed, and frees a bus that is held.
 pub async fn i2c(parts: I2cParts) -> Outcome {
@@ -86,9 +86,9 @@ pub async fn i2c(parts: I2cParts) -> Outcome {
     want!(read == [2, 3, 4, 0], "read {read:?}");
     let recoveries = bus.recoveries();
     want!(recoveries == 0, "recovered {recoveries} times from nothing");
-    let refused = bus.write(NOBODY, &[0]).await;
+    let refused = bus.write(ABSENT, &[0]).await;
     want!(refused == Err(I2cError::NoAcknowledge), "without a device the answer is {refused:?}");
-    let refused = bus.read(NOBODY, &mut read[..1]).await;
+    let refused = bus.read(ABSENT, &mut read[..1]).await;
     want!(refused == Err(I2cError::NoAcknowledge), "a byte to no device is {refused:?}");
     // Of what comes behind a refused byte nothing gets into the next transaction.
     let refused = bus.write(DEVICE, &[READ_ONLY, 1, 2, 3]).await;

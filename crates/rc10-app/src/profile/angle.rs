@@ -73,10 +73,7 @@ impl AngleProfile {
         Self { zero: angle, profile: Profile::from_setpoint(setpoint) }
     }
 
-    /// Goes to an angle: [`Profile::set_target`].
-    ///
-    /// # Errors
-    /// The same errors.
+    /// Goes to an angle, with the errors of [`Profile::set_target`].
     pub fn set_target(
         &mut self,
         limits: &ProfileLimits,
@@ -86,10 +83,7 @@ impl AngleProfile {
         self.profile.set(limits, Goal::Place(self.place(angle), speed.get()))
     }
 
-    /// Follows a moving angle: [`Profile::follow`].
-    ///
-    /// # Errors
-    /// The same errors.
+    /// Follows a moving angle, with the errors of [`Profile::follow`].
     pub fn follow(
         &mut self,
         limits: &ProfileLimits,
@@ -99,10 +93,7 @@ impl AngleProfile {
         self.profile.set(limits, Goal::Moving(self.place(angle), speed.get()))
     }
 
-    /// Keeps a speed: [`Profile::set_velocity`].
-    ///
-    /// # Errors
-    /// The same errors.
+    /// Keeps a speed, with the errors of [`Profile::set_velocity`].
     pub fn set_speed(&mut self, limits: &ProfileLimits, speed: Rpm) -> Result<(), ConfigError> {
         self.profile.set_velocity(limits, speed.get())
     }

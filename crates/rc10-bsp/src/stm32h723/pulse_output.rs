@@ -157,11 +157,8 @@ impl PulseOutput {
         Self { timer, channel, stream: D::STREAM, request, memory }
     }
 
-    /// Sends a pulse for each value, as many of the timer's clocks wide; returns when the last one is
-    /// over. If the future is dropped, the pulses go on, and the next call waits for them.
-    ///
-    /// # Errors
-    /// [`PulseError`]
+    /// Sends a pulse for each value, as many of the timer's clocks wide; returns when the last one
+    /// is over. If the future is dropped, the pulses go on, and the next call waits for them.
     pub async fn send(&mut self, widths: &[u16]) -> Result<(), PulseError> {
         let room = self.memory.length() - SILENT;
         if widths.len() > room {

@@ -142,10 +142,7 @@ pub const fn check(entries: &[Entry<Device>], buses: &[f32], lines: u8) -> Resul
     Ok(())
 }
 
-/// Does not compile if the [`check`] has found something.
-///
-/// # Panics
-/// With the sentence of its error.
+/// Panics with the sentence of the [`check`]'s error: in a `const` that does not compile.
 #[track_caller]
 pub const fn assert_sound(entries: &[Entry<Device>], buses: &[f32], lines: u8) {
     if let Err(error) = check(entries, buses, lines) {

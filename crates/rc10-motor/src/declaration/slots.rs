@@ -149,10 +149,7 @@ impl<'m, const BUSES: usize, const LINES: usize> Started<'m, BUSES, LINES> {
 
 /// A motor that a declaration can name: one on a CAN bus, or a GO-M8010-6 on RS-485.
 pub trait Placed: Motor {
-    /// Attaches it where it belongs.
-    ///
-    /// # Errors
-    /// Why it cannot be there.
+    /// Attaches it where it belongs, or tells why it cannot be there.
     fn attach<'m>(
         &'m mut self,
         on: Place,
@@ -190,10 +187,7 @@ impl Placed for GoM8010 {
     }
 }
 
-/// Makes buses and lines ready for the motors of a declaration: [`place`] comes next, for each.
-///
-/// # Errors
-/// [`SetupError`], if there are more or fewer than declared.
+/// Makes buses and lines, as many as declared, ready for its motors; then [`place`] each.
 pub fn prepare<N: Names>(
     buses: &mut [&mut MotorBus<'_>],
     lines: &mut [&mut Rs485Bus<'_>],

@@ -91,10 +91,7 @@ impl Model {
         (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
     }
 
-    /// The rotor's angle of an answer, 0 ..< 360 degrees.
-    ///
-    /// # Errors
-    /// [`FrameError::Encoder`] if the encoder is not as wide as that.
+    /// The rotor's angle of an answer, 0 ..< 360 degrees, unless the encoder is narrower.
     pub fn angle(&self, motion: &Motion) -> Result<Degrees, FrameError> {
         let counts = self.encoder.counts();
         if u32::from(motion.encoder) >= counts {

@@ -334,10 +334,7 @@ pub struct Temperatures {
 }
 
 impl Temperatures {
-    /// From a frame of an axis with firmware 0.6. What is infinite counts as not measured, too.
-    ///
-    /// # Errors
-    /// [`FrameError`] if it is no such message.
+    /// From such a frame of an axis with firmware 0.6. What is infinite counts as not measured.
     pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, FrameError> {
         let (message, [a, b, c, d, e, f, g, h]) = parts(frame, node)?;
         if message != TEMPERATURES {
@@ -365,10 +362,7 @@ pub enum Message {
     Supply(Supply),
 }
 
-/// Number and bytes of a message.
-///
-/// # Errors
-/// [`FrameError::NotMine`] if another's, extended or remote; [`FrameError::Length`] unless eight.
+/// Number and bytes of a message: of this node, standard, no request, and eight bytes long.
 fn parts(frame: &CanFrame, node: Node) -> Result<(u8, [u8; 8]), FrameError> {
     // The key of a standard data frame is its identifier, and larger for every other frame.
     if frame.key() >> MESSAGE_BITS != u32::from(node.0) {

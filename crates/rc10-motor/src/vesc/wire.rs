@@ -345,10 +345,7 @@ impl Setting {
         self.pack_as(self.packets().0, to.into())
     }
 
-    /// The frame that also writes the VESC's flash memory, which wears out: never periodically.
-    ///
-    /// # Errors
-    /// [`NotANumber`], like [`pack`](Self::pack).
+    /// Like [`pack`](Self::pack), but also writes the VESC's flash, which wears out: use it rarely.
     pub fn pack_store(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
         self.pack_as(self.packets().1, to.into())
     }

@@ -130,9 +130,6 @@ impl SerialReceiver {
     /// two reads, twice over: interrupts later than half of it lose bytes.
     ///
     /// UART and stream interrupts are bound to its [`Interrupt`], of this `priority`.
-    ///
-    /// # Errors
-    /// [`BaudError`].
     pub fn start<T: SerialPeripheral, D: DmaStream, const N: usize>(
         parts: ReceiverParts<T, D>,
         _interrupts: impl Binding<T::Interrupt, Interrupt<T>> + Binding<D::Interrupt, Interrupt<T>>,
@@ -268,9 +265,6 @@ impl SerialTransmitter {
 
 impl Serial {
     /// Starts a UART like [`SerialReceiver::start`]; `buffer` holds what is sent at once.
-    ///
-    /// # Errors
-    /// [`BaudError`].
     pub fn start<T, D, E, const N: usize, const M: usize>(
         parts: SerialParts<T, D, E>,
         _interrupts: impl Binding<T::Interrupt, Interrupt<T>>

@@ -56,10 +56,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Whether all values are numbers.
-    ///
-    /// # Errors
-    /// The name of the first that is not: it is sent as zero.
+    /// The name of the first value that is not a number, as an error: it is sent as zero.
     pub const fn check(&self) -> Result<(), &'static str> {
         match () {
             () if self.torque.get().is_nan() => Err("torque"),
@@ -80,10 +77,7 @@ pub struct Impedance {
 }
 
 impl Impedance {
-    /// Whether all values are numbers.
-    ///
-    /// # Errors
-    /// The name of the first that is not: it is sent as zero.
+    /// The name of the first value that is not a number, as an error: it is sent as zero.
     pub const fn check(&self) -> Result<(), &'static str> {
         match () {
             () if self.stiffness.is_nan() => Err("stiffness"),
