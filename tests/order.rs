@@ -10,10 +10,11 @@ use rc10_cli::recording::Recording;
 use rc10_cli::robot::motor::Motor;
 use rc10_cli::run::simulate::simulate;
 use rc10_cli::{Description, Plant, Robot};
+use rc10_motor::declaration::{check, slots};
 use rc10_motor::embassy::{BusPort, MotorPort};
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::unitree::Rs485Bus;
-use rc10_motor::{ArmSwitch, Device, Entry, MotorBus, Names, Place, Slot, Target, slots};
+use rc10_motor::{ArmSwitch, Device, Entry, MotorBus, Names, Place, Slot, Target};
 
 /// The lines of a robot's declaration, with two exchanged.
 fn exchanged<N: Names, const MOTORS: usize>(one: usize, other: usize) -> [Entry<Device>; MOTORS] {
@@ -41,7 +42,7 @@ struct Known {
 
 fn known<N: Names, const MOTORS: usize>(one: usize, other: usize) -> Known {
     let entries = exchanged::<N, MOTORS>(one, other);
-    rc10_motor::check(&entries, N::BUSES, N::LINES).unwrap();
+    check(&entries, N::BUSES, N::LINES).unwrap();
     let slots: [Slot; MOTORS] = slots(&entries);
     let switch = ArmSwitch::new();
     let mut made: Vec<Made> = entries.iter().map(|entry| Made::new(entry, |_| ())).collect();

@@ -1,11 +1,8 @@
-//! The chip binary of the robot in `rc10-robot`: which pins, which interrupts, which executor runs
-//! what. All else is in the library crates, where it also runs on a PC.
+//! The chip binary of `rc10-robot`: pins, interrupts, executors; the rest runs on a PC, too.
 //!
-//! Priorities, most urgent first: the interrupt of time (P0); the supervisor, which makes the motors
-//! safe if the buses hang (P3); the buses, on an executor of their own (P6); the interrupts of UARTs
-//! and timers (P7); everything else, in thread mode. So no log line, no chassis maths and no script
-//! can delay a motor, and neither can a serial line full of noise: its interrupts wait until the
-//! buses have ticked, and a DMA receives meanwhile.
+//! Priorities, most urgent first: time (P0); the supervisor, for hung buses (P3); the buses'
+//! executor (P6); UARTs and timers (P7); everything else, in thread mode. So no log, maths or
+//! script delays a motor, nor does a noisy serial line, which waits while a DMA receives.
 #![no_std]
 #![no_main]
 
@@ -48,16 +45,15 @@ bind_interrupts!(struct Irqs {
     TIM8_UP_TIM13 => pulse_input::Interrupt;
 });
 
-/// Of all that is no motor: UARTs, timers, their DMA.
+/// Interrupt priority of all that is no motor: UARTs, timers, their DMA.
 const PERIPHERALS: Priority = Priority::P7;
 /// The HWT101.
 const IMU: SerialConfig = SerialConfig::new(115_200);
 
-/// After the buses' start, when everything else begins: longer than that takes to set up, and half
-/// way between two of their ticks.
+/// After the buses' start, when all else begins: past its set-up, and half way between two ticks.
 const BETWEEN: Duration = Duration::from_micros(2_166);
 
-/// Of all LEDs, and two without a pulse.
+/// Pulses of all LEDs, and two without a pulse.
 const PULSES: usize = LEDS * BITS + 2;
 
 // Large values are made where they stay: moved, they would go over the stack.
@@ -68,8 +64,7 @@ static MOTOR_BUSES: [StaticCell<MotorBus<'static>>; BUSES] = [const { StaticCell
 
 /// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
-/// Cycles of each wake: one bus sends, and the next one computes. Not in it: entering and
-/// leaving the interrupt.
+/// Cycles of each wake, in which a bus sends and the next computes; without the interrupt's own.
 static TICKS: Cycles = Cycles::new(CORE_CLOCK.0);
 
 #[interrupt]
@@ -126,8 +121,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
             spawner.spawn(tasks::pulses(shared, input)?);
         }
     }
-    // One of the buses wakes every third of a millisecond from then on. All else wakes between: woken
-    // with them, it would take from their punctuality.
+    // A bus wakes every third of a millisecond. All else wakes between, to leave them punctual.
     while started.elapsed() < BETWEEN {}
     Ok(())
 }

@@ -19,10 +19,8 @@ pub async fn chassis(shared: &'static Shared<'static>) -> ! {
     chassis::run(shared).await
 }
 
-/// Gimbal, feeder and lift, the driver, and the watchdog's feeding. One task for everything that
-/// happens every ten milliseconds, because setting a timer walks past those of all tasks. The driver
-/// comes last, so that motors start in another tick than the one in which the robot is armed: in one
-/// tick that would be a lot.
+/// Gimbal, feeder and lift, driver, watchdog: one task each ten milliseconds, because a timer walks
+/// past all others. The driver comes last: motors start a tick after arming.
 #[embassy_executor::task]
 pub async fn ten_milliseconds(
     shared: &'static Shared<'static>,

@@ -6,8 +6,7 @@ use crate::Degrees;
 
 /// The counts of a sensor in some turns of the output shaft: `counts` counts make `turns` turns.
 ///
-/// Two numbers, because a gearbox seldom leaves a whole number of encoder counts per output turn:
-/// an M3508's 8192-count encoder behind 3591 : 187 makes 29,417,472 counts in 187 turns.
+/// Two numbers: an M3508's 8192 counts behind 3591 : 187 make 29,417,472 counts in 187 turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CountsPerTurn {
@@ -30,16 +29,15 @@ impl CountsPerTurn {
         self.counts
     }
 
-    /// See [`counts`](Self::counts).
+    /// The turns of these [`counts`](Self::counts).
     #[must_use]
     pub const fn turns(self) -> u32 {
         self.turns
     }
 }
 
-/// An angle of any number of turns: a whole number of millionths of a degree. Adding a million
-/// turns and taking them away again leaves nothing behind; an f32 is only made for people and for
-/// differences.
+/// An angle of any number of turns, in whole millionths of a degree: sums stay exact. An f32 is
+/// only made for people and for differences.
 ///
 /// ```
 /// use rc10_app::{CountsPerTurn, TotalAngle};
@@ -112,8 +110,7 @@ impl TotalAngle {
         degrees_within_turn(self.microdegrees_within_turn())
     }
 
-    /// The same as whole microdegrees. A Cortex-M7 has no division of 64 bits. So the number of
-    /// turns is guessed in f32, and what remains is exact.
+    /// The same as whole microdegrees: turns are guessed in f32, without a division of 64 bits.
     const fn microdegrees_within_turn(self) -> i32 {
         const TURN: i32 = 360_000_000;
         // To 4 million turns the guess is within one.
@@ -185,8 +182,7 @@ impl fmt::Display for TotalAngle {
     }
 }
 
-/// The shortest way from `from` to `to` on a circle of `turn` counts: -turn/2 ..< turn/2 for
-/// positions 0 ..< turn. Exact. Half a turn is ambiguous and goes backwards.
+/// The shortest way on a circle of `turn` counts: -turn/2 ..< turn/2; half a turn goes back.
 ///
 /// ```
 /// use rc10_app::angle::shortest_way;
@@ -204,8 +200,7 @@ pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
     }
 }
 
-/// Of all movements that end where `step` ends on a circle of `turn` counts, the one nearest to
-/// `expected`: bridges a gap in which an unknown number of turns was made. Saturating.
+/// Of movements that end at `step` modulo `turn`, the one nearest to `expected`. Saturating.
 pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
     let turn = turn.max(1);
     let excess = expected.saturating_sub(step);
@@ -214,13 +209,12 @@ pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
     step.saturating_add(turns.saturating_mul(turn))
 }
 
-/// The shortest way from one angle to another, both any finite number of degrees:
-/// -180 ..= 180 degrees.
+/// The shortest way between two angles, any finite degrees: -180 ..= 180 degrees.
 pub fn shortest_way_degrees(from: Degrees, to: Degrees) -> Degrees {
     Degrees::new(shortest_way_f32(from.get(), to.get(), 360.0))
 }
 
-/// As [`shortest_way`], for f32 on a circle of any size.
+/// Like [`shortest_way`], for f32 on a circle of any size.
 pub(crate) fn shortest_way_f32(from: f32, to: f32, turn: f32) -> f32 {
     let way = to - from;
     if way.abs() <= turn * 0.5 { way } else { way - turn * crate::maths::round(way / turn) }

@@ -1,5 +1,4 @@
-//! Bases on wheels: mecanum, omni wheels, differential, and any other list of wheels, by the same
-//! mathematics.
+//! Bases on wheels: mecanum, omni, differential, and any other list, by the same mathematics.
 //!
 //! Each [`Wheel`] makes one row of a matrix: the speed of its rim for a [`Twist`]. [`Base::inverse`]
 //! multiplies by that matrix, [`Base::forward`] by its least-squares inverse. Both are solved where
@@ -47,6 +46,7 @@ const RADIANS_PER_SECOND: f64 = PI / 30.0;
 /// const BASE: Base<2> = Base::sound([WHEEL, ACROSS], Rpm::new(400.0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Base<const N: usize> {
     wheels: [Wheel; N],
     max_wheel_speed: Rpm,
@@ -65,8 +65,7 @@ pub struct Base<const N: usize> {
 pub struct Body {
     /// kg.
     pub mass: f32,
-    /// kg m² about the vertical axis through the middle of the base. A box of length `l` and width `w`
-    /// has `mass` · (`l`² + `w`²) / 12.
+    /// kg m² about the vertical axis through the middle; of a box `mass` · (`l`² + `w`²) / 12.
     pub yaw_inertia: f32,
 }
 
@@ -75,8 +74,7 @@ pub struct Body {
 pub struct WheelSpeeds<const N: usize> {
     /// Each within ± the base's limit.
     pub speeds: [Rpm; N],
-    /// The share of the twist that this is: 1 unless a wheel had to be limited, then 0 .. 1. The
-    /// direction and the radius of the path are those asked for in any case.
+    /// The share of the twist: 1 unless a wheel had to be limited. Direction and radius are kept.
     pub scale: f32,
 }
 
@@ -85,19 +83,17 @@ pub struct WheelSpeeds<const N: usize> {
 pub struct BaseMotion<const N: usize> {
     /// The motion that explains the wheels' speeds best.
     pub twist: Twist,
-    /// Speed of each wheel's rim that this motion does not explain, in m/s: measured less
-    /// explained.
+    /// Each rim's speed that the motion does not explain, in m/s: measured less explained.
     pub residual: [f32; N],
 }
 
 impl<const N: usize> BaseMotion<N> {
     /// The largest residual, in m/s: 0 if the wheels agree. NaN if a speed was not finite.
     ///
-    /// A wheel that is reversed, dead or slips is seen here if the base has more wheels than ways to
-    /// move. It is **not** seen with three omni wheels, nor with two of a differential base: any
-    /// speeds of those are a motion. There compare the yaw rate with a gyro's, as
-    /// [`Odometry`](crate::Odometry) does. Nor is it seen while the speeds, wrong as they are, happen
-    /// to make a motion: a dead wheel while it should stand still.
+    /// It shows a wheel that is reversed, dead or slips, if the base has more wheels than ways to
+    /// move: **not** with three omni wheels or a differential base, where a gyro tells, as
+    /// [`Odometry`](crate::Odometry) has it. Nor while the wrong speeds make a motion: a dead wheel
+    /// at rest.
     #[must_use]
     pub fn slip(&self) -> f32 {
         self.residual.iter().fold(0.0, |most, one| {
@@ -108,16 +104,11 @@ impl<const N: usize> BaseMotion<N> {
 }
 
 impl Base<4> {
-    /// Four mecanum wheels in the order front left, front right, rear left, rear right. Seen from
-    /// above, their rollers form an X. A positive speed drives the robot forward. (Motors on the
-    /// right are mirrored: turn their sign where the motor is configured.)
+    /// Four mecanum wheels: front left, front right, rear left, rear right, their rollers an X from
+    /// above. A positive speed drives forward. (Reverse mirrored motors where they are configured.)
     ///
-    /// Radius of a wheel over its rollers, half the distance between front and rear axle, half the
-    /// distance between the left and the right wheels' centres: metres.
-    ///
-    /// # Panics
-    /// As [`sound`](Base::sound).
-    #[must_use]
+    /// Radius over the rollers, half the wheelbase, half the distance of left and right: metres.
+    /// Panics like [`sound`](Base::sound).
     pub const fn mecanum(
         radius: f32,
         half_wheelbase: f32,
@@ -129,11 +120,7 @@ impl Base<4> {
 
     /// Four omni wheels counter-clockwise, the first 45 degrees to the left of ahead, at this
     /// `distance` from the middle. A positive speed of all turns the base counter-clockwise. Radius
-    /// and distance in metres.
-    ///
-    /// # Panics
-    /// As [`sound`](Base::sound).
-    #[must_use]
+    /// and distance in metres. Panics like [`sound`](Base::sound).
     pub const fn omni_4(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(45.0)), max_wheel_speed)
     }
@@ -141,23 +128,15 @@ impl Base<4> {
 
 impl Base<3> {
     /// Three omni wheels counter-clockwise, the first 60 degrees to the left of ahead, so that the
-    /// second is at the rear. Arguments as those of [`omni_4`](Base::omni_4).
-    ///
-    /// # Panics
-    /// As [`sound`](Base::sound).
-    #[must_use]
+    /// second is at the rear. Arguments and panics as those of [`omni_4`](Base::omni_4).
     pub const fn omni_3(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(60.0)), max_wheel_speed)
     }
 }
 
 impl Base<2> {
-    /// Two plain wheels on one axle through the origin, left and right, that roll forward. Radius
-    /// and half the distance between the wheels in metres.
-    ///
-    /// # Panics
-    /// As [`sound`](Base::sound).
-    #[must_use]
+    /// Two plain wheels on one axle through the origin. Radius and half their distance in metres.
+    /// Panics like [`sound`](Base::sound).
     pub const fn differential(radius: f32, half_track: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::pair(radius, half_track), max_wheel_speed)
     }
@@ -167,8 +146,7 @@ impl<const N: usize> Base<N> {
     /// A base on these wheels, none of which is ever asked to turn faster than `max_wheel_speed`.
     ///
     /// # Errors
-    /// Why these wheels are no base: a number that cannot be used, plain wheels that do not roll in
-    /// parallel, or a motion that no wheel makes or holds.
+    /// Wheels that make no base: a bad number, plain wheels not in parallel, a free motion.
     pub const fn new(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Result<Self, BaseError> {
         if let Err(error) = positive("max_wheel_speed", max_wheel_speed.get()) {
             return Err(BaseError::Config(error));
@@ -195,12 +173,7 @@ impl<const N: usize> Base<N> {
         Ok(base)
     }
 
-    /// As [`new`](Self::new), for a constant, where an unsound base is a compile error with the
-    /// reason.
-    ///
-    /// # Panics
-    /// If it is not sound.
-    #[must_use]
+    /// Like [`new`](Self::new), but panics: in a constant, an unsound base does not compile.
     pub const fn sound(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Self {
         match Self::new(wheels, max_wheel_speed) {
             Ok(base) => base,
@@ -225,10 +198,9 @@ impl<const N: usize> Base<N> {
         &self.inverse
     }
 
-    /// The wheel speeds that make the robot move with `twist`. If a wheel would have to turn faster
-    /// than it may, all are slowed down by one factor, so the robot still goes the way it was told,
-    /// only slower. Plain wheels do not move sideways: that part of the twist is left out, and
-    /// [`sideways`](Self::sideways) tells how much it is.
+    /// The wheel speeds for `twist`. If a wheel would be too fast, all are slowed down by one
+    /// factor: the way stays. Plain wheels leave the part out that [`sideways`](Self::sideways)
+    /// tells.
     ///
     /// # Errors
     /// [`TwistNotFinite`] if the twist, or a wheel speed computed from it, is infinite or NaN.
@@ -243,17 +215,15 @@ impl<const N: usize> Base<N> {
         wheels.ok_or(TwistNotFinite::of(twist))
     }
 
-    /// The part of `twist` that plain wheels cannot do: speed across them, in m/s, to the left of
-    /// where the first of them rolls. [`inverse`](Self::inverse) leaves it out. 0 for a base
-    /// without plain wheels.
+    /// The part of `twist` that plain wheels cannot do and [`inverse`](Self::inverse) leaves out:
+    /// m/s to the left of the first one's rolling; 0 without plain wheels.
     #[must_use]
     pub fn sideways(&self, twist: Twist) -> f32 {
         product(self.sideways, twist)
     }
 
-    /// The accelerations of the wheels while the twist of the robot, in its own axes, changes by
-    /// `change` a second. (Of a twist in the field's axes that is kept while the robot turns, the
-    /// robot's axes see a change too.)
+    /// The accelerations of the wheels while the twist in the robot's axes changes by `change` a
+    /// second: a constant twist in the field's axes changes too while the robot turns.
     #[must_use]
     pub fn accelerations(&self, change: Twist) -> [RpmPerSecond; N] {
         self.inverse.map(|row| RpmPerSecond::new(product(row, change)))
@@ -275,14 +245,12 @@ impl<const N: usize> Base<N> {
         self.forward.map(|row| NewtonMetres::new(product(row, Twist::new(x, y, turn)) * RPM))
     }
 
-    /// The motion of the robot for measured speeds of its wheels: the least-squares answer, each
-    /// wheel's error counted in m/s at its rim, and what it leaves unexplained. A speed that is not
-    /// finite gives a twist that is not finite.
+    /// The motion for measured speeds of the wheels, by least squares in m/s at the rims, and what
+    /// it leaves unexplained. Speeds that are not finite give such a twist.
     ///
-    /// **Which wheel** is wrong, four wheels do not tell: the residual is then the same pattern
-    /// whichever it is, larger or smaller. A reversed wheel is the one whose speed, turned round,
-    /// leaves no residual for any motion. A dead or slipping one is the one that differs from the
-    /// speed it was given.
+    /// **Which wheel** is wrong, the residual of four does not tell. A reversed wheel is the one
+    /// that, turned round, leaves no residual for any motion; a dead or slipping one differs from
+    /// its speed asked for.
     #[must_use]
     pub fn forward(&self, speeds: [Rpm; N]) -> BaseMotion<N> {
         let mut twist = Twist::STOP;
@@ -296,8 +264,7 @@ impl<const N: usize> Base<N> {
         BaseMotion { twist, residual }
     }
 
-    /// Whether wheels that accelerate by at most `most` keep these limits in every direction, both
-    /// at once: for the axes of the robot, and those of the field while it does not turn.
+    /// Whether wheels accelerating by `most` keep these limits in every direction, both at once.
     ///
     /// # Errors
     /// The acceleration that a wheel would need, if it is more; or the limit that cannot be used.
@@ -324,12 +291,10 @@ impl<const N: usize> Base<N> {
     }
 }
 
-/// A little below one, so that rounding does not put the fastest wheel above its limit: four
-/// roundings of half a step each.
+/// Below one by four roundings, so that the fastest wheel does not exceed its limit.
 const BELOW_ONE: f32 = 1.0 - 2.0 * f32::EPSILON;
 
-/// Wheel speeds for `twist`, none above `limit`, and their share of the wanted ones; `None` if
-/// those are not finite.
+/// Wheel speeds for `twist` within `limit`, and their share; `None` if they are not finite.
 #[inline(always)]
 fn limited<const N: usize>(
     rows: &[[f32; 3]; N],
@@ -355,8 +320,7 @@ fn limited<const N: usize>(
     Some(scale)
 }
 
-/// [`limited`] for the usual number of wheels: not generic, so it is compiled for speed with this
-/// crate, not for size with the robot's.
+/// [`limited`] for four wheels: not generic, so compiled for speed with this crate.
 fn four(rows: &[[f32; 3]; 4], limit: f32, twist: Twist, speeds: &mut [Rpm; 4]) -> Option<f32> {
     limited(rows, limit, twist, speeds)
 }

@@ -1,14 +1,11 @@
-//! The cascade that most motors without a controller of their own need: an angle loop around a
-//! speed loop, at the output shaft, with everything that makes it gentle.
+//! The cascade of most motors: an angle loop around a speed loop, at the output shaft, softly.
 //!
 //! * The angle loop asks for a speed, never for one it could not brake from in time.
 //! * The speed reference moves at a limited acceleration and starts at the measured speed.
-//! * A motion that is known in advance (where, how fast, how fast that changes) is followed by
-//!   [`FeedForward`]; the loops correct what it does not know.
+//! * A motion known in advance is followed by [`FeedForward`]; the loops correct the rest.
 //! * Switching between kinds of target, and coming back after a pause, gives no kick.
 //!
-//! The **effort** that comes out is in the unit that the actuator takes: amperes, or a share of the
-//! full voltage.
+//! The **effort** has the actuator's unit: amperes, or a share of the full voltage.
 
 use crate::config::positive;
 use crate::maths::{fast_sqrt, within};
@@ -31,10 +28,7 @@ pub struct Cascade {
 }
 
 impl Cascade {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.speed.validate(), in "speed");
         ok!(self.angle.validate(), in "angle");
@@ -62,8 +56,7 @@ const fn unweighted(pid: &PidConfig) -> Result<(), ConfigError> {
 /// 1 rpm in degrees a second.
 const DEGREES_PER_SECOND: f32 = 6.0;
 
-/// The speed from which the acceleration limit just brakes until there is no way left to go, if
-/// that is less than what the angle loop asked for.
+/// The speed at which the acceleration limit just stops in time, if the angle loop asked for more.
 fn brake_in_time(config: &Cascade, way: f32, asked: f32) -> f32 {
     let (kp, steepest) = (config.angle.kp, config.acceleration.get());
     if kp <= 0.0 {
@@ -84,9 +77,9 @@ const SOFT_TIME: f32 = 0.0205;
 const LEAST_LOAD: f32 = 0.01;
 /// Share of full scale from which on it tells all of it.
 const TELLING_LOAD: f32 = 0.05;
-/// What a load may be learned to be, as a share above what the feed-forward says.
+/// The least that a load may be learned to be, as a share above what the feed-forward says.
 const LIGHTEST: f32 = -0.8;
-/// See [`LIGHTEST`].
+/// The other end, like [`LIGHTEST`].
 const HEAVIEST: f32 = 2.0;
 
 /// The state of a cascade between two steps.
@@ -123,20 +116,20 @@ enum Active {
     Motion,
 }
 
-/// What a step of a cascade seeks.
+/// The goal of a step of a cascade.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Seek {
     /// A speed, rpm, at the cascade's own acceleration.
     Speed(f32),
-    /// An angle that is so many degrees away, by the angle loop.
+    /// An angle this far away, by the angle loop.
     Angle(f32),
     /// A motion that is known. It should not accelerate by more than the cascade does.
     Motion {
         /// Degrees to where it is now; `None`: its speed is all that counts.
         way: Option<f32>,
-        /// Its speed, rpm.
+        /// The speed, rpm.
         speed: f32,
-        /// Its acceleration, rpm/s.
+        /// The acceleration, rpm/s.
         acceleration: f32,
         /// Effort that this acceleration takes beside what the feed-forward says of it.
         inertia: f32,
@@ -199,9 +192,8 @@ impl CascadeState {
         self.soft_time_left > 0.0
     }
 
-    /// Forgets what the loops have gathered; the effort that flows now is left softly. For a stop:
-    /// pushing against an obstacle must not go on. With `keep_load`, what a loop has gathered to
-    /// carry a load stays.
+    /// Forgets what the loops have gathered, and leaves the present effort softly: no push against
+    /// an obstacle goes on. `keep_load` keeps what carries a load.
     pub fn start_over(&mut self, keep_load: bool) {
         self.ticks_left = 0;
         if !keep_load || self.active == Active::Effort {
@@ -210,9 +202,8 @@ impl CascadeState {
         }
     }
 
-    /// The gains have changed: no derivative reaches back before that, and no integral stays that
-    /// nothing can move. What the new gains make of the error now is approached softly, as after a
-    /// start.
+    /// New gains: no derivative from before, no integral that cannot move; what they make of the
+    /// error now is approached softly.
     pub fn change_gains(&mut self, config: &Cascade, measured: f32) {
         self.last_speed = measured;
         if config.speed.ki <= 0.0 {
@@ -227,8 +218,7 @@ impl CascadeState {
         }
     }
 
-    /// Gives this effort, without any loop. `full` is the full scale of the effort; a loop's own
-    /// output limit must not be above it.
+    /// Gives this effort without a loop. `full` is full scale, not below a loop's own output limit.
     pub fn give(&mut self, effort: f32, full: f32, dt: Seconds) {
         let last = self.effort();
         if self.active != Active::Effort {
@@ -240,8 +230,7 @@ impl CascadeState {
         }
     }
 
-    /// One step towards anything, with the whole feed-forward. What did not drive before starts
-    /// softly.
+    /// One step with the whole feed-forward. What did not drive before starts softly.
     #[inline(always)]
     pub fn seek(&mut self, config: &Cascade, seek: &Seek, step: &Step) {
         let &Step { measured, load, full, dt, count } = step;
@@ -292,9 +281,8 @@ impl CascadeState {
         }
     }
 
-    /// While a motion accelerates, the integral learns instead by how much its load is heavier or
-    /// lighter than the feed-forward says. That counts wherever it accelerates, and nowhere else: so
-    /// nothing is left that would overshoot when the acceleration ends.
+    /// While a motion accelerates, the integral learns how much the load differs from the
+    /// feed-forward. It counts only while accelerating, so it does not overshoot after that.
     fn learn(&mut self, config: &Cascade, by_inertia: f32, measured: f32, full: f32, dt: Seconds) {
         // A start is soft: what lags then is no load.
         if self.is_soft() {
@@ -314,8 +302,7 @@ impl CascadeState {
         }
     }
 
-    /// Moves the reference towards a speed as fast as it may; returns by how much a second, where it
-    /// is on the way.
+    /// Moves the reference to a speed as fast as it may; returns its acceleration on the way.
     fn approach(&mut self, config: &Cascade, target: f32, dt: Seconds) -> f32 {
         let most = config.acceleration.get();
         let (gap, step) = (target - self.reference, most * dt.get());
@@ -330,8 +317,7 @@ impl CascadeState {
         if before * self.limited > 0.0 { self.limited } else { 0.0 }
     }
 
-    /// The speed that the angle loop asks for. The derivative of an angle is the speed: another angle to seek
-    /// changes nothing in it.
+    /// The speed that the angle loop asks for. Another angle to seek changes no derivative.
     fn ask(&mut self, config: &Cascade, way: f32, measured: f32, ticks: u8, dt: Seconds) -> f32 {
         self.ticks_left = ticks - 1;
         let input = PidInput { error: way, feed_forward: 0.0, integrate: true };
@@ -490,7 +476,8 @@ mod tests {
         assert!(with < 0.5 && without > 3.0 * with, "{with} with, {without} without");
     }
 
-    /// What is learned while it accelerates at 500 rpm/s for 0.3 s, `inertia` times as heavy as known.
+    /// The load learned while it accelerates at 500 rpm/s for 0.3 s, `inertia` times as heavy as
+    /// known.
     fn learned(inertia: f32) -> CascadeState {
         let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
         let config = Cascade { feed_forward: known, ..CONFIG };

@@ -1,10 +1,10 @@
-use core::fmt;
-
 use crate::text::Text;
 
 /// A number in a configuration that cannot be used, and where it stands.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("{}", self.text())]
+#[must_use]
 pub struct ConfigError {
     /// Model and identifier of the device whose configuration it is, if it is a device's.
     pub device: Option<(&'static str, u16)>,
@@ -12,7 +12,7 @@ pub struct ConfigError {
     pub part: &'static str,
     /// The field, as it is written in the source.
     pub field: &'static str,
-    /// Its value.
+    /// The value.
     pub value: f32,
     /// The values allowed.
     pub must_be: &'static str,
@@ -25,9 +25,6 @@ impl ConfigError {
     }
 
     /// `Ok` if `good`, else [`new`](Self::new).
-    ///
-    /// # Errors
-    /// If not `good`.
     pub const fn check(
         good: bool,
         field: &'static str,
@@ -38,25 +35,21 @@ impl ConfigError {
     }
 
     /// The same, in a part of a configuration.
-    #[must_use]
     pub const fn in_part(self, part: &'static str) -> Self {
         Self { part, ..self }
     }
 
     /// The same, in the configuration of a device.
-    #[must_use]
     pub const fn of_device(self, model: &'static str, id: u16) -> Self {
         Self { device: Some((model, id)), ..self }
     }
 
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
-    #[must_use]
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     pub const fn text(&self) -> Text {
         self.add_to(Text::new())
     }
 
     /// A text with what it says at its end.
-    #[must_use]
     pub const fn add_to(&self, mut text: Text) -> Text {
         let Self { device, part, field, value, must_be } = *self;
         if let Some((model, id)) = device {
@@ -86,16 +79,6 @@ macro_rules! ok {
     };
 }
 
-/// ``M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative``
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text().fmt(f)
-    }
-}
-
-impl core::error::Error for ConfigError {}
-
-/// `Ok` for a finite number.
 pub(crate) const fn finite(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.is_finite(), field, value, "finite")
 }
@@ -105,7 +88,6 @@ pub(crate) const fn not_negative(field: &'static str, value: f32) -> Result<(), 
     ConfigError::check(value.is_finite() && value >= 0.0, field, value, "finite and not negative")
 }
 
-/// `Ok` for a finite number above zero.
 pub(crate) const fn positive(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.is_finite() && value > 0.0, field, value, "finite and positive")
 }

@@ -23,13 +23,12 @@ use crate::maths;
 use crate::ok;
 use crate::units::{Degrees, Rpm, RpmPerSecond};
 
-/// What a motion takes, in the unit of the actuator's effort: amperes, newton metres or a share of the
-/// full voltage.
+/// The effort of a motion, in the actuator's unit: A, N m or a share of the full voltage.
 ///
-/// Measure it: `friction` and `speed` are the efforts at two slow, steady speeds; `gravity` is the
-/// effort that holds the mechanism; `acceleration` is its inertia over the torque constant, or what
-/// makes the measured speed follow a ramp.
+/// Measure it: `friction` and `speed` at two slow, steady speeds; `gravity` while holding;
+/// `acceleration` is inertia over torque constant, or what makes a ramp fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct FeedForward {
     /// Effort against dry friction, whichever way it moves; ks, 0 or more. All of it from 1 rpm on.
     pub friction: f32,
@@ -89,16 +88,12 @@ impl FeedForward {
     pub const NONE: Self =
         Self { friction: 0.0, speed: 0.0, acceleration: 0.0, gravity: Gravity::None };
 
-    /// Of the speed alone: effort per rpm.
-    #[must_use]
+    /// The effort of the speed alone, per rpm.
     pub const fn of_speed(speed: f32) -> Self {
         Self { speed, ..Self::NONE }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("friction", self.friction));
         ok!(finite("speed", self.speed));
@@ -123,7 +118,6 @@ impl FeedForward {
 
     /// The same behind another gearbox, of which the output shaft turns `factor` times slower: the
     /// rotor is driven as before, and the weight at the output shaft stays.
-    #[must_use]
     pub const fn geared(mut self, factor: f32) -> Self {
         self.speed *= factor;
         self.acceleration *= factor;

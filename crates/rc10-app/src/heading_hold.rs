@@ -1,12 +1,10 @@
 //! Heading hold: while the driver turns nothing, the robot keeps looking where it looks.
 //!
-//! A robot that drives sideways turns a little, because no two wheels are equal, and a push turns it
-//! as well. This sets the yaw rate that turns it back. While the driver turns, the stick passes
-//! through.
+//! A robot that drives sideways turns a little, by unequal wheels or a push. This sets the yaw rate
+//! that turns it back; the stick passes through.
 //!
-//! What is kept is the heading at which the robot comes to a stand, by its yaw rate and
-//! [`HeadingHoldConfig::deceleration`]. The heading at which the stick was let go would throw it
-//! back.
+//! It keeps the heading where the robot comes to a stand (yaw rate,
+//! [`HeadingHoldConfig::deceleration`]): the one where the stick was let go would throw it back.
 //!
 //! ```
 //! use rc10_app::{HeadingHold, HeadingHoldConfig, Radians};
@@ -43,10 +41,7 @@ pub struct HeadingHoldConfig {
 }
 
 impl HeadingHoldConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("kp", self.kp));
         ok!(not_negative("kd", self.kd));
@@ -75,15 +70,13 @@ impl HeadingHold {
         self.held
     }
 
-    /// Forgets the heading: the next one is that where the robot then is. For a robot that is
-    /// disarmed.
+    /// Forgets the heading, of a robot that is disarmed: the next is where it then is.
     pub const fn release(&mut self) {
         self.held = None;
     }
 
-    /// The yaw rate to command, in rad/s, for the driver's `stick` and the measured `yaw_rate`, both
-    /// rad/s. `heading` is any angle: the error goes the shorter way. Where something is not
-    /// finite the state stays unchanged, and the stick passes through.
+    /// The yaw rate to command, rad/s, for the driver's `stick` and the measured `yaw_rate`. The
+    /// error of `heading` goes the shorter way. What is not finite lets the stick through.
     pub fn update(
         &mut self,
         config: &HeadingHoldConfig,

@@ -1,5 +1,4 @@
-//! The few functions that `core` lacks: `libm` behind one door, so that the chip and a PC compute
-//! the same bits, and cheap forms for the control tick.
+//! Functions that `core` lacks: `libm` for the same bits on chip and PC, and cheap forms.
 
 /// Sine and cosine of an angle in radians, each within 1.2e-7 for angles up to 1000 rad. (`libm`
 /// computes them in f64, which a chip built for f32 does in software.) Beyond 8192 rad, and for what is not finite, it is `libm`'s.
@@ -58,8 +57,7 @@ const fn nearest_whole(x: f32) -> (f32, u32) {
     (sum - LAST_PLACE_IS_ONE, sum.to_bits())
 }
 
-/// The angle of the vector (x, y) from the x axis, counter-clockwise, −π ..= π, within 3e-7; 0 for
-/// the zero vector.
+/// The angle of (x, y) from the x axis, −π ..= π, within 3e-7; 0 for the zero vector.
 pub fn atan2(y: f32, x: f32) -> f32 {
     let long = if x.abs() >= y.abs() { x.abs() } else { y.abs() };
     // Also false for NaN.
@@ -139,8 +137,7 @@ fn inverse_sqrt(x: f32) -> f32 {
     inverse * (1.5 - 0.5 * x * inverse * inverse)
 }
 
-/// Square root to within two units in the last place for normal positive numbers, 0 otherwise: about
-/// 30 instructions on a Cortex-M7.
+/// Square root within two last places for normal positive numbers, else 0: 30 instructions.
 pub fn near_sqrt(x: f32) -> f32 {
     let guess = fast_sqrt(x);
     // A step of Heron's squares the relative error of the guess.
@@ -164,8 +161,7 @@ fn limited(x: f32, limit: f32) -> f32 {
     if x.is_nan() { x } else { limit.copysign(x) }
 }
 
-/// The nearest integer (halves to the even one), saturating at i16's ends; 0 for NaN. This is how a
-/// scaled value goes onto a wire: it never wraps.
+/// The nearest integer (halves to even), saturating, 0 for NaN: as values go onto a wire.
 pub fn round_to_i16(x: f32) -> i16 {
     if x.abs() <= 32767.0 {
         #[expect(clippy::cast_possible_truncation, reason = "the low bits are the integer")]
@@ -189,8 +185,7 @@ pub fn round_to_i32(x: f32) -> i32 {
     return (x + half) as i32;
 }
 
-/// A ratio of whole numbers, by which others are multiplied without a division: for codecs, where
-/// the chip has none of 64 bits.
+/// A ratio of whole numbers to multiply by without a 64-bit division, which the chip lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ratio {
     multiplier: i64,

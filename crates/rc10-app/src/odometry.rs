@@ -4,10 +4,9 @@
 //! an arc, not along its chord. The sums of the position carry their rounding errors along, and the
 //! heading is an integer, so thousands of small steps far from the origin do not drift in f32.
 //!
-//! How wrong the pose may be stands in its [`Covariance`], which grows with the way, with turning,
-//! with time on a gyro that drifts, and with measured slip: what the wheels contradict each other
-//! ([`BaseMotion::slip`](crate::BaseMotion::slip)), and where they contradict the gyro. Slip that neither
-//! shows is not in it.
+//! The [`Covariance`] of the pose grows with way, turning, time on a drifting gyro, and measured
+//! slip: the wheels' contradiction ([`BaseMotion::slip`](crate::BaseMotion::slip)), and theirs to
+//! the gyro.
 //!
 //! ```
 //! use rc10_app::{Odometry, OdometryConfig, OdometryInput, Pose, Seconds, Twist};
@@ -70,10 +69,7 @@ impl OdometryConfig {
         lever: 0.4,
     };
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("per_distance", self.per_distance));
         ok!(not_negative("per_turn", self.per_turn));
@@ -96,16 +92,15 @@ pub struct Covariance {
     pub tt: f32,
 }
 
-/// What is measured in one step.
+/// Measurements of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OdometryInput {
     /// The motion by the wheels.
     pub twist: Twist,
-    /// What the wheels contradict each other, in m/s: [`BaseMotion::slip`](crate::BaseMotion::slip); 0 if
-    /// it is not known.
+    /// The wheels' contradiction in m/s: [`BaseMotion::slip`](crate::BaseMotion::slip); 0 if it is
+    /// not known.
     pub slip: f32,
-    /// The heading of a gyro, from any zero; `None` without one, or while it is not heard. Then the
-    /// heading goes on by the wheels.
+    /// A gyro's heading, from any zero; `None` without: then the wheels turn it.
     pub heading: Option<TotalAngle>,
 }
 
@@ -113,7 +108,7 @@ pub struct OdometryInput {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Sum {
     value: f32,
-    /// What it has too much.
+    /// The part by which the value is too large.
     excess: f32,
 }
 
@@ -160,7 +155,6 @@ impl Odometry {
     }
 
     /// Where the robot is, and which way it looks: −π ..= π.
-    #[must_use]
     pub const fn pose(&self) -> Pose {
         #[expect(clippy::cast_precision_loss, reason = "the nearest f32")]
         let heading = self.heading as f32 * maths::RADIANS_PER_PART;
@@ -236,8 +230,7 @@ impl Odometry {
 }
 
 impl Covariance {
-    /// After a step by (x, y) in the field's axes: an error of the heading becomes one of the
-    /// position. (J P Jᵀ with J = [1 0 −y; 0 1 x; 0 0 1].)
+    /// After a step (x, y) in field axes: J P Jᵀ with J = [1 0 −y; 0 1 x; 0 0 1].
     fn move_by(&mut self, x: f32, y: f32) {
         let Self { xt, yt, tt, .. } = *self;
         self.xt -= y * tt;

@@ -1,9 +1,8 @@
 //! Paths of a base: waypoints, the speed along them within what the wheels can do, and a follower.
 //!
-//! A [`Path`] is waypoints and nothing else, so it is a constant in a robot's table. A [`Plan`] is
-//! made of it when it starts: straight lines, corners that are arcs, the heading as a function of
-//! the way, and the highest speed at each place that every limit allows. A [`Follower`] makes a
-//! twist of the plan and of the measured pose, once a tick.
+//! A [`Path`] is waypoints, a constant in a robot's table. A [`Plan`] is made of it: straight
+//! lines, arcs, the heading along the way, and the highest speed that every limit allows. A
+//! [`Follower`] makes a twist of the plan and the measured pose, once a tick.
 //!
 //! ```
 //! use core::f32::consts::FRAC_PI_2;
@@ -57,8 +56,7 @@ use crate::transform::Pose;
 use crate::units::Radians;
 use leg::Turn;
 
-/// Waypoints lie within this of the field's origin, in metres, and their headings within as many
-/// radians. So an f32 has a tenth of a millimetre left.
+/// Largest metres from the field's origin, and radians: an f32 has a tenth of a millimetre left.
 const FARTHEST: f32 = 1000.0;
 /// Waypoints that are nearer to each other than this, in metres, are at the same place.
 const SAME_PLACE: f32 = 1e-3;
@@ -71,9 +69,9 @@ const SAME_PLACE: f32 = 1e-3;
 /// let shelf = Waypoint::new(2.0, 3.0, Radians::new(1.57)).at_most(0.0); // stops
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Waypoint {
-    /// Where, and which way the robot looks there. From one waypoint to the next it turns the
-    /// shorter way.
+    /// The place, and the robot's heading there; in between it turns the shorter way.
     pub pose: Pose,
     /// Radius of the arc that rounds the corner off, in metres; ≥ 0. The path then passes the
     /// waypoint on the inside, and the heading is reached in the arc's middle. With 0 it passes
@@ -85,19 +83,16 @@ pub struct Waypoint {
 
 impl Waypoint {
     /// Exactly through this place in metres, with this heading.
-    #[must_use]
     pub const fn new(x: f32, y: f32, heading: Radians) -> Self {
         Self { pose: Pose::new(x, y, heading), radius: 0.0, max_speed: f32::INFINITY }
     }
 
     /// The same, with an arc of this radius in metres in place of the corner.
-    #[must_use]
     pub const fn rounded(self, radius: f32) -> Self {
         Self { radius, ..self }
     }
 
     /// The same, passed no faster than this, in m/s.
-    #[must_use]
     pub const fn at_most(self, max_speed: f32) -> Self {
         Self { max_speed, ..self }
     }
@@ -118,8 +113,7 @@ const fn near(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.abs() <= FARTHEST, field, value, "within -1000 .. 1000")
 }
 
-/// A path through `N` waypoints: straight lines, and arcs where a corner is
-/// [rounded](Waypoint::rounded). [The module](self) has an example.
+/// A path through `N` waypoints: lines, and arcs at [rounded](Waypoint::rounded) corners.
 ///
 /// One that cannot be driven does not compile:
 ///
@@ -193,11 +187,7 @@ impl<const N: usize> Path<N> {
         Ok(Self { waypoints })
     }
 
-    /// As [`new`](Self::new), for a constant, where a path that cannot be driven is a compile error
-    /// with the reason.
-    ///
-    /// # Panics
-    /// If it cannot be driven.
+    /// Like [`new`](Self::new), but panics: in a constant, a bad path does not compile.
     #[must_use]
     pub const fn sound(waypoints: [Waypoint; N]) -> Self {
         match Self::new(waypoints) {
@@ -207,7 +197,6 @@ impl<const N: usize> Path<N> {
     }
 
     /// The waypoints, as they were given.
-    #[must_use]
     pub const fn waypoints(&self) -> &[Waypoint; N] {
         &self.waypoints
     }

@@ -29,25 +29,21 @@ pub struct PidConfig {
     pub kp: f32,
     /// Output per error and second.
     pub ki: f32,
-    /// Output per measured change per second; acts on the measurement, so that a step of the
-    /// setpoint gives no kick.
+    /// Output per measured change per second: a step of the setpoint gives no kick.
     pub kd: f32,
     /// The output stays within ± this.
     pub output_limit: f32,
     /// The integral's part of the output stays within ± this.
     pub integral_limit: f32,
-    /// The integral rests while the error is larger than this (integral separation); infinite:
-    /// it never rests.
+    /// The integral rests while the error is larger (integral separation); infinite: never.
     pub integral_separation: f32,
     /// Smaller errors count as zero.
     pub deadband: f32,
     /// Time constant of the filter of the derivative, s; 0: none. A tenth of kd / kp is usual.
     pub derivative_filter: f32,
-    /// The share of the setpoint on which `kp` acts, 0 ..= 1: below 1 a step of the setpoint
-    /// overshoots less, and a load is answered as before.
+    /// The share of the setpoint for `kp`, 0 ..= 1: below 1 a step of it overshoots less.
     pub setpoint_weight: f32,
-    /// Rate at which the integral is drawn back while the output is limited (back-calculation), 1/s;
-    /// 0: conditional integration instead. Usual is 1 to 10 times ki / kp.
+    /// Rate of back-calculation, 1/s, usually 1 to 10 times ki / kp; 0: conditional integration.
     pub tracking: f32,
 }
 
@@ -68,10 +64,7 @@ impl PidConfig {
         }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         // A negative gain runs away.
         ok!(not_negative("kp", self.kp));
@@ -101,7 +94,7 @@ fn unusual(config: &PidConfig, error: f32, integrate: bool) -> (f32, bool) {
     (quiet, integrate && error.abs() <= config.integral_separation)
 }
 
-/// What a step has seen of the measurement itself.
+/// The measurement as a step has seen it.
 #[derive(Clone, Copy)]
 enum Seen {
     Nothing,
@@ -129,7 +122,6 @@ pub struct PidState {
     output: f32,
     /// NaN before the first step.
     last_measured: f32,
-    /// Filtered rate of change of the measurement.
     rate: f32,
 }
 
@@ -156,8 +148,7 @@ impl PidState {
         Self { integral: 0.0, last_error: 0.0, last_measured: f32::NAN, rate: 0.0, output: 0.0 }
     }
 
-    /// Starts over so that the first output, at error zero, is `output`: switching over from
-    /// another controller gives no kick.
+    /// Starts over with the output `output` at error zero: no kick from another controller.
     pub const fn preset(&mut self, output: f32) {
         *self = Self::new();
         if output.is_finite() {
@@ -188,9 +179,8 @@ impl PidState {
         self.integral
     }
 
-    /// One step from setpoint and measurement. `feed_forward` is added to the output before it is
-    /// limited. Any input that is not finite leaves everything as it was, and the last output is
-    /// returned again.
+    /// One step. `feed_forward` is added before the limit. An input that is not finite changes
+    /// nothing, and the last output is returned again.
     #[inline(always)]
     pub fn update(
         &mut self,
@@ -287,8 +277,7 @@ impl PidState {
         rate
     }
 
-    /// The integral, the proportional part, and the limit. `left_out` is what the proportional part does
-    /// not see of the setpoint, `seen` is to be kept with the rest.
+    /// Integral, proportional part and limit. `left_out`: the setpoint that `kp` does not see.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "in registers: the usual step needs no stack")]
     fn integrate_and_limit(

@@ -27,15 +27,14 @@ pub struct Gains {
     pub kd: f32,
 }
 
-/// Gains at N values of what they depend on, and straight lines between them; beyond the first and the
-/// last the gains are those of the end.
+/// Gains at N values, with straight lines between them and constant beyond the ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GainSchedule<const N: usize> {
     points: [(f32, Gains); N],
 }
 
 impl<const N: usize> GainSchedule<N> {
-    /// Of at least one point; their values rise.
+    /// One point at least; their values rise.
     ///
     /// # Errors
     /// The first value or gain that cannot be used.
@@ -53,10 +52,7 @@ impl<const N: usize> GainSchedule<N> {
         Ok(Self { points })
     }
 
-    /// The same for a constant: what cannot be used is an error of the compiler.
-    ///
-    /// # Panics
-    /// Where [`new`](Self::new) has an error.
+    /// Like [`new`](Self::new), but panics: in a constant, what cannot be used does not compile.
     #[must_use]
     pub const fn checked(points: [(f32, Gains); N]) -> Self {
         match Self::new(points) {

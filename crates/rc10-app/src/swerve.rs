@@ -1,9 +1,8 @@
 //! Swerve bases: wheels that are steered, each by a motor of its own.
 //!
-//! A module turns the shorter way, by a quarter turn at most where it may turn endlessly: its wheel
-//! then rolls the other way. While it is not there yet its wheel rolls only as fast as it helps the
-//! motion, which is the cosine of the angle that remains. When the robot stands, the modules stay as
-//! they are.
+//! A module turns the shorter way, a quarter turn at most where it is endless: its wheel then rolls
+//! the other way. Until it is there the wheel rolls by the cosine of the remaining angle. Modules
+//! of a standing robot stay as they are.
 
 use core::f32::consts::PI;
 
@@ -20,8 +19,7 @@ use crate::units::Rpm;
 const RADIANS_PER_SECOND: f64 = core::f64::consts::PI / 30.0;
 /// Millionths of a degree in a radian.
 const MICRODEGREES: f32 = 180e6 / PI;
-/// A rim that shall be slower than this, in m/s, stands, and does not steer. Ours: a stick at rest
-/// gives less; it is a crawl of a millimetre a second.
+/// A slower rim, in m/s, stands and does not steer: a stick at rest gives less.
 const STANDING: f32 = 1e-3;
 const HALF_TURN: i64 = 180_000_000;
 
@@ -36,8 +34,7 @@ pub enum Steering {
 
 /// A swerve base of `N` modules of one kind.
 ///
-/// Steering angles are total angles, counter-clockwise seen from above; at a whole number of turns
-/// a positive wheel speed drives the robot forward.
+/// Steering angles are total, counter-clockwise from above; at whole turns a wheel drives forward.
 ///
 /// ```
 /// use rc10_app::{Point, Rpm, Steering, Swerve, SwerveState, TotalAngle, Twist};
@@ -69,7 +66,7 @@ pub struct Swerve<const N: usize> {
     inertia: f32,
 }
 
-/// What one module shall do.
+/// Speed and angle that one module shall have.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Module {
     /// Speed of its wheel.
@@ -78,23 +75,20 @@ pub struct Module {
     pub angle: TotalAngle,
 }
 
-/// What all modules shall do, from [`SwerveState::update`].
+/// Speeds and angles that all modules shall have, from [`SwerveState::update`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Modules<const N: usize> {
     /// In the order of the places.
     pub modules: [Module; N],
-    /// The share of the twist that this is once all are steered: 1 unless a wheel had to be
-    /// limited, then 0 .. 1.
+    /// The share of the twist once all are steered: 1 unless a wheel had to be limited.
     pub scale: f32,
 }
 
 impl<const N: usize> Swerve<N> {
-    /// A base with its modules at these places, wheels of this radius in metres, none of which is
-    /// ever asked to turn faster than `max_wheel_speed`.
+    /// Modules at these places, with wheels of this radius in metres and at most `max_wheel_speed`.
     ///
     /// # Errors
-    /// A number that cannot be used; modules that all stand in one place, and cannot turn the base;
-    /// a range of steering below half a turn, in which not every direction can be reached.
+    /// A bad number; modules in one place; a range of steering below half a turn.
     pub const fn new(
         places: [Point<Robot>; N],
         radius: f32,
@@ -133,11 +127,7 @@ impl<const N: usize> Swerve<N> {
         Ok(Self { places, radius, max_wheel_speed, steering, rpm, rim, middle, inertia })
     }
 
-    /// As [`new`](Self::new), for a constant, where an unsound base is a compile error with the
-    /// reason.
-    ///
-    /// # Panics
-    /// If it is not sound.
+    /// Like [`new`](Self::new), but panics: in a constant, an unsound base does not compile.
     #[must_use]
     pub const fn sound(
         places: [Point<Robot>; N],
@@ -152,7 +142,6 @@ impl<const N: usize> Swerve<N> {
     }
 
     /// Where the modules stand.
-    #[must_use]
     pub const fn places(&self) -> &[Point<Robot>; N] {
         &self.places
     }
@@ -163,16 +152,9 @@ impl<const N: usize> Swerve<N> {
         self.radius
     }
 
-    /// No wheel is ever asked to turn faster than this.
-    #[must_use]
-    pub const fn max_wheel_speed(&self) -> Rpm {
-        self.max_wheel_speed
-    }
-
-    /// The motion of the robot for measured speeds and steering angles, by least squares, and for
-    /// each module the speed that this motion does not explain, in m/s, as the length of a vector: a
-    /// wheel that is reversed, dead or slips, or a module that is steered wrong. A speed that is not
-    /// finite gives a twist that is not finite.
+    /// The motion for measured speeds and steering angles, by least squares, and for each module
+    /// the length of the velocity that it does not explain, in m/s: a wheel that is reversed, dead
+    /// or slips, or a wrong angle. Speeds that are not finite give such a twist.
     #[must_use]
     pub fn forward(&self, measured: [Module; N]) -> BaseMotion<N> {
         let velocities = measured.map(|module| {
@@ -236,8 +218,7 @@ impl<const N: usize> SwerveState<N> {
     /// A module whose wheel shall stand keeps its last steering angle; before the first, where it is.
     ///
     /// # Errors
-    /// [`TwistNotFinite`] if the twist, or a speed computed from it, is infinite or NaN; the state
-    /// stays unchanged.
+    /// [`TwistNotFinite`] if the twist or a speed is infinite or NaN; the state stays unchanged.
     pub fn update(
         &mut self,
         base: &Swerve<N>,
@@ -331,7 +312,6 @@ fn far(angle: TotalAngle, least: TotalAngle, most: TotalAngle) -> TotalAngle {
     TotalAngle::from_microdegrees(inside)
 }
 
-/// Sine and cosine of a total angle.
 fn direction(angle: TotalAngle) -> (f32, f32) {
     maths::near_sin_cos(angle.within_turn().get() * (PI / 180.0))
 }

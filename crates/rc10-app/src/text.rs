@@ -1,5 +1,4 @@
-//! Sentences that are put together in a `const`: what is wrong with a robot is said in the same words
-//! when it is compiled and when it runs.
+//! Sentences made in a `const`: errors have the same words when compiled and when run.
 //!
 //! ```
 //! use rc10_app::Text;
@@ -9,17 +8,17 @@
 
 /// A sentence of up to [`CAPACITY`](Self::CAPACITY) bytes.
 #[derive(Clone, Copy)]
+#[must_use]
 pub struct Text {
     bytes: [u8; Self::CAPACITY],
     len: usize,
 }
 
-/// Decimals that are tried until a number reads back as the same: nine digits of an `f32` are enough,
-/// so the smallest has twelve.
+/// Decimals tried until a number reads back: nine digits, so twelve for the smallest.
 const DECIMALS: u32 = 12;
 /// Below this and from [`LARGE`] on numbers are written with an exponent.
 const SMALL: f64 = 1e-3;
-/// See [`SMALL`].
+/// The other bound, like [`SMALL`].
 const LARGE: f64 = 1e9;
 /// Where a number with an exponent is as good as the next power of ten: an `f32` says it no better.
 const ROUNDED: f64 = 1.0 - 3e-8;
@@ -29,13 +28,11 @@ impl Text {
     pub const CAPACITY: usize = 512;
 
     /// An empty text.
-    #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [0; Self::CAPACITY], len: 0 }
     }
 
     /// With this at its end.
-    #[must_use]
     pub const fn push(mut self, text: &str) -> Self {
         let bytes = text.as_bytes();
         let mut fits = bytes.len();
@@ -51,19 +48,16 @@ impl Text {
     }
 
     /// With a whole number at its end.
-    #[must_use]
     pub const fn push_number(self, number: u64) -> Self {
         self.push_digits(number, 10, 1)
     }
 
     /// With `0x` and at least this many digits at its end.
-    #[must_use]
     pub const fn push_hex(self, number: u32, digits: u32) -> Self {
         self.push("0x").push_digits(number as u64, 16, digits)
     }
 
     /// With a number at its end, in as few digits as read back as the same.
-    #[must_use]
     pub const fn push_float(mut self, number: f32) -> Self {
         if number.is_nan() {
             return self.push("NaN");
@@ -131,7 +125,7 @@ impl Text {
         text
     }
 
-    /// What it says.
+    /// The text.
     #[must_use]
     pub const fn as_str(&self) -> &str {
         match core::str::from_utf8(self.bytes.split_at(self.len).0) {

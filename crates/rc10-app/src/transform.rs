@@ -65,6 +65,7 @@ impl Frame for Robot {}
 
 /// A point in the coordinates of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[must_use]
 pub struct Point<F: Frame = Field> {
     /// Along x, in metres.
     pub x: f32,
@@ -79,7 +80,6 @@ impl<F: Frame> Point<F> {
         Self { x, y, frame: PhantomData }
     }
 
-    /// Whether both coordinates are finite.
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(finite("x", self.x), in "place");
         ok!(finite("y", self.y), in "place");
@@ -87,8 +87,7 @@ impl<F: Frame> Point<F> {
     }
 }
 
-/// Position and heading of the frame `Of` in the frame `In`: of the robot in the field, if nothing
-/// else is said.
+/// Position and heading of the frame `Of` in the frame `In`; by default the robot in the field.
 ///
 /// ```
 /// use core::f32::consts::FRAC_PI_2;
@@ -99,6 +98,7 @@ impl<F: Frame> Point<F> {
 /// assert!((ball.x - 2.0).abs() < 1e-6 && (ball.y - 4.0).abs() < 1e-6);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[must_use]
 pub struct Pose<Of: Frame = Robot, In: Frame = Field> {
     /// Position along x, in metres.
     pub x: f32,
@@ -119,29 +119,24 @@ impl<Of: Frame, In: Frame> Pose<Of, In> {
     }
 
     /// The origin of the frame, which is its position.
-    #[must_use]
     pub const fn origin(self) -> Point<In> {
         Point::new(self.x, self.y)
     }
 
     /// The pose in A of what has the pose `inner` in B, if `self` is the pose of B in A.
     /// [`IDENTITY`](Self::IDENTITY) on either side changes nothing, not even a bit.
-    #[must_use]
     pub fn compose<Inner: Frame>(self, inner: Pose<Inner, Of>) -> Pose<Inner, In> {
         let Point { x, y, .. } = self.apply(inner.origin());
         Pose::new(x, y, wrapped(self.heading + inner.heading))
     }
 
     /// The pose of A in B, if `self` is the pose of B in A.
-    #[must_use]
     pub fn inverse(self) -> Pose<In, Of> {
         let (x, y) = rotate((-self.x, -self.y), -self.heading);
         Pose::new(x, y, wrapped(-self.heading))
     }
 
-    /// The pose of `other` as seen from here, both given in one common frame:
-    /// `self.compose(result)` is `other`.
-    #[must_use]
+    /// The pose of `other` as seen from here, both in one frame: `self.compose(result)` is `other`.
     pub fn between<Other: Frame>(self, other: Pose<Other, In>) -> Pose<Other, Of> {
         // Not inverse().compose(): the difference first keeps the digits when both are far away.
         let (x, y) = rotate((other.x - self.x, other.y - self.y), -self.heading);
@@ -149,7 +144,6 @@ impl<Of: Frame, In: Frame> Pose<Of, In> {
     }
 
     /// Takes a point from this frame to the one the pose is given in.
-    #[must_use]
     pub fn apply(self, point: Point<Of>) -> Point<In> {
         let (x, y) = rotate((point.x, point.y), self.heading);
         Point::new(self.x + x, self.y + y)

@@ -1,10 +1,8 @@
 //! Motion in the plane: the twist of a base, and a limit of its acceleration.
 //!
-//! The usual way from a driver's stick to wheels: [`TwistLimiter::update`] (no acceleration that
-//! makes wheels slip), [`Twist::into_frame`] if the driver thinks in the field's axes, then the
-//! inverse kinematics of the base.
+//! From a driver's stick to wheels: [`TwistLimiter::update`] (wheels do not slip),
+//! [`Twist::into_frame`] for the field's axes, then the base's inverse kinematics.
 
-use core::fmt;
 use core::marker::PhantomData;
 use core::ops::{Add, Mul, Sub};
 
@@ -24,13 +22,13 @@ use crate::units::{Radians, Seconds};
 /// let robot: Twist = away_from_the_driver; // without its heading?
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[must_use]
 pub struct Twist<F: Frame = Robot> {
     /// Speed along x, in m/s; the robot's x is forward.
     pub vx: f32,
     /// Speed along y, in m/s; the robot's y is to its left.
     pub vy: f32,
-    /// Yaw rate, counter-clockwise, in rad/s; the same in every frame that stands still on the
-    /// field or on the robot.
+    /// Yaw rate, counter-clockwise, in rad/s; the same on the field and on the robot.
     pub wz: f32,
     frame: PhantomData<F>,
 }
@@ -52,8 +50,7 @@ impl<F: Frame> Twist<F> {
 }
 
 impl Twist<Field> {
-    /// From the field's axes to those of a robot with this heading in the field: what the driver
-    /// means by "away from me" becomes what the robot has to do.
+    /// From the field's axes to a robot's with this heading: "away from me" becomes its own motion.
     ///
     /// ```
     /// use core::f32::consts::FRAC_PI_2;
@@ -63,7 +60,6 @@ impl Twist<Field> {
     /// let robot = wish.into_frame(Radians::new(FRAC_PI_2));
     /// assert!((robot.vy + 1.0).abs() < 1e-6 && robot.vx.abs() < 1e-6);
     /// ```
-    #[must_use]
     pub fn into_frame(self, heading: Radians) -> Twist<Robot> {
         let (vx, vy) = rotate((self.vx, self.vy), -heading);
         Twist::new(vx, vy, self.wz)
@@ -71,9 +67,7 @@ impl Twist<Field> {
 }
 
 impl Twist<Robot> {
-    /// From the axes of a robot with this heading to the field's: the inverse of
-    /// [`into_frame`](Twist::into_frame).
-    #[must_use]
+    /// From a robot's axes to the field's: the inverse of [`into_frame`](Twist::into_frame).
     pub fn out_of_frame(self, heading: Radians) -> Twist<Field> {
         let (vx, vy) = rotate((self.vx, self.vy), heading);
         Twist::new(vx, vy, self.wz)
@@ -102,7 +96,8 @@ impl<F: Frame> Mul<f32> for Twist<F> {
 }
 
 /// A twist with a component that is infinite, NaN, or too large to compute with, as it was given.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("not a usable twist: vx {vx} m/s, vy {vy} m/s, wz {wz} rad/s")]
 pub struct TwistNotFinite {
     /// Speed along x, in m/s.
     pub vx: f32,
@@ -118,30 +113,17 @@ impl TwistNotFinite {
     }
 }
 
-impl fmt::Display for TwistNotFinite {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { vx, vy, wz } = self;
-        write!(f, "not a usable twist: vx {vx} m/s, vy {vy} m/s, wz {wz} rad/s")
-    }
-}
-
-impl core::error::Error for TwistNotFinite {}
-
 /// Largest accelerations of a [`TwistLimiter`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwistLimits {
-    /// Largest change of the velocity vector (vx, vy), in m/s²; > 0. Rubber on a field gives
-    /// the coefficient of friction times 9.81 m/s² in any direction.
+    /// Largest change of (vx, vy), m/s²; > 0: on rubber, friction times 9.81.
     pub linear_acceleration: f32,
     /// Largest change of the yaw rate, in rad/s²; > 0.
     pub angular_acceleration: f32,
 }
 
 impl TwistLimits {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    /// Names the field that is not finite or not positive.
+    /// Checks every field; the error names the first that is not finite or not positive.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("linear_acceleration", self.linear_acceleration));
         positive("angular_acceleration", self.angular_acceleration)
@@ -150,10 +132,9 @@ impl TwistLimits {
 
 /// State of an acceleration limiter for twists.
 ///
-/// The linear acceleration is limited as a vector (the friction circle), so the velocity goes
-/// straight to its target instead of finishing one axis first. It works in the axes of one frame:
-/// the field's where there is a heading, because in the robot's axes the velocity of a robot that
-/// turns while it drives stands still although the robot accelerates.
+/// The linear acceleration is limited as a vector (the friction circle), in the axes of one frame:
+/// the field's where there is a heading, because a turning robot that drives straight accelerates
+/// in no robot axis.
 ///
 /// ```
 /// use rc10_app::{Seconds, Twist, TwistLimiter, TwistLimits};
@@ -186,13 +167,11 @@ impl<F: Frame> TwistLimiter<F> {
         }
     }
 
-    /// Moves towards `target` for `dt` and returns the new twist. The last step lands exactly on
-    /// the target. A `dt` that is not finite and positive changes nothing. To stop within the
-    /// limits, give it [`Twist::STOP`].
+    /// Moves towards `target` for `dt`; the last step lands exactly on it. A `dt` that is not
+    /// finite and positive changes nothing. [`Twist::STOP`] stops within the limits.
     ///
     /// # Errors
-    /// [`TwistNotFinite`] if the target is infinite, NaN, or too far away to compute with; the
-    /// state stays unchanged.
+    /// [`TwistNotFinite`] if infinite, NaN or too far away; the state stays unchanged.
     pub fn update(
         &mut self,
         limits: &TwistLimits,
@@ -217,8 +196,7 @@ impl<F: Frame> TwistLimiter<F> {
     }
 }
 
-/// The share of `distance` that one step may go, 0 ..= 1. A step that is negative or not a number
-/// is no step.
+/// The share of `distance` in one step, 0 ..= 1; 0 for a negative or NaN step.
 fn step_share(distance: f32, step: f32) -> f32 {
     let step = step.max(0.0);
     if distance <= step { 1.0 } else { step / distance }

@@ -1,5 +1,4 @@
-//! Units are types: a speed cannot be passed where an angle is wanted, nor a rotor's speed where
-//! the output shaft's is wanted. They cost nothing at run time.
+//! Units are types: a speed is not taken for an angle, nor a rotor's for the output's. At no cost.
 
 use core::fmt;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -86,18 +85,15 @@ macro_rules! units {
 }
 
 units! {
-    /// Speed of an output shaft in revolutions per minute; counter-clockwise positive, looking at
-    /// the shaft's end.
+    /// Speed of an output shaft in rpm; counter-clockwise positive, looking at the shaft's end.
     Rpm: "rpm";
     /// Speed of a rotor, in front of the gearbox, in revolutions per minute.
     RotorRpm: "rotor rpm";
-    /// Speed of a motor's magnetic field in electrical revolutions per minute: rotor rpm times pole
-    /// pairs.
+    /// Speed of a magnetic field in electrical rpm: rotor rpm times pole pairs.
     ElectricalRpm: "erpm";
     /// Acceleration of an output shaft in revolutions per minute per second.
     RpmPerSecond: "rpm/s";
-    /// An angle of an output shaft in degrees. For angles of many turns use
-    /// [`TotalAngle`](crate::TotalAngle), which stays exact.
+    /// An angle in degrees; [`TotalAngle`](crate::TotalAngle) stays exact over many turns.
     Degrees: "deg";
     /// An angle in radians.
     Radians: "rad";
@@ -155,8 +151,7 @@ impl Gear {
     /// No gearbox.
     pub const DIRECT: Self = Self { rotor: 1, output: 1 };
 
-    /// `rotor` turns of the rotor make `output` turns of the output shaft. `None` if one is zero
-    /// or above 65,535.
+    /// `rotor` turns make `output` turns; `None` if one is zero or above 65,535.
     ///
     /// ```
     /// use rc10_app::{Gear, RotorRpm};
@@ -177,7 +172,7 @@ impl Gear {
         self.rotor
     }
 
-    /// See [`rotor_turns`](Self::rotor_turns).
+    /// Turns of the output; [`rotor_turns`](Self::rotor_turns) go with them.
     #[must_use]
     pub const fn output_turns(self) -> u32 {
         self.output
@@ -195,19 +190,13 @@ impl Gear {
     pub fn to_output(self, rotor: RotorRpm) -> Rpm {
         Rpm::new(rotor.get() / self.ratio())
     }
-
-    /// The rotor's speed for an output's.
-    #[must_use]
-    pub fn to_rotor(self, output: Rpm) -> RotorRpm {
-        RotorRpm::new(output.get() * self.ratio())
-    }
 }
 
 /// The direction in which the output shaft counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Direction {
-    /// As the motor does.
+    /// The motor's own way.
     #[default]
     Forward,
     /// The other way: a motor that is mounted mirrored.

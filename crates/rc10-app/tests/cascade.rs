@@ -7,7 +7,7 @@ const MS: Seconds = Seconds::new(0.001);
 const FULL: f32 = 20.0;
 const NO_GAINS: PidConfig = PidConfig::new(0.0, 0.0, 0.0, 400.0);
 
-/// Its speed reference follows at once.
+/// A cascade whose speed reference follows at once.
 fn cascade(speed: PidConfig, angle: PidConfig) -> Cascade {
     let acceleration = RpmPerSecond::new(1e6);
     Cascade {

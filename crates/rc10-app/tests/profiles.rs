@@ -62,7 +62,7 @@ impl Random {
     }
 }
 
-/// What two setpoints that are `dt` apart break, as a share of a limit: 1 is the limit.
+/// The most that two setpoints `dt` apart break, as a share of a limit: 1 is the limit.
 #[derive(Clone, Copy, Debug, Default)]
 struct Worst {
     velocity: f64,
@@ -161,7 +161,7 @@ fn a_million_new_targets_at_any_moment_keep_the_limits() {
 }
 
 /// No trajectory is above the highest velocity from which it can still brake in time. If even the
-/// distance under that does not reach the target, there is none that takes so little time.
+/// distance under that does not reach the target, no course takes as little time.
 #[test]
 fn a_trapezoid_takes_the_shortest_time_there_is() {
     const STEPS: u32 = 2000;

@@ -1,9 +1,8 @@
 //! Board support: clocks, ports and peripherals of the chip, and what happens after a crash.
 //!
-//! The chip side is behind the feature `stm32h723`, for the target `thumbv7em-none-eabihf` only:
-//! clocks, the FDCAN ports and their `Bus::start`, UARTs, timers and other peripherals, the supervisor
-//! and the watchdog, and what happens after a crash. Without it the crate is empty. What tasks are
-//! made of, on a chip and on a PC, is in [`rc10_message`].
+//! The chip side is behind feature `stm32h723`, for `thumbv7em-none-eabihf`: clocks, FDCAN ports,
+//! UARTs, timers and other peripherals, supervisor, watchdog, and what follows a crash. Tasks are
+//! made of [`rc10_message`].
 #![no_std]
 #![cfg_attr(not(feature = "stm32h723"), forbid(unsafe_code))]
 

@@ -1,8 +1,6 @@
-//! The chip side: STM32H723, on embassy-stm32. Facts are from RM0468 (the reference manual) and
-//! from the board's `CubeMX` project unless said otherwise.
+//! STM32H723 on embassy-stm32. Facts: RM0468 and the board's `CubeMX` project.
 //!
-//! * [`initialise`]: clocks and caches, of a board's [`Crystal`]; [`crystal()`]: whether that works;
-//!   [`other_chip`]: whether this is an STM32H723 at all.
+//! * [`initialise`]: clocks and caches; [`crystal()`] and [`other_chip`]: whether they are right.
 //! * [`cycle_count`]: the core's cycle counter.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
@@ -12,8 +10,7 @@
 //! * [`voltage`] of a supply.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
-//! * [`crash`]: what happens after a panic or a fault: the motors are made safe by registers, the
-//!   cause is kept, the chip restarts.
+//! * [`crash`]: after a panic or fault motors are made safe, the cause is kept, the chip restarts.
 #![expect(unsafe_code, reason = "registers, vectors and retained memory")]
 
 pub mod can;
@@ -101,10 +98,8 @@ pub fn clocks(crystal: Crystal) -> Config {
 
 /// Makes two regions without access, which to a Cortex-M7 are ordinary memory: it may read ahead in them.
 ///
-/// * `0x6000_0000` to `0xDFFF_FFFF`: external memories, which the board does not have; the FMC waits for a chip
-///   that does not answer. (What `CubeMX` sets up as its background region.)
-/// * `0x1FF0_0000` to `0x1FFF_FFFF`: system flash, where reading ahead sets the flash's errors of protection
-///   (Zephyr issue 60449), and right below DTCM: a stack that overflows is stopped there at once.
+/// * `0x6000_0000` to `0xDFFF_FFFF`: external memories, which the board lacks: the FMC would wait.
+/// * `0x1FF0_0000` to `0x1FFF_FFFF`: system flash (errors by prefetch, Zephyr 60449), below DTCM.
 fn forbid_regions(mpu: &cortex_m::peripheral::MPU) {
     // Armv7-M manual, B3.5: all 4 GiB, less the eighths 0, 1, 2 and 7; then 1 MiB. No access, no execution.
     const ENABLE: u32 = 1;
@@ -137,16 +132,14 @@ fn start_cycle_counter(core: &mut cortex_m::Peripherals) {
     core.DWT.enable_cycle_counter();
 }
 
-/// Cycles of the core's clock, [`CORE_CLOCK`], wrapping at 2^32: every 8.9 s. It may stand while the
-/// core sleeps.
+/// Cycles of [`CORE_CLOCK`], modulo 2^32 (8.9 s). It may stand while the core sleeps.
 #[must_use]
 #[inline]
 pub fn cycle_count() -> u32 {
     DWT::cycle_count()
 }
 
-/// The chip's identity, if it is another than the STM32H723's: `DEV_ID` of `DBGMCU_IDCODE` (RM0468: 0x483 for
-/// STM32H723, 725, 730, 733 and 735). Zero, which is no identity, counts as not known.
+/// Another chip's `DEV_ID` (RM0468: 0x483 is STM32H723 to 735); zero counts as not known.
 #[must_use]
 pub fn other_chip() -> Option<u16> {
     const OURS: u16 = 0x483;
@@ -158,8 +151,7 @@ pub fn other_chip() -> Option<u16> {
 /// within 100 ms, or has another frequency, is replaced ([`crystal()`]); one that stops later is a
 /// [crash](crash::LastCrash::CrystalStopped), if [`crash_handlers!`](crate::crash_handlers) are there.
 ///
-/// The data cache stays off because stack and statics live in DTCM, which is as fast as a cache,
-/// and because nothing here would keep it coherent with DMA.
+/// The data cache is off: DTCM is as fast, and nothing here keeps it coherent with DMA.
 ///
 /// # Panics
 /// If called twice.
@@ -167,8 +159,7 @@ pub fn other_chip() -> Option<u16> {
 #[inline(never)]
 pub fn initialise(crystal: Crystal) -> Peripherals {
     let peripherals = crystal::start(crystal, clocks(crystal));
-    // SAFETY: the core's peripherals are not touched elsewhere; `init` above panics if this
-    // function runs a second time.
+    // SAFETY: nothing else touches the core's peripherals; a second `init` panics.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     forbid_regions(&core.MPU);
     start_cycle_counter(&mut core);

@@ -6,7 +6,7 @@ mod pll;
 
 use pll::{Crystal, DIVIDER, HSI_MULTIPLIER, frequency, hsi_deviation, parts};
 
-/// Of a measurement.
+/// Captures of a measurement.
 const CAPTURES: u32 = 32;
 /// Ticks of HSI that they take with 25 MHz.
 const TICKS: u32 = 41_288;
@@ -84,8 +84,8 @@ fn another_crystal_is_told_from_a_chip_that_is_off() {
     }
 }
 
-/// What no crystal can be says that the measurement failed: a timer that captures each period and not each eighth,
-/// or none.
+/// A frequency that no crystal can have says that the measurement failed: a timer that captures
+/// each period and not each eighth, or none.
 #[test]
 fn nonsense_is_no_crystal() {
     assert_eq!(frequency(CAPTURES, 0), None);
@@ -122,7 +122,7 @@ fn an_oscillator_that_is_off_makes_the_same_clock() {
     }
 }
 
-/// Of each multiplier that 2 % make.
+/// Deviations of each multiplier that 2 % make.
 #[test]
 fn a_deviation_is_the_nearest_hundredth_of_a_per_cent() {
     for multiplier in HSI_MULTIPLIER * 98 / 100..HSI_MULTIPLIER * 102 / 100 {

@@ -17,7 +17,7 @@ fn extended(raw: u32) -> IdPattern {
     IdPattern::exact(ExtendedId::new(raw).unwrap())
 }
 
-/// What the hardware does with a data frame: whether a filter by mask sends it to FIFO 0.
+/// The hardware's handling of a data frame: whether a filter by mask sends it to FIFO 0.
 fn accepts(words: &[u32; WORDS], raw: u32, is_extended: bool) -> bool {
     let (short, long) = words.split_at(STANDARD);
     if is_extended {

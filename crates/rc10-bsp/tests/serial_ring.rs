@@ -57,7 +57,7 @@ impl Dma {
         }
     }
 
-    /// As the driver reads, with `meanwhile` bytes written while it copies.
+    /// Reads like the driver, with `meanwhile` bytes written while it copies.
     fn read(&mut self, room: u32, meanwhile: u64) -> Option<Result<Vec<u64>, SerialError>> {
         let (from, count) = match self.ring.next(room) {
             Next::Nothing => return None,
@@ -120,7 +120,7 @@ fn one_byte_too_many_is_noticed_and_none_too_early() {
 
 /// Interrupts were masked: whole rounds went by unseen.
 #[test]
-fn rounds_that_nobody_saw_are_noticed() {
+fn rounds_that_were_not_seen_are_noticed() {
     for already in 0..u64::from(LENGTH) {
         for rounds in 1..4 {
             let mut dma = Dma::new();
@@ -273,7 +273,8 @@ fn what_lies_between_two_errors_and_is_dropped_is_counted() {
     assert_eq!(counted, dma.written - 5);
 }
 
-/// What the UART has not been asked about is not read; if something was wrong with it, it goes.
+/// Bytes that the UART has not been asked about are not read; if something was wrong with them,
+/// they go.
 #[test]
 fn bytes_are_read_when_the_uart_has_said_that_they_are_whole() {
     let mut dma = Dma::new();

@@ -1,7 +1,4 @@
-use core::fmt;
-
-/// The parts of one bit: one quantum of synchronisation, `before` quanta up to the sample point,
-/// and `after` quanta behind it. A quantum is `prescaler` cycles of the controller's clock.
+/// A bit's parts: one quantum, `before` up to the sample point, `after` behind; of `prescaler`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
     /// Cycles of a quantum, 1 or more.
@@ -15,11 +12,11 @@ pub struct BitTiming {
 /// The largest numbers that a controller's bit timing register holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTimingLimits {
-    /// Of [`BitTiming::prescaler`].
+    /// The largest [`BitTiming::prescaler`].
     pub prescaler: u16,
-    /// Of [`BitTiming::before`].
+    /// The largest [`BitTiming::before`].
     pub before: u16,
-    /// Of [`BitTiming::after`].
+    /// The largest [`BitTiming::after`].
     pub after: u16,
 }
 
@@ -34,7 +31,8 @@ impl BitTimingLimits {
 const FEWEST_QUANTA: u32 = 8;
 
 /// Why a clock cannot make a bit rate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}", self.text())]
 pub enum BitTimingError {
     /// A bit is not a whole number of cycles.
     NotWhole,
@@ -54,24 +52,14 @@ impl BitTimingError {
     }
 }
 
-impl fmt::Display for BitTimingError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.text())
-    }
-}
-
-impl core::error::Error for BitTimingError {}
-
 impl BitTiming {
-    /// The timing of `bits_per_second` from a clock of `clock` hertz: exact, sampled at three
-    /// quarters of the bit or, where quanta are few, up to a tenth later, with the shortest possible
-    /// quanta, so that resynchronisation is as fine as it can be.
+    /// The timing of `bits_per_second` from a `clock`: exact, sampled at three quarters or, with
+    /// few quanta, up to a tenth later, by the shortest quanta, for the finest resynchronisation.
     ///
-    /// Three quarters is what `CiA` 301 recommends at 1 Mbit/s, and the early end of the range of
-    /// 75 ..= 87.5 % in which motors sample.
+    /// Three quarters is `CiA` 301's at 1 Mbit/s, and motors sample at 75 ..= 87.5 %.
     ///
     /// # Errors
-    /// [`BitTimingError`] if there is none.
+    /// [`BitTimingError`] for a clock that cannot make it.
     pub const fn find(
         clock: u32,
         bits_per_second: u32,
@@ -101,10 +89,7 @@ impl BitTiming {
         Err(BitTimingError::NoPrescaler)
     }
 
-    /// The same, for constants.
-    ///
-    /// # Panics
-    /// If there is none.
+    /// The same, for constants: panics if the clock cannot make it.
     #[must_use]
     pub const fn exact(clock: u32, bits_per_second: u32, limits: BitTimingLimits) -> Self {
         match Self::find(clock, bits_per_second, limits) {

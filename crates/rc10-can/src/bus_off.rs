@@ -1,17 +1,14 @@
-/// Policy for a controller that has left its bus: its transmit error counter went above 255,
-/// because the wire is cut, shorted, or no other node has its bit rate.
+/// Policy for bus-off, above 255 transmit errors: a cut or short wire, or no other node.
 ///
 /// With every policy, unsent frames are dropped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusOffPolicy {
-    /// It goes back by itself: at once the first time, and with growing pauses (2 ms, 4 ms .. 50 ms)
-    /// while that keeps failing.
+    /// The bus goes back: at once, then with growing pauses (2 ms, 4 ms .. 50 ms) while it fails.
     #[default]
     Automatic,
-    /// It stays off until it is asked to come back.
+    /// The bus stays off until it is asked to come back.
     Manual,
-    /// As [`Automatic`](Self::Automatic), but the whole robot is in emergency stop then, until that
-    /// is reset: for a bus whose motors must never go on as if nothing had been.
+    /// Like [`Automatic`](Self::Automatic), with an emergency stop of the whole robot.
     Latched,
 }

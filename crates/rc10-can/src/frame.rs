@@ -2,16 +2,14 @@ use core::fmt;
 
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
 
-/// A classic CAN 2.0 frame: standard (11 bit) or extended (29 bit) identifier, 0 ..= 8 data bytes,
-/// or a remote request.
+/// A classic CAN 2.0 frame: 11 or 29 bit identifier, 0 ..= 8 data bytes, or a remote request.
 ///
 /// 16 bytes, `Copy`. Bytes past the length are always zero.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct CanFrame {
     /// Identifier, with [`EXTENDED`] and [`REMOTE`] on top: one word to compare and to hash.
     key: u32,
-    /// Data length code, with [`NO_DATA`] on top for a remote request: a data frame of eight bytes
-    /// is one comparison away.
+    /// Data length code, with [`NO_DATA`] on top of a remote request's: one comparison for eight.
     len: u8,
     data: [u8; 8],
 }
@@ -21,19 +19,12 @@ const REMOTE: u32 = 1 << 30;
 const NO_DATA: u8 = 1 << 7;
 
 /// More than eight data bytes were asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a classic CAN frame carries at most 8 data bytes, not {len}")]
 pub struct FrameTooLong {
     /// The number of bytes asked for.
     pub len: usize,
 }
-
-impl fmt::Display for FrameTooLong {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a classic CAN frame carries at most 8 data bytes, not {}", self.len)
-    }
-}
-
-impl core::error::Error for FrameTooLong {}
 
 impl CanFrame {
     /// A data frame.
@@ -62,8 +53,7 @@ impl CanFrame {
         Self { key: key_of(id.into()), len: 8, data }
     }
 
-    /// A data frame of a length that is known at build time: cannot fail. More than eight bytes do
-    /// not compile.
+    /// A data frame whose length is known: more than eight bytes do not compile.
     ///
     /// ```
     /// use rc10_can::{CanFrame, embedded_can::StandardId};
@@ -128,8 +118,7 @@ impl CanFrame {
         self.key & REMOTE != 0
     }
 
-    /// One word that tells frames apart by identifier, identifier size and remote flag: what
-    /// lookup tables compare. Its numeric order is not arbitration order; [`Id`]'s order is.
+    /// One word of identifier, size and remote flag, for tables; not in arbitration order.
     #[inline]
     #[must_use]
     pub const fn key(&self) -> u32 {
@@ -206,7 +195,7 @@ impl Frame for CanFrame {
     }
 }
 
-/// As candump writes it: `201#0001F4`, `00000301#52`, `201#R8`.
+/// The notation of candump: `201#0001F4`, `00000301#52`, `201#R8`.
 impl fmt::Display for CanFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_extended_id() {

@@ -47,23 +47,17 @@ pub struct Health {
     pub receive_errors: u8,
     /// The last bus error seen, if any was.
     pub last_error: Option<BusError>,
-    /// Received frames lost because they were not read in time. A controller that only says that
-    /// it lost some is counted as having lost one.
+    /// Received frames lost by late reading; one that a controller does not count is one.
     pub receive_lost: u32,
-    /// Frames accepted for sending that never left, and were not replaced by a newer one: the
-    /// driver refused them in the end, or they were too old when the bus came back.
+    /// Accepted frames that never left: the driver refused them, or they were too old.
     pub transmit_lost: u32,
-    /// Received frames that were not asked for ([`CanPort::accept`](crate::CanPort::accept)),
-    /// dropped without a look at them.
+    /// Received frames dropped without a look: not [accepted](crate::CanPort::accept).
     pub ignored: u32,
     /// Number of times that the controller went bus-off.
     pub bus_offs: u32,
-    /// Number of times that the controller was found in restricted operation, in which it sends
-    /// nothing: its message memory was too slow, or its clock is being calibrated. It was sent back
-    /// each time.
+    /// Times in restricted operation, which sends nothing, and from which it was sent back.
     pub restrictions: u32,
-    /// Number of times that a supervisor made the motors of the bus safe because the port had not
-    /// been asked for frames for too long.
+    /// Times that a supervisor made the motors safe, because the port was not asked for long.
     pub stalls: u32,
 }
 
@@ -89,7 +83,7 @@ impl Health {
     }
 }
 
-/// As CAN people say it.
+/// The words that CAN people use.
 impl fmt::Display for ErrorState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -114,8 +108,7 @@ impl fmt::Display for BusError {
     }
 }
 
-/// One line: the state, and whatever is not zero. `error passive, transmit errors 128: no
-/// acknowledge, alone on the bus?`
+/// One line: `error passive, transmit errors 128: no acknowledge, alone on the bus?`
 impl fmt::Display for Health {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.state.fmt(f)?;

@@ -2,8 +2,7 @@ use crate::CanFrame;
 
 /// Duration of a frame on the bus, in bit times, interframe space included.
 ///
-/// The bits from start-of-frame to the end of the CRC are stuffed: after five equal bits the
-/// sender inserts one of the other value (ISO 11898-1, section "Bit stuffing").
+/// Start to CRC is stuffed: a bit after five equal ones (ISO 11898-1, "Bit stuffing").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WireLength {
     /// Bits without stuffing, with the 3-bit interframe space.
@@ -23,9 +22,9 @@ impl WireLength {
     }
 }
 
-/// The shortest and the longest a frame of a given shape can be on the wire, in bit times,
-/// interframe space included.
+/// Shortest and longest length on the wire, in bit times, with interframe space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct LengthBounds {
     /// No stuff bit at all.
     pub min: u32,
@@ -36,8 +35,7 @@ pub struct LengthBounds {
 /// Stuffed bits around the data field: start-of-frame, identifier, control bits, CRC.
 const STUFFED_STANDARD: u32 = 34;
 const STUFFED_EXTENDED: u32 = 54;
-/// Bits that are never stuffed: CRC delimiter, ACK slot and delimiter, end-of-frame (7),
-/// interframe space (3).
+/// Bits never stuffed: CRC delimiter, ACK slot and delimiter, end (7), interframe space (3).
 const UNSTUFFED_TAIL: u32 = 13;
 
 impl LengthBounds {
@@ -45,7 +43,6 @@ impl LengthBounds {
     ///
     /// Source: `8n + g + 13` and `⌊(g + 8n - 1) / 4⌋` stuff bits, g = 34 or 54; Davis, Burns, Bril,
     /// Lukkien, "Controller Area Network (CAN) schedulability analysis", 2007.
-    #[must_use]
     pub const fn of(len: usize, extended: bool) -> Self {
         let g = if extended { STUFFED_EXTENDED } else { STUFFED_STANDARD };
         let bytes = if len < 8 { len } else { 8 };
@@ -55,8 +52,7 @@ impl LengthBounds {
         Self { min, max: min + (stuffed - 1) / 4 }
     }
 
-    /// "Typical" length for planning: 30 % of the worst case's stuff bits, which is what motor
-    /// feedback in motion shows (118 of 111 ..= 135 bits for a standard 8-byte frame).
+    /// Typical length: 30 % of the most stuff bits, as motors show (118 of 111 ..= 135 bits).
     #[must_use]
     pub const fn typical(self) -> u32 {
         self.min + (self.max - self.min) * 3 / 10
@@ -142,7 +138,6 @@ impl CanFrame {
     }
 
     /// The bounds for frames of this one's shape.
-    #[must_use]
     pub fn length_bounds(&self) -> LengthBounds {
         LengthBounds::of(self.bytes().len(), self.is_extended_id())
     }

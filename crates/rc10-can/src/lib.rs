@@ -1,15 +1,12 @@
-//! Parts for everything that touches a CAN bus: the frame, its length on the wire, the port, and
-//! integer time.
+//! Parts of a CAN bus: the frame, its length on the wire, the port, and integer time.
 //!
 //! * [`CanFrame`]: a classic CAN 2.0 frame; implements [`embedded_can::Frame`].
 //! * [`WireLength`]: how many bit times a frame takes, exactly (with its stuff bits) or at worst.
 //! * [`IdPattern`]: one identifier, or a family of them (`id` under `mask`).
-//! * [`CanPort`]: a non-blocking port to one bus. [`NbPort`] makes one from any
-//!   [`embedded_can::nb::Can`]; [`Mailboxes`] is the "newest frame per stream" store that
-//!   ports are built on.
+//! * [`CanPort`]: a port that never waits. [`NbPort`] makes one of any [`embedded_can::nb::Can`];
+//!   [`Mailboxes`] stores the newest frame per stream for ports.
 //! * [`Health`]: how a bus is, and what was lost on it; [`BusOffPolicy`]: who brings it back.
-//! * [`BitTiming`]: a bit's quanta from a clock; [`m_can`]: frames and filters in the memory of the
-//!   controller that many chips have.
+//! * [`BitTiming`]: a bit's quanta from a clock; [`m_can`]: a controller's frames and filters.
 //! * [`Micros`], [`Schedule`], [`Timing`]: time is an integer count of microseconds.
 //!
 //! The crate has no clock, no I/O and no allocation.

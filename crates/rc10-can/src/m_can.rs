@@ -1,5 +1,4 @@
-//! Frames and filters as they lie in the message RAM of Bosch's `M_CAN`, which ST calls FDCAN. It is
-//! the same in every chip that has one; only the number of elements differs.
+//! Frames and filters in the message RAM of Bosch's `M_CAN` (ST: FDCAN), the same in every chip.
 
 use embedded_can::{ExtendedId, Id, StandardId};
 
@@ -8,8 +7,7 @@ use crate::{CanFrame, IdPattern};
 /// Words of an element with eight data bytes: two of header, two of data.
 pub const ELEMENT: usize = 4;
 
-// Header bits that receive and transmit elements have in common (RM0468, FDCAN chapter, "Rx FIFO
-// element" and "Tx buffer element"; RM0440 has the same).
+// Header bits of receive and transmit elements (RM0468, FDCAN, "Rx FIFO element"; RM0440 too).
 const EXTENDED: u32 = 1 << 30;
 const REMOTE: u32 = 1 << 29;
 const STANDARD_ID_SHIFT: u32 = 18;
@@ -90,8 +88,7 @@ const fn bytes(low: u32, high: u32) -> [u8; 8] {
     [a, b, c, d, e, f, g, h]
 }
 
-/// The time stamp of a receive element: the controller's time stamp counter when the frame began,
-/// which counts bit times modulo 2¹⁶.
+/// The time stamp of a receive element: bit times modulo 2¹⁶ when the frame began.
 #[inline]
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "the lower half of the word")]
@@ -99,8 +96,7 @@ pub const fn time_stamp([_, length, ..]: [u32; ELEMENT]) -> u16 {
     length as u16
 }
 
-// RM0468, FDCAN chapter, "Standard message ID filter element" and "Extended message ID filter
-// element": an identifier and a mask; what matches goes to FIFO 0. A word of zeros is no filter.
+// An identifier and a mask, to FIFO 0 (RM0468, FDCAN, "filter element"); zeros are no filter.
 const STANDARD_BY_MASK: u32 = 0b10 << 30;
 const STANDARD_TO_FIFO_0: u32 = 0b001 << 27;
 const STANDARD_FILTER_ID_SHIFT: u32 = 16;
@@ -110,10 +106,9 @@ const EXTENDED_BY_MASK: u32 = 0b10 << 30;
 /// Words of a filter for extended identifiers; one for standard identifiers has one.
 pub const EXTENDED_FILTER: usize = 2;
 
-/// Writes all filters of both sizes, one for each pattern, in the patterns' order; the others are
-/// none. Where there are more patterns than filters of a size, the last one lets every identifier of
-/// that size in: it lets in too much, never too little. `standard` has one word a filter and `extended`
-/// has [`EXTENDED_FILTER`], each for one filter at least.
+/// Writes all filters, one for each pattern in order; others let nothing in. With too many patterns
+/// the last filter of a size lets all of it in: too much, never too little. `standard` has one word
+/// a filter, `extended` [`EXTENDED_FILTER`], one filter at least.
 pub fn filters(patterns: &[IdPattern], standard: &mut [u32], extended: &mut [u32]) {
     standard.fill(0);
     extended.fill(0);
@@ -149,7 +144,7 @@ const fn place(used: &mut usize, most: usize, mask: u32) -> (usize, u32) {
 mod tests {
     use super::*;
 
-    /// What the hardware does with an identifier (RM0468, as above).
+    /// The hardware's handling of an identifier (RM0468, as above).
     fn is_let_in(id: Id, standard: &[u32], extended: &[u32]) -> bool {
         match id {
             Id::Standard(id) => standard.iter().any(|filter| {

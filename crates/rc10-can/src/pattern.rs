@@ -4,8 +4,7 @@ use embedded_can::{ExtendedId, Id, StandardId};
 
 use crate::CanFrame;
 
-/// The data frames of one identifier, or of a family of them: those whose bits under `mask` equal
-/// the pattern's. Standard and extended never match each other.
+/// Data frames whose identifier bits under `mask` are the pattern's; of one size only.
 ///
 /// ```
 /// use rc10_can::IdPattern;
@@ -14,6 +13,7 @@ use crate::CanFrame;
 /// assert_eq!(VESC.to_string(), "0x00000005/0xFF");
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq)]
+#[must_use]
 pub struct IdPattern {
     // Not an `Id`: a constant cannot look into one.
     raw: u32,
@@ -21,8 +21,7 @@ pub struct IdPattern {
     mask: u32,
 }
 
-/// Filters for standard identifiers of a bus's controller, as `rc10-bsp` sets it up: one for each
-/// pattern.
+/// Standard filters of a controller as `rc10-bsp` sets it up: one for each pattern.
 pub const STANDARD_FILTERS: usize = 32;
 /// The same for extended identifiers.
 pub const EXTENDED_FILTERS: usize = 16;
@@ -33,22 +32,17 @@ const EXACT: u32 = 0x1FFF_FFFF;
 const STANDARD: u32 = 0x7FF;
 
 impl IdPattern {
-    /// Just this standard identifier. Of a number, so that a constant can have it; what is above
-    /// its 11 bits is cut off.
-    #[must_use]
+    /// Just this standard identifier, as a constant; cut off above 11 bits.
     pub const fn standard(raw: u16) -> Self {
         Self { raw: raw as u32 & STANDARD, is_extended: false, mask: EXACT }
     }
 
-    /// Just this extended identifier. Of a number, so that a constant can have it; what is above
-    /// its 29 bits is cut off.
-    #[must_use]
+    /// Just this extended identifier, as a constant; cut off above 29 bits.
     pub const fn extended(raw: u32) -> Self {
         Self { raw: raw & EXACT, is_extended: true, mask: EXACT }
     }
 
     /// Just this identifier.
-    #[must_use]
     pub fn exact(id: impl Into<Id>) -> Self {
         match id.into() {
             Id::Standard(id) => Self::standard(id.as_raw()),
@@ -57,26 +51,22 @@ impl IdPattern {
     }
 
     /// Every identifier of the same size that equals `id` where `mask` has a one.
-    #[must_use]
     pub fn masked(id: impl Into<Id>, mask: u32) -> Self {
         Self::exact(id).under(mask)
     }
 
     /// With only the bits of the identifier that are ones in `mask` counting.
-    #[must_use]
     pub const fn under(mut self, mask: u32) -> Self {
         self.mask = mask & EXACT;
         self
     }
 
     /// Every standard identifier.
-    #[must_use]
     pub const fn any_standard() -> Self {
         Self::standard(0).under(0)
     }
 
     /// Every extended identifier.
-    #[must_use]
     pub const fn any_extended() -> Self {
         Self::extended(0).under(0)
     }

@@ -8,20 +8,16 @@ use crate::{BusError, CanFrame, Health, IdPattern, Micros};
 
 /// A non-blocking port to one CAN bus.
 ///
-/// No method waits. A port keeps **at most one unsent frame per stream**: a newer one replaces it,
-/// so that nothing stale leaves after an outage. Frames of one identifier are a stream, unless the
-/// sender says otherwise. What a port loses it counts in [`Health`].
+/// No method waits. A port keeps **at most one unsent frame per stream** (one identifier, unless
+/// the sender says otherwise): nothing stale leaves. Losses are in [`Health`].
 pub trait CanPort {
-    /// The oldest received frame with its arrival time, if there is one. Where the controller can
-    /// tell, that is the time of the frame's first bit on the wire.
+    /// The oldest received frame with its time, where known of its first bit on the wire.
     fn receive(&mut self) -> Option<(CanFrame, Micros)>;
 
-    /// Hands a frame over for sending. Whatever its identifier, it takes the place of an unsent
-    /// frame of the same `stream`, and of no other.
+    /// Hands a frame over to be sent instead of an unsent one of the same `stream`, and no other.
     ///
-    /// A stream is a [key](CanFrame::key) of the sender's own: that of an identifier on which
-    /// no other node sends. It is needed where the identifier says what is commanded, and not only
-    /// to whom.
+    /// A stream is a [key](CanFrame::key) of the sender's own, an identifier of no other node: for
+    /// identifiers that say what is commanded, not only to whom.
     fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted;
 
     /// Hands a frame over for sending: the stream is that of its identifier.
@@ -36,9 +32,8 @@ pub trait CanPort {
     /// The state of the bus and of the controller.
     fn health(&self) -> Health;
 
-    /// Says which frames are wanted from now on, instead of all. A port that can drop the others
-    /// before they cost anything does, but it never drops one that is wanted. The default receives
-    /// everything.
+    /// Says which frames are wanted from now on. A port may drop others, but never one that is
+    /// wanted. The default receives everything.
     fn accept(&mut self, _patterns: &[IdPattern]) {}
 
     /// Goes back on the bus after bus-off: takes back what is unsent, then takes part again. Does
@@ -73,9 +68,9 @@ impl<P: CanPort + ?Sized> CanPort for &mut P {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "a refused frame is lost unless the caller counts or repeats it"]
 pub enum Submitted {
-    /// It will be sent.
+    /// The frame will be sent.
     Queued,
-    /// It will be sent instead of an older frame of the same stream.
+    /// The frame will be sent instead of an older one of the same stream.
     Replaced,
     /// There is no room, or the bus is off: it will not be sent.
     Refused,
@@ -86,13 +81,11 @@ pub enum Submitted {
 pub struct Queued {
     /// The frame.
     pub frame: CanFrame,
-    /// The stream of the frame: a newer frame of the same stream replaces it while it is unsent;
-    /// see [`CanPort::submit_as`].
+    /// The frame's stream: a newer frame of it replaces it while unsent ([`CanPort::submit_as`]).
     pub stream: u32,
 }
 
-/// At most one unsent frame per stream, at most `N` streams; the most urgent one (lowest in
-/// arbitration) leaves first.
+/// One unsent frame per stream, `N` streams; the most urgent in arbitration leaves first.
 #[derive(Clone, Debug, Default)]
 pub struct Mailboxes<const N: usize> {
     frames: Vec<Queued, N>,
@@ -117,8 +110,7 @@ impl<const N: usize> Mailboxes<N> {
         }
     }
 
-    /// Stores a frame that a controller gave back; a newer one of the same stream stays, and then,
-    /// as where there is no room, the answer is [`Submitted::Refused`].
+    /// Stores a frame given back: [`Submitted::Refused`] without room, or with a newer one there.
     pub fn put_back(&mut self, queued: Queued) -> Submitted {
         match self.find(queued.stream) {
             Some(_) => Submitted::Refused,
@@ -188,17 +180,15 @@ impl<const N: usize> Mailboxes<N> {
 
 /// A [`CanPort`] on any HAL that implements [`embedded_can::nb::Can`].
 ///
-/// That trait has no arrival times, no way to take a frame back, no error counters: the arrival
-/// time is the time of [`receive`](CanPort::receive), and [`Health`] knows only the errors that
-/// the driver returned. A frame the driver holds cannot be replaced any more; `N` frames wait
-/// here, newest per stream, and go out on the next `receive` or `submit`. One that the driver
-/// refuses with an error is dropped and counted ([`Health::transmit_lost`]).
+/// It has no arrival times, no way to take a frame back, no error counters: the time is that of
+/// [`receive`](CanPort::receive), [`Health`] knows only returned errors, and a frame in the driver
+/// stays. `N` frames wait here, newest per stream, until the next `receive` or `submit`; one
+/// refused by an error is dropped and counted ([`Health::transmit_lost`]).
 pub struct NbPort<C, const N: usize = 16> {
     can: C,
     now: fn() -> Micros,
     waiting: Mailboxes<N>,
-    /// The newest frames given to the driver, `N` at most: it may give a frame back without its
-    /// stream.
+    /// The newest frames given to the driver, `N`: it may give one back without its stream.
     handed: Deque<Queued, N>,
     health: Health,
 }
@@ -307,8 +297,7 @@ fn from_driver<C: Can>(frame: &C::Frame) -> Option<CanFrame> {
 impl<C: Can, const N: usize> CanPort for NbPort<C, N> {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         self.flush();
-        // A driver may tell of an overrun before it gives the frames behind it; one that has only
-        // errors to tell must not hold up the caller.
+        // An overrun may be told before frames behind it; errors alone must not hold up the caller.
         for _ in 0..8 {
             match self.can.receive() {
                 Ok(frame) => match from_driver::<C>(&frame) {
@@ -473,7 +462,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_the_driver_refuses_is_counted_and_holds_nobody_up() {
+    fn a_frame_the_driver_refuses_is_counted_and_holds_no_other_up() {
         let mut port = NbPort::<_, 4>::new(Picky(vec![]), || Micros::ZERO);
         let _ = port.submit(&frame(0x100, 1));
         let _ = port.submit(&frame(0x300, 2));

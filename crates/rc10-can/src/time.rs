@@ -78,8 +78,7 @@ impl defmt::Format for Micros {
     }
 }
 
-/// A drift-free plan of periodic work: every start is a whole number of periods after the first.
-/// It knows no clock; the caller says what time it is.
+/// A drift-free plan: starts are whole periods after the first; the caller has the clock.
 ///
 /// ```
 /// use rc10_can::{Micros, Schedule};
@@ -137,8 +136,7 @@ impl Schedule {
         Start { late, missed: u32::try_from(missed).unwrap_or(u32::MAX) }
     }
 
-    /// As [`start`](Self::start), but what was missed is made up for: the next start stays one
-    /// period after this one's plan, even if that is already past.
+    /// Like [`start`](Self::start), but missed starts are made up for: the next is one period on.
     pub fn start_and_catch_up(&mut self, now: Micros) -> Start {
         let late = now.since(self.next);
         self.next += self.period;
@@ -148,6 +146,7 @@ impl Schedule {
 
 /// Smallest, mean and largest of a series of durations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
 pub struct Timing {
     count: u32,
     min: u32,
@@ -157,7 +156,6 @@ pub struct Timing {
 
 impl Timing {
     /// Nothing measured yet.
-    #[must_use]
     pub const fn new() -> Self {
         Self { count: 0, min: u32::MAX, max: 0, sum: 0 }
     }
@@ -169,7 +167,6 @@ impl Timing {
     }
 
     /// The same again, of its [`parts`](Self::parts).
-    #[must_use]
     pub fn from_parts([count, min, max, sum]: [u64; 4]) -> Self {
         let short = |part: u64| u32::try_from(part).unwrap_or(u32::MAX);
         Self { count: short(count), min: short(min), max: short(max), sum }

@@ -8,9 +8,8 @@
 //! | from 4 | the body |
 //! | the last four | CRC-32 (ISO-HDLC) of the body, little endian |
 //!
-//! [`rc10_module::Stream`] finds them, whatever else is in a stream: a head that is none costs one byte,
-//! and a damaged frame itself. There is no stuffing, which would cost a robot as many instructions for
-//! each byte as all else.
+//! [`rc10_module::Stream`] finds them in any stream: a false head costs one byte, a damaged frame
+//! itself. Stuffing would cost a robot as many instructions as all else.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
@@ -32,7 +31,6 @@ pub const AROUND: usize = HEAD + TAIL;
 const HEAD: usize = 4;
 const TAIL: usize = 4;
 
-/// CRC-32 as in ISO-HDLC: of zip files, Ethernet and many others.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// The check sum of a body.
@@ -50,7 +48,7 @@ const fn head(length: u16) -> [u8; HEAD] {
 #[derive(Debug)]
 pub struct Writer<const N: usize> {
     bytes: [u8; N],
-    /// Of the frame; 0 if there is none.
+    /// The frame's length; 0 without a frame.
     length: usize,
 }
 
@@ -81,7 +79,7 @@ impl<const N: usize> Writer<N> {
         self.end((samples::HEAD + 4 * values).min(N - AROUND));
     }
 
-    /// Makes a whole frame of a message. Without room for it there is none.
+    /// Makes a whole frame of a message. Without room for it there is no frame.
     pub fn message(&mut self, message: &impl Serialize) {
         match postcard::to_slice(message, &mut self.bytes[HEAD..N - TAIL]).map(|it| it.len()) {
             Ok(length) => self.end(length),
@@ -97,7 +95,7 @@ impl<const N: usize> Writer<N> {
         self.length = AROUND + body;
     }
 
-    /// The frame; no bytes if there is none.
+    /// The frame; no bytes without a message.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes[..self.length]
@@ -122,7 +120,7 @@ fn body(bytes: &[u8], most: usize) -> Found<&[u8]> {
     if sum == crc(body).to_le_bytes() { Found::Frame(whole, body) } else { Found::Damaged }
 }
 
-/// What a robot hears: [`Ask`]s. Sound ones that it does not know are skipped.
+/// The protocol that a robot hears: [`Ask`]s. Sound ones that it does not know are skipped.
 #[derive(Debug)]
 pub struct FromPc;
 
@@ -144,7 +142,7 @@ impl Protocol for FromPc {
     }
 }
 
-/// What a PC hears: bodies, which are [samples] or a [`Tell`](crate::Tell).
+/// The protocol that a PC hears: bodies, which are [samples] or a [`Tell`](crate::Tell).
 #[derive(Debug)]
 pub struct FromRobot;
 

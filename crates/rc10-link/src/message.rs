@@ -10,11 +10,11 @@ pub const GROUPS: usize = 4;
 /// Most changes in one [`Ask::Set`].
 pub const CHANGES: usize = 8;
 
-/// What a PC asks.
+/// A question of a PC.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Ask {
-    /// It is there: at the beginning, and again and again. [`Tell::Welcome`] is the answer.
+    /// A sign of the PC: at the beginning, and again and again. [`Tell::Welcome`] is the answer.
     Hello {
         /// The PC's [`VERSION`](crate::VERSION).
         version: u16,
@@ -40,37 +40,35 @@ pub enum Ask {
     },
     /// Changes parameters, all of them or none. [`Tell::Answer`] is the answer.
     Set {
-        /// Of this request, for its answer.
+        /// The request's number, for its answer.
         id: u16,
         /// Each parameter at most once.
         changes: Vec<Change, CHANGES>,
         /// The robot that is meant: another one refuses.
         declaration: Declaration,
     },
-    /// Stops or disarms, any robot and at any time; also without a [`Hello`](Self::Hello) before.
-    /// [`Tell::Answer`] is the answer.
+    /// Stops or disarms any robot at any time, also without a [`Hello`](Self::Hello) before.
     Urge {
-        /// Of this request, for its answer.
+        /// The request's number, for its answer.
         id: u16,
-        /// What.
+        /// The order.
         what: Urgent,
     },
     /// Does something to one robot. [`Tell::Answer`] is the answer.
     Act {
-        /// Of this request, for its answer.
+        /// The request's number, for its answer.
         id: u16,
         /// The robot that is meant: another one refuses.
         declaration: Declaration,
         /// The newest time that the robot told, µs since its power-on. A [`Jog`](Action::Jog) is refused
         /// if that is older than [`JOG_AGE`](crate::JOG_AGE), or not newer than that of the one before.
         heard: u64,
-        /// What.
+        /// The action.
         action: Action,
     },
 }
 
-/// A number that differs where the declarations of two robots do: the names and places of their motors,
-/// buses and lines, their signals and parameters. FNV-1a of them.
+/// FNV-1a of a robot's declaration: names and places of motors, buses, lines, signals, parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Declaration(pub u32);
 
@@ -96,11 +94,11 @@ impl Declaration {
 pub struct Change {
     /// Number of the parameter.
     pub parameter: u16,
-    /// Its value.
+    /// The value.
     pub value: f32,
 }
 
-/// What a PC wants at once, of any robot.
+/// An order of a PC at once, to any robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Urgent {
@@ -110,7 +108,7 @@ pub enum Urgent {
     Disarm,
 }
 
-/// What a PC wants done to a motor. Motors are told by their numbers in the robot's declaration.
+/// An order of a PC to a motor. Motors are told by their numbers in the robot's declaration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Action {
@@ -120,8 +118,7 @@ pub enum Action {
     ClearFault(u8),
     /// Reads a register of a motor's device: [`Outcome::Register`].
     ReadRegister(u8, u16),
-    /// Turns a motor of a disarmed robot at this speed, tenths of rpm, where the robot allows it: for
-    /// 80 ms, so it is repeated while a button is held. Zero ends it at once.
+    /// Turns a motor of a disarmed robot, tenths of rpm, for 80 ms: repeat it. Zero ends it.
     Jog(u8, i16),
 }
 
@@ -165,7 +162,7 @@ impl Bits {
         self.0.len() <= usize::from(number) / 32
     }
 
-    /// Whether there is none.
+    /// Whether it is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.iter().all(|word| *word == 0)
@@ -188,7 +185,7 @@ impl FromIterator<u16> for Bits {
     }
 }
 
-/// What a signal or a parameter is about: a folder and a label in it, such as "motors" and "lift left".
+/// The topic of a signal or parameter: a folder and a label, as "motors" and "lift left".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Topic<'a> {
     /// "motors", "buses", "lines", "robot", "signals", "parameters".
@@ -197,7 +194,7 @@ pub struct Topic<'a> {
     pub label: &'a str,
 }
 
-/// What a robot tells. A [sample](crate::samples) has number 0 and is not among them.
+/// A message of a robot. A [sample](crate::samples) has number 0 and is not among them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Tell<'a> {
@@ -206,7 +203,7 @@ pub enum Tell<'a> {
     Sample,
     /// The robot is there.
     Welcome {
-        /// Its [`VERSION`](crate::VERSION).
+        /// The robot's [`VERSION`](crate::VERSION).
         version: u16,
         /// Number of its signals.
         signals: u16,
@@ -214,10 +211,9 @@ pub enum Tell<'a> {
         parameters: u16,
         /// Time since power-on, µs.
         at: u64,
-        /// It differs when a parameter has changed, by this PC or another.
+        /// A count that differs when a parameter has changed, by this PC or another.
         changes: u32,
-        /// Frames from the PC that were not sound, bytes that were no frame, and times that the port
-        /// lost bytes.
+        /// Bad frames, bytes of no frame, and losses of the port, from the PC.
         damaged: [u32; 3],
         /// Samples that were not taken because those before were not sent yet.
         skipped: u32,
@@ -226,52 +222,52 @@ pub enum Tell<'a> {
     },
     /// A signal.
     Signal {
-        /// Its number.
+        /// The signal's number.
         index: u16,
-        /// What it is about.
+        /// The thing that it is about.
         topic: Topic<'a>,
-        /// Its name there: small letters.
+        /// The signal's name there: small letters.
         name: &'a str,
-        /// Its unit; empty if it has none.
+        /// The unit; empty without one.
         unit: &'a str,
         /// If it is a state: the names of its values from 0 on, with commas between.
         states: &'a str,
     },
     /// A parameter.
     Parameter {
-        /// Its number.
+        /// The parameter's number.
         index: u16,
-        /// What it is about.
+        /// The thing that it is about.
         topic: Topic<'a>,
-        /// Its name there.
+        /// The parameter's name there.
         name: &'a str,
-        /// Its unit; empty if it has none.
+        /// The unit; empty without one.
         unit: &'a str,
         /// The lowest and the highest value that it takes.
         range: [f32; 2],
-        /// Its value.
+        /// The value now.
         value: f32,
         /// The value that it had at power-on.
         initial: f32,
     },
     /// Answers a request.
     Answer {
-        /// Of the request.
+        /// The number of the request.
         id: u16,
-        /// What became of it.
+        /// The outcome of the request.
         outcome: Outcome<'a>,
     },
 }
 
-/// What became of a request.
+/// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Outcome<'a> {
-    /// It is done.
+    /// The request is done.
     Done,
     /// The register's value.
     Register(u32),
-    /// It was refused, and nothing changed.
+    /// The request was refused, and nothing changed.
     Refused {
         /// The parameter, if one was the reason.
         parameter: Option<u16>,

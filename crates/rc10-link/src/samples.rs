@@ -7,11 +7,9 @@
 //! | 2, 3 | counts the group's samples: what is missing was lost on the way |
 //! | 4 .. 7 | counts the group's samples that were not taken, because those before were not sent yet |
 //! | 8 .. 15 | time since power-on, µs |
-//! | from 16 | an `f32` for each signal of the group, in the order of their numbers; NaN: there is none |
+//! | from 16 | an `f32` for each signal of the group, in the order of their numbers; NaN: no value |
 //!
 //! All little endian.
-
-use heapless::Vec;
 
 /// Bytes before the values.
 pub const HEAD: usize = 16;
@@ -33,7 +31,7 @@ pub struct Head {
 }
 
 impl Head {
-    /// Its bytes.
+    /// The bytes of the head.
     #[must_use]
     pub fn bytes(self) -> [u8; HEAD] {
         let mut bytes = [0; HEAD];
@@ -44,7 +42,7 @@ impl Head {
         bytes
     }
 
-    /// A sample of a frame's body, with the bytes of its values; `None` if it is none.
+    /// A sample of a frame's body, with the bytes of its values; `None` for another body.
     #[must_use]
     pub fn of(body: &[u8]) -> Option<(Self, &[[u8; 4]])> {
         let (head, values) = body.split_first_chunk::<HEAD>()?;
@@ -58,10 +56,4 @@ impl Head {
         };
         rest.is_empty().then_some((head, words))
     }
-}
-
-/// Puts a value behind the others; whether there was room.
-#[inline]
-pub fn push<const N: usize>(body: &mut Vec<u8, N>, value: f32) -> bool {
-    body.extend_from_slice(&value.to_le_bytes()).is_ok()
 }

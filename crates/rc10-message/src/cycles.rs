@@ -28,8 +28,7 @@ pub struct Cycles {
 /// The measurement of [`Cycles`], with everything that interrupted the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleCount {
-    /// Mean of a run: of all, up to 1024, then of about the newest 1024. One that took more than 4
-    /// million cycles counts as 4 million.
+    /// Mean of a run, of about the newest 1024; one above 4 million cycles counts as that.
     pub mean: u32,
     /// The most that a run took so far.
     pub most: u32,

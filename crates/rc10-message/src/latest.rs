@@ -8,8 +8,7 @@ use crate::SubscribersFull;
 
 /// The newest value of something, and how old it is.
 ///
-/// Any number of tasks may look at it; up to `SUBSCRIBERS` may wait for it to change. A
-/// subscriber that comes late sees the newest value once, not the ones between.
+/// Any task may look; `SUBSCRIBERS` may wait. A late one sees the newest value once.
 ///
 /// ```
 /// use rc10_message::Latest;
@@ -60,8 +59,7 @@ impl<T: Clone, const SUBSCRIBERS: usize> Latest<T, SUBSCRIBERS> {
         (now.since(newest.at) < age).then_some(newest.value)
     }
 
-    /// A subscription, to wait for changes. A value that is there already counts as one. Dropping
-    /// it makes room for another.
+    /// A subscription to changes; a value that is there counts as one. Dropping it makes room.
     ///
     /// # Errors
     /// [`SubscribersFull`] if there are `SUBSCRIBERS` already.
@@ -97,8 +95,7 @@ impl<T: Clone, const SUBSCRIBERS: usize> Changes<'_, T, SUBSCRIBERS> {
         self.receiver.changed().await
     }
 
-    /// Does `work` for every change, for ever: what other frameworks call a callback. Of values that
-    /// come while `work` waits it sees the newest.
+    /// Does `work` for every change, for ever; of those that come meanwhile it sees the newest.
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }

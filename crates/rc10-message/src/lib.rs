@@ -11,9 +11,8 @@
 //! `await`. They need a [`critical_section`](https://docs.rs/critical-section) implementation and,
 //! for timeouts, an [`embassy_time`] driver, which the binary chooses: this crate enables neither.
 //!
-//! It is a crate of its own because motors and boards both use it, and do not know each other.
-//! `docs/messages.md` translates for readers who know ROS, and has every message of the robot
-//! in one table.
+//! A crate of its own: motors and boards use it, and do not know each other. `docs/messages.md` has
+//! every message, and translates for readers of ROS.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -74,8 +74,7 @@ impl fmt::Debug for Statistics {
     }
 }
 
-/// Does `work` now and then every `period` for ever, without drift: starts are planned on a grid,
-/// and a late one does not move the grid.
+/// Does `work` every `period` for ever, on a grid that a late start does not move.
 ///
 /// ```
 /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }

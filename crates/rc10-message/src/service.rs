@@ -13,9 +13,8 @@ use rc10_can::Micros;
 
 /// Requests and their responses: any task calls, one task serves.
 ///
-/// Up to `CALLERS` calls at once; they are served in the order in which they came, and each caller
-/// gets the response to its own request or an error that says why not. A response that comes too
-/// late is dropped and counted: it never goes to another caller.
+/// Up to `CALLERS` calls, served in their order; each caller gets its own response or an error that
+/// says why not. A late response is dropped and counted.
 ///
 /// ```
 /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
@@ -43,13 +42,11 @@ use rc10_can::Micros;
 /// # Ok::<(), rc10_message::AlreadyServed>(())
 /// ```
 ///
-/// A task that has more to do than to serve, such as a control loop, looks with
-/// [`try_next`](Self::try_next) and never waits.
+/// A task with more to do, as a control loop, looks with [`try_next`](Self::try_next).
 ///
 /// A request or response is copied in and out under a critical section: keep them small.
 pub struct Service<Request, Response, const CALLERS: usize = 4> {
-    /// Whether a request may be there to be taken: to look costs one load while there is none.
-    /// Written only where the state is locked; a hint, and what follows from it happens there, too.
+    /// Whether a request may be there: one load to look. A hint, written where the state is locked.
     pending: AtomicBool,
     state: Mutex<CriticalSectionRawMutex, RefCell<State<Request, Response, CALLERS>>>,
 }
@@ -62,7 +59,7 @@ struct State<Request, Response, const CALLERS: usize> {
     /// Whether there is a [`Server`], and what wakes it.
     served: bool,
     server: WakerRegistration,
-    /// Of the newest call, and so how many there were.
+    /// The number of the newest call, and so of all calls.
     sequence: u32,
     timed_out: u32,
     cancelled: u32,
@@ -70,7 +67,6 @@ struct State<Request, Response, const CALLERS: usize> {
     late: u32,
 }
 
-/// The slot of a waiting caller.
 struct Slot<Request, Response> {
     /// Tells one call from the next, so that no caller takes another's response; counts upwards.
     sequence: u32,
@@ -86,35 +82,25 @@ enum Stage<Request, Response> {
 }
 
 /// Why a call brought no response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CallError {
-    /// As many callers wait as the service has room for. The request was not given to the server.
+    /// The service has no room for another caller. The request was not given to the server.
+    #[error("{most} callers wait already")]
     Full {
         /// Largest number of callers that can wait.
         most: usize,
     },
     /// The request was not taken in time, and was taken back: does the server run?
+    #[error("no server took the request in time: does the server run?")]
     NotTaken,
-    /// The server has taken the request but did not answer in time. Whether it carries it out
-    /// is not known.
+    /// The server has taken the request, but not answered in time: the outcome is not known.
+    #[error("the server took the request and did not answer in time")]
     TimedOut,
     /// The server has taken the request and dropped it.
+    #[error("the server dropped the request")]
     NotServed,
 }
-
-impl fmt::Display for CallError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Full { most } => write!(f, "{most} callers wait already"),
-            Self::NotTaken => f.write_str("nobody took the request in time: does the server run?"),
-            Self::TimedOut => f.write_str("the server took the request and did not answer in time"),
-            Self::NotServed => f.write_str("the server dropped the request"),
-        }
-    }
-}
-
-impl core::error::Error for CallError {}
 
 /// Counters of a service's calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -158,15 +144,13 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
 
     /// Asks, and waits for the response, at most for `timeout`.
     ///
-    /// A request that was not taken when its time is over is taken back: no server will ever see
-    /// it. A response that came in the last moment counts.
+    /// A request not taken in its time is taken back; a response in the last moment counts.
     ///
     /// # Errors
     /// [`CallError`], which says whether the request was taken.
     ///
     /// # Cancel safety
-    /// The future may be dropped at any time, and does nothing before it is first polled. Dropped,
-    /// it takes its request back if it was not taken, and otherwise has its response dropped.
+    /// The future may be dropped: an untaken request is taken back, another's response dropped.
     pub async fn call(&self, request: Request, timeout: Micros) -> Result<Response, CallError> {
         let mut waiting = self.ask(request)?;
         let timeout = Duration::from_micros(timeout.get().min(LONGEST_TIMEOUT));
@@ -197,8 +181,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         })
     }
 
-    /// The oldest request that was not taken yet, if there is one, and who waits for the response.
-    /// Never waits: while there is none it costs one load. Any task or interrupt may look.
+    /// The oldest untaken request and its caller, if any, from any task; never waits.
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
@@ -240,8 +223,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         }
     }
 
-    /// The right to wait for requests. Dropping it makes room for another server; requests that
-    /// wait are left to that one.
+    /// The right to wait for requests. Dropped, it leaves them to another server.
     ///
     /// # Errors
     /// [`AlreadyServed`] while there is one: two that wait would wake each other for ever.
@@ -301,7 +283,6 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug for Service<Request, Re
 }
 
 impl<Request, Response, const CALLERS: usize> State<Request, Response, CALLERS> {
-    /// The slot of the caller with this sequence, if it still waits.
     fn slot(&mut self, sequence: u32) -> Option<&mut Option<Slot<Request, Response>>> {
         let of_caller = |slot: &&mut Option<Slot<_, _>>| {
             slot.as_ref().is_some_and(|slot| slot.sequence == sequence)
@@ -375,8 +356,7 @@ impl<'s, Request, Response, const CALLERS: usize> Server<'s, Request, Response, 
     /// Serves for ever: one request after the other.
     ///
     /// # Cancel safety
-    /// If the future is dropped while it answers, that caller is told
-    /// [`NotServed`](CallError::NotServed); those that wait stay in the queue for the next server.
+    /// Dropped while it answers, it tells that caller [`NotServed`](CallError::NotServed).
     pub async fn serve(&mut self, mut answer: impl AsyncFnMut(Request) -> Response) -> ! {
         loop {
             let (request, caller) = self.next().await;
@@ -400,17 +380,10 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug
 }
 
 /// Another task serves already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("another task serves already")]
 pub struct AlreadyServed;
-
-impl fmt::Display for AlreadyServed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("another task serves already")
-    }
-}
-
-impl core::error::Error for AlreadyServed {}
 
 /// A caller's slot in the queue; left on drop.
 struct Waiting<'s, Request, Response, const CALLERS: usize> {
@@ -458,8 +431,7 @@ impl<Request, Response, const CALLERS: usize> Drop for Waiting<'_, Request, Resp
     }
 }
 
-/// The caller that waits for a response. A server may keep it and [`reply`](Self::reply) later,
-/// after other requests; dropped, it tells the caller at once that its request is not served.
+/// The caller that waits: [`reply`](Self::reply) now or later; dropped, it is not served.
 #[must_use = "dropped, it tells the caller that its request is not served"]
 pub struct Caller<'s, Request, Response, const CALLERS: usize = 4> {
     service: &'s Service<Request, Response, CALLERS>,

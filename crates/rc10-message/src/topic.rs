@@ -8,8 +8,7 @@ type Channel<T, const CAPACITY: usize, const SUBSCRIBERS: usize> =
 
 /// A stream of messages: every subscriber hears every message.
 ///
-/// Publishing never waits. Who reads too slowly misses the oldest messages, and is told how many.
-/// Up to `CAPACITY` messages wait for the slowest of at most `SUBSCRIBERS` subscribers.
+/// Publishing never waits. Slow readers of the `SUBSCRIBERS` miss the oldest, and are told.
 ///
 /// ```
 /// use rc10_message::Topic;
@@ -108,9 +107,8 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize>
         }
     }
 
-    /// Does `work` for every message, for ever: what other frameworks call a callback. Messages that
-    /// come while `work` waits are kept as for any subscriber, and what did not fit is told with the
-    /// next one.
+    /// Does `work` for every message, for ever. Those that come meanwhile are kept as for any
+    /// subscriber; the next one tells what did not fit.
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
@@ -167,16 +165,9 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
 }
 
 /// A [`Topic`] or a [`Latest`](crate::Latest) has as many subscribers as it has room for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is room for {most} subscribers")]
 pub struct SubscribersFull {
     /// Largest number of subscribers.
     pub most: usize,
 }
-
-impl fmt::Display for SubscribersFull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "there is room for {} subscribers", self.most)
-    }
-}
-
-impl core::error::Error for SubscribersFull {}

@@ -1,4 +1,4 @@
-//! What callers and servers see.
+//! The view of callers and servers.
 #![cfg(test)]
 mod clock;
 
@@ -48,7 +48,7 @@ fn callers_are_served_in_the_order_in_which_they_came() {
 }
 
 #[test]
-fn a_request_that_nobody_took_in_time_is_never_seen() {
+fn a_request_that_was_not_taken_in_time_is_never_seen() {
     let service = Doubling::<1>::new();
     let mut tasks = Tasks::new();
     tasks.add(async {
@@ -64,7 +64,7 @@ fn a_request_that_nobody_took_in_time_is_never_seen() {
 }
 
 #[test]
-fn a_late_response_is_counted_and_given_to_nobody() {
+fn a_late_response_is_counted_and_given_to_no_caller() {
     let service = Doubling::<1>::new();
     let mut tasks = Tasks::new();
     tasks.add(async {

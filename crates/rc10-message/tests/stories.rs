@@ -12,7 +12,7 @@ mod messages;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// As many as are told.
+/// Clients of the number that is told.
 const STORIES: u64 = 10_000;
 
 /// Tells all stories, or the one that is asked for.

@@ -1,4 +1,4 @@
-//! What subscribers see.
+//! The view of subscribers.
 #![cfg(test)]
 
 use core::task::{Context, Waker};

@@ -1,26 +1,20 @@
 //! Incremental encoders: a timer counts the edges of two tracks, and starts over after 2¹⁶ or 2³².
 //!
-//! The count is unwrapped by a [`Counter`], in integers: exact for ever. What a counter cannot tell
-//! is said instead of guessed at:
+//! A [`Counter`] unwraps the count in integers, exact for ever. What it cannot tell is said:
 //!
-//! * it moved further than the shaft can have turned: [`Fault::Jump`]. The timer was written to,
-//!   or it counts noise. The angle stays; the counter's new value is where it goes on from.
+//! * it moved further than the shaft can: [`Fault::Jump`], by a write or noise. The angle stays.
 //! * it was not read before it may have gone half-way round: the turns are those that the
 //!   speed tells, and [`gaps`](IncrementalEncoder::gaps) says how often.
 //! * it lost edges: nothing shows that but the index pulse, [`IncrementalEncoder::index`].
-
-use core::fmt;
 
 use rc10_app::angle::nearest_movement;
 use rc10_app::maths::within;
 use rc10_app::{ConfigError, CountsPerTurn, Rpm, Seconds, TotalAngle};
 use rc10_can::Micros;
 
-/// Unwraps a counter of 0 ..< modulus into an exact total. Integers only: no drift, and no overflow
-/// before 9 · 10¹⁸ counts.
+/// Unwraps a counter of 0 ..< modulus into an exact total: no drift or overflow before 9 · 10¹⁸.
 ///
-/// The first sample sets the total to itself. Between two samples the counter must move less than
-/// half-way round.
+/// The first sample is the total; then the counter moves less than half-way between samples.
 ///
 /// ```
 /// use rc10_module::encoder::Counter;
@@ -39,26 +33,18 @@ pub struct Counter {
 }
 
 /// A reading that the counter cannot have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("a counter of {modulus} counts showed {raw}")]
 pub struct OutOfRange {
     /// The reading.
     pub raw: u32,
-    /// It must be below this.
+    /// The modulus, which it must be below.
     pub modulus: u64,
 }
 
-impl fmt::Display for OutOfRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a counter of {} counts showed {}", self.modulus, self.raw)
-    }
-}
-
-impl core::error::Error for OutOfRange {}
-
 impl Counter {
-    /// A counter of `modulus` counts, 2 ..= 2³² (anything else is brought into that range). A timer
-    /// of 32 bits has 2³².
+    /// A counter of `modulus` counts, 2 ..= 2³² (else brought there); 2³² for a timer of 32 bits.
     pub const fn new(modulus: u64) -> Self {
         let modulus = match modulus {
             0 | 1 => 2,
@@ -68,8 +54,7 @@ impl Counter {
         Self { modulus, last: None, total: 0 }
     }
 
-    /// Takes a sample; returns how far the counter moved since the last one, the shorter way
-    /// round: -modulus/2 ..< modulus/2. The first sample moves it from 0 to itself.
+    /// Takes a sample; returns the shorter way since the last one. The first moves it from 0.
     ///
     /// # Errors
     /// [`OutOfRange`] if `raw` is not below the modulus; the sample is ignored.
@@ -110,36 +95,23 @@ pub struct Config {
 }
 
 /// The counter said what the shaft cannot have done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
-    /// It moved further than the shaft can have turned; the angle stays.
+    /// The counter moved further than the shaft can have turned; the angle stays.
+    #[error("the counter jumped by {moved} where {possible} were possible: noise, or reset")]
     Jump {
         /// Counts that it moved.
         moved: i64,
         /// Counts that were possible at most.
         possible: i64,
     },
-    /// It showed a value beyond its modulus; the sample is ignored.
+    /// The counter showed a value beyond its modulus; the sample is ignored.
+    #[error(transparent)]
     OutOfRange(OutOfRange),
 }
 
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Jump { moved, possible } => write!(
-                f,
-                "the counter jumped by {moved} where {possible} were possible: noise, or reset"
-            ),
-            Self::OutOfRange(error) => fmt::Display::fmt(error, f),
-        }
-    }
-}
-
-impl core::error::Error for Fault {}
-
-/// Shortest time over which the speed is measured, µs: at 1 kHz and 4096 counts a turn a step is
-/// 0.7 rpm instead of 15.
+/// Shortest time of a speed, µs: at 1 kHz and 4096 counts a turn a step is 0.7 rpm, not 15.
 const WINDOW: u64 = 20_000;
 /// Time without a count after which the shaft stands still, µs.
 const STANDS: u64 = 500_000;
@@ -172,7 +144,6 @@ pub struct IncrementalEncoder {
     zero: i64,
     /// The counter's total at the first index pulse.
     index: Option<i64>,
-    /// The time at which the counter was read last.
     read: Micros,
     /// Total and time where the speed's window begins.
     window: (i64, Micros),
@@ -182,10 +153,8 @@ pub struct IncrementalEncoder {
 }
 
 impl IncrementalEncoder {
-    /// An encoder that was not read yet. Its angle is zero where it is read first.
-    ///
-    /// # Errors
-    /// Names the field of the configuration that cannot be.
+    /// An encoder that was not read yet, unless a field of its configuration cannot be. Its angle
+    /// is zero where it is read first.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         let speed = config.max_speed.get();
         let bad = if !(2..=1 << 32).contains(&config.modulus) {
@@ -245,11 +214,10 @@ impl IncrementalEncoder {
         Ok(())
     }
 
-    /// The index pulse came when the counter showed `raw`, which a timer captures: less than half
-    /// the counter's way from its newest sample. The first pulse sets the mark. Every later one
-    /// tells by how many counts the angle is off by now, -turn/2 ..= turn/2, and corrects it; a few
-    /// are the pulse's own width. `None` before the first sample and for the first pulse, also for
-    /// the first after a jump; and if a turn is no whole number of counts.
+    /// The index pulse came at `raw`, which a timer captures near the newest sample. The first sets
+    /// the mark; every later one tells by how many counts the angle is off, -turn/2 ..= turn/2, and
+    /// corrects it (a few are the pulse's width). `None` before the first sample, for the first
+    /// pulse, also after a jump, and if a turn is no whole number of counts.
     ///
     /// # Errors
     /// [`Fault::OutOfRange`]
@@ -291,15 +259,13 @@ impl IncrementalEncoder {
         TotalAngle::from_counts(self.counts(), self.config.scale)
     }
 
-    /// The speed when the counter was read last: the mean over 20 ms, or since the count before if
-    /// that is longer ago; 0 after half a second without one.
+    /// The mean speed over 20 ms, or since the count before; 0 half a second after the last.
     #[must_use]
     pub fn speed(&self) -> Rpm {
         if self.config.is_reversed { -self.speed } else { self.speed }
     }
 
-    /// Number of times that the counter was not read for too long: above zero, the turns are an
-    /// estimate.
+    /// Number of times that it was not read for too long: above zero the turns are an estimate.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps

@@ -1,8 +1,6 @@
-//! Inertial measurement: what sensors say, which way up that makes the robot, and the heading
-//! that it drives by.
+//! Inertial measurement: sensors, which way up the robot is, and the heading that it drives by.
 //!
-//! Axes are right-handed: x forward, y to the left, z up. A sensor at rest and level measures
-//! +9.81 m/s² on z. Yaw is counter-clockwise positive, seen from above.
+//! Axes: x forward, y left, z up, where rest is +9.81 m/s²; yaw counter-clockwise from above.
 
 pub mod attitude;
 pub mod bmi088;
@@ -21,7 +19,7 @@ pub struct Sample {
     pub acceleration: [f32; 3],
     /// Rotation about x, y, z, rad/s.
     pub rotation: [f32; 3],
-    /// Of the sensor, °C, if it knows.
+    /// The sensor's temperature, °C, if it knows.
     pub temperature: Option<f32>,
     /// An axis of `acceleration` is at the end of its range: it is more than that.
     pub acceleration_is_saturated: bool,

@@ -1,18 +1,14 @@
-//! Parts on a robot that are no motors: remote controls, laser ranging, IMUs, positioning, LED
-//! strips.
+//! Parts that are no motors: remotes, laser ranging, IMUs, positioning, LED strips.
 //!
-//! **Parsers do no input and output.** A [`Protocol`] says what some bytes are; a [`Stream`] finds
-//! its frames among whatever else is on the wire. **One driver loop serves every serial device**:
-//! [`listen`] reads any [`embedded_io_async::Read`], of any HAL or of a simulated line, and hands
-//! over messages; what was lost stands in [`Reception`].
+//! **Parsers do no input and output.** A [`Protocol`] says what bytes are; a [`Stream`] finds its
+//! frames. **One driver loop serves every serial device**: [`listen`] reads any
+//! [`embedded_io_async::Read`] and hands over messages; what was lost stands in [`Reception`].
 //!
-//! This crate knows no board and no motors: they meet in a robot. `docs/modules` has a page for each
-//! device: wiring, frame, how it fails, sources; and how to add one.
+//! This crate knows no board and no motors. `docs/modules` has a page for each device.
 //!
 //! # In a firmware of your own
 //!
-//! A task listens, and keeps what it hears with its time; each reader says how old it may be. So
-//! a device that is unplugged is noticed, although it says nothing any more:
+//! A task listens, and keeps what it hears with its time; a reader says how old it may be:
 //!
 //! ```
 //! use embedded_io_async::Read;
@@ -69,10 +65,8 @@
 //! assert_eq!(wall(now), None);
 //! ```
 //!
-//! A remote control is the same with [`remote::listen`], and [`remote::Watch`] says how fresh it is,
-//! in the two steps of a failsafe. The binary brings an `embassy_time` driver and a
-//! [`critical_section`](https://docs.rs/critical-section) implementation, as every Embassy program
-//! does; parsers alone ([`Stream`]) need neither.
+//! A remote is the same with [`remote::listen`]; [`remote::Watch`] says how fresh it is. The binary
+//! brings an `embassy_time` driver and a [`critical_section`](https://docs.rs/critical-section).
 #![no_std]
 #![forbid(unsafe_code)]
 

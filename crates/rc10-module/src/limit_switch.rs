@@ -1,11 +1,9 @@
 //! Limit switches: contacts bounce for some milliseconds, and wires break.
 //!
-//! [`LimitSwitch`] is the state machine: levels and times in, a [`Position`] out. [`watch`] runs it
-//! on any pin that can wait.
+//! [`LimitSwitch`] is the state machine: levels in, a [`Position`] out; [`watch`] runs it.
 //!
-//! Wire the contact that is closed at rest, against ground, with a pull-up: a broken wire or a
-//! plug that is out then looks like a pressed switch, and the axis stops. (`Active::High`: pressed
-//! is open.) With the other contact a broken wire looks like a switch that is never reached.
+//! Wire the contact that is closed at rest, against ground, with a pull-up: a broken wire then
+//! looks pressed, and the axis stops. (`Active::High`.) The other contact would never be reached.
 
 use core::convert::Infallible;
 
@@ -30,8 +28,7 @@ pub enum Active {
 pub struct Config {
     /// The level of a pressed switch.
     pub active: Active,
-    /// The time for which it must be pressed without a break to count as pressed. Zero: at once,
-    /// for an axis that must not go a tenth of a millimetre on; then a spark's pulse stops it too.
+    /// Time pressed without a break to count. Zero: at once, but a spark's pulse counts too.
     pub press: Micros,
     /// The time for which it must be released without a break to count as released.
     pub release: Micros,
@@ -56,8 +53,7 @@ pub enum Position {
     Released,
     /// Pressed.
     Pressed,
-    /// It does not come to rest: a loose contact, a chafed wire, or noise on an open pin. An
-    /// axis that is driven towards it should stop.
+    /// The switch does not come to rest: a loose contact, a chafed wire, noise. Stop the axis.
     Chattering,
 }
 
@@ -81,7 +77,6 @@ pub struct LimitSwitch {
     config: Config,
     /// The last state of the contact (pressed or not), and the time of its last change.
     contact: Option<(bool, Micros)>,
-    /// The time at which it last left its rest.
     disturbed: Micros,
     position: Position,
     changes: u32,
@@ -134,12 +129,6 @@ impl LimitSwitch {
         if is_pressed { self.config.press } else { self.config.release }
     }
 
-    /// The position when it was looked at last.
-    #[must_use]
-    pub const fn position(&self) -> Position {
-        self.position
-    }
-
     /// The pin's level is what the position says: nothing happens before it changes.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
@@ -150,20 +139,17 @@ impl LimitSwitch {
         }
     }
 
-    /// Number of changes of the pin's level, bounces and all; starts over after 2³². Many per
-    /// press: a worn contact, or noise.
+    /// Level changes, bounces and all, modulo 2³². Many per press: a worn contact, or noise.
     #[must_use]
     pub const fn changes(&self) -> u32 {
         self.changes
     }
 }
 
-/// The period at which a switch that is not at rest is looked at; one edge in between is waited
-/// for. So a storm of edges on the pin does not take all of the processor.
+/// The period of looks at a switch not at rest: a storm of edges does not take the processor.
 const LOOK: Duration = Duration::from_millis(1);
 
-/// Watches a switch for ever: `hear` gets the first position that is known, and each other one,
-/// with its time. At rest it waits for the pin, else it looks each millisecond.
+/// Watches for ever: `hear` gets the first position and each other one, with its time.
 ///
 /// # Errors
 /// The error of the pin; its position is unknown from then on.

@@ -10,8 +10,7 @@ use rc10_can::Micros;
 
 use crate::{Counters, Pause, Protocol, Stream};
 
-/// Counters of a driver loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses)),
-/// for other tasks to read.
+/// Counters of a loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses)).
 pub struct Reception(Mutex<CriticalSectionRawMutex, Cell<Counters>>);
 
 impl Reception {
@@ -22,7 +21,6 @@ impl Reception {
     }
 
     /// The counters so far.
-    #[must_use]
     pub fn read(&self) -> Counters {
         self.0.lock(Cell::get)
     }
@@ -49,17 +47,15 @@ impl fmt::Debug for Reception {
     }
 }
 
-/// Bytes taken from the port at once.
 const RECEIVE: usize = 64;
 /// A port that always fails must not keep the processor busy. What comes meanwhile waits in it.
 const ERROR_PAUSE: Duration = Duration::from_millis(4);
 
 /// Listens to a serial device for ever, and hands each message and its time to `hear`.
 ///
-/// `port` must read as soon as there are bytes, not only when its buffer is full, and go on after
-/// an error: [`Counters::port_errors`] counts those, and after each it reads on 4 ms later. A protocol
-/// with a [`Protocol::PAUSE`] hears it when `port` had nothing to read that long; a late task hears
-/// none, rather than a wrong one, and so does one that has just paused after an error.
+/// `port` must read as soon as there are bytes, and go on after an error, which
+/// [`Counters::port_errors`] counts; 4 ms later it reads on. A [`Protocol::PAUSE`] is heard when
+/// `port` had nothing to read that long; a late task hears none rather than a wrong one.
 pub async fn listen<P: Protocol>(
     mut port: impl Read,
     protocol: P,

@@ -1,12 +1,10 @@
 //! Range finders: how far away the next thing is, or why that cannot be said.
 //!
-//! Every device has a measurement of its own, with all that its frame says, and makes a [`Range`] of
-//! it. **A `Range` is a state, with a distance in one of its states only**: who wants the distance
-//! must say what happens where there is none. It holds no number for quality: strength (more is
-//! better), signal quality (its sources contradict each other) and confidence (always 100 so far)
-//! have no common scale. What each maker says of its own number is the limit between
-//! [`Distance`](Range::Distance) and [`Unreliable`](Range::Unreliable); who knows better looks at
-//! the measurement.
+//! Every device makes a [`Range`] of its own measurement. **A `Range` is a state, with a distance
+//! in one of its states only**: say what happens without one. It has no number for quality:
+//! strength, signal quality (its sources contradict each other) and confidence (always 100 so far)
+//! have no common scale. Each maker's own limit divides [`Distance`](Range::Distance) and
+//! [`Unreliable`](Range::Unreliable); the measurement has the numbers.
 
 use core::fmt;
 
@@ -21,6 +19,7 @@ pub use tfmini::TfMini;
 /// A measurement of a range finder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub enum Range {
     /// Distance in millimetres. All three devices count whole ones.
     Distance(u32),

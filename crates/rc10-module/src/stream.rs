@@ -1,7 +1,6 @@
 use rc10_can::Micros;
 
-/// The protocol of a serial device: its messages, and how its frames are told from garbage. A new
-/// device is this one function; [`Stream`] does the rest.
+/// The protocol of a serial device: its messages, and how frames are told from garbage.
 pub trait Protocol {
     /// The content of a frame.
     type Message;
@@ -12,9 +11,8 @@ pub trait Protocol {
     /// The meaning of silence on the line, if it has one.
     const PAUSE: Option<Pause> = None;
 
-    /// Examines the frame that begins with the first of these bytes, of which there is one at
-    /// least. More than the buffer holds may not be asked for. Checks everything that can be
-    /// checked.
+    /// Examines the frame that begins with the first of these bytes (at least one), and all that
+    /// can be checked. It may not ask for more than the buffer holds.
     fn examine(&self, bytes: &[u8]) -> Found<Self::Message>;
 }
 
@@ -25,8 +23,7 @@ pub enum Found<M> {
     More(usize),
     /// No frame begins here.
     Nothing,
-    /// Something with a frame's shape whose contents are not sound: a checksum is wrong, say. The
-    /// search goes on behind its first byte.
+    /// A frame whose contents are not sound, as its checksum. The search goes on a byte behind.
     Damaged,
     /// A frame: its length in bytes, and its message.
     Frame(usize, M),
@@ -37,11 +34,10 @@ pub enum Found<M> {
 /// The meaning of a pause of this length or longer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pause {
-    /// No frame has such a gap: what was begun is none, and the next byte begins one.
+    /// No frame has such a gap: what was begun is no frame, and the next byte begins one.
     Ends(Micros),
-    /// The same, and nothing but silence tells one frame from the next, for they have no header.
-    /// So what comes between two pauses is whole frames, or nothing of it is believed; and it is
-    /// judged when the second one is heard.
+    /// The same, for frames without a header: between two pauses all is whole frames, or nothing of
+    /// it is believed; judged at the second one.
     Delimits(Micros),
 }
 
@@ -96,6 +92,7 @@ impl<const N: usize> Buffer for heapless::Vec<u8, N> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[must_use]
 pub struct Counters {
     /// Good frames.
     pub frames: u32,
@@ -115,8 +112,7 @@ impl Counters {
     }
 }
 
-/// Finds the frames of a protocol in a stream of bytes, whatever else is in it: bounded work per
-/// byte, no allocation, no panic on any input.
+/// Finds a protocol's frames in a stream: bounded work per byte, no allocation, no panic.
 ///
 /// ```
 /// use rc10_can::Micros;
@@ -173,9 +169,8 @@ impl<P: Protocol> Stream<P> {
 
     /// Bytes came in, the last of them not after `at`; `hear` gets the messages that they complete.
     ///
-    /// No bytes: at the time `at` there were none. That is how a [`Protocol::PAUSE`] is heard, and
-    /// the only way: bytes that are read late say nothing about when they came. What it completes
-    /// came with the bytes before.
+    /// No bytes: there was no byte at the time `at`. That is the only way to hear a
+    /// [`Protocol::PAUSE`]. What it completes came with the bytes before.
     pub fn receive(&mut self, bytes: &[u8], at: Micros, mut hear: impl FnMut(P::Message)) {
         if bytes.is_empty() {
             self.listen_for_pause(at, &mut hear);
@@ -229,7 +224,6 @@ impl<P: Protocol> Stream<P> {
     }
 
     /// Counters of the frames and bytes so far.
-    #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
     }
@@ -282,8 +276,7 @@ impl<P: Protocol> Stream<P> {
     }
 }
 
-/// Looks for frames. How many bytes are judged: up to what may be the beginning of a frame, or all,
-/// if what was sent `is_over`; and how many there must be from there on to go on.
+/// Looks for frames: the bytes judged (all, if what was sent `is_over`), and those needed next.
 fn search<P: Protocol>(
     protocol: &P,
     bytes: &[u8],

@@ -9,7 +9,8 @@ const CONFIG: HeaterConfig =
     HeaterConfig { resistance: 47.0, most: 250, most_power: 3.4, target: 45.0 };
 const STEP: Seconds = Seconds::new(0.1);
 
-/// A die in air: so many degrees a watt, reached with this time constant. The sensor tells it as it was a second ago.
+/// A die in air: degrees a watt, reached with this time constant. The sensor tells it as it was a
+/// second ago.
 struct Die {
     air: f32,
     now: f32,

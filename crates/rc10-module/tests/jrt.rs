@@ -30,7 +30,7 @@ struct Module {
 
 /// When it was told what.
 type Told = (u64, Vec<u8>);
-/// What happens to it, and in which millisecond.
+/// An event, and in which millisecond.
 type Event = (u64, fn(&mut Module));
 
 const STOP: [u8; 1] = [0x58];
@@ -39,7 +39,7 @@ const CONTINUOUS_FAST: [u8; 9] = [0xAA, 0, 0, 0x20, 0, 1, 0, 6, 0x27];
 const CONTINUOUS_AUTO: [u8; 9] = [0xAA, 0, 0, 0x20, 0, 1, 0, 4, 0x25];
 /// 1.000 m, quality 80.
 const RESULT: [u8; 13] = [0xAA, 0, 0, 0x22, 0, 3, 0, 0, 0x03, 0xE8, 0, 0x50, 0x60];
-/// It measures every 50 ms.
+/// A module that measures every 50 ms.
 const PERIOD: u64 = 50_000;
 
 impl Module {
@@ -71,7 +71,7 @@ impl Module {
         }
     }
 
-    /// What it has sent by now.
+    /// The bytes sent by now.
     fn speak(&mut self, buffer: &mut [u8], now: u64) -> Result<usize, ErrorKind> {
         self.advance(now);
         if let Some(left) = self.read_errors.checked_sub(1) {
@@ -172,7 +172,7 @@ fn it_is_stopped_lit_and_started_once() {
     assert_eq!((counters.frames, counters.skipped, counters.port_errors), (frames, 0, 0));
 }
 
-/// It measured before we began: our processor was reset, the module was not.
+/// The module measured before we began: our processor was reset, the module was not.
 #[test]
 fn a_module_that_measures_already_is_started_anew() {
     let busy = Module { is_lit: true, measures: true, ..Module::default() };

@@ -1,4 +1,4 @@
-//! What waits for time or pins, in virtual time: strips' silence, and limit switches.
+//! Waiting for time or pins, in virtual time: strips' silence, and limit switches.
 #![cfg(test)]
 
 use std::cell::{Cell, RefCell};
@@ -198,7 +198,7 @@ impl Wait for Pin {
     }
 }
 
-/// What is heard of a pin until `until` µs, with the times; and whether the watch ended.
+/// The states heard of a pin until `until` µs, with the times; and whether the watch ended.
 fn heard(pin: &Pin, until: u64) -> (Vec<(u64, Position)>, bool) {
     let mut heard = Vec::new();
     let mut world = World::new(1);

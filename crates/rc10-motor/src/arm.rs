@@ -10,8 +10,7 @@ pub enum ArmState {
     Disarmed,
     /// Motors follow their commands.
     Armed,
-    /// Armed, but the operator is not heard: every motor is in its safe state, until
-    /// [`ArmSwitch::resume`].
+    /// Armed, but the operator is not heard: safe states until [`ArmSwitch::resume`].
     Suspended,
     /// Every motor is in its safe state, until [`ArmSwitch::reset`].
     EStopped,
@@ -49,8 +48,7 @@ impl fmt::Display for ArmState {
 #[derive(Debug, Default)]
 pub struct ArmSwitch(AtomicU32);
 
-/// The low byte of the switch is its state, all above counts the stops: so a stop that comes between a
-/// look and what follows from it is seen.
+/// The switch's low byte is its state, the rest counts stops: no stop between two looks is missed.
 const STATE: u32 = 0xFF;
 const ONE_STOP: u32 = 0x100;
 
@@ -88,25 +86,16 @@ impl fmt::Display for Unfit {
 }
 
 /// Why [`ArmSwitch::arm`] was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ArmError {
     /// The robot is stopped; it must be reset before it can be armed.
+    #[error("the emergency stop is latched: reset it before arming")]
     EStopped,
     /// The robot cannot be armed until it is started again.
+    #[error("cannot be armed: {0}")]
     Unfit(Unfit),
 }
-
-impl fmt::Display for ArmError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::EStopped => f.write_str("the emergency stop is latched: reset it before arming"),
-            Self::Unfit(why) => write!(f, "cannot be armed: {why}"),
-        }
-    }
-}
-
-impl core::error::Error for ArmError {}
 
 impl ArmSwitch {
     /// A switch in state [`ArmState::Disarmed`].
@@ -130,8 +119,7 @@ impl ArmSwitch {
         }
     }
 
-    /// Lets the motors follow their commands. Arming an armed robot changes nothing, nor does
-    /// arming a suspended one.
+    /// Lets the motors follow their commands; an armed or suspended robot stays as it is.
     ///
     /// # Errors
     /// [`ArmError`] while an emergency stop is latched, and after [`forbid`](Self::forbid).
@@ -144,8 +132,7 @@ impl ArmSwitch {
         }
     }
 
-    /// Disarms the robot, and keeps it disarmed until it is started again: something is wrong with
-    /// it that would make driving it unsafe. The first reason stays.
+    /// Disarms the robot until it is started again, because it is unsafe. The first reason stays.
     pub fn forbid(&self, why: Unfit) {
         let unfit = match why {
             Unfit::Overload => OVERLOAD,
@@ -165,29 +152,24 @@ impl ArmSwitch {
         }
     }
 
-    /// Stops driving: every motor coasts, also one that holds during an emergency stop. The stop
-    /// stays latched.
+    /// Lets every motor coast, also one that holds during an emergency stop, which stays latched.
     pub fn disarm(&self) {
         self.always(
             |state| if matches!(state, STOPPED | STOPPED_OFF) { STOPPED_OFF } else { DISARMED },
         );
     }
 
-    /// Sends every motor of an armed robot to its safe state in the next tick of its bus, until
-    /// [`resume`](Self::resume): for a link that is lost and may come back. Changes nothing if the
-    /// robot is not armed.
+    /// Sends all motors of an armed robot to their safe states until [`resume`](Self::resume).
     pub fn suspend(&self) {
         self.change(ARMED, SUSPENDED);
     }
 
-    /// Lets the motors of a suspended robot follow their commands again, each with its soft start.
-    /// Changes nothing if the robot is not suspended: it never arms one.
+    /// Lets a suspended robot's motors follow their commands again, softly. It never arms one.
     pub fn resume(&self) {
         self.change(SUSPENDED, ARMED);
     }
 
-    /// Sends every motor to its safe state in the next tick of its bus, until
-    /// [`reset`](Self::reset). Motors of a robot that is not armed stay without torque.
+    /// Sends all motors to their safe states until [`reset`](Self::reset); disarmed ones stay free.
     pub fn emergency_stop(&self) {
         self.update(&|word| {
             let state = state_of(word);
@@ -197,13 +179,12 @@ impl ArmSwitch {
         });
     }
 
-    /// Ends an emergency stop; the robot is disarmed then. Changes nothing if there is none.
+    /// Ends an emergency stop; the robot is disarmed then. Changes nothing without one.
     pub fn reset(&self) {
         self.reset_after(self.stops());
     }
 
-    /// The number of emergency stops so far, counted anew after 2^24: for
-    /// [`reset_after`](Self::reset_after).
+    /// The emergency stops so far, modulo 2^24: for [`reset_after`](Self::reset_after).
     pub fn stops(&self) -> u32 {
         self.0.load(Ordering::Acquire) / ONE_STOP
     }
@@ -217,16 +198,14 @@ impl ArmSwitch {
         });
     }
 
-    /// The arm state as the motors see it: disarmed also while stopped without torque, stopped also
-    /// while suspended.
+    /// The state as motors see it: disarmed also while stopped without torque.
     #[inline]
     pub(crate) fn for_motors(&self) -> ArmState {
         let state = self.load();
         if state == ARMED { ArmState::Armed } else { for_idle_motors(state) }
     }
 
-    /// One step from the state there is, in one piece: no other step comes in between. An unfit
-    /// robot stays what it is.
+    /// One step from the present state, in one piece. An unfit robot stays what it is.
     fn always(&self, step: impl Fn(u8) -> u8) {
         self.update(&|word| {
             let state = state_of(word);

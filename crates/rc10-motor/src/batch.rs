@@ -1,33 +1,20 @@
-use core::fmt;
-
 use embedded_can::{Id, StandardId};
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-/// The frames of one tick. Motors that share a frame each write their own bytes of it (their
-/// lane): the batch finds the frame of that identifier, or opens it with all other bytes zero.
-/// So there is one frame per identifier on a bus, however many motors contribute; of frames that a motor
-/// [names a stream](Self::push_as) for, one per stream.
+/// The frames of one tick. Motors that share a frame each write their lane of it: there is one
+/// frame per identifier, other bytes zero, or one per [stream](Self::push_as) that a motor names.
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {
     frames: Vec<CanFrame, { Self::CAPACITY }>,
-    /// Of each of the frames.
     streams: Vec<u32, { Self::CAPACITY }>,
     refused: Option<Id>,
 }
 
-/// A tick has more frames than a [`TxBatch`] holds, or a lane does not fit its frame.
-/// [`TxBatch::refused`] says which frame it was.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// No room in a [`TxBatch`] or a lane; [`TxBatch::refused`] says for which frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no room in the tick's batch for a frame")]
 pub struct TxFull;
-
-impl fmt::Display for TxFull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("no room in the tick's batch for a frame")
-    }
-}
-
-impl core::error::Error for TxFull {}
 
 impl TxBatch {
     /// Frames a batch holds.
@@ -46,9 +33,8 @@ impl TxBatch {
         self.push_as(frame, frame.key())
     }
 
-    /// Adds a whole frame that, whatever its identifier, takes the place of an unsent frame of the
-    /// same `stream` and of no other: for devices whose identifiers say what is commanded. A stream
-    /// is the [key](CanFrame::key) of an identifier of the motor's own [`CanIds`](crate::CanIds).
+    /// Adds a whole frame in place of an unsent one of the same `stream`, for devices whose
+    /// identifiers say what is commanded: the [key](CanFrame::key) of an own identifier.
     ///
     /// # Errors
     /// [`TxFull`] if there are [`CAPACITY`](Self::CAPACITY) frames already.
@@ -104,8 +90,7 @@ impl TxBatch {
         &self.frames
     }
 
-    /// The frames with their streams: what [`CanPort::submit_as`](rc10_can::CanPort::submit_as)
-    /// takes.
+    /// The frames and streams for [`CanPort::submit_as`](rc10_can::CanPort::submit_as).
     pub fn entries(&self) -> impl Iterator<Item = (&CanFrame, u32)> {
         self.frames.iter().zip(self.streams.iter().copied())
     }

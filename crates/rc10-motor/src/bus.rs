@@ -26,23 +26,22 @@ pub struct MotorBus<'m> {
     motors: CanMotors<'m>,
     table: ReceiveTable,
     counters: BusCounters,
-    /// It runs even if its motors do not fit on it.
+    /// Whether it runs even if its motors do not fit on it.
     overload_allowed: bool,
 }
 
 type CanMotors<'m> = Motors<'m, dyn CanMotor + 'm, CAPACITY>;
 
-/// See [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
 
 /// The result of a received frame: the motor that it belongs to, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dispatch {
-    /// It was this motor's feedback.
+    /// This motor's feedback.
     Motor(MotorId),
-    /// It was this motor's answer to a request that was not made here. Counted; nothing changed.
+    /// This motor's answer to a request that was not made here. Counted; nothing changed.
     Unasked(MotorId),
-    /// It has this motor's identifier, but is no feedback. Counted; nothing changed.
+    /// A frame with this motor's identifier that is no feedback. Counted; nothing changed.
     Malformed(MotorId, FrameError),
     /// No motor claims it, or it is a remote request, which no motor sends. Counted.
     Unclaimed,
@@ -100,9 +99,7 @@ impl<'m> MotorBus<'m> {
         }
     }
 
-    /// Lets the robot be armed even if the motors of this bus do not fit on it: without this a
-    /// runner forbids that ([`Unfit::Overload`](crate::Unfit::Overload)). Frames will be lost, and
-    /// motors with them.
+    /// Lets the robot be armed although its motors do not fit on the bus: frames will be lost.
     pub const fn allow_overload(&mut self) {
         self.overload_allowed = true;
     }
@@ -175,8 +172,7 @@ impl<'m> MotorBus<'m> {
         }
     }
 
-    /// The load of its motors on a bus of `bits_per_second`. If that does not fit, the robot is not
-    /// armed until the next start.
+    /// The load on a bus of `bits_per_second`. If it does not fit, the robot cannot be armed.
     #[cfg(feature = "embassy")]
     pub(crate) fn check_load(&self, bits_per_second: u32) -> BusLoad {
         let load = self.load(bits_per_second);
@@ -186,9 +182,8 @@ impl<'m> MotorBus<'m> {
         load
     }
 
-    /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`.
-    /// `dt` is the time since the last tick: more than 10 ms counts as 10 ms, so that no loop takes a
-    /// leap after a pause; what is not above zero counts as 1 ms.
+    /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`. `dt`
+    /// since the last tick: 10 ms at most, so that no loop leaps; 1 ms if not above zero.
     ///
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
@@ -202,10 +197,7 @@ impl<'m> MotorBus<'m> {
         outcome
     }
 
-    /// The frames that leave every motor without torque: for a panic handler to keep.
-    ///
-    /// # Errors
-    /// [`TxFull`] if not all fit.
+    /// The frames that leave every motor without torque, if all fit: for a panic handler to keep.
     pub fn coast_image(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
         self.motors.iter().try_for_each(|motor| motor.coast_frames(tx))
     }
@@ -215,8 +207,7 @@ impl<'m> MotorBus<'m> {
         BusLoad::of(self.motors.iter().map(CanMotor::can_ids), bits_per_second)
     }
 
-    /// The identifiers each motor occupies, in order. One after the other: all at once they would
-    /// take a large part of a chip's stack.
+    /// Each motor's identifiers, in order: all at once would take much of a chip's stack.
     pub fn for_each_can_ids(&self, f: impl FnMut(&CanIds)) {
         let mut f = f;
         self.motors.iter().for_each(|motor| f(&motor.can_ids()));

@@ -3,11 +3,9 @@ use core::fmt;
 use rc10_app::{ConfigError, Text};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
-/// The identifiers that a motor occupies on its bus, declared once. The clash check, the receive
-/// table, the load figure and the link timeout all follow from it.
+/// The identifiers of a motor: clash check, receive table, load and link timeout follow from them.
 ///
-/// Built by `const` functions that cannot fail: a motor that declares more than fits is refused when
-/// it is attached, or, in a `const`, by [`checked`](Self::checked) when it is compiled.
+/// A motor that declares too much is refused when attached, or by [`checked`](Self::checked).
 ///
 /// ```
 /// use rc10_can::IdPattern;
@@ -20,6 +18,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 /// assert_eq!(IDS.link_timeout().get(), 10_000);
 /// ```
 #[derive(Clone, Copy, Debug)]
+#[must_use]
 pub struct CanIds {
     received: List<Frames, 8>,
     transmitted: List<Frames, 8>,
@@ -79,7 +78,6 @@ impl MotorName {
         }
     }
 
-    /// A text with it at its end.
     pub(crate) const fn add_to(self, text: Text) -> Text {
         text.push(self.model).push(" id ").push_number(self.id as u64)
     }
@@ -202,11 +200,9 @@ impl Frames {
 pub enum Ownership {
     /// All of it.
     Whole,
-    /// Some of its bytes, bit n for byte n: several devices are commanded by one frame. Of sent
-    /// frames only: a received frame comes from one device.
+    /// Some of its bytes, bit n for byte n, of a sent frame: several devices are commanded by one.
     Bytes(u8),
-    /// All of it, if the payload says so: several devices share one identifier, for what they are
-    /// sent or for what they send.
+    /// All of it, if the payload says so: several devices share one identifier.
     Guard(Guard),
 }
 
@@ -224,7 +220,6 @@ pub enum Clash {
 }
 
 impl Clash {
-    /// A text with it at its end.
     pub(crate) const fn add_to(self, text: Text) -> Text {
         match self {
             Self::RxFrames(of) => id(text.push("both send feedback with identifier "), of),
@@ -249,7 +244,7 @@ impl fmt::Display for Clash {
 }
 
 impl CanIds {
-    /// Of a motor that occupies nothing yet.
+    /// The identifiers of a motor that occupies none yet.
     pub const fn new() -> Self {
         let nothing = IdPattern::any_standard();
         Self {
@@ -260,22 +255,18 @@ impl CanIds {
     }
 
     /// Adds frames the device sends; eight at most.
-    #[must_use]
     pub const fn receives(mut self, frames: Frames) -> Self {
         self.received.push(frames);
         self
     }
 
     /// Adds frames sent to the device; eight at most.
-    #[must_use]
     pub const fn transmits(mut self, frames: Frames) -> Self {
         self.transmitted.push(frames);
         self
     }
 
-    /// Adds identifiers the device obeys although we never use them: no other device's frames may
-    /// match. (A Damiao reacts to the low byte of every standard identifier.) Two at most.
-    #[must_use]
+    /// Adds identifiers that the device obeys but we never use (a Damiao's low byte). Two at most.
     pub const fn listens_to(mut self, pattern: IdPattern) -> Self {
         self.listens.push(pattern);
         self
@@ -286,11 +277,7 @@ impl CanIds {
         self.received.is_complete() && self.transmitted.is_complete() && self.listens.is_complete()
     }
 
-    /// The same, if all that was added found room: to be evaluated in a `const`.
-    ///
-    /// # Panics
-    /// If not; in a `const` that is a compile error.
-    #[must_use]
+    /// The same, if all that was added found room; else it panics: to be evaluated in a `const`.
     pub const fn checked(self) -> Self {
         assert!(self.is_complete(), "8 received, 8 transmitted and 2 listened-to patterns at most");
         self
@@ -311,8 +298,7 @@ impl CanIds {
         self.listens.items()
     }
 
-    /// Longest time without a frame before the motor is lost: three periods of its most frequent
-    /// feedback, but at least 10 ms.
+    /// Time without a frame before the motor is lost: three feedback periods, at least 10 ms.
     pub fn link_timeout(&self) -> Micros {
         let rates = self.received().iter().map(|receive| receive.rate.per_second());
         let fastest = rates.max().unwrap_or(0).max(1);
@@ -416,7 +402,7 @@ mod tests {
         Frames::new(exact(raw), 8, Rate::EveryTick).owned(ownership)
     }
 
-    /// As protocols of later motors need it: two Damiao motors on one master identifier.
+    /// A case of later motors' protocols: two Damiao motors on one master identifier.
     #[test]
     fn a_shared_feedback_id_needs_guards_that_exclude_each_other() {
         let nibble = |value| Some(Guard { byte: 0, mask: 0x0F, value });

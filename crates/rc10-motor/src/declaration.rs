@@ -1,6 +1,4 @@
-//! A robot's motors, declared once: from one table follow their names, where they stand, what they
-//! are plugged into, their ports, the check of the whole when it is compiled, and what tools need to
-//! know of them.
+//! A robot's motors, declared once: one table gives names, places, ports, checks and tools all.
 //!
 //! ```
 //! use rc10_motor::Place::Bus;
@@ -48,15 +46,15 @@
 //! // `wheel right` on bus 1: M3508 id 1 cannot share a bus with M3508 id 1 (`wheel left`): …
 //! ```
 
-mod check;
+pub(crate) mod check;
 mod device;
-mod slots;
+pub(crate) mod slots;
 
 use core::fmt;
 
-pub use check::{SetupError, Unsound, assert_sound, check};
+pub use check::{SetupError, Unsound, check};
 pub use device::{Device, OtherDevice, Wiring};
-pub use slots::{Held, Place, Placed, Slot, Started, numbers, place, prepare, slots};
+pub use slots::{Place, Slot, Started, numbers, slots};
 
 use rc10_app::Rpm;
 
@@ -64,6 +62,7 @@ use crate::supervision::Safety;
 
 /// A line of a declaration: a motor, where it is plugged in, and how it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Entry<C> {
     /// Label of the motor, for people: in the status, in reports and errors. No other motor has it.
     pub label: &'static str,
@@ -71,7 +70,7 @@ pub struct Entry<C> {
     pub on: Place,
     /// How it is set up: of its vendor's `Config`.
     pub config: C,
-    /// Its safe state, and how long a command holds.
+    /// The safe state, and how long a command holds.
     pub safety: Safety,
     /// The largest speed at which a PC may turn it while the robot is disarmed; `None`: it may not.
     pub jog: Option<Rpm>,
@@ -89,18 +88,15 @@ impl<C: Copy> Entry<C> {
     }
 
     /// With another safe state.
-    #[must_use]
     pub const fn with_safety(mut self, safety: Safety) -> Self {
         self.safety = safety;
         self
     }
 
-    /// A PC may turn it, up to this speed, while the robot is disarmed: to find out which motor it is, and
-    /// which way it turns. Only where nothing is in the way, and nothing falls.
+    /// Lets a PC turn it up to this speed while disarmed, to see which it is. Only with free space.
     ///
     /// # Panics
     /// If the speed is not above zero; in a `const` that is a compile error.
-    #[must_use]
     pub const fn with_jog(mut self, fastest: Rpm) -> Self {
         assert!(fastest.get() > 0.0 && fastest.get() < f32::MAX, "a jog has a speed above zero");
         self.jog = Some(fastest);
@@ -111,7 +107,6 @@ impl<C: Copy> Entry<C> {
     ///
     /// # Panics
     /// If it is below 1; in a `const` that is a compile error.
-    #[must_use]
     pub const fn with_most_gain(mut self, times: f32) -> Self {
         assert!(times >= 1.0 && times < f32::MAX, "a gain may be as large as it is declared");
         self.most_gain = times;
@@ -138,7 +133,7 @@ pub trait Names: Copy + fmt::Debug + 'static {
     /// Number of RS-485 lines.
     const LINES: u8;
 
-    /// Its number in the declaration, counted from 0.
+    /// The number in the declaration, counted from 0.
     fn index(self) -> usize;
 
     /// Label and place of the motor.
@@ -167,13 +162,11 @@ pub trait Names: Copy + fmt::Debug + 'static {
 
 /// Declares a robot's motors: see [`declaration`](crate::declaration).
 ///
-/// `buses` says for each bus how much of it its motors may need typically, percent: 100.0 unless
-/// something else needs room there; above 100.0 a bus may be too small for its motors, and loses
-/// frames. `lines` is the number of RS-485 lines. Then a line for each motor: its name, its type, its
-/// [`Entry`](crate::Entry).
+/// `buses` is the share of each bus that its motors may need typically, percent: 100.0 by default;
+/// above that a bus may lose frames. `lines` is the number of RS-485 lines. Then a line for each
+/// motor: its name, its type, its [`Entry`](crate::Entry).
 ///
-/// With `unchecked` in front the declaration compiles although it is wrong: to see what
-/// [`Names::check`](crate::Names::check) says of it at run time.
+/// `unchecked` in front lets a wrong one compile, to ask [`Names::check`](crate::Names::check).
 #[macro_export]
 macro_rules! motors {
     (unchecked $($declaration:tt)+) => {
@@ -194,14 +187,14 @@ macro_rules! motors {
         $(#[$motors_meta])*
         #[derive(Default)]
         #[allow(non_snake_case, reason = "called as the motors are")]
-        $motors_vis struct $Motors { $($motor: $crate::Held<$Motor>),+ }
+        $motors_vis struct $Motors { $($motor: $crate::__declaration::Held<$Motor>),+ }
 
         impl $crate::Names for $Name {
             const ALL: &'static [Self] = &[$(Self::$motor),+];
             const ENTRIES: &'static [$crate::Entry<$crate::Device>] =
                 &[$({ let entry = $entry; entry.with_config(entry.config.device()) }),+];
             const SLOTS: &'static [$crate::Slot] =
-                &$crate::slots::<{ Self::ALL.len() }>(Self::ENTRIES);
+                &$crate::__declaration::slots::<{ Self::ALL.len() }>(Self::ENTRIES);
             const BUSES: &'static [f32] = &$buses;
             const LINES: u8 = $lines;
 
@@ -213,24 +206,22 @@ macro_rules! motors {
         #[allow(dead_code, reason = "not every robot asks for all")]
         impl $Motors {
             /// Room for the motors.
-            #[must_use]
             $motors_vis const fn new() -> Self {
-                Self { $($motor: $crate::Held::new()),+ }
+                Self { $($motor: $crate::__declaration::Held::new()),+ }
             }
 
             /// Makes the motors and attaches them to the robot's buses and lines, which have none yet.
             ///
             /// # Errors
-            /// [`SetupError`](rc10_motor::SetupError), which a checked declaration has only if it is
-            /// given other buses and lines than its own.
+            /// [`SetupError`](rc10_motor::SetupError) for other buses and lines than the declared.
             #[inline(never)]
             $motors_vis fn attach<'m>(
                 &'m mut self,
                 buses: &mut [&mut $crate::MotorBus<'m>],
                 lines: &mut [&mut $crate::unitree::Rs485Bus<'m>],
             ) -> Result<(), $crate::SetupError> {
-                $crate::prepare::<$Name>(buses, lines)?;
-                $($crate::place::<$Name, _, _>(
+                $crate::__declaration::prepare::<$Name>(buses, lines)?;
+                $($crate::__declaration::place::<$Name, _, _>(
                     &mut self.$motor, $Name::$motor, const { &$entry }, <$Motor>::new, buses, lines,
                 )?;)+
                 Ok(())
@@ -258,7 +249,7 @@ macro_rules! motors {
     ($(#[$meta:meta])* $vis:vis enum $Name:ident; $($rest:tt)+) => {
         $crate::motors! { @declare $(#[$meta])* $vis enum $Name; $($rest)+ }
 
-        const _: () = $crate::assert_sound(
+        const _: () = $crate::__declaration::assert_sound(
             <$Name as $crate::Names>::ENTRIES,
             <$Name as $crate::Names>::BUSES,
             <$Name as $crate::Names>::LINES,

@@ -7,18 +7,17 @@ use rc10_can::Micros;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[must_use]
 pub struct Feedback {
     /// The time at which it arrived.
     pub at: Micros,
     /// Speed.
     pub speed: Rpm,
-    /// Angle within the turn, 0 ..< 360 degrees. Behind a gearbox it counts from where the motor
-    /// was at power-on, or from where it was zeroed.
+    /// Angle within the turn, 0 ..< 360 degrees. Behind a gearbox, from power-on or the zero set.
     pub angle: Degrees,
     /// Angle of many turns, exact.
     pub total_angle: TotalAngle,
-    /// Number of times that the turns had to be estimated, because feedback was missing at speed or
-    /// for more than 100 ms. A motor that has lost count runs on: watch this where it matters.
+    /// Times that turns were estimated, for lack of feedback at speed or for 100 ms: watch this.
     pub turn_gaps: u32,
     current: Reading,
     torque: Reading,
@@ -28,8 +27,7 @@ pub struct Feedback {
     effort: Reading,
 }
 
-/// A measurement that not every device sends: absent as NaN, because an `Option<f32>` takes twice
-/// the room, and every task that looks at a motor gets a copy.
+/// A measurement that not every device sends: NaN without; an `Option<f32>` takes twice the room.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Reading(f32);
@@ -76,8 +74,8 @@ impl Feedback {
         effort: Reading::NONE,
     };
 
-    /// What not every device sends, NaN where it does not: current in A, torque in N m, temperature of the
-    /// motor and of what drives it in degrees Celsius, supply in V.
+    /// Readings that not every device sends, NaN without: current in A, torque in N m, temperature
+    /// of the motor and of what drives it in degrees Celsius, supply in V.
     #[inline]
     #[must_use]
     pub const fn readings(&self) -> [f32; 5] {
@@ -115,49 +113,42 @@ impl Feedback {
         self.supply.get().map(Volts::new)
     }
 
-    /// The effort that its servo commanded last, in the unit of its [`Loops`](crate::Loops); `None` where
-    /// the loops run in its device. No measurement, but of the same moment.
+    /// The effort commanded last, in the unit of its [`Loops`](crate::Loops); `None` without loops.
     pub const fn effort(&self) -> Option<f32> {
         self.effort.get()
     }
 
     /// The same with a current. What is NaN counts as not told, here and below.
-    #[must_use]
     pub const fn with_current(mut self, current: Amps) -> Self {
         self.current = Reading(current.get());
         self
     }
 
     /// The same with a torque.
-    #[must_use]
     pub const fn with_torque(mut self, torque: NewtonMetres) -> Self {
         self.torque = Reading(torque.get());
         self
     }
 
     /// The same with a temperature of the motor.
-    #[must_use]
     pub const fn with_temperature(mut self, temperature: Celsius) -> Self {
         self.temperature = Reading(temperature.get());
         self
     }
 
     /// The same with a temperature of what drives the motor.
-    #[must_use]
     pub const fn with_controller_temperature(mut self, temperature: Celsius) -> Self {
         self.controller_temperature = Reading(temperature.get());
         self
     }
 
     /// The same with the voltage it is supplied with.
-    #[must_use]
     pub const fn with_supply(mut self, supply: Volts) -> Self {
         self.supply = Reading(supply.get());
         self
     }
 
     /// The same with the effort of its servo.
-    #[must_use]
     pub const fn with_effort(mut self, effort: f32) -> Self {
         self.effort = Reading(effort);
         self
@@ -187,18 +178,18 @@ impl Fault {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Condition {
-    /// It does.
+    /// The motor follows its target.
     #[default]
     Ready,
     /// Not yet: its device is being set up or enabled.
     Starting,
     /// The speed asked for is below what its drive regulates: it turns as the load lets it.
     Unregulated,
-    /// Its feedback comes too seldom to control it by.
+    /// Feedback comes too seldom to control by.
     SlowFeedback,
-    /// Its device answers when asked, but sends no feedback: that has to be switched on there.
+    /// The device answers when asked, but sends no feedback: that has to be switched on there.
     NoReports,
-    /// Its device does not do what it is told, and does not say why: it may have a fault.
+    /// The device does not do what it is told, and does not say why: it may have a fault.
     NotFollowing,
 }
 

@@ -19,7 +19,6 @@ pub(crate) enum Goal {
     Total(TotalAngle),
     /// Exactly there; the rest stands in the target.
     Impedance(TotalAngle),
-    /// It stands in the target.
     Motion,
 }
 
@@ -58,7 +57,7 @@ pub(crate) struct Goals {
     gone: f32,
 }
 
-/// A motion goes on with its acceleration for so many seconds, then at the speed that it has.
+/// A motion goes on with its acceleration for this time, then at the speed that it has.
 const LONGEST_ACCELERATION: f32 = 0.05;
 /// No command is valid for longer, s.
 const LONGEST_MOTION: f32 = 1.0;
@@ -88,10 +87,7 @@ impl Goals {
         self.supports
     }
 
-    /// Takes a new target.
-    ///
-    /// # Errors
-    /// [`TargetError`]; the old target stays.
+    /// Takes a new target, or keeps the old one.
     pub(crate) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         // The usual case is the same target again.
         if target != self.target {
@@ -190,8 +186,7 @@ impl Goals {
         Moment { motion, gone: self.gone }
     }
 
-    /// The goal of a tick; `stand` is the angle at which the shaft comes to a stand, if that is
-    /// known.
+    /// The goal of a tick; `stand` is where the shaft comes to a stand, if that is known.
     pub(crate) fn update(
         &mut self,
         mode: DriveMode,

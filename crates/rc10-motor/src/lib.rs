@@ -1,14 +1,11 @@
 //! Motors on CAN and RS-485, and what keeps them safe. `no_std`, no allocation, no I/O.
 //!
-//! * A [`Motor`] takes a [`Target`] and tells its [`Feedback`]. A [`CanMotor`] also knows its
-//!   frames, and declares everything it occupies on the bus in one [`CanIds`].
-//! * A [`MotorBus`] owns up to eight of them. It refuses motors whose wirings clash, sends each
-//!   received frame to its motor, and every tick decides what each motor may do: run, or go to
-//!   its [`SafeState`] because its command expired, its link is lost, or the [`ArmSwitch`] says so.
+//! * A [`Motor`] takes a [`Target`] and tells its [`Feedback`]; a [`CanMotor`] also has [`CanIds`].
+//! * A [`MotorBus`] owns up to eight, whose wirings may not clash. Every tick it decides whether
+//!   each may run, or goes to its [`SafeState`]: expired command, lost link, or the [`ArmSwitch`].
 //! * A [`Rs485Bus`](unitree::Rs485Bus) is the same for motors on RS-485.
-//! * What a motor has to tell beside its feedback is a [`Fault`] in words, which keeps it from
-//!   running until [`Request::ClearFault`], and a [`Condition`]. A [`Request`] may have to wait for
-//!   the device ([`Response`]).
+//! * A [`Fault`] in words keeps a motor from running until [`Request::ClearFault`]; a [`Condition`]
+//!   says more. A [`Request`] may wait for the device ([`Response`]).
 //! * With feature `embassy`, [`run_bus`](embassy::run_bus) does this every millisecond on any
 //!   [`CanPort`](rc10_can::CanPort), [`run_rs485`](embassy::run_rs485) on a serial port, and tasks talk
 //!   to the motors through a [`BusPort`](embassy::BusPort) or [`Rs485Port`](embassy::Rs485Port).
@@ -23,9 +20,8 @@
 //! | [`lk`] | LK-TECH MF and MG, single commands or the multi-motor frame | CAN |
 //! | [`odrive`] | `ODrive`, `CANSimple` of firmware 0.5 and 0.6 | CAN |
 //!
-//! Each has its codec, which can be used alone (`wire`; [`dji::RawFeedback`]), its motor, and its
-//! `signals`: what stands where in its frames, as data for DBC files ([`signals`]). What motors share: [`servo`], targets
-//! and ways to stop for a device that takes an effort, and [`Cascade`](rc10_app::cascade), the loops in it.
+//! Each has its codec (`wire`; [`dji::RawFeedback`]), its motor, and its [`signals`] for DBC files.
+//! Shared are [`servo`], for devices that take an effort, and its [`Cascade`](rc10_app::cascade).
 //!
 //! None of them has been driven for real yet; `docs/motors` in the repository says what each was
 //! tested with. Without embassy a bus is plain functions in a loop of your own:
@@ -92,17 +88,23 @@ pub use batch::{TxBatch, TxFull};
 pub use bus::{BusCounters, Dispatch, MotorBus};
 pub use can_ids::{CanIds, Clash, Frames, Guard, MotorName, Ownership, Rate};
 pub use declaration::{
-    Device, Entry, Held, Names, OtherDevice, Place, Placed, SetupError, Slot, Started, Unsound,
-    Wiring, assert_sound, check, numbers, place, prepare, slots,
+    Device, Entry, Names, OtherDevice, Place, SetupError, Slot, Started, Unsound, Wiring, numbers,
 };
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};
 pub use motor::{
-    CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, SafeState, Tick, Tuning,
+    CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, SafeState, Tick, Tuning,
 };
 pub use motors::{AttachError, CommandError, MotorId, Motors};
 pub use request::{Gains, Request, RequestError, Response};
-pub use supervision::{Link, MotorCounters, MotorStatus, Refusals, Safety};
+pub use supervision::{MotorCounters, MotorStatus, Refusals, Safety};
 pub use target::{Impedance, Motion, Target, TargetError, TargetKind, TargetSet};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
 pub use {rc10_app, rc10_can};
+
+/// The parts of [`motors!`](crate::motors) that its expansion names.
+#[doc(hidden)]
+pub mod __declaration {
+    pub use crate::declaration::check::assert_sound;
+    pub use crate::declaration::slots::{Held, Placed, place, prepare, slots};
+}

@@ -4,11 +4,9 @@ use rc10_can::{IdPattern, LengthBounds};
 
 use crate::can_ids::{CanIds, Frames, Ownership};
 
-/// The share of a bus that the motors attached to it need, known before power-on: from their
-/// identifiers alone.
+/// The share of a bus that its motors need, known before power-on from their identifiers.
 ///
-/// Percent of the bit rate. Every figure counts exact frame lengths with interframe space;
-/// they differ in the stuff bits, which depend on the data.
+/// Percent of the bit rate: exact lengths with interframe space, and different stuff bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusLoad {
@@ -35,7 +33,6 @@ pub enum Verdict {
 }
 
 impl BusLoad {
-    /// A bus without motors.
     pub(crate) const NONE: Self =
         Self { frames_per_second: 0, least: 0.0, typical: 0.0, worst: 0.0 };
 
@@ -50,7 +47,6 @@ impl BusLoad {
         }
     }
 
-    /// The load of motors with these identifiers on a bus of `bits_per_second`.
     pub(crate) fn of(motors: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
         let mut sum = LoadSum::new(bits_per_second);
         motors.for_each(|ids| sum.add(&ids));
@@ -62,10 +58,8 @@ impl BusLoad {
 pub(crate) struct LoadSum {
     pub(crate) load: BusLoad,
     bits_per_second: u32,
-    /// Frames that several motors share, which are sent once. If the list is full, a shared frame
-    /// counts twice: the load is never too low.
+    /// Shared frames, sent once. With a full list one counts twice: the load is never too low.
     shared: [IdPattern; 32],
-    /// Number of those.
     len: usize,
 }
 
@@ -75,7 +69,6 @@ impl LoadSum {
         Self { load: BusLoad::NONE, bits_per_second, shared, len: 0 }
     }
 
-    /// Adds a motor.
     pub(crate) const fn add(&mut self, ids: &CanIds) {
         let (mut at, received) = (0, ids.received());
         while at < received.len() {

@@ -1,21 +1,19 @@
 //! Range-mapped fields: what Damiao's MIT mode and CyberGear's motion control have in common.
 //!
-//! A quantity within ±limit (or 0 ..= limit) is spread over all values of an unsigned field. The
-//! vendors' code truncates, so that zero lies at 0x7FFF of 16 bits and 0x7FF of 12. It divides by
-//! the width of the range; multiplying by a reciprocal instead would put round numbers such as a
-//! gain of 100 one step lower than the vendor does.
+//! A quantity within ±limit (or 0 ..= limit) is spread over all values of an unsigned field, and
+//! truncated as the vendors do: zero is 0x7FFF of 16 bits and 0x7FF of 12. It divides by the
+//! range's width: a reciprocal would put round numbers one step lower.
 
 use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle, ok};
 use rc10_can::Micros;
 
+use crate::motor::Link;
 use crate::servo::{Servo, Spring, SpringRange};
 use crate::shaft::Shaft;
 use crate::signals::Signal;
-use crate::supervision::Link;
 use crate::target::{Motion, Target, TargetError, TargetKind};
 
-/// A setpoint for the drive's own loop, at the output shaft: torque = `kp` (`position` -
-/// measured) + `kd` (`velocity` - measured) + `torque`.
+/// A drive's own loop: `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setpoint {
@@ -47,8 +45,7 @@ impl Setpoint {
     }
 }
 
-/// Physical values at the ends of the number fields of a frame. They are settings of the device:
-/// wrong ones scale every value, and nothing tells.
+/// Physical values at the ends of number fields: settings of the device, which wrong scale all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
@@ -68,8 +65,7 @@ pub struct Limits {
 const LARGEST: f32 = 1e6;
 
 impl Limits {
-    /// Ranges ±`position` (rad), ±`velocity` (rad/s), ±`torque` (N m); gains up to 500 N m / rad
-    /// and 5 N m s / rad, as Damiao, CyberGear and RobStride's small models have them.
+    /// Ranges ±`position` (rad), ±`velocity` (rad/s), ±`torque` (N m); usual gains up to 500 and 5.
     pub const fn new(position: f32, velocity: f32, torque: f32) -> Self {
         Self { position, velocity, torque, kp: 500.0, kd: 5.0 }
     }
@@ -131,25 +127,21 @@ const fn check(
     Ok(())
 }
 
-/// rpm per rad/s.
 pub(crate) const RPM_PER_RADIAN_PER_SECOND: f32 = 30.0 / core::f32::consts::PI;
 /// Microdegrees per rad.
 const PER_RADIAN: f32 = 180e6 / core::f32::consts::PI;
 /// Microdegrees per rpm and microsecond.
 const PER_RPM_MICRO: f32 = 6.0;
 
-/// A position that a device tells in 16 bits, within ±[`Limits::position`]; for a [`Shaft`] that
-/// counts in steps of a microdegree.
+/// A position of 16 bits within ±[`Limits::position`], for a [`Shaft`] in microdegrees.
 ///
 /// No source says what such a device tells beyond its range. So this takes both possibilities:
 ///
 /// * A reading that moves by more than half the range has started over from the other end.
-/// * While a reading stands at the end of the range, the position beyond it is estimated from the
-///   speed, so that a loop that turns the shaft out there sees it turn. Back within the range it is
-///   exact again.
+/// * At the end of the range the position beyond it is estimated from the speed, so that a loop
+///   sees the shaft turn there. Back within the range it is exact again.
 ///
-/// Without power such a device forgets the number of its turns: a jump of the reading, or a reading
-/// that does not fit the speed after a silence, means that it counts from elsewhere.
+/// Without power the turns are forgotten: a jump, or an odd reading after a silence, tells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RangedPosition {
     /// Microdegrees in half a step of the field, times 2^16.
@@ -168,17 +160,14 @@ pub(crate) struct RangedPosition {
     beyond: i64,
 }
 
-/// Seconds in which a device at its largest speed makes [`RangedPosition::fastest`]: twice the link
-/// timeout of one that answers in every tick, because a load may turn it faster than it can.
+/// Seconds of [`RangedPosition::fastest`]: twice a usual link timeout, for a load that turns it.
 const LONGEST_STEP: f32 = 0.020;
-/// A device whose reading after a silence is this near to where its speed took it, and half that
-/// way, has counted all the time. The count of a restarted one that differs by less does little
-/// harm.
+/// A device whose reading after a silence is this near to what its speed makes has counted on. A
+/// restarted one that differs by less does little harm.
 #[expect(clippy::cast_possible_truncation, reason = "half a radian")]
 const NEAR: i64 = (0.5 * PER_RADIAN) as i64;
 
 impl RangedPosition {
-    /// The shaft of such a device.
     pub(crate) const fn shaft(direction: Direction) -> Shaft {
         Shaft::new(360_000_000, Gear::DIRECT, direction)
     }
@@ -243,8 +232,7 @@ impl RangedPosition {
         None
     }
 
-    /// The steps to add to a movement of the reading because the field started over; `None` after a
-    /// restart. A silence counts as a gap.
+    /// The steps to add to a movement where the field started over; `None` after a restart.
     fn ranges_passed(
         &self,
         shaft: &mut Shaft,
@@ -311,13 +299,11 @@ impl RangedPosition {
         (self.reading.unwrap_or(0) + self.ranges + self.beyond).saturating_add(way)
     }
 
-    /// Whether the device can be told to go to an angle of the shaft.
     pub(crate) fn reaches(&self, shaft: &Shaft, angle: TotalAngle) -> bool {
         self.of_angle(shaft, angle).unsigned_abs() <= self.end.unsigned_abs()
     }
 
-    /// The angle nearest to one of the shaft, whole turns from it, to which the device can be told to
-    /// go.
+    /// The nearest angle, whole turns away, to which the device can be told to go.
     pub(crate) fn within_reach(&self, shaft: &Shaft, angle: TotalAngle) -> Option<TotalAngle> {
         let position = self.of_angle(shaft, angle);
         let out = position.saturating_sub(position.clamp(-self.end, self.end));
@@ -332,16 +318,12 @@ impl RangedPosition {
         self.reaches(shaft, angle).then_some(angle)
     }
 
-    /// The value to send to the device for an angle of the shaft, in rad: at most the end of its
-    /// range.
+    /// The value for an angle of the shaft, in rad: at most the end of its range.
     pub(crate) fn radians_of(&self, shaft: &Shaft, angle: TotalAngle) -> f32 {
         radians(self.of_angle(shaft, angle).clamp(-self.end, self.end))
     }
 
     /// `Ok` unless a target's angle of many turns lies out of the device's range.
-    ///
-    /// # Errors
-    /// [`TargetError::OutOfRange`].
     pub(crate) fn check(&self, shaft: &Shaft, target: &Target) -> Result<(), TargetError> {
         let angle = match target {
             Target::TotalAngle(angle) | Target::Motion(Motion { angle: Some(angle), .. }) => {
@@ -364,8 +346,7 @@ impl RangedPosition {
         }
     }
 
-    /// The setpoint that makes a spring of the output shaft; coasting where the device has no number
-    /// for where the spring pulls to. `sign` is that of the shaft's direction.
+    /// The setpoint of a spring; coasting where its place has no number. `sign`: the direction's.
     fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
         let now = radians(self.reading.unwrap_or(0));
         let position = now + (sign * spring.way.get()).to_radians();
@@ -427,8 +408,7 @@ pub(crate) fn pack_positive<const BITS: u32>(x: f32, limit: f32) -> u32 {
     beyond(x, full(BITS), 0)
 }
 
-/// Out of line: the usual case stays short. The limits themselves come here too, because rounding
-/// could put them one step inside.
+/// Out of line: the usual case stays short. Limits come here too: rounding could shift them.
 fn beyond(x: f32, full: u32, neutral: u32) -> u32 {
     if x.is_nan() {
         neutral
@@ -439,8 +419,7 @@ fn beyond(x: f32, full: u32, neutral: u32) -> u32 {
     }
 }
 
-/// The value of a field for -`limit` ..= `limit`: symmetric, never beyond, and as exact around zero
-/// as elsewhere.
+/// The field of -`limit` ..= `limit`: symmetric, never beyond, as exact around zero as elsewhere.
 pub(crate) const fn unpack_signed<const BITS: u32>(raw: u32, limit: f32) -> f32 {
     let from_middle = (2 * raw).cast_signed() - full(BITS).cast_signed();
     from_middle as f32 / full(BITS) as f32 * limit
@@ -513,7 +492,7 @@ mod tests {
         assert_eq!(bad.validate().unwrap_err().field, "kd");
     }
 
-    /// As a field shows rad: stopping at its end, or starting over.
+    /// An angle as a field shows it, in rad: stopping at its end, or starting over.
     fn field(rad: f64, starts_over: bool) -> u16 {
         let rad = if starts_over { (rad + 12.5).rem_euclid(25.0) - 12.5 } else { rad };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]

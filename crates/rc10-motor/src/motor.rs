@@ -1,5 +1,3 @@
-use core::fmt;
-
 use rc10_app::{Cascade, PidConfig, Seconds};
 use rc10_can::{CanFrame, Micros};
 
@@ -7,7 +5,6 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::request::{Gains, Request, RequestError, Response};
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// A drive mode: what a motor may do in a tick, as its bus decides.
@@ -29,8 +26,7 @@ pub enum DriveMode {
 
 rc10_can::states!(DriveMode: Off, Coast, Brake, Hold, Run);
 
-/// The behaviour of a motor that may not follow its target: its command expired, or the emergency
-/// stop is latched. (A motor whose feedback is lost always coasts: nothing can be held blindly.)
+/// The behaviour with an expired command or in an emergency stop. (A motor not heard coasts.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SafeState {
@@ -60,56 +56,47 @@ impl SafeState {
 pub enum FrameKind {
     /// Feedback: it keeps the link alive.
     Feedback,
-    /// Feedback with a fault: the bus takes the motor to its safe state until the fault is cleared
-    /// ([`Request::ClearFault`]).
+    /// Feedback with a fault: the safe state until [`Request::ClearFault`].
     Fault,
     /// Something else, such as the reply to a request: it does not keep the link alive.
     Other,
 }
 
 /// Why a frame is no feedback. It changes nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum FrameError {
     /// Another identifier, or a remote request.
+    #[error("not a frame of this motor")]
     NotMine,
     /// Not the length that this frame always has.
+    #[error("not the length that this frame always has")]
     Length,
     /// An encoder value that the device cannot have.
+    #[error("an encoder value that the device cannot have")]
     Encoder,
     /// Content that the device cannot send.
+    #[error("content that the device cannot send")]
     Unexpected,
-    /// An answer to a request that this motor has not made: another program's, or one that came
-    /// late. Not a bad frame, but not feedback either.
+    /// An answer to another program's request, or a late one. Not bad, but no feedback either.
+    #[error("an answer to a request that was not made here")]
     Unasked,
 }
 
-impl fmt::Display for FrameError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotMine => f.write_str("not a frame of this motor"),
-            Self::Length => f.write_str("not the length that this frame always has"),
-            Self::Encoder => f.write_str("an encoder value that the device cannot have"),
-            Self::Unexpected => f.write_str("content that the device cannot send"),
-            Self::Unasked => f.write_str("an answer to a request that was not made here"),
-        }
-    }
-}
-
-impl core::error::Error for FrameError {}
+/// The outcome of taking a frame.
+pub type Heard = Result<FrameKind, FrameError>;
 
 /// The control loops that follow speeds and angles, where they run here and not in the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loops {
-    /// The quantity of their effort: [`TargetKind::Current`] in A, [`TargetKind::Torque`] in N m,
-    /// or [`TargetKind::Duty`] as a share of the full voltage.
+    /// The effort: [`TargetKind::Current`], [`TargetKind::Torque`] or [`TargetKind::Duty`].
     pub effort: TargetKind,
     /// Their gains and limits. The speed loop's output limit is the largest effort.
     pub cascade: Cascade,
 }
 
-/// What [requests](Request) change in a motor's [`Loops`].
+/// The numbers in a motor's [`Loops`] that [requests](Request) change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
     /// The quantity of the effort, as in [`Loops`].
@@ -123,7 +110,7 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// That of some loops.
+    /// The tuning of some loops.
     #[must_use]
     pub const fn of(loops: &Loops) -> Self {
         const fn gains(pid: &PidConfig) -> Gains {
@@ -139,6 +126,21 @@ impl Tuning {
     }
 }
 
+/// Whether a motor is heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Link {
+    /// No feedback since power-on.
+    #[default]
+    NeverSeen,
+    /// Feedback is fresh.
+    Online,
+    /// No feedback for max(3 feedback periods, 10 ms).
+    Lost,
+}
+
+rc10_can::states!(Link: NeverSeen, Online, Lost);
+
 /// Data that a bus gives to a motor in every tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
@@ -146,13 +148,11 @@ pub struct Tick {
     pub dt: Seconds,
     /// The drive mode of the motor in this tick.
     pub mode: DriveMode,
-    /// Whether it is heard. A motor whose link is lost may come back as another one: restarted,
-    /// disabled, its turns counted from elsewhere.
+    /// Whether it is heard. One that was lost may come back restarted, its turns counted anew.
     pub link: Link,
-    /// Ticks so far, counted from another number for each motor of a bus: what need not happen in
-    /// every tick, such as an angle loop, happens in other ticks for each.
+    /// Ticks so far, each motor from another number: slower work falls in different ticks.
     pub count: u32,
-    /// What runs in this tick is a [`Request::Jog`]: with little effort.
+    /// Whether it runs by a [`Request::Jog`] in this tick: with little effort.
     pub is_jog: bool,
 }
 
@@ -177,8 +177,7 @@ pub trait Motor: Send {
     /// [`TargetError`]; the old target stays.
     fn set_target(&mut self, target: Target) -> Result<(), TargetError>;
 
-    /// The target it has; of a motion, where it is now. After [`Request::SetZero`] it is told from the
-    /// new zero.
+    /// The target; of a motion, where it is now. [`Request::SetZero`] moves it to the new zero.
     fn target(&self) -> Target;
 
     /// The newest measurements; all zero before the first feedback.
@@ -197,8 +196,7 @@ pub trait Motor: Send {
     /// [`RequestError`]; nothing changed.
     fn request(&mut self, request: Request) -> Result<Response, RequestError>;
 
-    /// The outcome of a request that was [`Pending`](Response::Pending), once it is known; told
-    /// once. The motor itself gives up on a device that does not answer.
+    /// The outcome of a [`Pending`](Response::Pending) request, told once, also of a silent device.
     fn response(&mut self) -> Option<Result<Response, RequestError>> {
         None
     }
@@ -208,8 +206,7 @@ pub trait Motor: Send {
         Condition::Ready
     }
 
-    /// The loops by which it follows [`Target::Speed`], [`Target::Angle`] and
-    /// [`Target::TotalAngle`]; `None` if they run in the device.
+    /// The loops for [`Target::Speed`] and angles; `None` if they run in the device.
     fn loops(&self) -> Option<Loops> {
         None
     }
@@ -220,30 +217,19 @@ pub trait CanMotor: Motor {
     /// The identifiers it occupies on its bus. Always the same.
     fn can_ids(&self) -> CanIds;
 
-    /// Takes a frame of its own that arrived at `at`, and says what it was. `link` is what the bus
-    /// knew of the motor until then: [`Link::Online`] if it was heard within its time-out.
+    /// Takes an own frame of `at`, and says what it was. `link` is the bus's knowledge until then.
     ///
     /// # Errors
     /// [`FrameError`]; the frame changed nothing.
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError>;
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard;
 
-    /// Adds what it sends in this tick: called every tick, also when it is disarmed or lost, so
-    /// that it can enable, poll, or say "zero". Frames of one tick leave in arbitration order, not
-    /// in the order they were added: what must follow another frame waits for the next tick.
+    /// Adds its frames of this tick, also while disarmed or lost, to enable, poll, or say "zero".
+    /// They leave in arbitration order: what must follow waits for the next tick.
     ///
     /// # Errors
     /// [`TxFull`] if the batch has no room.
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull>;
 
-    /// Adds the frames that leave it without torque, whatever state it is in: what a panic
-    /// handler sends.
-    ///
-    /// # Errors
-    /// [`TxFull`] if the batch has no room.
+    /// Adds the frames, if all fit, that leave it without torque in any state: for a panic handler.
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull>;
 }

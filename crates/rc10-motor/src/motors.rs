@@ -1,20 +1,17 @@
 //! The motors of a CAN or RS-485 bus, and what keeps them safe.
 
-use core::fmt;
-
 use heapless::Vec;
 use rc10_app::{Seconds, Text};
 use rc10_can::Micros;
 
 use crate::arm::{ArmState, ArmSwitch};
 use crate::can_ids::{Clash, MotorName};
-use crate::motor::{DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
-use crate::supervision::{Link, MotorStatus, Safety, Supervision};
+use crate::supervision::{MotorStatus, Safety, Supervision};
 use crate::target::{Target, TargetError, TargetSet};
 
-/// The number of a motor on its bus: `attach` hands it out, and [`Names`](crate::Names) have it.
-/// There is no other way to one, so that motors are not counted by hand.
+/// The number of a motor on its bus, from `attach` or [`Names`](crate::Names) only.
 ///
 /// ```compile_fail
 /// let turret = rc10_motor::MotorId::new(1);
@@ -24,12 +21,11 @@ use crate::target::{Target, TargetError, TargetSet};
 pub struct MotorId(u8);
 
 impl MotorId {
-    /// The motor attached as number `index`, counted from 0.
     pub(crate) const fn new(index: u8) -> Self {
         Self(index)
     }
 
-    /// Its number on its bus, counted from 0.
+    /// The number on its bus, counted from 0.
     #[must_use]
     pub const fn index(self) -> usize {
         self.0 as usize
@@ -37,10 +33,11 @@ impl MotorId {
 }
 
 /// Why a motor was not attached.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
+#[error("{}", self.add_to(Text::new(), None))]
 pub enum AttachError {
-    /// It clashes with one that is attached already.
+    /// Another motor that is attached already clashes with it.
     Clash {
         /// The motor that was to be attached.
         motor: MotorName,
@@ -63,12 +60,12 @@ pub enum AttachError {
         /// The motor that was to be attached.
         motor: MotorName,
     },
-    /// It declares more identifiers than a [`CanIds`](crate::CanIds) holds.
+    /// The motor declares more identifiers than a [`CanIds`](crate::CanIds) holds.
     TooManyIds {
         /// The motor that was to be attached.
         motor: MotorName,
     },
-    /// Its commands would hold for no time, or for too long.
+    /// Commands would hold for no time, or for too long.
     Expiry {
         /// The motor that was to be attached.
         motor: MotorName,
@@ -110,41 +107,22 @@ impl AttachError {
     }
 }
 
-impl fmt::Display for AttachError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.add_to(Text::new(), None).fmt(f)
-    }
-}
-
-impl core::error::Error for AttachError {}
-
 /// Why a command was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CommandError {
     /// The motor does not take it.
+    #[error(transparent)]
     Target(TargetError),
     /// The bus has no such motor.
+    #[error("the bus has no such motor")]
     NoSuchMotor,
 }
 
-impl fmt::Display for CommandError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Target(error) => error.fmt(f),
-            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
-        }
-    }
-}
-
-impl core::error::Error for CommandError {}
-
-/// The motors of a bus: what a [`MotorBus`](crate::MotorBus) and an
-/// [`Rs485Bus`](crate::unitree::Rs485Bus) have in common.
+/// The part that a [`MotorBus`](crate::MotorBus) and an `Rs485Bus` have in common.
 ///
-/// No motor can opt out of: no torque until the [`ArmSwitch`] is armed; its safe state when
-/// commands stop coming; no torque when its feedback is lost; its safe state while the emergency
-/// stop is latched.
+/// No motor can opt out: no torque unless the [`ArmSwitch`] is armed and its feedback comes, and
+/// its safe state without commands or in an emergency stop.
 pub struct Motors<'m, M: ?Sized, const N: usize> {
     switch: &'m ArmSwitch,
     slots: Vec<Slot<'m, M>, N>,
@@ -190,18 +168,16 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         self.slots.get_mut(motor.index())
     }
 
-    /// The motors themselves, in order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &M> {
         self.slots.iter().map(|slot| &*slot.motor)
     }
 
-    /// Has a motor take a frame that arrived at `at`, with what is known of its link until then.
-    /// `None` for a motor that does not exist.
+    /// Has a motor take a frame of `at`, with its link until then; `None` for an unknown motor.
     pub(crate) fn hear(
         &mut self,
         motor: MotorId,
         at: Micros,
-        take: impl FnOnce(&mut M, Link) -> Result<FrameKind, FrameError>,
+        take: impl FnOnce(&mut M, Link) -> Heard,
     ) -> Option<Result<(), FrameError>> {
         let slot = self.slots.get_mut(motor.index())?;
         let heard = take(slot.motor, slot.supervision.link(at));
@@ -212,8 +188,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         Some(slot.supervision.heard(heard, at))
     }
 
-    /// One tick: decides what each motor may do, lets it compute, and has `send` take what it
-    /// sends.
+    /// One tick: decides what each motor may do, lets it compute, and has `send` take its frames.
     pub(crate) fn tick(
         &mut self,
         now: Micros,
@@ -243,12 +218,10 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         }
     }
 
-    /// A motor; `None` if it does not exist.
     pub(crate) fn get(&self, motor: MotorId) -> Option<&M> {
         self.slot(motor).map(|slot| &*slot.motor)
     }
 
-    /// Whether a motor is heard.
     pub(crate) fn is_online(&self, motor: MotorId, now: Micros) -> bool {
         self.slot(motor).is_some_and(|slot| slot.supervision.link(now) == Link::Online)
     }
@@ -267,8 +240,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         slot.supervision.command(&mut *slot.motor, target, now).map_err(CommandError::Target)
     }
 
-    /// Makes a request. After [`Response::Pending`] its [`response`](Self::response) is to be asked
-    /// for after each tick.
+    /// Makes a request. After [`Response::Pending`] ask [`response`](Self::response) each tick.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed.
@@ -287,8 +259,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         }
     }
 
-    /// The outcome of a request that was [`Pending`](Response::Pending), once it is known; told
-    /// once.
+    /// The outcome of a [`Pending`](Response::Pending) request, once it is known; told once.
     pub fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
         let slot = self.slot_mut(motor)?;
         slot.supervision.response(&mut *slot.motor)
@@ -309,8 +280,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         self.slot(motor).map_or(TargetSet::NONE, |slot| slot.motor.supports())
     }
 
-    /// The control loops of a motor, where they run here; `None` also for a motor that does not
-    /// exist.
+    /// A motor's control loops that run here; `None` also for a motor that does not exist.
     pub fn loops(&self, motor: MotorId) -> Option<Loops> {
         self.slot(motor).and_then(|slot| slot.motor.loops())
     }
@@ -323,8 +293,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         Some(status)
     }
 
-    /// The same, written where it is wanted: every tick for every motor. Nothing for a motor that
-    /// does not exist.
+    /// Writes a motor's status in place, every tick; nothing for a motor that does not exist.
     pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
         if let Some(slot) = self.slot(motor) {
             slot.supervision.write_status(&*slot.motor, now, status);

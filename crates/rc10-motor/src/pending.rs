@@ -38,7 +38,7 @@ impl Retry {
 pub struct Pending<Q> {
     asked: Option<Asked<Q>>,
     outcome: Option<Outcome>,
-    /// As of the last tick.
+    /// The link, as of the last tick.
     is_off: bool,
 }
 
@@ -48,7 +48,6 @@ struct Asked<Q> {
     retry: Retry,
     /// Tries so far, the one that is due included.
     tries: u8,
-    /// It is to be sent in this tick.
     is_due: bool,
     /// Seconds since the last try.
     waited: f32,
@@ -67,10 +66,7 @@ impl<Q: Copy> Pending<Q> {
         self.asked.is_some() || self.outcome.is_some()
     }
 
-    /// Takes a question; its first try is due in the next tick after its delay.
-    ///
-    /// # Errors
-    /// [`RequestError::Busy`] while another is in flight; [`RequestError::NotWhileArmed`].
+    /// Takes a question unless one is in flight; its first try is due in the tick after its delay.
     pub fn ask(&mut self, question: Q, retry: Retry) -> Outcome {
         if self.is_busy() {
             return Err(RequestError::Busy);
@@ -112,9 +108,8 @@ impl<Q: Copy> Pending<Q> {
         }
     }
 
-    /// One tick later. A question that was asked often enough is over, and so is one of a device
-    /// that is driven now and must not be: by [`RequestError::Timeout`] if it was sent (what the
-    /// device did is not known), else by [`RequestError::NotWhileArmed`].
+    /// One tick later. A question asked often enough, or not allowed to a driven device, ends: by
+    /// [`RequestError::Timeout`] if it was sent, else by [`RequestError::NotWhileArmed`].
     pub fn update(&mut self, tick: &Tick) {
         self.is_off = tick.mode == DriveMode::Off;
         let is_sent = self.sent().is_some();
@@ -141,8 +136,7 @@ impl<Q: Copy> Pending<Q> {
         core::mem::take(&mut asked.is_due).then_some(asked.question)
     }
 
-    /// Keeps a failure that the device told, but that does not end the request: the outcome if time
-    /// runs out.
+    /// Keeps a failure that does not end the request: the outcome if time runs out.
     pub fn fail_with(&mut self, failure: RequestError) {
         if let Some(asked) = &mut self.asked {
             asked.failure = failure;

@@ -1,5 +1,3 @@
-use core::fmt;
-
 pub use rc10_app::Gains;
 use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 
@@ -8,12 +6,9 @@ use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Request {
-    /// The shaft's angle now is zero from now on. Only while the motor is not driven: a task that goes
-    /// on asking for the same number would send it elsewhere.
+    /// Zero is here from now on. Only while not driven: commands of old numbers would move it.
     SetZero,
-    /// The same of a motor that may be driven, for a task that knows where it is, such as in homing. No
-    /// number given before counts on the new scale: a total angle that is sought or held stays where
-    /// it is. The same number commanded again lies elsewhere.
+    /// The same of a driven motor, as in homing: what is sought stays, under another number.
     SetZeroOfDriven,
     /// Forget a fault and go on.
     ClearFault,
@@ -25,13 +20,11 @@ pub enum Request {
     AngleGains(Gains),
     /// Never command more torque than this.
     TorqueLimit(NewtonMetres),
-    /// The shaft's angle now is zero from now on, also after power-off: the device stores it. Only
-    /// while the robot is disarmed.
+    /// The shaft's angle now is zero, also after power-off. Only while the robot is disarmed.
     StoreZero,
     /// Reads a register of the device: four bytes, little endian ([`Response::Register`]).
     ReadRegister(u16),
-    /// Writes four bytes, little endian, into a register of the device, until power-off. Only while
-    /// the robot is disarmed.
+    /// Writes four bytes, little endian, into a register until power-off. Only while disarmed.
     WriteRegister(u16, u32),
     /// Turns slowly while the robot is disarmed, and only this motor: for 80 ms at this speed, or not at
     /// all any more at zero; repeat it. Loops that run here use a fifth of their limit. A target from a
@@ -39,8 +32,7 @@ pub enum Request {
     /// one is refused, too ([`RequestError::TooFast`]), until zero is asked for, or nothing for 0.2 s.
     /// Refused while a task commands the motor ([`RequestError::Busy`]).
     Jog(Rpm),
-    /// The device keeps its registers also after power-off. Only while the robot is disarmed: its
-    /// flash wears, and its loops stop meanwhile.
+    /// The device keeps its registers after power-off. Only while disarmed: it wears and stops.
     SaveRegisters,
 }
 
@@ -49,63 +41,47 @@ pub enum Request {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Response {
-    /// It is done.
+    /// The request is done.
     Done,
-    /// The device was asked; [`Motor::response`](crate::Motor::response) tells its answer. A task that
-    /// waits at a motor's port never sees this.
+    /// The device was asked; [`Motor::response`](crate::Motor::response) tells. Not at a port.
     Pending,
     /// Raw value of the register.
     Register(u32),
 }
 
 /// Why a request was refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum RequestError {
     /// This motor cannot do that.
+    #[error("this motor cannot do that")]
     Unsupported,
     /// A number in it cannot be used.
-    Config(ConfigError),
-    /// It needs feedback, and none came yet.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The request needs feedback, and none came yet.
+    #[error("the motor has not been heard of yet")]
     NoFeedback,
     /// The one before has not been carried out yet.
+    #[error("the request before has not been carried out yet")]
     Busy,
     /// The bus has no such motor.
+    #[error("the bus has no such motor")]
     NoSuchMotor,
     /// Only while the robot is disarmed.
+    #[error("only while the robot is disarmed")]
     NotWhileArmed,
     /// Only while the motor is not driven.
+    #[error("only while the motor is not driven")]
     WhileDriven,
-    /// It turned twice as fast as a jog asked for.
+    /// The motor turned twice as fast as a jog asked for.
+    #[error("it turned twice as fast as asked for")]
     TooFast,
     /// The device did not answer in time: whether it did what was asked is not known.
+    #[error("the device did not answer in time")]
     Timeout,
     /// The device refused, with this code of its own.
+    #[error("the device refused, code {0}")]
     Refused(u32),
-}
-
-impl fmt::Display for RequestError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unsupported => f.write_str("this motor cannot do that"),
-            Self::Config(error) => error.fmt(f),
-            Self::NoFeedback => f.write_str("the motor has not been heard of yet"),
-            Self::Busy => f.write_str("the request before has not been carried out yet"),
-            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
-            Self::NotWhileArmed => f.write_str("only while the robot is disarmed"),
-            Self::WhileDriven => f.write_str("only while the motor is not driven"),
-            Self::TooFast => f.write_str("it turned twice as fast as asked for"),
-            Self::Timeout => f.write_str("the device did not answer in time"),
-            Self::Refused(code) => write!(f, "the device refused, code {code}"),
-        }
-    }
-}
-
-impl core::error::Error for RequestError {}
-
-impl From<ConfigError> for RequestError {
-    fn from(error: ConfigError) -> Self {
-        Self::Config(error)
-    }
 }

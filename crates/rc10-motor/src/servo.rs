@@ -1,6 +1,4 @@
-//! The servo: it makes an effort or a spring from a [`Target`], for motors whose device takes one,
-//! with the loops of a [`Cascade`], soft starts, and the ways to stop. A motor adds its frames to
-//! it.
+//! The servo: an effort or spring from a [`Target`], by a [`Cascade`], with soft starts and stops.
 //!
 //! ```
 //! use rc10_app::{Cascade, Direction, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
@@ -45,9 +43,9 @@ use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
 
 /// Follows targets by an effort, or by a spring that the device makes.
 ///
-/// Efforts are in the unit of the target that asks for one directly: amperes, newton metres, or a
-/// share of the full voltage.
+/// Efforts have the unit of the target for one: amperes, newton metres, or a share of the voltage.
 #[derive(Clone, Copy, Debug)]
+#[must_use]
 pub struct Servo {
     effort: TargetKind,
     goals: Goals,
@@ -56,7 +54,6 @@ pub struct Servo {
     full: f32,
     /// Largest effort of the speed loop by its own gains.
     loop_limit: f32,
-    /// Largest effort now.
     limit: f32,
     /// Whether it followed its target in the last tick.
     ran: bool,
@@ -104,10 +101,8 @@ const SOFT_SLOPE: f32 = 50.0;
 
 impl Servo {
     /// Efforts are those of `effort` ([`TargetKind::Current`], [`TargetKind::Torque`] or
-    /// [`TargetKind::Duty`]); the largest is the speed loop's output limit.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// [`TargetKind::Duty`]); the largest is the speed loop's output limit. [`ConfigError`] names a
+    /// field that cannot be used.
     pub fn new(effort: TargetKind, cascade: Cascade) -> Result<Self, ConfigError> {
         cascade.validate()?;
         Ok(Self::of(effort, cascade))
@@ -134,15 +129,13 @@ impl Servo {
     }
 
     /// With a largest effort that may be above the speed loop's output limit.
-    #[must_use]
     pub const fn with_full_scale(mut self, full: f32) -> Self {
         (self.full, self.limit) = (full, full);
         self.apply_limit();
         self
     }
 
-    /// Of a device that makes springs: it takes [`Target::Impedance`] too. Efforts are torques.
-    #[must_use]
+    /// For a device that makes springs: it takes [`Target::Impedance`] too. Efforts are torques.
     pub const fn with_springs(mut self, range: SpringRange) -> Self {
         self.goals = Goals::new(self.goals.supports().with(TargetKind::Impedance));
         self.springs = Some(range);
@@ -158,8 +151,7 @@ impl Servo {
     /// Takes a new target; it takes effect in the next [`update`](Self::update).
     ///
     /// # Errors
-    /// [`TargetError`]; the old target stays. [`TargetError::OutOfRange`] for an impedance that the
-    /// device cannot make; its torque is limited instead.
+    /// [`TargetError`]; the old target stays. `OutOfRange` for a spring beyond the device's.
     pub fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         if let (Target::Impedance(impedance), Some(range)) = (&target, &self.springs) {
             self.supports().accepts(&target)?;
@@ -277,16 +269,13 @@ impl Servo {
         self.state.rest();
     }
 
-    /// All angles count from `zero` (as measured until now) from now on. What is sought or held
-    /// stays where it is.
+    /// Counts all angles from `zero`, as measured until now; what is sought stays where it is.
     pub fn set_zero(&mut self, zero: TotalAngle) {
         self.goals.set_zero(zero);
     }
 
-    /// Never more effort than this, nor than full scale.
-    ///
-    /// # Errors
-    /// [`ConfigError`] with the name of the `field`, if it is negative or NaN.
+    /// Never more effort than this, nor than full scale. An error, with the name of the `field`, if
+    /// it is negative or NaN.
     pub fn set_limit(&mut self, field: &'static str, limit: f32) -> Result<(), ConfigError> {
         if limit.is_nan() || limit < 0.0 {
             return Err(ConfigError::new(field, limit, "zero or more"));
@@ -301,7 +290,7 @@ impl Servo {
         self.cascade.speed.output_limit = self.loop_limit.min(self.limit);
     }
 
-    /// Its gains and limits.
+    /// The gains and limits.
     pub const fn cascade(&self) -> &Cascade {
         &self.cascade
     }
@@ -342,8 +331,7 @@ impl Servo {
         Ok(Response::Done)
     }
 
-    /// Decides the spring of a tick. Where the law would ask for more torque than the limit, all of
-    /// it is taken back by one factor: the equilibrium stays.
+    /// Decides the spring of a tick. Too much torque is taken back by one factor: its place stays.
     fn impede(&mut self, way: f32, measured: f32, dt: Seconds) {
         let Target::Impedance(Impedance { speed, torque, kp, kd, .. }) = self.target() else {
             return self.rest();
@@ -376,8 +364,7 @@ impl SpringRange {
     }
 }
 
-/// The angle at which a turning shaft comes to a stand: holding the angle at which it still turns
-/// would throw it back there. `acceleration` in rpm/s.
+/// The angle at which a turning shaft stands: the present one would throw it back. rpm/s.
 fn stand(shaft: &Shaft, acceleration: f32) -> TotalAngle {
     // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
     let rpm = shaft.speed().get();

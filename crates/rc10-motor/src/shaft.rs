@@ -1,8 +1,6 @@
 //! The angle of the output shaft: [`Shaft`] counts its turns exactly, for every motor.
 //!
-//! A device tells by how many steps its sensor moved, or a reading that starts over every turn;
-//! the shaft makes millionths of a degree of the output of them, through the gearbox and in the
-//! direction that the robot counts.
+//! From a sensor's steps or readings to millionths of a degree of the output, by its gearbox.
 //!
 //! ```
 //! use rc10_app::{Direction, Gear};
@@ -26,11 +24,9 @@ use crate::feedback::Feedback;
 
 const TURN: i32 = 360_000_000;
 
-/// Readings of an encoder this close together (µs) are less than half a turn apart: no rotor makes
-/// 20,700 rpm.
+/// Readings this close together (µs) are less than half a turn apart: no rotor makes 20,700 rpm.
 const CERTAIN_MICROS: u64 = 1_300;
-/// Speed (rpm) times time (µs) in which a rotor makes 0.45 turns: beyond it, the turns between two
-/// readings are not certain any more.
+/// Speed (rpm) times time (µs) of 0.45 rotor turns: beyond it turns between readings are uncertain.
 const CERTAIN_RPM_MICROS: f32 = 27e6;
 /// Nor are they after such a silence, whatever the speed was before and after.
 const LONG_SILENCE: Micros = Micros::from_millis(100);
@@ -47,10 +43,8 @@ pub struct Shaft {
     whole: i32,
     part: i32,
     divisor: i32,
-    /// The most steps at once for which 32 bits are enough, and that move the output by less than a
-    /// turn.
+    /// The most steps at once that 32 bits hold, and that move the output by less than a turn.
     most: u32,
-    /// Twice as many.
     most_twice: u32,
     /// Steps in a turn of the sensor, and in half of one.
     steps_per_turn: i32,
@@ -129,12 +123,9 @@ impl Shaft {
         self.at.get() < NEVER.get()
     }
 
-    /// Takes the reading of an encoder that starts over every turn (0 ..< `steps_per_turn`), and
-    /// the speed of its rotor.
+    /// Takes the reading of an encoder of one turn (0 ..< `steps_per_turn`), and the rotor's speed.
     ///
-    /// The first reading is an absolute angle. After a silence in which the rotor may have gone
-    /// round, its speed before and after says which number of turns is likeliest, and the gap is
-    /// counted.
+    /// After a silence the speeds before and after say the likeliest turns, and the gap is counted.
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
         let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;
@@ -179,9 +170,8 @@ impl Shaft {
         }
     }
 
-    /// The sensor moved by `step`, give or take whole turns of it, between the measurement `before`
-    /// (when, and how fast) and the one that has just been [taken](Self::measure): their mean speed
-    /// says how many. Counts a gap.
+    /// The sensor moved by `step` and unknown whole turns since `before` (time, speed); the mean
+    /// speed of `before` and the newest [measurement](Self::measure) says how many. Counts a gap.
     pub fn bridge(&mut self, step: i64, before: (Micros, Rpm)) {
         let (last, speed) = before;
         let mean = 0.5 * (speed.get() + self.speed.get()) / self.ratio;
@@ -247,7 +237,7 @@ impl Shaft {
         (self.turns, self.phase) = (turns, phase);
     }
 
-    /// Its speed at `at`, from that of the sensor.
+    /// The speed at `at`, from that of the sensor.
     pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
         self.speed = Rpm::new(sensor_rpm * self.ratio);
         self.at = at;

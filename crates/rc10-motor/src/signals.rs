@@ -1,10 +1,7 @@
-//! The layout of a vendor's frames, as data: for DBC files, for `rc10 decode`, and for programs that
-//! read a bus without this crate's types. Each vendor's table stands beside its codec and
-//! is tested against it, bit for bit.
+//! The layout of a vendor's frames, as data: for DBC files, `rc10 decode` and programs that read a
+//! bus. Each table stands beside its codec and is tested against it, bit for bit.
 //!
-//! A table has the plain messages first, which a DBC file can describe, then the special ones:
-//! frames that are told from others by their data (`0xFF` seven times and `0xFD`), that carry
-//! content in their identifier, or that are remote requests.
+//! Plain messages come first, then what no DBC file describes: told by data, or remote.
 
 use embedded_can::Id;
 use rc10_can::{CanFrame, IdPattern};
@@ -14,10 +11,11 @@ const IDENTIFIER: u8 = 64;
 
 /// One sort of frame of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Message {
-    /// Its name: letters, digits and underscores.
+    /// The name: letters, digits and underscores.
     pub name: &'static str,
-    /// Its identifier.
+    /// The identifier.
     pub id: Id,
     /// Bits of the identifier that carry content and differ from frame to frame; 0 for most.
     pub varies: u32,
@@ -29,7 +27,7 @@ pub struct Message {
     pub from_device: bool,
     /// The values that its data must have: they tell it from other frames with its identifier.
     pub marks: Marks,
-    /// Its signals.
+    /// The signals.
     pub signals: &'static [Signal],
 }
 
@@ -47,21 +45,18 @@ impl Message {
     }
 
     /// The same, and these bits of its identifier are content.
-    #[must_use]
     pub const fn varying(mut self, bits: u32) -> Self {
         self.varies = bits;
         self
     }
 
     /// The same, and its data must be so.
-    #[must_use]
     pub const fn marked(mut self, marks: Marks) -> Self {
         self.marks = marks;
         self
     }
 
     /// The remote request for it, which is sent to the device.
-    #[must_use]
     pub const fn requested(mut self) -> Self {
         (self.remote, self.from_device, self.signals) = (true, false, &[]);
         self
@@ -72,8 +67,7 @@ impl Message {
         self.varies == 0 && !self.remote && self.marks == Marks::NONE
     }
 
-    /// Whether a frame is one of these. Of several messages that a frame is, the last in a vendor's
-    /// table is the most special.
+    /// Whether a frame is one of these. Of several that fit, the last in a vendor's table is it.
     pub fn matches(&self, frame: &CanFrame) -> bool {
         IdPattern::masked(self.id, !self.varies).contains(frame.id())
             && frame.is_remote() == self.remote
@@ -110,8 +104,7 @@ impl Marks {
         Self { mask, value: u64::from_le_bytes(value) & mask }
     }
 
-    /// Nothing behind `len` bytes, as every frame of that length has it: makes a message special that
-    /// a DBC file has no room for.
+    /// Nothing behind `len` bytes: makes a message special that a DBC file has no room for.
     pub const fn behind(len: u8) -> Self {
         let mut mask = [0; 8];
         let mut index = len as usize;
@@ -131,12 +124,12 @@ impl Marks {
 
 /// Some bits of a frame, as a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Signal {
-    /// Its name: letters, digits and underscores.
+    /// The name: letters, digits and underscores.
     pub name: &'static str,
-    /// The first bit of the signal, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 the
-    /// lowest of byte 1. Little endian: its lowest bit; big endian: its highest. From 64 on: bits
-    /// of the identifier, its lowest being 64.
+    /// The first bit, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 of byte 1. Little
+    /// endian: its lowest bit; big endian: its highest. From 64 on: the identifier's bits.
     pub start: u8,
     /// Bits, 1 ..= 64.
     pub bits: u8,
@@ -146,7 +139,7 @@ pub struct Signal {
     pub kind: Kind,
     /// Physical value = raw value · `factor` + `offset`.
     pub factor: f64,
-    /// See `factor`.
+    /// The offset; see `factor`.
     pub offset: f64,
     /// Unit of the physical value; empty if it has none.
     pub unit: &'static str,
@@ -155,12 +148,11 @@ pub struct Signal {
     pub presence: Presence,
 }
 
-/// Meanings of raw values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Names {
-    /// Of these values.
+    /// Names of these values.
     Of(&'static [(u32, &'static str)]),
-    /// Of this value and those that follow it.
+    /// Names of this value and of those that follow it.
     From(u32, &'static [&'static str]),
 }
 
@@ -212,65 +204,58 @@ impl Signal {
         }
     }
 
-    /// Of `bytes` whole bytes from byte `first` on, highest first.
+    /// A signal of `bytes` whole bytes from byte `first` on, highest first.
     pub const fn big(name: &'static str, first: u8, bytes: u8) -> Self {
         Self::new(name, ByteOrder::Big, first * 8 + 7, bytes * 8)
     }
 
-    /// Of `bytes` whole bytes from byte `first` on, lowest first.
+    /// A signal of `bytes` whole bytes from byte `first` on, lowest first.
     pub const fn little(name: &'static str, first: u8, bytes: u8) -> Self {
         Self::new(name, ByteOrder::Little, first * 8, bytes * 8)
     }
 
-    /// Of `bits` bits of the identifier from bit `first` on.
+    /// A signal of `bits` bits of the identifier from bit `first` on.
     pub const fn in_id(name: &'static str, first: u8, bits: u8) -> Self {
         Self::new(name, ByteOrder::Little, IDENTIFIER + first, bits)
     }
 
     /// The same in two's complement.
-    #[must_use]
     pub const fn signed(mut self) -> Self {
         self.kind = Kind::Signed;
         self
     }
 
     /// The same as an IEEE 754 number.
-    #[must_use]
     pub const fn float(mut self) -> Self {
         self.kind = Kind::Float;
         self
     }
 
     /// The same with a factor and a unit.
-    #[must_use]
     pub const fn scaled(mut self, factor: f64, unit: &'static str) -> Self {
         (self.factor, self.unit) = (factor, unit);
         self
     }
 
     /// The same with an offset.
-    #[must_use]
     pub const fn offset(mut self, offset: f64) -> Self {
         self.offset = offset;
         self
     }
 
     /// The same with names for raw values.
-    #[must_use]
     pub const fn named(mut self, values: &'static [(u32, &'static str)]) -> Self {
         self.names = Names::Of(values);
         self
     }
 
     /// The same with names for the raw values from `first` on.
-    #[must_use]
     pub const fn listed(mut self, first: u32, names: &'static [&'static str]) -> Self {
         self.names = Names::From(first, names);
         self
     }
 
     /// The same as a bit that means this if it is set.
-    #[must_use]
     pub const fn flag(self, name: &'static &'static str) -> Self {
         self.listed(1, core::slice::from_ref(name))
     }
@@ -285,13 +270,12 @@ impl Signal {
     }
 
     /// The same, there only when `presence` says so.
-    #[must_use]
     pub const fn when(mut self, presence: Presence) -> Self {
         self.presence = presence;
         self
     }
 
-    /// Its raw bits in a payload; `None` if the payload is too short.
+    /// The raw bits in a payload; `None` if the payload is too short.
     pub fn raw(&self, payload: &[u8]) -> Option<u64> {
         let mut raw = 0_u64;
         // Big endian: highest bit first, downwards within a byte and on to the next one's highest.
@@ -313,7 +297,7 @@ impl Signal {
         Some(raw)
     }
 
-    /// Its raw bits in a frame; `None` if the frame is too short.
+    /// The raw bits in a frame; `None` if the frame is too short.
     pub fn raw_in(&self, frame: &CanFrame) -> Option<u64> {
         match self.start.checked_sub(IDENTIFIER) {
             Some(start) => Self { start, ..*self }.raw(&frame.raw_id().to_le_bytes()),
@@ -321,13 +305,12 @@ impl Signal {
         }
     }
 
-    /// Its physical value in a payload; `None` if the payload is too short. Whether it is
-    /// [present](Presence) is the caller's to know.
+    /// The physical value in a payload, [present](Presence) or not; `None` if that is too short.
     pub fn physical(&self, payload: &[u8]) -> Option<f64> {
         self.scale(self.raw(payload)?)
     }
 
-    /// Its physical value in a frame, as [`physical`](Self::physical).
+    /// The physical value in a frame, like [`physical`](Self::physical).
     pub fn physical_in(&self, frame: &CanFrame) -> Option<f64> {
         self.scale(self.raw_in(frame)?)
     }

@@ -8,14 +8,14 @@ use rc10_can::Micros;
 
 use crate::arm::ArmState;
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{DriveMode, FrameError, FrameKind, Motor, SafeState};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Motor, SafeState};
 use crate::request::{Request, RequestError, Response};
 use crate::target::{Target, TargetError, TargetKind};
 
 /// The command timeout of a motor, and its safe state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Safety {
-    /// Its state once it may not follow its target.
+    /// The state of a motor that may not follow its target.
     pub state: SafeState,
     /// Time for which a command holds: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
     pub command_expiry: Micros,
@@ -43,23 +43,7 @@ impl Safety {
     }
 }
 
-/// Whether a motor is heard.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Link {
-    /// No feedback since power-on.
-    #[default]
-    NeverSeen,
-    /// Feedback is fresh.
-    Online,
-    /// No feedback for max(3 feedback periods, 10 ms).
-    Lost,
-}
-
-rc10_can::states!(Link: NeverSeen, Online, Lost);
-
-/// Counters of a motor's frames, commands and targets. `received` starts over after 2³² (49 days at
-/// 1 kHz); the others stay at their largest value.
+/// A motor's counters. `received` is modulo 2³² (49 days at 1 kHz); others stay at the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -94,12 +78,11 @@ pub struct Refusals {
 impl Refusals {
     pub(crate) const NONE: Self = Self { unsupported: 0, not_finite: 0, out_of_range: 0 };
 
-    /// Of all reasons together.
+    /// The sum of all.
     pub const fn total(&self) -> u32 {
         self.unsupported.saturating_add(self.not_finite).saturating_add(self.out_of_range)
     }
 
-    /// Both together.
     #[cfg(feature = "embassy")]
     pub(crate) const fn plus(self, other: Self) -> Self {
         Self {
@@ -109,7 +92,6 @@ impl Refusals {
         }
     }
 
-    /// Counts one.
     pub(crate) const fn add(&mut self, error: TargetError) {
         count(match error {
             TargetError::Unsupported(_) => &mut self.unsupported,
@@ -147,17 +129,17 @@ impl fmt::Display for Refusals {
 pub struct MotorStatus {
     /// Whether it is heard.
     pub link: Link,
-    /// Its drive mode in the last tick.
+    /// The drive mode in the last tick.
     pub drive: DriveMode,
     /// The target it has.
     pub target: Target,
-    /// Its newest measurements.
+    /// The newest measurements.
     pub feedback: Feedback,
     /// The fault that it reports.
     pub fault: Option<Fault>,
     /// Whether it does what its target says, given that it may run.
     pub condition: Condition,
-    /// Its counters.
+    /// The counters.
     pub counters: MotorCounters,
 }
 
@@ -171,16 +153,13 @@ impl MotorStatus {
         is_driven && matches!(self.link, Link::Online) && !is_asked
     }
 
-    /// The effort that its loops commanded last, in their unit; `None` while they decide nothing, and
-    /// where none run here.
+    /// The effort that its loops commanded last, in their unit; `None` while none here decide.
     #[must_use]
     pub fn effort(&self) -> Option<f32> {
         self.feedback.effort().filter(|_| self.is_looped())
     }
 
-    /// What a [mechanism](rc10_app::mechanism) wants to know of it. The effort is the current in A where
-    /// the device tells one, else the torque in N m, else 0.
-    #[must_use]
+    /// Measurements for a mechanism; the effort is the current in A, else N m, else 0.
     pub fn measured(&self) -> Measured {
         let Feedback { total_angle: angle, speed, turn_gaps: gaps, .. } = self.feedback;
         let torque = || self.feedback.torque().map(NewtonMetres::get);
@@ -193,7 +172,7 @@ impl MotorStatus {
         Measured { angle, speed, effort, gaps, health }
     }
 
-    /// Of a motor that was never heard.
+    /// The status of a motor that was never heard.
     pub const NEW: Self = Self {
         link: Link::NeverSeen,
         drive: DriveMode::Off,
@@ -212,8 +191,7 @@ impl MotorStatus {
     };
 }
 
-/// A frame may have arrived this long after the tick began that takes it. What lies further in the future is
-/// not fresh, but another clock.
+/// A frame may come this long after its tick began; one further ahead has another clock.
 const SKEW: Micros = Micros::from_millis(2);
 
 /// Decides in every tick what a motor may do, from when it was heard and commanded last.
@@ -231,7 +209,7 @@ pub(crate) struct Supervision {
     faulted: bool,
     /// Clearing it has been asked for, and the device has not answered yet.
     clearing: bool,
-    /// It turns by [`Request::Jog`] while the robot is disarmed, as asked for last at this time.
+    /// The time of the last [`Request::Jog`] by which it turns while the robot is disarmed.
     jogged: bool,
     jogged_at: Micros,
     /// The last jog was too fast: until zero is asked for, or nothing for a while.
@@ -239,7 +217,6 @@ pub(crate) struct Supervision {
     counters: MotorCounters,
 }
 
-/// How long a [`Request::Jog`] holds.
 const JOG: Micros = Micros::from_millis(80);
 /// How long none is asked for before one that was too fast is forgotten.
 const FORGET: Micros = Micros::from_millis(200);
@@ -247,7 +224,7 @@ const FORGET: Micros = Micros::from_millis(200);
 const NOISE: f32 = 5.0;
 
 impl Supervision {
-    /// Of a motor that was never heard; `safety` is valid.
+    /// The supervision of a motor that was never heard; `safety` is valid.
     pub(crate) fn new(safety: Safety, link_timeout: Micros) -> Self {
         Self {
             heard_at: Micros::ZERO,
@@ -267,7 +244,6 @@ impl Supervision {
         }
     }
 
-    /// Gives the motor a target, which holds from `now` until it expires.
     #[inline]
     pub(crate) fn command(
         &mut self,
@@ -317,8 +293,7 @@ impl Supervision {
         Ok(Response::Done)
     }
 
-    /// Ends a jog when the robot is stopped, which it can be while it is disarmed, and one that turns much
-    /// faster than asked for: with gains from a PC the loop itself may be wrong.
+    /// Ends a jog when the robot stops, or the motor runs away: gains of a PC may be wrong.
     pub(crate) fn watch_jog(&mut self, motor: &(impl Motor + ?Sized), arm: ArmState) {
         self.ran_away = matches!(motor.target(), Target::Speed(asked) if is_too_fast(motor, asked));
         if self.ran_away || arm != ArmState::Disarmed {
@@ -339,7 +314,6 @@ impl Supervision {
         self.jogged || (arm != ArmState::Disarmed && (drives || self.is_commanded(now)))
     }
 
-    /// Its command has not expired.
     #[inline]
     fn is_commanded(&self, now: Micros) -> bool {
         self.fresh && since(self.commanded_at, now) < self.command_expiry
@@ -384,11 +358,7 @@ impl Supervision {
 
     /// A frame of the motor was something else than its plain feedback.
     #[cold] // The usual feedback does not come here.
-    pub(crate) fn heard(
-        &mut self,
-        heard: Result<FrameKind, FrameError>,
-        at: Micros,
-    ) -> Result<(), FrameError> {
+    pub(crate) fn heard(&mut self, heard: Heard, at: Micros) -> Result<(), FrameError> {
         let heard = heard.inspect_err(|error| {
             let counters = &mut self.counters;
             let is_unasked = *error == FrameError::Unasked;
@@ -447,8 +417,7 @@ impl Supervision {
         self.link
     }
 
-    /// Decides the drive mode of the motor now. This and [`change`](Self::change) are the one place
-    /// where motors are stopped.
+    /// Decides the drive mode: this and [`change`](Self::change) are where motors are stopped.
     #[inline]
     pub(crate) fn decide(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         if arm == ArmState::Armed
@@ -493,8 +462,7 @@ fn is_too_fast(motor: &(impl Motor + ?Sized), asked: Rpm) -> bool {
     motor.feedback().speed.get().abs() > (2.0 * asked).max(asked + NOISE)
 }
 
-/// From a time until `now`, and [`SKEW`]: what lies a little in the future is fresh, and what lies further off
-/// is old.
+/// The time until `now`, plus [`SKEW`]: what lies further ahead than that is old.
 #[inline]
 fn since(earlier: Micros, now: Micros) -> Micros {
     Micros::new((now + SKEW).get().wrapping_sub(earlier.get()))

@@ -4,8 +4,7 @@ use rc10_can::CanFrame;
 use crate::can_ids::{Frames, Guard};
 use crate::motors::MotorId;
 
-/// From a frame to the motor it belongs to, in constant time: an open-addressed hash table for
-/// exact identifiers, then a short list for patterns.
+/// From a frame to its motor in constant time: a hash table, then a list of patterns.
 pub(crate) struct ReceiveTable {
     entries: [Entry; SIZE],
     used: u8,
@@ -74,7 +73,6 @@ impl ReceiveTable {
         }
     }
 
-    /// Whether there is room for these too.
     pub(crate) fn has_room(&self, receives: &[Frames]) -> bool {
         let used = Room { exact: self.used.into(), masked: self.masked.len(), ..Room::NONE };
         used.with(receives).is_enough_in_table()
@@ -102,7 +100,6 @@ impl ReceiveTable {
         (entry.key == frame.key()).then_some(entry.slot)
     }
 
-    /// The motor that a frame belongs to.
     pub(crate) fn find(&self, frame: &CanFrame) -> Option<MotorId> {
         let key = frame.key();
         let mut index = home(key);

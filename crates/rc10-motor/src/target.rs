@@ -1,5 +1,3 @@
-use core::fmt;
-
 use rc10_app::mechanism::Command;
 use rc10_app::{Amps, AngleSetpoint, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 
@@ -17,15 +15,13 @@ pub enum Target {
     Duty(f32),
     /// A speed.
     Speed(Rpm),
-    /// An angle within the turn, reached the shorter way round; any number of degrees, taken
-    /// modulo 360.
+    /// An angle within the turn (any number of degrees, modulo 360), reached the shorter way round.
     Angle(Degrees),
     /// An angle of many turns.
     TotalAngle(TotalAngle),
     /// A torque.
     Torque(NewtonMetres),
-    /// A spring and a damper between the shaft and a moving point, and a torque on top ("MIT
-    /// mode").
+    /// A spring and a damper to a moving point, and a torque on top ("MIT mode").
     Impedance(Impedance),
     /// A motion that is known in advance: angle, speed, acceleration and effort at once.
     Motion(Motion),
@@ -35,15 +31,13 @@ pub enum Target {
     Handbrake(Amps),
 }
 
-/// The values of a [`Target::Impedance`]: torque = `kp` · (`angle` - measured) + `kd` · (`speed` -
-/// measured) + `torque`.
+/// A [`Target::Impedance`]: `kp` · (`angle` - measured) + `kd` · (`speed` - measured) + `torque`.
 ///
 /// A single step of `angle` is a blow: a spring pulls with all it has. Move it, or keep `kp` low.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Impedance {
-    /// The angle to which the spring pulls, over many turns, counted from the zero as
-    /// [`Feedback::total_angle`](crate::Feedback::total_angle) is.
+    /// The angle to which the spring pulls, of many turns, from the feedback's zero.
     pub angle: Degrees,
     /// The speed at which the damper does nothing.
     pub speed: Rpm,
@@ -67,14 +61,11 @@ impl Impedance {
     }
 }
 
-/// The values of a [`Target::Motion`]: where the shaft shall be when the target is given, and how it
-/// moves on from there.
+/// A [`Target::Motion`]: where the shaft shall be when it is given, and how it moves on.
 ///
-/// Until the next one comes, the motion goes on: with its acceleration for at most 50 ms, then at the
-/// speed that it has. So a task that commands every 5 or 10 ms makes a motion without steps.
+/// The motion goes on until the next: accelerated for 50 ms at most, then at its speed.
 ///
-/// The motor adds what it knows of itself, the feed-forward of its
-/// [`Cascade`](rc10_app::Cascade): a task gives an `effort` only for what the motor cannot know.
+/// The motor adds its feed-forward ([`Cascade`](rc10_app::Cascade)); an `effort` is for the rest.
 ///
 /// ```
 /// use rc10_motor::rc10_app::{Rpm, RpmPerSecond, TotalAngle};
@@ -95,13 +86,11 @@ pub struct Motion {
     pub angle: Option<TotalAngle>,
     /// The speed.
     pub speed: Rpm,
-    /// The rate of change of the speed. Loops that run here limit it to their own acceleration; a
-    /// device's take it as it is.
+    /// The rate of change of the speed. Loops here limit it to their own; a device's do not.
     pub acceleration: RpmPerSecond,
-    /// Effort that the acceleration takes beside what the motor itself knows of it: that of the robot on
-    /// a wheel, for example. In the unit of the motor's own ([`Loops::effort`](crate::Loops::effort)): A,
-    /// N m, or a share of the full voltage. It ends with the acceleration, and is scaled by what the
-    /// motor has learned of its load. A device whose own loop has no input for it does without.
+    /// Effort of the acceleration besides what the motor knows, as of the robot on a wheel, in the
+    /// unit of [`Loops::effort`](crate::Loops::effort). It ends with the acceleration, and is
+    /// scaled as the load is learned. A device's own loop may do without.
     pub inertia: f32,
     /// Effort on top that the motor cannot know, in the same unit: a piece that it carries.
     pub effort: f32,
@@ -144,11 +133,7 @@ impl From<Command> for Target {
     }
 }
 
-/// `Ok` for a target of these kinds, but no motion with an effort: for a device that closes its own
-/// loops and takes none.
-///
-/// # Errors
-/// [`TargetError`].
+/// `Ok` for these kinds, but no motion with an effort: for a device with loops of its own.
 pub(crate) fn without_effort(kinds: TargetSet, target: &Target) -> Result<(), TargetError> {
     kinds.accepts(target)?;
     match target {
@@ -197,7 +182,7 @@ rc10_can::states!(
 );
 
 impl Target {
-    /// Its kind.
+    /// The kind of target.
     pub const fn kind(&self) -> TargetKind {
         match self {
             Self::Coast => TargetKind::Coast,
@@ -263,9 +248,6 @@ impl TargetSet {
     }
 
     /// `Ok` if the target's kind is among these and its numbers are finite.
-    ///
-    /// # Errors
-    /// [`TargetError`], saying which of both is wrong.
     pub const fn accepts(self, target: &Target) -> Result<(), TargetError> {
         if !self.contains(target.kind()) {
             Err(TargetError::Unsupported(target.kind()))
@@ -278,28 +260,17 @@ impl TargetSet {
 }
 
 /// Why a target was refused. The motor keeps the one it had.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum TargetError {
     /// This motor cannot do that.
+    #[error("this motor takes no {0:?} target")]
     Unsupported(TargetKind),
     /// A number in it is infinite or NaN.
+    #[error("the {0:?} target is infinite or NaN")]
     NotFinite(TargetKind),
     /// A number in it lies where the motor cannot go.
+    #[error("the {0:?} target lies where the motor cannot go")]
     OutOfRange(TargetKind),
 }
-
-impl fmt::Display for TargetError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unsupported(kind) => write!(f, "this motor takes no {kind:?} target"),
-            Self::NotFinite(kind) => write!(f, "the {kind:?} target is infinite or NaN"),
-            Self::OutOfRange(kind) => {
-                write!(f, "the {kind:?} target lies where the motor cannot go")
-            }
-        }
-    }
-}
-
-impl core::error::Error for TargetError {}

@@ -32,7 +32,7 @@ fn exact(raw: u16) -> IdPattern {
     IdPattern::exact(id(raw))
 }
 
-/// What the dummy with this number says of itself: [`Told`] has the bytes.
+/// The identifiers of the dummy with this number: [`Told`] has the bytes.
 fn says(number: u16, byte: u8) -> CanFrame {
     CanFrame::data_frame(id(number), &[byte]).unwrap()
 }
@@ -48,9 +48,9 @@ struct Told {
     /// Whether it does what is requested without asking its device.
     at_once: bool,
     ticks: Seen<Vec<Tick>>,
-    /// What was known of its link as its frames came.
+    /// The link as its frames came.
     links: Seen<Vec<Link>>,
-    /// What it will say of a request that waits for the device.
+    /// The outcome that it will tell of a request that waits for the device.
     response: Seen<Option<Outcome>>,
 }
 
@@ -416,8 +416,8 @@ fn refusals_and_strangers_are_counted() {
     let mut bus = MotorBus::new(&switch);
     let motor = bus.attach(&mut motor, Safety::COAST).unwrap();
     assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());
-    let nobody = bus.command(nth(5), Target::Coast, Micros::ZERO);
-    assert_eq!(nobody, Err(CommandError::NoSuchMotor));
+    let missing = bus.command(nth(5), Target::Coast, Micros::ZERO);
+    assert_eq!(missing, Err(CommandError::NoSuchMotor));
     let stranger = CanFrame::data_frame(id(0x55), &[]).unwrap();
     assert_eq!(bus.on_frame(&stranger, Micros::ZERO), Dispatch::Unclaimed);
     let wrong = Dispatch::Malformed(motor, FrameError::Length);
@@ -577,6 +577,6 @@ fn a_jog_ends_in_time_and_by_everything_that_matters_more() {
     assert_eq!(turn(&mut bus, 172, Some(5.0), 0), (off, Some(Err(RequestError::Busy))));
     assert_eq!(turn(&mut bus, 230, Some(5.0), 0), (run, DONE));
     assert_eq!(bus.status(nth(0), Micros::from_millis(230)).unwrap().counters.expired, 0);
-    // A speed that is none.
+    // An invalid speed.
     assert_eq!(turn(&mut bus, 231, Some(f32::NAN), 0), (off, Some(Err(RequestError::Unsupported))));
 }

@@ -45,7 +45,7 @@ fn spring_after(ticks: u32, servo: &mut Servo, shaft: &Shaft) -> Spring {
     *servo.spring().expect("a spring drives")
 }
 
-/// What the device makes of it.
+/// The torque that the device makes of a spring.
 fn torque(spring: &Spring, rpm: f32) -> f32 {
     let slip = (spring.speed.get() - rpm) * core::f32::consts::TAU / 60.0;
     spring.kp * spring.way.get().to_radians() + spring.kd * slip + spring.torque

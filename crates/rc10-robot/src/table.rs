@@ -40,8 +40,8 @@ const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
 /// An M3508's loops with an integral that is firmer than a bare motor's: it also learns the load.
 const LOADED: Cascade = Cascade { speed: PidConfig::new(0.4, 4.0, 0.0, 20.0), ..M3508.cascade };
 
-/// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
-/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
+/// The current that a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and
+/// rotor are 0.0052 kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
 const ROLLING: FeedForward =
     FeedForward { friction: 0.5, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
@@ -56,7 +56,8 @@ const fn lift(label: &'static str, config: Config) -> Entry<Config> {
     Entry::new(label, Bus(3), config.with_cascade(cascade)).with_safety(Safety::HOLD)
 }
 
-/// What a shaft of the lift takes, in A: 1 N m of weight and 0.0137 kg m², by an M3508's 0.3 N m/A.
+/// The current that a shaft of the lift takes, in A: 1 N m of weight and 0.0137 kg m², by an
+/// M3508's 0.3 N m/A.
 const LIFTING: FeedForward = FeedForward {
     friction: 0.33,
     speed: 0.0009,

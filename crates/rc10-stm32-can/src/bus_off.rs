@@ -1,16 +1,15 @@
 /// Tells from bxCAN's registers whether it is off the bus.
 ///
-/// On the way back from bus-off `BOFF` stays set until the end, so `BOFF` alone does not tell a
-/// controller that comes back from one that waits. `ERRI`, with `BOFIE` as the only enabled cause,
-/// tells that it went off again.
+/// `BOFF` stays set until the end of the way back: `ERRI`, with `BOFIE` as its only cause, tells
+/// that the controller went off again.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BusOff {
-    /// It was restarted, and was not seen off the way back since.
+    /// Whether it was restarted, and was not seen off the way back since.
     returning: bool,
 }
 
 impl BusOff {
-    /// Of a controller that was just reset.
+    /// The state of a controller that was just reset.
     #[must_use]
     pub const fn new() -> Self {
         Self { returning: false }
@@ -21,8 +20,7 @@ impl BusOff {
         self.returning = true;
     }
 
-    /// Whether it is off, and not on its way back; `off` is `BOFF`, and `fell` is `ERRI`, which is
-    /// cleared each time it is read.
+    /// Whether it is off, and not on its way back; `off` is `BOFF`, `fell` is `ERRI`, read once.
     pub const fn is_off(&mut self, off: bool, fell: bool) -> bool {
         self.returning &= off && !fell;
         off && !self.returning

@@ -1,5 +1,4 @@
-//! bxCAN (RM0090, bxCAN chapter): F4, F7, F3, L4 and other chips whose pins have alternate functions;
-//! not the F1, which remaps them.
+//! bxCAN (RM0090): F4, F7, F3, L4 and others with alternate functions; not F1, which remaps.
 
 use core::marker::PhantomData;
 
@@ -28,7 +27,7 @@ const LONGEST_JUMP: u16 = 4;
 
 /// A bus, as [`bxcan_bus`](crate::bxcan_bus) declares it.
 pub trait Bus: 'static {
-    /// Its peripheral.
+    /// The peripheral.
     type Peripheral: Instance;
 
     #[doc(hidden)]
@@ -38,8 +37,7 @@ pub trait Bus: 'static {
     fn shared() -> &'static Shared<BxCan>;
 }
 
-/// Declares a bus: a type for [`start`](crate::bxcan::start) and
-/// [`InterruptHandler`](crate::bxcan::InterruptHandler), and the place where its driver stands.
+/// Declares a bus for [`start`](crate::bxcan::start) and its handler, and its driver's place.
 ///
 /// `bxcan_bus!(Drive on CAN1);` is one with filters of its own. CAN2 has its filters in CAN1, which
 /// must be started first: `bxcan_bus!(Turret on CAN2, filters of CAN1);`. Start all buses before
@@ -82,14 +80,9 @@ impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
     }
 }
 
-/// Starts a bus at a bit rate; it lets all frames in. The pins are checked against the peripheral
-/// when this is compiled.
+/// Starts a bus at a bit rate, for all frames. Pins are checked when this is compiled.
 ///
-/// Set the priority of its two interrupts above that of everything that takes longer than the three
-/// shortest frames, 140 µs at 1 Mbit/s.
-///
-/// # Errors
-/// [`StartError`].
+/// Give its interrupts priority over all that takes longer than 140 µs, three frames.
 pub fn start<B: Bus>(
     _peripheral: Peri<'static, B::Peripheral>,
     receive: Peri<'static, impl RxPin<B::Peripheral>>,
@@ -141,9 +134,7 @@ impl BxCan {
         can.mcr().modify(|w| {
             w.set_sleep(false);
             w.set_inrq(true);
-            // It is set by a reset. While a debugger holds the core, the controller goes on, as the
-            // FDCAN of a G4 does: it acknowledges the ESCs' frames, and sends what is in its
-            // mailboxes.
+            // Set by a reset: under a debugger the controller goes on.
             w.set_dbf(false);
         });
         let is_ready = || {
@@ -160,8 +151,7 @@ impl BxCan {
             w.set_ts(1, byte(timing.after - 1));
             w.set_sjw(byte(timing.after.min(LONGEST_JUMP) - 1));
         });
-        // All else in MCR is zero after the reset, and right: mailboxes go by identifier, frames are
-        // sent again until acknowledged, and it stays off after bus-off.
+        // Zero is right for all else in MCR: mailboxes by identifier, repeated frames, bus-off.
         FILTERS.lock(|()| self.open_filters());
         can.ier().write(|w| {
             w.set_tmeie(true);
@@ -289,8 +279,7 @@ impl Hardware for BxCan {
 
     fn restart(&mut self) -> bool {
         let can = self.registers;
-        // RM0090: software has it enter and leave initialization mode; then it counts by itself. It
-        // enters when the frame that others are sending is over: until then the request stays.
+        // RM0090: software enters initialization mode, after the frame of others; then it counts.
         can.mcr().modify(|w| w.set_inrq(true));
         if !wait_briefly(|| can.msr().read().inak()) {
             return false;

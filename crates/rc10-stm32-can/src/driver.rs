@@ -8,15 +8,13 @@ use crate::hardware::{Ended, Hardware, MAILBOXES};
 
 /// Unsent frames at most, those in the mailboxes included: one frame a stream.
 pub const TRANSMIT_QUEUE: usize = 24;
-/// Received frames that wait for the task: 3 ms of the shortest frames, 7 ms of frames of eight
-/// bytes, of a full bus at 1 Mbit/s.
+/// Received frames that wait: 3 ms of the shortest, 7 ms of eight bytes, at 1 Mbit/s.
 pub const RECEIVE_QUEUE: usize = 64;
 
 /// A controller, the frames that wait for it, and those that wait for the task.
 ///
-/// The most urgent of the unsent frames are in the mailboxes, the others here. A mailbox whose frame
-/// is less urgent than one that waits here is emptied for it. So frames leave in the order of
-/// arbitration, by streams: of each stream the newest frame only.
+/// The most urgent unsent frames are in mailboxes, emptied for more urgent ones that wait here:
+/// frames leave in the order of arbitration, the newest of each stream.
 pub struct Driver<H> {
     hardware: H,
     mailboxes: [Option<Loaded>; MAILBOXES],
@@ -30,15 +28,14 @@ pub struct Driver<H> {
 /// Whether the controller takes part in the bus.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Presence {
-    /// It does, or is on its way back.
+    /// The controller takes part, or is on its way back.
     On,
-    /// It has left, and has not been told to go back.
+    /// The controller has left, and has not been told to go back.
     Off,
-    /// It has left, and has not begun the way back that was asked for.
+    /// The controller has left, and has not begun the way back that was asked for.
     Asked,
 }
 
-/// A frame in a mailbox of the hardware.
 #[derive(Clone, Copy)]
 struct Loaded {
     queued: Queued,
@@ -47,13 +44,13 @@ struct Loaded {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Purpose {
-    /// It is to be sent.
+    /// The frame is to be sent.
     Send,
-    /// It is being aborted to make room for a more urgent one; then it waits again.
+    /// The frame is being aborted to make room for a more urgent one; then it waits again.
     MakeRoom,
-    /// It is being aborted: there is a newer one of its stream.
+    /// The frame is being aborted: there is a newer one of its stream.
     Superseded,
-    /// It is being aborted: nothing of it is wanted any more.
+    /// The frame is being aborted: nothing of it is wanted any more.
     Cancelled,
 }
 
@@ -65,7 +62,7 @@ impl Loaded {
 }
 
 impl<H: Hardware> Driver<H> {
-    /// Of a controller that was just started, with empty mailboxes.
+    /// The driver of a controller that was just started, with empty mailboxes.
     pub const fn new(hardware: H) -> Self {
         Self {
             hardware,
@@ -76,11 +73,6 @@ impl<H: Hardware> Driver<H> {
             unreplaced: 0,
             presence: Presence::On,
         }
-    }
-
-    /// The controller.
-    pub const fn hardware(&mut self) -> &mut H {
-        &mut self.hardware
     }
 
     /// For each interrupt of the controller: takes what was received, and fills the mailboxes.
@@ -99,8 +91,7 @@ impl<H: Hardware> Driver<H> {
         self.fill();
     }
 
-    /// As [`CanPort::receive`](rc10_can::CanPort::receive). The arrival time is the time at which
-    /// the frame was taken from the hardware.
+    /// The next frame and its time in hardware: [`CanPort::receive`](rc10_can::CanPort::receive).
     pub fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         if self.received.is_empty() {
             // Also where interrupts are masked, or come too late.
@@ -109,8 +100,8 @@ impl<H: Hardware> Driver<H> {
         self.received.pop_front()
     }
 
-    /// As [`CanPort::submit_as`](rc10_can::CanPort::submit_as). A frame that is on the wire cannot
-    /// be replaced any more: then the answer is [`Submitted::Queued`], and the newer one follows.
+    /// Takes a frame: [`CanPort::submit_as`](rc10_can::CanPort::submit_as). One on the wire is not
+    /// replaced: the answer is [`Submitted::Queued`], and the newer one follows.
     pub fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
         if self.presence != Presence::On {
             return Submitted::Refused;
@@ -129,8 +120,8 @@ impl<H: Hardware> Driver<H> {
         if aborted == Some(Ended::Aborted) { Submitted::Replaced } else { submitted }
     }
 
-    /// As [`CanPort::cancel_pending`](rc10_can::CanPort::cancel_pending). A frame that is on the
-    /// wire is not repeated if it fails, and not among those that it says.
+    /// Drops frames, for [`CanPort::cancel_pending`](rc10_can::CanPort::cancel_pending). A frame
+    /// that is on the wire is not repeated if it fails, and not among those that it says.
     pub fn cancel_pending(&mut self) -> u8 {
         self.settle_all();
         let mut cancelled = self.waiting.clear();
@@ -144,7 +135,7 @@ impl<H: Hardware> Driver<H> {
         cancelled
     }
 
-    /// As [`CanPort::health`](rc10_can::CanPort::health).
+    /// The health, for [`CanPort::health`](rc10_can::CanPort::health).
     pub fn health(&mut self) -> Health {
         let errors = self.hardware.errors();
         self.health.state = errors.state;
@@ -156,19 +147,18 @@ impl<H: Hardware> Driver<H> {
         self.health
     }
 
-    /// Frames that left although a newer one of their stream was there already: they were on the
-    /// wire, where no hardware takes them back.
+    /// Frames that left, on the wire already, although a newer one of their stream was there.
     pub const fn unreplaced(&self) -> u32 {
         self.unreplaced
     }
 
-    /// As [`CanPort::accept`](rc10_can::CanPort::accept).
+    /// Sets the filters, for [`CanPort::accept`](rc10_can::CanPort::accept).
     pub fn accept(&mut self, patterns: &[IdPattern]) {
         self.hardware.accept(patterns);
     }
 
-    /// As [`CanPort::recover`](rc10_can::CanPort::recover). A controller that cannot begin at once
-    /// is asked again by [`serve`](Self::serve); until it has begun, frames are refused.
+    /// Goes back: [`CanPort::recover`](rc10_can::CanPort::recover). If it cannot begin,
+    /// [`serve`](Self::serve) asks again, and frames are refused.
     pub fn recover(&mut self) {
         if self.presence != Presence::On {
             self.take_received();
@@ -177,7 +167,7 @@ impl<H: Hardware> Driver<H> {
         }
     }
 
-    /// What was received must have been taken.
+    /// Received frames must have been taken before.
     #[cold]
     fn go_back(&mut self) {
         self.presence = if self.hardware.restart() { Presence::On } else { Presence::Asked };
@@ -204,7 +194,6 @@ impl<H: Hardware> Driver<H> {
         self.cancel_pending();
     }
 
-    /// Frames that are still to be sent.
     fn unsent(&self) -> usize {
         let loaded = self.mailboxes.iter().flatten().filter(|loaded| loaded.is_wanted());
         self.waiting.len() + loaded.count()
@@ -245,9 +234,8 @@ impl<H: Hardware> Driver<H> {
         Some(ended)
     }
 
-    /// Loads the most urgent of the frames that wait, but none while an older one of its stream or its identifier is in a
-    /// mailbox: that may be aborted, and not know yet. Of equal identifiers the lower mailbox leaves first, whichever
-    /// is newer.
+    /// Loads the most urgent waiting frames, but none with an older one of its stream or identifier
+    /// in a mailbox: of equal identifiers the lower mailbox leaves first.
     fn fill(&mut self) {
         while let Some(next) = self.waiting.peek_if(may_leave(&self.mailboxes)).copied() {
             let mailbox = match self.mailboxes.iter().position(Option::is_none) {
@@ -265,8 +253,7 @@ impl<H: Hardware> Driver<H> {
         }
     }
 
-    /// All mailboxes are taken: empties the one with the least urgent frame, if that is less urgent
-    /// than `next`. Which one is free, if it is at once.
+    /// Empties the mailbox of the least urgent frame, if less than `next`; which is free at once.
     fn make_room(&mut self, next: &Queued) -> Option<usize> {
         let loaded = || self.mailboxes.iter().flatten();
         if loaded().any(|loaded| loaded.purpose != Purpose::Send) {
@@ -297,8 +284,7 @@ fn may_leave(mailboxes: &[Option<Loaded>; MAILBOXES]) -> impl Fn(&Queued) -> boo
     }
 }
 
-/// Lowest leaves first. `Id`'s order is arbitration order; a data frame goes before a remote one of
-/// the same id.
+/// Lowest leaves first: `Id`'s order; data before remote of the same id.
 fn urgency(queued: &Queued) -> (Id, bool) {
     (queued.frame.id(), queued.frame.is_remote())
 }

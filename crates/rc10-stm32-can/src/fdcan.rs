@@ -1,5 +1,4 @@
-//! The small FDCAN (RM0440, FDCAN chapter), whose message RAM has a fixed layout: G4, H5, L5, U5
-//! and other chips; not the H7, for which `rc10-bsp` is.
+//! The small FDCAN (RM0440) of fixed layout: G4, H5, L5, U5 and others; H7: `rc10-bsp`.
 
 use core::marker::PhantomData;
 
@@ -29,7 +28,7 @@ const BUFFERS: u32 = (1 << MAILBOXES) - 1;
 
 /// A bus, as [`fdcan_bus`](crate::fdcan_bus) declares it.
 pub trait Bus: 'static {
-    /// Its peripheral.
+    /// The peripheral.
     type Peripheral: Instance;
 
     #[doc(hidden)]
@@ -85,15 +84,10 @@ impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
     }
 }
 
-/// Starts a bus at a bit rate; it lets all frames in. The pins are checked against the peripheral
-/// when this is compiled. The kernel clock is what `rcc.mux.fdcansel` of embassy-stm32's
-/// configuration says; until it is set, the crystal.
+/// Starts a bus at a bit rate, for all frames. Pins are checked when this is compiled. The kernel
+/// clock is `rcc.mux.fdcansel`, by default the crystal.
 ///
-/// Set the priority of its interrupt above that of everything that takes longer than the three
-/// shortest frames, 140 µs at 1 Mbit/s.
-///
-/// # Errors
-/// [`StartError`].
+/// Give its interrupt priority over all that takes longer than 140 µs, three frames.
 pub fn start<B: Bus>(
     _peripheral: Peri<'static, B::Peripheral>,
     receive: Peri<'static, impl RxPin<B::Peripheral>>,
@@ -158,8 +152,7 @@ impl Fdcan {
             w.set_anfe(Anfe::REJECT);
         });
         self.accept(&[IdPattern::any_standard(), IdPattern::any_extended()]);
-        // Of the transmit buffers the most urgent frame leaves first. "The application may use
-        // TXBRP instead of the put index": so each buffer can be chosen.
+        // The most urgent frame leaves first; TXBRP lets each buffer be chosen.
         can.txbc().write(|w| w.set_tfqm(Tfqm::QUEUE));
         can.txbtie().write_value(Txbtie(BUFFERS));
         can.txbcie().write_value(Txbcie(BUFFERS));
@@ -175,8 +168,7 @@ impl Fdcan {
         Ok(())
     }
 
-    /// Takes part in the bus: after the configuration, and after bus-off, when the hardware itself
-    /// waits for the recessive bits that ISO 11898-1 asks for.
+    /// Takes part: after configuration, and after bus-off, with ISO 11898-1's recessive bits.
     fn go_on_bus(&self) {
         let can = self.registers;
         can.cccr().modify(|w| {
@@ -284,9 +276,8 @@ impl Hardware for Fdcan {
     }
 
     fn restart(&mut self) -> bool {
-        // RM0440, CCE: it resets TXBRP, TXBTO and TXBCF, so that nothing leaves that was cancelled
-        // while the controller was off. It resets RXF0S, too. INIT, which must be set before, is since
-        // bus-off.
+        // RM0440, CCE: it resets TXBRP, TXBTO and TXBCF, so that nothing cancelled leaves, and
+        // RXF0S. INIT, needed before, is set since bus-off.
         self.registers.cccr().modify(|w| w.set_cce(true));
         self.go_on_bus();
         true
@@ -301,8 +292,7 @@ impl Hardware for Fdcan {
         restricted
     }
 
-    /// Rewrites the filters, also of a controller on the bus, which reads them at any time: the first
-    /// of each size lets everything in while the others change, and changes last.
+    /// Rewrites the filters, also on the bus: the first of each size lets all in, and changes last.
     fn accept(&mut self, patterns: &[IdPattern]) {
         let mut standard = [0; STANDARD_FILTERS];
         let mut extended = [0; EXTENDED_FILTERS * EXTENDED_FILTER];

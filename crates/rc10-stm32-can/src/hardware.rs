@@ -3,12 +3,12 @@ use rc10_can::{BusError, CanFrame, ErrorState, IdPattern, Micros};
 /// Transmit mailboxes of a controller: bxCAN (RM0090) and the small FDCAN (RM0440) have three.
 pub const MAILBOXES: usize = 3;
 
-/// What became of a frame in a mailbox.
+/// The fate of a frame in a mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It was sent and acknowledged.
+    /// The frame was sent and acknowledged.
     Sent,
-    /// It was not sent, and will not be.
+    /// The frame was not sent, and will not be.
     Aborted,
 }
 
@@ -27,8 +27,7 @@ pub struct Errors {
 
 /// A CAN controller with three transmit mailboxes, numbered from 0. No method waits for the bus.
 ///
-/// Of the frames in its mailboxes it sends the most urgent one first (lowest in arbitration), and
-/// each until it is acknowledged. After bus-off it stays off until [`restart`](Self::restart).
+/// It sends the most urgent mailbox first, until acknowledged, and stays off after bus-off.
 pub trait Hardware {
     /// The time.
     fn now(&self) -> Micros;
@@ -39,12 +38,10 @@ pub trait Hardware {
     /// Writes a frame into a mailbox that is free, and requests that it is sent.
     fn load(&mut self, mailbox: usize, frame: &CanFrame);
 
-    /// Requests that the frame in a mailbox is not sent. From now on it is not started any more; one
-    /// that is on the wire goes on, and ends either way. [`ended`](Self::ended) tells how.
+    /// Requests that a frame is not sent; on the wire it goes on. [`ended`](Self::ended) tells how.
     fn abort(&mut self, mailbox: usize);
 
-    /// What became of the frame in a mailbox; `None` while it waits or is on the wire. Told once:
-    /// then the mailbox is free.
+    /// The fate of a mailbox's frame, told once; `None` while it waits or is on the wire.
     fn ended(&mut self, mailbox: usize) -> Option<Ended>;
 
     /// The oldest frame that was received.
@@ -53,25 +50,21 @@ pub trait Hardware {
     /// Whether received frames were lost since the last call, because there was no room for them.
     fn overrun(&mut self) -> bool;
 
-    /// Whether it is off the bus (its transmit error counter went above 255), and has not been
-    /// [restarted](Self::restart) since.
+    /// Whether it is off the bus, and was not [restarted](Self::restart) since.
     fn is_off(&mut self) -> bool;
 
     /// Error state and counters.
     fn errors(&mut self) -> Errors;
 
-    /// Begins the way back from bus-off, at the end of which it has seen 128 times 11 recessive
-    /// bits. Whether that was begun; if not, it is to be called again. What was received and not
-    /// taken may be lost.
+    /// Begins the way back, 128 times 11 recessive bits; whether it was begun, else call again.
+    /// Frames not taken yet may be lost.
     fn restart(&mut self) -> bool;
 
-    /// Whether the controller had put itself into restricted operation, in which it sends nothing;
-    /// if so it is sent back. Only FDCAN has that.
+    /// Whether FDCAN was in restricted operation, which sends nothing; it is sent back.
     fn leave_restricted(&mut self) -> bool {
         false
     }
 
-    /// Lets only these data frames in, or more where its filters do not suffice. Without a call it
-    /// lets everything in. A frame that is wanted before and after is not lost.
+    /// Lets only these frames in, or more; without a call all. A frame wanted throughout is kept.
     fn accept(&mut self, patterns: &[IdPattern]);
 }

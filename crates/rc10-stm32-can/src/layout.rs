@@ -1,5 +1,4 @@
-//! Frames and filters as bxCAN's registers hold them (RM0090, bxCAN chapter, `CAN_TIxR` and
-//! following, `CAN_RIxR` and following, `CAN_FiRx`).
+//! Frames and filters in bxCAN's registers (RM0090, `CAN_TIxR`, `CAN_RIxR`, `CAN_FiRx`).
 
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern};

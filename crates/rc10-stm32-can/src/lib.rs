@@ -1,12 +1,9 @@
-//! CAN ports for STM32 chips with bxCAN or the small FDCAN: what `rc10-bsp` is on an STM32H723, as
-//! far as that hardware goes.
+//! CAN ports for STM32 chips with bxCAN or the small FDCAN, like `rc10-bsp` on an STM32H723.
 //!
-//! * [`Driver`]: everything that is decided: which frame goes into which mailbox, what a newer frame
-//!   replaces, what is lost, bus-off. It knows no register and runs on a PC.
+//! * [`Driver`]: mailboxes, replaced and lost frames, bus-off; without registers, on a PC.
 //! * [`Hardware`]: what a controller with three transmit mailboxes does for it.
 //! * [`BusOff`]: what bxCAN's registers tell of bus-off.
-//! * [`Shared`] and [`Port`]: a driver that an interrupt and a task share; the port is an
-//!   [`rc10_can::CanPort`], for `rc10_motor::embassy::Runner`.
+//! * [`Shared`] and [`Port`]: a driver shared with its interrupt, as an [`rc10_can::CanPort`].
 //! * [`layout`]: frames and filters in bxCAN's registers; those of FDCAN are in [`rc10_can::m_can`].
 //! * `bxcan`, with the feature of that name: F4, F7, F3, L4. `fdcan`: G4, H5, L5, U5.
 //!
@@ -19,11 +16,10 @@
 //! let port = bxcan::start::<Drive>(p.CAN1, p.PD0, p.PD1, Irqs, 1_000_000)?;
 //! ```
 //!
-//! **Beside embassy-stm32's driver.** The pins, the clock and the interrupts are embassy's; the
-//! controller is set up here. `embassy_stm32::can::Can` and `CanConfigurator` are not used: their
-//! interrupt handlers must be bound, and they clear the flags by which one sees what became of a
-//! frame, stop the receive interrupt until a task reads, and bring the bus back by themselves after
-//! bus-off. `start` takes the peripheral, so there is no second driver on it.
+//! **Beside embassy-stm32's driver.** Pins, clock and interrupts are embassy's; the controller is
+//! set up here. `embassy_stm32::can::Can` and `CanConfigurator` are not used: their handlers clear
+//! flags that tell a frame's fate, stop the receive interrupt until a task reads, and come back
+//! from bus-off by themselves. `start` takes the peripheral.
 #![no_std]
 #![cfg_attr(not(any(feature = "bxcan", feature = "fdcan")), forbid(unsafe_code))]
 

@@ -7,8 +7,7 @@ use rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
 
 use crate::{Driver, Hardware};
 
-/// A [`Driver`] for an interrupt and a task: each has it in a critical section, for the few
-/// microseconds that its methods take.
+/// A [`Driver`] of an interrupt and a task, in critical sections of a few microseconds.
 pub struct Shared<H>(Mutex<CriticalSectionRawMutex, RefCell<Option<Driver<H>>>>);
 
 impl<H: Hardware> Shared<H> {
@@ -49,15 +48,12 @@ impl<H> fmt::Debug for Shared<H> {
 
 /// A [`CanPort`] on one controller.
 ///
-/// * **Received frames** are taken by the interrupt, and wait in a queue of
-///   [`RECEIVE_QUEUE`](crate::RECEIVE_QUEUE). Their arrival time is the interrupt's: later than the
-///   frame's end by as long as interrupts were masked. [`Health::receive_lost`] counts each frame
-///   that found the queue full, and each overrun of the hardware as one, because it does not say how
-///   many it cost.
-/// * **Sent frames**: see [`Driver`]. [`Submitted::Replaced`] means that the older frame did not
-///   leave and will not. Where it was on the wire already, or the hardware confirms the abort only
-///   later, the answer is [`Submitted::Queued`], and [`unreplaced`](Self::unreplaced) counts it if
-///   it was acknowledged.
+/// * **Received frames** wait in a queue of [`RECEIVE_QUEUE`](crate::RECEIVE_QUEUE). Their time is
+///   the interrupt's, late by masked interrupts. [`Health::receive_lost`] counts frames without
+///   room, and each overrun of the hardware as one.
+/// * **Sent frames**: see [`Driver`]. [`Submitted::Replaced`]: the older frame will not leave. If
+///   it was on the wire, or is aborted later, the answer is [`Submitted::Queued`], and
+///   [`unreplaced`](Self::unreplaced) counts it.
 /// * **After bus-off** what is unsent is taken back and counted ([`Health::transmit_lost`]), and new
 ///   frames are refused, until [`recover`](CanPort::recover).
 pub struct Port<H: 'static> {
@@ -65,8 +61,7 @@ pub struct Port<H: 'static> {
 }
 
 impl<H: Hardware> Port<H> {
-    /// Frames that left although a newer one of their stream was there already: see
-    /// [`Driver::unreplaced`].
+    /// Frames that left although a newer one was there: [`Driver::unreplaced`].
     #[must_use]
     pub fn unreplaced(&self) -> u32 {
         self.shared.with(|driver| driver.unreplaced()).unwrap_or_default()

@@ -1,37 +1,19 @@
-use core::fmt;
-
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
 use rc10_can::BitTimingError;
 
 /// Why a bus was not started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StartError {
     /// The controller's clock cannot make the bit rate.
-    BitTiming(BitTimingError),
-    /// The controller did not go into its configuration mode within 1000 reads of its register;
-    /// most likely it has no clock.
+    #[error(transparent)]
+    BitTiming(#[from] BitTimingError),
+    /// No configuration mode within 1000 reads; most likely the controller has no clock.
+    #[error("the CAN controller does not answer")]
     NoAnswer,
     /// bxCAN: the controller whose filters it shares was not started before.
+    #[error("the controller that has the filters starts first")]
     NoFilters,
 }
-
-impl From<BitTimingError> for StartError {
-    fn from(error: BitTimingError) -> Self {
-        Self::BitTiming(error)
-    }
-}
-
-impl fmt::Display for StartError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BitTiming(error) => error.fmt(f),
-            Self::NoAnswer => f.write_str("the CAN controller does not answer"),
-            Self::NoFilters => f.write_str("the controller that has the filters starts first"),
-        }
-    }
-}
-
-impl core::error::Error for StartError {}
 
 /// Reads of a register until the controller must have answered: tens of microseconds.
 const PATIENCE: u32 = 1000;
@@ -49,8 +31,7 @@ pub fn wait_briefly(mut is_so: impl FnMut() -> bool) -> bool {
     (0..BRIEF).any(|_| is_so())
 }
 
-/// Gives the pins to the controller, each with its alternate function. Only when it is reset: a
-/// transmit pin without a controller behind it could hold the bus low.
+/// Connects the pins, only after the reset: without a controller they could hold the bus.
 pub fn connect(receive: (Flex<'static>, u8), transmit: (Flex<'static>, u8)) {
     let (mut receive, function) = receive;
     // Pulled to recessive: a transceiver without supply would leave it to the noise.

@@ -467,7 +467,7 @@ fn each_policy_for_bus_off_is_kept() {
     }
 }
 
-/// What the examples' panic handlers count on: they only restart the chip.
+/// The property that the examples' panic handlers count on: they only restart the chip.
 #[test]
 fn a_robot_that_starts_sends_zeros_from_its_first_millisecond_on() {
     on_both(|_, bench| {

@@ -62,7 +62,8 @@ pub struct ArmingConfig {
     pub disarm: SwitchAt,
     /// Stops, if a switch is to do so.
     pub stop: Option<SwitchAt>,
-    /// What must be at rest for the robot to be armed: each stick and dial that moves something.
+    /// Controls that must be at rest for the robot to be armed: each stick and dial that moves
+    /// something.
     pub at_rest: &'static [Axis],
 }
 
@@ -313,7 +314,7 @@ struct Hand {
     since: Micros,
     /// The last zone that was steady; `None` while none is known to have been before.
     steady: Option<Zone>,
-    /// It went from one steady zone to another since the last stop.
+    /// Whether it went from one steady zone to another since the last stop.
     has_moved: bool,
 }
 
@@ -381,7 +382,7 @@ impl Arming {
         self.link
     }
 
-    /// What was not at rest when the switch was to arm, until the switch disarms.
+    /// The control that was not at rest when the switch was to arm, until the switch disarms.
     #[must_use]
     pub const fn refused(&self) -> Option<Axis> {
         self.refused

@@ -31,7 +31,7 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     pub remote_reception: Reception,
     /// State of the link to the remote control.
     pub remote_link: Latest<RemoteLink, 1>,
-    /// What was not at rest when the remote was to arm the robot.
+    /// The control that was not at rest when the remote was to arm the robot.
     pub not_at_rest: Latest<Option<Axis>, 1>,
     /// The newest target that a motor refused: which motor, and why.
     pub refused: Latest<(N, TargetError), 1>,
@@ -46,7 +46,7 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     pub heading: Latest<Heading, 1>,
     /// Whether the robot has an IMU, so that a heading is to come.
     pub has_imu: AtomicBool,
-    /// What is wrong with the IMU, in a few words behind that word, of a board that reads one.
+    /// The error of the IMU, in a few words behind that word, of a board that reads one.
     pub imu_trouble: Latest<Option<&'static str>, 1>,
     /// Counters of the IMU's frames or samples.
     pub imu_reception: Reception,

@@ -41,7 +41,7 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub buses: [BusSummary; BUSES],
     /// Status of each line.
     pub lines: [LineSummary; LINES],
-    /// What is wrong with the IMU, in a few words behind that word.
+    /// The error of the IMU, in a few words behind that word.
     pub imu_trouble: Option<&'static str>,
     /// The supply, of a board that measures it.
     pub supply: Option<Supply>,

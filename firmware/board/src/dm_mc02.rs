@@ -9,24 +9,26 @@ mod soldered;
 use embassy_stm32::peripherals::{
     ADC1, DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
     DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, EXTI0, EXTI14, EXTI15, FDCAN1, FDCAN2,
-    FDCAN3, IWDG1, PA0, PA2, PA7, PA11, PA12, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13,
-    PC14, PC15, PE0, PE9, PE13, PE14, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7,
-    USART1, USART2, USART3, USART10, USB_OTG_HS,
+    FDCAN3, IWDG1, PA0, PA2, PA7, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13, PC14, PC15,
+    PE0, PE9, PE13, PE14, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7, USART1, USART2,
+    USART3, USART10,
 };
 use embassy_stm32::{Peri, Peripherals, pac};
 use rc10_bsp::Crystal;
 use rc10_bsp::can::BusParts;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
 
+use crate::UsbParts;
+
 pub use soldered::{SETTLING, serve};
 
-/// Its name, as the tools know it.
+/// The board's name, as the tools know it.
 pub const NAME: &str = "dm-mc02";
 
-/// Its chip.
+/// The board's chip.
 pub const CHIP: &str = "STM32H723VG";
 
-/// Its crystal.
+/// The board's crystal.
 pub const CRYSTAL: Crystal = Crystal::new(24_000_000);
 
 /// The remote's socket is for DBUS and SBUS, with an NPN inverter before the pin.
@@ -58,7 +60,7 @@ pub struct Board {
     pub switches: SwitchParts,
     /// USB, as a device of full speed.
     pub usb: UsbParts,
-    /// What is soldered on, for [`serve`].
+    /// Soldered parts, for [`serve`].
     pub soldered: Soldered,
     /// A timer that drives no pin.
     pub supervisor: Peri<'static, TIM7>,
@@ -66,16 +68,15 @@ pub struct Board {
     pub watchdog: Peri<'static, IWDG1>,
 }
 
-/// TIM1, channels 1 and 3, and TIM5, channels 1 and 3. (TIM2, which the maker's examples use on PA0 and PA2, keeps the
-/// time.)
+/// TIM1 and TIM5, channels 1 and 3. (TIM2, the maker's for PA0 and PA2, keeps the time.)
 pub struct ServoParts {
-    /// It makes the pulses of the first two.
+    /// The timer of the first two.
     pub timer: Peri<'static, TIM1>,
     /// Channel 1.
     pub first: Peri<'static, PE9>,
     /// Channel 3.
     pub second: Peri<'static, PE13>,
-    /// It makes those of the other two.
+    /// The timer of the other two.
     pub other: Peri<'static, TIM5>,
     /// Channel 1.
     pub third: Peri<'static, PA0>,
@@ -91,17 +92,7 @@ pub struct SwitchParts {
     pub second: (Peri<'static, PE0>, Peri<'static, EXTI0>),
 }
 
-/// USB OTG HS with its own full-speed transceiver.
-pub struct UsbParts {
-    /// The controller.
-    pub peripheral: Peri<'static, USB_OTG_HS>,
-    /// D+.
-    pub plus: Peri<'static, PA12>,
-    /// D-.
-    pub minus: Peri<'static, PA11>,
-}
-
-/// What is soldered on and needs a program.
+/// Soldered parts that need a program.
 pub struct Soldered {
     outputs: OutputPins,
     imu: ImuParts,
@@ -112,8 +103,7 @@ pub struct Soldered {
     key: (Peri<'static, PA15>, Peri<'static, EXTI15>),
 }
 
-/// Those of [`Output::ALL`]: 1 kOhm pulls each switch down, so all are off until the program switches them on, and while
-/// the chip restarts.
+/// Those of [`Output::ALL`], pulled down by 1 kOhm: off until switched on, and in a restart.
 type OutputPins = (Peri<'static, PC14>, Peri<'static, PC13>, Peri<'static, PC15>);
 
 /// A BMI088 on SPI2, and its chip selects.
@@ -180,9 +170,8 @@ impl Board {
     }
 }
 
-/// The package has `PC2_C` and `PC3_C` only: pads of the ADC, which a switch in the chip connects to PC2 and PC3. It must be
-/// closed, which is zero (RM0468, `SYSCFG_PMCR`), for MISO and the gyroscope's chip select. It is so after a reset; who
-/// started this program may have opened it.
+/// The package has pads `PC2_C` and `PC3_C` only: the switch to PC2 and PC3, for MISO and a chip
+/// select, must be closed (zero, RM0468, `SYSCFG_PMCR`), as after a reset.
 fn close_analogue_switches() {
     pac::RCC.apb4enr().modify(|w| w.set_syscfgen(true));
     let _ = pac::RCC.apb4enr().read();

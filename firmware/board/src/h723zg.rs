@@ -1,16 +1,15 @@
 //! The board with the STM32H723ZG: its pins. Every pin is checked against its peripheral when this is compiled; so is
 //! every DMA stream, and that nothing is used twice. `docs/wiring.md` says the same for people.
 //!
-//! Sources: the team's `CubeMX` project for the STM32H723ZGT6 board has the CAN buses, USART1, the
-//! PPM input, the LED strip, USB, the crystal and the debug port. The rest is a proposal of ours: no
-//! pin of those, parts that belong together side by side.
+//! Sources: the team's `CubeMX` project for CAN, USART1, PPM, LED strip, USB, crystal and debug
+//! port; the rest is a proposal of ours.
 
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
     DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, EXTI2, EXTI3, FDCAN1,
-    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PA11, PA12, PC4, PC5, PC6, PC7, PD12,
-    PD13, PD14, PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, PG4, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13,
-    TIM23, TIM24, UART5, UART7, USART1, USART2, USART3, USART10, USB_OTG_HS,
+    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PC4, PC5, PC6, PC7, PD12, PD13, PD14,
+    PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, PG4, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13, TIM23,
+    TIM24, UART5, UART7, USART1, USART2, USART3, USART10,
 };
 use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::Crystal;
@@ -19,22 +18,21 @@ use rc10_bsp::serial::{ReceiverParts, SerialParts};
 use rc10_motor::Names;
 use rc10_tasks::Common;
 
-use crate::Output;
+use crate::{Output, UsbParts};
 
-/// Its name, as the tools know it.
+/// The board's name, as the tools know it.
 pub const NAME: &str = "h723zg";
 
-/// Its chip.
+/// The board's chip.
 pub const CHIP: &str = "STM32H723ZG";
 
-/// Its crystal.
+/// The board's crystal.
 pub const CRYSTAL: Crystal = Crystal::new(25_000_000);
 
-/// Whether there is an inverter between the remote's receiver and the pin, as on boards with a DBUS
-/// socket. Here the UART inverts, where the receiver needs it.
+/// Whether the board inverts the remote's receiver, as for a DBUS socket. Here the UART does.
 pub const REMOTE_HAS_INVERTER: bool = false;
 
-/// What is soldered on and needs a program: nothing.
+/// Soldered parts that need a program: this board has none.
 pub struct Soldered;
 
 /// Serves what is soldered on.
@@ -47,8 +45,7 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
 
 /// The board's parts, by what they are for.
 pub struct Board {
-    /// FDCAN1: receive PD0, transmit PD1. If the transceiver has a standby pin that is wired to the
-    /// chip, [`BusParts::with_standby`] drives it.
+    /// FDCAN1: receive PD0, transmit PD1. [`BusParts::with_standby`] drives a standby pin.
     pub bus_1: BusParts<FDCAN1>,
     /// FDCAN2: receive PB12, transmit PB13.
     pub bus_2: BusParts<FDCAN2>,
@@ -96,7 +93,7 @@ pub struct Board {
 
 /// TIM13, channel 1.
 pub struct PulseParts {
-    /// It notes when the pin rises.
+    /// The timer that notes when the pin rises.
     pub timer: Peri<'static, TIM13>,
     /// The pulses.
     pub pin: Peri<'static, PF8>,
@@ -104,11 +101,11 @@ pub struct PulseParts {
 
 /// TIM23, channel 4. (The team's C project uses TIM14 on this pin, which cannot ask a DMA.)
 pub struct StripParts {
-    /// It makes the pulses.
+    /// The timer that makes the pulses.
     pub timer: Peri<'static, TIM23>,
     /// The strip's data.
     pub pin: Peri<'static, PF9>,
-    /// It brings their widths.
+    /// The stream that brings their widths.
     pub stream: Peri<'static, DMA1_CH7>,
 }
 
@@ -148,7 +145,7 @@ pub struct I2cParts {
 
 /// TIM4, channels 1 to 4.
 pub struct ServoParts {
-    /// It makes the pulses.
+    /// The timer that makes the pulses.
     pub timer: Peri<'static, TIM4>,
     /// Channel 1.
     pub first: Peri<'static, PD12>,
@@ -162,7 +159,7 @@ pub struct ServoParts {
 
 /// TIM24, channel 1.
 pub struct CaptureParts {
-    /// It notes the edges.
+    /// The timer that notes the edges.
     pub timer: Peri<'static, TIM24>,
     /// The pulse.
     pub pin: Peri<'static, PF11>,
@@ -172,11 +169,11 @@ pub struct CaptureParts {
 pub struct EncoderParts {
     /// Counts in 16 bits.
     pub short: Peri<'static, TIM3>,
-    /// Its tracks A and B.
+    /// Tracks A and B of the short counter.
     pub short_tracks: (Peri<'static, PC6>, Peri<'static, PC7>),
     /// Counts in 32 bits.
     pub long: Peri<'static, TIM5>,
-    /// Its tracks A and B.
+    /// Tracks A and B of the long counter.
     pub long_tracks: (Peri<'static, PA0>, Peri<'static, PA1>),
 }
 
@@ -186,16 +183,6 @@ pub struct SwitchParts {
     pub first: (Peri<'static, PG2>, Peri<'static, EXTI2>),
     /// The second switch.
     pub second: (Peri<'static, PG3>, Peri<'static, EXTI3>),
-}
-
-/// USB OTG HS with its own full-speed transceiver.
-pub struct UsbParts {
-    /// The controller.
-    pub peripheral: Peri<'static, USB_OTG_HS>,
-    /// D+.
-    pub plus: Peri<'static, PA12>,
-    /// D-.
-    pub minus: Peri<'static, PA11>,
 }
 
 impl Board {

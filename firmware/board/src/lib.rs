@@ -6,12 +6,10 @@
 //! | `dm-mc02` | Damiao DM-MC02: `docs/dm-mc02.md` | STM32H723VG | 24 MHz |
 //!
 //! * [`robot!`]: the whole program, of a robot and its tasks.
-//! * [`board`](mod@board): the pins, by what they are for, the crystal, and what is soldered on. [`robot`](mod@robot): what
-//!   every robot does on them; a program that needs more than [`robot!`] has calls it by itself, as that of
-//!   `rc10-robot` does.
+//! * [`board`](mod@board): pins, crystal, soldered parts. [`robot`](mod@robot): every robot's work
+//!   on them, for programs that need more than [`robot!`], as that of `rc10-robot`.
 //!
-//! The memory map comes with this crate. What a program's own package must have besides stands in its
-//! `.cargo/config.toml`; without it nothing is compiled, and the error says what is missing.
+//! The memory map comes with this crate; the rest is in a program's `.cargo/config.toml`.
 #![no_std]
 
 #[cfg(feature = "dm-mc02")]
@@ -22,11 +20,24 @@ mod note;
 mod program;
 pub mod robot;
 
+use embassy_stm32::Peri;
+use embassy_stm32::peripherals::{PA11, PA12, USB_OTG_HS};
+
 /// The board of this program.
 #[cfg(feature = "dm-mc02")]
 pub use dm_mc02 as board;
 #[cfg(feature = "h723zg")]
 pub use h723zg as board;
+
+/// USB OTG HS with its own full-speed transceiver.
+pub struct UsbParts {
+    /// The controller.
+    pub peripheral: Peri<'static, USB_OTG_HS>,
+    /// D+.
+    pub plus: Peri<'static, PA12>,
+    /// D-.
+    pub minus: Peri<'static, PA11>,
+}
 
 /// An output of supply that the program switches, of a board that has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,4 @@
-//! What a program's file says of the board that it is for. It takes no memory of the chip: tools read it in the
-//! ELF file, section `.rc10.board`, and the emulator takes that board.
+//! A note of its board in a program's ELF file, section `.rc10.board`, for tools and emulator.
 
 use crate::board::{CHIP, CRYSTAL, NAME};
 

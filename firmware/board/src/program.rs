@@ -13,8 +13,7 @@
 /// }
 /// ```
 ///
-/// Of a board with outputs of supply that are switched, all are switched on when everything else runs; or these only:
-/// `outputs: [First];` behind the console. A board without such outputs takes no notice of it.
+/// `outputs: [First];` behind the console switches on these outputs only, of a board that has them.
 ///
 /// Switches to ground, at the board's part `switches`, are further arguments of the tasks, one or two:
 /// `tasks: |shared, index| task::run(shared, index);`. Each is an `InputPin` with a pull-up, low while it is closed.
@@ -26,7 +25,7 @@
 /// The robot's crate has `Ports`, `Motors` and `table::{BUSES, RECEIVER}`, as `rc10_motor::motors!` and its
 /// table make them, and `Shared`, which is [`rc10_tasks::Common`] or dereferences to it.
 ///
-/// What runs, most urgent first:
+/// Tasks that run, most urgent first:
 ///
 /// | priority | what | when it stands still |
 /// |---|---|---|
@@ -230,7 +229,7 @@ macro_rules! start_imu {
     };
 }
 
-/// Its IMU is soldered on.
+/// The robot, whose IMU is soldered on.
 #[cfg(feature = "dm-mc02")]
 #[doc(hidden)]
 #[macro_export]

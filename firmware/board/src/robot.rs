@@ -1,6 +1,5 @@
-//! What the firmware of every robot does, whatever its motors: the first words of its log, its buses
-//! with what keeps them safe in a crash, its watchdog, its line of text, and what keeps it from
-//! starting.
+//! The work of every robot's firmware: its log's first words, its buses and their crash frames,
+//! watchdog, line of text, and what keeps it from starting.
 
 use core::fmt::Write as _;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -136,8 +135,7 @@ macro_rules! executor {
     };
 }
 
-/// The ports of buses and lines, made where they stay: all at once they would take 10 KiB of stack on
-/// their way.
+/// Ports of buses and lines, made in place: on their way they would take 10 KiB of stack.
 pub fn ports<N: Names, const BUSES: usize, const LINES: usize>(
     place: &'static StaticCell<Ports<N, BUSES, LINES>>,
 ) -> &'static Ports<N, BUSES, LINES> {
@@ -165,10 +163,8 @@ pub fn buses<const BUSES: usize>(
     places.each_ref().map(|place| place.init_with(|| MotorBus::new(switch)))
 }
 
-/// A bus with its motors. The frames that make them safe are stored before the first tick.
-///
-/// # Panics
-/// If there are more of those than a crash can send.
+/// A bus with its motors. The frames that make them safe are stored before the first tick: panics
+/// if they are more than a crash can send.
 fn runner(
     mut can: FdcanPort,
     motors: &'static mut MotorBus<'static>,
@@ -184,8 +180,7 @@ fn runner(
 
 /// Three buses: frames in, motors, frames out, every millisecond.
 ///
-/// One task, because setting a timer walks past those of all tasks. Not an `async fn`: that
-/// keeps a second copy of its arguments, 2 KiB a bus.
+/// One task: a timer walks past all tasks' timers. An `async fn` would keep 2 KiB a bus twice.
 #[embassy_executor::task]
 pub fn three_buses(
     ports: [FdcanPort; 3],
@@ -218,9 +213,6 @@ pub fn line(
 }
 
 /// The console, at `baud` bits a second: 921,600, which every USB adapter can, or 2,000,000.
-///
-/// # Errors
-/// If the UART cannot have its bit rate.
 pub fn console_port(
     parts: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
     interrupts: impl Binding<typelevel::USART1, serial::Interrupt<USART1>>
@@ -235,9 +227,6 @@ pub fn console_port(
 }
 
 /// The receiver of a remote control, if it speaks serially.
-///
-/// # Errors
-/// If it speaks in pulses, or the UART cannot have its bit rate.
 pub fn remote(
     parts: ReceiverParts<UART5, DMA1_CH2>,
     interrupts: impl Binding<typelevel::UART5, serial::Interrupt<UART5>>
@@ -282,8 +271,7 @@ pub async fn watch<N: Names, const BUSES: usize, const LINES: usize>(
     }
 }
 
-/// Everything that a robot does beside its own tasks: feeds the watchdog, tells its status, and serves
-/// its console.
+/// Everything beside its own tasks: feeds the watchdog, tells its status, serves its console.
 pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
     own: &dyn Live,
@@ -295,11 +283,9 @@ pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
     join3(watch, tell, console(shared, own, text.split(), quiet)).await;
 }
 
-/// Writes the status, ten times a second, as a line of text: to the console, unless a PC is there that
-/// speaks as [`rc10_link`](mod@rc10_tasks::live) does, and into the debug probe's buffer. Never faster,
-/// because writing there blocks interrupts; and the text is made before, so that they wait for a copy of
-/// it only, and written whole milliseconds after `quiet`, when no bus is about to send. The console is any
-/// port in its two halves.
+/// Writes the status as a line, ten times a second: to the console, unless a PC speaks there as
+/// [`rc10_link`](mod@rc10_tasks::live) does, and to the probe's buffer. That blocks interrupts: so
+/// no faster, of text made before, and whole milliseconds after `quiet`, when no bus sends.
 pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
     own: &dyn Live,
@@ -356,7 +342,7 @@ pub fn switch(pin: Peri<'static, impl Pin>) -> Input<'static> {
 
 /// Reasons why the robot cannot start: mistakes in the program, not on the board.
 pub enum Unstartable {
-    /// Its declaration.
+    /// The robot's declaration.
     Robot(SetupError),
     /// A number in its program.
     Config(ConfigError),

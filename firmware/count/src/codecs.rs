@@ -63,20 +63,17 @@ fn extended(id: u32, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(id, data)
 }
 
-type Packed<E> = Result<CanFrame, E>;
+type Packed = Result<CanFrame, vesc::NotANumber>;
+type Unpacked<T> = Result<T, FrameError>;
+type ForModule = (module::Request, module::Module, unitree::Address);
+type Mit = (damiao::DeviceId, damiao::Setpoint);
 
-codec!(
-    "count_1_codec_vesc_pack",
-    vesc_pack,
-    |command: (vesc::Command, vesc::VescId)| -> Packed<vesc::NotANumber> {
-        command.0.pack(command.1)
-    }
-);
-codec!(
-    "count_1_codec_vesc_unpack",
-    vesc_unpack,
-    |frame: CanFrame| -> Result<vesc::Reply, FrameError> { vesc::Reply::unpack(frame) }
-);
+codec!("count_1_codec_vesc_pack", vesc_pack, |to: (vesc::Command, vesc::VescId)| -> Packed {
+    to.0.pack(to.1)
+});
+codec!("count_1_codec_vesc_unpack", vesc_unpack, |frame: CanFrame| -> Unpacked<vesc::Reply> {
+    vesc::Reply::unpack(frame)
+});
 
 fn vescs() {
     use vesc::Command::{
@@ -108,18 +105,14 @@ codec!(
     line_unpack,
     |bytes: [u8; 16]| -> Result<line::Reply, line::ReplyError> { line::Reply::unpack(bytes) }
 );
-codec!("count_1_codec_unitree_module_pack", module_pack, |request: (
-    module::Request,
-    module::Module,
-    unitree::Address
-)|
- -> CanFrame {
+codec!("count_1_codec_unitree_module_pack", module_pack, |request: ForModule| -> CanFrame {
     request.0.pack(request.1, request.2)
 });
-codec!("count_1_codec_unitree_module_unpack", module_unpack, |frame: CanFrame| -> Result<
-    module::Reply,
-    FrameError,
-> { module::Reply::unpack(frame) });
+codec!(
+    "count_1_codec_unitree_module_unpack",
+    module_unpack,
+    |frame: CanFrame| -> Unpacked<module::Reply> { module::Reply::unpack(frame) }
+);
 codec!(
     "count_1_codec_unitree_scale_pack",
     scale_pack,
@@ -164,25 +157,20 @@ fn unitrees() {
 }
 
 const LIMITS: damiao::Limits = damiao::models::J4310.limits;
+const GEAR: damiao::Limits = cybergear::models::CYBERGEAR.limits;
 const SETPOINTS: [damiao::Setpoint; 3] = [
     damiao::Setpoint::COAST,
     damiao::Setpoint { position: 1.2, velocity: -3.0, kp: 20.0, kd: 1.5, torque: 0.7 },
     damiao::Setpoint { position: 99.0, velocity: 99.0, kp: 999.0, kd: 9.0, torque: -99.0 },
 ];
 
-codec!("count_1_codec_damiao_pack", damiao_pack, |command: (
-    damiao::DeviceId,
-    damiao::Setpoint
-)|
- -> CanFrame {
+codec!("count_1_codec_damiao_pack", damiao_pack, |command: Mit| -> CanFrame {
     damiao::wire::mit(command.0, &command.1, &LIMITS)
 });
 codec!(
     "count_1_codec_damiao_unpack",
     damiao_unpack,
-    |frame: CanFrame| -> Result<damiao::Feedback, FrameError> {
-        damiao::Feedback::unpack(frame, &LIMITS)
-    }
+    |frame: CanFrame| -> Unpacked<damiao::Feedback> { damiao::Feedback::unpack(frame, &LIMITS) }
 );
 
 fn damiaos() {
@@ -192,14 +180,13 @@ fn damiaos() {
 }
 
 codec!("count_1_codec_cybergear_pack", cybergear_pack, |setpoint: damiao::Setpoint| -> CanFrame {
-    cybergear::wire::motion(5, setpoint, &cybergear::models::CYBERGEAR.limits)
+    cybergear::wire::motion(5, setpoint, &GEAR)
 });
-codec!("count_1_codec_cybergear_unpack", cybergear_unpack, |frame: CanFrame| -> Result<
-    cybergear::Reply,
-    FrameError,
-> {
-    cybergear::Reply::unpack(frame, &cybergear::models::CYBERGEAR.limits)
-});
+codec!(
+    "count_1_codec_cybergear_unpack",
+    cybergear_unpack,
+    |frame: CanFrame| -> Unpacked<cybergear::Reply> { cybergear::Reply::unpack(frame, &GEAR) }
+);
 
 fn cybergears() {
     each(&SETPOINTS, cybergear_pack);
@@ -209,22 +196,16 @@ fn cybergears() {
 
 const DRIVE: lk::Model = lk::Model::mg(lk::EncoderBits::Sixteen);
 
-codec!(
-    "count_1_codec_lk_pack",
-    lk_pack,
-    |command: (lk::Command, lk::DriveId)| -> Packed<lk::NotANumber> {
-        command.0.pack(command.1, &DRIVE)
-    }
-);
+codec!("count_1_codec_lk_pack", lk_pack, |command: (lk::Command, lk::DriveId)| -> Packed {
+    command.0.pack(command.1, &DRIVE)
+});
 codec!("count_1_codec_lk_multi_pack", lk_multi_pack, |raw: [i16; 4]| -> CanFrame {
     lk::pack_multi_motor(*raw)
 });
 codec!(
     "count_1_codec_lk_unpack",
     lk_unpack,
-    |frame: (CanFrame, lk::DriveId)| -> Result<lk::Reply, FrameError> {
-        lk::Reply::from_frame(&frame.0, frame.1)
-    }
+    |it: (CanFrame, lk::DriveId)| -> Unpacked<lk::Reply> { lk::Reply::from_frame(&it.0, it.1) }
 );
 
 fn lks() {
@@ -245,18 +226,14 @@ fn lks() {
     each(&replies.map(|code| (standard(0x143, [code, 35, 1, 2, 3, 4, 5, 6]), id)), lk_unpack);
 }
 
-codec!(
-    "count_1_codec_odrive_pack",
-    odrive_pack,
-    |command: (odrive::Command, odrive::Node)| -> Packed<odrive::NotANumber> {
-        command.0.pack(command.1)
-    }
-);
+codec!("count_1_codec_odrive_pack", odrive_pack, |to: (odrive::Command, odrive::Node)| -> Packed {
+    to.0.pack(to.1)
+});
 codec!(
     "count_1_codec_odrive_unpack",
     odrive_unpack,
-    |frame: (CanFrame, odrive::Node)| -> Result<odrive::Message, FrameError> {
-        odrive::Message::from_frame(&frame.0, frame.1)
+    |it: (CanFrame, odrive::Node)| -> Unpacked<odrive::Message> {
+        odrive::Message::from_frame(&it.0, it.1)
     }
 );
 

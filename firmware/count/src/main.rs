@@ -1,11 +1,9 @@
-//! The program of `cargo xtask count`: the part of a bus that runs every millisecond, without
-//! executor, interrupts and peripherals.
+//! The program of `cargo xtask count`: a bus's millisecond, without executor and peripherals.
 //!
 //! Every function whose symbol is `count_<units>_<name>` is a measurement: the instructions from
 //! its call to its return, per call and per unit. `count_done` ends the run.
 //!
-//! It also takes the walks through rc10-app, and tells the hash of each by `walked`: a PC must have the
-//! same.
+//! It also tells the hash of each walk through rc10-app by `walked`: a PC must have the same.
 #![no_std]
 #![no_main]
 
@@ -87,8 +85,7 @@ fn measure(
         let input = black_box(Input::of(round));
         for motor in numbers {
             let Some(status) = bus.status(motor, input.now) else { cortex_m::asm::udf() };
-            // As fast as it turns, and as far ahead as asks for that speed: no loop is at its
-            // limit.
+            // As fast as it turns, and as far ahead as asks for that: no loop is at its limit.
             let speed = status.feedback.speed;
             let ahead = Degrees::new(status.feedback.angle.get() + speed.get() / 1.3);
             // A motor that is not heard yet takes it as well.
@@ -161,11 +158,11 @@ measured! {
     "count_8_motor_speed", speed_tick, everything
 }
 measured! {
-    /// As above with the angle loop before the speed loop.
+    /// The tick above with the angle loop before the speed loop.
     "count_8_motor_angle", angle_tick, everything
 }
 measured! {
-    /// As above without a loop.
+    /// The tick above without a loop.
     "count_8_motor_coasting", coasting_tick, everything
 }
 measured! {

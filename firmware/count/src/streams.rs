@@ -1,5 +1,4 @@
-//! Each serial protocol through a stream: good frames as a UART gives them, and garbage that takes
-//! the most work.
+//! Each serial protocol through a stream: good frames, and the most laborious garbage.
 
 use core::hint::black_box;
 
@@ -38,7 +37,7 @@ fn good<P: Protocol>(protocol: P, frames: &[&[u8]], receive: fn(&mut Stream<P>, 
         if stream.counters().frames as usize != frames.len() * (round + 1)
             || stream.counters().skipped != 0
         {
-            // A frame that is none.
+            // An invalid frame.
             cortex_m::asm::udf();
         }
     }

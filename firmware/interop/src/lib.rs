@@ -1,5 +1,4 @@
-//! RC10's motors without Embassy's executor and without RC10's drivers: a loop of one's own, on
-//! any driver that implements [`embedded_can::nb::Can`](nb::Can).
+//! RC10's motors without Embassy's executor and RC10's drivers, on any [`nb::Can`].
 //!
 //! The programs beside this library differ in nothing but the driver:
 //!
@@ -35,7 +34,7 @@ pub fn now() -> Micros {
 }
 
 impl Heartbeat {
-    /// Of a core that runs at `core_hz` (at most 16 GHz: the timer has 24 bits).
+    /// A heartbeat of a core that runs at `core_hz` (at most 16 GHz: the timer has 24 bits).
     #[must_use]
     pub fn start(mut timer: SYST, core_hz: u32) -> Self {
         timer.set_clock_source(SystClkSource::Core);
@@ -52,11 +51,7 @@ impl Heartbeat {
     }
 }
 
-/// Starts the chip for a driver on embassy-stm32's peripherals: clocks and the heartbeat. FDCAN runs
-/// from the crystal's 25 MHz, the core stays at the internal oscillator's 64 MHz.
-///
-/// # Panics
-/// If called twice.
+/// Starts the chip, once: heartbeat, FDCAN from the crystal's 25 MHz, the core from 64 MHz inside.
 #[must_use]
 pub fn start() -> (Peripherals, Heartbeat) {
     let Some(core) = cortex_m::Peripherals::take() else {

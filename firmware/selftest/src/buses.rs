@@ -39,8 +39,7 @@ pub async fn spi(parts: SpiParts) -> Outcome {
     let mut bus = DmaSpi::new(bus, dma_buffer!(u8; 20));
     let mut accelerometer = Output::new(parts.accelerometer, Level::High, Speed::Medium);
     let mut gyroscope = Output::new(parts.gyroscope, Level::High, Speed::Medium);
-    // The first transaction switches the accelerometer from I2C to SPI. One byte more than the
-    // register comes before its contents; not so the gyroscope.
+    // The first transaction switches the accelerometer to SPI; its register comes a byte later.
     let mut bytes = [CHIP_ID, 0, 0];
     for _ in 0..2 {
         bytes = [CHIP_ID, 0, 0];
@@ -66,7 +65,7 @@ const READ_ONLY: u8 = 0;
 /// one that holds the clock for ever, ..
 const SLEEPER: u8 = 0x51;
 /// .. and no node.
-const NOBODY: u8 = 0x22;
+const ABSENT: u8 = 0x22;
 
 /// Writes and reads, is refused, waits no longer than allowed, and frees a bus that is held.
 pub async fn i2c(parts: I2cParts) -> Outcome {
@@ -87,10 +86,10 @@ pub async fn i2c(parts: I2cParts) -> Outcome {
     want!(read == [2, 3, 4, 0], "read {read:?}");
     let recoveries = bus.recoveries();
     want!(recoveries == 0, "recovered {recoveries} times from nothing");
-    let refused = bus.write(NOBODY, &[0]).await;
-    want!(refused == Err(I2cError::NoAcknowledge), "nobody answered {refused:?}");
-    let refused = bus.read(NOBODY, &mut read[..1]).await;
-    want!(refused == Err(I2cError::NoAcknowledge), "nobody's byte is {refused:?}");
+    let refused = bus.write(ABSENT, &[0]).await;
+    want!(refused == Err(I2cError::NoAcknowledge), "without a device the answer is {refused:?}");
+    let refused = bus.read(ABSENT, &mut read[..1]).await;
+    want!(refused == Err(I2cError::NoAcknowledge), "a byte to no device is {refused:?}");
     // Of what comes behind a refused byte nothing gets into the next transaction.
     let refused = bus.write(DEVICE, &[READ_ONLY, 1, 2, 3]).await;
     want!(refused == Err(I2cError::NoAcknowledge), "wrote what is read-only: {refused:?}");
@@ -114,7 +113,7 @@ pub async fn i2c(parts: I2cParts) -> Outcome {
     want!(read[0] == 3, "read {} after recovery", read[0]);
     let recoveries = bus.recoveries() - before;
     want!(recoveries == 1, "recovered {recoveries} times");
-    // Errors of the bus that are none: one, and then two in a row.
+    // False errors of the bus: one, and then two in a row.
     defmt::info!("disturb the bus");
     embassy_time::Timer::after_millis(5).await;
     want!(bus.write(DEVICE, &[0x40, 7]).await == Ok(()), "a spurious error fails a transaction");

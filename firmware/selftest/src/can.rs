@@ -14,8 +14,7 @@ use crate::{say, want};
 /// Frames to send, one a millisecond.
 const FRAMES: u32 = 20;
 
-/// Only FDCAN2 is used, not FDCAN1, on which the clock of all three depends; the standby pin is
-/// high before the first frame leaves. Another node acknowledges, and sends too.
+/// FDCAN2 without FDCAN1, on which all clocks depend; standby is high before the first frame.
 pub async fn exchange(parts: BusParts<FDCAN2>, standby: Peri<'static, PG4>) -> Outcome {
     let mut port = Bus::start(parts.with_standby(standby, Level::High));
     // No motor takes it for a command.

@@ -1,8 +1,7 @@
 //! Drives every peripheral driver that the robot's firmware does not use, one after the other, and
 //! says what came of it: a line each, into the debug probe's buffer and on the line of text.
 //!
-//! It needs devices at the other end of the wires. `tests/firmware/selftest.rs` is that for the
-//! emulated chip; on a board it is what the table in `docs/wiring.md` says.
+//! It needs devices at its wires: `tests/firmware/selftest.rs`, or `docs/wiring.md`'s table.
 #![no_std]
 #![no_main]
 
@@ -55,7 +54,7 @@ bind_interrupts!(struct Irqs {
     EXTI3 => exti::InterruptHandler<embassy_stm32::interrupt::typelevel::EXTI3>;
 });
 
-/// Of all peripherals, as in the robot's firmware.
+/// Interrupt priority of all peripherals, like that of the robot's firmware.
 const PRIORITY: Priority = Priority::P7;
 
 #[embassy_executor::main]

@@ -11,9 +11,8 @@ use crate::{say, want};
 /// Number of refused accesses.
 static REFUSED: AtomicU32 = AtomicU32::new(0);
 
-// SAFETY: the name is what cortex-m-rt's vector table asks for. It goes on behind the refused
-// instruction, which `reads` makes one of four bytes: the program counter is the seventh word of what
-// the exception has pushed (ARMv7-M manual, B1.5.6). Thread mode uses the same stack.
+// SAFETY: cortex-m-rt's vector table asks for the name. It goes on behind the refused instruction,
+// of four bytes: pc is the seventh pushed word (ARMv7-M manual, B1.5.6), on Thread mode's stack.
 #[unsafe(export_name = "MemoryManagement")]
 #[unsafe(naked)]
 unsafe extern "C" fn skip() {
@@ -38,8 +37,7 @@ unsafe extern "C" fn skip() {
 /// Whether a word can be read.
 fn reads(address: u32) -> bool {
     let before = REFUSED.load(Ordering::Relaxed);
-    // SAFETY: a word of memory or of a register that reading does not change; if there is none, the
-    // handler above skips this.
+    // SAFETY: reading changes nothing here; without memory the handler above skips this.
     unsafe {
         core::arch::asm!(
             "ldr.w {word}, [{address}]",

@@ -62,8 +62,7 @@ const MARK: u8 = 0xA5;
 /// Frames that are sent.
 const FRAMES: u8 = 250;
 
-/// 100 kbaud, 8E2, inverted, and a line that is disturbed: behind every error the next frame
-/// arrives.
+/// 100 kbaud, 8E2, inverted, disturbed: behind every error the next frame arrives.
 pub async fn faults(parts: SerialParts<USART3, DMA1_CH3, DMA1_CH4>) -> Outcome {
     let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 16));
     let config = SerialConfig {

@@ -174,7 +174,7 @@ pub async fn pulses(parts: PulseParts) -> Outcome {
     // Without reads for a while: lost pulses are counted.
     Timer::after_millis(200).await;
     let lost = input.lost();
-    want!(lost > 0, "no edge was lost though nobody read");
+    want!(lost > 0, "no edge was lost without a reader");
     Ok(say!("{shortest} .. {longest} us apart, {lost} lost on purpose"))
 }
 

@@ -1,17 +1,16 @@
-use core::fmt;
-
 use crate::config::ConfigError;
 use crate::text::Text;
 use crate::transform::{Point, Robot};
 
 /// Why a list of wheels is no base. Wheels are counted from 0, as in the list.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{}", self.text())]
 pub enum BaseError {
     /// A number of a wheel that cannot be used.
     Wheel {
         /// The wheel.
         wheel: usize,
-        /// Its field.
+        /// The field of the wheel.
         error: ConfigError,
     },
     /// A number of the base that cannot be used.
@@ -26,8 +25,7 @@ pub enum BaseError {
         /// The wheels.
         wheels: [usize; 2],
     },
-    /// The wheels do not turn the base about this point, or turn it there only very fast for a
-    /// slow motion: no wheel has a lever.
+    /// The wheels do not turn the base about this point, or hardly: no wheel has a lever.
     CannotTurn {
         /// The point about which it turns freely.
         about: Point<Robot>,
@@ -40,8 +38,7 @@ pub enum BaseError {
 }
 
 impl BaseError {
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
-    #[must_use]
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     pub const fn text(&self) -> Text {
         let text = Text::new();
         match self {
@@ -74,12 +71,3 @@ impl BaseError {
 const fn point(text: Text, x: f32, y: f32) -> Text {
     text.push("(").push_float(x).push(", ").push_float(y).push(")")
 }
-
-/// `wheels 0 and 1 have no rollers and do not roll in parallel: they drag each other sideways`
-impl fmt::Display for BaseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text().fmt(f)
-    }
-}
-
-impl core::error::Error for BaseError {}

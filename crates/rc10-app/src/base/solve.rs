@@ -1,5 +1,4 @@
-//! The matrices of a base, solved where it is declared: `const`, in f64, so that an unsound base does
-//! not compile and the chip only multiplies.
+//! The matrices of a base, solved in `const` f64: an unsound base does not compile.
 
 use super::error::BaseError;
 use super::wheel::{Tread, Wheel};
@@ -7,14 +6,11 @@ use crate::config::{ConfigError, finite, positive};
 use crate::ok;
 use crate::transform::Point;
 
-/// Sine of the smallest angle between the rollers of a wheel and its axle: 5 degrees. Ours: there
-/// the rim is eleven times as fast as the ground; mecanum wheels have 45 degrees.
+/// Sine of the smallest angle of rollers to the axle, 5 degrees: the rim is eleven times as fast.
 const LEAST_GRIP: f64 = 0.087;
-/// Sine of the largest angle between plain wheels that count as parallel. Ours: 0.1 degrees, which
-/// is how well a base is built.
+/// Sine of the largest angle of plain wheels that count as parallel: 0.1 degrees, as built.
 const PARALLEL: f64 = 0.0018;
-/// Smallest eigenvalue of the normal matrix, in parts of its trace. Ours: below it a wheel speed
-/// that is off by 1 % makes a motion that is off by more than the motion itself.
+/// Smallest eigenvalue by trace: below, 1 % of a wheel speed is more than all of the motion.
 const SOUND: f64 = 1e-4;
 
 /// The matrices of a base, in m/s at the rims.
@@ -23,8 +19,7 @@ pub(super) struct Solution<const N: usize> {
     pub(super) inverse: [[f64; 3]; N],
     /// The twist that explains rim speeds best: the sum over the wheels of column times speed.
     pub(super) forward: [[f64; 3]; N],
-    /// The row of the sideways speed that plain wheels refuse, and the unit vector of it; zero
-    /// without plain wheels.
+    /// The row of the sideways speed that plain wheels refuse, and its unit vector; or zero.
     pub(super) refused: ([f64; 3], [f64; 2]),
 }
 
@@ -103,8 +98,7 @@ const fn size<const N: usize>(wheels: &[Wheel; N]) -> f64 {
 
 /// The plain wheels of a base: together they do not move along `e`, their axles.
 ///
-/// Two on one axle keep that exactly. Where they stand one behind the other, all slip when the base
-/// turns, and the middle of them is where that slip is least.
+/// Two on one axle keep that exactly; one behind the other slips least about the middle.
 struct Plain {
     is_there: bool,
     d: [f64; 2],
@@ -159,7 +153,7 @@ impl Plain {
         [self.d[0] * d + self.e[0] * e, self.d[1] * d + self.e[1] * e, turn]
     }
 
-    /// See [`Solution::refused`].
+    /// The row of [`Solution::refused`].
     const fn refused(&self) -> ([f64; 3], [f64; 2]) {
         if self.is_there {
             ([self.e[0], self.e[1], self.lever], self.e)
@@ -227,7 +221,7 @@ const fn plus_square(mut sum: [[f64; 3]; 3], row: [f64; 3]) -> [[f64; 3]; 3] {
     sum
 }
 
-/// Of a symmetric matrix: its inverse times its determinant.
+/// A symmetric matrix's inverse times its determinant.
 const fn adjugate(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let mut adjugate = [[0.0; 3]; 3];
     let mut at = 0;
@@ -259,37 +253,10 @@ pub(super) const fn sqrt(x: f64) -> f64 {
     root
 }
 
-/// Sine and cosine of an angle in degrees, within 1e-15 for angles of few turns; exact for multiples
-/// of a quarter turn, and so that opposite wheels are opposite.
-pub(super) const fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
-    let mut rest = degrees % 360.0;
-    let mut quarters = 0;
-    while rest > 45.0 {
-        (rest, quarters) = (rest - 90.0, quarters + 1);
-    }
-    while rest < -45.0 {
-        (rest, quarters) = (rest + 90.0, quarters + 3);
-    }
-    let x = rest * (core::f64::consts::PI / 180.0);
-    // Taylor's series: at π/4 the term of x^18 is 2e-18.
-    let (mut sin, mut cos, mut n) = (1.0, 1.0, 18.0);
-    while n > 0.0 {
-        cos = 1.0 - x * x / (n * (n - 1.0)) * cos;
-        sin = 1.0 - x * x / (n * (n + 1.0)) * sin;
-        n -= 2.0;
-    }
-    sin *= x;
-    match quarters % 4 {
-        0 => (sin, cos),
-        1 => (cos, -sin),
-        2 => (-sin, -cos),
-        _ => (-cos, sin),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::wheel::sin_cos_degrees;
 
     #[test]
     fn the_functions_of_const_are_those_of_std() {

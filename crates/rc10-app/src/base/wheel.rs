@@ -1,6 +1,5 @@
 //! One wheel of a base: where it stands, and how it touches the ground.
 
-use super::solve::sin_cos_degrees;
 use crate::transform::{Point, Robot};
 use crate::units::{Degrees, Direction};
 
@@ -37,17 +36,15 @@ impl Tread {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheel {
-    /// Its point of contact, in metres.
+    /// The point of contact, in metres.
     pub place: Point<Robot>,
-    /// Where it rolls when it turns forward, as the driver of the robot sees it: counter-clockwise
-    /// from the robot's x axis.
+    /// Where it rolls forward, counter-clockwise from the robot's x axis.
     pub direction: Degrees,
     /// How it touches the ground.
     pub tread: Tread,
     /// Radius over its rollers, in metres; > 0.
     pub radius: f32,
-    /// [`Direction::Reversed`] if a positive speed rolls it the other way: a motor that is mounted
-    /// mirrored, and not turned round in its own configuration.
+    /// [`Direction::Reversed`] for a mirrored motor that is not reversed in its own configuration.
     pub turns: Direction,
 }
 
@@ -71,9 +68,8 @@ impl Wheel {
 
     /// Speed of its rim, in m/s, by a twist (vx, vy, wz): the row of the base's matrix.
     ///
-    /// The roller on the ground rolls across its axis `a` and not along it. So along `a` the wheel's
-    /// centre `v` moves as the rim does, which moves along `d`: `v · a = rim d · a`.
-    /// (Lynch and Park, Modern Robotics, 2017, section 13.2.1.)
+    /// The roller rolls across its axis `a`: along `a` the wheel's centre `v` moves as the rim,
+    /// along `d`: `v · a = rim d · a`. (Lynch and Park, Modern Robotics, 2017, 13.2.1.)
     pub(super) const fn rim_row(&self) -> [f64; 3] {
         let ([x, y], _) = self.axes();
         let [x, y] = match self.tread {
@@ -95,8 +91,7 @@ impl Wheel {
     }
 }
 
-/// Four mecanum wheels: front left, front right, rear left, rear right. Seen from above, their
-/// rollers form an X.
+/// Four mecanum wheels: front left, front right, rear left, rear right, rollers an X from above.
 pub(super) const fn mecanum(radius: f32, half_wheelbase: f32, half_track: f32) -> [Wheel; 4] {
     let wheel = Wheel {
         place: Point::new(0.0, 0.0),
@@ -115,8 +110,7 @@ pub(super) const fn mecanum(radius: f32, half_wheelbase: f32, half_track: f32) -
     ]
 }
 
-/// Omni wheels on a circle, counter-clockwise, evenly spaced; the first at the angle `first`. Each
-/// turns the base counter-clockwise.
+/// Omni wheels evenly on a circle, the first at `first`; each turns the base counter-clockwise.
 pub(super) const fn ring<const N: usize>(radius: f32, distance: f32, first: Degrees) -> [Wheel; N] {
     let wheel = Wheel {
         place: Point::new(0.0, 0.0),
@@ -150,4 +144,31 @@ pub(super) const fn pair(radius: f32, half_track: f32) -> [Wheel; 2] {
         turns: Direction::Forward,
     };
     [left, Wheel { place: Point::new(0.0, -half_track), ..left }]
+}
+
+/// Sine and cosine of degrees, within 1e-15 for few turns; exact at quarter turns and opposites.
+pub(super) const fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
+    let mut rest = degrees % 360.0;
+    let mut quarters = 0;
+    while rest > 45.0 {
+        (rest, quarters) = (rest - 90.0, quarters + 1);
+    }
+    while rest < -45.0 {
+        (rest, quarters) = (rest + 90.0, quarters + 3);
+    }
+    let x = rest * (core::f64::consts::PI / 180.0);
+    // Taylor's series: at π/4 the term of x^18 is 2e-18.
+    let (mut sin, mut cos, mut n) = (1.0, 1.0, 18.0);
+    while n > 0.0 {
+        cos = 1.0 - x * x / (n * (n - 1.0)) * cos;
+        sin = 1.0 - x * x / (n * (n + 1.0)) * sin;
+        n -= 2.0;
+    }
+    sin *= x;
+    match quarters % 4 {
+        0 => (sin, cos),
+        1 => (cos, -sin),
+        2 => (-sin, -cos),
+        _ => (-cos, sin),
+    }
 }

@@ -12,27 +12,21 @@ use crate::units::{Degrees, Rpm, Seconds};
 /// The **difference** is that between the foremost and the hindmost motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxesConfig {
-    /// From this difference on the common setpoint is slowed down; > 0. Halfway from here to `stop` it
-    /// stands.
+    /// From this difference on the setpoint is slower; > 0. Halfway to `stop` it stands.
     pub wait: Degrees,
     /// From this difference on all stop; > `wait`.
     pub stop: Degrees,
-    /// All stop also if the common setpoint had to go at less than a tenth of its speed for longer than
-    /// this; > 0.
+    /// All stop after this time at less than a tenth of the setpoint's speed; > 0.
     pub patience: Seconds,
-    /// Cross-coupling: degrees by which a motor's setpoint is moved for each degree that the motor is
-    /// away from the mean of all; 0 or more. 0.5 is mild; above the quotient of the gains of speed and angle
-    /// loop it oscillates.
+    /// Cross-coupling: degrees that a setpoint is moved for each degree from the mean of all; 0 or
+    /// more. 0.5 is mild; above the gains' quotient of speed and angle loop it oscillates.
     pub coupling: f32,
     /// A motor's setpoint is moved no further than this; 0 or more.
     pub correction: Degrees,
 }
 
 impl AxesConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         let (wait, stop) = (self.wait.get(), self.stop.get());
         ok!(positive("wait", wait));
@@ -43,8 +37,7 @@ impl AxesConfig {
         not_negative("correction", self.correction.get())
     }
 
-    /// The share of its speed at which the setpoint may go on: 1 up to `wait`, 0 halfway from there to
-    /// `stop`, linear in between.
+    /// The setpoint's share of its speed: 1 up to `wait`, linearly to 0 halfway to `stop`.
     fn pace(&self, difference: f32) -> f32 {
         let (wait, stop) = (self.wait.get(), self.stop.get());
         (1.0 - 2.0 * (difference - wait) / (stop - wait)).clamp(0.0, 1.0)
@@ -60,7 +53,7 @@ const WAITING: f32 = 0.1;
 pub enum AxesFailure {
     /// A motor cannot be relied on.
     Motor {
-        /// Its index.
+        /// The motor's index.
         motor: usize,
         /// Why not.
         trouble: Trouble,
@@ -76,9 +69,8 @@ pub enum AxesFailure {
 
 /// State of `N` motors, two or more, that follow one setpoint.
 ///
-/// Angles are counted from the zero of each ([`Measured::counted_from`], [`Command::shifted`]).
-/// [`pace`](Self::pace) closes the loop: let the time of the profile that makes the setpoint pass
-/// by this share of `dt`. Then it waits for the hindmost motor.
+/// Angles are counted from each motor's zero ([`Measured::counted_from`], [`Command::shifted`]).
+/// Let the setpoint's profile pass by [`pace`](Self::pace) of `dt`: it waits for the hindmost.
 ///
 /// ```
 /// use rc10_app::mechanism::{Axes, AxesConfig, Command, Measured};
@@ -152,11 +144,9 @@ impl<const N: usize> Axes<N> {
         *self = Self::new();
     }
 
-    /// One step towards the common setpoint, whose speed and acceleration are those at full pace: at
-    /// a pace p the motors are told p times the speed, and p² times the acceleration.
+    /// One step to the setpoint of full pace: at a pace p motors get p and p² of it.
     ///
-    /// A `dt` that is not finite and positive, or a setpoint that is not finite, changes nothing, and
-    /// the last commands are returned again.
+    /// A `dt` or setpoint that is not finite, or a `dt` not positive, repeats the last commands.
     pub fn update(
         &mut self,
         config: &AxesConfig,

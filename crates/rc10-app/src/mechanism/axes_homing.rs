@@ -12,16 +12,12 @@ use crate::units::{Degrees, Seconds};
 pub struct AxesHomingConfig {
     /// How each of them is homed.
     pub homing: HomingConfig,
-    /// The ways made by the motors since the beginning never differ by more than this; > 0. It bounds
-    /// how far apart their touches are: how far the thing was tilted at the beginning.
+    /// Ways since the beginning differ by less; > 0: so far apart are touches of a tilted thing.
     pub spread: Degrees,
 }
 
 impl AxesHomingConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.homing.validate());
         positive("spread", self.spread.get())
@@ -34,7 +30,7 @@ impl AxesHomingConfig {
 pub enum AxesHomingFailure {
     /// Homing of one motor failed.
     Motor {
-        /// Its index.
+        /// The motor's index.
         motor: usize,
         /// Why.
         failure: HomingFailure,
@@ -63,8 +59,7 @@ pub enum AxesHomingStatus<const N: usize> {
     Failed(AxesHomingFailure),
 }
 
-/// State of homing of `N` motors together: all move at the same speed, and each stands where it has
-/// touched until all have. So they do for the first touch, for backing off and for the second touch.
+/// State of homing of `N` motors at one speed: each stands where it touched until all have.
 ///
 /// ```
 /// use rc10_app::mechanism::{
@@ -127,8 +122,7 @@ impl<const N: usize> AxesHoming<N> {
         &self.axes
     }
 
-    /// One step, as [`Homing::update`]: a contact for each motor. Once it has ended, the commands are
-    /// stops.
+    /// One step, like [`Homing::update`], a contact for each motor; stops at the end.
     pub fn update(
         &mut self,
         config: &AxesHomingConfig,

@@ -8,7 +8,7 @@ use crate::units::Seconds;
 pub(super) struct Debounce {
     /// Closed or open; `None` before it has been one of both for long enough.
     pub(super) state: Option<bool>,
-    /// What it was in the last step, and for how long without a break.
+    /// The state in the last step, and for how long without a break.
     last: (bool, f32),
     /// Where it left its state, until it is back for long enough.
     edge: Option<TotalAngle>,
@@ -20,7 +20,7 @@ pub(super) struct Edge {
     pub(super) closed: bool,
     /// Where the change began.
     pub(super) angle: TotalAngle,
-    /// Its state before was open, not unknown.
+    /// Whether the state before was open, not unknown.
     pub(super) was_open: bool,
 }
 

@@ -9,7 +9,7 @@ use crate::ok;
 use crate::profile::AngleSetpoint;
 use crate::units::{Degrees, Direction, Rpm, RpmPerSecond, Seconds};
 
-/// What a feeder is like.
+/// Properties of a feeder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeederConfig {
     /// Pieces (counts) in turns of the shaft: `CountsPerTurn::new(8, 1)` for a wheel of eight pockets.
@@ -18,22 +18,16 @@ pub struct FeederConfig {
     pub direction: Direction,
     /// Pieces a second when a number is fed; > 0.
     pub rate: f32,
-    /// Acceleration of the angle asked for; > 0. What the motor reaches for sure: faster, and it feeds
-    /// more than it was asked to.
+    /// Acceleration of the angle asked for; > 0, what the motor reaches: more would feed too much.
     pub acceleration: RpmPerSecond,
-    /// How far before the angle of its pocket a piece counts as fed; 0 or more, less than half a piece.
-    /// More than the motor is off where it holds an angle.
+    /// Degrees before its pocket at which a piece counts; less than half a piece, above the error.
     pub tolerance: Degrees,
-    /// Its jams. The following error must be at most the tolerance: so a piece that is not fed is
-    /// a jam.
+    /// The jams. Their following error must be at most the tolerance: a piece not fed is a jam.
     pub jam: JamConfig,
 }
 
 impl FeederConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (tolerance, error) = (self.tolerance.get(), self.jam.following_error.get());
         let piece = self.piece().degrees().get();
@@ -67,8 +61,7 @@ impl FeederConfig {
 /// State of a feeder. It begins where its motor is first measured: a pocket has arrived there, unless
 /// [`align`](Self::align) says where one has.
 ///
-/// Pieces are counted by the angle of the motor, forward only: reversing out of a jam takes none away,
-/// and going the same way again adds none.
+/// Pieces are counted forward only: reversing out of a jam and going again count nothing.
 ///
 /// ```
 /// use rc10_app::mechanism::{Command, Feeder, FeederConfig, JamConfig, Measured, Stall};
@@ -108,7 +101,7 @@ pub struct Feeder {
     began: Option<TotalAngle>,
     /// The angle asked for, forward from the beginning.
     setpoint: TotalAngle,
-    /// Its speed, 0 or more.
+    /// The speed, 0 or more.
     speed: Rpm,
     order: Order,
     fed: i64,
@@ -116,7 +109,7 @@ pub struct Feeder {
     command: Command,
 }
 
-/// What is asked for.
+/// An order to a feeder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Order {
     /// A number of pieces since the beginning.
@@ -140,8 +133,7 @@ impl Feeder {
         Self::default()
     }
 
-    /// Feeds this many pieces more than were asked for so far; ends [`run`](Self::run) after the
-    /// piece in which it could brake.
+    /// Feeds more pieces; ends [`run`](Self::run) after the piece in which it could brake.
     pub fn feed(&mut self, pieces: u32) {
         let pieces = i64::from(pieces);
         self.order = match self.order {
@@ -151,8 +143,7 @@ impl Feeder {
         };
     }
 
-    /// Feeds pieces at a rate a second until told otherwise. A rate that is not finite or not positive
-    /// stops.
+    /// Feeds at a rate a second until told otherwise; one that is not finite and positive stops.
     pub fn run(&mut self, rate: f32) {
         self.order =
             if rate > 0.0 && rate.is_finite() { Order::Rate(rate) } else { Order::Whole(0) };
@@ -190,7 +181,7 @@ impl Feeder {
         };
     }
 
-    /// Its jams.
+    /// The feeder's jams.
     pub const fn jam(&self) -> &Jam {
         &self.jam
     }
@@ -200,8 +191,7 @@ impl Feeder {
         self.jam.reset();
     }
 
-    /// From now on a pocket has arrived where the motor is at `pocket`: by [`Homing`](super::Homing). What
-    /// was fed, and what was asked for and is not, stays so.
+    /// A pocket is where the motor is at `pocket`, by [`Homing`](super::Homing). The counts stay.
     pub fn align(&mut self, config: &FeederConfig, pocket: TotalAngle) {
         self.setpoint = config.angle_of(self.fed);
         self.speed = Rpm::ZERO;
@@ -210,8 +200,7 @@ impl Feeder {
 
     /// One step.
     ///
-    /// A `dt` that is not finite and positive changes nothing, and the last command is returned again.
-    /// While the motor cannot be used, nothing is fed.
+    /// A bad `dt` repeats the last command. An unusable motor feeds nothing.
     pub fn update(&mut self, config: &FeederConfig, measured: &Measured, dt: Seconds) -> Command {
         if dt.is_step() {
             self.command = match measured.usable() {
@@ -229,8 +218,7 @@ impl Feeder {
         let arrived = config.pieces_in(at.plus(tolerance));
         self.fed = self.fed.max(arrived);
 
-        // The angle asked for: never faster than its rate, nor than it can brake from, nor further
-        // than a piece ahead of a motor that does not follow.
+        // The angle asked for: within its rate, its braking, and a piece ahead of a lagging motor.
         let braking = Braking { acceleration: config.acceleration, reaction: dt };
         let (rate, end) = self.goal(config, &braking, tolerance);
         let piece = config.piece();

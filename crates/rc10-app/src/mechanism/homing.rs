@@ -12,12 +12,10 @@ use crate::units::{Degrees, Direction, Rpm, Seconds};
 pub enum Reference {
     /// A hard stop: it is touched where the motor begins to stall.
     Stop(Stall),
-    /// A switch at the end of the way, or an index: a marker that is passed. It is touched at the angle
-    /// of the edge from open to closed.
+    /// A switch at the end, or an index that is passed: touched at the edge from open to closed.
     Contact {
-        /// A contact is closed or open once it has been so for this long; 0 or more. Longer than
-        /// it bounces. The edge is where it began. A marker must be wider than the way made in this
-        /// time at the fast speed.
+        /// Longer than it bounces, 0 or more: a contact is closed or open after this time, and the
+        /// edge is where it began. A marker is wider than the way in this time.
         debounce: Seconds,
     },
 }
@@ -25,7 +23,7 @@ pub enum Reference {
 /// How an axis is homed: a fast first touch, back off, a slow second touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HomingConfig {
-    /// What is touched.
+    /// The thing that is touched.
     pub reference: Reference,
     /// Where it is, as the motor counts.
     pub direction: Direction,
@@ -35,8 +33,7 @@ pub struct HomingConfig {
     pub slow: Rpm,
     /// How far it backs off from the first touch; > 0. A contact must be open there.
     pub back_off: Degrees,
-    /// The touches differ by no more than this; > 0 and less than `back_off`. Includes how far a stop
-    /// gives way, or the hysteresis of a switch.
+    /// The touches differ by less; > 0, < `back_off`: for a soft stop, a switch's hysteresis.
     pub tolerance: Degrees,
     /// The axis' angle at the touch: an offset.
     pub touch_at: TotalAngle,
@@ -51,10 +48,7 @@ pub struct HomingConfig {
 }
 
 impl HomingConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         let (fast, slow) = (self.fast.get(), self.slow.get());
         let (back_off, tolerance) = (self.back_off.get(), self.tolerance.get());
@@ -114,8 +108,7 @@ pub enum HomingFailure {
     PhaseTimeout(Phase),
     /// All of it took too long; the phase it was in.
     Timeout(Phase),
-    /// The travel has come to its end: there is no reference, or the motor slips past it. The phase
-    /// it was in.
+    /// The travel's end: no reference, or the motor slips past it. The phase it was in.
     Travel(Phase),
     /// The contact stayed closed while the axis backed off, to the end of its way, time or travel.
     NeverOpened,
@@ -136,8 +129,7 @@ pub enum HomingStatus {
     Running(Phase),
     /// Done.
     Done {
-        /// The motor's angle at which the axis is at 0. See
-        /// [`Measured::counted_from`](super::Measured::counted_from) and
+        /// The motor's angle at 0: [`Measured::counted_from`](super::Measured::counted_from),
         /// [`Command::shifted`](super::Command::shifted).
         zero: TotalAngle,
     },
@@ -145,8 +137,7 @@ pub enum HomingStatus {
     Failed(HomingFailure),
 }
 
-/// State of homing. [`Homing::new`] starts it; the first [`update`](Self::update) is where it begins,
-/// and the axis should stand there.
+/// State of homing. It begins at the first [`update`](Self::update), with the axis at a stand.
 ///
 /// A contact that is closed at the beginning counts as touched: the axis backs off until it opens.
 ///
@@ -219,11 +210,9 @@ impl Homing {
         self.began.is_some()
     }
 
-    /// One step. `closed`: the contact; without one it is not looked at. Once it has ended, the
-    /// command is a stop.
+    /// One step. `closed`: the contact, if there is one. After the end the command is a stop.
     ///
-    /// A `dt` that is not finite and positive changes nothing, and the last command is returned again.
-    /// Measurements that are not finite end it: an axis must not go on blindly.
+    /// A bad `dt` repeats the last command. Bad measurements end it: no axis goes on blindly.
     pub fn update(
         &mut self,
         config: &HomingConfig,

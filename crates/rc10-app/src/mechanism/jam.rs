@@ -10,11 +10,9 @@ use crate::units::{Degrees, Direction, Rpm, Seconds};
 /// When a motor counts as jammed, and how it is cleared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JamConfig {
-    /// It stalls although it is to move. An effort of 0 for a motor that does not tell its effort: then
-    /// it is its speed and its following error alone.
+    /// The stall of a motor that is to move. An effort of 0 leaves speed and following error.
     pub stall: Stall,
-    /// A motor that seeks an angle is to move if the angle is further away than this; 0 or more. More
-    /// than a load pulls it away from an angle that it holds.
+    /// An angle further away than this is to be moved to; 0 or more, above a load's pull.
     pub following_error: Degrees,
     /// How far it reverses from where it jammed; > 0.
     pub reverse: Degrees,
@@ -22,16 +20,12 @@ pub struct JamConfig {
     pub reverse_speed: Rpm,
     /// Reverses no longer than this; > 0. It ends where the motor is blocked both ways.
     pub reverse_time: Seconds,
-    /// How often it reverses before it gives up. The count begins anew once the motor is past the jam
-    /// by `reverse`.
+    /// How often it reverses before it gives up, counted anew `reverse` past the jam.
     pub tries: u8,
 }
 
 impl JamConfig {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.stall.validate(), in "stall");
         ok!(not_negative("following_error", self.following_error.get()));
@@ -58,12 +52,12 @@ impl JamConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum JamStatus {
-    /// It is not.
+    /// The motor is free.
     #[default]
     Free,
-    /// It reverses.
+    /// The motor reverses.
     Clearing,
-    /// It stands until [`Jam::reset`]: no try has helped.
+    /// The motor stands until [`Jam::reset`]: no try has helped.
     GivenUp,
 }
 
@@ -129,8 +123,7 @@ impl Jam {
         *self = Self { count: self.count, ..Self::default() };
     }
 
-    /// One step: `wanted` while it is free, else a command of its own. While the motor cannot be used,
-    /// time stands still here.
+    /// One step: `wanted` while free, else its own command. Time stands while it is unusable.
     ///
     /// A `dt` that is not finite and positive changes nothing, and the last command is returned again.
     pub fn update(

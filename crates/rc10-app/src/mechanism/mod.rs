@@ -14,9 +14,8 @@
 //!
 //! Each tells its [`Stage`], in words for a log, a page and a report.
 //!
-//! A motor whose loop has pushed against something holds that effort for as long as the loop sees no
-//! error. So every stop here begins with one [`Command::Coast`], which makes the loop start afresh,
-//! and goes on with [`Command::STOP`].
+//! A loop that has pushed against something keeps that effort while it sees no error. So every stop
+//! begins with one [`Command::Coast`], which resets the loop, then [`Command::STOP`].
 
 mod axes;
 mod axes_homing;
@@ -90,13 +89,13 @@ impl Command {
 /// The newest measurements of a motor, at its output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub struct Measured {
     /// Angle of many turns.
     pub angle: TotalAngle,
     /// Speed.
     pub speed: Rpm,
-    /// Effort in the motor's own unit, positive where it accelerates the shaft forward. 0 from a motor
-    /// that does not tell.
+    /// Effort in the motor's unit, positive forward; 0 from a motor that does not tell.
     pub effort: f32,
     /// Number of times that the motor's turns had to be estimated.
     pub gaps: u32,
@@ -108,12 +107,12 @@ pub struct Measured {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Health {
-    /// It can.
+    /// The motor can be used.
     #[default]
     Ready,
-    /// It is not heard.
+    /// The motor is not heard.
     Offline,
-    /// It reports a fault.
+    /// The motor reports a fault.
     Faulty,
 }
 
@@ -127,13 +126,12 @@ pub enum Trouble {
     Faulty,
     /// A measurement is infinite or NaN.
     NotFinite,
-    /// Its turns had to be estimated: its angle may have jumped.
+    /// The motor's turns had to be estimated: its angle may have jumped.
     AngleGap,
 }
 
 impl Measured {
     /// The same with its angle counted from `zero`.
-    #[must_use]
     pub const fn counted_from(self, zero: TotalAngle) -> Self {
         Self { angle: self.angle.minus(zero), ..self }
     }
@@ -160,19 +158,14 @@ impl Measured {
 /// How a motor brakes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Braking {
-    /// The deceleration that the motor reaches for sure, with its load; > 0. Half the acceleration
-    /// limit of its loops leaves room.
+    /// The deceleration reached for sure with load; > 0: half the loops' acceleration limit.
     pub acceleration: RpmPerSecond,
-    /// Longest time from a measurement until the motor obeys the command made of it: the period of the
-    /// task, the bus, the motor's loop; 0 or more.
+    /// Longest time from measurement to motion: task, bus and loop; 0 or more.
     pub reaction: Seconds,
 }
 
 impl Braking {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("acceleration", self.acceleration.get()));
         not_negative("reaction", self.reaction.get())
@@ -186,8 +179,7 @@ impl Braking {
         Degrees::new(speed * self.reaction.get() + speed * speed / (2.0 * acceleration))
     }
 
-    /// The largest speed from which the way to a stand is no longer than `way`: the inverse of
-    /// [`way`](Self::way). Zero for a way that is not finite and positive.
+    /// The largest speed whose [`way`](Self::way) to a stand fits; zero if that is not positive.
     ///
     /// ```
     /// use rc10_app::mechanism::Braking;
@@ -208,7 +200,7 @@ impl Braking {
         // The positive root of v·t + v² / 2a = way, without a difference of nearly equal numbers.
         let square = 2.0 * way / acceleration;
         let root = fast_sqrt(reaction * reaction + square) + reaction;
-        // A way too short to compute with is none.
+        // A way too short to compute with counts as zero.
         let time = if root > 0.0 { square / root } else { 0.0 };
         Rpm::new(self.acceleration.get() * time)
     }
@@ -217,21 +209,16 @@ impl Braking {
 /// When a motor counts as stalled: it pushes, and hardly moves, for a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stall {
-    /// Effort from which it pushes, in the motor's own unit; 0 or more. Above what friction and load
-    /// take.
+    /// Effort from which it pushes, in the motor's unit; 0 or more, above friction and load.
     pub effort: f32,
     /// Speed below which it hardly moves; > 0.
     pub standstill: Rpm,
-    /// For this long without a break; > 0. Longer than the start of a movement takes until it is faster
-    /// than `standstill`.
+    /// For this long without a break; > 0, longer than a start takes to exceed `standstill`.
     pub time: Seconds,
 }
 
 impl Stall {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("effort", self.effort));
         ok!(positive("standstill", self.standstill.get()));
@@ -247,8 +234,7 @@ struct StallTimer {
 }
 
 impl StallTimer {
-    /// One step. The angle at which the stall began, once it has lasted long enough. `towards` is where
-    /// the motor is to turn; `None`: it need not.
+    /// One step: the angle where the stall began, once long enough. `towards` is its way, if any.
     fn update(
         &mut self,
         stall: &Stall,

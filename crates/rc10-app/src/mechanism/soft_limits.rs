@@ -68,10 +68,7 @@ pub struct Limited {
 }
 
 impl SoftLimits {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         let upper = self.upper.degrees().get();
         let in_order = self.lower.microdegrees() < self.upper.microdegrees();
@@ -80,11 +77,9 @@ impl SoftLimits {
         not_negative("not_homed", self.not_homed.get())
     }
 
-    /// What is left of `wanted` within the limits. `position`: the axis' angle, from its zero; `None`
-    /// before it is homed.
+    /// The part of `wanted` within the limits; `position` from the zero, `None` before it.
     ///
-    /// A speed is such that the axis can still brake before the limit. An angle is held within the
-    /// range; the way there is the motor's.
+    /// A speed is such that the axis can brake before the limit; an angle is held in the range.
     #[must_use]
     pub fn limit(&self, wanted: Command, position: Option<TotalAngle>) -> Limited {
         let (command, by) = match (wanted, position) {

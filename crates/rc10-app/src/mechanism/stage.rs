@@ -10,6 +10,7 @@ macro_rules! stages {
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
+        #[must_use]
         pub enum Stage {
             #[default]
             $($(#[$doc])* $Stage,)*
@@ -25,7 +26,7 @@ macro_rules! stages {
 }
 
 stages! {
-    /// It has never been updated.
+    /// Never updated yet.
     NotBegun: "not begun",
     /// [`Phase::First`].
     FirstTouch: "first touch",
@@ -37,33 +38,33 @@ stages! {
     Clear: "backed off",
     /// [`Phase::Second`].
     SecondTouch: "second touch",
-    /// It does what it is told to.
+    /// Doing what was asked for.
     Ready: "ready",
     /// [`JamStatus::Clearing`].
     Clearing: "clears a jam",
-    /// It gave up: [`Trouble::Offline`].
+    /// Given up: [`Trouble::Offline`].
     Offline: "motor offline",
-    /// It gave up: [`Trouble::Faulty`].
+    /// Given up: [`Trouble::Faulty`].
     Faulty: "motor faulty",
-    /// It gave up: [`Trouble::NotFinite`].
+    /// Given up: [`Trouble::NotFinite`].
     NotFinite: "measures no number",
-    /// It gave up: [`Trouble::AngleGap`].
+    /// Given up: [`Trouble::AngleGap`].
     AngleGap: "angle lost",
-    /// It gave up: time or travel ended before the first touch.
+    /// Given up: time or travel ended before the first touch.
     NotTouched: "nothing touched",
-    /// It gave up: time or travel ended before it had backed off.
+    /// Given up: time or travel ended before it had backed off.
     NotBackedOff: "not backed off",
-    /// It gave up: time or travel ended before the second touch.
+    /// Given up: time or travel ended before the second touch.
     NotTouchedAgain: "nothing touched again",
-    /// It gave up: [`HomingFailure::NeverOpened`].
+    /// Given up: [`HomingFailure::NeverOpened`].
     NeverOpened: "contact never opened",
-    /// It gave up: [`HomingFailure::TouchesDiffer`].
+    /// Given up: [`HomingFailure::TouchesDiffer`].
     TouchesDiffer: "touches differ",
-    /// It gave up: [`AxesHomingFailure::Spread`].
+    /// Given up: [`AxesHomingFailure::Spread`].
     Apart: "motors apart",
-    /// It gave up: [`AxesFailure::Lags`].
+    /// Given up: [`AxesFailure::Lags`].
     Lags: "motors lag",
-    /// It gave up: [`JamStatus::GivenUp`].
+    /// Given up: [`JamStatus::GivenUp`].
     Jammed: "jammed",
 }
 
@@ -74,7 +75,7 @@ impl Stage {
         self as u8 >= Self::Offline as u8
     }
 
-    /// Its name.
+    /// The name.
     ///
     /// ```
     /// use rc10_app::mechanism::Stage;
@@ -124,8 +125,7 @@ impl From<HomingFailure> for Stage {
 }
 
 impl Homing {
-    /// Its stage; [`Stage::Ready`] when it is done.
-    #[must_use]
+    /// The stage; [`Stage::Ready`] when it is done.
     pub fn stage(&self) -> Stage {
         match self.status() {
             HomingStatus::Running(_) if !self.has_begun() => Stage::NotBegun,
@@ -137,8 +137,7 @@ impl Homing {
 }
 
 impl<const N: usize> AxesHoming<N> {
-    /// Its stage, of the motor that is furthest behind; [`Stage::Ready`] when it is done.
-    #[must_use]
+    /// The stage of the motor that is furthest behind; [`Stage::Ready`] when it is done.
     pub fn stage(&self) -> Stage {
         match self.status() {
             AxesHomingStatus::Failed(AxesHomingFailure::Motor { failure, .. }) => failure.into(),
@@ -149,8 +148,7 @@ impl<const N: usize> AxesHoming<N> {
 }
 
 impl<const N: usize> Axes<N> {
-    /// Its stage.
-    #[must_use]
+    /// The stage.
     pub fn stage(&self) -> Stage {
         match self.failure() {
             None => Stage::Ready,
@@ -161,8 +159,7 @@ impl<const N: usize> Axes<N> {
 }
 
 impl Jam {
-    /// Its stage.
-    #[must_use]
+    /// The stage.
     pub const fn stage(&self) -> Stage {
         match self.status() {
             JamStatus::Free => Stage::Ready,
@@ -173,8 +170,7 @@ impl Jam {
 }
 
 impl Feeder {
-    /// Its stage.
-    #[must_use]
+    /// The stage.
     pub const fn stage(&self) -> Stage {
         self.jam().stage()
     }

@@ -1,10 +1,9 @@
-use core::fmt;
-
 use crate::config::ConfigError;
 use crate::text::Text;
 
 /// Why waypoints are no path. They are counted from 0, as in the list.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{}", self.text())]
 pub enum PathError {
     /// A path has two waypoints at least.
     TooFewWaypoints,
@@ -12,7 +11,7 @@ pub enum PathError {
     Waypoint {
         /// The waypoint.
         waypoint: usize,
-        /// Its field.
+        /// The field of the waypoint.
         error: ConfigError,
     },
     /// A waypoint less than a millimetre from the one before.
@@ -24,13 +23,12 @@ pub enum PathError {
     ArcTooWide {
         /// The waypoint with the wider arc.
         waypoint: usize,
-        /// What the arcs take, in metres.
+        /// Length that the arcs take, in metres.
         takes: f32,
         /// The leg's length, in metres.
         length: f32,
     },
-    /// An arc where the path goes back by the way it came, within 10 degrees: only a stop is
-    /// possible there, so its radius must be 0.
+    /// An arc where the path goes back within 10 degrees: only a stop, radius 0, is possible.
     TurnsBack {
         /// The waypoint.
         waypoint: usize,
@@ -38,8 +36,7 @@ pub enum PathError {
 }
 
 impl PathError {
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
-    #[must_use]
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     pub const fn text(&self) -> Text {
         let (waypoint, text) = match self {
             Self::TooFewWaypoints => {
@@ -66,40 +63,19 @@ impl PathError {
     }
 }
 
-/// `waypoint 2: at the place of the one before`
-impl fmt::Display for PathError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text().fmt(f)
-    }
-}
-
-impl core::error::Error for PathError {}
-
 /// Why a base cannot drive along a path.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
-    /// The base has plain wheels, as a differential one. It cannot move sideways, so it cannot have
-    /// a heading that is not the path's direction.
+    /// A base of plain wheels, whose heading must be the path's direction.
+    #[error("a base that cannot move sideways")]
     CannotMoveSideways,
     /// A limit that cannot be used.
+    #[error(transparent)]
     Limits(ConfigError),
-    /// It starts faster than it could slow down within the limits.
+    /// The start is faster than it could slow down within the limits.
+    #[error("faster at the start than the path allows, {allowed} m/s")]
     TooFast {
         /// Highest speed at the start, in m/s.
         allowed: f32,
     },
 }
-
-impl fmt::Display for PlanError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::CannotMoveSideways => f.write_str("a base that cannot move sideways"),
-            Self::Limits(error) => error.fmt(f),
-            Self::TooFast { allowed } => {
-                write!(f, "faster at the start than the path allows, {allowed} m/s")
-            }
-        }
-    }
-}
-
-impl core::error::Error for PlanError {}

@@ -1,8 +1,5 @@
 //! Follows a plan by the measured pose.
 
-use core::f32::consts::TAU;
-use core::fmt;
-
 use super::plan::{Cursor, Plan, Track};
 use crate::angle::shortest_way_f32;
 use crate::config::{ConfigError, not_negative, positive};
@@ -11,12 +8,12 @@ use crate::ok;
 use crate::transform::{Field, Pose};
 use crate::twist::{Twist, TwistLimits};
 use crate::units::{Radians, Seconds};
+use core::f32::consts::TAU;
 
 /// Gains and bounds of a [`Follower`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FollowerConfig {
-    /// Speed per error along the path: m/s per m, so 1/s; ≥ 0. With the delay T of the base and its
-    /// measurement, in seconds, 0.3 / T does not overshoot.
+    /// Speed per error along the path, 1/s; ≥ 0. With a delay of T s, 0.3 / T does not overshoot.
     pub along: f32,
     /// The same for the error across the path.
     pub across: f32,
@@ -26,8 +23,7 @@ pub struct FollowerConfig {
     pub max_correction: f32,
     /// Highest yaw rate for turning back to the planned heading, in rad/s; > 0.
     pub max_turn_correction: f32,
-    /// How far the base may be behind, in metres; > 0. From half of it on the path's time goes
-    /// slower, and at all of it it stands.
+    /// How far behind, in metres; > 0: from half of it the path is slower, at all it stands.
     pub max_lag: f32,
     /// Farther from where it shall be than this, in metres, it gives up; > `max_lag`.
     pub max_deviation: f32,
@@ -51,10 +47,7 @@ impl FollowerConfig {
         arrived_heading: 0.02,
     };
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(not_negative("along", self.along));
         ok!(not_negative("across", self.across));
@@ -77,21 +70,18 @@ pub enum PathStatus {
     /// On its way.
     #[default]
     Following,
-    /// Too far behind, and so the path's time goes slower than the clock or stands: blocked, or
-    /// slower than planned. It goes on by itself.
+    /// Too far behind, so the path's time goes slower or stands. It goes on by itself.
     Waiting,
     /// At the end, within the tolerances. It keeps being held there.
     Done,
-    /// It was farther from the path than it may be: the twist is zero until there is a new
-    /// [`Follower`].
+    /// Farther from the path than allowed: the twist is zero until a new [`Follower`].
     GaveUp,
 }
 
-/// What the base shall do, from [`Follower::update`].
+/// The motion that the base shall make, from [`Follower::update`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FollowerOutput {
-    /// For [`Base::inverse`](crate::Base::inverse): the plan's twist and the correction. It is the
-    /// mean of the coming step.
+    /// The plan's twist and the correction, for [`Base::inverse`](crate::Base::inverse).
     pub twist: Twist,
     /// For [`Base::accelerations`](crate::Base::accelerations): how the plan's twist changes in a
     /// second. The correction has no part in it, so the noise of the pose has not either.
@@ -109,24 +99,15 @@ pub struct FollowerOutput {
 }
 
 /// A measured pose with a component that is infinite or NaN, as it was given.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("not a usable pose: x {} m, y {} m, heading {}", .0.x, .0.y, .0.heading)]
 pub struct PoseNotFinite(pub Pose);
-
-impl fmt::Display for PoseNotFinite {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Pose { x, y, heading, .. } = self.0;
-        write!(f, "not a usable pose: x {x} m, y {y} m, heading {heading}")
-    }
-}
-
-impl core::error::Error for PoseNotFinite {}
 
 /// State of a base that follows a [`Plan`]. [The module](super) has an example.
 ///
-/// The twist is that of the plan, and gains times the error of the pose. If the base does not come
-/// along, the plan waits for it: it is never asked to catch up by more than
-/// [`max_lag`](FollowerConfig::max_lag). When the way is free again the plan speeds up no faster
-/// than its limits allow.
+/// The twist is the plan's, plus gains times the error. The plan waits for a base that lags, never
+/// by more than [`max_lag`](FollowerConfig::max_lag) to catch up, and speeds up again within its
+/// limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Follower {
     cursor: Cursor,
@@ -150,8 +131,7 @@ impl Follower {
         Self { cursor: Cursor::START, rate: 1.0, direction: [1.0, 0.0], gave_up: false }
     }
 
-    /// What the base shall do for the coming `dt`, if it is at `pose` now. With a `dt` that is not
-    /// finite and positive the path's time does not go on.
+    /// The motion for the coming `dt` at `pose`. A bad `dt` does not move the path's time.
     ///
     /// # Errors
     /// [`PoseNotFinite`]; the state stays unchanged.
@@ -238,7 +218,7 @@ impl Follower {
         dt: f32,
     ) {
         let left = 2.0 - 2.0 * along / config.max_lag;
-        // Not a number, with a configuration that is not valid, is none.
+        // NaN, of a configuration that is not valid, counts as zero.
         let wanted = if left > 0.0 { left.min(1.0) } else { 0.0 };
         if wanted >= self.rate && self.rate < 1.0 {
             // Speeding up takes of the acceleration what it does along the path.
@@ -259,7 +239,7 @@ impl Follower {
     }
 }
 
-/// As [`Twist::into_frame`], where the sine and cosine of the heading are known.
+/// Like [`Twist::into_frame`], where the sine and cosine of the heading are known.
 fn into_robot(twist: Twist<Field>, sin: f32, cos: f32) -> Twist {
     Twist::new(twist.vx * cos + twist.vy * sin, twist.vy * cos - twist.vx * sin, twist.wz)
 }

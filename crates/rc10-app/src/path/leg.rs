@@ -1,8 +1,7 @@
 //! Geometry of a leg: from the middle of one corner to the middle of the next.
 //!
-//! A leg is up to three pieces: the second half of an arc, a line, the first half of the next arc.
-//! The way along it is exact, and its curvature is constant in each piece. The heading is one cubic
-//! polynomial of the way for the whole leg, with the same slope on both sides of a waypoint, so the
+//! A leg is half an arc, a line, and half the next arc: exact along the way, with constant
+//! curvature in each. The heading is one cubic of the way with equal slopes at waypoints, so the
 //! yaw rate is continuous.
 
 use core::f32::consts::TAU;
@@ -13,11 +12,10 @@ use crate::maths;
 
 /// Cells of the speed's grid in each leg.
 pub(super) const CELLS: usize = 24;
-/// Of these in each half of an arc, if there is one.
+/// Cells in each half of an arc, if there is one.
 const ARC_CELLS: u8 = 6;
 
-/// A corner up to this, in rad, is passed as if it were straight: at 3 m/s the velocity then jumps
-/// by 3 mm/s, which wheels do not feel.
+/// A corner up to this, in rad, is passed straight: 3 mm/s at 3 m/s, which wheels do not feel.
 const STRAIGHT: f32 = 1e-3;
 /// Cosine of the sharpest corner that an arc may round off: 170 degrees.
 const SHARPEST: f32 = -0.984_8;
@@ -29,8 +27,7 @@ pub(super) const fn between(from: &Waypoint, to: &Waypoint) -> ([f32; 2], f32) {
     if square < f32::MIN_POSITIVE {
         return ([0.0; 2], 0.0);
     }
-    // Newton's root, from a number above it: correct to the last place or two. In a const there is
-    // no other, and on the chip this is done once a leg.
+    // Newton's root from above, to the last place or two: for a const, and once a leg.
     let mut length = if x.abs() > y.abs() { x.abs() } else { y.abs() };
     let mut step = 0;
     while step < 4 {
@@ -63,7 +60,7 @@ impl Turn {
         self.sin.abs() > STRAIGHT || self.cos < 0.0
     }
 
-    /// What an arc of this radius takes of the legs on both sides: radius · tan(turn / 2).
+    /// Length that an arc of this radius takes of the legs on both sides: radius · tan(turn / 2).
     pub(super) const fn takes(self, radius: f32) -> f32 {
         if radius > 0.0 && self.is_corner() {
             radius * self.sin.abs() / (1.0 + self.cos)
@@ -88,7 +85,7 @@ impl Turn {
 /// The arc that rounds a corner off.
 #[derive(Clone, Copy, Default)]
 struct Arc {
-    /// What it takes of each leg, in m.
+    /// Length that the arc takes of each leg, in m.
     takes: f32,
     /// Half its length, in m.
     half: f32,
@@ -124,7 +121,7 @@ pub(super) struct Cell {
     pub(super) start: f32,
     /// In m.
     pub(super) length: f32,
-    /// Of the path, in 1/m.
+    /// The path's curvature, in 1/m.
     pub(super) curvature: f32,
 }
 
@@ -149,7 +146,7 @@ pub(super) struct Leg {
     cell_lengths: [f32; 3],
     /// Number of cells in the first two.
     cells: [u8; 2],
-    /// Of the arcs.
+    /// The arcs' curvatures.
     curvatures: [f32; 2],
     /// The heading over the way: coefficients of its cubic polynomial.
     heading: [f32; 4],
@@ -181,8 +178,7 @@ impl Leg {
         first + line + last
     }
 
-    /// The heading goes from `from` by `by`, in rad, with these slopes at the ends, in rad/m: the
-    /// cubic polynomial of Hermite.
+    /// The heading from `from` by `by`, rad, with slopes at the ends, rad/m: Hermite's cubic.
     fn turn(&mut self, from: f32, by: f32, slopes: [f32; 2]) {
         let length = self.length();
         let mean = by / length;
@@ -261,10 +257,9 @@ pub(super) fn lay(waypoints: &[Waypoint], legs: &mut [Leg]) {
     turn(waypoints, legs);
 }
 
-/// Sets the headings of all legs, by the shorter way from each waypoint to the next. At a waypoint
-/// the slope is the harmonic mean of those of both legs, and 0 where the robot turns back. So it
-/// never turns beyond the heading of a waypoint. (Fritsch and Butland, SIAM J. Sci. Stat. Comput.
-/// 5, 1984.) At the ends of the path it is the leg's own.
+/// Sets the headings of all legs, the shorter way. At a waypoint the slope is the harmonic mean of
+/// both legs', and 0 where the robot turns back: it never overshoots. (Fritsch and Butland, SIAM J.
+/// Sci. Stat. Comput. 5, 1984.)
 fn turn(waypoints: &[Waypoint], legs: &mut [Leg]) {
     let way = |leg: usize, length: f32| {
         let heading = |at: usize| waypoints.get(at).map_or(0.0, |at| at.pose.heading.get());

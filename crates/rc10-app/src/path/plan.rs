@@ -15,24 +15,19 @@ use crate::transform::{Field, Pose};
 use crate::twist::{Twist, TwistLimits};
 use crate::units::{Radians, Seconds};
 
-/// What limits the speed along a path, besides the wheels.
+/// The limits of the speed along a path, besides the wheels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathLimits {
-    /// Largest accelerations, the linear one in every direction: along the path and across it
-    /// together.
+    /// Largest accelerations, the linear one of the vector along and across the path.
     pub twist: TwistLimits,
     /// Highest speed, in m/s; > 0, infinite for no limit.
     pub max_speed: f32,
-    /// The share of the wheels' highest speed that the plan uses; > 0, ≤ 1. The rest is left to the
-    /// follower: with 1 a base that is behind cannot catch up.
+    /// The plan's share of the wheels' highest speed; > 0, ≤ 1: the rest is for catching up.
     pub wheel_share: f32,
 }
 
 impl PathLimits {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.twist.validate(), in "twist");
         ok!(positive_or_unlimited("max_speed", self.max_speed));
@@ -69,11 +64,9 @@ pub struct PlannedMotion {
 }
 
 impl<const N: usize> Plan<N> {
-    /// The plan for this path and base. It begins with `start_speed` along the path, in m/s, and
-    /// turning as the path then turns; 0 for a base that stands. It ends at rest.
+    /// The plan of this path and base, from `start_speed` in m/s along it (0 at a stand) to rest.
     ///
-    /// This takes about 21,000 instructions a leg on a Cortex-M7. Where that is too much for one tick, use a
-    /// [`Planner`].
+    /// About 21,000 instructions a leg on a Cortex-M7; a [`Planner`] spreads them over ticks.
     ///
     /// # Errors
     /// A limit that cannot be used, a base that cannot move sideways, or a start that is too fast.
@@ -98,14 +91,12 @@ impl<const N: usize> Plan<N> {
     }
 
     /// The last waypoint.
-    #[must_use]
     pub const fn end(&self) -> Pose {
         self.end
     }
 
-    /// The motion at a time from the path's beginning on; before it the first, after its
-    /// [`duration`](Self::duration) a stand at exactly the last waypoint. Searches through all
-    /// cells; a [`Follower`](super::Follower) does not.
+    /// The motion at a time from the beginning; after the [`duration`](Self::duration) a stand at
+    /// the last waypoint. It searches all cells; a [`Follower`](super::Follower) does not.
     #[must_use]
     pub fn at(&self, time: Seconds) -> PlannedMotion {
         let mut cursor = Cursor::START;
@@ -209,8 +200,7 @@ impl<'a, const N: usize> Planner<'a, N> {
         })
     }
 
-    /// Does the next portion: one leg, 15,000 instructions on a Cortex-M7 at most. `Some` with the
-    /// plan after the last.
+    /// Does one leg more, 15,000 instructions at most; `Some` with the plan after the last.
     ///
     /// # Errors
     /// A start that is too fast, once it is known.
@@ -249,7 +239,7 @@ impl<'a, const N: usize> Planner<'a, N> {
     }
 }
 
-/// What a follower needs of a plan, whatever its size.
+/// The part of a plan that a follower needs, whatever its size.
 #[derive(Clone, Copy)]
 pub(super) struct Track<'a> {
     legs: &'a [Leg],
@@ -259,7 +249,6 @@ pub(super) struct Track<'a> {
 }
 
 impl Track<'_> {
-    /// The speeds at both ends of a cell.
     fn speeds(&self, leg: usize, cell: usize) -> Option<(f32, f32)> {
         let speeds = self.speeds.get(leg)?;
         let next = match speeds.get(cell + 1) {
@@ -279,15 +268,13 @@ pub(super) struct Cursor {
 }
 
 impl Cursor {
-    /// The beginning.
     pub(super) const START: Self = Self { leg: 0, cell: 0, time: 0.0 };
 
-    /// Whether it is at the end.
     pub(super) fn is_at_end(&self, track: Track<'_>) -> bool {
         self.leg >= track.legs.len()
     }
 
-    /// Goes on by a time in seconds, to the end at most. One that is negative or NaN is none.
+    /// Goes on by a time in seconds, to the end at most. A negative or NaN time counts as zero.
     pub(super) fn advance(&mut self, track: Track<'_>, time: f32) {
         self.time += time.max(0.0);
         while let (Some(leg), Some((from, to))) =
@@ -306,8 +293,7 @@ impl Cursor {
         self.time = 0.0;
     }
 
-    /// The motion at this time, and in `direction` that of the path, which stays what it was at the
-    /// end.
+    /// The motion at this time; `direction` becomes the path's, but stays at its end.
     pub(super) fn motion(&self, track: Track<'_>, direction: &mut [f32; 2]) -> PlannedMotion {
         let leg_and_speeds = track.legs.get(self.leg).zip(track.speeds(self.leg, self.cell));
         let Some((leg, (from, to))) = leg_and_speeds else {

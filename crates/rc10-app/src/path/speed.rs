@@ -1,22 +1,19 @@
 //! The highest speed along a leg: a pass backwards over its cells, then one forwards.
 //!
-//! In each cell the acceleration `u` along the path is constant, so the square `x` of the speed is
-//! linear in the way. With θ' and θ'' the slope and the bend of the heading over the way, κ the
-//! curvature of the path:
+//! In each cell the acceleration `u` along the path is constant: the square `x` of the speed is
+//! linear. With θ', θ'' the heading's slope and bend over the way, κ the curvature:
 //!
 //! * the acceleration of the yaw rate is θ'' x + θ' u,
 //! * the acceleration along and across the path is (u, κ x),
-//! * the speed of a wheel is √x (row · (cos φ, sin φ, θ')), φ the path's direction in the robot's
-//!   axes.
+//! * the speed of a wheel is √x (row · (cos φ, sin φ, θ')), φ the path's direction to the robot.
 //!
 //! All of it holds for the whole cell, not at its ends only. κ x is linear within it. θ'' x + θ' u is
 //! a parabola, which stays within its three control values. What the speed of a wheel may exceed the
 //! straight line between both ends by is bounded by its second derivative.
 //!
-//! No speed is allowed at which `u = 0` would break a limit. So slowing down is always possible,
-//! and two passes are enough: everything is convex in (x at one end, x at the other), and what is
-//! allowed at a speed is allowed at any lower one. (The passes are those of Pham and Pham, TOPP-RA,
-//! IEEE Trans. Robotics 34, 2018.)
+//! No speed is allowed where `u = 0` would break a limit: slowing down is always possible, and two
+//! passes are enough, as all is convex in x at both ends, and lower speeds are allowed too. (Pham
+//! and Pham, TOPP-RA, IEEE Trans. Robotics 34, 2018.)
 
 use super::leg::{CELLS, Cell, Heading, Leg, Spot};
 use crate::maths;
@@ -24,12 +21,10 @@ use crate::maths;
 /// A little below one: what [`maths::fast_sqrt`] may be off.
 const BELOW_ONE: f32 = 1.0 - 1e-5;
 
-/// What limits the speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds<'a> {
     /// rpm of each wheel for (vx, vy, wz).
     pub(super) rows: &'a [[f32; 3]],
-    /// rpm.
     pub(super) wheel_speed: f32,
     /// m/s, squared.
     pub(super) speed_squared: f32,
@@ -42,8 +37,7 @@ pub(super) struct Bounds<'a> {
 /// The squares of the speeds at the beginnings of a leg's cells.
 pub(super) type Squares = [f32; CELLS];
 
-/// What is needed of a cell to change the speed in it: the headings at its ends, the first of which
-/// is where the speed is known.
+/// A cell's numbers to change the speed: the headings at its ends, the known end first.
 #[derive(Clone, Copy)]
 struct Ends {
     cell: Cell,
@@ -56,14 +50,12 @@ impl Ends {
         Self { cell, slopes: [first.slope, last.slope], bends: [first.bend, last.bend] }
     }
 
-    /// The same cell driven the other way.
     fn reversed(self) -> Self {
         let ([first, last], [at_first, at_last]) = (self.slopes, self.bends);
         Self { cell: self.cell, slopes: [-last, -first], bends: [at_last, at_first] }
     }
 
-    /// The square of the speed at the other end, if it increases as much as is allowed from
-    /// `square` on, which may be kept for the whole cell.
+    /// The square at the other end after the most increase from `square`, which may be kept.
     fn rise(&self, bounds: &Bounds<'_>, square: f32) -> f32 {
         let Cell { length, curvature, .. } = self.cell;
         // u² + κ² (x + 2 l u)² = a² at the end where the speed is higher.
@@ -106,8 +98,7 @@ impl Ends {
                 *fastest = if wheel > *fastest { wheel } else { *fastest };
             }
         }
-        // x is linear in the way, its bound is an inverse square, which sags between the ends.
-        // 3/8 of the square of their ratio less one is more than that.
+        // x is linear, its bound sags between the ends: 3/8 of (ratio − 1)² is more than that.
         let [first, last] = fastest;
         let ratio = (last - first) / first.min(last);
         let sag = 1.0 + 0.375 * ratio * ratio;
@@ -127,8 +118,7 @@ fn direction(spot: &Spot) -> [f32; 2] {
     [x * cos + y * sin, y * cos - x * sin]
 }
 
-/// The pass backwards: the highest speeds from which the base can slow down to `end`, all of them
-/// squared. Also lowers `end` to what the leg allows there.
+/// The pass backwards: highest squares that can slow to `end`, which it lowers to the leg's.
 pub(super) fn backward(bounds: &Bounds<'_>, leg: &Leg, squares: &mut Squares, end: &mut f32) {
     let last = leg.cell(CELLS - 1);
     let mut after = leg.spot(leg.length(), last.curvature);

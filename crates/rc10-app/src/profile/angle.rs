@@ -6,19 +6,18 @@ use crate::config::ConfigError;
 use crate::maths;
 use crate::{Rpm, RpmPerSecond, Seconds, TotalAngle};
 
-/// The way of a shaft with 1 rpm in a second is 6 degrees. With it as the unit of the axis, the
-/// velocity is in rpm.
+/// Degrees that 1 rpm makes in a second: with this unit of the axis velocities are in rpm.
 const MICRODEGREES_PER_UNIT: i64 = 6_000_000;
 
-/// What a shaft shall do now.
+/// Angle, speed and acceleration that a shaft shall have now.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AngleSetpoint {
     /// Angle of the output shaft.
     pub angle: TotalAngle,
-    /// Its speed.
+    /// The speed.
     pub speed: Rpm,
-    /// Its acceleration: for feed-forward.
+    /// The acceleration: for feed-forward.
     pub acceleration: RpmPerSecond,
 }
 
@@ -66,7 +65,7 @@ impl AngleProfile {
         Self::from_setpoint(AngleSetpoint::at(angle))
     }
 
-    /// See [`Profile::from_setpoint`].
+    /// A profile that begins at a setpoint: [`Profile::from_setpoint`].
     pub const fn from_setpoint(setpoint: AngleSetpoint) -> Self {
         let AngleSetpoint { angle, speed, acceleration } = setpoint;
         let (velocity, acceleration) = (speed.get(), acceleration.get());
@@ -74,10 +73,7 @@ impl AngleProfile {
         Self { zero: angle, profile: Profile::from_setpoint(setpoint) }
     }
 
-    /// See [`Profile::set_target`].
-    ///
-    /// # Errors
-    /// As there.
+    /// Goes to an angle, with the errors of [`Profile::set_target`].
     pub fn set_target(
         &mut self,
         limits: &ProfileLimits,
@@ -87,10 +83,7 @@ impl AngleProfile {
         self.profile.set(limits, Goal::Place(self.place(angle), speed.get()))
     }
 
-    /// See [`Profile::follow`].
-    ///
-    /// # Errors
-    /// As there.
+    /// Follows a moving angle, with the errors of [`Profile::follow`].
     pub fn follow(
         &mut self,
         limits: &ProfileLimits,
@@ -100,10 +93,7 @@ impl AngleProfile {
         self.profile.set(limits, Goal::Moving(self.place(angle), speed.get()))
     }
 
-    /// See [`Profile::set_velocity`].
-    ///
-    /// # Errors
-    /// As there.
+    /// Keeps a speed, with the errors of [`Profile::set_velocity`].
     pub fn set_speed(&mut self, limits: &ProfileLimits, speed: Rpm) -> Result<(), ConfigError> {
         self.profile.set_velocity(limits, speed.get())
     }
@@ -133,13 +123,13 @@ impl AngleProfile {
         }
     }
 
-    /// See [`Profile::has_arrived`].
+    /// Whether it stands in its target: [`Profile::has_arrived`].
     #[must_use]
     pub const fn has_arrived(&self) -> bool {
         self.profile.has_arrived()
     }
 
-    /// See [`Profile::remaining`].
+    /// The time to the target: [`Profile::remaining`].
     #[must_use]
     pub const fn remaining(&self) -> Seconds {
         self.profile.remaining()

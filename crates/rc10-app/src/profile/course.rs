@@ -13,7 +13,6 @@ pub(super) struct Motion {
     /// Velocity and acceleration at the beginning.
     pub(super) velocity: f32,
     pub(super) acceleration: f32,
-    /// Distance to the target.
     pub(super) way: f32,
     /// Velocity there.
     pub(super) to: f32,
@@ -40,11 +39,9 @@ impl Course {
 
 /// Evaluations of a course after which a search takes the best that it has.
 const TRIES: u32 = 9;
-/// A course that ends this share of all distances involved short of its target or beyond it is as
-/// good as exact: rounding errors are of this size.
+/// A course this share of all distances off its target is exact: rounding errors are as large.
 const EXACT: f32 = 1e-6;
-/// One that ends this share short covers the rest at its highest velocity, and is later by less
-/// than about this share of its duration.
+/// One this share short covers the rest at full velocity, later by about this share.
 const SHORT: f32 = 3e-5;
 
 impl Motion {
@@ -73,8 +70,7 @@ impl Motion {
         self.over(peak, rise, fall)
     }
 
-    /// By way of the velocity `peak`, which is `rise` above the natural one, while the last
-    /// velocity is `fall` above the peak.
+    /// By way of the velocity `peak`: `rise` above the natural one, and `fall` above the last.
     #[inline(always)]
     fn over(&self, peak: f32, rise: f32, fall: f32) -> Course {
         let Self { bounds, velocity, acceleration, to, .. } = self;
@@ -91,8 +87,7 @@ impl Motion {
         self.over(peak, rise, fall).way() - self.way
     }
 
-    /// With an acceleration that rises to `eased`, which is not above 0, and falls again: never 0
-    /// before the end.
+    /// With an acceleration that rises to `eased`, not above 0, and falls: never 0 before the end.
     #[inline(always)]
     fn easing(&self, eased: f32) -> Course {
         let Self { bounds, velocity, acceleration, to, .. } = *self;
@@ -113,10 +108,9 @@ impl Motion {
 
     /// The fastest course, and whether it is that of the mirrored motion.
     ///
-    /// A trajectory that gives way to the direct transition later covers more distance. So the side
-    /// is known at once, and on each side one number decides: the peak of the velocity. The
-    /// distance grows with it (for a velocity at the target of the other sign it shrinks first),
-    /// and a root finder meets the target.
+    /// A trajectory that gives way to the direct transition later covers more distance: so the side
+    /// is known, and on it the peak velocity decides. The distance grows with it (first shrinks for
+    /// another sign at the target), and a root finder meets the target.
     pub(super) fn fastest(&self) -> (Course, bool) {
         let direct = self.direct();
         let short = self.way - direct.way();
@@ -129,12 +123,10 @@ impl Motion {
         }
     }
 
-    /// The fastest course where the direct transition ends short of the target: `missed`, which is
-    /// negative, is how far beyond it.
+    /// The fastest course where the direct transition ends short by `missed`, which is negative.
     fn upwards(&self, direct: &Course, missed: f32) -> Course {
         let natural = natural(&self.bounds, self.velocity, self.acceleration);
-        // From this peak on more velocity is more distance. A velocity beyond the limit, because
-        // the limit was lowered, leaves the peaks below the limit.
+        // From this peak on more velocity is more distance; a lowered limit leaves peaks below it.
         let is_down = natural > self.to && natural <= self.fastest;
         let lower = if is_down { natural } else { self.to };
         let (rise, fall) = (lower - natural, self.to - lower);
@@ -189,9 +181,8 @@ impl Motion {
         course
     }
 
-    /// Roughly the root of the velocity to add to `lower` to get `more` distance: that of a
-    /// symmetric rise and fall, once without the limit of the jerk and once without that of the
-    /// acceleration.
+    /// Roughly the root of the velocity to add to `lower` for `more` distance: a symmetric rise and
+    /// fall, without the jerk's limit or the acceleration's.
     fn guess(&self, lower: f32, more: f32) -> f32 {
         let Bounds { acceleration, jerk, per_jerk } = self.bounds;
         // 2 lower y + y² = acceleration · more
@@ -215,7 +206,7 @@ impl Motion {
     }
 
     /// The course that takes `duration`, which is not less than that of `fastest`, at a lower
-    /// velocity between. `None` if there is none: to brake and start again would take longer.
+    /// velocity between. `None` without one: to brake and start again would take longer.
     pub(super) fn lasting(
         &self,
         duration: f32,
@@ -256,13 +247,11 @@ impl Motion {
     }
 }
 
-/// Where `value` is 0 between two places, of which it is negative at the first and positive at the
-/// second; `tolerance` is how far below and above counts as 0. After [`TRIES`] it is the better end
-/// of the bracket that is left.
+/// The root between two places with `value` negative at the first and positive at the second,
+/// within `tolerance`. After [`TRIES`] the better end of the bracket.
 ///
 /// N. Anderson and Å. Björck, A new high order method of regula falsi type, BIT 13 (1973): a secant
-/// through the ends of the bracket, where an end that stays loses weight; halved where that is
-/// slow.
+/// whose lasting end loses weight; halved where that is slow.
 fn root(
     mut low: (f32, f32),
     mut high: (f32, f32),

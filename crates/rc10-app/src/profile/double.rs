@@ -19,13 +19,11 @@ impl Double {
         (self.high, self.low)
     }
 
-    /// The nearest f32.
     pub(super) const fn rounded(self) -> f32 {
         self.high
     }
 
-    /// With `other` added. Knuth's `TwoSum` gives the rounding error of an addition exactly (The
-    /// Art of Computer Programming, volume 2, section 4.2.2).
+    /// With `other` added: Knuth's `TwoSum` (The Art of Computer Programming 2, section 4.2.2).
     pub(super) const fn plus(self, other: f32) -> Self {
         let sum = self.high + other;
         let added = sum - self.high;

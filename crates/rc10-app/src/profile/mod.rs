@@ -1,18 +1,14 @@
-//! Motion profiles: setpoints of one axis on the way to a target, within limits of velocity,
-//! acceleration and jerk.
+//! Motion profiles: setpoints to a target, within limits of velocity, acceleration and jerk.
 //!
-//! A **profile** turns targets, which may change at any time, into setpoints that an axis can
-//! follow: position, velocity and acceleration for every tick. It takes the shortest time that the
-//! limits allow, from the state that it has, at rest or not. With a jerk limit the velocity is an
-//! S-curve; with an infinite one it is a trapezoid.
+//! A **profile** turns targets, which may change at any time, into position, velocity and
+//! acceleration for every tick, in the shortest time that the limits allow, from any state. With a
+//! jerk limit the velocity is an S-curve, else a trapezoid.
 //!
-//! A new target makes a **plan** of at most seven pieces of constant jerk, in bounded work
-//! (`cargo xtask count` measures it). A tick evaluates one piece. Nothing is integrated, so nothing
-//! drifts, and the last setpoint is the target exactly.
+//! A new target makes a **plan** of at most seven pieces of constant jerk, in bounded work (`cargo
+//! xtask count`). A tick evaluates one: nothing drifts, and the last setpoint is the target.
 //!
-//! Precision: the way is an f32, so a setpoint is off by at most a millionth of the distances that
-//! its plan covers. Positions are kept in two f32: neither an axis that has turned far nor a target
-//! that changes in every tick adds to that.
+//! Precision: a setpoint is off by at most a millionth of the plan's distances. Positions are two
+//! f32: neither many turns nor many targets add to that.
 //!
 //! ```
 //! use rc10_app::{Profile, ProfileLimits, Seconds};
@@ -55,10 +51,7 @@ pub struct ProfileLimits {
 }
 
 impl ProfileLimits {
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("velocity", self.velocity));
         ok!(positive("acceleration", self.acceleration));
@@ -71,7 +64,7 @@ impl ProfileLimits {
     }
 }
 
-/// What an axis shall do now.
+/// Position, velocity and acceleration that an axis shall have now.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// In units of the axis.
@@ -105,7 +98,7 @@ impl Goal {
 
 /// State of a motion profile: the setpoint, and the plan to the target.
 ///
-/// See the [module](self) for an example.
+/// A profile of a linear axis: the [module](self) has an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Profile {
     position: Double,
@@ -126,8 +119,7 @@ impl Profile {
         Self::from_setpoint(Setpoint { position, velocity: 0.0, acceleration: 0.0 })
     }
 
-    /// In any state: to take over an axis that moves. It goes on with its velocity until it gets a
-    /// target.
+    /// In any state, to take over a moving axis at its velocity.
     pub const fn from_setpoint(setpoint: Setpoint) -> Self {
         let Setpoint { position, velocity, acceleration } = setpoint;
         let position = Double::new(position);
@@ -143,12 +135,10 @@ impl Profile {
         }
     }
 
-    /// Goes to `position`, to have `velocity` there (usually 0) and to go on with it. The target it
-    /// already has costs nothing.
+    /// Goes to `position`, with `velocity` there (usually 0). The same target again costs nothing.
     ///
     /// # Errors
-    /// A limit that cannot be used, a position that is not finite, a velocity beyond the limit, or
-    /// a way that is too long to be computed. The profile goes on as it was.
+    /// A bad limit, position, velocity or distance. The profile goes on as it was.
     pub fn set_target(
         &mut self,
         limits: &ProfileLimits,
@@ -163,8 +153,7 @@ impl Profile {
     /// along with it: for a target that comes anew in every tick or every message.
     ///
     /// # Errors
-    /// As [`set_target`](Self::set_target); and `velocity` must be below the limit, for it could
-    /// not be caught up with.
+    /// As [`set_target`](Self::set_target); `velocity` must be below the limit.
     pub fn follow(
         &mut self,
         limits: &ProfileLimits,
@@ -178,7 +167,7 @@ impl Profile {
     /// Changes to a velocity, in units per second, wherever the axis is.
     ///
     /// # Errors
-    /// As [`set_target`](Self::set_target).
+    /// The same errors as [`set_target`](Self::set_target).
     pub fn set_velocity(
         &mut self,
         limits: &ProfileLimits,
@@ -304,13 +293,11 @@ impl Profile {
     }
 }
 
-/// Lets all profiles arrive in the same tick, when the slowest of them does: the others cruise at a
-/// lower velocity. The time until then. Call it when they have got their targets, and update all
-/// with the same times; a new target ends it. A profile that has arrived, or that goes to a
-/// velocity without a position, stays as it is.
+/// Lets all profiles arrive with the slowest, by lower velocities; returns the time until then.
+/// Call it with all targets set, and update all with the same times; a new target ends it. One that
+/// has arrived, or has no position to reach, stays.
 ///
-/// One that is braking, and would have to start again to come a little later, makes all of them
-/// take longer: by a quarter, rarely by more.
+/// One that brakes, and would start again to come later, makes all slower by a quarter.
 pub fn synchronise(profiles: &mut [&mut Profile]) -> Seconds {
     /// Longer times that are tried: 1.25 to this power is more than braking and starting take.
     const TRIES: u32 = 16;
@@ -334,8 +321,7 @@ pub fn synchronise(profiles: &mut [&mut Profile]) -> Seconds {
 }
 
 impl Profile {
-    /// Begins a new plan to the same target, as [`start`](Self::start) does. Nothing, if it is
-    /// there.
+    /// Begins a new plan to the same target, like [`start`](Self::start); not if it is there.
     fn restart(&mut self, duration: Option<f32>) -> Result<Option<f32>, ConfigError> {
         let goal = match self.goal {
             Goal::Moving(place, velocity) => {

@@ -15,7 +15,7 @@ struct Phase {
     jerk: f32,
 }
 
-/// What a plan says for one time.
+/// The state of a plan at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Planned {
     /// Distance from where the plan began.
@@ -34,8 +34,7 @@ pub(super) struct Plan {
     duration: f32,
     /// Velocity that is added to all: that of a target that moves.
     frame: f32,
-    /// Velocity for the way alone: the frame's, and what distributes the rounding errors of the
-    /// course over its duration.
+    /// Velocity of the way alone: the frame's, and the rounding errors over the duration.
     drift: f32,
 }
 
@@ -124,7 +123,7 @@ impl Plan {
         self.elapsed = self.elapsed.plus(dt);
     }
 
-    /// What the plan says for now.
+    /// The state of the plan now.
     pub(super) fn now(&mut self) -> Planned {
         while self.present + 1 < self.count
             && let Some(next) = self.phases.get(usize::from(self.present) + 1)

@@ -9,12 +9,11 @@ pub(super) struct Bounds {
     pub(super) acceleration: f32,
     /// Largest jerk, either way; may be infinite.
     pub(super) jerk: f32,
-    /// Its reciprocal: 0 without a limit.
+    /// The limit's reciprocal: 0 without a limit.
     pub(super) per_jerk: f32,
 }
 
-/// The shortest change of the velocity that ends without acceleration: at most three pieces of
-/// constant jerk. To a peak of the acceleration, on with it, and back to none.
+/// The shortest change of velocity that ends without acceleration: three pieces at most.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Transition {
     /// Velocity and acceleration at the beginning.

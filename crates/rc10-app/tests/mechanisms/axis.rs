@@ -38,7 +38,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// What it pushes back with, 0 or more.
+    /// The effort that pushes back, 0 or more.
     fn force(&self, at: f64, speed: f64) -> f64 {
         let depth = self.direction * (at - self.at);
         // Lossy: it pushes less on the way out.
@@ -51,10 +51,10 @@ impl Stop {
 }
 
 pub struct Axis {
-    /// Of the motor's shaft.
+    /// The angle of the motor's shaft.
     pub angle: f64,
     pub speed: f64,
-    /// Of the belt: the axis is at `angle - slipped`.
+    /// The slip of the belt: the axis is at `angle - slipped`.
     pub slipped: f64,
     /// deg/s² per A.
     pub gain: f64,
@@ -89,7 +89,7 @@ const ACCELERATION: f64 = 6000.0;
 const STEP: f64 = 0.001;
 const PARTS: usize = 4;
 
-/// What these axes reach for sure.
+/// Braking that these axes reach for sure.
 pub const BRAKING: Braking =
     Braking { acceleration: RpmPerSecond::new(400.0), reaction: Seconds::new(0.05) };
 

@@ -242,7 +242,7 @@ fn run(seed: u64, fault: Fault, by_contact: bool) -> &'static str {
     }
 }
 
-/// A fault that came too late is none.
+/// A fault that came too late does not count.
 fn unstruck(fault: Fault, status: HomingStatus) -> &'static str {
     match fault {
         Fault::Offline | Fault::Faulty | Fault::NotFinite | Fault::AngleGap => {

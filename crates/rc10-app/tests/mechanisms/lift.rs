@@ -80,7 +80,7 @@ const AXES: AxesConfig = AxesConfig {
 };
 
 const SPEED: f64 = 480.0;
-/// What a motor at its weakest hardly reaches upward.
+/// Acceleration that a motor at its weakest hardly reaches upward.
 const ACCELERATION: f64 = 3500.0;
 
 /// A trapezoid whose time passes as told: angle, speed.

@@ -9,7 +9,7 @@ use rc10_app::{
 
 use super::Chance;
 
-/// See the file.
+/// A walk of control maths.
 pub fn walk(put: &mut dyn FnMut(f32)) {
     let mut chance = Chance(16);
     numbers(&mut chance, put);

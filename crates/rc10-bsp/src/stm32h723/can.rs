@@ -1,12 +1,10 @@
 //! The three FDCAN buses: 1 Mbit/s, classic frames. No interrupts.
 //!
-//! **Receiving.** The controller's filters sort. What the bus's motors and subscriptions want goes
-//! to FIFO 0, which holds [`HARDWARE_RECEIVE`] frames, and [`receive`](rc10_can::CanPort::receive)
-//! takes it from there: straight from the message RAM, once a tick, in the order of arrival, dated
-//! by the controller's own time stamps. An interrupt for every frame would move each of them twice
-//! to the same end: the tick is the only one who reads. Everything else goes to FIFO 1, where the
-//! newest overwrites the oldest; one of it is looked at in a tick, for diagnosis, and the rest is
-//! counted.
+//! **Receiving.** The controller's filters sort. What motors and subscriptions want goes to FIFO 0,
+//! of [`HARDWARE_RECEIVE`] frames; once a tick [`receive`](rc10_can::CanPort::receive) takes it
+//! from the message RAM, in order, with the controller's time stamps: an interrupt for every frame
+//! would move it twice. All else goes to FIFO 1, where the newest overwrites the oldest; one is
+//! looked at in a tick, the rest is counted.
 //!
 //! **Sending.** 24 of the controller's 32 transmit buffers are for commands, and the controller
 //! sends the one that wins arbitration first. A newer frame cancels the unsent older one of its
@@ -19,8 +17,7 @@
 //!
 //! **Losses** are counted, all of them: see [`Health`](rc10_can::Health) and [`FdcanPort`].
 //!
-//! embassy-stm32's own CAN driver is not used: its FIFOs are three frames deep, it does not see
-//! overruns, and it cannot take a frame back. This port shares the pin types with it.
+//! embassy-stm32's CAN driver has FIFOs of three frames, sees no overruns, and takes none back.
 
 mod bus;
 mod clock;

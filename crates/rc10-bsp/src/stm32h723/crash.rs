@@ -1,14 +1,11 @@
 //! Crash handling: after a panic, a fault, an interrupt without a handler, or a crystal that stops.
 //!
-//! Interrupts go off; on every bus what is unsent is cancelled and the stored coast image is sent
-//! by registers; the cause is written to memory that a reset keeps; when the images have left, the
-//! chip restarts. The next run finds the cause with [`take_last`].
+//! Interrupts go off; on every bus unsent frames are cancelled and the coast image is sent by
+//! registers; memory that a reset keeps gets the cause, for [`take_last`]; the chip restarts.
 //!
-//! A program that hangs crashes by nothing but the watchdog. Shortly before that bites, the
-//! [supervisor](super::supervisor) has kept what was executed.
+//! A hang ends by the watchdog; the [supervisor](super::supervisor) keeps what ran before.
 //!
-//! [`crash_handlers!`](crate::crash_handlers) puts it all in place. The fault handler sets the
-//! stack pointer back first, so that it also works after a stack overflow.
+//! [`crash_handlers!`](crate::crash_handlers) puts it in place, also for stack overflows.
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -44,13 +41,12 @@ pub enum LastCrash {
     },
     /// An interrupt or exception without a handler.
     Interrupt {
-        /// Its number; exceptions are negative, as cortex-m-rt counts.
+        /// The exception's number; exceptions are negative, as cortex-m-rt counts.
         number: i16,
     },
     /// The crystal stopped.
     CrystalStopped,
-    /// The watchdog was not fed in time. What the program did meanwhile is not known: interrupts were masked, or
-    /// one above the supervisor did not end.
+    /// The watchdog was not fed: interrupts were masked, or one above the supervisor did not end.
     Watchdog,
     /// The watchdog was not fed in time, and this was executed shortly before: `addr2line` names it.
     Hang {
@@ -75,8 +71,7 @@ const FILE_WORDS: usize = FILE_LENGTH / 4;
 /// Magic, kind, four values, file name, checksum.
 const WORDS: usize = 2 + 4 + FILE_WORDS + 1;
 
-/// Outside what the start-up code clears. Whole words, because a chip with ECC may lose a part of
-/// a word in a reset.
+/// Outside what the start-up code clears. Whole words: ECC may lose a part in a reset.
 #[unsafe(link_section = ".uninit.rc10_crash")]
 static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
 
@@ -163,8 +158,7 @@ pub extern "C" fn on_fault(frame: u32) -> ! {
     crash(FAULT, [program_counter, link, status, address], "")
 }
 
-/// lr, pc and xPSR of what an exception has interrupted, by its frame: r0 - r3, r12, lr, pc, xpsr (ARMv7-M
-/// manual, B1.5.6). Zeros of a stack that has overflowed out of DTCM.
+/// lr, pc and xPSR of an exception's frame (ARMv7-M manual, B1.5.6); zeros of an overflowed stack.
 fn stacked(frame: u32) -> [u32; 3] {
     const DTCM: core::ops::Range<u32> = 0x2000_0000..0x2002_0000 - 8 * 4;
     if !DTCM.contains(&frame) || !frame.is_multiple_of(4) {
@@ -180,7 +174,7 @@ static LEFT: AtomicU32 = AtomicU32::new(0);
 /// The last of them: what runs is kept from now on, until the watchdog is fed.
 const LATE: u32 = 1;
 
-/// The watchdog was fed: so many looks of the supervisor may pass.
+/// The watchdog was fed: this number of looks of the supervisor may pass.
 pub(super) fn fed(looks: u32) {
     if LEFT.swap(looks.max(LATE), Ordering::Relaxed) == LATE {
         // It was late, and hangs no longer.
@@ -188,8 +182,7 @@ pub(super) fn fed(looks: u32) {
     }
 }
 
-/// The supervisor has looked; whether the watchdog is about to bite. `PendSV` has its priority and follows it at once,
-/// so what that has interrupted is what the supervisor has: its frame is where the stack begins.
+/// Whether the watchdog is about to bite. `PendSV` follows at once, on the same stack frame.
 pub(super) fn supervised() -> bool {
     match LEFT.load(Ordering::Relaxed) {
         0 => {}
@@ -231,12 +224,10 @@ fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
     SCB::sys_reset()
 }
 
-/// Bounded: 20 ms. Eight frames take 1 ms; a bus that comes back from bus-off takes 1.4 ms if it is
-/// idle, 17 ms if it is full; one without another node takes all of it. The watchdog leaves
-/// 70 ms.
+/// Bounded: 20 ms of the watchdog's 70. Eight frames take 1 ms; a bus back from bus-off 1.4 to 17
+/// ms; one without another node all of it.
 ///
-/// The clock needs no interrupt for half of its counter's period, 32 ms; it runs if there is an
-/// image, which only a started bus has.
+/// The clock runs if there is an image, and needs no interrupt for half its period, 32 ms.
 fn wait_for_coast_images() {
     let until = rc10_message::now() + Micros::from_millis(20);
     while !can::ALL.iter().all(|controller| controller.coast_image_sent()) {
@@ -270,8 +261,7 @@ fn checksum_of(words: &[u32]) -> u32 {
     words.iter().fold(0x811C_9DC5, |hash, word| (hash ^ word).wrapping_mul(0x0100_0193))
 }
 
-/// Defines the panic handler and the handlers of `HardFault`, NMI, `PendSV` and unexpected interrupts of a
-/// firmware: [`crash`](crate::crash).
+/// Defines handlers of panic, `HardFault`, NMI, `PendSV` and others: [`crash`](crate::crash).
 #[macro_export]
 macro_rules! crash_handlers {
     () => {
@@ -280,9 +270,8 @@ macro_rules! crash_handlers {
             $crate::crash::on_panic(info)
         }
 
-        // SAFETY: the name is what cortex-m-rt's vector table asks for. Written in assembly because
-        // the stack may be gone: it keeps the old stack pointer for the report and starts again at
-        // the top.
+        // SAFETY: cortex-m-rt's vector table asks for the name. In assembly, because the stack may
+        // be gone: it keeps the old pointer for the report and starts at the top.
         #[unsafe(export_name = "HardFault")]
         #[unsafe(naked)]
         unsafe extern "C" fn hard_fault() -> ! {

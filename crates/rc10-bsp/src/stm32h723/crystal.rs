@@ -11,10 +11,9 @@
 //! ten of its bits. With `CubeMX`'s SJW of 1 that is 0.71 % at 14 quanta, 0.48 % at 21; what the ESCs have no maker
 //! says. Nothing more is built on it: a robot without its crystal must not be armed ([`CrystalState`]).
 //!
-//! A crystal of another frequency than the program's is one that does not work, too: with 24 MHz instead of 25
-//! every bus would run at 960 kbit/s, and the console be noise. It is measured before anything is built on it:
-//! TIM17 counts HSI, and captures each eighth period of the crystal's 63rd part. Measuring takes 0.7 ms. A measurement
-//! that makes no sense says nothing against a crystal.
+//! Another crystal does not work, too: 24 MHz instead of 25 makes buses of 960 kbit/s, and noise of
+//! the console. So it is measured in 0.7 ms: TIM17 counts HSI, and captures each eighth period of
+//! the crystal's 63rd part. A failed measurement says nothing.
 
 mod pll;
 
@@ -38,10 +37,10 @@ pub enum CrystalState {
     },
     /// The clocks come from it; its frequency could not be measured.
     Unmeasured,
-    /// It does not swing. The chip's own oscillator stands in for it: times and bit rates are off by its drift since
-    /// the last good start, or by up to 1.5 %, and motors must stay without torque.
+    /// The crystal does not swing. The chip's oscillator stands in, off by its drift since the last
+    /// good start, or up to 1.5 %: motors must stay without torque.
     Dead,
-    /// It has another frequency than the program is made for. As if it were dead.
+    /// The crystal has another frequency than the program is made for. Handled like a dead one.
     Other {
         /// The measured one, within 1.5 %: hertz.
         hz: u32,
@@ -51,12 +50,11 @@ pub enum CrystalState {
 /// The measured frequency, or 0.
 static MEASURED: AtomicU32 = AtomicU32::new(0);
 
-/// PLL1's multiplier of HSI as the last good crystal has measured that, in 8192ths, and its complement: a start
-/// without a crystal finds it.
+/// PLL1's multiplier of HSI by the last good crystal, in 8192ths, and its complement.
 #[unsafe(link_section = ".uninit.rc10_hsi")]
 static MULTIPLIER: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 
-/// That one, or the one of an exact HSI.
+/// The measured frequency, or the one of an exact HSI.
 fn multiplier() -> u32 {
     let [kept, complement] = MULTIPLIER.each_ref().map(|word| word.load(Ordering::Relaxed));
     if kept == !complement { kept } else { pll::HSI_MULTIPLIER }
@@ -66,17 +64,14 @@ fn multiplier() -> u32 {
 const HSI_DIVIDER: PllPreDiv = PllPreDiv::DIV10;
 const HSI_MULTIPLIER: PllMul = PllMul::MUL75;
 
-/// The time that the crystal may take, in milliseconds: what ST's HAL gives it
-/// (`HSE_STARTUP_TIMEOUT`). A good one takes about 2.
+/// Milliseconds for the crystal: ST's HAL (`HSE_STARTUP_TIMEOUT`). A good one takes 2.
 const START: u32 = 100;
-/// The time that the PLL may take, in milliseconds: 0.2 ms at most (data sheet, PLL
-/// characteristics).
+/// Milliseconds for the PLL: 0.2 at most (data sheet, PLL characteristics).
 const SWITCH: u32 = 1;
 const HSI_CYCLES_A_MILLISECOND: u32 = 64_000;
 
-/// Waits for a flag, `milliseconds` (up to 262) at most, of a core on HSI. Its clock is `SysTick`,
-/// which nothing else uses: embassy's does not run yet, or runs wrong. Should that stand, looks are counted: one takes
-/// some cycles more than this.
+/// Waits for a flag, `milliseconds` (up to 262) at most, of a core on HSI, by the otherwise unused
+/// `SysTick`; should that stand, looks are counted.
 fn comes(mut flag: impl FnMut() -> bool, milliseconds: u32) -> bool {
     // SAFETY: called before anything else runs, and by an exception that does not return.
     let mut clock = unsafe { cortex_m::Peripherals::steal() }.SYST;
@@ -98,13 +93,11 @@ fn comes(mut flag: impl FnMut() -> bool, milliseconds: u32) -> bool {
     is_there
 }
 
-/// Captures, and the time that they may take, in milliseconds: 0.7 with a crystal of 25 MHz, 4 with one of 4 MHz. There
-/// are 10 µs from one to the next with 50 MHz, which polling follows.
+/// Captures, and milliseconds for them: 0.7 at 25 MHz, 4 at 4. At 50 MHz 10 µs each: polled.
 const CAPTURES: u32 = 32;
 const MEASURE: u32 = 6;
 
-/// The frequency of a crystal that swings, by HSI: hertz. `None` if that cannot be measured: nothing is said of
-/// the crystal then.
+/// The frequency of a swinging crystal, by HSI: hertz; `None` if it cannot be measured.
 ///
 /// RM0468: TIM17's first input can be HSE divided by `RTCPRE`. Before the PLL runs, its clock is HSI.
 fn measure() -> Option<u32> {
@@ -204,8 +197,7 @@ pub(super) fn take_stopped() -> bool {
     has_stopped
 }
 
-/// PLL1 goes on from HSI, as a good crystal has measured that. Where the crystal has stopped, the hardware has put the
-/// core on HSI and switched the PLL off, and with it the FDCANs' clock (RM0468, RCC, clock security system).
+/// PLL1 goes on from a measured HSI. After a stop the hardware has switched it off (RM0468).
 pub(super) fn replace() {
     RCC.cfgr().modify(|w| w.set_sw(Sysclk::HSI));
     comes(|| RCC.cfgr().read().sws() == Sysclk::HSI, SWITCH);

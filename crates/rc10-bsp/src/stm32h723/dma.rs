@@ -4,9 +4,8 @@
 //! Memory that a DMA reads or writes lies in SRAM1, and [`dma_buffer!`](crate::dma_buffer) is the
 //! only way to have a [`DmaBuffer`]. The data cache is off, so nothing has to be kept coherent.
 //!
-//! embassy-stm32's own channels are for its own drivers (SPI, I2C): their interrupt panics on a
-//! transfer error, and their ring buffer stops at a line error. The types of its DMA channels and
-//! their request numbers are used here, too.
+//! embassy-stm32's channels serve its own drivers: they panic on a transfer error, and their ring
+//! stops at a line error. Its channel types and request numbers are used here.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -35,12 +34,11 @@ impl Element for u32 {
     const SIZE: vals::Size = vals::Size::BITS32;
 }
 
-/// Memory that DMA1 and DMA2 reach, in SRAM1. [`dma_buffer!`](crate::dma_buffer) makes one, full of
-/// zeros.
+/// Memory of DMA1 and DMA2, in SRAM1; [`dma_buffer!`](crate::dma_buffer) makes one of zeros.
 pub struct DmaBuffer<T: Element, const N: usize>(&'static mut [T; N]);
 
 impl<T: Element, const N: usize> DmaBuffer<T, N> {
-    /// Its elements, for drivers that give them to a DMA themselves, as embassy-stm32's do.
+    /// The elements, for drivers that give them to a DMA themselves, as embassy-stm32's do.
     #[must_use]
     pub const fn elements(self) -> &'static mut [T; N] {
         self.0
@@ -100,8 +98,7 @@ macro_rules! dma_buffer {
     }};
 }
 
-/// The elements of a [`DmaBuffer`] that a stream may be working on at the same time. Copies are
-/// the same memory; every access is volatile.
+/// Elements of a [`DmaBuffer`] that a stream may work on: copies share it, accesses are volatile.
 #[derive(Clone, Copy)]
 pub(super) struct DmaMemory<T> {
     start: *mut T,
@@ -118,7 +115,7 @@ impl<T: Element> DmaMemory<T> {
         self.length
     }
 
-    /// An element as it is now; zero if there is none.
+    /// An element as it is now; zero beyond the last.
     #[inline]
     pub fn read(&self, index: usize) -> T {
         if index >= self.length {
@@ -146,8 +143,7 @@ impl<T: Element> DmaMemory<T> {
 }
 
 impl DmaMemory<u8> {
-    /// Fills it from the front, many bytes at once; returns how many fitted. No stream may be working on
-    /// it.
+    /// Fills it from the front; returns how many bytes fitted. No stream may be working on it.
     pub fn copy(&mut self, bytes: &[u8]) -> usize {
         let bytes = &bytes[..bytes.len().min(self.length)];
         let (chunks, rest) = bytes.as_chunks::<16>();
@@ -173,7 +169,6 @@ pub struct Stream {
     router: usize,
 }
 
-/// The settings of a stream's transfer.
 pub(super) struct Transfer {
     /// DMAMUX1's number of what asks for the elements.
     pub request: u8,
@@ -186,12 +181,11 @@ pub(super) struct Transfer {
     pub is_serial: bool,
 }
 
-/// Events of a stream.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Events {
     pub half: bool,
     pub complete: bool,
-    /// It has stopped.
+    /// Whether the stream has stopped.
     pub error: bool,
 }
 
@@ -205,8 +199,7 @@ impl Stream {
         self.router
     }
 
-    /// Starts a transfer of the first `items` elements of `memory`. The caller owns stream and
-    /// memory, and keeps both until it has ended.
+    /// Transfers the first `items` of `memory`; the caller owns and keeps both until the end.
     pub(super) fn start<T: Element>(
         self,
         transfer: &Transfer,
@@ -255,7 +248,6 @@ impl Stream {
         }
     }
 
-    /// Whether it has elements left to move.
     #[inline]
     pub(super) fn is_running(self) -> bool {
         self.controller.st(self.index).cr().read().en()
@@ -271,8 +263,7 @@ impl Stream {
     #[inline]
     pub(super) fn take_events(self) -> Events {
         // Six bits a stream (RM0468, DMA_LISR): FIFO error, -, direct mode error, transfer error,
-        // half, complete. By hand, because this runs in every interrupt of every serial port, and the
-        // register's accessors look up each bit's place.
+        // half, complete. By hand, because every interrupt of a serial port runs this.
         const ALL: u32 = 0b11_1101;
         let (half, shift) = (self.index / 4, [0, 6, 16, 22][self.index % 4]);
         let flags = self.controller.isr(half).read().0 >> shift & ALL;

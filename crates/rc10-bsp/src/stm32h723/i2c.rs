@@ -1,18 +1,13 @@
 //! I2C with timeouts and bus recovery, on embassy-stm32's driver.
 //!
-//! A device that lost a clock (a spike, a restart of ours in the middle of a byte) may hold the data
-//! line low for ever. Then the I2C-bus specification (UM10204, 3.1.16) has the master clock until the
-//! device lets go, nine times at most, and send a STOP. [`I2cBus`] does that before a transaction
-//! that finds a line low, after one that failed otherwise than by a NACK, and after one whose future
-//! was dropped.
+//! A device that lost a clock may hold the data line low for ever. Then the master clocks until it
+//! lets go, nine times at most, and sends a STOP (UM10204, 3.1.16). [`I2cBus`] does that before a
+//! transaction with a line low, after a failure without a NACK, and after a dropped future.
 //!
-//! An error of the bus (BERR) in the middle of a transaction may be none: by ST's errata sheets this
-//! block tells of misplaced STARTs and STOPs that were not there. The transaction is tried once more
-//! before that is believed; a device may hear its first bytes twice.
+//! An error of the bus (BERR) in a transaction may be false (ST's errata: STARTs and STOPs that
+//! were not there). It is tried once more; a device may hear its first bytes twice.
 //!
 //! Bytes to send and received bytes go through SRAM1: the DMA reaches no stack.
-
-use core::fmt;
 
 use embassy_stm32::dma::InterruptHandler as DmaInterruptHandler;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Speed};
@@ -39,7 +34,6 @@ const LIMIT: Duration = Duration::from_millis(30);
 const HALF_CLOCK: Duration = Duration::from_micros(5);
 /// A STOP takes two of them.
 const STOP_HALF_CLOCKS: usize = 4;
-/// Operations of a transaction.
 const OPERATIONS: usize = 8;
 
 /// I2C1, I2C2, I2C3, I2C5. (I2C4 is in reach of the BDMA only.)
@@ -62,34 +56,25 @@ impl I2cPeripheral for I2C5 {
 }
 
 /// Why a transaction failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum I2cError {
     /// Not acknowledged: no such device, or it is busy. (Of a read that shows after 30 ms only.)
+    #[error("no device acknowledged")]
     NoAcknowledge,
-    /// It took longer than 30 ms.
+    /// The transaction took longer than 30 ms.
+    #[error("the transaction took longer than 30 ms")]
     Timeout,
     /// A line is held low, and recovery did not help: a short circuit, or no pull-ups.
+    #[error("a line is held low")]
     Held,
     /// More than eight operations, or more bytes than the buffer holds; nothing was sent.
+    #[error("the transaction does not fit the buffer, or has too many operations")]
     TooLong,
     /// Another error of the bus: arbitration, a START or STOP at a wrong place.
+    #[error("an error on the bus")]
     Bus,
 }
-
-impl fmt::Display for I2cError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::NoAcknowledge => "nobody acknowledged",
-            Self::Timeout => "the transaction took longer than 30 ms",
-            Self::Held => "a line is held low",
-            Self::TooLong => "the transaction does not fit the buffer, or has too many operations",
-            Self::Bus => "an error on the bus",
-        })
-    }
-}
-
-impl core::error::Error for I2cError {}
 
 impl embedded_hal_async::i2c::Error for I2cError {
     fn kind(&self) -> ErrorKind {
@@ -137,8 +122,7 @@ pub struct I2cBus {
 }
 
 impl I2cBus {
-    /// Starts the master. `buffer` holds the bytes of one transaction, both ways; `priority` is that
-    /// of its interrupts.
+    /// Starts the master; `buffer` holds one transaction, `priority` is its interrupts'.
     #[expect(clippy::too_many_arguments, reason = "embassy's own, and two")]
     pub fn start<T, C, D, X, R, I, const N: usize>(
         peripheral: Peri<'static, T>,
@@ -168,8 +152,7 @@ impl I2cBus {
         X::Interrupt::set_priority(priority);
         R::Interrupt::set_priority(priority);
         let functions = [clock.af_num(), data.af_num()];
-        // SAFETY: the driver below connects the same pins and never touches them again before it is
-        // dropped, which it is not; they change hands only in `recover`, while it does nothing.
+        // SAFETY: the driver below never drops its pins; they change hands only in `recover`.
         let lines =
             unsafe { [Flex::new(clock.clone_unchecked()), Flex::new(data.clone_unchecked())] };
         let mut config = Config::default();
@@ -196,8 +179,7 @@ impl I2cBus {
         self.recoveries
     }
 
-    /// Number of transactions that were tried a second time, because of an error of the bus that
-    /// was perhaps none.
+    /// Transactions tried a second time, after an error of the bus that was perhaps false.
     #[must_use]
     pub const fn retries(&self) -> u32 {
         self.retries
@@ -247,8 +229,7 @@ impl I2cBus {
         self.is_at_rest()
     }
 
-    /// Clocks until the data line is free, sends a STOP, and starts the peripheral anew; whether the
-    /// bus is at rest then. Takes up to 0.2 ms.
+    /// Clocks the data line free, sends a STOP, starts anew; whether the bus rests. Up to 0.2 ms.
     async fn recover(&mut self) -> bool {
         self.recoveries = self.recoveries.saturating_add(1);
         self.clock.take();
@@ -270,8 +251,7 @@ impl I2cBus {
         Timer::after(HALF_CLOCK).await;
         self.data.pin.set_high();
         Timer::after(HALF_CLOCK).await;
-        // Off for three clocks at least: the state machine forgets everything (RM0468, I2C, software
-        // reset).
+        // Off for three clocks: the state machine forgets everything (RM0468, I2C, software reset).
         self.registers.cr1().modify(|w| w.set_pe(false));
         self.clock.give_back();
         self.data.give_back();

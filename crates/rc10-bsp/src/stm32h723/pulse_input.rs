@@ -1,8 +1,7 @@
 //! Times of the rising edges of an input, to the microsecond: for a PPM receiver.
 //!
-//! TIM13 notes the time of each rising edge at PA6 or PF8 in hardware, so that no interrupt's delay is in
-//! it. Its 16 bits are extended by counting their rounds. The interrupt hands the times over through
-//! a channel of [`HELD`] edges.
+//! TIM13 notes each rising edge at PA6 or PF8 in hardware, without an interrupt's delay. Its 16
+//! bits are extended by counting rounds; a channel of [`HELD`] edges hands times over.
 
 use core::cell::Cell;
 
@@ -23,14 +22,12 @@ use crate::dma::enable;
 /// Edges that wait for their reader: three frames of eight channels.
 pub const HELD: usize = 32;
 
-/// TIM13's channel 1 at these pins: port A is 0. Source: stm32-metapac; embassy-stm32 has no pin trait for timers of
-/// one channel.
+/// TIM13's channel 1 at these pins: port A is 0 (stm32-metapac; embassy-stm32 has no trait).
 const PINS: [(u8, u8); 2] = [(0, 6), (5, 8)];
 const ALTERNATE_FUNCTION: u8 = 9;
 /// Makes microseconds of [`TIMER_CLOCK`].
 const DIVISOR: u16 = 240;
 const _: () = assert!(TIMER_CLOCK.0 == DIVISOR as u32 * 1_000_000);
-/// Period of the timer in microseconds.
 const ROUND: u64 = 1 << 16;
 
 static EDGES: Channel<CriticalSectionRawMutex, Micros, HELD> = Channel::new();
@@ -79,8 +76,7 @@ impl Handler<typelevel::TIM8_UP_TIM13> for Interrupt {
 pub struct PulseInput(());
 
 impl PulseInput {
-    /// Starts the timer. `priority` is that of its interrupt, which must not be held off for 32 ms.
-    /// An open pin is pulled down; what is shorter than 33 ns is no edge.
+    /// Starts the timer; `priority` is its interrupt's, never held off for 32 ms. Edges last 33 ns.
     ///
     /// # Panics
     /// If the timer is not at this pin: it is at PA6 and PF8.
@@ -104,7 +100,7 @@ impl PulseInput {
             w.set_icf(0, vals::FilterValue::FCK_INT_N8);
         });
         timer.ccer().modify(|w| w.set_cce(0, true));
-        // Takes the prescaler over; that shows as an update, which is none.
+        // Takes the prescaler over; that shows as an update, which does not count.
         timer.egr().write(|w| w.set_ug(true));
         timer.sr().write_value(regs::Sr1ch(0));
         STATE.lock(|state| state.set(State { round_began: rc10_message::now(), lost: 0 }));
@@ -117,14 +113,12 @@ impl PulseInput {
         Self(())
     }
 
-    /// The time of the next rising edge, exact to a microsecond against every other edge, and to
-    /// some against [`now`](rc10_message::now). A dropped future has taken none.
+    /// The next rising edge, exact to a microsecond to other edges. A dropped future takes none.
     pub async fn rising_edge(&mut self) -> Micros {
         EDGES.receive().await
     }
 
-    /// Edges that were not handed over: the reader was too slow, or the interrupt was. One occasion
-    /// of the latter counts as one.
+    /// Edges not handed over: reader or interrupt were too slow. Of the latter an occasion is one.
     #[must_use]
     pub fn lost(&self) -> u32 {
         STATE.lock(Cell::get).lost

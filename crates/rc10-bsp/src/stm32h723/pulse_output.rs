@@ -1,14 +1,11 @@
 //! Pulses of given widths, one per period, without a gap: what an LED strip of WS2812 listens to.
 //!
-//! A timer makes a PWM on one of its channels, and at each of its updates a DMA brings the next compare value,
-//! which the one after takes over. It counts at [`TIMER_CLOCK`](crate::TIMER_CLOCK). Not every timer at a pin can ask
-//! a DMA; the compiler says so. At PF9 TIM23 can ([`Ordinary`]), at PA7 TIM8 by the complement of its channel 1
-//! ([`Complement`]).
+//! A timer makes a PWM, and at each update a DMA brings the next compare value. It counts at
+//! [`TIMER_CLOCK`](crate::TIMER_CLOCK). The compiler knows which timers can ask a DMA: at PF9 TIM23
+//! ([`Ordinary`]), at PA7 TIM8 by channel 1's complement ([`Complement`]).
 //!
-//! The values are words, for a timer may be one of 32 bits: the bus doubles a half word that is
-//! written to a whole register (RM0468, AHB-to-APB bridges), and the pulse would last for minutes.
+//! The values are words: a 32-bit timer's register would double a half word (RM0468).
 
-use core::fmt;
 use core::marker::PhantomData;
 
 use embassy_stm32::Peri;
@@ -45,10 +42,11 @@ impl<D: DmaStream> Handler<D::Interrupt> for Interrupt<D> {
 }
 
 /// Why pulses were not sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PulseError {
     /// There were more than the buffer holds; none was sent.
+    #[error("the buffer holds {room} pulses, not {pulses}")]
     TooMany {
         /// Number of pulses that were to be sent.
         pulses: usize,
@@ -56,27 +54,14 @@ pub enum PulseError {
         room: usize,
     },
     /// The DMA could not transfer; some were sent.
+    #[error("a DMA transfer failed")]
     Dma,
 }
-
-impl fmt::Display for PulseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooMany { pulses, room } => {
-                write!(f, "the buffer holds {room} pulses, not {pulses}")
-            }
-            Self::Dma => f.write_str("a DMA transfer failed"),
-        }
-    }
-}
-
-impl core::error::Error for PulseError {}
 
 /// The output of a timer's channel.
 pub struct Ordinary;
 
-/// The complement of an advanced timer's channel: the channel's own signal, while that has no pin (RM0468, output
-/// control bits for complementary channels).
+/// An advanced timer's complement: the channel's own signal, if that has no pin (RM0468).
 pub struct Complement;
 
 /// A pin at which a timer can make pulses.
@@ -125,8 +110,7 @@ pub struct PulseOutput {
 }
 
 impl PulseOutput {
-    /// Starts the timer: a pulse begins every `period` of its clocks, 2 or more. The buffer holds
-    /// two values more than pulses that are sent at once.
+    /// Starts the timer, a pulse every `period` of its clocks, 2 or more; two values more of room.
     ///
     /// `priority` is that of the stream's interrupt.
     pub fn start<T, C: TimerChannel, P: PulsePin<T, C, O>, O, D, const N: usize>(
@@ -173,11 +157,8 @@ impl PulseOutput {
         Self { timer, channel, stream: D::STREAM, request, memory }
     }
 
-    /// Sends a pulse for each value, as many of the timer's clocks wide; returns when the last one is
-    /// over. If the future is dropped, the pulses go on, and the next call waits for them.
-    ///
-    /// # Errors
-    /// [`PulseError`]
+    /// Sends a pulse for each value, as many of the timer's clocks wide; returns when the last one
+    /// is over. If the future is dropped, the pulses go on, and the next call waits for them.
     pub async fn send(&mut self, widths: &[u16]) -> Result<(), PulseError> {
         let room = self.memory.length() - SILENT;
         if widths.len() > room {

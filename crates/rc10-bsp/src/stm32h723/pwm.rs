@@ -1,5 +1,4 @@
-//! A PWM that is never high for longer than it may: for a heater, which would burn, and a buzzer, whose
-//! transistor would.
+//! A PWM with a largest share of time: a heater would burn, and a buzzer's transistor too.
 
 use core::mem::ManuallyDrop;
 
@@ -9,23 +8,20 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::{OutputCompareMode, RoundTo, Timer};
 use embassy_stm32::timer::{Channel, GeneralInstance4Channel, TimerChannel, TimerPin};
 
-/// Of [`PwmOutput::set`].
+/// The largest share of [`PwmOutput::set`].
 pub const WHOLE: u16 = 1000;
 
-/// The output of one timer at one pin: low, until it is told another share. While the program hangs, or crashes,
-/// it goes on with the share that it has; a reset makes the pin an input.
+/// One timer at one pin: low until told, with its share in a hang or crash; a reset is an input.
 pub struct PwmOutput<T: GeneralInstance4Channel> {
     /// Never dropped: without its clock it would leave the pin as it is at that moment.
     timer: ManuallyDrop<Timer<'static, T>>,
     channel: Channel,
-    /// Of the counter, in whole periods.
     period: u32,
     most: u16,
 }
 
 impl<T: GeneralInstance4Channel> PwmOutput<T> {
-    /// Starts the timer, with this many periods a second. `most` is the largest share of time, in thousandths, for
-    /// which the pin may be high.
+    /// Starts the timer at periods a second. `most` thousandths is how long the pin may be high.
     pub fn start<C: TimerChannel>(
         timer: Peri<'static, T>,
         pin: Peri<'static, impl TimerPin<T, C>>,
@@ -52,8 +48,7 @@ impl<T: GeneralInstance4Channel> PwmOutput<T> {
         Self { timer, channel: C::CHANNEL, period, most }
     }
 
-    /// The share of time for which the pin is high, in thousandths; the largest allowed one instead of a larger.
-    /// From the next period on.
+    /// The share of time high, thousandths, at most the largest; from the next period on.
     pub fn set(&mut self, share: u16) {
         let share = u64::from(share.min(self.most).min(WHOLE));
         let ticks = u64::from(self.period) * share / u64::from(WHOLE);

@@ -1,8 +1,6 @@
-//! Incremental encoders on timers: the counter, whole. (embassy-stm32's driver reads the 16 lower
-//! bits of every timer, and filters nothing.)
+//! Incremental encoders on timers: the whole counter. (embassy-stm32 reads 16 bits, unfiltered.)
 //!
-//! A counter starts over at [`QuadratureTimer::MODULUS`]; an `rc10_module::encoder::Counter` of that
-//! modulus makes exact totals of it.
+//! A counter starts over at [`QuadratureTimer::MODULUS`], as an `encoder::Counter` knows.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AfType, Flex, Pull};
@@ -36,8 +34,7 @@ pub struct QuadratureCounter {
 }
 
 impl QuadratureCounter {
-    /// Starts to count from zero. `pull` is for encoders with open collectors; what is shorter than
-    /// 33 ns is no edge (eight samples at 240 MHz).
+    /// Counts from zero. `pull` is for open collectors; shorter than 33 ns is no edge.
     pub fn start<T: QuadratureTimer, A: TimerPin<T, Ch1>, B: TimerPin<T, Ch2>>(
         timer: Peri<'static, T>,
         track_a: Peri<'static, A>,
@@ -53,8 +50,7 @@ impl QuadratureCounter {
             core::mem::forget(pin);
         }
         let timer = Timer::new(timer);
-        // SAFETY: one of the general timers, as its trait says. Those of 16 bits have the same
-        // registers; the upper half of counter and auto-reload is reserved there and reads zero.
+        // SAFETY: a general timer by its trait; those of 16 bits read zero in the upper halves.
         let registers = unsafe { TimGp32::from_ptr(timer.regs_core().as_ptr()) };
         // Dropped, it would stop.
         core::mem::forget(timer);

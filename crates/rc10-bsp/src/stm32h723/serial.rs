@@ -9,12 +9,10 @@
 //!
 //! **Sending.** One copy into a buffer that belongs to the driver, from which a DMA sends.
 //!
-//! **Losses** are counted, all of them: [`SerialCounters`]. A reader that is too slow learns it
-//! ([`SerialError::TooSlow`]) and never gets bytes that were overwritten while it read.
+//! **Losses** are counted: [`SerialCounters`]. A slow reader gets [`SerialError::TooSlow`].
 //!
-//! embassy-stm32's own UART drivers are not used: their ring stops at a line error until the next
-//! read, and drops what it held; their DMA panics on a transfer error. These ports share its pins,
-//! its DMA channels and its interrupt bindings.
+//! embassy-stm32's UART drivers are not used: a line error stops and empties their ring, and a
+//! transfer error panics. Its pins, DMA channels and bindings are.
 
 mod config;
 mod port;

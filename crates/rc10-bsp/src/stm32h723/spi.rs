@@ -1,22 +1,19 @@
 //! An SPI bus whose DMA reaches SRAM1 only.
 //!
-//! Drivers of devices keep what they send and receive on the stack, which is in DTCM: with
-//! embassy-stm32's SPI that ends in a panic. [`DmaSpi`] copies.
+//! Drivers keep their bytes on the stack, in DTCM: embassy-stm32's SPI panics, [`DmaSpi`] copies.
 
 use embedded_hal_async::spi::{ErrorType, SpiBus};
 
 use crate::dma::DmaBuffer;
 
-/// An [`SpiBus`] on another one, through a buffer in SRAM1. More than `N` bytes go in pieces. Between two
-/// pieces the chip may clock on (Zephyr PR 66503): make `N` the longest transfer under one chip select.
+/// An [`SpiBus`] through SRAM1, in pieces of `N` bytes: make that the longest transfer.
 ///
 /// ```ignore
 /// let bus = Spi::new(p.SPI1, sck, mosi, miso, transmit, receive, Irqs, config);
 /// let bus = DmaSpi::new(bus, dma_buffer!(u8; 64));
 /// ```
 ///
-/// embassy-stm32 leaves the interrupts of SPI's DMA streams at the most urgent priority; set it
-/// before.
+/// embassy-stm32 leaves its DMA interrupts at the most urgent priority; set it before.
 pub struct DmaSpi<B, const N: usize> {
     bus: B,
     memory: &'static mut [u8; N],

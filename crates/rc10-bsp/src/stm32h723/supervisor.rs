@@ -1,10 +1,8 @@
-//! A supervisor for an executor of the buses that hangs, or starves: within 10 ms the motors are
-//! made safe by registers, from an interrupt that comes before it.
+//! Makes the motors safe by registers within 10 ms if the buses' executor hangs or starves.
 //!
-//! Every 4 ms a timer looks at the buses that have a coast image. One whose port has not been asked
-//! for frames since the look before last, so for 4 to 8 ms, has its pending commands taken back and
-//! its coast image sent; again at every look, until the port is asked again. It is counted
-//! ([`Health::stalls`](rc10_can::Health::stalls)).
+//! Every 4 ms a timer looks at buses with a coast image. One whose port was not asked for 4 to 8 ms
+//! has its commands taken back and its image sent, at every look until it is asked again, counted
+//! as [`Health::stalls`](rc10_can::Health::stalls).
 //!
 //! A bus that ticks again goes on by itself, and that is safe: what it sends was computed in a new
 //! tick, because its port refuses the rest of a tick that was overtaken; its motors' feedback is

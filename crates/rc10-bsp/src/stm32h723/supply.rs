@@ -8,11 +8,9 @@
 /// PWR (`stm32h723xx.h`).
 const PWR: u32 = 0x5802_4800;
 
-/// The LDO, as the H723 has no other regulator: LDOEN without SCUEN and BYPASS, what ST's HAL calls
-/// `PWR_LDO_SUPPLY`. embassy-stm32 writes the same again later. Waits for as long as it takes: without a
-/// supply there is nothing else to do.
-// SAFETY: cortex-m-rt calls it by this name, from `Reset`. It uses two registers that are free to any
-// function and no memory: neither stack nor statics, which are not ready yet.
+/// The LDO, the only regulator: LDOEN without SCUEN and BYPASS (`PWR_LDO_SUPPLY`), as embassy-stm32
+/// writes again. It waits: without a supply there is nothing else to do.
+// SAFETY: cortex-m-rt calls it from `Reset`; two registers, neither stack nor statics.
 #[unsafe(export_name = "__pre_init")]
 #[unsafe(naked)]
 unsafe extern "C" fn choose_supply() {

@@ -5,12 +5,10 @@
 //! CRS keeps in step with the frames of the host (RM0468, CRS): with the feature `usb`,
 //! [`clocks`](super::clocks) says so. It uses no DMA, so its memory may lie anywhere.
 //!
-//! **A PC may or may not listen**, and a robot must not wait for it: what is sent while none does
-//! is dropped and counted, [`UsbTransmitter::lost`]. What a PC sends waits in the PC until it is
-//! read: nothing is lost in that direction.
+//! **A robot does not wait for a PC**: what is sent while none listens is dropped and counted,
+//! [`UsbTransmitter::lost`]. What a PC sends waits there until it is read.
 //!
-//! The emulator knows no USB: no test runs this module. `firmware/usb` is there to try it on a board.
-//! `VDD33USB` must be supplied, or embassy-stm32 waits for it for ever.
+//! No test runs this module: `firmware/usb` tries it on a board, with `VDD33USB` supplied.
 
 use core::convert::Infallible;
 use core::ops::Range;
@@ -29,8 +27,7 @@ pub use embassy_usb::Config as UsbConfig;
 
 /// Bytes of a packet of full speed.
 const PACKET: u16 = 64;
-/// Bytes that are sent in one: a packet that is not full ends a transfer, so that the PC waits for no
-/// other.
+/// Bytes sent in one: a packet that is not full ends a transfer.
 const PIECE: usize = PACKET as usize - 1;
 /// A PC that listens fetches a packet every millisecond or more often.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -102,7 +99,7 @@ pub fn start(
 pub struct UsbReceiver {
     receiver: Receiver<'static, Controller>,
     packet: [u8; PACKET as usize],
-    /// Of the packet.
+    /// The part of the packet that was not read yet.
     unread: Range<usize>,
 }
 
@@ -131,8 +128,7 @@ impl Read for UsbReceiver {
     }
 }
 
-/// The bytes to the PC: an [`embedded_io_async::Write`] that waits 50 ms at most, once, for a PC
-/// that has opened the port and does not fetch; after that not at all until it does.
+/// The bytes to the PC: an [`embedded_io_async::Write`] that waits 50 ms at most, once.
 pub struct UsbTransmitter {
     sender: Sender<'static, Controller>,
     lost: u32,
@@ -141,8 +137,7 @@ pub struct UsbTransmitter {
 }
 
 impl UsbTransmitter {
-    /// Bytes that were dropped because no PC listened; starts over after 2³². The last packet that
-    /// was handed to the controller before the PC went away, 63 bytes at most, is not among them.
+    /// Bytes dropped without a PC, modulo 2³², but for the last packet of 63 at most.
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost
@@ -160,8 +155,7 @@ impl ErrorType for UsbTransmitter {
 }
 
 impl Write for UsbTransmitter {
-    /// Takes up to 63 bytes. They are on their way to the PC when it returns, or counted as lost.
-    /// Dropped, it has taken nothing.
+    /// Takes up to 63 bytes, on their way or counted as lost. Dropped, it has taken nothing.
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         let piece = &bytes[..bytes.len().min(PIECE)];
         let patience = if self.is_deaf { Duration::MIN } else { PATIENCE };

@@ -1,7 +1,6 @@
 //! The voltage at a pin, a few times a second, by ADC1: for a supply.
 //!
-//! embassy-stm32's driver waits for the ADC in loops without an end. Here no step waits for longer than it may take:
-//! an ADC that does not answer is no voltage, and the robot goes on.
+//! embassy-stm32's driver waits for ever. Here an ADC that does not answer in time is no voltage.
 
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::{Flex, Pin};
@@ -29,7 +28,7 @@ const CONVERSION: u64 = 300;
 pub struct VoltageInput {
     channel: u8,
     is_ready: bool,
-    /// It has not been set up yet.
+    /// Whether it has still to be set up.
     is_fresh: bool,
 }
 
@@ -48,8 +47,7 @@ impl VoltageInput {
         Self { channel, is_ready: false, is_fresh: true }
     }
 
-    /// The voltage in 65,535ths of the ADC's reference; `None` if the ADC does not measure. It is set up anew then,
-    /// by the next call. Takes 0.3 ms, and 1.2 more where it has to be set up, 25 at most.
+    /// The voltage in 65,535ths of the reference; `None` if the ADC fails, and is set up anew.
     pub async fn read(&mut self) -> Option<u16> {
         if !self.is_ready {
             self.start().await?;

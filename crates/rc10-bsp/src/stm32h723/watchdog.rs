@@ -27,9 +27,8 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// Starts the watchdog. `timeout` is 125 µs ..= 32 s, as exact as the LSI oscillator: up to
-    /// 9 % longer where it is cold or hot (29.4 ..= 33.6 kHz instead of 32; STM32H723 data sheet,
-    /// LSI characteristics). Takes up to 1 ms.
+    /// Starts the watchdog. `timeout` is 125 µs ..= 32 s, up to 9 % longer cold or hot (29.4 ..=
+    /// 33.6 kHz for 32; data sheet, LSI). Takes up to 1 ms.
     ///
     /// # Panics
     /// If `timeout` is longer than 32 s.
@@ -57,8 +56,7 @@ impl Watchdog {
         Self { driver, is_set, looks }
     }
 
-    /// Whether it has taken its timeout. If not, its oscillator does not run, or far too slowly: it
-    /// may be of no use.
+    /// Whether it took its timeout; if not, its oscillator fails, and it may be of no use.
     #[must_use]
     pub const fn is_set(&self) -> bool {
         self.is_set

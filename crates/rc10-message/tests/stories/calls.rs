@@ -276,7 +276,7 @@ impl Story {
     }
 }
 
-/// What happened in all stories, to see that everything does.
+/// The events of all stories, to see that everything happens.
 #[derive(Debug, Default)]
 struct Total {
     calls: Calls,

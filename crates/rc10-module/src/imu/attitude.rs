@@ -1,32 +1,23 @@
-//! The attitude of a robot, from a gyroscope and an accelerometer: how it leans, and which way
-//! round it is.
+//! The attitude of a robot, from gyroscope and accelerometer: how it leans, and its heading.
 //!
-//! The rotation is integrated as a quaternion. Where the accelerometer feels gravity and nothing
-//! else, the estimate leans towards that: slowly while the robot moves, quickly while it rests, and
-//! not at all while it spins (an accelerometer off the centre feels the spin) or is pushed hard.
-//! Nothing leans it about the vertical: **yaw is the gyroscope's alone**, zero at the first sample,
-//! and drifts. What a gyroscope says at rest is its bias; it is learned whenever the robot has
-//! stood still for a second.
+//! The rotation is integrated as a quaternion. Where the accelerometer feels gravity alone, the
+//! estimate leans towards it: slowly on the move, quickly at rest, and not in a spin or a hard
+//! push. Nothing leans it about the vertical: **yaw is the gyroscope's alone**, zero at the first
+//! sample, and drifts. The gyroscope's bias is learned after a second at a stand.
 //!
-//! Accuracy to expect of a BMI088 (`tests/attitude.rs` measures it, with the noise and bias of its
-//! data sheet): yaw after a minute of driving within half a degree, at rest within a tenth of a
-//! degree a minute; tilt within what the accelerometer's own offset makes, 1.2 degrees for 20 mg.
-//! Not in that: the scale of a real gyroscope is off by up to a percent, which is 3.6 degrees after
-//! a turn one way and none after a turn back.
+//! Accuracy of a BMI088 (`tests/attitude.rs`, with its data sheet's noise and bias): yaw within
+//! half a degree after a minute of driving, a tenth of a degree a minute at rest; tilt within the
+//! accelerometer's offset, 1.2 degrees for 20 mg. Besides, a real gyroscope's scale is off by up to
+//! a percent: 3.6 degrees after a turn.
 //!
-//! The limit of the method: a turn slower than 0.6 °/s of a robot that nothing else shakes looks
-//! like bias. If the robot never stands still for a second after power-on, [`bias`](Attitude::bias)
-//! stays `None`, and yaw drifts by a degree a second.
+//! The limit: a turn below 0.6 °/s of a robot that nothing shakes looks like bias. Without a second
+//! at a stand [`bias`](Attitude::bias) stays `None`, and yaw drifts by a degree a second.
 //!
 //! # Why not `fusion-ahrs`
-//! It is `no_std`, `f32` and `libm` as this is, and a good port of a well-known filter. But one
-//! sample that is no number spoils its quaternion for good; it counts rest and recovery in samples
-//! of a fixed rate; it takes three seconds of any turn slower than 3 °/s for bias, again and again;
-//! and it does not know that a spinning accelerometer lies. What is left of it without magnetometer
-//! is the hundred lines below. It is the witness in the tests: on the same data this must not be
-//! worse.
-
-use core::fmt;
+//! It is a good port of a well-known filter, `no_std` and `f32`. But a NaN spoils its quaternion
+//! for good; it counts in samples of a fixed rate, takes three seconds of any turn below 3 °/s for
+//! bias, and does not know that a spinning accelerometer lies. It is the witness in the tests: this
+//! must not be worse.
 
 use rc10_app::maths::{hypot, within};
 use rc10_app::{Radians, Seconds};
@@ -35,20 +26,17 @@ use super::{GRAVITY, Sample};
 
 type Vector = [f32; 3];
 
-/// The longest step: what happened between two samples further apart is not known. A robot that
-/// swings round at 30 rad/s² turns by 0.3 degrees in that time beyond what two samples tell.
+/// The longest step: between samples 30 rad/s² makes 0.3 degrees beyond what they tell.
 pub const LONGEST_STEP: Seconds = Seconds::new(0.02);
 /// No sensor of ours turns faster, rad/s: ±2000 °/s is 34.9.
 const FASTEST: f32 = 50.0;
 
-/// The rate at which the estimate leans towards the accelerometer's up, 1/s, on the move and at
-/// rest.
+/// The rate of leaning towards the accelerometer's up, 1/s, on the move and at rest.
 const LEAN: f32 = 0.1;
 const LEAN_AT_REST: f32 = 2.0;
 /// On the move while the bias is unknown: 1 °/s of it then makes 2 degrees of tilt.
 const LEAN_BEFORE: f32 = 0.5;
-/// Beyond this share more or less of gravity squared (a tenth of gravity) the accelerometer does
-/// not count.
+/// Share of gravity squared (a tenth of gravity) beyond which the accelerometer does not count.
 const OTHER_THAN_GRAVITY: f32 = 0.2;
 /// Beyond this rotation, rad/s, the accelerometer does not count either.
 const SPINS: f32 = 2.0;
@@ -68,25 +56,16 @@ const REST: f32 = 1.0;
 const BIAS_MEMORY: f32 = 20.0;
 
 /// A sample was not used: nothing has changed, but a rotation was missed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refused {
     /// Not a step above zero, and up to [`LONGEST_STEP`].
+    #[error("a step of {0}: must be above 0 and up to 0.02 s")]
     Step(Seconds),
     /// The rotation about x, y, z, rad/s: not finite, or faster than any sensor.
+    #[error("rotation of {0:?} rad/s: no sensor says that")]
     Rotation([f32; 3]),
 }
-
-impl fmt::Display for Refused {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Step(step) => write!(f, "a step of {step}: must be above 0 and up to 0.02 s"),
-            Self::Rotation(rates) => write!(f, "rotation of {rates:?} rad/s: no sensor says that"),
-        }
-    }
-}
-
-impl core::error::Error for Refused {}
 
 /// Attitude of a robot: see the [module](self).
 ///
@@ -143,8 +122,7 @@ impl Attitude {
         }
     }
 
-    /// Takes a sample, `step` after the last one that was taken. Where a sample is missing, the
-    /// next one comes with a longer step.
+    /// Takes a sample, `step` after the last one taken: longer where a sample is missing.
     ///
     /// # Errors
     /// [`Refused`], if it is not used; then a rotation was missed, and [`gaps`](Self::gaps) counts
@@ -188,8 +166,7 @@ impl Attitude {
         Ok(())
     }
 
-    /// About the vertical, counter-clockwise positive from above, -π ..= π. Means nothing while the
-    /// robot stands on its nose.
+    /// About the vertical, counter-clockwise from above, -π ..= π; not with the nose down.
     #[must_use]
     pub fn yaw(&self) -> Radians {
         let [w, x, y, z] = self.quaternion;
@@ -231,27 +208,24 @@ impl Attitude {
         }
     }
 
-    /// The rotation that the gyroscope reports at rest about x, y, z, rad/s; `None` while the robot
-    /// has not stood still for a second since power-on.
+    /// The gyroscope's rotation at rest, x, y, z, rad/s; `None` before a second at a stand.
     #[must_use]
     pub fn bias(&self) -> Option<[f32; 3]> {
         (self.rested > 0.0).then_some(self.bias)
     }
 
-    /// It has stood still for a second, and does.
+    /// Whether it has stood still for a second, and does.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         self.still >= REST
     }
 
-    /// Number of times that a rotation was missed: too long without a sample, no number, or at the
-    /// end of the gyroscope's range. Above zero, yaw may be off by any angle.
+    /// Missed rotations: no sample, no number, or out of range. Above zero, yaw may be off.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps
     }
 
-    /// The world's up in the robot's axes.
     #[inline]
     fn up(&self) -> Vector {
         let [w, x, y, z] = self.quaternion;
@@ -303,8 +277,7 @@ impl Attitude {
     #[inline]
     fn turn(&mut self, rotation: Vector, dt: f32) {
         let half = rotation.map(|rate| rate * dt * 0.5);
-        // Cosine and sine of the angle's half by their series: a last digit off at the longest step
-        // of a rotation at the end of the range, less at 1 kHz.
+        // Cosine and sine of the half by series: a last digit off at the longest, fastest step.
         let square = squared(half);
         let cos = 1.0 - square * (1.0 / 2.0 - square * (1.0 / 24.0 - square * (1.0 / 720.0)));
         let sin = 1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0)));

@@ -1,24 +1,18 @@
-//! Bosch BMI088: an accelerometer and a gyroscope that share a package and an SPI bus, each with a
-//! chip select of its own.
+//! Bosch BMI088: accelerometer and gyroscope on one SPI bus, each with a chip select.
 //!
-//! Facts are from Bosch's data sheet BST-BMI088-DS001 (1.3, 2018; section numbers below), times
-//! beside them from Bosch's own driver (`BMI08x_SensorAPI`).
+//! Source: Bosch's BST-BMI088-DS001 (1.3, 2018; sections below); times: `BMI08x_SensorAPI`.
 //!
 //! * SPI mode 0 or 3, 10 MHz at most, the address first; its bit 7 is set for reading (6.1).
-//! * The accelerometer answers a read with one byte of nothing before the data (6.1.2). It wakes
-//!   up speaking I²C, until its chip select rises (6.1), and suspended (4.1).
+//! * The accelerometer sends a byte of nothing first (6.1.2), and wakes in I²C, suspended (4.1).
 //! * The gyroscope is ready 30 ms after a reset (4.8), the accelerometer after 1.
 //!
-//! One [`read`](Bmi088::read) is three transfers of 61 bytes, 50 µs at 10 MHz: everything of the
-//! gyroscope from its identity by its rates to its settings, everything of the accelerometer from
-//! its identity by its data to its time and temperature, and two of its settings. So a sample is
-//! only given if the chips are there, run, and are set as they were told: after a brown-out the
-//! scale would be another, without a word. Chips whose clock or whose noise stands still are an
-//! error, too.
+//! One [`read`](Bmi088::read) is three transfers of 61 bytes, 50 µs at 10 MHz: all of the
+//! gyroscope, all of the accelerometer, and two of its settings. So a sample is only given if the
+//! chips are there, run, and are set as told: after a brown-out the scale would change without a
+//! word. Chips whose clock or noise stands still are an error, too.
 //!
-//! Address and data are one transfer. Two under one chip select would be right by the data sheet, but an
-//! STM32H7 with `TSIZE` = 0 was seen to clock on behind the first one's last frame, and each clock shifts the
-//! chip's answer by a bit (Zephyr issue 66326, PR 66503).
+//! Address and data are one transfer: with two, an STM32H7 with `TSIZE` = 0 was seen to clock on
+//! behind the first, which shifts the answer by a bit (Zephyr issue 66326, PR 66503).
 //!
 //! Where a DMA cannot read all memory, the SPI device must copy.
 
@@ -66,12 +60,14 @@ impl fmt::Display for Part {
 }
 
 /// There is no sample, and why.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<E> {
     /// The SPI bus failed.
+    #[error("SPI to the {0} failed: {1:?}")]
     Spi(Part, E),
     /// Something else answers, or nothing.
+    #[error("the {part} says it is {read:#04x}, not {:#04x}: {}", .part.chip_id(), cause(*.read))]
     WrongChip {
         /// The chip that was asked.
         part: Part,
@@ -79,6 +75,10 @@ pub enum Error<E> {
         read: u8,
     },
     /// A setting is not what was written: not taken, or lost since.
+    #[error(
+        "the {part} has {read:#04x} in register {register:#04x}, not {wrote:#04x}: did it lose its \
+         supply?"
+    )]
     NotKept {
         /// The chip with the setting.
         part: Part,
@@ -90,11 +90,13 @@ pub enum Error<E> {
         read: u8,
     },
     /// The accelerometer says that it does not work: its `ACC_ERR_REG` (5.3.2).
+    #[error("the BMI088 accelerometer reports an error of its own: {errors:#04x}")]
     Broken {
         /// The value of `ACC_ERR_REG`.
         errors: u8,
     },
     /// The chip stands still: each reading is the same as the one before.
+    #[error("the {0} measures nothing new")]
     Stuck(Part),
 }
 
@@ -113,32 +115,13 @@ impl<E> Error<E> {
     }
 }
 
-impl<E: fmt::Debug> fmt::Display for Error<E> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Spi(part, error) => write!(f, "SPI to the {part} failed: {error:?}"),
-            Self::WrongChip { part, read } => {
-                let wanted = part.chip_id();
-                write!(f, "the {part} says it is {read:#04x}, not {wanted:#04x}")?;
-                match read {
-                    0x00 | 0xFF => f.write_str(": nothing answers; power, MISO, chip select?"),
-                    _ => f.write_str(": chip selects swapped, or the clock too fast?"),
-                }
-            }
-            Self::NotKept { part, register, wrote, read } => write!(
-                f,
-                "the {part} has {read:#04x} in register {register:#04x}, not {wrote:#04x}: \
-                 did it lose its supply?"
-            ),
-            Self::Broken { errors } => {
-                write!(f, "the BMI088 accelerometer reports an error of its own: {errors:#04x}")
-            }
-            Self::Stuck(part) => write!(f, "the {part} measures nothing new"),
-        }
+/// The likely cause of a wrong identity.
+const fn cause(read: u8) -> &'static str {
+    match read {
+        0x00 | 0xFF => "nothing answers; power, MISO, chip select?",
+        _ => "chip selects swapped, or the clock too fast?",
     }
 }
-
-impl<E: fmt::Debug> core::error::Error for Error<E> {}
 
 /// Counters of the readings, by outcome. Each starts over after 2³².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -162,8 +145,7 @@ const LONGEST: usize = 2 + registers::ACC_ALL;
 
 /// Errors in a row after which the chips are set up anew.
 pub const ERRORS_BEFORE_RESTART: u8 = 3;
-/// Equal readings of the gyroscope in a row that say it is stuck. Noise moves its last digits: of a
-/// hundred readings at 1 kHz ten are new even at its lowest rate.
+/// Equal readings that say the gyroscope is stuck: of a hundred at 1 kHz ten are new by noise.
 const EQUAL_RATES: u8 = 100;
 /// Raw values from here on are the end of the range: ±32,767, and what a filter leaves of it.
 const SATURATED: u16 = 32_700;
@@ -224,14 +206,13 @@ where
         }
     }
 
-    /// A new sample. To be called again and again, at the gyroscope's rate or slower; sets the
-    /// chips up first where that is needed: the first time, and after
-    /// [`ERRORS_BEFORE_RESTART`] errors in a row. That takes 0.12 s.
+    /// A new sample, at the gyroscope's rate or slower. Sets the chips up at first, and after
+    /// [`ERRORS_BEFORE_RESTART`] errors in a row, in 0.12 s.
     ///
     /// Dropped half-way, nothing is lost but this sample.
     ///
     /// # Errors
-    /// Why there is none. Call again: a chip that comes back is used again.
+    /// The reason without a sample. Call again: a chip that comes back is used again.
     pub async fn read(&mut self) -> Result<Sample, Error<A::Error>> {
         let started = if self.is_running { Ok(()) } else { self.start().await };
         let result = match started {

@@ -2,23 +2,20 @@ use rc10_app::angle::{shortest_way, shortest_way_degrees};
 use rc10_app::{Degrees, Radians, TotalAngle, maths};
 use rc10_can::Micros;
 
-/// A heading that was heard longer ago is none any more. In this time the fastest rotation that
-/// these sensors measure, 2000 °/s, is half a turn: the robot may look the other way by now.
+/// An older heading is of no use: 2000 °/s makes half a turn in this time.
 pub const FRESH_FOR: Micros = Micros::from_millis(90);
 
 /// Microdegrees.
 const TURN: i32 = 360_000_000;
 
-/// The heading of a robot, made of the yaw that a sensor tells: continuous over any number of
-/// turns, counter-clockwise positive, from a zero of ours. Whole microdegrees: nothing adds up.
+/// A heading from a sensor's yaw: continuous, counter-clockwise, exact microdegrees, own zero.
 ///
-/// It is small and `Copy`, made to be published as a whole; its reader says what time it is,
-/// and gets nothing where the newest yaw is older than [`FRESH_FOR`].
+/// Small and `Copy`, to be published; without a yaw newer than [`FRESH_FOR`] it has no value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heading {
     heard: Option<Micros>,
-    /// Of the sensor, within its turn; and how many turns it made.
+    /// The sensor's yaw, within its turn; and how many turns it made.
     yaw: i32,
     turns: i32,
     zero: i32,
@@ -28,8 +25,7 @@ pub struct Heading {
 }
 
 impl Heading {
-    /// The sensor says this at `at`: degrees, of which whole turns do not count. What is not finite
-    /// is ignored.
+    /// The sensor says this at `at`: degrees, without whole turns. What is not finite is ignored.
     pub fn hear(&mut self, yaw: Degrees, at: Micros) {
         if !yaw.is_finite() {
             return;
@@ -55,8 +51,7 @@ impl Heading {
         self.is_lost = false;
     }
 
-    /// Makes the present heading zero, and says that it tells no [`direction`](Self::direction): of an
-    /// IMU that has come late.
+    /// Makes the present heading zero, without a [`direction`](Self::direction): the IMU came late.
     pub const fn begin_here(&mut self) {
         self.zero();
         self.is_lost = true;
@@ -70,8 +65,7 @@ impl Heading {
         self.is_fresh(now).then(|| TotalAngle::from_microdegrees(turns * i64::from(TURN) + way))
     }
 
-    /// Which way it looks, -π ..= π, as [`Twist::into_frame`](rc10_app::Twist::into_frame) takes
-    /// it; `None` if that is not known.
+    /// The direction, -π ..= π, for [`Twist::into_frame`](rc10_app::Twist::into_frame), if known.
     #[must_use]
     pub fn direction(&self, now: Micros) -> Option<Radians> {
         let way = shortest_way(self.zero, self.yaw, TURN);
@@ -81,9 +75,8 @@ impl Heading {
         is_known.then(|| Radians::new(degrees.to_radians()))
     }
 
-    /// Number of times that the sensor was silent for longer than [`FRESH_FOR`]. Each time turns
-    /// may be missing from [`total`](Self::total); and if it lost power it counts from another zero
-    /// now, so that [`direction`](Self::direction) is wrong until [`zero`](Self::zero) is called.
+    /// Times of silence beyond [`FRESH_FOR`]: turns may be missing from [`total`](Self::total), and
+    /// [`direction`](Self::direction) be wrong until [`zero`](Self::zero).
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps

@@ -19,10 +19,9 @@ pub struct HeaterConfig {
     pub target: f32,
 }
 
-/// The loop, in W by °C. A die that is warmed by 3 W to 20 degrees above the air within minutes follows without
-/// overshoot (`tests/heater.rs`): it begins tens of degrees off and the power is bounded, so the integral is drawn back
-/// meanwhile, and the proportional part sees a little less of the setpoint. The sensor counts in eighths of a degree,
-/// hence the filter.
+/// The loop, in W by °C, for a die that 3 W warms by 20 degrees within minutes, without overshoot
+/// (`tests/heater.rs`): back-calculation, because the power is bounded, a little less setpoint in
+/// the proportional part, and a filter for steps of an eighth of a degree.
 const LOOP: PidConfig = PidConfig {
     setpoint_weight: 0.95,
     derivative_filter: 5.0,
@@ -48,8 +47,7 @@ impl Heater {
         Self { config, power: PidState::new() }
     }
 
-    /// The share of time for which to heat from now on, in thousandths. `temperature` is the die's in °C, `supply` the
-    /// voltage at the heater; `None`, or outside of what can be: not known.
+    /// The share of time to heat, thousandths, by the die's °C and the supply's V, if known.
     pub fn update(&mut self, temperature: Option<f32>, supply: Option<f32>, step: Seconds) -> u16 {
         let known = temperature
             .filter(|now| PLAUSIBLE.contains(now))

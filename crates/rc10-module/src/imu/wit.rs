@@ -1,5 +1,4 @@
-//! WIT (`WitMotion`) modules with the maker's standard protocol, WT901 and HWT101 among them: UART 8N1,
-//! 9600 baud as sold, frames by themselves. Little endian.
+//! WIT (`WitMotion`) modules, such as WT901 and HWT101: UART 8N1, 9600 baud as sold, little endian.
 //!
 //! | byte | |
 //! |---|---|
@@ -10,8 +9,7 @@
 //!
 //! An HWT101 measures yaw only: `52` and `53`, with z alone of interest.
 //!
-//! Sources: WIT standard communication protocol, HWT101 protocol (both published by the maker),
-//! data sheet HWT905 for rates and baud rates.
+//! Sources: WIT standard and HWT101 protocols, data sheet HWT905 for rates and baud rates.
 
 use rc10_app::{Celsius, Degrees};
 
@@ -42,8 +40,7 @@ const TYPES: core::ops::RangeInclusive<u8> = 0x50..=0x5F;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Wit;
 
-/// The content of a frame. Axes are right-handed and the module's own, x y z; rotations are
-/// positive counter-clockwise, looking against the axis.
+/// The content of a frame. Axes are the module's, right-handed; rotations counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {
@@ -51,7 +48,7 @@ pub enum Message {
     Acceleration {
         /// In g, -16 ..< 16.
         g: [f32; 3],
-        /// Of its chip.
+        /// The chip's temperature.
         temperature: Celsius,
     },
     /// Angular rate.
@@ -105,8 +102,7 @@ impl Protocol for Wit {
     }
 }
 
-/// A setting of a module. All but [`Unlock`](Self::Unlock) work only within 10 s after that, and
-/// last only until power-off if no [`Save`](Self::Save) follows.
+/// A setting, taken within 10 s of [`Unlock`](Self::Unlock), kept by [`Save`](Self::Save).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
@@ -157,7 +153,7 @@ pub enum Baud {
 }
 
 impl Command {
-    /// Its bytes: `FF AA`, a register, and its new value, little endian.
+    /// The bytes: `FF AA`, a register, and its new value, little endian.
     #[must_use]
     pub const fn pack(self) -> [u8; 5] {
         let [register, low, high] = match self {

@@ -1,8 +1,7 @@
 //! Patterns of a strip: a colour and a rhythm per state of the robot.
 //!
-//! The rhythm alone tells the states apart, on a single LED too: one man in twelve confuses red
-//! with green, and colours are hard to see in the sun. No LED flashes more than three times in a
-//! second: faster is dangerous for some people (WCAG 2.3.1).
+//! The rhythm alone tells the states apart: one man in twelve confuses red and green, and the sun
+//! hides colours. No more than three flashes a second: faster is dangerous for some (WCAG 2.3.1).
 //!
 //! | state | colour | rhythm of an LED, one mark is 100 ms | |
 //! |---|---|---|---|
@@ -25,7 +24,7 @@ pub enum State {
     /// No torque.
     #[default]
     Disarmed,
-    /// It may move at any time.
+    /// The robot may move at any time.
     Armed,
     /// Armed, and let go for a moment: it goes on by itself.
     Suspended,
@@ -110,7 +109,7 @@ mod tests {
 
     use super::*;
 
-    /// What an eye that sees no colours sees of an LED in a while.
+    /// The signs of an LED for an eye that sees no colours.
     fn seen(state: State, index: usize) -> Vec<bool> {
         let at = |beat| Micros::new(1_000_000_000_000 + beat * BEAT.get() + 99_999);
         (0..20).map(|beat| colour(state, at(beat), index) != RGB8::default()).collect()

@@ -1,5 +1,4 @@
-//! WS2812: 24 bits an LED, green, red, blue, the highest bit first; a bit is a pulse of 1.25 µs
-//! whose width is its value, and silence ends the picture.
+//! WS2812: 24 bits an LED, green, red, blue, highest bit first, as pulse widths in 1.25 µs.
 //!
 //! | | 0 | 1 | period | silence |
 //! |---|---|---|---|---|
@@ -12,10 +11,8 @@
 //! A [`Strip`] sends by one of two [`Output`]s. [`Spi`]: a byte per bit, on any SPI bus, with no
 //! pin but data. [`Pulses`]: a timer's compare values, one per bit, which a DMA feeds to it.
 //!
-//! The crate `ws2812-async` was weighed: four bits of SPI per bit, which is half the memory. It
-//! knows no timer, and leaves out without a word the LEDs that its buffer has no room for.
+//! `ws2812-async` has half the memory, but no timer, and leaves LEDs out without a word.
 
-use core::fmt;
 use core::ops::RangeInclusive;
 
 use embassy_time::{Duration, Timer};
@@ -33,8 +30,7 @@ pub const SPI_ZERO: u8 = 0x30;
 /// A bit that is 1: six of eight high.
 pub const SPI_ONE: u8 = 0xFC;
 
-/// Clocks of an SPI bus whose bytes are bits that LEDs understand, Hz: two of its bits last at least
-/// 250 ns and six at most 950 ns. The oldest, WS2812 without a letter, want 850: 7.06 MHz or more.
+/// SPI clocks in Hz: two bits last 250 ns, six 950 ns at most; a WS2812 without a letter 850.
 pub const SPI_CLOCK: RangeInclusive<u32> = 6_320_000..=8_000_000;
 
 /// Bytes of silence before and after a picture: 300 µs at the fastest clock.
@@ -64,8 +60,7 @@ pub fn spi_bytes(colour: RGB8) -> [u8; BITS] {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseTiming {
-    /// Clocks from one pulse to the next: the period of the timer. (An STM32's auto-reload
-    /// register gets one less.)
+    /// Clocks between pulses: the timer's period (an STM32's auto-reload register gets one less).
     pub period: u16,
     /// Clocks for which a bit that is 0 is high: a compare value.
     pub zero: u16,
@@ -74,24 +69,16 @@ pub struct PulseTiming {
 }
 
 /// No whole number of a timer's clocks makes a width that LEDs understand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("a timer of {clock} Hz hits no pulse width of a WS2812: it needs some MHz")]
 pub struct TooCoarse {
     /// The timer's clock, Hz.
     pub clock: u32,
 }
 
-impl fmt::Display for TooCoarse {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a timer of {} Hz hits no pulse width of a WS2812: it needs some MHz", self.clock)
-    }
-}
-
-impl core::error::Error for TooCoarse {}
-
 impl PulseTiming {
-    /// The pulses of a timer that counts at `clock` Hz: 312 ns, 750 ns and 1.25 µs, as near as it
-    /// comes.
+    /// Pulses of a timer at `clock` Hz: nearly 312 ns, 750 ns and 1.25 µs.
     ///
     /// ```
     /// use rc10_module::led::ws2812::PulseTiming;
@@ -145,8 +132,7 @@ pub trait Output {
     async fn send(&mut self, symbols: &[Self::Symbol]) -> Result<(), Self::Error>;
 }
 
-/// LEDs at an SPI bus's data pin. The bus runs at one of [`SPI_CLOCK`], and the pin is low while
-/// it rests (on STM32: `AFCNTR`, or a pull-down), or the first bit is misread.
+/// LEDs at an SPI bus of one of [`SPI_CLOCK`], low at rest (on STM32: `AFCNTR`, or a pull-down).
 #[derive(Debug)]
 pub struct Spi<S>(pub S);
 
@@ -169,9 +155,7 @@ impl<S: SpiBus> Output for Spi<S> {
 
 /// LEDs at a timer's output: PWM, high first, whose compare value a DMA replaces once a period.
 ///
-/// `send` gets the compare values, a pulse each, and returns when the last pulse is over and the
-/// line is low for good: one more compare value, of 0, does that. A DMA that cannot read all
-/// memory needs them copied anyway.
+/// `send` gets compare values, one a pulse, and returns once the line is low: 0 at the end.
 #[derive(Debug)]
 pub struct Pulses<F> {
     timing: PulseTiming,
@@ -216,6 +200,7 @@ impl<F: AsyncFnMut(&[u16]) -> Result<(), E>, E> Output for Pulses<F> {
 /// # }
 /// ```
 #[derive(Debug)]
+#[must_use]
 pub struct Strip<O: Output, const LEDS: usize> {
     output: O,
     brightness: u8,
@@ -223,42 +208,28 @@ pub struct Strip<O: Output, const LEDS: usize> {
 }
 
 /// A picture did not get onto the strip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<E> {
-    /// It has more LEDs than the strip's buffer has room for; nothing was sent.
+    /// The strip has more LEDs than its buffer has room for; nothing was sent.
+    #[error("more colours than the strip's buffer has room for: {room} LEDs")]
     TooManyLeds {
         /// The room.
         room: usize,
     },
     /// The output to the strip failed; LEDs may show a part of the picture.
+    #[error("the strip's output failed: {0}")]
     Output(E),
 }
 
-impl<E: fmt::Display> fmt::Display for Error<E> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooManyLeds { room } => {
-                write!(f, "more colours than the strip's buffer has room for: {room} LEDs")
-            }
-            Self::Output(error) => write!(f, "the strip's output failed: {error}"),
-        }
-    }
-}
-
-impl<E: fmt::Debug + fmt::Display> core::error::Error for Error<E> {}
-
 impl<O: Output, const LEDS: usize> Strip<O, LEDS> {
     /// A strip at full brightness.
-    #[must_use]
     pub fn new(output: O) -> Self {
         let dark = core::array::from_fn(|_| O::Symbol::default());
         Self { output, brightness: u8::MAX, symbols: [dark; LEDS] }
     }
 
-    /// The same with every colour at `brightness` of 255: an LED takes up to 60 mA at full white,
-    /// more than a board's 5 V gives a strip of them.
-    #[must_use]
+    /// The same at `brightness` of 255: at full white an LED takes up to 60 mA, too much for 5 V.
     pub const fn with_brightness(mut self, brightness: u8) -> Self {
         self.brightness = brightness;
         self
@@ -275,8 +246,7 @@ impl<O: Output, const LEDS: usize> SmartLedsWriteAsync for Strip<O, LEDS> {
     type Error = Error<O::Error>;
     type Color = RGB8;
 
-    /// Sends the colours to the first LEDs; those behind keep theirs. Takes 30 µs an LED and the
-    /// silence. Dropped half-way, it leaves any picture.
+    /// Sends colours to the first LEDs; others keep theirs. 30 µs an LED, and the silence.
     async fn write<T, I>(&mut self, colours: T) -> Result<(), Self::Error>
     where
         T: IntoIterator<Item = I>,

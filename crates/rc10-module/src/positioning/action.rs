@@ -1,5 +1,4 @@
-//! ACTION positioning system, two odometer wheels and a gyroscope: UART, 115200 baud 8N1, frames by
-//! themselves. Little endian.
+//! ACTION positioning, two odometer wheels and a gyroscope: UART, 115200 baud 8N1, little endian.
 //!
 //! | byte | |
 //! |---|---|
@@ -7,13 +6,10 @@
 //! | 2 ..= 25 | six f32: yaw, angle about x, angle about y, in degrees; x, y in mm; yaw rate |
 //! | 26, 27 | `0A 0D` |
 //!
-//! **There is no checksum.** What can be checked is: head, tail, and that each number is finite and
-//! below a million. A flipped bit in the middle of a number gets through: a program
-//! that steers by this must refuse a pose that is further from the last than the robot can be.
+//! **There is no checksum**, only head, tail, and finite numbers below a million. A program that
+//! steers by this must refuse a pose that is further from the last than the robot can be.
 //!
 //! Source: seven public parsers of Robocon teams, which agree; commands from two of them.
-
-use core::fmt;
 
 use rc10_app::Degrees;
 
@@ -29,8 +25,7 @@ const PLAUSIBLE: f32 = 1e6;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Action;
 
-/// The pose of the system: its angles and its place. Axes and signs are the maker's, from where it
-/// was switched on; how they lie on your robot depends on how it is mounted.
+/// The pose: angles and place, with the maker's axes and signs, since it was switched on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pose {
@@ -90,8 +85,9 @@ pub enum Coordinate {
 }
 
 /// A coordinate cannot be set to this.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("{coordinate:?} cannot be {value}: it must be finite, and within ±{PLAUSIBLE}")]
 pub struct Implausible {
     /// The coordinate.
     pub coordinate: Coordinate,
@@ -99,17 +95,7 @@ pub struct Implausible {
     pub value: f32,
 }
 
-impl fmt::Display for Implausible {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { coordinate, value } = self;
-        write!(f, "{coordinate:?} cannot be {value}: it must be finite, and within ±{PLAUSIBLE}")
-    }
-}
-
-impl core::error::Error for Implausible {}
-
-/// The command that sets a coordinate: from now on it is this. Public drivers wait 10 ms between
-/// two of them.
+/// The command that sets a coordinate. Public drivers wait 10 ms between two.
 ///
 /// ```
 /// use rc10_module::positioning::action::{Coordinate, set};

@@ -1,5 +1,4 @@
-//! RC9 (GDUT) frames between boards, and of that team's positioning module: UART, any baud rate,
-//! 8N1.
+//! RC9 (GDUT) frames between boards, and of its positioning module: UART, any baud rate, 8N1.
 //!
 //! | bytes | |
 //! |---|---|
@@ -11,8 +10,6 @@
 //! | 2 | `FD FE` |
 //!
 //! Source: RC9's implementations for STM32 and ESP32, which agree.
-
-use core::fmt;
 
 use crate::{Found, Protocol};
 
@@ -28,9 +25,8 @@ const LONGEST: usize = HEADER + MOST + 4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Rc9 {
-    /// Frames whose CRC is `00 00` are taken unchecked: one positioning module of the team
-    /// calculates none. Off, unless it is that module that you listen to: then a wire that lies is
-    /// believed.
+    /// Whether frames with a CRC of `00 00` are taken unchecked: for one positioning module of the
+    /// team that calculates none. Off for all else.
     pub unchecked: bool,
 }
 
@@ -45,29 +41,16 @@ pub struct Frame {
 }
 
 /// Why something is no frame's data.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
     /// The frame claims this number of bytes: too many.
+    #[error("{0} bytes of data: an RC9 frame has at most {MOST}")]
     TooLong(usize),
     /// This number, counted from 0, is infinite or none at all.
+    #[error("number {0} of an RC9 frame's data is not finite: it must be")]
     NotFinite(usize),
 }
-
-impl fmt::Display for FrameError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooLong(bytes) => {
-                write!(f, "{bytes} bytes of data: an RC9 frame has at most {MOST}")
-            }
-            Self::NotFinite(index) => {
-                write!(f, "number {index} of an RC9 frame's data is not finite: it must be")
-            }
-        }
-    }
-}
-
-impl core::error::Error for FrameError {}
 
 impl Frame {
     /// A frame of bytes.
@@ -91,8 +74,7 @@ impl Frame {
     /// ```
     ///
     /// # Errors
-    /// [`FrameError::TooLong`] for more than 16, [`FrameError::NotFinite`] for one that is infinite
-    /// or NaN.
+    /// [`FrameError::TooLong`] above 16, [`FrameError::NotFinite`] for infinity or NaN.
     pub fn of_floats(id: u8, numbers: &[f32]) -> Result<Self, FrameError> {
         let mut bytes = heapless::Vec::<u8, MOST>::new();
         for (index, number) in numbers.iter().enumerate() {
@@ -111,14 +93,13 @@ impl Frame {
         self.id
     }
 
-    /// Its data.
+    /// The data.
     #[must_use]
     pub fn data(&self) -> &[u8] {
         self.data.get(..self.len.into()).unwrap_or_default()
     }
 
-    /// Its data as numbers; `None` if they are not whole numbers of four bytes, or one of them is
-    /// infinite or NaN.
+    /// The data as numbers; `None` unless all are finite and of four whole bytes.
     #[must_use]
     pub fn floats(&self) -> Option<heapless::Vec<f32, { MOST / 4 }>> {
         let (numbers, rest) = self.data().as_chunks::<4>();
@@ -126,7 +107,7 @@ impl Frame {
         if rest.is_empty() { numbers.iter().map(finite).collect() } else { None }
     }
 
-    /// Its bytes on the wire.
+    /// The bytes on the wire.
     #[must_use]
     pub fn pack(&self) -> heapless::Vec<u8, LONGEST> {
         let crc = crc(self.data()).to_le_bytes();
@@ -137,11 +118,9 @@ impl Frame {
     }
 }
 
-/// CRC-16/XMODEM: polynomial 0x1021, from zero, most significant bit first; 0x31C3 for
-/// "123456789".
+/// CRC-16/XMODEM: 0x1021, from zero, highest bit first; 0x31C3 for "123456789".
 ///
-/// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
-/// so that its high half also runs into its low half, and the result comes out at three places.
+/// Without a table: the taps of x¹⁶ + x¹² + x⁵ + 1 move a byte to three places.
 fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc: u16, byte| {
         let mixed = crc >> 8 ^ u16::from(*byte);
@@ -224,7 +203,7 @@ mod tests {
             assert_eq!((frame.id(), frame.data()), (len, data.as_slice()));
         }
         assert_eq!(Frame::new(1, &[0; 65]), Err(FrameError::TooLong(65)));
-        // A frame that says it had 65 is none, and costs none.
+        // A frame that says it had 65 is invalid, and costs no other.
         let good = Frame::new(1, &[7; 3]).unwrap();
         let too_long = [&[0xFC, 0xFB, 1, 65][..], &[0; 65], &[0, 0, 0xFD, 0xFE]].concat();
         assert_eq!(heard(&[&too_long[..], &good.pack()].concat()), [good]);

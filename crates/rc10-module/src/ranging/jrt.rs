@@ -1,5 +1,4 @@
-//! Laser modules of the JRT type, of many sellers: UART 8N1, 19200 baud or as the seller says. A
-//! module measures when told to: [`run`] does that. Big endian.
+//! JRT-type laser modules: UART 8N1, 19200 baud or other, big endian; [`run`] has them measure.
 //!
 //! | bytes | |
 //! |---|---|
@@ -10,11 +9,9 @@
 //! | 2 each | words |
 //! | 1 | sum of all but the first byte |
 //!
-//! A result is register 0022 with three words: distance u32 in mm, signal quality u16. An error is
-//! one word, its code. A command that writes comes back as it was sent.
+//! A result is register 0022: distance u32 in mm, quality u16. An error is its code, one word.
 //!
-//! Sources: drivers of RC9 (GDUT) and of IADIY's LRF100M3PS, the public driver `laser_ldj100` with
-//! the maker's table of codes.
+//! Sources: drivers of RC9 (GDUT) and IADIY's LRF100M3PS, `laser_ldj100` with its code table.
 
 mod driver;
 
@@ -39,8 +36,7 @@ const HEADER: usize = 6;
 /// No reply of these modules has more words than a result.
 const MOST_WORDS: usize = 3;
 const LONGEST: usize = HEADER + 2 * MOST_WORDS + 1;
-/// The range of modules of this family, in mm: all are blind below 30 mm, the furthest reach 150 m.
-/// Yours may reach less far, and says so itself, by an error.
+/// The family's range in mm: from 30 to 150 m. Yours may reach less far, and says so by an error.
 const REACH: core::ops::RangeInclusive<u32> = 30..=150_000;
 
 /// The protocol of a JRT-type module.
@@ -51,17 +47,16 @@ pub struct Jrt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Answer {
-    /// It measured.
+    /// The module measured.
     Result {
         /// The address of the module: 0 as sold.
         address: u8,
-        /// See [`range`](Self::range).
+        /// The distance; [`range`](Self::range) judges it.
         millimetres: u32,
-        /// The quality of the signal. The manual calls a small value good; users who measured found
-        /// the contrary. Try it with yours before you rely on it.
+        /// The quality. The manual calls a small value good, users found the contrary: try it.
         quality: u16,
     },
-    /// It could not measure.
+    /// The module could not measure.
     Error {
         /// The address of the module.
         address: u8,
@@ -71,10 +66,9 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// The distance of something, or why there is none. Codes that speak of the target are states;
-    /// the others (1 supply too low, 3 and 4 too cold and too hot, 10 and up hardware, 129 no such
-    /// command) are a [`Fault`](Range::Fault).
-    #[must_use]
+    /// The distance of something, or why it is not known. Codes that speak of the target are
+    /// states; the others (1 supply too low, 3 and 4 too cold and too hot, 10 and up hardware, 129
+    /// no such command) are a [`Fault`](Range::Fault).
     pub fn range(&self) -> Range {
         match *self {
             Self::Result { millimetres, .. } if REACH.contains(&millimetres) => {
@@ -146,7 +140,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Its bytes.
+    /// The bytes of the command.
     ///
     /// ```
     /// use rc10_module::ranging::jrt::Command;
@@ -262,7 +256,7 @@ mod tests {
         }
     }
 
-    /// What comes back of a command, an error's other head, heads too many, and a damaged frame.
+    /// Commands that come back, an error's other head, heads too many, and a damaged frame.
     #[test]
     fn nothing_in_between_costs_a_result() {
         let echo = Command::Continuously(Speed::Auto).pack();

@@ -1,5 +1,4 @@
-//! LDROBOT STP-23L: UART, 230400 baud 8N1, ten frames a second by itself, each with the twelve
-//! measurements of the 100 ms before. All look into one direction. Little endian.
+//! LDROBOT STP-23L: UART, 230400 baud 8N1, ten frames a second of twelve points, little endian.
 //!
 //! | byte | |
 //! |---|---|
@@ -12,8 +11,7 @@
 //! | 190 ..= 193 | time stamp |
 //! | 194 | sum of bytes 4 to 193 |
 //!
-//! Sources: LDROBOT's ROS driver (`MeasureFrameDataTypeDef`), three public team drivers, and a
-//! published capture checked with a tape measure. The maker documents no more than the wires.
+//! Sources: LDROBOT's ROS driver, three teams' drivers, and a capture checked by tape measure.
 
 use super::{Doubt, Range};
 use crate::sum::sum;
@@ -25,7 +23,7 @@ const HEAD: u8 = 0xAA;
 const DISTANCES: u8 = 0x02;
 const POINTS: usize = 12;
 const POINT_LEN: usize = 15;
-/// Its reach, in mm (data sheet).
+/// The sensor's reach, in mm (data sheet).
 const REACH: core::ops::RangeInclusive<u16> = 30..=7500;
 
 /// The protocol of an STP-23L.
@@ -46,8 +44,7 @@ pub struct Point {
     pub confidence: u8,
     /// Pulses that were added up: the more, the weaker each was.
     pub integration: u32,
-    /// The time of flight within the device, for its temperature. Not a distance, though it looks
-    /// like one.
+    /// The time of flight within the device, for its temperature: no distance.
     pub reference: u16,
 }
 
@@ -74,7 +71,7 @@ impl Point {
         }
     }
 
-    /// It has a confidence, and is within the device's reach of 30 to 7500 mm.
+    /// Whether it has a confidence, and is within the device's reach of 30 to 7500 mm.
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.confidence > 0 && REACH.contains(&self.millimetres)
@@ -85,7 +82,6 @@ impl Measurement {
     /// The median of the good points, if more than half of the twelve are good: a stray one moves
     /// a mean, but no median. It is about 50 ms old when it arrives. A few good points are
     /// [`Unsteady`](Doubt::Unsteady), none at all means that there is nothing within reach.
-    #[must_use]
     pub fn range(&self) -> Range {
         let mut good = heapless::Vec::<u16, POINTS>::new();
         for point in self.points.iter().filter(|point| point.is_good()) {

@@ -8,8 +8,7 @@
 //! | 6, 7 | temperature, 1/8 °C above -256 °C |
 //! | 8 | sum of bytes 0 to 7 |
 //!
-//! Source: its manual A04, table 7 and section 5.4. A `TFmini` without *Plus* has the same frame with
-//! a mode where the temperature is, and other limits: not for this module.
+//! Source: manual A04, table 7 and section 5.4. Not for a `TFmini` without *Plus*: other fields.
 
 use rc10_app::Celsius;
 
@@ -23,7 +22,7 @@ const HEAD: u8 = 0x59;
 const WEAKEST: u16 = 100;
 /// With this strength, too: the receiver is saturated.
 const SATURATED: u16 = u16::MAX;
-/// It measures up to here, in cm (manual, 5.4); 0 is what it gives when it has nothing.
+/// The reach, in cm (manual, 5.4); 0 is what it gives when it has nothing.
 const FURTHEST: u16 = 1200;
 
 /// The protocol of a `TFmini-Plus`.
@@ -45,11 +44,11 @@ pub struct TfMini;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Measurement {
-    /// In centimetres, 0 ..= 1200. 0 if there is none. See [`range`](Self::range).
+    /// In centimetres, 0 ..= 1200. 0 without an echo. See [`range`](Self::range).
     pub centimetres: u16,
     /// The amount of light that came back: 100 ..= 65534 is reliable.
     pub strength: u16,
-    /// Of its chip.
+    /// The chip's temperature.
     pub temperature: Celsius,
 }
 
@@ -60,8 +59,7 @@ impl Measurement {
         self.strength >= WEAKEST && self.strength != SATURATED
     }
 
-    /// The distance of something, or why there is none.
-    #[must_use]
+    /// The distance of something, or why it is not known.
     pub fn range(&self) -> Range {
         match (self.strength, self.centimetres) {
             (SATURATED, _) => Range::Unreliable(Doubt::TooStrong),
@@ -161,7 +159,7 @@ mod tests {
             assert_eq!(heard.iter().map(|one| one.centimetres).collect::<Vec<_>>(), [251], "{at}");
             assert!(at < 2 || counters.damaged > 0, "{at}");
         }
-        // One head alone is none, though the sum is right.
+        // One head alone is no frame, though the sum is right.
         let mut lone = frame(250, 900);
         lone[1] = 0;
         lone[8] = sum(&lone[..8]);

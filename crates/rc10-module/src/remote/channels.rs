@@ -1,27 +1,23 @@
-use core::fmt;
-
 use super::{Remote, Stick, Switch, Travel};
 
 /// A channel of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub struct Channel {
     /// From 1 on, as transmitters show it.
     pub number: u8,
-    /// Its low end is right, away from the body, or a switch that is down.
+    /// The low end is right, away from the body, or a switch that is down.
     pub is_reversed: bool,
 }
 
 impl Channel {
-    /// The channel of this number. Its high end is right, away from the body, or a switch that is
-    /// down.
-    #[must_use]
+    /// The channel of this number, whose high end is right, away from the body, or a switch down.
     pub const fn new(number: u8) -> Self {
         Self { number, is_reversed: false }
     }
 
     /// The other way round.
-    #[must_use]
     pub const fn reversed(self) -> Self {
         Self { is_reversed: !self.is_reversed, ..self }
     }
@@ -43,17 +39,16 @@ pub struct ChannelOrder {
     pub right_switch: Channel,
     /// The switch on the left.
     pub left_switch: Channel,
-    /// Two more switches; `Middle` where there are none.
+    /// Two more switches; `Middle` without them.
     pub more_switches: [Option<Channel>; 2],
-    /// A wheel or dial; 0 where there is none.
+    /// A wheel or dial; 0 without one.
     pub dial: Option<Channel>,
 }
 
 const ROLES: usize = 9;
 
 impl ChannelOrder {
-    /// Aileron, elevator, throttle, rudder, right switch, left switch, two more, a dial: most
-    /// transmitters.
+    /// Aileron, elevator, throttle, rudder, both switches, two more, a dial: most transmitters.
     pub const AETR: Self = Self {
         right_x: Channel::new(1),
         right_y: Channel::new(2),
@@ -65,8 +60,7 @@ impl ChannelOrder {
         dial: Some(Channel::new(9)),
     };
 
-    /// That of `RC10_LIB`'s `AirJoy`: left x, left y, right y, right x, switches A, B, C, D, of
-    /// which A is the right one here, B the left one.
+    /// `RC10_LIB`'s `AirJoy`: left x, y, right y, x, switches A (right here), B (left), C, D.
     pub const AIR_JOY: Self = Self {
         left_x: Channel::new(1),
         left_y: Channel::new(2),
@@ -120,8 +114,7 @@ pub struct ChannelMap<const CHANNELS: usize> {
 impl<const CHANNELS: usize> ChannelMap<CHANNELS> {
     /// # Errors
     ///
-    /// A channel that does not exist, or is two things at once; a travel whose middle is not
-    /// between its ends.
+    /// A channel that does not exist, or is twice; a travel whose middle is not in between.
     pub const fn new(order: ChannelOrder, travel: Travel) -> Result<Self, ChannelMapError> {
         if !travel.is_possible() {
             return Err(ChannelMapError::Travel(travel));
@@ -153,7 +146,6 @@ impl<const CHANNELS: usize> ChannelMap<CHANNELS> {
     }
 
     /// The state of the remote with these channel values.
-    #[must_use]
     pub fn remote(&self, channels: &[u16; CHANNELS]) -> Remote {
         let raw = |channel: Channel| {
             let index = usize::from(channel.number).wrapping_sub(1);
@@ -209,10 +201,11 @@ pub(super) const fn fitting<const CHANNELS: usize>(
 }
 
 /// Why there is no such [`ChannelMap`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ChannelMapError {
     /// The receiver has no such channel.
+    #[error("{role} is channel {number}: must be 1 to {channels}")]
     NoSuchChannel {
         /// Field of [`ChannelOrder`].
         role: &'static str,
@@ -222,6 +215,7 @@ pub enum ChannelMapError {
         channels: usize,
     },
     /// One channel cannot be two things.
+    #[error("{first} and {second} are both channel {number}: must be two")]
     Twice {
         /// Field of [`ChannelOrder`].
         first: &'static str,
@@ -231,26 +225,9 @@ pub enum ChannelMapError {
         number: u8,
     },
     /// The middle is not between the ends.
+    #[error("travel {}, {}, {}: must grow from one to the next", .0.low, .0.middle, .0.high)]
     Travel(Travel),
 }
-
-impl fmt::Display for ChannelMapError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::NoSuchChannel { role, number, channels } => {
-                write!(f, "{role} is channel {number}: must be 1 to {channels}")
-            }
-            Self::Twice { first, second, number } => {
-                write!(f, "{first} and {second} are both channel {number}: must be two")
-            }
-            Self::Travel(Travel { low, middle, high }) => {
-                write!(f, "travel {low}, {middle}, {high}: must grow from one to the next")
-            }
-        }
-    }
-}
-
-impl core::error::Error for ChannelMapError {}
 
 #[cfg(test)]
 mod tests {

@@ -7,8 +7,7 @@ use crate::{Found, Pause, Protocol};
 
 /// CRSF of TBS and `ExpressLRS`: `address, length, type, payload, checksum`, 420 kbaud 8N1.
 ///
-/// A frame is taken when its address is one of TBS's, its length 2 to 62 and right for its type,
-/// and its checksum right. Frames of other types are whole, and say nothing here.
+/// A frame has one of TBS's addresses, a length of 2 to 62 right for its type, and its checksum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Crsf;
 
@@ -16,22 +15,19 @@ pub struct Crsf;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CrsfFrame {
-    /// Type 16: sixteen channels, 0 ..= 2047 each, as in SBUS: see
-    /// [`pulse_width`](super::pulse_width).
+    /// Type 16: sixteen channels, 0 ..= 2047, like SBUS: [`pulse_width`](super::pulse_width).
     Channels([u16; 16]),
     /// Type 14.
     Link(LinkStatistics),
 }
 
-/// Quality of the radio link between receiver and transmitter, in both directions. Uplink is what
-/// the receiver hears.
+/// Quality of the radio link both ways; uplink is what the receiver hears.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinkStatistics {
     /// Signal strength at the receiver's two antennas, -255 ..= 0 dBm.
     pub uplink_rssi: [i16; 2],
-    /// The share of what is sent that the receiver hears, 0 ..= 100 %; 0: it does not hear the
-    /// remote.
+    /// The share that the receiver hears, 0 ..= 100 %; 0: it does not hear the remote.
     pub uplink_quality: u8,
     /// Signal to noise at the receiver, dB.
     pub uplink_snr: i8,
@@ -49,10 +45,9 @@ pub struct LinkStatistics {
     pub downlink_snr: i8,
 }
 
-/// Of the whole frame: length 62, and the two bytes before it counts.
+/// The longest frame: length 62, and the two bytes before it counts.
 const LONGEST: usize = 64;
-/// Broadcast, flight controller, handset, receiver, transmitter module (TBS's device addresses).
-/// To a robot comes C8; the others are allowed as the first byte, too.
+/// TBS's device addresses: broadcast, flight controller, handset, receiver, transmitter module.
 const ADDRESSES: [u8; 5] = [0x00, 0xC8, 0xEA, 0xEC, 0xEE];
 const CHANNELS: u8 = 0x16;
 const LINK_STATISTICS: u8 = 0x14;

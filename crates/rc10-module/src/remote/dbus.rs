@@ -7,10 +7,9 @@ use crate::{Found, Pause, Protocol};
 
 /// The protocol of a DJI DR16: 18 bytes about every 14 ms, 100 kbaud 8E1, inverted.
 ///
-/// No header, no checksum, only pauses. A frame is taken when its four channels lie within 700 of
-/// 1024, both switches are in a position that exists, the mouse's buttons are 0 or 1 and the wheel
-/// is 0 (older remotes have none) or within 700 of 1024; and only if whole frames are all that came
-/// between two pauses.
+/// No header, no checksum, only pauses. A frame has four channels within 700 of 1024, switches and
+/// mouse buttons in positions that exist, the wheel 0 (older remotes) or within 700 of 1024; and
+/// only whole frames may come between two pauses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dbus;
 
@@ -18,8 +17,7 @@ pub struct Dbus;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DbusFrame {
-    /// Right x, right y, left x, left y: 364 ..= 1684, in the middle 1024. A stick that is not
-    /// calibrated may reach 324 or 1724.
+    /// Right x, y, left x, y: 364 ..= 1684, middle 1024; without calibration 324 ..= 1724.
     pub channels: [u16; 4],
     /// The switch on the right.
     pub right_switch: Switch,
@@ -27,9 +25,9 @@ pub struct DbusFrame {
     pub left_switch: Switch,
     /// The mouse of the computer that the remote is plugged into.
     pub mouse: Mouse,
-    /// Its keys, in the order of [`Keys`].
+    /// The computer's keys, in the order of [`Keys`].
     pub keys: u16,
-    /// The wheel, like a channel; 0 where there is none.
+    /// The wheel, like a channel; 0 without a wheel.
     pub wheel: u16,
 }
 
@@ -37,11 +35,9 @@ pub struct DbusFrame {
 const LENGTH: usize = 18;
 /// Frames that a late reader may find at once.
 const BURST: usize = 4;
-/// A frame takes 2 ms; DR16s send every 14 ms, some every 7. Longer than a frame, so that a driver
-/// that hands over bytes only when the line is idle makes no pause within one.
+/// Longer than a frame (2 ms, every 14 or 7), for drivers that hand bytes over when idle.
 const PAUSE: Micros = Micros::from_millis(3);
-/// Largest distance of a channel from its middle (DJI's C-board examples,
-/// `RC_CHANNAL_ERROR_VALUE`).
+/// Largest distance from the middle (DJI's C-board examples, `RC_CHANNAL_ERROR_VALUE`).
 const FURTHEST: u16 = 700;
 const MIDDLE: u16 = 1024;
 /// The sticks' ends (DR16 manual).
@@ -89,7 +85,6 @@ impl DbusFrame {
     }
 
     /// The state of the remote.
-    #[must_use]
     pub fn remote(&self) -> Remote {
         let [right_x, right_y, left_x, left_y] = self.channels.map(|raw| TRAVEL.share(raw));
         Remote {
@@ -273,7 +268,7 @@ mod tests {
         let counters = line.stream.counters();
         assert_eq!((counters.port_errors, counters.frames), (1, 1));
         assert_eq!(counters.skipped, 7 + 10 + 8 + 18);
-        // An error while a frame waits to be believed: it is none.
+        // An error while a frame waits to be believed: it is dropped.
         line.read(&CENTRED).stream.interrupt();
         assert_eq!(line.pause(3000).heard() + line.pause(3000).heard(), 0);
     }

@@ -1,5 +1,4 @@
 use core::convert::Infallible;
-use core::fmt;
 
 use embedded_io_async::Read;
 use rc10_can::Micros;
@@ -7,12 +6,10 @@ use rc10_can::Micros;
 use super::{ChannelMap, Crsf, CrsfLink, Dbus, Ppm, Receiver, Remote, Sbus, Vt03};
 use crate::{Reception, listen as listen_to};
 
-/// Listens to a receiver on a UART, set as [`Receiver::serial`] says, for ever, and hands what the
-/// remote says and when to `hear`.
+/// Listens for ever to a receiver on a UART, set by [`Receiver::serial`], and hands on the remote.
 ///
-/// Channels are what [`ChannelMap::AETR`] says. With another map, listen with
-/// [`listen`](crate::listen()) to [`Sbus`] or [`Crsf`] and use [`SbusFrame::remote`](super::SbusFrame)
-/// or [`CrsfLink`].
+/// Channels are [`ChannelMap::AETR`]; for others [`listen`](crate::listen()) to [`Sbus`] or
+/// [`Crsf`], and use [`SbusFrame::remote`](super::SbusFrame) or [`CrsfLink`].
 ///
 /// # Errors
 ///
@@ -52,20 +49,12 @@ pub async fn listen(
 }
 
 /// The receiver sends pulses, no characters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("the receiver is Ppm, which no UART can hear: must be one of the serial ones")]
 pub struct NotSerial;
 
-impl fmt::Display for NotSerial {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the receiver is Ppm, which no UART can hear: must be one of the serial ones")
-    }
-}
-
-impl core::error::Error for NotSerial {}
-
-/// Listens to a receiver that sends pulses, for ever: `edges` waits for the next rising edge and
-/// gives its time. Channels are what [`ChannelMap::AIR_JOY`] says.
+/// Listens for ever to pulses: `edges` gives each rising edge's time; [`ChannelMap::AIR_JOY`].
 pub async fn listen_pulses(
     mut edges: impl AsyncFnMut() -> Micros,
     reception: &Reception,

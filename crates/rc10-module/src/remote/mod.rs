@@ -1,11 +1,9 @@
 //! Remote controls: what a person's hands do, whatever the receiver speaks.
 //!
-//! [`listen`] hears a receiver on a UART, [`listen_pulses`] one that sends pulses; either gives a
-//! [`Remote`] for each good frame. [`Watch`] says how fresh the newest one is. [`Receiver::serial`]
-//! says what the UART must be set to.
+//! [`listen`] hears a UART, [`listen_pulses`] pulses; each gives a [`Remote`] per good frame.
+//! [`Watch`] says how fresh it is, [`Receiver::serial`] the UART's settings.
 //!
-//! Below that stands a [`Protocol`](crate::Protocol) for each receiver, with its frame as it comes
-//! from the wire; which channel of SBUS, CRSF or PPM is what is a [`ChannelMap`].
+//! A [`Protocol`](crate::Protocol) for each receiver; a [`ChannelMap`] says which channel is what.
 
 mod channels;
 mod crsf;
@@ -36,6 +34,7 @@ pub use watch::Watch;
 /// The state of a remote control: one frame of any receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub struct Remote {
     /// The left stick.
     pub left: Stick,
@@ -94,8 +93,7 @@ pub struct Mouse {
     pub middle: bool,
 }
 
-/// Pressed keys, a bit each, in the order of DJI's: W S A D Shift Ctrl Q E R F G Z X C V B from bit
-/// 0 on. Bits 16 and up are buttons on the remote itself, as its page says.
+/// Pressed keys: W S A D Shift Ctrl Q E R F G Z X C V B from bit 0, from 16 the remote's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Keys(pub u32);
@@ -121,7 +119,7 @@ impl Receiver {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Dr16, Self::Sbus, Self::Crsf, Self::Ppm, Self::Vt03];
 
-    /// Its name in small letters.
+    /// The name in small letters.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

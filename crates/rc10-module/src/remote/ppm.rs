@@ -66,7 +66,6 @@ impl Ppm {
     }
 
     /// Counters of the frames so far: good ones, and those that were begun and dropped.
-    #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
     }

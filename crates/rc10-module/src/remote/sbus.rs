@@ -27,19 +27,15 @@ pub struct SbusFrame {
     pub failsafe: bool,
 }
 
-/// Bytes of a frame.
 const LENGTH: usize = 25;
 const HEADER: u8 = 0x0F;
-/// A frame takes 3 ms and at least as much silence follows. Longer than a frame, so that a driver
-/// that hands over bytes only when the line is idle makes no pause within one.
+/// Longer than a frame (3 ms), for drivers that hand bytes over when the line is idle.
 const PAUSE: Micros = Micros::new(3500);
 
-/// The travel of channels: 987.5 µs, 1500 µs, 2011.9 µs. Transmitters of `FrSky`, `RadioMaster` and
-/// others at 100 %. (Futaba's middle is 1024: it needs a [`Travel`] of its own.)
+/// The travel 987.5, 1500, 2011.9 µs of `FrSky` and others. (Futaba's middle is 1024.)
 pub const SBUS_TRAVEL: Travel = Travel { low: 172, middle: 992, high: 1811 };
 
-/// The pulse that a channel of SBUS or CRSF stands for, µs: 5/8 a count, 992 is 1500 µs
-/// (betaflight; TBS's CRSF document).
+/// The pulse of an SBUS or CRSF channel, µs: 5/8 a count, 992 is 1500 (betaflight; TBS's CRSF).
 #[must_use]
 pub fn pulse_width(raw: u16) -> f32 {
     f32::from(raw) * 0.625 + 880.0
@@ -59,7 +55,7 @@ impl Protocol for Sbus {
             return Found::More(LENGTH);
         };
         if !matches!(end, 0x00 | 0x04 | 0x14 | 0x24 | 0x34) {
-            // A header of one byte: most likely it was none.
+            // A header of one byte: most likely it was another byte.
             return Found::Nothing;
         }
         if flags & 0xF0 != 0 {
@@ -83,8 +79,7 @@ impl ChannelMap<16> {
 impl SbusFrame {
     /// The state of the remote. Channels 17 and 18 are keys 16 and 17.
     ///
-    /// `None` if the receiver has missed a radio frame: this one says nothing new, and counted as
-    /// a good one it would keep an old stick alive for as long as the receiver does not give up.
+    /// `None` if a radio frame was missed: counted as good it would keep an old stick alive.
     #[must_use]
     pub fn remote(&self, map: &ChannelMap<16>) -> Option<Remote> {
         if self.frame_lost && !self.failsafe {

@@ -10,8 +10,7 @@ pub struct SerialSettings {
     pub parity: Parity,
     /// Stop bits: 1 or 2.
     pub stop_bits: u8,
-    /// The receiver's output is low when idle. Either the board inverts it or the UART does (on an
-    /// STM32H7 `RXINV`), not both.
+    /// Whether the output is low when idle: either board or UART inverts it (STM32H7 `RXINV`).
     pub inverted: bool,
 }
 
@@ -38,9 +37,8 @@ impl SerialSettings {
 }
 
 impl Receiver {
-    /// Settings of the UART; `None` for pulses. DR16 manual; Futaba's SBUS as everybody has it;
-    /// `ExpressLRS` (TBS's own receivers send at 416,666 baud, 0.8 % slower: both are heard); DJI's
-    /// VT03 notes.
+    /// Settings of the UART; `None` for pulses. DR16 manual; Futaba's SBUS; `ExpressLRS` (TBS's
+    /// 416,666 baud are heard too); DJI's VT03 notes.
     #[must_use]
     pub const fn serial(self) -> Option<SerialSettings> {
         let (baud, parity, stop_bits, inverted) = match self {

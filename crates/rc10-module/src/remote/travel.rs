@@ -12,8 +12,7 @@ pub struct Travel {
     pub high: u16,
 }
 
-/// A stick as far off its middle as this share of the way to its end still is in the middle; from
-/// there on it grows from 0, without a step.
+/// The share of the way around a stick's middle that counts as zero; from there it grows from 0.
 pub const DEAD_BAND: f32 = 0.02;
 
 impl Travel {
@@ -30,8 +29,7 @@ impl Travel {
         if beyond > 0.0 { beyond.min(1.0).copysign(share) } else { 0.0 }
     }
 
-    /// The position of a switch on this channel: `Up` below the low half's middle, `Down` above the
-    /// high half's.
+    /// A switch's position: `Up` below the low half's middle, `Down` above the high half's.
     #[must_use]
     pub fn switch(self, raw: u16) -> Switch {
         let share = self.linear(raw);

@@ -6,8 +6,7 @@ use crate::{Found, Protocol};
 
 /// The remote's protocol of a DJI VT03 or VT13 video link: 21 bytes, 921,600 baud 8N1.
 ///
-/// A frame is taken when it begins with A9 53, its mode exists and its checksum is right. What else
-/// the link sends on the same wire (A5 frames of the referee system) is passed over.
+/// A frame has A9 53, a mode that exists and its checksum; others (A5, referee) are passed over.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vt03;
 
@@ -27,8 +26,7 @@ pub enum Mode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Vt03Frame {
-    /// 364 ..= 1684, in the middle 1024: right x, right y, and the two of the left stick, on whose
-    /// order sources disagree.
+    /// 364 ..= 1684, middle 1024: right x, y, and the left two, on whose order sources disagree.
     pub channels: [u16; 4],
     /// The switch.
     pub mode: Mode,
@@ -44,14 +42,13 @@ pub struct Vt03Frame {
     pub trigger: bool,
     /// The mouse's counts since the frame before: x, y, wheel.
     pub mouse_motion: [i16; 3],
-    /// Its buttons, left, right, middle: two bits each, 0 if not pressed.
+    /// The mouse's buttons, left, right, middle: two bits each, 0 if not pressed.
     pub mouse_buttons: [u8; 3],
     /// Keys, in the order of [`Keys`].
     pub keys: u16,
 }
 
 const HEADER: [u8; 2] = [0xA9, 0x53];
-/// Bytes of a frame.
 const LENGTH: usize = 21;
 
 /// Half a byte's worth of the reflected CRC-16 with polynomial 8408.
@@ -127,7 +124,6 @@ impl Vt03Frame {
     /// | `left_switch` | down while the pause button is pressed, else up while the left button (fn1) is, else in the middle |
     /// | `left` | y from channel 2, x from channel 3 |
     /// | keys 16, 17, 18, 19 | pause, left button, right button, trigger |
-    #[must_use]
     pub fn remote(&self) -> Remote {
         let [right_x, right_y, left_y, left_x] = self.channels.map(|raw| dbus::TRAVEL.share(raw));
         let [left, right, middle] = self.mouse_buttons.map(|pressed| pressed != 0);

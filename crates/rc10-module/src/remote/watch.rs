@@ -16,9 +16,8 @@ use super::{INTERRUPTED_AFTER, LOST_AFTER, Remote, RemoteLink};
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watch {
-    /// The time at which the newest good frame came.
     good: Option<Micros>,
-    /// The newest frame was none.
+    /// The newest frame says that the receiver hears no transmitter.
     failsafe: bool,
 }
 
@@ -37,8 +36,7 @@ impl Watch {
         }
     }
 
-    /// The state of the link. A frame that came after `now`, by clocks that were not read
-    /// in order, is as old as one that comes just now.
+    /// The state of the link. A frame that came after `now` counts as new.
     #[must_use]
     pub fn link(&self, now: Micros) -> RemoteLink {
         let Some(good) = self.good else { return RemoteLink::Lost };

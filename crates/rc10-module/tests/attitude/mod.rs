@@ -33,8 +33,8 @@ fn rest(attitude: &mut Attitude, robot: &mut Robot, ms: u32) {
     go(attitude, robot, ms, [0.0; 3], [0.0; 3]);
 }
 
-/// What a robot does in a match, a new idea each 0.2 to 1 s: up to 3 m/s² and 5 rad/s, changed at
-/// no more than 30 rad/s², shaken by its wheels.
+/// The moves of a robot in a match, a new idea each 0.2 to 1 s: up to 3 m/s² and 5 rad/s, changed
+/// at no more than 30 rad/s², shaken by its wheels.
 fn drive(robot: &mut Robot, ms: u32, mut take: impl FnMut(&Sample, &Robot)) {
     let (mut left, mut wanted, mut turn, mut push) = (0, 0.0, 0.0_f64, [0.0; 3]);
     for _ in 0..ms {
@@ -185,7 +185,7 @@ fn a_bad_start_is_forgotten_at_rest() {
     assert!(error < 0.2, "{error} degrees after four seconds");
 }
 
-/// As above, but it drives off at once and stands only afterwards.
+/// The robot above, but it drives off at once and stands only afterwards.
 #[test]
 fn yaw_is_mended_when_it_stands_for_the_first_time() {
     for seed in 1..=10 {

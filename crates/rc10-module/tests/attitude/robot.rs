@@ -28,21 +28,21 @@ impl Random {
         (2.0 * self.unit() - 1.0) * limit
     }
 
-    /// Of the normal distribution.
+    /// A number of the normal distribution.
     pub fn normal(&mut self, deviation: f64) -> f64 {
         let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.unit()).cos() * deviation
     }
 }
 
-/// What is wrong with a sensor. The default is a perfect one.
+/// The errors of a sensor. The default is a perfect one.
 #[derive(Clone, Copy, Default)]
 pub struct Faults {
     /// rad/s.
     pub rotation_bias: Vector,
     /// m/s².
     pub acceleration_bias: Vector,
-    /// Of one sample at 1 kHz: rad/s, m/s².
+    /// The noise of one sample at 1 kHz: rad/s, m/s².
     pub noise: [f64; 2],
     /// From the axis of the turn, m: along x.
     pub offset: f64,

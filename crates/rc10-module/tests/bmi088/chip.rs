@@ -10,7 +10,7 @@ use rc10_sim::Nanos;
 use rc10_sim::imu::bmi088::Bmi088;
 pub use rc10_sim::imu::bmi088::{Motion, Part as Chip};
 
-/// What the wires do to a transfer.
+/// The harm that the wires do to a transfer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Wires {
     #[default]
@@ -49,7 +49,7 @@ impl Package {
         self.chip.lose_supply(Nanos::new(self.now));
     }
 
-    /// It starts again on its own, the gyroscope does not.
+    /// The accelerometer starts again on its own, the gyroscope does not.
     pub fn reset_accelerometer(&mut self) {
         self.chip.reset_accelerometer(Nanos::new(self.now));
     }

@@ -45,7 +45,7 @@ pub fn run_until<T>(end: u64, task: impl Future<Output = T>) -> Option<T> {
     }
 }
 
-/// What happens on a line: a byte, or one that is lost; and when it is over, µs.
+/// An event on a line: a byte, or one that is lost; and when it is over, µs.
 #[derive(Default)]
 pub struct Line {
     pub events: VecDeque<(u64, Result<u8, ErrorKind>)>,

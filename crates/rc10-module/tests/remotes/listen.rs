@@ -24,7 +24,7 @@ const VT03: [u8; 21] = [
     0x04, 0x11, 0x02, 0xE7, 0x39,
 ];
 
-/// What a receiver's task hears of a line until a second after its end.
+/// The remotes that a receiver's task hears of a line until a second after its end.
 fn heard(receiver: Receiver, mut line: Line) -> (Vec<(Remote, u64)>, Counters) {
     let start = Instant::now().as_micros();
     line.events.iter_mut().for_each(|(at, _)| *at += start);

@@ -1,4 +1,4 @@
-//! What must hold for every protocol, tried with thousands of streams: the same ones in each run.
+//! Rules that hold for every protocol, tried with thousands of streams: the same ones in each run.
 
 use std::cell::Cell;
 

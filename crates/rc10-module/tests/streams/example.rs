@@ -2,7 +2,7 @@
 
 use rc10_module::{Found, Protocol};
 
-/// What a Wren W2 measured.
+/// A measurement of a Wren W2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
     /// So far, m.

@@ -65,7 +65,7 @@ fn with_faults<W: Wire>(good: &Line, faults: &[Fault]) -> Vec<Told> {
     told
 }
 
-/// What came between two faults or silences, of a stream with frames at these places.
+/// The bytes between two faults or silences, of a stream with frames at these places.
 fn segments<W: Wire>(told: &[Told], places: &[Place]) -> Vec<Segment> {
     let is_silence =
         |from: &Told, to: &Told| silences::<W>().is_some_and(|(early, _)| to.0 - from.0 >= early);
@@ -159,7 +159,7 @@ pub fn faults<W: Wire>(wire: W) {
                 }
             }
         }
-        assert!(heard.next().is_none(), "heard what nobody said");
+        assert!(heard.next().is_none(), "heard what was not sent");
     });
     let [all, unheard, hidden] = [all, unheard, hidden].map(|counter| counter.get());
     println!("of {all} frames that no fault hit, {hidden} hidden, {unheard} waited until the next");

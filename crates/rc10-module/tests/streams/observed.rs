@@ -7,7 +7,7 @@ use rc10_module::{Buffer, Counters, Found, Pause, Protocol, Stream};
 
 use super::wire::Wire;
 
-/// What a parser did.
+/// The work that a parser did.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Work {
     pub examined: u32,
@@ -48,16 +48,16 @@ impl<P: Protocol> Protocol for Watched<'_, P> {
     }
 }
 
-/// What was heard.
+/// A message that was heard.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heard {
-    /// What the message says.
+    /// The text of the message.
     pub numbers: Vec<f64>,
     /// After how many bytes of the stream.
     pub after: usize,
 }
 
-/// What came of a stream.
+/// The outcome of a stream.
 #[derive(Debug)]
 pub struct Outcome {
     pub heard: Vec<Heard>,

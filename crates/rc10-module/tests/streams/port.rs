@@ -14,17 +14,17 @@ use super::clock::{run_until, spend};
 use super::observed::{Watched, Work};
 use super::wire::Wire;
 
-/// What a port has to say.
+/// An answer of a port.
 #[derive(Clone, Copy, Debug)]
 pub enum Event {
     Byte(u8),
     /// An overrun, a framing error: bytes are missing here.
     Error,
-    /// It reads nothing, at once.
+    /// A read of nothing, at once.
     Nothing,
 }
 
-/// What happens on a line, each with its time from the beginning, ns.
+/// The events on a line, each with its time from the beginning, ns.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     pub events: Vec<(u64, Event)>,
@@ -94,10 +94,10 @@ impl Read for Port {
     }
 }
 
-/// What `listen` made of a line.
+/// The outcome of `listen` on a line.
 #[derive(Debug)]
 pub struct Listened {
-    /// What each message says.
+    /// The text of each message.
     pub heard: Vec<Vec<f64>>,
     pub counters: Counters,
     pub in_frames: u32,

@@ -17,7 +17,7 @@ use super::port::{Line, listened, readings};
 use super::wire::Wire;
 use super::wires::Dbus;
 
-/// What bytes between two silences say.
+/// The content of bytes between two silences.
 fn said(burst: &[u8]) -> Vec<Vec<f64>> {
     let frames =
         burst.chunks(18).map(|frame| Dbus.frame_at(frame).map(|_| Dbus.says(frame).unwrap()));

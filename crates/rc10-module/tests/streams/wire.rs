@@ -1,5 +1,5 @@
-//! What a test knows of a protocol, in code of its own: how its frames are made, what they say, and
-//! where one begins. The fuzz targets know it from here, too.
+//! A test's own knowledge of a protocol: how its frames are made, what they say, and where one
+//! begins. The fuzz targets know it from here, too.
 
 use std::fmt::Debug;
 
@@ -12,9 +12,9 @@ pub trait Wire: Copy {
 
     /// How long a byte takes, ns.
     const BYTE_NS: u64;
-    /// Of what its frames begin with, for garbage that nearly is one.
+    /// Bytes that its frames begin with, for garbage that nearly is one.
     const HEADER: &'static [u8];
-    /// What stands against damage.
+    /// The guard against damage.
     const GUARD: Guard;
     /// Silence between two frames, µs: at least, at most.
     const GAP: (u64, u64) = (0, 10_000);
@@ -46,7 +46,7 @@ pub trait Wire: Copy {
     fn told(self, message: &<Self::Protocol as Protocol>::Message) -> Vec<f64>;
 }
 
-/// What stands against damage.
+/// The guard against damage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Guard {
     /// A checksum, which does not go over the bytes at these places: what they say may be changed
@@ -148,20 +148,20 @@ pub struct Place {
     pub end: usize,
 }
 
-/// What came between two faults or silences.
+/// The bytes between two faults or silences.
 #[derive(Clone, Debug)]
 pub struct Segment {
     pub bytes: Vec<u8>,
     /// The frames in it that came whole.
     pub whole: Vec<Place>,
-    /// It begins with a fault, and no silence behind it.
+    /// Whether they begin with a fault, and no silence behind it.
     pub after_fault: bool,
-    /// It ends with a fault, and no silence before it.
+    /// Whether they end with a fault, and no silence before it.
     pub before_fault: bool,
 }
 
-/// What a parser with all the time and memory in the world finds: at each place a good frame, or a
-/// byte to be skipped.
+/// The messages that a parser with all the time and memory in the world finds: at each place a good
+/// frame, or a byte to be skipped.
 pub fn searched<W: Wire>(wire: W, stream: &[u8]) -> Vec<Place> {
     let (mut found, mut start) = (Vec::new(), 0);
     while start < stream.len() {
@@ -176,7 +176,7 @@ pub fn searched<W: Wire>(wire: W, stream: &[u8]) -> Vec<Place> {
     found
 }
 
-/// What these frames say.
+/// The messages of these frames.
 pub fn said<W: Wire>(wire: W, stream: &[u8], places: &[Place]) -> Vec<Vec<f64>> {
     places.iter().filter_map(|place| wire.says(&stream[place.start..place.end])).collect()
 }

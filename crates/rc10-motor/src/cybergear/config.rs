@@ -3,7 +3,7 @@
 use rc10_app::{Cascade, ConfigError, Direction, FeedForward, PidConfig, RpmPerSecond, ok};
 use rc10_can::IdPattern;
 
-use super::wire::Address;
+use super::wire::{Address, Faults};
 use crate::can_ids::{CanIds, Frames, MotorName, Rate};
 use crate::feedback::Fault;
 use crate::mit::Limits;
@@ -11,19 +11,17 @@ use crate::mit::Limits;
 /// A model of motor: its limits, faults and gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// Physical values at the ends of the number fields of a frame.
     pub limits: Limits,
     /// Meanings of bits 16 to 21 of a feedback's identifier, the gravest first.
     pub faults: &'static [(u8, &'static str); 6],
-    /// Meanings of the bits of a [`FaultReport`](super::wire::FaultReport): mask and text, the
-    /// gravest first.
+    /// Masks and texts of [`FaultReport`](super::wire::FaultReport) bits, the gravest first.
     pub details: &'static [(u32, &'static str)],
     /// Whether it can keep settings and its zero when the power is cut (type 22).
     pub saves: bool,
-    /// Gains it works well with out of the box, efforts in N m: in simulation from a bare shaft to
-    /// 0.02 kg m² on a CyberGear, and in proportion to the torque on the others.
+    /// Gains that work, in N m: simulated up to 0.02 kg m² on a CyberGear, others in proportion.
     pub cascade: Cascade,
 }
 
@@ -75,8 +73,7 @@ pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
     (1 << 7, "encoder not calibrated"),
 ];
 
-/// Gains in proportion to the torque, because inertia grows about as it does. Angles are sought at
-/// two thirds of the largest speed: what is left is for a supply that is low.
+/// Gains in proportion to torque, as inertia grows. Two thirds of the speed are for a low supply.
 const fn cascade(limits: &Limits) -> Cascade {
     let kp = limits.torque / 200.0;
     Cascade {
@@ -140,8 +137,7 @@ pub mod models {
 }
 
 impl Model {
-    /// The fault that a fault frame reports: its bits as the code, the gravest as the text; `None`
-    /// if no bit is set.
+    /// The fault of a fault frame: bits as code, the gravest as text; `None` if no bit is set.
     pub fn detail(&self, faults: u32) -> Option<Fault> {
         if faults == 0 {
             return None;
@@ -151,27 +147,12 @@ impl Model {
     }
 }
 
-/// Bits 21 to 16 of a feedback's identifier.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Faults(u8);
-
 impl Faults {
-    pub(super) const fn from_bits(bits: u8) -> Self {
-        Self(bits & 0x3F)
-    }
-
-    /// The six bits.
-    #[must_use]
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
     /// All bits as the code, the gravest as the text; `None` if nothing is wrong.
     #[must_use]
     pub fn gravest(self, model: &Model) -> Option<Fault> {
-        let &(_, text) = model.faults.iter().find(|(bit, _)| self.0 >> bit & 1 != 0)?;
-        Some(Fault::new(self.0.into(), text))
+        let &(_, text) = model.faults.iter().find(|(bit, _)| self.bits() >> bit & 1 != 0)?;
+        Some(Fault::new(self.bits().into(), text))
     }
 }
 
@@ -182,11 +163,11 @@ const LARGEST_RANGE: f32 = 15.0;
 
 /// A CyberGear or RobStride as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The model, with the range of position that is in the device.
     pub model: Model,
-    /// The identifier set on it, 1 to 127, and that of the host: any number below 0xFE that no motor
-    /// on the bus has (vendors' tools: 0xFD).
+    /// Its identifier, 1 to 127, and the host's: below 0xFE, and no motor's (vendors' tools: 0xFD).
     pub address: Address,
     /// Which way its output shaft counts.
     pub direction: Direction,
@@ -202,22 +183,18 @@ impl Config {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
-    /// With another range of position, rad, above 0 and at most 15: sources give a CyberGear 12.5 or
-    /// 4π, an RS00 before firmware 0.0.2.6 has 12.5.
-    #[must_use]
+    /// The position range in rad, up to 15: a CyberGear has 12.5 or 4π, RS00 before 0.0.2.6 12.5.
     pub const fn with_position_range(mut self, range: f32) -> Self {
         self.model.limits.position = range;
         self
     }
 
     /// With gains of your own, efforts in N m.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self
@@ -228,10 +205,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.address.motor as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         self.name().blamed(self.check())
     }

@@ -1,7 +1,6 @@
 //! Xiaomi CyberGear and RobStride RS00 to RS06: one protocol, and a [table](models) of ranges.
 //!
-//! Terms: the **host** sends commands, with an identifier of its own; the **type** of a frame
-//! stands in bits 28 to 24 of its identifier. Extended identifiers, eight bytes, 1 Mbit/s.
+//! Terms: the **host** sends commands; a frame's **type** is bits 28 to 24. Extended, 1 Mbit/s.
 //!
 //! | identifier bits | 28–24 | 23–8 | 7–0 |
 //! |---|---|---|---|
@@ -20,8 +19,7 @@
 //! | 21 | [`wire::FaultReport`] | faults, warnings: u32, taken as little endian, as parameters are |
 //!
 //! * The torque is part of the identifier: a newer command does not have an older one's.
-//! * Type 22 saves a RobStride's parameters ([`wire::save`]), and changes a CyberGear's bit rate:
-//!   that, and switching RobStride's reports on, is left to the vendor's tool.
+//! * Type 22 saves ([`wire::save`]) on a RobStride, but sets the bit rate of a CyberGear.
 //! * Range-mapped fields are those of [`mit`](crate::mit).
 //!
 //! ```
@@ -42,8 +40,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Sources: CyberGear manual and its samples, `CyberGearDriver` 0.2.0 (Python); RobStride manuals
-//! RS00 to RS06 (260428).
+//! Sources: CyberGear manual and samples, `CyberGearDriver` 0.2.0, RobStride manuals (260428).
 
 mod config;
 mod motor;
@@ -51,6 +48,6 @@ pub mod signals;
 pub mod wire;
 
 pub use crate::mit::{Limits, Setpoint};
-pub use config::{Config, Faults, Model, models};
+pub use config::{Config, Model, models};
 pub use motor::CyberGear;
-pub use wire::{Address, Reply};
+pub use wire::{Address, Faults, Reply};

@@ -10,18 +10,16 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetSet};
 
 /// One CyberGear or RobStride.
 ///
-/// Speeds and angles are controlled here and sent as torques; [`Target::Impedance`] is the device's
-/// own loop. Both are motion control, its run mode 0, which is checked before it is enabled.
+/// Loops here send torques; [`Target::Impedance`] is the device's loop: run mode 0, checked.
 #[derive(Clone, Debug)]
 pub struct CyberGear {
     model: Model,
@@ -35,7 +33,6 @@ pub struct CyberGear {
     read_back: Option<Parameter>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    /// As the bus said in the last tick.
     drive: DriveMode,
     setpoint: Setpoint,
 }
@@ -51,7 +48,6 @@ enum Step {
     Setting,
     /// Sends enables until the device says that it runs.
     Enabling,
-    /// Sends setpoints.
     Running,
 }
 
@@ -65,7 +61,6 @@ enum Question {
     Write(Parameter, [u8; 4]),
     /// Be at zero here.
     Zero,
-    /// Keep its parameters.
     Save,
 }
 
@@ -88,10 +83,7 @@ const AT_ZERO: f32 = 0.1;
 const UNKNOWN_PARAMETER: u32 = 1;
 
 impl CyberGear {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let Config { model, address, direction, cascade } = config;
@@ -109,11 +101,6 @@ impl CyberGear {
             drive: DriveMode::Off,
             setpoint: Setpoint::COAST,
         })
-    }
-
-    /// The model, with the range of position that is set.
-    pub const fn model(&self) -> &Model {
-        &self.model
     }
 
     /// The identifiers of the motor and of the host.
@@ -190,7 +177,7 @@ impl CyberGear {
         fault.map_or(FrameKind::Feedback, |_| FrameKind::Fault)
     }
 
-    fn hear_parameter(&mut self, value: &ParameterValue) -> Result<FrameKind, FrameError> {
+    fn hear_parameter(&mut self, value: &ParameterValue) -> Heard {
         let held = u32::from_le_bytes(value.bytes);
         let is_run_mode = value.parameter == Parameter::RUN_MODE;
         match self.pending.question() {
@@ -325,7 +312,6 @@ impl Motor for CyberGear {
     }
 }
 
-/// An identifier of 29 bits.
 fn extended(raw: u32) -> ExtendedId {
     ExtendedId::new(raw).unwrap_or(ExtendedId::MAX)
 }
@@ -335,12 +321,7 @@ impl CanMotor for CyberGear {
         can_ids(self.address)
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         // First of all: the length of another's frames says nothing here.
         if frame.raw_id() & 0xFFFF != self.replies() {
             return Err(FrameError::NotMine);

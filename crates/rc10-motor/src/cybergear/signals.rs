@@ -23,8 +23,7 @@ pub const NOT_IN_DBC: &[&str] = &[
      to 16 of its own, and has no message here.",
 ];
 
-/// Signals whose scales follow from a model's limits. They have to outlive the messages: a
-/// `static`, or a leaked box on a PC.
+/// Signals scaled by a model's limits. They outlive the messages: a `static`, or a leaked box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scaled {
     feedback: [Signal; 4],
@@ -78,8 +77,7 @@ const fn fault(faults: &'static [(u8, &'static str); 6], index: usize) -> Signal
 /// The most messages of a motor.
 pub const MOST: usize = 18;
 
-/// The frames that a motor of the model sends and takes; first those that are not in
-/// [`NOT_IN_DBC`].
+/// The frames that a motor sends and takes; first those that are not in [`NOT_IN_DBC`].
 pub fn messages(model: &Model, address: Address, scaled: &'static Scaled) -> Vec<Message, MOST> {
     let robstride = model.saves;
     // A prefix for each vendor.
@@ -218,7 +216,6 @@ static PARAMETER_NAMES: [(u32, &str); 10] = {
 
 static READ: [Signal; 1] = [INDEX];
 
-/// A parameter that is an f32.
 const fn real(name: &'static str, parameter: Parameter, unit: &'static str) -> Signal {
     Signal::little(name, 4, 4).float().scaled(1.0, unit).when(Presence::If(parameter.0 as u32))
 }

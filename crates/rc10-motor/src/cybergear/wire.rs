@@ -1,14 +1,11 @@
-//! Commands as frames, frames as replies. Positions in rad, velocities in rad/s, torques in N m,
-//! all at the output shaft.
+//! Commands and replies as frames: rad, rad/s and N m at the output shaft.
 //!
-//! Packing never fails: it limits first, then converts. NaN becomes zero: check a setpoint before
-//! ([`Setpoint::validate`]).
+//! Packing limits first and never fails; NaN becomes zero: see [`Setpoint::validate`].
 
 use embedded_can::ExtendedId;
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
-use super::config::Faults;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 
@@ -46,7 +43,6 @@ fn frame(kind: u8, middle: u16, motor: u8, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(ExtendedId::new(raw).unwrap_or(ExtendedId::MAX), data)
 }
 
-/// Nothing but the first byte.
 const fn first(byte: u8) -> [u8; 8] {
     [byte, 0, 0, 0, 0, 0, 0, 0]
 }
@@ -71,8 +67,7 @@ pub fn clear_faults(to: Address) -> CanFrame {
     frame(kind::STOP, to.host.into(), to.motor, first(1))
 }
 
-/// A setpoint: position, velocity, kp and kd in 16 bits each, big endian, and the torque **in the
-/// identifier**, bits 23 to 8, so that no two of these frames need have the same one.
+/// A setpoint in four fields of 16 bits, and the torque **in the identifier**, bits 23 to 8.
 pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
     let velocity = pack_signed::<16>(setpoint.velocity, limits.velocity);
@@ -85,8 +80,7 @@ pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     return frame(kind::MOTION, torque as u16, motor, [a, b, c, d, e, f, g, h]);
 }
 
-/// The shaft's position now is zero, at once, so never while it runs. A CyberGear forgets it when the
-/// power is cut.
+/// Makes the position zero at once: never while it runs. A CyberGear forgets it without power.
 pub fn set_zero(to: Address) -> CanFrame {
     frame(kind::SET_ZERO, to.host.into(), to.motor, first(1))
 }
@@ -144,8 +138,7 @@ pub fn write_real(to: Address, parameter: Parameter, value: f32) -> CanFrame {
     access(kind::WRITE, to, parameter, sendable(value).to_le_bytes())
 }
 
-/// A RobStride keeps its parameters when the power is cut; answered with feedback. **Never to a
-/// CyberGear**: there the first byte is a new bit rate, 500 kbit/s for example.
+/// A RobStride keeps its parameters. **Never to a CyberGear**: there it is a new bit rate.
 pub fn save(to: Address) -> CanFrame {
     frame(kind::SAVE, to.host.into(), to.motor, [1, 2, 3, 4, 5, 6, 7, 8])
 }
@@ -169,22 +162,39 @@ pub enum Reply {
     Faults(FaultReport),
     /// The identity of the motor: its identifier, and the number of its chip.
     Identity {
-        /// Its identifier.
+        /// The motor's identifier.
         motor: u8,
         /// Eight bytes as they came, big endian.
         chip: u64,
     },
 }
 
+/// Bits 21 to 16 of a feedback's identifier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Faults(u8);
+
+impl Faults {
+    pub(super) const fn from_bits(bits: u8) -> Self {
+        Self(bits & 0x3F)
+    }
+
+    /// The six bits.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+}
+
 /// Whether a motor moves: bits 23 and 22 of the identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
-    /// It does not: stopped, or never enabled.
+    /// The motor stands: stopped, or never enabled.
     Reset = 0,
-    /// It calibrates itself.
+    /// The motor calibrates itself.
     Calibration = 1,
-    /// It does what it is told.
+    /// The motor does what it is told.
     Run = 2,
     /// Not documented.
     Unknown = 3,
@@ -208,7 +218,7 @@ pub struct Feedback {
     pub velocity: f32,
     /// In N m.
     pub torque: f32,
-    /// Of the motor; in steps of 0.1.
+    /// The motor's temperature, in steps of 0.1.
     pub temperature: Celsius,
 }
 
@@ -227,20 +237,19 @@ pub struct ParameterValue {
 }
 
 impl ParameterValue {
-    /// As an f32; `None` if it is infinite or NaN.
+    /// The bytes as an f32; `None` if it is infinite or NaN.
     pub const fn real(&self) -> Option<f32> {
         let real = f32::from_le_bytes(self.bytes);
         if real.is_finite() { Some(real) } else { None }
     }
 
-    /// As a single byte.
+    /// The first byte.
     pub const fn byte(&self) -> u8 {
         self.bytes[0]
     }
 }
 
-/// The faults and warnings of a motor: type 21. What the bits mean stands beside the models, as
-/// text.
+/// The faults and warnings of a motor: type 21. The models have the texts of the bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FaultReport {

@@ -10,12 +10,11 @@ use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 use crate::servo::Servo;
 use crate::target::{Target, TargetError, TargetKind, TargetSet, without_effort};
 
-/// A model and its factory limits. They are settings (registers 21 to 23), and what the vendor
-/// ships has changed over the years: compare them with the registers before moving anything.
+/// A model and its factory limits, which are settings and have changed: compare registers 21 to 23.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// PMAX, VMAX and TMAX.
     pub limits: Limits,
@@ -41,8 +40,7 @@ pub mod models {
         };
     }
 
-    // PMAX, VMAX, TMAX. Source: the vendor's dm-tools of 2025, with what its older DM_CAN says
-    // where that differs; JH11: openarm and damiao-motor 1.0.6.
+    // PMAX, VMAX, TMAX: dm-tools of 2025, older DM_CAN; JH11: openarm, damiao-motor 1.0.6.
     models! {
         J3507, "DM-J3507": 12.566, 50.0, 5.0;
         J4310, "DM-J4310": 12.5, 30.0, 10.0;
@@ -67,8 +65,7 @@ pub mod models {
     }
 }
 
-/// The control mode of a motor, with its settings; its register 10 (`CTRL_MODE`) is to say the
-/// same.
+/// The control mode, with its settings; register 10 (`CTRL_MODE`) is to say the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
     /// Our loops, or an impedance of the device's: takes torques, speeds, angles and impedances.
@@ -123,14 +120,13 @@ impl Control {
 
 /// A Damiao motor as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The model, with the limits that are in the device.
     pub model: Model,
-    /// `CAN_ID`, the identifier of the frames that it takes: at most 0x4FE, its low byte not 0xFF
-    /// as that of register frames.
+    /// `CAN_ID`, of frames that it takes: at most 0x4FE, its low byte not 0xFF (register frames).
     pub can_id: u16,
-    /// `MST_ID`, the identifier of the frames that it sends: at most 0x7FE, its low byte not that of
-    /// `CAN_ID`, or the motor would answer itself.
+    /// `MST_ID`, of frames that it sends: at most 0x7FE, its low byte not `CAN_ID`'s.
     pub master_id: u16,
     /// How it is controlled.
     pub control: Control,
@@ -143,22 +139,19 @@ pub struct Config {
 }
 
 impl Config {
-    /// The motor that listens to `can_id` and answers with `master_id`, controlled as `control`
-    /// says, turning forward, its registers verified.
+    /// The motor with these identifiers and this control, turning forward, its registers verified.
     pub const fn new(model: Model, can_id: u16, master_id: u16, control: Control) -> Self {
         let (direction, verify) = (Direction::Forward, true);
         Self { model, can_id, master_id, control, direction, verify }
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// Whether its [registers are verified](Self::verify).
-    #[must_use]
     pub const fn verify_limits(mut self, verify: bool) -> Self {
         self.verify = verify;
         self
@@ -169,10 +162,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.can_id }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         self.name().blamed(self.check())
     }
@@ -195,7 +185,7 @@ impl Config {
     }
 }
 
-/// It reacts to every standard identifier with its own low byte.
+/// The mask of what it reacts to: every standard identifier with its own low byte.
 const LOW_BYTE: u32 = 0xFF;
 
 pub(super) const fn can_ids(can_id: u16, master_id: u16, mode: Mode) -> CanIds {
@@ -231,7 +221,6 @@ const fn register(low: u8, len: u8) -> Frames {
 /// Largest velocity that a force-position frame carries, rad/s.
 const FASTEST_FORCE_POSITION: f32 = 100.0;
 
-/// What follows the targets.
 #[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
 #[derive(Clone, Debug)]
 pub(super) enum Controller {
@@ -248,7 +237,6 @@ pub(super) enum Controller {
 }
 
 impl Controller {
-    /// Of a control that can be used.
     pub(super) fn new(control: Control, limits: &Limits) -> Self {
         use TargetKind::{Angle, Coast, Speed, SpeedMotion, TotalAngle};
         let own = |kinds: &[TargetKind], speed: Rpm, torque_share| Self::Own {

@@ -1,13 +1,11 @@
 //! Damiao motors: DM-J, -H, -G and -S series.
 //!
-//! Terms: **`CAN_ID`** is what a motor listens to, **`MST_ID`** the identifier it answers with; both
-//! are settings. A **mode** is a way of control, chosen in register 10. **Limits** (PMAX, VMAX,
-//! TMAX) are what the ends of range-mapped fields stand for, registers 21 to 23. Other limits
-//! than the motor's give wrong values and no error, so they are always given, from a [`Model`] or by
-//! hand.
+//! Terms: **`CAN_ID`** is what a motor listens to, **`MST_ID`** what it answers with. A **mode** is
+//! a way of control (register 10). **Limits** (PMAX, VMAX, TMAX, registers 21 to 23) are the ends
+//! of range-mapped fields: others than the motor's give wrong values and no error, so they are
+//! always given, from a [`Model`] or by hand.
 //!
-//! Standard identifiers, 1 Mbit/s unless set otherwise. A motor speaks only when spoken to.
-//! Positions are in rad, velocities in rad/s, torques in N m, at the output shaft.
+//! Standard identifiers, 1 Mbit/s as sold; it answers only. Rad, rad/s and N m at the output.
 //!
 //! | frame | identifier | bytes |
 //! |---|---|---|
@@ -19,8 +17,7 @@
 //! | [`Access`](registers::Access) | 0x7FF | `CAN_ID` u16, operation, register, value |
 //! | [`Feedback`] | `MST_ID` | error and low four bits of `CAN_ID`, position, velocity, torque, two temperatures |
 //!
-//! * It reacts to **every** standard frame whose low byte is its `CAN_ID`: to a DJI motor's
-//!   feedback, and to another Damiao's if its `MST_ID` ends so.
+//! * It reacts to **every** standard frame with its `CAN_ID` in the low byte, of any motor.
 //! * Only four bits of `CAN_ID` fit into feedback: several motors on one `MST_ID` need 1 to 15.
 //! * A setpoint with all fields at their ends would be an operation; [`wire::mit`] never sends one.
 //! * What a mode's frame does while the motor is in another mode is not documented.
@@ -32,12 +29,9 @@
 //! fault with text (code 0x100 + register). An error of the device (codes 5 to 14) keeps it
 //! disabled until [`Request::ClearFault`](crate::Request::ClearFault).
 //!
-//! * An angle is sought within ±PMAX only, by the longer way round if need be: what a motor does
-//!   beyond is not documented. A target there is [`OutOfRange`](crate::TargetError::OutOfRange).
-//! * Holding and braking are the same in the position modes; in velocity mode a motor told to hold
-//!   stands still, and gives way slowly.
-//! * [`StoreZero`](crate::Request::StoreZero), writing and saving registers: only while disarmed.
-//!   Saving makes it deaf for up to 30 ms: it is lost for a moment.
+//! * Angles are sought within ±PMAX, the longer way if need be; else `OutOfRange`.
+//! * Holding and braking are the same in position modes; in velocity mode a motor gives way slowly.
+//! * [`StoreZero`](crate::Request::StoreZero), writing and saving (30 ms deaf): disarmed only.
 //!
 //! ```
 //! use rc10_motor::rc10_app::{Cascade, FeedForward};
@@ -59,10 +53,9 @@
 //! # Ok::<(), rc10_motor::rc10_app::ConfigError>(())
 //! ```
 //!
-//! Sources: manuals of J4310, J4340, J6006, J8009, J10010L and S3519; the vendor's `dm_motor_drv.c`,
-//! `DM_CAN` and dm-tools; `openarm_can` and damiao-motor 1.0.6 (Python). Where they disagree: 0xFD disables
-//! (one vendor table swaps it with 0xFE); a write is acknowledged with 0x55 or 0x33; a velocity has
-//! four bytes.
+//! Sources: manuals of J4310, J4340, J6006, J8009, J10010L and S3519; the vendor's
+//! `dm_motor_drv.c`, `DM_CAN` and dm-tools; `openarm_can`, damiao-motor 1.0.6. Where they disagree:
+//! 0xFD disables, a write is acknowledged with 0x55 or 0x33, a velocity has four bytes.
 
 mod config;
 mod motor;

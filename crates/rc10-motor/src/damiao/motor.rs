@@ -14,11 +14,10 @@ use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetSet};
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
@@ -36,14 +35,12 @@ pub struct Damiao {
     pending: Pending<Question>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    /// As the bus said in the last tick.
     drive: DriveMode,
     command: Command,
     /// The operation goes to the bare identifier, not to the mode's.
     is_bare: bool,
 }
 
-/// The command of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Command {
     Operate(Operation),
@@ -61,8 +58,7 @@ enum Question {
 
 impl Question {
     const fn retry(self) -> Retry {
-        // Every 11th tick: with a period of 10 ms all tries can fall on the moment at which the bus's
-        // other periodic frames keep the reply waiting until the next feedback takes its place.
+        // Every 11th tick: at 10 ms other frames of that period could keep all replies waiting.
         let retry = Retry::new(0.0105, 10);
         match self {
             // Up to 30 ms deaf, and memory that lasts for ten thousand times.
@@ -82,10 +78,7 @@ const STANDSTILL: f32 = 0.005;
 const ZERO: f32 = 2e-3;
 
 impl Damiao {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let Config { model, can_id, master_id, control, direction, verify } = config;
@@ -108,19 +101,9 @@ impl Damiao {
         })
     }
 
-    /// The model.
-    pub const fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// Identifier of the frames that it takes.
     pub const fn can_id(&self) -> DeviceId {
         self.id
-    }
-
-    /// Identifier of the frames that it sends.
-    pub const fn master_id(&self) -> StandardId {
-        self.master
     }
 
     /// The control mode of the device.
@@ -145,7 +128,6 @@ impl Damiao {
         }
     }
 
-    /// One step of an enabled motor.
     fn drive(&mut self, tick: &Tick) -> CanFrame {
         let Self { model: Model { limits, .. }, controller, shaft, position, .. } = self;
         let runs = tick.mode == DriveMode::Run;
@@ -200,8 +182,7 @@ impl Damiao {
         }
     }
 
-    /// An operation, alternating between both identifiers until the device does it: old firmware
-    /// takes it only with the offset of the mode it is in, and that may be another than ours.
+    /// An operation to both identifiers in turn: old firmware takes its present mode's offset only.
     fn operate(&mut self, operation: Operation, link: Link) -> Command {
         let is_obeyed = operation == Operation::Disable
             && link == Link::Online
@@ -228,7 +209,7 @@ impl Damiao {
         }
     }
 
-    /// One tick of the question in flight; the next check, if there is none.
+    /// One tick of the question in flight; without one, the next check.
     fn update_pending(&mut self, tick: &Tick) {
         let question = self.pending.question();
         if tick.link != Link::Online {
@@ -242,7 +223,6 @@ impl Damiao {
         }
     }
 
-    /// The register that is asked for or written.
     fn access(&self) -> Option<Access> {
         match self.pending.question()? {
             Question::Check => {
@@ -253,8 +233,7 @@ impl Damiao {
         }
     }
 
-    /// Takes a feedback as the answer to the pending request, where it is one. Returns whether the
-    /// device has a new zero.
+    /// Takes a feedback as the answer to a request, if it is; whether the device has a new zero.
     fn answer(&mut self, reported: &wire::Feedback) -> bool {
         let question = self.pending.sent();
         match (question, reported.state) {
@@ -271,7 +250,7 @@ impl Damiao {
         question == Some(Question::Operate(Operation::StoreZero))
     }
 
-    fn take_reply(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
+    fn take_reply(&mut self, reply: &Reply) -> Heard {
         let access = self.access().filter(|access| reply.answers(self.id, access));
         let access = access.ok_or(FrameError::Unasked)?;
         let held = reply.content.value();
@@ -323,8 +302,7 @@ impl Damiao {
         CanFrame::key_of(self.id.command_id(self.mode()))
     }
 
-    /// The stream of its register frames, whose identifier all motors share: an identifier with its
-    /// low byte that it never uses.
+    /// The stream of its register frames: an identifier with its low byte that it never uses.
     fn register_stream(&self) -> u32 {
         let unused = match self.mode() {
             Mode::ForcePosition => Mode::Velocity,
@@ -483,12 +461,7 @@ impl CanMotor for Damiao {
         can_ids(self.id.raw(), self.master.as_raw(), self.mode())
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         if frame.key() != CanFrame::key_of(self.master) {
             return Err(FrameError::NotMine);
         }

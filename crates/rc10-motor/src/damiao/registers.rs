@@ -16,10 +16,6 @@ use crate::motor::FrameError;
 pub struct Register(pub u8);
 
 impl Register {
-    /// Identifier of the feedback, `MST_ID`; whole.
-    pub const MASTER_ID: Self = Self(7);
-    /// Identifier of the frames that the motor takes, `ESC_ID`; whole.
-    pub const DEVICE_ID: Self = Self(8);
     /// Silence after which the motor stops, in steps of 50 µs (so the vendor's tool); whole.
     pub const TIMEOUT: Self = Self(9);
     /// `CTRL_MODE`, the number of a [`Mode`]; whole.
@@ -32,11 +28,8 @@ impl Register {
     pub const TORQUE_LIMIT: Self = Self(23);
     /// Bit rate: 0 125k, 1 200k, 2 250k, 3 500k, 4 1M; whole.
     pub const BIT_RATE: Self = Self(35);
-    /// The position now, rad. Read it before changing to a mode that seeks a position.
-    pub const POSITION: Self = Self(80);
 
-    /// Whether it holds a whole number: 7 to 10, 13 to 16, 35 and 36 do, all others an f32 (manual
-    /// of J10010L, register table).
+    /// Whether it holds a whole number, not an f32 (manual of J10010L, register table).
     #[must_use]
     pub const fn is_whole(self) -> bool {
         matches!(self.0, 7..=10 | 13..=16 | 35 | 36)
@@ -48,9 +41,8 @@ impl Register {
     }
 }
 
-/// Names and units of all registers that the vendor names: manual of J10010L, register table, and the
-/// vendor's Python library, `DM_variable`; names in capitals. No unit: a plain number, or the sources
-/// do not tell.
+/// Names and units of registers (manual of J10010L; the vendor's `DM_variable`), in capitals. No
+/// unit: a plain number, or the sources do not tell.
 pub(super) const NAMES: [(u8, &str, &str); 45] = [
     (0, "UV_VALUE", "V"),
     (1, "KT_VALUE", "N m/A"),
@@ -110,7 +102,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// As on the wire, little endian.
+    /// The bits on the wire, little endian.
     pub(super) const fn bits(self) -> u32 {
         match self {
             Self::Real(real) => real.to_bits(),
@@ -128,8 +120,7 @@ pub enum Access {
     Read(Register),
     /// Hold this, until the power is cut. Out of range, the old value stays and is answered.
     Write(Register, Value),
-    /// Keep all values when the power is cut: while disabled only, up to 30 ms, and the memory
-    /// lasts for about 10,000 times.
+    /// Keep all values without power: while disabled only, up to 30 ms, about 10,000 times.
     Save,
     /// Send a feedback; the answer is that, and no [`Reply`].
     Refresh,
@@ -144,8 +135,7 @@ impl Access {
     /// The frame that asks for it: eight bytes for a write, else four.
     ///
     /// # Errors
-    /// [`ConfigError`] for a number that is not finite, for a whole number in a register that holds
-    /// none, or the reverse.
+    /// [`ConfigError`] for a number that is not finite, or not what the register holds.
     pub fn pack(&self, id: DeviceId) -> Result<CanFrame, ConfigError> {
         let [low, high] = id.raw().to_le_bytes();
         let short =
@@ -229,8 +219,7 @@ impl Reply {
         Ok(Self { id: u16::from_le_bytes([low, high]), content })
     }
 
-    /// Whether this is motor `id`'s answer to `access`. A write is answered with either of two
-    /// codes, and, if refused, with another value than was written: compare it.
+    /// Whether this is motor `id`'s answer to `access`. A refused write answers another value.
     pub fn answers(&self, id: DeviceId, access: &Access) -> bool {
         let fits = match (access, &self.content) {
             (Access::Read(asked), Content::Holds(register, _))
@@ -253,13 +242,11 @@ fn held(register: Register, bytes: &[u8]) -> Result<Value, FrameError> {
     }
 }
 
-/// The highest register there is.
 const LAST_REGISTER: u8 = 81;
 
-/// A reply, or why the frame that looks like one is none; `None` for a frame that can be feedback.
+/// A reply, or why a frame that looks like one is invalid; `None` for a frame that can be feedback.
 ///
-/// As a feedback, a reply would be of a shaft at the very end of its range that turns out of it at
-/// more than a third of its largest speed.
+/// As a feedback it would be a shaft at its range's end that turns out at a third of its speed.
 pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, FrameError>> {
     let &[low, high, operation, register, ..] = frame.bytes() else { return None };
     let is_reply = u16::from_le_bytes([low, high]) == id.raw()
@@ -271,8 +258,7 @@ pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, F
     is_reply.then(|| Reply::unpack(frame))
 }
 
-/// The registers that are compared with the configuration before a motor is enabled, and what is
-/// wrong if they differ.
+/// The registers compared with the configuration before enabling, and the fault if they differ.
 pub(super) const CHECKED: [(Register, &str); 4] = [
     (Register::MODE, "register 10 (CTRL_MODE) is not the control mode configured"),
     (Register::POSITION_LIMIT, "register 21 (PMAX) is not the limit configured"),

@@ -18,8 +18,7 @@ pub const NOT_IN_DBC: &[&str] = &[
     "Damiao: a motor obeys every standard identifier with the low byte of its CAN_ID.",
 ];
 
-/// Signals whose scales follow from a motor's limits. They have to outlive the messages: a
-/// `static`, or a leaked box on a PC.
+/// Signals scaled by a motor's limits. They outlive the messages: a `static`, or a leaked box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scaled {
     feedback: [Signal; 7],
@@ -82,8 +81,7 @@ static REGISTER_NAMES: [(u32, &str); NAMES.len()] = {
 
 const WHICH: Signal = Signal::little("REGISTER", 3, 1).named(&REGISTER_NAMES);
 
-/// Signals of a frame about a register: `first` of other signals, the number of the register, and a
-/// value for each register.
+/// Signals of a register frame: `first`, the number of the register, and a value for each.
 const fn with_registers<const FIRST: usize, const ALL: usize>(
     first: [Signal; FIRST],
 ) -> [Signal; ALL] {
@@ -130,10 +128,9 @@ static ASKED: [Signal; 1] = [WHICH];
 /// The most messages of a motor.
 pub const MOST: usize = 22;
 
-/// The frames of a motor: its feedback, its commands, and the registers' frame, which all motors of
-/// a bus share and which is the same for each. Then the special ones: enable, disable, clear error
-/// and store zero, and what is asked and answered about registers. None of a motor with a `CAN_ID`
-/// that cannot be.
+/// A motor's feedback, commands, and the registers' frame, which all motors share. Then enable,
+/// disable, clear error and store zero, and register questions and answers. Empty for a motor with
+/// an invalid `CAN_ID`.
 pub fn messages(motor: &Config, scaled: &'static Scaled) -> Vec<Message, MOST> {
     let (mode, id) = (motor.control.mode(), DeviceId::new(motor.can_id));
     let Some(id) = id else { return Vec::new() };

@@ -1,8 +1,6 @@
-//! Commands as frames, frames as feedback. Positions in rad, velocities in rad/s, torques in N m,
-//! all at the output shaft.
+//! Commands and feedback as frames: rad, rad/s and N m at the output shaft.
 //!
-//! Packing never fails: it limits first, then converts. NaN becomes zero: check a setpoint before
-//! ([`Setpoint::validate`]).
+//! Packing limits first and never fails; NaN becomes zero: see [`Setpoint::validate`].
 
 use embedded_can::StandardId;
 use rc10_app::Celsius;
@@ -12,8 +10,7 @@ use crate::feedback::Fault;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 
-/// The `CAN_ID` of a motor, register 8: identifier of the frames that it takes. The motor compares
-/// the low byte only.
+/// The `CAN_ID` of a motor, register 8: of frames that it takes. It compares the low byte only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DeviceId(u16);
@@ -27,7 +24,7 @@ impl DeviceId {
         if raw <= Self::LAST { Some(Self(raw)) } else { None }
     }
 
-    /// As a number.
+    /// The number.
     #[must_use]
     pub const fn raw(self) -> u16 {
         self.0
@@ -53,8 +50,7 @@ pub(super) fn standard(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap_or(StandardId::MAX)
 }
 
-/// The control mode of a motor: the number in register 10, `CTRL_MODE`. What another mode's frame
-/// does is not documented.
+/// The control mode: register 10, `CTRL_MODE`. Another mode's frames are not documented.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
@@ -95,8 +91,7 @@ pub enum Operation {
     StoreZero = 0xFE,
 }
 
-/// The frame of an operation. New firmware looks at the low byte of the identifier only, old
-/// firmware wants the offset of the mode it is in.
+/// An operation's frame. New firmware takes the low byte only, old firmware its mode's offset.
 pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
     let last = operation as u8;
     let bytes = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last];
@@ -105,8 +100,7 @@ pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
 
 /// A setpoint in MIT mode: position in 16 bits, the others in 12 each, highest bit first.
 ///
-/// With every field at its end the bytes would be those of an [`Operation`]: `kd` is then sent one
-/// step lower.
+/// With every field at its end it would be an [`Operation`]: `kd` goes one step lower then.
 pub fn mit(id: DeviceId, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
     let velocity = pack_signed::<12>(setpoint.velocity, limits.velocity);
@@ -134,14 +128,12 @@ pub fn position_velocity(id: DeviceId, position: f32, velocity: f32) -> CanFrame
     CanFrame::eight_bytes(id.command_id(Mode::PositionVelocity), [a, b, c, d, e, f, g, h])
 }
 
-/// A velocity: one f32, little endian. Four bytes, as in the manual and the vendor's C code; its
-/// Python code sends eight.
+/// A velocity: one f32, little endian, four bytes as in the manual; Python code sends eight.
 pub fn velocity(id: DeviceId, velocity: f32) -> CanFrame {
     CanFrame::exact(id.command_id(Mode::Velocity), sendable(velocity).to_le_bytes())
 }
 
-/// A position, approached with at most this velocity (0 ..= 100 rad/s, in steps of 0.01) and this
-/// current (a share of the largest, 0 ..= 1, in steps of 0.0001).
+/// A position, with a velocity (0 ..= 100 rad/s, steps of 0.01) and a current (a share, 0.0001).
 pub fn force_position(id: DeviceId, position: f32, velocity: f32, current: f32) -> CanFrame {
     let [a, b, c, d] = sendable(position).to_le_bytes();
     let [e, f] = steps(velocity, VELOCITY_STEPS).to_le_bytes();
@@ -151,7 +143,6 @@ pub fn force_position(id: DeviceId, position: f32, velocity: f32, current: f32) 
 
 /// Per rad/s.
 const VELOCITY_STEPS: f32 = 100.0;
-/// Of the largest current.
 const CURRENT_STEPS: f32 = 10_000.0;
 
 /// The nearest number of steps, 0 ..= 10000; none for NaN.
@@ -168,11 +159,11 @@ fn steps(x: f32, per_unit: f32) -> u16 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum State {
-    /// It has been told to make no torque. (Not every model turns freely then: an H3510 brakes.)
+    /// The motor makes no torque, as told. (Not every model turns freely then: an H3510 brakes.)
     Disabled,
-    /// It does what it is told.
+    /// The motor does what it is told.
     Enabled,
-    /// It has stopped by itself; the code.
+    /// The motor has stopped by itself; the code.
     Error(u8),
 }
 
@@ -192,7 +183,7 @@ pub(super) const ERRORS: [(u32, &str); 11] = [
 ];
 
 impl State {
-    /// As it is on the wire, 0 ..= 15.
+    /// The code on the wire, 0 ..= 15.
     #[must_use]
     pub const fn code(self) -> u8 {
         match self {
@@ -249,12 +240,10 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// From a frame that came with the motor's `MST_ID`; which identifier that is, is the caller's
-    /// to compare. A reply to a [register](super::registers) access looks the same.
+    /// From a frame with the motor's `MST_ID`; a [register](super::registers) reply looks alike.
     ///
     /// # Errors
-    /// [`FrameError::NotMine`] for an extended or a remote frame, [`FrameError::Length`] unless
-    /// there are eight bytes.
+    /// [`FrameError::NotMine`] if extended or remote, [`FrameError::Length`] unless eight bytes.
     pub fn unpack(frame: &CanFrame, limits: &Limits) -> Result<Self, FrameError> {
         if frame.is_extended_id() || frame.is_remote() {
             return Err(FrameError::NotMine);

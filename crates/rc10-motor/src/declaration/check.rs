@@ -1,7 +1,5 @@
 //! Whether a declaration can be: the same function when it is compiled and when it runs.
 
-use core::fmt;
-
 use rc10_app::{ConfigError, Text, ok};
 use rc10_can::{EXTENDED_FILTERS, STANDARD_FILTERS};
 
@@ -13,27 +11,27 @@ use crate::motors::{AttachError, MotorId};
 use crate::table::Room;
 use crate::unitree::Rs485Bus;
 
-/// The bit rate of all buses.
 const BITS_PER_SECOND: u32 = 1_000_000;
 
 /// Why a robot cannot be as it is declared.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{}", self.text())]
 pub struct SetupError {
     /// Label of the motor.
     pub label: &'static str,
     /// Where it is plugged in.
     pub on: Place,
-    /// What is wrong.
+    /// The reason.
     pub why: Unsound,
 }
 
-/// What is wrong with a motor of a declaration.
+/// The reason why a motor of a declaration is unsound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Unsound {
     /// A number in its configuration cannot be used.
     Config(ConfigError),
-    /// It cannot be attached.
+    /// The motor cannot be attached.
     Attach {
         /// Why not.
         error: AttachError,
@@ -74,8 +72,7 @@ impl SetupError {
         }
     }
 
-    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
-    #[must_use]
+    /// The message, for a `const`, which cannot use [`Display`](core::fmt::Display).
     pub const fn text(&self) -> Text {
         let Self { label, on, ref why } = *self;
         let text = Text::new().push("`").push(label).push("` on ");
@@ -121,24 +118,14 @@ const fn sort_and_number(on: Place) -> (&'static str, u8) {
     }
 }
 
-/// ``​`wheel left` on bus 1: M3508 id 9: `id` is 9, but must be 1 to 8``
-impl fmt::Display for SetupError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text().fmt(f)
-    }
-}
-
-impl core::error::Error for SetupError {}
-
 impl From<AttachError> for Unsound {
     fn from(error: AttachError) -> Self {
         Self::Attach { error, with: None }
     }
 }
 
-/// Whether these motors can be a robot with so many buses and lines: labels, places, configurations,
-/// identifiers, receive tables, filters and load. `buses` says for each how much of it its motors may
-/// need typically, percent at 1 Mbit/s.
+/// Checks labels, places, configurations, identifiers, receive tables, filters and load of a robot.
+/// `buses`: the share of each that its motors may need typically, percent at 1 Mbit/s.
 ///
 /// # Errors
 /// The first that is wrong, in the order of the declaration.
@@ -155,10 +142,7 @@ pub const fn check(entries: &[Entry<Device>], buses: &[f32], lines: u8) -> Resul
     Ok(())
 }
 
-/// Does not compile if the [`check`] has found something.
-///
-/// # Panics
-/// With the sentence of its error.
+/// Panics with the sentence of the [`check`]'s error: in a `const` that does not compile.
 #[track_caller]
 pub const fn assert_sound(entries: &[Entry<Device>], buses: &[f32], lines: u8) {
     if let Err(error) = check(entries, buses, lines) {

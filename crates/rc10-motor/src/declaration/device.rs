@@ -32,13 +32,13 @@ pub enum Device {
 pub struct OtherDevice {
     /// Model and identifier.
     pub name: MotorName,
-    /// What it occupies on its bus.
+    /// The identifiers on its bus.
     pub ids: CanIds,
     /// Which way its output shaft counts.
     pub direction: Direction,
 }
 
-/// What a device occupies where it is plugged in.
+/// Identifiers or address of a device where it is plugged in.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "for constants")]
 pub enum Wiring {
@@ -48,56 +48,40 @@ pub enum Wiring {
     Line(u8),
 }
 
+/// A value of the configuration, whatever its vendor.
+macro_rules! each {
+    ($device:expr, $config:ident => $value:expr, $other:pat => $of_other:expr) => {
+        match $device {
+            Device::Dji($config) => $value,
+            Device::Vesc($config) => $value,
+            Device::Damiao($config) => $value,
+            Device::CyberGear($config) => $value,
+            Device::Lk($config) => $value,
+            Device::ODrive($config) => $value,
+            Device::GoModule($config) => $value,
+            Device::GoM8010($config) => $value,
+            Device::Other($other) => $of_other,
+        }
+    };
+}
+
 impl Device {
     /// Model and identifier.
     pub const fn name(&self) -> MotorName {
-        match self {
-            Self::Dji(config) => config.name(),
-            Self::Vesc(config) => config.name(),
-            Self::Damiao(config) => config.name(),
-            Self::CyberGear(config) => config.name(),
-            Self::Lk(config) => config.name(),
-            Self::ODrive(config) => config.name(),
-            Self::GoModule(config) => config.name(),
-            Self::GoM8010(config) => config.name(),
-            Self::Other(device) => device.name,
-        }
+        each!(self, config => config.name(), device => device.name)
     }
 
     /// Which way its output shaft counts.
     pub const fn direction(&self) -> Direction {
-        match self {
-            Self::Dji(config) => config.direction,
-            Self::Vesc(config) => config.direction,
-            Self::Damiao(config) => config.direction,
-            Self::CyberGear(config) => config.direction,
-            Self::Lk(config) => config.direction,
-            Self::ODrive(config) => config.direction,
-            Self::GoModule(config) => config.direction,
-            Self::GoM8010(config) => config.direction,
-            Self::Other(device) => device.direction,
-        }
+        each!(self, config => config.direction, device => device.direction)
     }
 
-    /// Whether every field of its configuration can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
-        match self {
-            Self::Dji(config) => config.validate(),
-            Self::Vesc(config) => config.validate(),
-            Self::Damiao(config) => config.validate(),
-            Self::CyberGear(config) => config.validate(),
-            Self::Lk(config) => config.validate(),
-            Self::ODrive(config) => config.validate(),
-            Self::GoModule(config) => config.validate(),
-            Self::GoM8010(config) => config.validate(),
-            Self::Other(_) => Ok(()),
-        }
+        each!(self, config => config.validate(), _ => Ok(()))
     }
 
-    /// What it occupies where it is plugged in.
+    /// Identifiers or address where it is plugged in.
     pub const fn wiring(&self) -> Wiring {
         Wiring::Can(match self {
             Self::Dji(config) => config.can_ids(),

@@ -64,11 +64,11 @@ impl fmt::Display for Place {
 /// Label and place of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slot {
-    /// Its label.
+    /// The label.
     pub label: &'static str,
     /// The bus or line that it is plugged into.
     pub on: Place,
-    /// Its number there: as many motors of that place stand before it in the declaration.
+    /// The number there: as many motors of that place stand before it in the declaration.
     pub motor: MotorId,
     /// The largest speed at which a PC may turn it, if it may.
     pub jog: Option<Rpm>,
@@ -76,8 +76,7 @@ pub struct Slot {
     pub most_gain: f32,
 }
 
-/// Label and place of each motor of a declaration. Motors beyond the 256th of a place have the
-/// number of its last; none holds that many.
+/// Label and place of each motor. Beyond the 256th of a place they have its last number.
 #[must_use]
 pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
     let (on, motor) = (Place::Bus(0), MotorId::new(0));
@@ -97,8 +96,7 @@ pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
     slots
 }
 
-/// The number of each motor on its bus or line, of motors that are attached in this order: for tools
-/// that have no names.
+/// The number of each motor on its bus or line, in this order: for tools without names.
 pub fn numbers(places: impl IntoIterator<Item = Place>) -> impl Iterator<Item = MotorId> {
     let mut before = [[0_u8; 256]; 2];
     places.into_iter().map(move |on| {
@@ -151,10 +149,7 @@ impl<'m, const BUSES: usize, const LINES: usize> Started<'m, BUSES, LINES> {
 
 /// A motor that a declaration can name: one on a CAN bus, or a GO-M8010-6 on RS-485.
 pub trait Placed: Motor {
-    /// Attaches it where it belongs.
-    ///
-    /// # Errors
-    /// Why it cannot be there.
+    /// Attaches it where it belongs, or tells why it cannot be there.
     fn attach<'m>(
         &'m mut self,
         on: Place,
@@ -192,10 +187,7 @@ impl Placed for GoM8010 {
     }
 }
 
-/// Makes buses and lines ready for the motors of a declaration: [`place`] comes next, for each.
-///
-/// # Errors
-/// [`SetupError`], if there are more or fewer than declared.
+/// Makes buses and lines, as many as declared, ready for its motors; then [`place`] each.
 pub fn prepare<N: Names>(
     buses: &mut [&mut MotorBus<'_>],
     lines: &mut [&mut Rs485Bus<'_>],

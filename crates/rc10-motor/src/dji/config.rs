@@ -6,11 +6,10 @@ use rc10_can::IdPattern;
 
 use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 
-/// Properties of one DJI model. Other controllers that speak the same protocol are one more
-/// constant of this type.
+/// Properties of a DJI model. Controllers of the same protocol are one more constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// Identifiers go from 1 to this.
     pub last_id: u8,
@@ -30,9 +29,8 @@ pub struct Model {
     pub gear: Gear,
     /// Torque per ampere at the rotor, N m / A.
     pub rotor_torque_constant: f32,
-    /// Gains it works well with out of the box, from a bare shaft to a usual load (wheel of a
-    /// 20 kg robot: 0.029 kg m², M2006 0.002, gimbal 0.01), give or take 30 %:
-    /// `tests/closed_loop.rs`.
+    /// Gains that work from a bare shaft to a usual load (wheel of a 20 kg robot: 0.029 kg m²,
+    /// M2006 0.002, gimbal 0.01), give or take 30 %.
     pub cascade: Cascade,
 }
 
@@ -62,8 +60,7 @@ const fn gear(rotor: u32, output: u32) -> Gear {
     }
 }
 
-/// `speed` is kp, ki and the largest effort; `angle` is kp and the largest speed, rpm;
-/// `acceleration` is in rpm/s.
+/// `speed` is kp, ki, largest effort; `angle` is kp, largest speed in rpm; `acceleration` rpm/s.
 const fn cascade(speed: [f32; 3], angle: [f32; 2], acceleration: f32) -> Cascade {
     let ([kp, ki, effort], [angle_kp, rpm]) = (speed, angle);
     Cascade {
@@ -103,8 +100,7 @@ pub const M2006: Model = Model {
     ..M3508
 };
 
-/// GM6020 set to current mode: ±3 A, no gearbox. The mode is set in RoboMaster Assistant (firmware
-/// 1.0.11.2 or newer); a motor obeys only the mode it is set to.
+/// GM6020 in current mode: ±3 A. Set in RoboMaster Assistant (1.0.11.2 on); it obeys no other mode.
 pub const GM6020_CURRENT: Model = Model {
     name: "GM6020 (current mode)",
     last_id: 7,
@@ -119,8 +115,7 @@ pub const GM6020_CURRENT: Model = Model {
     cascade: cascade([0.04, 0.1, 3.0], [0.8, 250.0], 500.0),
 };
 
-/// GM6020 set to voltage mode, as it is sold. ±25000 is what every firmware takes (the first manual
-/// says 30000, all newer ones 25000).
+/// GM6020 set to voltage mode, as sold. ±25000: every firmware (the first manual says 30000).
 pub const GM6020_VOLTAGE: Model = Model {
     name: "GM6020 (voltage mode)",
     command_ids: [0x1FF, 0x2FF],
@@ -182,24 +177,24 @@ impl Model {
 /// const _: () = assert!(WHEEL.validate().is_ok());
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The model.
     pub model: &'static Model,
     /// The identifier set on it: 1 to the model's `last_id`.
     pub id: u8,
-    /// Its gearbox.
+    /// The gearbox.
     pub gear: Gear,
     /// Which way its output shaft counts.
     pub direction: Direction,
     /// The feedback rate set in its controller.
     pub rate: FeedbackRate,
-    /// Its control loops.
+    /// The control loops.
     pub cascade: Cascade,
 }
 
 impl Config {
-    /// The device set to identifier `id`, with its stock gearbox, turning forward, at 1 kHz
-    /// feedback and with the gains that come with the model.
+    /// The device set to `id`, stock gearbox, forward, 1 kHz, with the model's gains.
     pub const fn new(model: &'static Model, id: u8) -> Self {
         let (gear, cascade) = (model.gear, model.cascade);
         let (direction, rate) = (Direction::Forward, FeedbackRate::Hz1000);
@@ -208,7 +203,6 @@ impl Config {
 
     /// With another gearbox ([`Gear::DIRECT`] for none). The gains are scaled so that the rotor is
     /// driven as before; an explicit [`with_cascade`](Self::with_cascade) comes after this.
-    #[must_use]
     pub const fn with_gear(mut self, gear: Gear) -> Self {
         let factor = gear.ratio() / self.gear.ratio();
         self.cascade.speed.kp *= factor;
@@ -222,21 +216,18 @@ impl Config {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With the feedback rate that is set in the controller.
-    #[must_use]
     pub const fn with_feedback_rate(mut self, rate: FeedbackRate) -> Self {
         self.rate = rate;
         self
     }
 
     /// With what is on its shaft: the effort that moving it takes. After [`with_gear`](Self::with_gear).
-    #[must_use]
     pub const fn with_feed_forward(mut self, feed_forward: FeedForward) -> Self {
         self.cascade.feed_forward = feed_forward;
         self
@@ -249,7 +240,6 @@ impl Config {
     }
 
     /// With gains of your own.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self
@@ -260,17 +250,13 @@ impl Config {
         MotorName { model: self.model.name, id: self.id as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.model.ids(self.id));
         self.name().blamed(self.cascade.validate())
     }
 
-    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate);
-    /// else none.
+    /// The identifiers on its bus, of a [valid](Self::validate) configuration; else no identifier.
     pub const fn can_ids(&self) -> CanIds {
         let Ok((_, _, lane)) = self.model.ids(self.id) else { return CanIds::new() };
         let Model { feedback_base, command_ids, .. } = self.model;
@@ -282,8 +268,7 @@ impl Config {
     }
 }
 
-/// The rate at which the controller sends feedback; set in RoboMaster Assistant (GM6020: 1 kHz
-/// only).
+/// The feedback rate, set in RoboMaster Assistant (GM6020: 1 kHz only).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FeedbackRate {

@@ -10,11 +10,10 @@ use super::wire::{ENCODER_COUNTS, RawFeedback};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Fault, Feedback};
-use crate::motor::{CanMotor, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// One DJI motor.
@@ -39,10 +38,7 @@ pub struct Dji {
 }
 
 impl Dji {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let Config { model, id, gear, direction, rate, cascade } = config;
@@ -77,7 +73,7 @@ impl Dji {
 
     /// The error for a frame that is no feedback of this motor.
     #[cold] // An error: the good frame goes straight on.
-    fn reject(&self, frame: &CanFrame) -> Result<FrameKind, FrameError> {
+    fn reject(&self, frame: &CanFrame) -> Heard {
         Err(if frame.key() != self.feedback_key {
             FrameError::NotMine
         } else if frame.all_eight().is_some() {
@@ -156,12 +152,7 @@ impl CanMotor for Dji {
         Config::new(self.model, self.id).with_feedback_rate(self.rate).can_ids()
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        _: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, _: Link) -> Heard {
         let Some(bytes) = frame.all_eight() else { return self.reject(frame) };
         let RawFeedback { angle, rpm, .. } = RawFeedback::unpack(bytes);
         if frame.key() != self.feedback_key || u32::from(angle) >= ENCODER_COUNTS {

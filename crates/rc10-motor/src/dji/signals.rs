@@ -14,8 +14,8 @@ pub const NOT_IN_DBC: &[&str] = &[
     "DJI: an angle above 359.96 deg is no angle, its frame is refused",
 ];
 
-/// The feedback of device `id`, its lane of the command frame that it shares with others, and the
-/// frame with which all of them begin to take new identifiers, which this crate never sends; `None` if the model is none of this crate's, or has no such identifier.
+/// The feedback of device `id`, its lane of the shared command frame, and the frame that begins
+/// setting of identifiers, which is never sent; `None` for an unknown model or identifier.
 ///
 /// ```
 /// use rc10_motor::dji::{M3508, signals::messages};
@@ -50,8 +50,7 @@ pub fn messages(model: &Model, id: u8) -> Option<Vec<Message, 3>> {
     .ok()
 }
 
-/// Eight bytes of zero begin the quick setting of identifiers (RoboMaster's sample code for board C,
-/// `CAN_cmd_chassis_reset_ID`).
+/// Eight zeros begin quick setting of identifiers (board C sample, `CAN_cmd_chassis_reset_ID`).
 const QUICK_ID_SETTING: StandardId = match StandardId::new(0x700) {
     Some(id) => id,
     None => StandardId::MAX,
@@ -60,7 +59,7 @@ const QUICK_ID_SETTING: StandardId = match StandardId::new(0x700) {
 struct Table {
     name: &'static str,
     feedback: &'static [Signal],
-    /// Of the first to the fourth device of a command frame.
+    /// Lanes of the first to the fourth device of a command frame.
     lanes: [[Signal; 1]; 4],
 }
 

@@ -4,7 +4,6 @@ use rc10_app::maths::{round_to_i16, within};
 
 use super::config::Model;
 
-/// Encoder counts per rotor turn, of all models: 8192.
 pub(super) const ENCODER_COUNTS: u32 = 8192;
 
 /// The bytes of a feedback frame, as numbers.

@@ -20,7 +20,6 @@ impl Clock {
         Self { schedule, last: None, ticks: 0, overruns: 0, period: Timing::new() }
     }
 
-    /// The time at which the next tick is due.
     #[inline]
     pub(super) const fn next(&self) -> Micros {
         self.schedule.next()

@@ -1,13 +1,10 @@
-//! The bus under Embassy: a runner that owns the motors and ticks every millisecond, and the port
-//! that all other tasks share with it.
+//! The bus under Embassy: a runner with the motors, and the port shared with all other tasks.
 //!
-//! No other task ever touches a motor: a [`MotorPort`] is a mailbox for the newest command and a
-//! copy of the newest status. No lock is held over an `await`, so no task can stall another's bus.
+//! A [`MotorPort`] is a mailbox and a status: no lock is held over an `await`, no task stalls.
 //!
 //! A bus on RS-485 has the same: [`run_rs485`], [`Rs485Port`] and the same [`MotorPort`]s.
 //!
-//! The runner is generic over [`CanPort`](rc10_can::CanPort): the same code runs on the chip and,
-//! with a virtual clock, on a PC. It enables no time driver and no executor.
+//! The runner takes any [`CanPort`](rc10_can::CanPort): on the chip, or with virtual time.
 
 mod clock;
 mod motors;

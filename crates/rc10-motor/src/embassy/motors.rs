@@ -13,8 +13,7 @@ use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
 use crate::target::{Target, TargetError, TargetSet};
 
-/// The port of a bus with up to `N` motors, whatever its wire: a mailbox and a status per motor,
-/// and a status of type `S`. One per bus; every method works from any task or interrupt.
+/// The port of a bus of up to `N` motors: a mailbox and status each, from any task or interrupt.
 pub struct MotorPorts<S, const N: usize> {
     cells: [MotorCell; N],
     /// To all of its motors.
@@ -30,7 +29,7 @@ struct MotorCell {
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
     /// Targets that did not come as far as the mail.
     refused: Mutex<CriticalSectionRawMutex, Cell<Refusals>>,
-    /// As declared, and as of the last request.
+    /// The tuning as declared, and as of the last request.
     tuning: Mutex<CriticalSectionRawMutex, Cell<Option<[Tuning; 2]>>>,
 }
 
@@ -38,7 +37,6 @@ struct MotorCell {
 const CALLERS: usize = 4;
 
 type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
-/// The outcome of a request.
 type Outcome = Result<Response, RequestError>;
 /// The task that waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
@@ -97,7 +95,6 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
         self.requests.calls()
     }
 
-    /// A part of the bus's status.
     pub(super) fn look<R>(&self, look: impl FnOnce(&S) -> R) -> R {
         self.status.lock(|status| look(&status.borrow()))
     }
@@ -109,8 +106,7 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
     }
 }
 
-/// The part of a runner that serves its motors in every tick, on a bus of any kind: commands and
-/// requests in, status out. Dropped, it tells the tasks that wait for a motor's response.
+/// The part of a runner that serves its motors; dropped, it tells the tasks that wait.
 pub(super) struct Server<'p, S, const N: usize> {
     ports: &'p MotorPorts<S, N>,
     pending: Vec<(MotorId, Asker<'p>), N>,
@@ -204,9 +200,7 @@ pub struct MotorPort<'p> {
 }
 
 impl MotorPort<'_> {
-    /// Gives the motor a new target: it holds from the bus's next tick until it expires (50 ms
-    /// unless the motor was attached otherwise), so repeat it. A newer command replaces one that
-    /// the bus has not taken yet.
+    /// Gives a new target, from the next tick until it expires (50 ms by default): repeat it.
     ///
     /// # Errors
     /// [`TargetError`]: the motor does not take such targets, or a number is not finite. While the
@@ -223,22 +217,18 @@ impl MotorPort<'_> {
         Ok(())
     }
 
-    /// Asks something of the motor beside a target, and waits until it is done: the next tick of
-    /// its bus, or when the device has answered. Never [`Response::Pending`].
+    /// Asks something of the motor beside a target, and waits until it is done. Never `Pending`.
     ///
-    /// It is a call of a [`Service`] that the motors of a bus share: requests are carried out in the
-    /// order in which they came, and each task gets its own response. There is no timeout, because
-    /// every motor gives up by itself on a device that does not reply.
+    /// It is a call of the [`Service`] that a bus's motors share: in the order of the calls, each
+    /// with its own response, and without a timeout, because motors give up on silent devices.
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed, unless it is [`RequestError::Timeout`].
-    /// [`RequestError::Busy`] while this motor's device has not answered an earlier request, or
-    /// while four requests to motors of this bus wait;
-    /// [`RequestError::NoSuchMotor`] also while the bus is not running yet.
+    /// [`RequestError`]; nothing changed but for [`RequestError::Timeout`]. [`RequestError::Busy`]
+    /// while an earlier request is not answered, or four wait; [`RequestError::NoSuchMotor`] also
+    /// while the bus is not running yet.
     ///
     /// # Cancel safety
-    /// The future may be dropped at any time. A request that the bus has not taken yet is taken
-    /// back; another is carried out, and its response is dropped.
+    /// The future may be dropped: a request not taken yet is taken back, another is carried out.
     pub async fn request(&self, request: Request) -> Result<Response, RequestError> {
         if self.supports() == TargetSet::NONE {
             // No bus would ever take it.
@@ -262,8 +252,7 @@ impl MotorPort<'_> {
         })
     }
 
-    /// A part of its status, without a copy of the whole. Targets that its port refused are not in
-    /// the counters here.
+    /// A part of its status, without a copy, and without targets that its port refused.
     #[inline]
     pub fn look<R>(&self, look: impl FnOnce(&MotorStatus) -> R) -> R {
         match self.cell {
@@ -272,8 +261,7 @@ impl MotorPort<'_> {
         }
     }
 
-    /// The gains and the limit of its loops, as they were when its bus began and as they are now;
-    /// `None` if they do not run here, or its bus does not run yet.
+    /// Gains and limit of its loops, at the beginning and now; `None` without loops or bus.
     pub fn tuning(&self) -> Option<[Tuning; 2]> {
         self.cell.and_then(|cell| cell.tuning.lock(Cell::get))
     }

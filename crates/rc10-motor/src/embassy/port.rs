@@ -1,5 +1,4 @@
 use core::cell::RefCell;
-use core::fmt;
 use core::ops::Deref;
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,8 +15,7 @@ use crate::arm::ArmState;
 use crate::bus::{BusCounters, MotorBus};
 use crate::load::BusLoad;
 
-/// The shared side of a CAN bus, for all other tasks: the ports of its motors, an outbox, and
-/// subscriptions.
+/// The shared side of a CAN bus: the ports of its motors, an outbox, and subscriptions.
 pub struct BusPort {
     motors: MotorPorts<BusStatus, { MotorBus::CAPACITY }>,
     outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
@@ -53,8 +51,7 @@ pub struct BusStatus {
     pub submitted: u32,
     /// Frames that replaced an older one of the same identifier that had not been sent yet.
     pub replaced: u32,
-    /// Frames that the port or the tick's batch had no room for, or that the port did not take
-    /// because the bus was off.
+    /// Frames that port or batch had no room for, or that came while the bus was off.
     pub refused: u32,
     /// Frames received.
     pub received: BusCounters,
@@ -67,26 +64,15 @@ pub struct BusStatus {
 }
 
 /// Why a frame was not put into the outbox.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OutboxError {
-    /// As many frames wait as there is room for.
+    /// The outbox is full.
+    #[error("{OUTBOX} frames wait in the outbox already")]
     Full,
     /// A motor of this bus is commanded with this identifier, and only its bus may do that.
+    #[error("{} commands a motor of this bus", IdPattern::exact(*.0))]
     BelongsToMotor(Id),
 }
-
-impl fmt::Display for OutboxError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Full => write!(f, "{OUTBOX} frames wait in the outbox already"),
-            Self::BelongsToMotor(id) => {
-                write!(f, "{} commands a motor of this bus", IdPattern::exact(*id))
-            }
-        }
-    }
-}
-
-impl core::error::Error for OutboxError {}
 
 impl BusPort {
     /// The port of a bus that does not run yet: it refuses all targets until it does.
@@ -133,8 +119,7 @@ impl BusPort {
         self.subscriptions.subscribe(filter)
     }
 
-    /// Brings the bus back in its next tick, if it is off then: the only way back under
-    /// [`BusOffPolicy::Manual`](rc10_can::BusOffPolicy::Manual).
+    /// Brings back a bus that is off in its next tick: the only way under `BusOffPolicy::Manual`.
     pub fn recover(&self) {
         self.recover.store(true, Ordering::Release);
     }

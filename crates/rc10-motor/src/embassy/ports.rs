@@ -5,11 +5,9 @@ use super::port::BusPort;
 use super::rs485::Rs485Port;
 use crate::declaration::{Names, Place, Slot};
 
-/// The shared side of a whole robot: a port for each bus and line of its declaration, and its motors
-/// by name.
+/// A robot's shared side: a port for each bus and line, and its motors by name.
 ///
-/// Another number of buses or lines than is declared does not compile; nor does the name of
-/// another robot's motor:
+/// Other numbers of buses or lines, or another robot's names, do not compile:
 ///
 /// ```compile_fail,E0308
 /// # mod ours {
@@ -36,7 +34,7 @@ use crate::declaration::{Names, Place, Slot};
 /// let wheel = PORTS.motor(theirs::Name::Lift);
 /// ```
 ///
-/// Its own does:
+/// A robot's own program does the same:
 ///
 /// ```
 /// # mod ours {
@@ -47,16 +45,6 @@ use crate::declaration::{Names, Place, Slot};
 /// #         buses: [100.0];
 /// #         lines: 0;
 /// #         Wheel: Dji = rc10_motor::Entry::new("wheel", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
-/// #     }
-/// # }
-/// # mod theirs {
-/// #     use rc10_motor::dji::{Config, Dji, M3508};
-/// #     rc10_motor::motors! {
-/// #         pub enum Name;
-/// #         pub struct Motors;
-/// #         buses: [100.0];
-/// #         lines: 0;
-/// #         Lift: Dji = rc10_motor::Entry::new("lift", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
 /// #     }
 /// # }
 /// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();

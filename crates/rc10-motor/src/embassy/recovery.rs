@@ -1,7 +1,6 @@
 use rc10_can::{BusOffPolicy, ErrorState, Health, Micros};
 
-/// Carries out a [`BusOffPolicy`]: decides when a bus that has left goes back. It only decides; the
-/// port knows how.
+/// Decides by a [`BusOffPolicy`] when a bus that has left goes back; the port knows how.
 pub(super) struct Recovery {
     policy: BusOffPolicy,
     /// Since the last attempt, if any of late; doubles each time.

@@ -61,19 +61,16 @@ impl Default for Rs485Port {
     }
 }
 
-/// Runs an RS-485 bus; the future never ends. One tick every millisecond, on the grid, without
-/// drift; between ticks one motor after the other is polled.
+/// Runs an RS-485 bus, for ever: a tick every millisecond without drift, and polls in between.
 ///
-/// `io` is the serial port: 4 Mbit/s, 8N1, with a transceiver whose direction the hardware sets
-/// (driver enable). It must read as soon as there are bytes, not only when its buffer is full, and
-/// keep what it received when a read is dropped; and it must send what is written without being
-/// flushed. `BufferedUart` and `RingBufferedUartRx` of `embassy-stm32` do, and `Serial` of
-/// `rc10-bsp`. A transceiver that hears its own commands is no harm, but each counts as 17
-/// bytes of garbage. Errors of the port are counted, and the bus goes on.
+/// `io` is the serial port: 4 Mbit/s, 8N1, with driver enable by hardware. It reads as soon as
+/// there are bytes, keeps what it received when a read is dropped, and sends without a flush:
+/// `BufferedUart` and `RingBufferedUartRx` of `embassy-stm32` do, and `Serial` of `rc10-bsp`.
+/// Commands that it hears itself are no harm, but count as 17 bytes of garbage. Errors of the port
+/// are counted, and the bus goes on.
 ///
-/// Each exchange waits for the one before, so the time from a reply to the next command decides how
-/// many motors a millisecond has room for. On a chip it runs on an executor of its own, below the
-/// buses', with the interrupts of its port at the same priority.
+/// The time from a reply to the next command decides how many motors a millisecond has room for:
+/// run it on an executor of its own, below the buses', with its port's interrupts at its priority.
 pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
     mut io: P,
     mut bus: B,
@@ -119,7 +116,6 @@ const WRITE_LIMIT: Duration = Duration::from_millis(1);
 /// A port that always fails at once must not keep the processor busy.
 const ERROR_PAUSE: Duration = Duration::from_micros(100);
 
-/// A bus and its clock.
 struct Runner<'r, 'm> {
     bus: &'r mut Rs485Bus<'m>,
     shared: &'r Rs485Port,
@@ -129,7 +125,6 @@ struct Runner<'r, 'm> {
 }
 
 impl<'r, 'm> Runner<'r, 'm> {
-    /// The first tick is due one period after `now`.
     fn new(bus: &'r mut Rs485Bus<'m>, shared: &'r Rs485Port, now: Micros) -> Self {
         let server = Server::new(shared, bus);
         shared.publish(|status| *status = Rs485Status::NEW);

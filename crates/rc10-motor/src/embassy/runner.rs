@@ -20,19 +20,16 @@ use crate::supervision::count;
 /// feedback that a frame answers is older by this at most. Several buses lie behind each other by the same
 /// time: as one sends, the next computes, so that one timer wakes both.
 const LEAD: Micros = Micros::new(60);
-/// Time by which the ticks lie behind those of the tasks that start with them, each 5, 10 or 100 ms: what they
-/// command is there by then, and what they log, with interrupts off, is said.
+/// Time between these ticks and tasks' of 5, 10 or 100 ms: commands are there, logs are written.
 const APART: Micros = Micros::new(500);
 /// Bit rate that load figures refer to.
 const BITS_PER_SECOND: u32 = 1_000_000;
-/// Frames taken from the port in one tick: three times what a saturated bus delivers, so that it
-/// soon catches up after a pause. Bounds the work of a tick; the rest is taken in the next one.
+/// Frames taken in a tick: three times a saturated bus, to catch up, but bounded.
 const RECEIVE_LIMIT: usize = 64;
 /// Patterns that a port is told to let in. Where more are wanted, it lets in everything.
 const ACCEPTED: usize = 48;
 
-/// Runs a bus that goes back by itself after bus-off; the future never ends. One tick every
-/// millisecond, on the grid, without drift. Ticks whose time has gone by are skipped and counted.
+/// Runs a bus, back by itself after bus-off: a tick every millisecond, missed ones counted.
 ///
 /// For another [`BusOffPolicy`]: [`Runner::with_bus_off`] and [`run_buses`].
 pub fn run_bus<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>>(
@@ -43,8 +40,7 @@ pub fn run_bus<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>>(
     run_buses([Runner::new(port, bus, shared, now())])
 }
 
-/// Runs the buses of one processor in one task; the future never ends. Each ticks as in
-/// [`run_bus`], 60 µs behind the one before.
+/// Runs the buses of a processor in one task, for ever: [`run_bus`], each 60 µs behind the other.
 ///
 /// Not written `async fn`, which would keep a second copy of the runners: 2 KiB a bus.
 pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
@@ -67,11 +63,9 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
     }
 }
 
-/// A bus, its CAN port, and the port that it shares with other tasks: the state of [`run_bus`], for
-/// loops of your own.
+/// A bus, its CAN port and its shared port: the state of [`run_bus`], for loops of your own.
 ///
-/// The bus is a [`MotorBus`] or a `&mut MotorBus`: on a chip a bus better stands where it was made,
-/// for it is large.
+/// The bus is a [`MotorBus`] or a `&mut MotorBus`: it is large, and better stays where it was made.
 pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     port: P,
     bus: B,
@@ -94,7 +88,6 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     recovery: Recovery,
     /// The subscriptions' state that the port knows.
     subscriptions: u32,
-    /// Whether there are any.
     listening: bool,
     server: Server<'p, BusStatus, { MotorBus::CAPACITY }>,
 }
@@ -142,17 +135,15 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.due = first - LEAD;
     }
 
-    /// The time at which [`tick`](Self::tick) is due: 60 µs before frames are to leave, and then
-    /// the moment when they are to.
+    /// When [`tick`](Self::tick) is due: 60 µs before frames are to leave, and then as they are to.
     #[inline]
     pub const fn next(&self) -> Micros {
         self.due
     }
 
-    /// Does the work that is due: the first half of a tick (frames in, commands in, motors), and at
-    /// its time the second (frames out, status out), so that the time at which frames leave does
-    /// not depend on the work. A loop that comes by once a millisecond, or late, has both done at
-    /// once. Never waits. `clock` is read at the start, and for how long the first half took.
+    /// Does what is due: half a tick of frames in and motors, half of frames and status out, so
+    /// that work does not shift the frames; both at once in a slow loop. Never waits. `clock` is
+    /// read at the start, and for the first half's time.
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
         let leave = self.clock.next();
@@ -167,8 +158,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.send(now);
     }
 
-    /// Whether what was prepared may leave now: nothing that is as old as a tick, and no torque
-    /// after a stop.
+    /// Whether the prepared may leave: nothing as old as a tick, and no torque after a stop.
     fn holds(&self, now: Micros) -> bool {
         let is_stopped = self.arm == ArmState::Armed
             && matches!(
@@ -178,7 +168,6 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         !is_stopped && now.since(self.clock.next()) < PERIOD - LEAD
     }
 
-    /// The first half of a tick.
     fn prepare(&mut self, now: Micros) {
         let elapsed = self.last_start.replace(now).map_or(PERIOD, |last| now.since(last));
         let subscriptions = self.shared.subscriptions().changes();
@@ -198,7 +187,6 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.server.publish(self.bus.borrow(), now);
     }
 
-    /// The second half.
     fn send(&mut self, now: Micros) {
         for (frame, stream) in self.tx.entries() {
             self.traffic.count(self.port.submit_as(frame, stream));

@@ -1,5 +1,4 @@
 use core::cell::Cell;
-use core::fmt;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
@@ -26,16 +25,9 @@ pub enum Filter {
 }
 
 /// All subscriptions of a bus are taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("all {} subscriptions of the bus are taken", Subscriptions::COUNT)]
 pub struct NoFreeSubscription;
-
-impl fmt::Display for NoFreeSubscription {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "all {} subscriptions of the bus are taken", Subscriptions::COUNT)
-    }
-}
-
-impl core::error::Error for NoFreeSubscription {}
 
 /// Frames that wait for one subscriber.
 const DEPTH: usize = 8;
@@ -92,7 +84,6 @@ impl Subscriptions {
         self.changes.load(Ordering::Acquire)
     }
 
-    /// The filters of all subscriptions.
     pub(super) fn filters(&self) -> impl Iterator<Item = Filter> {
         self.places.iter().filter_map(|place| place.state.lock(Cell::get).filter)
     }

@@ -31,7 +31,7 @@ impl EncoderBits {
 /// Properties of one model of drive, as seen on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
     /// Amperes in a step of iq, in commands and answers alike.
     pub amps_per_count: f32,
@@ -67,15 +67,12 @@ impl Model {
         Self::bare("MF", 16.5 / 2048.0, encoder)
     }
 
-    /// MS drives, which have no current loop and so no step of iq: only
-    /// [`Command::OpenLoop`](super::Command::OpenLoop), [`Command::Speed`](super::Command::Speed)
-    /// and angles.
+    /// MS drives, without a current loop and so a step of iq: open loop, speed and angles only.
     pub const fn ms(encoder: EncoderBits) -> Self {
         Self::bare("MS", 0.0, encoder)
     }
 
-    /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
-    /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
+    /// The raw iq, within ±2048, 0 for NaN, cut off towards zero as librm does: never more.
     pub fn raw_current(&self, current: Amps) -> i16 {
         let full = self.full_scale().get();
         // Divided, not multiplied by the inverse: whole steps must stay whole.
@@ -88,16 +85,13 @@ impl Model {
         Amps::new(FULL_SCALE as f32 * self.amps_per_count)
     }
 
-    /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
+    /// The torque current of an answer; `None` where it carries no current, see [`Motion::effort`].
     pub fn current(&self, motion: &Motion) -> Option<Amps> {
         let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
         (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
     }
 
-    /// The rotor's angle of an answer, 0 ..< 360 degrees.
-    ///
-    /// # Errors
-    /// [`FrameError::Encoder`] if the encoder is not as wide as that.
+    /// The rotor's angle of an answer, 0 ..< 360 degrees, unless the encoder is narrower.
     pub fn angle(&self, motion: &Motion) -> Result<Degrees, FrameError> {
         let counts = self.encoder.counts();
         if u32::from(motion.encoder) >= counts {
@@ -110,10 +104,8 @@ impl Model {
 
 /// Models by name.
 ///
-/// Gear and rated torque by rated current are from the vendor's data sheets, as its resellers print
-/// them (SMC, shop pages of the MG series; MF9025 V2: code of several teams, from its data sheet).
-/// `torque_constant` is `None` where the printed constant and the rated figures do not agree.
-/// Encoders: SCUT librmcs, whose drives of all these series report 16 bits; check yours.
+/// Gears and rated torque by current are the data sheets' (SMC, shops; MF9025 V2: teams' code).
+/// `torque_constant` is `None` where figures do not agree. Encoders: SCUT librmcs; check yours.
 pub mod models {
     use super::{EncoderBits, Model};
 
@@ -146,20 +138,19 @@ pub enum Commands {
     /// By frames of its own, as it is sold.
     #[default]
     Single,
-    /// By two bytes of the frame that four drives share. The drive is never off then, does not tell
-    /// its errors and takes no other command.
+    /// By two bytes of a frame that four drives share: never off, no errors, no other command.
     MultiMotor,
 }
 
 /// The setup of a drive, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// Current step, encoder, gearbox, torque constant.
     pub model: Model,
     /// The identifier set on it: 1 to 32, 1 to 4 in the multi-motor frame.
     pub id: u8,
-    /// Loops and limits: amperes of iq, at the output shaft. The largest current is the speed
-    /// loop's output limit.
+    /// Loops and limits: amperes of iq at the output; the speed loop's output limit is the largest.
     pub cascade: Cascade,
     /// By which frames it is commanded.
     pub commands: Commands,
@@ -174,13 +165,11 @@ impl Config {
     }
 
     /// Commanded by these frames.
-    #[must_use]
     pub const fn with_commands(self, commands: Commands) -> Self {
         Self { commands, ..self }
     }
 
     /// Counting this way.
-    #[must_use]
     pub const fn with_direction(self, direction: Direction) -> Self {
         Self { direction, ..self }
     }
@@ -190,10 +179,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.id as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         self.name().blamed(self.check())
     }
@@ -218,7 +204,7 @@ impl Config {
         ConfigError::check(fits, "output_limit", limit, must_be)
     }
 
-    /// Its identifier, and the first of its two bytes in the multi-motor frame.
+    /// The identifier, and the first of its two bytes in the multi-motor frame.
     pub(super) const fn lane(&self) -> Result<(DriveId, usize), ConfigError> {
         let Some(drive) = DriveId::new(self.id) else {
             return Err(ConfigError::new("id", self.id as f32, "1 to 32"));
@@ -232,8 +218,7 @@ impl Config {
         }
     }
 
-    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate);
-    /// else none.
+    /// The identifiers on its bus, of a [valid](Self::validate) configuration; else no identifier.
     pub const fn can_ids(&self) -> CanIds {
         match self.lane() {
             Ok((id, lane)) => can_ids(id, self.commands, lane),

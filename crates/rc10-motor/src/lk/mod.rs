@@ -7,24 +7,21 @@
 //! *Identifiers.* A drive set to 1 ..= 32 takes commands at standard `0x140 + id` and answers each
 //! with one frame of the same identifier. 1 Mbit/s; eight bytes, always; little endian.
 //!
-//! *Frames.* Byte 0 is the command, and again the command in the answer. There are three kinds of
-//! answers: an echo (off, stop, run), a measurement (to every command that moves, and to `9C`:
-//! temperature, iq, speed, encoder), and what was asked for (`9A` health, `9D` phase currents, `92`
-//! and `94` angles).
+//! *Frames.* Byte 0 is the command, also in the answer: an echo (off, stop, run), a measurement (to
+//! a move and `9C`: temperature, iq, speed, encoder), or what was asked for (`9A` health, `9D`
+//! phase currents, `92` and `94` angles).
 //!
 //! *Multi-motor frame.* `0x280` carries the iq of drives 1 ..= 4, two bytes each. It has to be
 //! switched on with the vendor's tool, and then no single command is obeyed any more.
 //!
 //! *Rules.*
-//! * The current step depends on the model, the encoder's width on the device: both stand in
-//!   [`Model`]. The manual writes ±2000 = ±32 A for commands and ±2048 = ±33 A for measurements:
-//!   the same step, 33 / 2048 A on an MG; MF drives have half of it.
+//! * The current step is the model's, the encoder's width the device's: [`Model`]. The manual's
+//!   ±2000 = ±32 A and ±2048 = ±33 A are one step, 33 / 2048 A on an MG; MF drives have half of it.
 //! * A drive may act one frame late (XDU librm): off and run are to be sent until they are echoed.
 //! * The encoder of an 18 bit device is reported by its upper 16 bits.
 //!
-//! *Motor.* [`Lk`] commands torque currents and runs all loops here. It keeps a drive off (`80`)
-//! unless it may drive, repeats "run" (`88`) until that is echoed, and asks for errors (`9A`) every
-//! 100 ticks.
+//! *Motor.* [`Lk`] commands torque currents; all loops run here. It keeps a drive off (`80`) unless
+//! it may drive, repeats "run" (`88`) until the echo, and asks for errors (`9A`) every 100 ticks.
 //!
 //! ```
 //! use rc10_app::{Cascade, FeedForward, PidConfig, Rpm, RpmPerSecond};
@@ -48,8 +45,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Sources: LK CAN manual V2.3; XDU-IRobot librm `lk_motor.hpp` (which says the commands lag, and
-//! names all eight error bits of newer firmware; the manual knows two).
+//! Sources: LK CAN manual V2.3; XDU-IRobot librm `lk_motor.hpp` (lag of commands, all error bits).
 
 mod config;
 mod motor;

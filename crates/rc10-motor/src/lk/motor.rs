@@ -10,18 +10,15 @@ use super::wire::{
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
-/// The step of switching on that a drive has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    /// Kept off.
     Off,
     /// Being switched on; this many echoes have come.
     Starting(u8),
@@ -33,9 +30,8 @@ enum Step {
 const ECHOES: u8 = 2;
 /// The drive is asked for its errors once in this many ticks.
 const HEALTH_EVERY: u8 = 100;
-/// A drive that was restarted in a blink answers as before, and gives no current. This many steps of
-/// current asked for, and not an eighth of it flowing, for this many ticks: it is switched on again,
-/// by which no torque is lost.
+/// A drive restarted in a blink answers, and gives no current. This many steps asked for without an
+/// eighth of it for this many ticks: it is switched on again.
 const ASKED_STEPS: f32 = 16.0;
 const NOTHING_FLOWS: f32 = 0.125;
 const IDLE_TICKS: u8 = 20;
@@ -53,7 +49,6 @@ pub struct Lk {
     /// The target, if it is a torque: the servo knows currents only.
     torque: Option<NewtonMetres>,
     shaft: Shaft,
-    /// The newest measurement.
     motion: Motion,
     /// Volts; NaN until the drive tells.
     supply: f32,
@@ -68,10 +63,7 @@ pub struct Lk {
 }
 
 impl Lk {
-    /// The drive that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The drive that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let (id, lane) = config.lane()?;
@@ -99,12 +91,7 @@ impl Lk {
         Amps::new(self.servo.effort() * self.shaft.sign())
     }
 
-    fn heard_motion(
-        &mut self,
-        motion: Motion,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn heard_motion(&mut self, motion: Motion, at: Micros, link: Link) -> Heard {
         if motion.command != CURRENT && motion.command != MOTION {
             return Err(FrameError::Unasked);
         }
@@ -117,7 +104,7 @@ impl Lk {
         self.shaft.follow(motion.encoder.into(), motion.speed().get(), at);
         Ok(FrameKind::Feedback)
     }
-    fn heard_other(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
+    fn heard_other(&mut self, reply: &Reply) -> Heard {
         match (reply, self.commands) {
             (Reply::Health(health), Commands::Single) => return Ok(self.heard_health(health)),
             (Reply::Run, Commands::Single) => {
@@ -289,12 +276,7 @@ impl CanMotor for Lk {
         can_ids(self.id, self.commands, self.lane)
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         match Reply::from_frame(frame, self.id)? {
             Reply::Motion(motion) => self.heard_motion(motion, at, link),
             reply => self.heard_other(&reply),

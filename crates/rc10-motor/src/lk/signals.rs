@@ -81,8 +81,7 @@ const ASKED: [(&str, u8); 9] = [
     ("LK_READ_SINGLE_TURN", SINGLE_TURN),
 ];
 
-/// Commands with a value, and which bits of bytes 1 to 7 are zero in them: what tells them from
-/// their answers, unless a drive is at 0 degrees Celsius and without current.
+/// Commands with a value, and their zero bits, which tell them from answers but at 0 °C.
 const MOVES: [(&str, u8, [u8; 7], &[Signal]); 9] = {
     const NO_LIMIT: [u8; 7] = [0xFF, 0xFF, 0xFF, 0, 0, 0, 0];
     const LIMIT: [u8; 7] = [0xFF, 0, 0, 0, 0, 0, 0];
@@ -151,7 +150,7 @@ static COMMANDS: &[(u32, &str)] = &[
     (PHASE_CURRENTS as u32, "phase currents"),
 ];
 
-/// Of the error bits, lowest first: in the answer to `9A`, and to `9B`.
+/// Names of the error bits, lowest first: in the answer to `9A`, and to `9B`.
 const ERROR_NAMES: [[&str; 2]; 8] = [
     ["SUPPLY_TOO_LOW", "CLEARED_SUPPLY_TOO_LOW"],
     ["SUPPLY_TOO_HIGH", "CLEARED_SUPPLY_TOO_HIGH"],
@@ -205,12 +204,10 @@ const fn answer_signals(amps_per_count: f64, bits: u32) -> [Signal; ANSWERS] {
     signals
 }
 
-/// The signals in the frames of a model.
 struct Table {
     answers: [Signal; ANSWERS],
     /// In the answer to any command that moves.
     motion: [Signal; 5],
-    /// In a command.
     current: [Signal; 1],
 }
 

@@ -39,8 +39,7 @@ const LAST_ID: u8 = 32;
 pub const MULTI_MOTOR_ID: StandardId = standard(MULTI_MOTOR);
 pub(super) const MULTI_MOTOR: u16 = 0x280;
 
-/// Raw iq at full scale, of every model (manual V2.3, answer to `9C`: ±2048; librm clamps commands
-/// to the same).
+/// Raw iq at full scale, of every model (manual V2.3, answer to `9C`: ±2048; librm too).
 pub(super) const FULL_SCALE: i16 = 2048;
 /// Raw open-loop power at full scale (manual V2.3, command `A0`: ±850).
 const OPEN_LOOP_FULL_SCALE: i16 = 850;
@@ -81,7 +80,7 @@ impl DriveId {
         Some(Self { number, can: standard(BASE_ID + number as u16) })
     }
 
-    /// As set on the drive.
+    /// The number set on the drive.
     #[must_use]
     pub const fn number(self) -> u8 {
         self.number
@@ -110,8 +109,7 @@ pub enum SpinDirection {
     CounterClockwise = 1,
 }
 
-/// A command to a drive. Angles and speeds are the rotor's. What is out of range is limited to the
-/// range.
+/// A command to a drive. Angles and speeds are the rotor's, and limited to their range.
 #[derive(Clone, Copy, Debug)]
 pub enum Command {
     /// `80`: no torque, and what it was doing is forgotten. Echoed.
@@ -139,14 +137,14 @@ pub enum Command {
         angle: Degrees,
         /// The way round.
         direction: SpinDirection,
-        /// As in [`TurnTo`](Self::TurnTo).
+        /// The limit, like [`TurnTo`](Self::TurnTo)'s.
         speed_limit: Option<RotorRpm>,
     },
     /// `A7`; `A8` if there is a limit: by an angle from here, ±59,652 turns.
     TurnBy {
         /// The angle to turn by.
         angle: TotalAngle,
-        /// As in [`TurnTo`](Self::TurnTo).
+        /// The limit, like [`TurnTo`](Self::TurnTo)'s.
         speed_limit: Option<RotorRpm>,
     },
     /// `9A`: asks for [`Health`].
@@ -167,8 +165,7 @@ impl Command {
     /// The frame for a drive. The model matters only to [`Command::Current`].
     ///
     /// # Errors
-    /// [`NotANumber`]; neutral is current or speed zero. No angle is neutral: in place of one stands
-    /// [`Command::ReadMotion`], which moves nothing.
+    /// [`NotANumber`]; neutral is current or speed zero, and [`Command::ReadMotion`] for angles.
     pub fn pack(&self, id: DriveId, model: &Model) -> Result<CanFrame, NotANumber> {
         const READ_MOTION: [u8; 8] = [MOTION, 0, 0, 0, 0, 0, 0, 0];
         let plain = |command| Ok([command, 0, 0, 0, 0, 0, 0, 0]);
@@ -235,8 +232,7 @@ fn angle(steps: i64) -> TotalAngle {
     TotalAngle::from_microdegrees(steps.saturating_mul(STEP))
 }
 
-/// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`]. The
-/// values are not limited.
+/// The raw iq of drives 1 ..= 4 ([`Model::raw_current`]), not limited, at [`MULTI_MOTOR_ID`].
 pub fn pack_multi_motor(raw: [i16; 4]) -> CanFrame {
     let [[a, b], [c, d], [e, f], [g, h]] = raw.map(i16::to_le_bytes);
     CanFrame::eight_bytes(MULTI_MOTOR_ID, [a, b, c, d, e, f, g, h])
@@ -249,8 +245,7 @@ pub struct Motion {
     pub command: u8,
     /// Degrees Celsius.
     pub temperature: i8,
-    /// Torque current in steps of the model ([`Model::current`]); in an answer to `A0`, and from
-    /// MS drives always, the open-loop power.
+    /// Torque current in steps ([`Model::current`]); after `A0` and from MS drives open-loop power.
     pub effort: i16,
     /// Degrees a second.
     pub speed: i16,
@@ -286,9 +281,9 @@ impl Motion {
 pub struct Health {
     /// The command that was answered.
     pub command: u8,
-    /// Of the motor.
+    /// The motor's temperature.
     pub temperature: Celsius,
-    /// Of the supply, in volts.
+    /// The supply's voltage, in volts.
     pub supply: f32,
     /// Error bits.
     pub errors: Errors,
@@ -299,8 +294,7 @@ pub struct Health {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Errors(u8);
 
-/// Text of each error bit, lowest first. Bits 0 and 3: manual V2.3 (bit 3: over-temperature); all:
-/// librm, for newer firmware.
+/// Text of each error bit, lowest first. Bits 0 and 3: manual V2.3; all: librm, newer firmware.
 pub(super) static ERROR_TEXTS: [&str; 8] = [
     "supply voltage too low",
     "supply voltage too high",
@@ -321,7 +315,7 @@ impl Errors {
         Self(bits)
     }
 
-    /// As the drive sent them.
+    /// The bits as the drive sent them.
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0
@@ -345,7 +339,7 @@ impl Errors {
 /// Phase currents of a drive: the response to `9D`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseCurrents {
-    /// Of the motor.
+    /// The motor's temperature.
     pub temperature: Celsius,
     /// Phases A, B, C.
     pub phases: [Amps; 3],

@@ -12,13 +12,13 @@ use crate::feedback::Fault;
 
 /// The setup of an axis, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
-    /// Its number, 0 to 62: an axis without a number has 63.
+    /// The axis's number, 0 to 62: an axis without a number has 63.
     pub node: u8,
-    /// Its firmware: what its errors mean.
+    /// The axis's firmware: what its errors mean.
     pub firmware: Firmware,
-    /// Turns of the encoder's shaft for turns of the output shaft. Torques on the wire are those of
-    /// the encoder's shaft, too.
+    /// Turns of the encoder's shaft for turns of the output. Torques on the wire are the encoder's.
     pub gear: Gear,
     /// Which way the output shaft counts.
     pub direction: Direction,
@@ -30,26 +30,22 @@ pub struct Config {
     /// [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them, and so does an axis that
     /// closes its own loops: by them it starts softly.
     pub limits: Option<Limits>,
-    /// Torque per ampere at the encoder's shaft, N m/A (`motor.config.torque_constant`): for the
-    /// torque in the feedback alone.
+    /// N m/A at the encoder's shaft (`motor.config.torque_constant`): for the torque's feedback.
     pub torque_constant: Option<f32>,
 }
 
 /// The place where the loops run, and the setpoints that the axis gets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
-    /// Here: the axis gets torques, N m at the output shaft. The largest is the speed loop's
-    /// output limit.
+    /// Here: the axis gets torques at the output, N m, up to the speed loop's output limit.
     Torque(Cascade),
     /// In the axis, which gets speeds: [`InputMode::Passthrough`] or [`InputMode::VelocityRamp`].
     Velocity(InputMode),
-    /// In the axis, which gets positions: [`InputMode::Passthrough`],
-    /// [`InputMode::PositionFilter`] or [`InputMode::Trapezoid`].
+    /// In the axis, which gets positions: `Passthrough`, `PositionFilter` or `Trapezoid`.
     Position(InputMode),
 }
 
 impl Control {
-    /// The modes that the axis is set to.
     pub(super) const fn modes(&self) -> (ControlMode, InputMode) {
         match *self {
             Self::Torque(_) => (ControlMode::Torque, InputMode::Passthrough),
@@ -64,8 +60,7 @@ impl Control {
 pub struct Rates {
     /// `09`: 1 ..= 1000, at least 200 to control by.
     pub estimates: u16,
-    /// `01`: 1 ..= 1000; not above the estimates. Up to one period passes before it is known that
-    /// an axis was switched on, or has an error.
+    /// `01`: 1 ..= 1000, at most the estimates'; a period passes until a state or error is known.
     pub heartbeat: u16,
     /// `14`; not above the estimates.
     pub currents: u16,
@@ -81,7 +76,6 @@ impl Rates {
         Self { estimates, heartbeat, currents: 0, temperatures: 0, supply: 0 }
     }
 
-    /// Each message with its rate.
     pub(super) const fn all(&self) -> [(u8, u16); 5] {
         [
             (ESTIMATES, self.estimates),
@@ -118,9 +112,9 @@ impl Rates {
 /// The limits of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Of the output shaft.
+    /// The output shaft's largest speed.
     pub speed: Rpm,
-    /// Of the motor.
+    /// The motor's largest current.
     pub current: Amps,
 }
 
@@ -140,19 +134,16 @@ impl Config {
     }
 
     /// Behind a gearbox.
-    #[must_use]
     pub const fn with_gear(self, gear: Gear) -> Self {
         Self { gear, ..self }
     }
 
     /// Counting this way.
-    #[must_use]
     pub const fn with_direction(self, direction: Direction) -> Self {
         Self { direction, ..self }
     }
 
     /// Never exceeding these.
-    #[must_use]
     pub const fn with_limits(self, limits: Limits) -> Self {
         Self { limits: Some(limits), ..self }
     }
@@ -162,10 +153,7 @@ impl Config {
         MotorName { model: "ODrive", id: self.node as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         self.name().blamed(self.check())
     }
@@ -205,7 +193,6 @@ impl Config {
         ConfigError::check(good, "input mode", input as u8 as f32, must_be)
     }
 
-    /// Its node, if there is such a one.
     pub(super) const fn checked_node(&self) -> Result<Node, ConfigError> {
         match Node::new(self.node) {
             Some(node) if self.node < 63 => Ok(node),
@@ -258,7 +245,7 @@ const fn message(node: u8, number: u8) -> IdPattern {
 /// A family of firmware, by what its error word means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Firmware {
-    /// As the vendor counts.
+    /// The version, as the vendor counts.
     pub version: &'static str,
     /// Bits of the error word and their texts, the gravest first.
     pub errors: &'static [(u8, &'static str)],
@@ -269,8 +256,7 @@ pub struct Firmware {
 }
 
 impl Firmware {
-    /// `ODrive` v3 (`odrive-interface.yaml`, `ODrive.Axis.error`; bits 1 to 5, 10, 15 and 16 only
-    /// in older ones).
+    /// `ODrive` v3 (`odrive-interface.yaml`, `Axis.error`; bits 1 to 5, 10, 15, 16: older).
     pub const V0_5: Self = Self {
         version: "0.5",
         errors: &[

@@ -1,30 +1,24 @@
 //! `ODrive` controllers that speak `CANSimple`.
 //!
-//! *Terms.* A *node* is an axis on the bus, 0 ..= 63. A *turn* is one of the shaft the encoder sits
-//! on. *Iq* is the torque current. An axis is in one *state* at a time ([`AxisState`]); it follows
-//! inputs only in closed-loop control.
+//! *Terms.* A *node* is an axis, 0 ..= 63. A *turn* is one of the encoder's shaft. *Iq* is the
+//! torque current. An axis follows inputs in the *state* ([`AxisState`]) closed-loop control only.
 //!
 //! *Identifiers.* Standard, `node << 5 | message`. Little endian, f32 as in IEEE 754.
 //!
 //! *From the axis:* `01` heartbeat (error word, state), `09` estimates (turns, turns/s), `14` Iq
-//! (wanted, measured), `15` temperatures (°C, firmware 0.6), `17` supply (V, A). How often is set on
-//! the device; old firmware (0.5) sends all but heartbeat and estimates only on request, a remote
-//! frame.
+//! (wanted, measured), `15` temperatures (°C, 0.6), `17` supply (V, A), at rates set on it; 0.5
+//! sends all but `01` and `09` only on a remote frame.
 //!
 //! *To the axis,* not answered: `07` state, `0B` modes, `0C` position, `0D` velocity, `0E` torque,
 //! `0F` limits, `18` clear errors.
 //!
 //! *Rules.*
-//! * Commands have eight bytes whatever they carry, as in the vendor's DBC; only clearing errors
-//!   has none.
-//! * The feed-forwards of a position have 16 bits, 0.001 turns/s and 0.001 N m a step; everything
-//!   else is f32.
-//! * The bits of the error word, and bytes 5 ..= 7 of the heartbeat, differ between firmware 0.5
-//!   and 0.6: [`Firmware`].
+//! * Commands have eight bytes, as in the vendor's DBC; clearing errors has no byte.
+//! * A position's feed-forwards have 16 bits, 0.001 turns/s and 0.001 N m; all else is f32.
+//! * Error bits and heartbeat bytes 5 ..= 7 differ between 0.5 and 0.6: [`Firmware`].
 //!
-//! *Motor.* [`ODrive`] keeps an axis idle unless it may drive; then tells it its modes, an input that
-//! moves nothing, and to follow inputs, over and over until the heartbeat says that it does. All
-//! loops run here and the axis gets torques, or it closes them itself ([`Control`]).
+//! *Motor.* [`ODrive`] keeps an axis idle, then tells its modes, a neutral input, and to follow,
+//! until the heartbeat says so. Loops run here or in the axis ([`Control`]).
 //!
 //! ```
 //! use rc10_app::{Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
@@ -51,8 +45,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Sources: `ODrive` firmware 0.5.6 (`can_simple.cpp`, `odrive-interface.yaml`), `odrive-can` with
-//! the DBC of 0.5.6 and 0.6.10.
+//! Sources: firmware 0.5.6 (`can_simple.cpp`, `odrive-interface.yaml`), `odrive-can`, DBC files.
 
 mod config;
 mod motor;

@@ -13,12 +13,11 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals, Moment};
-use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
+use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// From here on an f32 does not tell one turn from the next.
@@ -27,8 +26,7 @@ const MAX_TURNS: f32 = 16_777_216.0;
 const MAX_SPEED: f32 = 10_000.0;
 /// No axis has this many volts or amperes.
 const MAX_ELECTRICAL: f32 = 10_000.0;
-/// Turns that an axis may be away from where its speed takes it, and twice that after a silence: one
-/// further away was restarted.
+/// Turns that an axis may be off its speed's way, twice after a silence, before it has restarted.
 const MAX_ASIDE: f32 = 0.25;
 /// Below this, estimates are too seldom for loops that run here.
 const CONTROL_RATE: u16 = 200;
@@ -38,31 +36,25 @@ const REMIND_EVERY: u8 = 10;
 const START_STEPS: u8 = 4;
 /// A multiple of both.
 const BEATS: u8 = 20;
-/// Largest velocity and torque beside a position, turns a second and N m at the motor: an i16 of
-/// thousandths.
+/// Largest velocity and torque beside a position: an i16 of thousandths of turns/s and N m.
 const MAX_BESIDE: f32 = 32.767;
 /// New limits are not answered, so they are sent three times.
 const LIMIT_FRAMES: u8 = 3;
-/// An axis that closes its own loops gets its current in this many ticks: else it would come back
-/// with all it has.
+/// An axis with loops of its own gets its current in this many ticks, to come back softly.
 const SOFT_TICKS: u8 = 20;
 /// Tries to clear errors until the heartbeats have to say that they are gone.
 const CLEAR_TRIES: u8 = 4;
 
-/// Microdegrees in a turn: the steps in which the encoder's shaft is counted. A [`TotalAngle`] has
-/// no finer ones.
+/// Microdegrees in a turn of the encoder's shaft: a [`TotalAngle`] has no finer steps.
 ///
 /// [`TotalAngle`]: rc10_app::TotalAngle
 const TURN: i32 = 360_000_000;
 
-/// The step of switching on that an axis has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    /// Told to be idle.
     Off,
     /// Idle; told how to understand its inputs, and to follow them.
     Starting,
-    /// Follows its inputs.
     Running,
 }
 
@@ -72,12 +64,11 @@ enum Step {
 enum Loops {
     /// This crate: the axis gets torques.
     Here(Servo),
-    /// The axis: `input` is its velocity (turns a second) or its position (turns); `beside` what it
-    /// gets with it.
+    /// The axis: `input` is velocity (turns a second) or position (turns), with what is `beside`.
     Axis { goals: Goals, input: f32, beside: Beside },
 }
 
-/// What the loops of an axis add to their own, of a motion that is known.
+/// Numbers that the loops of an axis add to their own, of a motion that is known.
 #[derive(Clone, Copy, Debug, Default)]
 struct Beside {
     /// Beside a position, turns a second.
@@ -96,14 +87,12 @@ pub struct ODrive {
     limits: Option<Limits>,
     /// The current limit of the configuration: no request goes beyond.
     max_current: Amps,
-    /// Ticks in which limits have to be sent yet.
     limits_due: u8,
     torque_constant: f32,
     /// Turns of the encoder's shaft per turn of the output, with the direction.
     ratio: f32,
     shaft: Shaft,
     loops: Loops,
-    /// The newest estimates.
     estimates: Estimates,
     /// Amperes, volts and degrees Celsius; NaN until the axis has sent them.
     current: f32,
@@ -113,7 +102,6 @@ pub struct ODrive {
     step: Step,
     /// Whether it may drive, as of the last tick.
     wanted: bool,
-    /// The state of the axis in its last heartbeat.
     state: AxisState,
     fault: Option<Fault>,
     /// Time since the last heartbeat, and how long it may be, s.
@@ -126,10 +114,7 @@ pub struct ODrive {
 }
 
 impl ODrive {
-    /// The axis that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The axis that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Coast, Motion, Speed, SpeedMotion, TotalAngle};
         config.validate()?;
@@ -179,12 +164,7 @@ impl ODrive {
         self.state
     }
 
-    fn heard_estimates(
-        &mut self,
-        estimates: Estimates,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn heard_estimates(&mut self, estimates: Estimates, at: Micros, link: Link) -> Heard {
         let Estimates { position, velocity } = estimates;
         if position.abs() > MAX_TURNS || velocity.abs() > MAX_SPEED {
             return Err(FrameError::Encoder);
@@ -215,9 +195,8 @@ impl ODrive {
         }
     }
 
-    /// After a silence, or restarted in a blink: it may be another axis than the one that was
-    /// switched on. One that was restarted counts from anywhere, and its angle goes on from where
-    /// it was.
+    /// After a silence, or restarted in a blink: maybe another axis. One that was restarted counts
+    /// from anywhere, and its angle goes on from where it was.
     fn returned(&mut self, before: f32, aside: f32, link: Link) {
         self.shaft.count_gap();
         if link != Link::Online && aside <= 2.0 * MAX_ASIDE {
@@ -267,11 +246,7 @@ impl ODrive {
     fn messages(&self) -> impl Iterator<Item = (u8, u16)> {
         self.rates.all().into_iter().filter(|(_, rate)| *rate > 0)
     }
-    fn heard_other(
-        &mut self,
-        frame: &CanFrame,
-        error: FrameError,
-    ) -> Result<FrameKind, FrameError> {
+    fn heard_other(&mut self, frame: &CanFrame, error: FrameError) -> Heard {
         let number = frame.key() & !u32::from(NODE_MASK);
         let is_declared = self.messages().any(|(message, _)| u32::from(message) == number);
         if !is_declared || error == FrameError::NotMine {
@@ -297,7 +272,6 @@ impl ODrive {
         Some(Command::Limits { velocity, current: current * share })
     }
 
-    /// The command of this tick, if there is one.
     fn command(&mut self) -> Option<Command> {
         let (control, input) = self.modes;
         match (self.step, self.beat % START_STEPS) {
@@ -360,8 +334,7 @@ impl ODrive {
     }
 }
 
-/// Microdegrees of the encoder's shaft from the axis's own zero, cut off towards it: of turns within
-/// ± [`MAX_TURNS`].
+/// Microdegrees from the axis's own zero, cut off towards it: of turns within ± [`MAX_TURNS`].
 fn microdegrees(turns: f32) -> i64 {
     const PARTS: i64 = 1 << 31;
     // Both are exact, and so is the difference.
@@ -549,7 +522,7 @@ impl Motor for ODrive {
 }
 
 /// Takes over what an axis measured beside its estimates.
-fn store(field: &mut f32, value: f32) -> Result<FrameKind, FrameError> {
+fn store(field: &mut f32, value: f32) -> Heard {
     if value.abs() > MAX_ELECTRICAL {
         return Err(FrameError::Unexpected);
     }
@@ -562,12 +535,7 @@ impl CanMotor for ODrive {
         can_ids(self.node.number(), self.modes.0, &self.rates)
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         match Message::from_frame(frame, self.node) {
             Ok(Message::Estimates(estimates)) => self.heard_estimates(estimates, at, link),
             Ok(Message::Heartbeat(heartbeat)) => Ok(self.heard_heartbeat(heartbeat)),

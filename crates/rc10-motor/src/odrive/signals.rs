@@ -18,9 +18,8 @@ pub const NOT_IN_DBC: &[&str] = &[
     "ODrive: questions are remote frames, which a DBC does not describe.",
 ];
 
-/// Every frame that an axis sends or is sent, by us or by other programs, then the remote requests;
-/// of frames with one identifier the one in a DBC first. Positions, speeds and torques are those of
-/// the encoder's shaft.
+/// Every frame from or to an axis, then remote requests; of one identifier the one in a DBC first.
+/// Positions, speeds and torques are the encoder's.
 ///
 /// # Errors
 /// [`ConfigError`] as for [`ODrive::new`](super::ODrive::new).
@@ -87,8 +86,7 @@ const FRAMES_0_5: &[Row] = &[
     ("ODRIVE_SET_LINEAR_COUNT", 0x19, 8, false, &[Signal::little("COUNT", 0, 4).signed()]),
     ("ODRIVE_CONTROLLER_ERROR", 0x1D, 8, true, &[Signal::little("CONTROLLER_ERROR_BITS", 0, 4)]),
 ];
-/// Firmware 0.6: the vendor's CAN protocol page, and its DBC file. An endpoint's value has the size
-/// of its type: nothing in the frame tells whether it is a float.
+/// Firmware 0.6: the vendor's CAN page and DBC. An endpoint's value has the size of its type.
 const FRAMES_0_6: &[Row] = &[
     ("ODRIVE_TEMPERATURES", TEMPERATURES, 8, true, &TEMPERATURE_SIGNALS),
     ("ODRIVE_VERSION", 0x00, 8, true, &VERSION_SIGNALS),
@@ -204,7 +202,7 @@ const INPUT_MODES: &[&str] = &[
     "tuning",
 ];
 
-/// Of the error bits, by number.
+/// Names of the error bits, by number.
 const ERROR_NAMES: [&str; 32] = [
     "ERROR_0", "ERROR_1", "ERROR_2", "ERROR_3", "ERROR_4", "ERROR_5", "ERROR_6", "ERROR_7",
     "ERROR_8", "ERROR_9", "ERROR_10", "ERROR_11", "ERROR_12", "ERROR_13", "ERROR_14", "ERROR_15",

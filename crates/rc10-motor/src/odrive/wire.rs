@@ -27,8 +27,7 @@ const LAST_NODE: u8 = 63;
 pub(super) const MESSAGE_BITS: u32 = 5;
 const MESSAGE_MASK: u16 = (1 << MESSAGE_BITS) - 1;
 
-/// The feed-forwards of a position: 0.001 turns/s and 0.001 N m a step (firmware 0.5.6,
-/// `set_input_pos_callback`).
+/// A position's feed-forwards: 0.001 turns/s, 0.001 N m (0.5.6, `set_input_pos_callback`).
 const STEPS_PER_FEED_FORWARD: f32 = 1000.0;
 
 /// An axis on the bus: 0 ..= 63.
@@ -42,7 +41,7 @@ impl Node {
         if number <= LAST_NODE { Some(Self(number)) } else { None }
     }
 
-    /// As set on the device.
+    /// The number set on the device.
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
@@ -71,8 +70,7 @@ impl Node {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AxisState(u8);
 
-/// Names of the states, in their order (firmware 0.5.6 `AxisState`, and 0.6.7 from 11 on; 5 is
-/// sensorless control up to 0.5.1).
+/// Names of the states, in order (0.5.6 `AxisState`, 0.6.7 from 11 on; 5 up to 0.5.1).
 pub(super) const AXIS_STATES: [&str; 15] = [
     "undefined",
     "idle",
@@ -94,8 +92,6 @@ pub(super) const AXIS_STATES: [&str; 15] = [
 impl AxisState {
     /// No torque.
     pub const IDLE: Self = Self(1);
-    /// Turns the motor by itself, then idle.
-    pub const FULL_CALIBRATION: Self = Self(3);
     /// Follows its inputs.
     pub const CLOSED_LOOP: Self = Self(8);
 
@@ -104,13 +100,13 @@ impl AxisState {
         Self(number)
     }
 
-    /// As on the wire.
+    /// The number on the wire.
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
     }
 
-    /// Its name; `None` for a state that is not documented.
+    /// The name; `None` for a state that is not documented.
     #[must_use]
     pub fn name(self) -> Option<&'static str> {
         AXIS_STATES.get(usize::from(self.0)).copied()
@@ -155,9 +151,8 @@ pub enum InputMode {
     Tuning = 8,
 }
 
-/// A command to an axis. Positions are in turns, velocities in turns a second, of the shaft the
-/// encoder sits on: the units of the wire, so that every value arrives as it was given. What is
-/// infinite becomes the largest f32.
+/// A command to an axis, in turns and turns a second of the encoder's shaft, the wire's units:
+/// every value arrives as given. What is infinite becomes the largest f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// `07`: do this.
@@ -186,7 +181,7 @@ pub enum Command {
     Limits {
         /// Turns a second, not negative.
         velocity: f32,
-        /// Of the motor, not negative.
+        /// The motor's current limit, not negative.
         current: Amps,
     },
     /// `18`: forget the errors.
@@ -208,9 +203,8 @@ impl Command {
     /// The frame for an axis.
     ///
     /// # Errors
-    /// [`NotANumber`]; neutral is zero where the NaN was. No position is neutral: in place of one
-    /// stands velocity and torque zero, which leave a position input as it is. Limits are zero both:
-    /// nothing moves.
+    /// [`NotANumber`]; neutral is zero for the NaN; for a position, velocity and torque zero, which
+    /// leave it; for limits zero both.
     pub fn pack(&self, node: Node) -> Result<CanFrame, NotANumber> {
         let frame = |message, low: [u8; 4], high: [u8; 4]| {
             let ([a, b, c, d], [e, f, g, h]) = (low, high);
@@ -295,9 +289,8 @@ pub struct Heartbeat {
     pub errors: u32,
     /// State of the axis.
     pub state: AxisState,
-    /// Bytes 5 ..= 7. Firmware 0.5: an error of the motor, of the encoder, of the controller (bit 0
-    /// each), and in bit 7 of the last that a trajectory is done. Firmware 0.6: result of the last
-    /// procedure, trajectory done, reserved.
+    /// Bytes 5 ..= 7. 0.5: errors of motor, encoder, controller (bit 0 each), bit 7 of the last:
+    /// trajectory done. 0.6: result of the last procedure, trajectory done, reserved.
     pub details: [u8; 3],
 }
 
@@ -331,21 +324,17 @@ pub struct Supply {
     pub current: Amps,
 }
 
-/// Temperatures of an axis: message `15` of firmware 0.6. In 0.5 that number is another message's,
-/// so it is no [`Message`].
+/// Temperatures: message `15` of firmware 0.6; in 0.5 it is another, so no [`Message`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Temperatures {
-    /// Of the power stage; NaN where there is no sensor.
+    /// The power stage's temperature; NaN without a sensor.
     pub controller: Celsius,
-    /// Of the motor; NaN where there is no sensor.
+    /// The motor's temperature; NaN without a sensor.
     pub motor: Celsius,
 }
 
 impl Temperatures {
-    /// From a frame of an axis with firmware 0.6. What is infinite counts as not measured, too.
-    ///
-    /// # Errors
-    /// [`FrameError`] if it is no such message.
+    /// From such a frame of an axis with firmware 0.6. What is infinite counts as not measured.
     pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, FrameError> {
         let (message, [a, b, c, d, e, f, g, h]) = parts(frame, node)?;
         if message != TEMPERATURES {
@@ -373,11 +362,7 @@ pub enum Message {
     Supply(Supply),
 }
 
-/// Number and bytes of a message.
-///
-/// # Errors
-/// [`FrameError::NotMine`] of another node, an extended identifier, or a remote request;
-/// [`FrameError::Length`] if it has not eight bytes.
+/// Number and bytes of a message: of this node, standard, no request, and eight bytes long.
 fn parts(frame: &CanFrame, node: Node) -> Result<(u8, [u8; 8]), FrameError> {
     // The key of a standard data frame is its identifier, and larger for every other frame.
     if frame.key() >> MESSAGE_BITS != u32::from(node.0) {
@@ -392,9 +377,8 @@ impl Message {
     /// From a frame of an axis.
     ///
     /// # Errors
-    /// [`FrameError::NotMine`], [`FrameError::Length`] if it has not eight bytes, and
-    /// [`FrameError::Unexpected`] for a message that is not read here, or with a number that is
-    /// infinite or not one.
+    /// [`FrameError::NotMine`], [`FrameError::Length`] unless eight bytes,
+    /// [`FrameError::Unexpected`] for a message not read here, or a number that is infinite or NaN.
     pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, FrameError> {
         let (message, [a, b, c, d, e, f, g, h]) = parts(frame, node)?;
         let floats = || {

@@ -9,12 +9,11 @@ use super::wire::line::{COMMAND_LEN, Parser, Reply, destination};
 use super::wire::{Address, Status};
 use crate::arm::ArmSwitch;
 use crate::can_ids::Clash;
-use crate::motor::{DriveMode, Motor, Tick};
+use crate::motor::{DriveMode, Link, Motor, Tick};
 use crate::motors::{AttachError, MotorId, Motors};
-use crate::supervision::{Link, Safety, count};
+use crate::supervision::{Safety, count};
 
-/// The motors of one RS-485 bus, and what keeps them safe: what a [`MotorBus`](crate::MotorBus) is
-/// to motors on CAN. What both have in common is that of its [`Motors`].
+/// The motors of one RS-485 bus, and what keeps them safe, like a [`MotorBus`](crate::MotorBus).
 ///
 /// Plain synchronous functions; bytes and time come in as arguments. [`tick`](Self::tick) it every
 /// millisecond, after the newest targets ([`command`](Motors::command)). In between do what
@@ -63,15 +62,13 @@ pub struct Rs485Bus<'m> {
     counters: Rs485Counters,
 }
 
-/// The state of the polls of one motor.
 #[derive(Clone, Copy, Debug)]
 struct Poll {
     /// Not polled since the last tick.
     is_due: bool,
-    /// Its link is online, as of the last tick or its last reply.
+    /// Whether its link is online, as of the last tick or its last reply.
     is_heard: bool,
     polled_at: Option<Micros>,
-    /// The drive mode of the motor, since the last tick.
     mode: DriveMode,
     /// Number of polls still to come without a pause, even if the motor does not reply.
     urgent: u8,
@@ -83,7 +80,6 @@ struct Polled {
     at: Micros,
 }
 
-/// See [`Rs485Bus::CAPACITY`].
 const CAPACITY: usize = 15;
 /// Least number of polls of a motor after a change of its drive mode.
 const URGENT: u8 = 3;
@@ -150,8 +146,7 @@ impl DerefMut for Rs485Bus<'_> {
 impl<'m> Rs485Bus<'m> {
     /// Motors that a bus holds: as many as there are ids.
     pub const CAPACITY: usize = CAPACITY;
-    /// A motor is lost after this time without a reply: within it, fifteen motors of which fourteen
-    /// do not reply have all been polled.
+    /// A motor is lost after this time without a reply: all of fifteen have been polled by then.
     pub const LINK_TIMEOUT: Micros = Micros::from_millis(20);
     /// The reply time-out without [`with_reply_timeout`](Self::with_reply_timeout).
     pub const REPLY_TIMEOUT: Micros = Micros::from_millis(1);
@@ -170,9 +165,8 @@ impl<'m> Rs485Bus<'m> {
         }
     }
 
-    /// With another time-out, from when [`poll`](Self::poll) hands out a command to the end of its
-    /// reply: 100 µs ..= 1 ms. At 4 Mbit/s the bytes take 82.5 µs; how long a motor thinks in
-    /// between is not documented. [`Rs485Counters::exchange`] measures it.
+    /// With another time-out, from a command to the end of its reply: 100 µs ..= 1 ms. At 4 Mbit/s
+    /// the bytes take 82.5 µs; [`Rs485Counters::exchange`] measures the rest.
     ///
     /// # Errors
     /// [`ConfigError`] for another time.
@@ -215,8 +209,7 @@ impl<'m> Rs485Bus<'m> {
         Ok(motor)
     }
 
-    /// The next step on the bus now. After [`Step::Send`] ask again at once: it says how long to
-    /// wait for the reply.
+    /// The next step on the bus. After [`Step::Send`] ask again at once for how long to wait.
     pub fn poll(&mut self, now: Micros) -> Step {
         if let Some(Polled { at, .. }) = self.polled {
             let until = at + self.reply_timeout;
@@ -251,9 +244,8 @@ impl<'m> Rs485Bus<'m> {
         self.parser.clear();
     }
 
-    /// Takes a command that another host sends at `now` to a motor of this bus: for a program that
-    /// only listens, and neither ticks nor polls. A command before it that has no reply by then counts
-    /// as a [time-out](Rs485Counters::timeouts).
+    /// Takes a command of another host at `now`: for a program that only listens. A command before
+    /// it without a reply counts as a [time-out](Rs485Counters::timeouts).
     pub fn overhear(&mut self, command: &[u8; COMMAND_LEN], now: Micros) {
         let Some(address) = destination(command) else { return };
         if self.polled.take().is_some() {
@@ -270,8 +262,7 @@ impl<'m> Rs485Bus<'m> {
         }
     }
 
-    /// The motor to poll now. One walk past all of them: it is on the way from a reply to the next
-    /// command.
+    /// The motor to poll now. One walk past all: it stands between a reply and the next command.
     fn next(&mut self, now: Micros) -> Option<MotorId> {
         let (mut heard, mut due, mut first_due, mut absent) = (0, None, None, None);
         for (motor, poll) in self.motors.ids().zip(&self.polls) {
@@ -328,9 +319,7 @@ impl<'m> Rs485Bus<'m> {
         }
     }
 
-    /// One tick: decides what each motor may do, lets it compute, and makes its turn come. `dt` is
-    /// the time since the last tick: more than 10 ms counts as 10 ms; what is not above zero counts
-    /// as 1 ms.
+    /// One tick: decides, computes, and gives turns. `dt`: 10 ms at most; 1 ms if not above zero.
     pub fn tick(&mut self, now: Micros, dt: Seconds) {
         let Self { motors, polls, .. } = self;
         motors.tick(now, dt, |index, _, &Tick { mode, link, .. }| {
@@ -344,9 +333,7 @@ impl<'m> Rs485Bus<'m> {
         });
     }
 
-    /// The command that leaves every motor without torque, whatever state it is in: for a panic
-    /// handler. It is for all of them and none replies, so it can be repeated without a pause. Send
-    /// it twice: the first may meet a reply that is on the bus.
+    /// Leaves every motor without torque, for a panic handler: repeat it, no motor replies.
     pub fn coast_image() -> [u8; COMMAND_LEN] {
         idle(Address::BROADCAST, Status::FOC).pack()
     }

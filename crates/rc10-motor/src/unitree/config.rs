@@ -15,8 +15,7 @@ use super::wire::{Address, GAIN_LIMIT, GEAR, SPEED_LIMIT};
 /// Largest torque at the output shaft (data manual).
 pub const LARGEST_TORQUE: NewtonMetres = NewtonMetres::new(23.7);
 
-/// Gains for both links, in N m at the output shaft, from a bare shaft to a load of 0.02 kg m²,
-/// give or take 30 %. Our choice, tuned in simulation only.
+/// Gains in N m at the output, to a load of 0.02 kg m², give or take 30 %; from simulation only.
 pub const CASCADE: Cascade = Cascade {
     speed: PidConfig::new(0.12, 0.8, 0.0, LARGEST_TORQUE.get()),
     angle: PidConfig::new(1.1, 0.0, 0.0, 200.0),
@@ -25,7 +24,6 @@ pub const CASCADE: Cascade = Cascade {
     feed_forward: FeedForward::NONE,
 };
 
-/// The springs that the controller makes at the output shaft.
 #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
 const SPRINGS: SpringRange = {
     let ratio = GEAR.rotor_turns() as f64 / GEAR.output_turns() as f64;
@@ -49,8 +47,9 @@ const fn check_cascade(cascade: &Cascade) -> Result<(), ConfigError> {
 
 /// A GO-M8010-6 on RS-485 as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct LineConfig {
-    /// Its number on the line, 0 to 14.
+    /// The number on the line, 0 to 14.
     pub id: u8,
     /// Which way its output shaft counts.
     pub direction: Direction,
@@ -65,14 +64,12 @@ impl LineConfig {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With gains of your own.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self
@@ -83,10 +80,7 @@ impl LineConfig {
         MotorName { model: "GO-M8010-6", id: self.id as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         match self.address() {
             Ok(_) => self.name().blamed(check_cascade(&self.cascade)),
@@ -94,7 +88,7 @@ impl LineConfig {
         }
     }
 
-    /// Its address on the line.
+    /// The address on the line.
     ///
     /// # Errors
     /// [`ConfigError`] for an `id` that no motor has.
@@ -111,11 +105,11 @@ impl LineConfig {
 
 /// A GO-M8010-6 behind a CAN-to-485 module as it is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct ModuleConfig {
-    /// The module that it is behind, 0 to 3, by its switches 1 and 2; 3 as it is sold. Never 0
-    /// beside a VESC: they would take each other's frames.
+    /// The module, 0 to 3, by switches 1 and 2; 3 as sold. Never 0 beside a VESC: same frames.
     pub module: u8,
-    /// Its number on the module's line, 0 to 14.
+    /// The number on the module's line, 0 to 14.
     pub motor: u8,
     /// Which way its output shaft counts.
     pub direction: Direction,
@@ -143,14 +137,12 @@ impl ModuleConfig {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With gains of your own.
-    #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
         self.cascade = cascade;
         self
@@ -163,10 +155,7 @@ impl ModuleConfig {
         MotorName { model, id: self.motor as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         match self.devices() {
             Ok(_) => self.name().blamed(check_cascade(&self.cascade)),
@@ -174,7 +163,6 @@ impl ModuleConfig {
         }
     }
 
-    /// Its module, and its address there.
     pub(super) const fn devices(&self) -> Result<(Module, Address), ConfigError> {
         let error = match (Module::new(self.module), Address::new(self.motor)) {
             (Some(module), Some(address)) => return Ok((module, address)),

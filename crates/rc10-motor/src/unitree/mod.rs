@@ -1,5 +1,4 @@
-//! Unitree GO-M8010-6: a motor with its own controller and gearbox, on RS-485 or behind Unitree's
-//! CAN-to-485 module.
+//! Unitree GO-M8010-6, with controller and gearbox, on RS-485 or behind a CAN-to-485 module.
 //!
 //! **Terms.** The *rotor* turns 6.33 times while the *output shaft* turns once. The wire speaks of
 //! the rotor, this crate of the output shaft; [`wire::RotorScale`] is the only place where one
@@ -9,25 +8,20 @@
 //!
 //! [`GoM8010`] is such a motor on RS-485, and [`Rs485Bus`] what a bus is to motors on CAN.
 //!
-//! **Identifiers.** Up to 15 motors share a line, 0 ..= 14; 15 addresses all of them, and none
-//! replies. Up to four modules share a CAN bus, 0 ..= 3, as set by switches 1 and 2 (3 from the
-//! factory).
+//! **Identifiers.** 15 motors on a line, 0 ..= 14 (15: all); four modules on a bus, 0 ..= 3.
 //!
-//! **RS-485** ([`wire::line`]): 4 Mbit/s, 8N1, half duplex. The master sends 17 bytes, the motor
-//! they are for replies with 16; no motor speaks unasked. Both end in a CRC-16/KERMIT.
+//! **RS-485** ([`wire::line`]): 4 Mbit/s, 8N1: 17 bytes out, 16 back, with CRC-16/KERMIT.
 //!
-//! **CAN** ([`wire::module`]): extended identifiers, eight bytes, 1 Mbit/s (500 kbit/s with switch
-//! 4 on), little endian. The identifier holds module, direction, motor and, in replies,
-//! temperature and faults. Stiffness and damping go in a frame of their own and stay in the
-//! module until it loses power: send them first, and again after the module has restarted.
-//! [`GoModule`] is a motor behind one.
+//! **CAN** ([`wire::module`]): extended, eight bytes, 1 Mbit/s (500 kbit/s with switch 4 on),
+//! little endian. The identifier holds module, direction, motor and, in replies, temperature and
+//! faults. A module keeps stiffness and damping until it loses power: send them first. [`GoModule`]
+//! is a motor behind one.
 //!
 //! **Rules.** [`Status::CALIBRATE`](wire::Status::CALIBRATE) makes the motor turn by itself for
 //! about five seconds, in which nothing may be sent. Protection at 90 °C ends only with the
 //! supply. What motor and module do when commands stop is not documented.
 //!
-//! Sources: GO-M8010-6 user manual v1.2 and data manual, CAN-to-485 module manual V1.0,
-//! `unitree_actuator_sdk`.
+//! Sources: GO-M8010-6 user manual v1.2, data manual, module manual V1.0, `unitree_actuator_sdk`.
 
 mod bus;
 mod config;

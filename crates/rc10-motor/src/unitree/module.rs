@@ -5,16 +5,13 @@
 //! [`Servo`](crate::servo::Servo), with both zero in the module. For [`Target::Impedance`] the module
 //! gets the target's `kp` and `kd`, and the motor runs the law itself, at its own rate.
 //!
-//! **Enabling.** Disarmed, the motor is polled with status 0 (lock). Armed, the gains are written to
-//! the module and read back; once they are the same, the motor is put into field-oriented control;
-//! once it reports that, it is driven, softly: from the fourth tick on at best. Until then its
-//! condition is [`Condition::Starting`] and it has no torque. The same happens when the gains change,
-//! when the link was lost, when the motor reports that it is locked, and when the module has other
-//! gains (read 20 times a second during an impedance).
+//! **Enabling.** Disarmed, the motor is polled with status 0 (lock). Armed, the gains are written
+//! to the module and read back, then the motor is put into field-oriented control, then driven,
+//! softly: from the fourth tick on at best. Until then it is [`Condition::Starting`], without
+//! torque. So again after a change of gains, a lost link, a lock, or other gains in the module
+//! (read 20 times a second during an impedance).
 //!
-//! **One frame a tick.** A module puts gains on its line after the motion of the same tick,
-//! because identifiers go out in order. All frames of a motor are one stream: a newer one takes
-//! the place of one that still waits.
+//! **One frame a tick**, by identifiers' order, and one stream: the newest frame replaces others.
 //!
 //! ```
 //! use rc10_motor::unitree::{GoModule, ModuleConfig};
@@ -49,10 +46,9 @@ use super::wire::{self, Address, RawImpedance, RawMotion, RotorScale};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Spring;
-use crate::supervision::Link;
 use crate::target::{Impedance, Target, TargetError, TargetSet};
 
 /// A GO-M8010-6 behind a CAN-to-485 module.
@@ -70,10 +66,7 @@ pub struct GoModule {
 }
 
 impl GoModule {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: ModuleConfig) -> Result<Self, ConfigError> {
         config.validate()?;
         let (module, address) = config.devices()?;
@@ -94,7 +87,7 @@ impl GoModule {
         self.module
     }
 
-    /// Its number on the module's line.
+    /// The number on the module's line.
     pub const fn address(&self) -> Address {
         self.address
     }
@@ -209,12 +202,7 @@ impl CanMotor for GoModule {
         ModuleConfig::new(self.module.get(), self.address.get()).can_ids()
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         if frame.raw_id() & OWNER != self.owner {
             return Err(FrameError::NotMine);
         }
@@ -251,7 +239,7 @@ mod tests {
     use super::*;
     use crate::unitree::wire::Status;
 
-    /// What a tick sends.
+    /// The identifier that a tick sends.
     fn tick(motor: &mut GoModule, drive: DriveMode) -> u32 {
         motor.update(&Tick::new(drive));
         let mut tx = TxBatch::new();
@@ -264,7 +252,7 @@ mod tests {
         CanFrame::key_of(motor.can_ids().transmitted()[0].pattern.id())
     }
 
-    fn reply(motor: &mut GoModule, id: u32, link: Link) -> Result<FrameKind, FrameError> {
+    fn reply(motor: &mut GoModule, id: u32, link: Link) -> Heard {
         let frame = CanFrame::eight_bytes(ExtendedId::new(id).unwrap(), [0; 8]);
         motor.unpack_feedback(&frame, Micros::from_millis(1), link)
     }

@@ -4,14 +4,12 @@ use rc10_can::Micros;
 use super::config::servo;
 use super::wire::{ANGLE_STEPS, GEAR, RawMotion, RotorScale, SPEED_STEPS};
 use crate::feedback::{Fault, Feedback};
-use crate::motor::Tick;
+use crate::motor::{Link, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::{Servo, Spring};
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 
-/// A motor with its gearbox and its controller, whatever links them to us: from what it reports to
-/// feedback, and from a target to the motion that its controller shall follow.
+/// A motor with gearbox and controller on any link: reports to feedback, targets to motions.
 #[derive(Clone, Debug)]
 pub(super) struct Actuator {
     pub(super) shaft: Shaft,
@@ -22,7 +20,6 @@ pub(super) struct Actuator {
     pub(super) fault: Option<Fault>,
 }
 
-/// Steps in half a turn of the rotor.
 const HALF_TURN: u32 = ANGLE_STEPS / 2;
 /// Speed of the rotor in rpm per step.
 #[expect(clippy::cast_possible_truncation, reason = "exact")]
@@ -41,7 +38,6 @@ impl Actuator {
         }
     }
 
-    /// Takes a report of the motor, which came at `at`.
     pub(super) fn report(
         &mut self,
         motion: RawMotion,
@@ -61,8 +57,7 @@ impl Actuator {
         (self.reported, self.temperature) = (motion, temperature);
     }
 
-    /// The first report of all, or after a silence in which the motor may have lost its power: it
-    /// then counts from its rotor's angle again.
+    /// The first report, or one after a silence: a motor without power counts from its angle again.
     fn resume(&mut self, angle: i32, rpm: f32, at: Micros) {
         let step = i64::from(angle) - i64::from(self.reported.angle);
         let (was_known, before) = (self.shaft.is_known(), self.shaft.before());
@@ -94,13 +89,12 @@ impl Actuator {
         self.servo.update(tick, &self.shaft);
     }
 
-    /// Its zero, its gains and its [`TorqueLimit`](Request::TorqueLimit).
+    /// Takes zero, gains and [`TorqueLimit`](Request::TorqueLimit).
     pub(super) fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.servo.request(request, &mut self.shaft)
     }
 
-    /// The motion for a torque (N m). It has the angle and the speed reported last, so that
-    /// stiffness and damping, whatever they are, add nothing.
+    /// The motion for a torque (N m), with angle and speed reported last: gains add nothing.
     pub(super) fn push(&self, torque: f32) -> RawMotion {
         let torque = NewtonMetres::new(torque * self.shaft.sign());
         RawMotion { torque: OUTPUT.raw_torque(torque), ..self.reported }

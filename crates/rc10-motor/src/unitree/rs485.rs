@@ -7,26 +7,20 @@ use super::wire::line::{COMMAND_LEN, Command, Reply};
 use super::wire::{Address, Impedance, RawImpedance, RawMotion, RotorScale, Status};
 use crate::can_ids::MotorName;
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
-use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetSet};
 
 /// A GO-M8010-6 on RS-485. It belongs to a [`Rs485Bus`](super::Rs485Bus), which polls it.
 ///
-/// * **Speed, angle, torque**: loops of ours ([`Servo`](crate::servo::Servo)), and one torque in
-///   each command.
-/// * **Impedance**: the controller's own law; stiffness and damping travel in each command too. Both
-///   are taken back where torque at the measured angle and speed would exceed the limit, and for
-///   the first 20 ms.
-/// * **No torque** ([`DriveMode::Coast`]): field-oriented control without torque, stiffness and
-///   damping. **Off**, and while it has a fault: status 0, the vendor's "lock"; what the shaft feels
-///   then is not documented, expect a brake.
+/// * **Speed, angle, torque**: [loops of ours](crate::servo::Servo), one torque in each command.
+/// * **Impedance**: the controller's own law, stiffness and damping in each command. Both are taken
+///   back where the torque would exceed the limit, and for the first 20 ms.
+/// * **No torque** ([`DriveMode::Coast`]): field-oriented control with all zero. **Off**, and with
+///   a fault: status 0, the vendor's "lock", which is not documented: expect a brake.
 ///
-/// A motor that is heard again after its link was lost starts softly. Where it may have been
-/// without power meanwhile, the turns it made are estimated ([`Feedback::turn_gaps`]): after
-/// power-on it only knows its rotor's angle.
+/// It starts softly after a loss; its turns are estimated then ([`Feedback::turn_gaps`]).
 #[derive(Clone, Debug)]
 pub struct GoM8010 {
     address: Address,
@@ -34,7 +28,6 @@ pub struct GoM8010 {
     mode: DriveMode,
     /// The last status that the motor reported.
     status: Status,
-    /// The command of the next poll.
     command: Command,
     /// A fault that is to be cleared: the next reply tells.
     pending: Pending<()>,
@@ -44,10 +37,7 @@ pub struct GoM8010 {
 const CLEARING: Retry = Retry::new(0.25, 1);
 
 impl GoM8010 {
-    /// The motor that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: LineConfig) -> Result<Self, ConfigError> {
         config.validate()?;
         let address = config.address()?;
@@ -75,12 +65,7 @@ impl GoM8010 {
     ///
     /// # Errors
     /// [`FrameError::NotMine`] if another motor replied; nothing changed.
-    pub fn unpack_reply(
-        &mut self,
-        reply: &Reply,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    pub fn unpack_reply(&mut self, reply: &Reply, at: Micros, link: Link) -> Heard {
         if reply.address != self.address {
             return Err(FrameError::NotMine);
         }
@@ -152,10 +137,9 @@ impl Motor for GoM8010 {
         };
     }
 
-    /// Its zero, its gains, its [`TorqueLimit`](Request::TorqueLimit), and
-    /// [`ClearFault`](Request::ClearFault): the device has no such command, so what its next reply
-    /// says decides, and a fault that is still there refuses with its code. Over-temperature ends
-    /// only with the supply.
+    /// Takes zero, gains, [`TorqueLimit`](Request::TorqueLimit), and
+    /// [`ClearFault`](Request::ClearFault), which the next reply decides: one that is still there
+    /// refuses with its code. Over-temperature ends only with the supply.
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         match request {
             Request::ClearFault => self.pending.ask((), CLEARING),

@@ -1,5 +1,4 @@
-//! The layout of the frames to a GO-M8010-6 behind a CAN-to-485 module. Values are those of
-//! the output shaft.
+//! Layout of the frames to a GO-M8010-6 behind a module. Values are the output shaft's.
 
 use embedded_can::{ExtendedId, Id};
 use heapless::Vec;
@@ -20,7 +19,6 @@ pub const NOT_IN_DBC: &[&str] = &[
      UNITREE_GO_READ_GAINS are not documented; its data are those of UNITREE_GO_SET_GAINS.",
 ];
 
-/// Turns of the rotor per turn of the output.
 const GEAR: f64 = 6.33;
 
 const MOTION: &[Signal] = &[
@@ -34,8 +32,7 @@ const GAINS: &[Signal] = &[
     Signal::little("Stiffness", 2, 2).scaled(GEAR * GEAR / 1280.0, "Nm/rad"),
 ];
 
-/// Everything that is sent to a motor, then its replies, which is [not in a DBC
-/// file](NOT_IN_DBC). None of a motor that cannot be.
+/// Frames to a motor, then its replies ([not in a DBC file](NOT_IN_DBC)); empty if it is invalid.
 pub fn messages(config: &ModuleConfig) -> Vec<Message, MOST> {
     let Ok((module, motor)) = config.devices() else { return Vec::new() };
     let with_id = |name, raw, from_device, signals| {

@@ -1,6 +1,5 @@
 //! Identifier, scale and limits of a VESC, as they are set in it.
 
-use core::fmt;
 use core::num::NonZeroU8;
 
 use rc10_app::{
@@ -8,49 +7,17 @@ use rc10_app::{
 };
 use rc10_can::{IdPattern, Micros};
 
-use super::wire::{Packet, STATUSES, Status};
+use super::wire::{EVERY, Packet, STATUSES, Status, VescId};
 use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::shaft::Shaft;
 
-/// The number a VESC is set to: 0 ..= 254.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct VescId(u8);
-
-/// The id that every VESC listens to.
-pub(super) const EVERY: u8 = 255;
-
-impl VescId {
-    /// The highest number: 254.
-    pub const LAST: Self = Self(EVERY - 1);
-
-    /// `None` for 255, which means all of them.
-    pub const fn new(id: u8) -> Option<Self> {
-        if id == EVERY { None } else { Some(Self(id)) }
-    }
-
-    /// The number.
-    #[must_use]
-    pub const fn get(self) -> u8 {
-        self.0
-    }
-}
-
-impl fmt::Display for VescId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
-/// Below this a VESC does not regulate speed, unless it is set otherwise: `s_pid_min_erpm` in
-/// bldc's `mcconf_default.h`.
+/// Below this it regulates no speed, as sold: `s_pid_min_erpm` in bldc's `mcconf_default.h`.
 pub const DEFAULT_MINIMUM: ElectricalRpm = ElectricalRpm::new(900.0);
 
 /// Tachometer steps per electrical turn: one per commutation step (`comm_can.md`, `STATUS_5`).
 const STEPS_PER_ELECTRICAL_TURN: u32 = 6;
 
-/// Pole pairs and gear between electrical turns and the output shaft, and the slowest speed that is
-/// regulated.
+/// Pole pairs and gear from electrical turns to the output shaft, and the slowest speed.
 ///
 /// ```
 /// use core::num::NonZeroU8;
@@ -71,8 +38,7 @@ pub struct ElectricalScale {
 }
 
 impl ElectricalScale {
-    /// Of a motor with these pole pairs (half its magnet poles) behind a gearbox, with the
-    /// firmware's own minimum speed.
+    /// A motor with half its magnet poles as pole pairs, and the firmware's own minimum speed.
     pub const fn new(pole_pairs: NonZeroU8, gear: Gear) -> Self {
         Self { pole_pairs, gear, minimum: DEFAULT_MINIMUM }
     }
@@ -84,7 +50,6 @@ impl ElectricalScale {
         self
     }
 
-    /// Electrical turns per turn of the rotor.
     pub(super) fn pole_pairs(&self) -> f32 {
         self.pole_pairs.get().into()
     }
@@ -105,15 +70,13 @@ impl ElectricalScale {
         Rpm::new(electrical.get() / (self.gear.ratio() * self.pole_pairs()))
     }
 
-    /// Whether the VESC regulates this speed of the output shaft. Slower ones it does not, standing
-    /// still among them: the motor is left free or drags, and holds nothing.
+    /// Whether this speed is regulated. At slower ones the motor is free or drags.
     pub fn regulates(&self, output: Rpm) -> bool {
         // False for NaN.
         self.to_electrical(output).get().abs() >= self.minimum.get()
     }
 
-    /// Tachometer steps per turn of the output shaft. The tachometer itself goes round after 2³²
-    /// of them.
+    /// Tachometer steps per turn of the output shaft. The tachometer goes round after 2³² of them.
     pub fn steps_per_turn(&self) -> CountsPerTurn {
         // At most 6 · 255 · 65,535: fits.
         let pairs = u32::from(self.pole_pairs.get());
@@ -122,8 +85,7 @@ impl ElectricalScale {
     }
 }
 
-/// Below this rate of `STATUS`, in Hz, a motor is not controlled well: its
-/// [`Condition`](crate::Condition) is `SlowFeedback`.
+/// Below this rate of `STATUS`, in Hz, the [`Condition`](crate::Condition) is `SlowFeedback`.
 pub const CONTROL_HZ: u16 = 200;
 
 /// Rates of the status frames, in Hz, as set in VESC Tool; 0: never.
@@ -157,7 +119,7 @@ impl StatusRates {
         status_6: 0,
     };
 
-    /// Of the frame that says this.
+    /// The rate of the frame that says this.
     pub(super) const fn of(&self, status: &Status) -> u16 {
         match status {
             Status::Motion { .. } => self.status_1,
@@ -198,18 +160,17 @@ impl StatusRates {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Currents {
-    /// Never more than this, either way. At most what "Motor Current Max" and "Motor Current Max
-    /// Brake" in VESC Tool both allow. Above 0.
+    /// The largest, either way, above 0; at most "Motor Current Max" and "... Max Brake".
     pub limit: Amps,
     /// The current of [`DriveMode::Brake`](crate::DriveMode::Brake), 0 ..= `limit`.
     pub brake: Amps,
-    /// The current of [`DriveMode::Hold`](crate::DriveMode::Hold), 0 ..= `limit`. It flows as long
-    /// as the shaft is held, and heats.
+    /// The current of [`DriveMode::Hold`](crate::DriveMode::Hold), 0 ..= `limit`. It heats.
     pub handbrake: Amps,
 }
 
 /// A VESC as it is set up, to be checked by [`Vesc::new`](super::Vesc::new).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Config {
     /// The id set in it: 0 to 254.
     pub id: u8,
@@ -219,17 +180,14 @@ pub struct Config {
     pub direction: Direction,
     /// The rates of its status frames.
     pub status: StatusRates,
-    /// The rate at which a command is repeated, in Hz: 1 ..= 1000, and three times within the
-    /// timeout.
+    /// The rate of repeated commands, 1 ..= 1000 Hz, and three times within the timeout.
     pub command_hz: u16,
-    /// The timeout set in it ("Timeout" under App Settings): it lets go when commands stop for this
-    /// time.
+    /// The timeout set in it ("Timeout" under App Settings), after which it lets go.
     pub timeout: Micros,
     /// The currents that the motor may be given.
     pub currents: Currents,
-    /// Whether its position controller knows the angle of the output shaft, by an encoder that sits
-    /// there: only then is a [`Target::Angle`](crate::Target::Angle) left to it (`SET_POS`).
-    /// `STATUS_4` is needed to see that angle.
+    /// Whether an encoder on the output shaft tells its position controller the angle: only then it
+    /// gets [`Target::Angle`](crate::Target::Angle) (`SET_POS`). It needs `STATUS_4`.
     pub encoder_on_shaft: bool,
     /// Motor Current Max, as set in it, to send currents as shares of that (`SET_CURRENT_REL`,
     /// `SET_CURRENT_BRAKE_REL`, `SET_CURRENT_HANDBRAKE_REL`); at least `currents.limit`. The VESC
@@ -248,8 +206,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// Turning forward, [`StatusRates::CONTROL`], commands at 200 Hz, a timeout of 200 ms, no
-    /// encoder on the output shaft, currents in amperes, asked by number 254.
+    /// Forward, [`StatusRates::CONTROL`], commands at 200 Hz, 200 ms timeout, amperes, asker 254.
     pub const fn new(id: u8, scale: ElectricalScale, currents: Currents) -> Self {
         Self {
             id,
@@ -267,14 +224,12 @@ impl Config {
     }
 
     /// Turning the given way.
-    #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// With [angle loops on our side](Self::angle_loops).
-    #[must_use]
     pub const fn with_angle_loops(mut self, cascade: Cascade) -> Self {
         self.angle_loops = Some(cascade);
         self
@@ -285,10 +240,7 @@ impl Config {
         MotorName { model: "VESC", id: self.id as u16 }
     }
 
-    /// Whether every field can be used.
-    ///
-    /// # Errors
-    /// The first field that cannot, and what it must be.
+    /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         self.name().blamed(self.check())
     }
@@ -330,7 +282,6 @@ impl Config {
         cascade.validate()
     }
 
-    /// Its number, if there is such a one.
     pub(super) const fn vesc_id(&self) -> Result<VescId, ConfigError> {
         match VescId::new(self.id) {
             Some(id) => Ok(id),

@@ -4,14 +4,12 @@ use rc10_app::{ElectricalRpm, Seconds};
 
 /// Slower than this a still field catches the rotor (estimate): five turns of the field a second.
 const CATCHABLE: f32 = 300.0;
-/// A rotor that swings about the field covers less than one turn of it at a time; one that covers
-/// this many runs past it.
+/// Turns of the field that a rotor which runs past it covers; one that swings covers less than one.
 const SLIP: f32 = 1.5;
 
-/// Brake or handbrake: a still field holds a rotor that nearly stands; one that runs past it is
-/// neither held nor braked. So the shaft is braked first, and again if it slips. Where the brake,
-/// which fades at low speed, does not slow it down far enough, because a weight pulls, it is left
-/// to sink on the brake: a field that does not catch it would let it fall.
+/// Brake or handbrake: a still field holds a rotor that nearly stands, and no other. So the shaft
+/// is braked first, and again if it slips. A weight that pulls on at low speed sinks on the brake:
+/// a field that does not catch it would let it fall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Hold {
     /// The field stands; else the shaft is braked.

@@ -1,37 +1,31 @@
 //! VESC speed controllers on CAN.
 //!
-//! **Terms.** *Electrical rpm* (eRPM) is the speed of the magnetic field: rotor rpm times *pole
-//! pairs* (magnet poles / 2). The *tachometer* counts the six commutation steps of each electrical
-//! turn. *Duty* is the share of the supply voltage that the motor sees. *Brake* current acts
-//! against the movement, whichever way it goes; *handbrake* current is a still field that keeps a
-//! standing shaft where it is.
+//! **Terms.** *Electrical rpm* (eRPM) is the field's speed: rotor rpm times *pole pairs* (magnet
+//! poles / 2). The *tachometer* counts six steps of each electrical turn. *Duty* is the share of
+//! the supply voltage. *Brake* current acts against any movement; *handbrake* current is a still
+//! field that keeps a standing shaft where it is.
 //!
 //! **Identifiers.** All frames are extended: `packet << 8 | id`, with the upper 13 bits zero. VESCs
 //! are numbered 0 to 254; a frame to 255 is for all of them. Commands carry the receiver's id, status
 //! frames the sender's, a PONG the id of the sender of the PING. Factory bit rate: 500 kbit/s, to be
 //! set to 1 Mbit/s on a bus with others. Status frames are off until switched on in VESC Tool.
 //!
-//! **Frames.** Signed, big endian, scaled integers. A command that drives is one `i32`:
-//! [`Command`]. A limit that is kept in the VESC is two: [`Setting`]. Status comes as six packets
-//! of eight bytes, at two rates: [`Status`]. None of them tells faults: over CAN, a faulted VESC is
-//! only seen not to do what it is told.
+//! **Frames.** Signed, big endian, scaled. A command that drives is one `i32`: [`Command`]; a limit
+//! that is kept is two: [`Setting`]. Status comes as six packets of eight bytes, at two rates:
+//! [`Status`]. No frame tells faults: a faulted VESC is only seen not to do what it is told.
 //!
 //! **Rules.**
-//! * The length is part of a command. Firmware from 6.00 on takes a `SET_CURRENT` of six or more
-//!   bytes for one with a delay, and reads the current from elsewhere: 10 A in eight bytes become
-//!   655,360 A.
+//! * The length is part of a command: firmware from 6.00 on takes six or more bytes for a delayed
+//!   `SET_CURRENT`, and 10 A in eight bytes become 655,360 A.
 //! * `SET_RPM` 0 holds nothing. Below a minimum (900 eRPM unless set otherwise) the speed is not
 //!   regulated: [`ElectricalScale::regulates`]. Free is `SET_CURRENT` 0, slowing down is `SET_CURRENT_BRAKE`,
 //!   standing is `SET_CURRENT_HANDBRAKE` or `SET_POS`; none is ever sent in place of another.
 //! * `SET_POS` is an angle within one turn of the encoder the VESC is set up with.
-//! * A VESC lets go when commands stop: after 1 s by the firmware's default, 0.5 s by its
-//!   documentation. Repeat them at 50 Hz or more.
-//! * `STATUS_6` is packet 58, from firmware 6.00 on. Packet 28, as which it is often listed, asks
-//!   for an encoder's state.
+//! * A VESC lets go when commands stop (1 s by default, 0.5 s by its documentation): 50 Hz or more.
+//! * `STATUS_6` is packet 58, from firmware 6.00 on; packet 28 asks for an encoder's state.
 //!
-//! **As a motor.** A [`Vesc`] sends one command frame, repeated at the rate of its [`Config`] and at
-//! once when it is to drive in another way; a new one takes the place of one that has not left yet.
-//! Each target is a packet of its own:
+//! **As a motor.** A [`Vesc`] repeats one command frame at the rate of its [`Config`], and sends a
+//! new one at once in place of one that waits. Each target is a packet of its own:
 //!
 //! | target | sent |
 //! |---|---|
@@ -44,8 +38,7 @@
 //! | `Angle` | `SET_POS`, only with an encoder on the output shaft |
 //! | `TotalAngle`, and `Angle` without such an encoder | `SET_CURRENT` of our own angle loops ([`Config::angle_loops`]): `SET_RPM` cannot be regulated near standstill |
 //!
-//! The currents of the first three are shares of the VESC's own limit (`_REL`) with
-//! [`Config::relative_to`], else amperes.
+//! The currents of the first three are shares (`_REL`) with [`Config::relative_to`], else amperes.
 //!
 //! The safe states: coast; the brake of its [`Currents`]; to hold, our angle loops if there are
 //! any, else the brake until a still field can catch the rotor, then the handbrake.
@@ -77,8 +70,7 @@
 //! [`Condition::NoReports`]: crate::Condition::NoReports
 //! [`Condition::NotFollowing`]: crate::Condition::NotFollowing
 //!
-//! Sources: vedderb/bldc, `comm/comm_can.c`, `datatypes.h`, `motor/mcconf_default.h` (firmware 5.03
-//! to 7.01) and `documentation/comm_can.md`.
+//! Sources: vedderb/bldc 5.03 to 7.01: `comm_can.c`, `datatypes.h`, `mcconf_default.h`, docs.
 
 mod config;
 mod hold;
@@ -88,9 +80,7 @@ mod watch;
 pub mod wire;
 
 pub use crate::not_a_number::NotANumber;
-pub use config::{
-    CONTROL_HZ, Config, Currents, DEFAULT_MINIMUM, ElectricalScale, StatusRates, VescId,
-};
+pub use config::{CONTROL_HZ, Config, Currents, DEFAULT_MINIMUM, ElectricalScale, StatusRates};
 pub use motor::Vesc;
 pub use rc10_app::ElectricalRpm;
-pub use wire::{Address, Command, Packet, Reply, Setting, Status, coast, ping, shutdown};
+pub use wire::{Address, Command, Packet, Reply, Setting, Status, VescId, coast, ping, shutdown};

@@ -5,25 +5,23 @@ use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Seconds, Volts};
 use rc10_can::{CanFrame, Micros};
 
-use super::config::{Config, VescId};
+use super::config::Config;
 use super::hold::Hold;
 use super::watch::Watch;
-use super::wire::{Command, Packet, Reply, Setting, Status, coast, ping};
+use super::wire::{Command, Packet, Reply, Setting, Status, VescId, coast, ping};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::supervision::Link;
 use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
-/// … and a duty from what the motor's own voltage is by this much a second. The VESC's ramp of 2 %
-/// in a millisecond is a blow: its winding has no more than a few hundredths of an ohm.
+/// … and a duty from the motor's voltage by this much a second: 2 % a millisecond is a blow.
 const SOFT_DUTY: f32 = 2.0;
 /// Steps that the tachometer may be away from twice what its speed makes: two turns of the field.
 const MOST_ASIDE: f32 = 12.0;
@@ -89,15 +87,12 @@ pub(super) struct Reported {
     motor: Celsius,
     transistors: Celsius,
     supply: Volts,
-    /// Of the position controller, in microdegrees.
+    /// The position controller's angle, in microdegrees.
     position: i32,
 }
 
 impl Vesc {
-    /// A VESC that is set up like this.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
+    /// A VESC that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Brake, Coast, Current, Duty, Handbrake, Speed, SpeedMotion};
         config.validate()?;
@@ -156,7 +151,6 @@ impl Vesc {
         &self.config
     }
 
-    /// The next command.
     fn decide(&mut self, tick: &Tick) -> Command {
         // Nothing is done to a shaft that was never seen.
         let mode = if self.shaft.is_known() { tick.mode } else { DriveMode::Off };
@@ -325,8 +319,7 @@ impl Vesc {
 
     /// Takes a value of the tachometer, which goes round after 2³² steps.
     fn count(&mut self, steps: i32) {
-        // One step is a sixth of the field's turn. A VESC that has made more was restarted in a
-        // blink.
+        // A step is a sixth of the field's turn. A VESC that made more has restarted in a blink.
         let most = MOST_ASIDE + 0.2 * self.reported.speed.get().abs() * self.tachometer_age;
         self.tachometer_age = 0.0;
         let after_silence = core::mem::take(&mut self.after_silence);
@@ -379,9 +372,8 @@ impl Vesc {
     }
 }
 
-/// The current as torque: the firmware gives one that takes power from the supply a positive sign,
-/// and one that feeds it back a negative one, whichever way the motor turns (`mcpwm_foc.c`,
-/// `mcpwm_foc_get_tot_current`: the sign of voltage times current).
+/// The current as torque: the firmware's sign is positive for power from the supply, whichever way
+/// the motor turns (`mcpwm_foc_get_tot_current`: the sign of voltage times current).
 fn torque_current(current: f32, duty: f32, speed: ElectricalRpm) -> f32 {
     let speed = speed.get();
     if duty < 0.0 {
@@ -442,8 +434,7 @@ impl Motor for Vesc {
             .with_supply(supply)
     }
 
-    /// Never one: no frame of a VESC tells its faults. [`Condition::NotFollowing`] is what is seen
-    /// of them.
+    /// `None`: no frame of a VESC tells faults; [`Condition::NotFollowing`] shows them.
     fn fault(&self) -> Option<Fault> {
         None
     }
@@ -499,12 +490,7 @@ impl CanMotor for Vesc {
         self.config.can_ids()
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         let Config { asker, status: rates, .. } = &self.config;
         let id = &self.id;
         match Reply::unpack(frame) {
@@ -527,7 +513,7 @@ impl CanMotor for Vesc {
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         let id = self.id;
         if self.is_due {
-            // A number that is none is never sent: then it goes free.
+            // NaN is never sent: then it goes free.
             tx.push_as(self.command.pack(id).unwrap_or_else(|error| error.neutral), self.stream)?;
             self.is_due = false;
         }

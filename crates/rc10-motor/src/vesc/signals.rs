@@ -20,8 +20,7 @@ pub const NOT_IN_DBC: &[&str] = &[
 /// Number of all messages of a VESC, and of all that can be sent to it.
 pub const MOST: usize = 6 + 1 + 2 * ORDERS.len();
 
-/// The status frames that are switched on, the answer to a PING, all that can be sent to it, also by
-/// other programs, the status frames that are not expected, and what is sent to all VESCs.
+/// Expected status frames, the answer to a PING, all commands, other status frames, and to all.
 pub fn messages(config: &Config) -> Vec<Message, MOST> {
     let Ok(own) = config.vesc_id() else { return Vec::new() };
     let message = |packet: Packet, id, name, len, from_device, signals| {
@@ -102,8 +101,7 @@ macro_rules! order {
     };
 }
 
-/// Commands to a VESC (bldc `comm_can.c`, `comm_can_set_*`); [`Vesc`](super::Vesc) sends the first
-/// eleven.
+/// Commands (bldc `comm_can.c`, `comm_can_set_*`); [`Vesc`](super::Vesc) sends eleven.
 const ORDERS: &[(Packet, &str, u8, &[Signal])] = &[
     order!(SetDuty, "VESC_SET_DUTY", 1e-5, ""),
     order!(SetCurrent, "VESC_SET_CURRENT", 1e-3, "A"),

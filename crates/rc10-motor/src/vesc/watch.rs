@@ -1,12 +1,10 @@
-//! Signs of trouble with a VESC beside its numbers: whether it reports at all, often enough, and
-//! does what it is told.
+//! Signs of trouble with a VESC: whether it reports, often enough, and does what it is told.
 
 use super::config::CONTROL_HZ;
 use super::motor::Reported;
 use super::wire::Command;
 use crate::feedback::Condition;
-use crate::motor::{DriveMode, Tick};
-use crate::supervision::Link;
+use crate::motor::{DriveMode, Link, Tick};
 
 /// A VESC that does not report is asked this often, s.
 const ASK_PERIOD: f32 = 0.5;
@@ -25,7 +23,6 @@ const NOTHING: f32 = 0.05;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch {
     is_slow_by_design: bool,
-    /// As of the last tick.
     is_online: bool,
     until_asking: f32,
     /// Seconds for which the last answer counts yet.
@@ -38,7 +35,7 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Of a VESC that was never heard, whose STATUS comes this many times a second.
+    /// The watch of a VESC that was never heard, whose STATUS comes this many times a second.
     pub(super) const fn new(status_hz: u16) -> Self {
         Self {
             is_slow_by_design: status_hz < CONTROL_HZ,
@@ -52,13 +49,11 @@ impl Watch {
         }
     }
 
-    /// A STATUS came.
     pub(super) const fn hear(&mut self) {
         self.answered = 0.0;
         self.reports = self.reports.saturating_add(1);
     }
 
-    /// A PONG came.
     pub(super) const fn hear_answer(&mut self) {
         self.answered = ANSWER_HOLDS;
     }
@@ -68,7 +63,6 @@ impl Watch {
         self.until_asking <= 0.0
     }
 
-    /// It was asked.
     pub(super) const fn asked(&mut self) {
         self.until_asking = ASK_PERIOD;
     }
@@ -94,8 +88,7 @@ impl Watch {
         self.idle = if idles { self.idle + dt } else { 0.0 };
     }
 
-    /// `is_regulated`: whether the VESC regulates the speed asked for. `is_blind`: whether an angle
-    /// is sought by a tachometer that does not come.
+    /// `is_regulated`: the speed asked for is regulated. `is_blind`: an angle without a tachometer.
     pub(super) fn condition(
         &self,
         mode: DriveMode,

@@ -1,7 +1,6 @@
 //! The bytes of VESC frames: commands to frames, frames to values. No state.
 //!
-//! Values are limited, scaled and rounded to the nearest step, and saturate at i32's ends. No
-//! number on the wire stands for NaN, so it is an error instead of a frame.
+//! Values are limited, rounded to the nearest step, and saturate. NaN is an error, not a frame.
 
 use core::fmt;
 
@@ -10,9 +9,38 @@ use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, Degrees, ElectricalRpm};
 use rc10_can::CanFrame;
 
-use super::config::{EVERY, VescId};
 use crate::motor::FrameError;
 use crate::not_a_number::NotANumber;
+
+/// The number a VESC is set to: 0 ..= 254.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VescId(u8);
+
+/// The id that every VESC listens to.
+pub(super) const EVERY: u8 = 255;
+
+impl VescId {
+    /// The highest number: 254.
+    pub const LAST: Self = Self(EVERY - 1);
+
+    /// `None` for 255, which means all of them.
+    pub const fn new(id: u8) -> Option<Self> {
+        if id == EVERY { None } else { Some(Self(id)) }
+    }
+
+    /// The number.
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl fmt::Display for VescId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
 
 /// The receiver of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,12 +71,10 @@ impl Address {
 
 macro_rules! packets {
     ($($variant:ident = $number:literal $name:literal,)*) => {
-        /// The kind of a frame: bits 15 to 8 of its identifier, as named and numbered in bldc's
-        /// `datatypes.h` (`CAN_PACKET_ID`).
+        /// The kind of a frame: identifier bits 15 to 8 (bldc's `datatypes.h`, `CAN_PACKET_ID`).
         ///
-        /// Also those that are not for robots, so that a frame on the bus can be named: packets 5
-        /// to 8 carry the VESC's serial protocol, 28, 55, 56 and 63 set up encoders and bit rates.
-        /// Nothing in this crate sends them.
+        /// Others than for robots are named too: packets 5 to 8 carry the serial protocol, 28, 55,
+        /// 56 and 63 set up encoders and bit rates. Nothing in this crate sends them.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
@@ -57,7 +83,7 @@ macro_rules! packets {
         }
 
         impl Packet {
-            /// The packet of a number; `None` if it is none of these.
+            /// The packet of a number; `None` for another.
             pub const fn from_number(number: u8) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$variant),)*
@@ -65,7 +91,7 @@ macro_rules! packets {
                 }
             }
 
-            /// As the firmware's source names it, without `CAN_PACKET_`.
+            /// The name in the firmware's source, without `CAN_PACKET_`.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -114,14 +140,13 @@ packets! {
 }
 
 impl Packet {
-    /// Its number.
+    /// The number of the packet.
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// The identifier of this packet with an address: the receiver's if it is a command, the
-    /// sender's if it is a status.
+    /// The identifier with an address: the receiver's of a command, the sender's of a status.
     #[must_use]
     pub fn id(self, address: impl Into<Address>) -> ExtendedId {
         let raw = u32::from(u16::from_be_bytes([self.number(), address.into().byte()]));
@@ -148,13 +173,13 @@ pub(super) const STATUSES: [Packet; 6] = [
 
 // Raw units of a command per unit (bldc `comm_can.c`, `comm_can_set_*` and `comm_can_conf_*`).
 
-/// Of duty and of relative current, per 1.
+/// Steps of duty and of relative current, per 1.
 const STEPS_PER_SHARE: f32 = 1e5;
-/// Of current, per ampere.
+/// Steps of current, per ampere.
 const STEPS_PER_AMPERE: f32 = 1e3;
-/// Of `SET_POS`, per degree.
+/// Steps of `SET_POS`, per degree.
 const STEPS_PER_DEGREE: i32 = 1_000_000;
-/// Of both numbers of a setting, per ampere, electrical rpm or volt.
+/// Steps of both numbers of a setting, per ampere, electrical rpm or volt.
 const STEPS_PER_SETTING: f32 = 1e3;
 
 // Units per raw unit of a status (bldc `comm_can.c`, `send_status1` to `send_status6`).
@@ -214,8 +239,7 @@ impl Command {
     /// The frame, of exactly four bytes.
     ///
     /// # Errors
-    /// [`NotANumber`]; neutral is [`coast`], whatever was wanted: duty 0 would brake, and position 0
-    /// would move.
+    /// [`NotANumber`]; neutral is [`coast`]: duty 0 would brake, and position 0 would move.
     ///
     /// ```
     /// use rc10_motor::vesc::{Command, ElectricalRpm, VescId};
@@ -248,8 +272,7 @@ impl Command {
     }
 }
 
-/// A millionth of a degree is less than the last place of an f32 times a million: whole degrees
-/// and the rest are scaled by themselves.
+/// An f32's last place is coarser: whole degrees and the rest are scaled by themselves.
 fn position_steps(degrees: f32) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
     let whole = degrees as i32;
@@ -268,9 +291,8 @@ pub fn coast(to: impl Into<Address>) -> CanFrame {
     frame(Packet::SetCurrent, to.into(), [0; 4])
 }
 
-/// Asks a VESC to answer with a [`Reply::Pong`] to `sender`, whether or not its status frames are
-/// switched on. It answers within 10 ms: the firmware's own search waits that long. Never to all at
-/// once: their answers would differ under one identifier.
+/// Asks a VESC for a [`Reply::Pong`] to `sender`, whatever its status frames, within 10 ms as the
+/// firmware's own search. Never all at once: their answers would differ under one identifier.
 pub fn ping(to: VescId, sender: VescId) -> CanFrame {
     frame(Packet::Ping, to.into(), [sender.get()])
 }
@@ -284,14 +306,14 @@ pub fn shutdown(to: impl Into<Address>) -> CanFrame {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Setting {
-    /// Of the motor.
+    /// The motor's current.
     MotorCurrent {
         /// Most negative: braking.
         min: Amps,
         /// Most positive: driving.
         max: Amps,
     },
-    /// Of the supply.
+    /// The supply's current.
     InputCurrent {
         /// Most negative: back into the battery.
         min: Amps,
@@ -323,10 +345,7 @@ impl Setting {
         self.pack_as(self.packets().0, to.into())
     }
 
-    /// The frame that also writes the VESC's flash memory, which wears out: never periodically.
-    ///
-    /// # Errors
-    /// As of [`pack`](Self::pack).
+    /// Like [`pack`](Self::pack), but also writes the VESC's flash, which wears out: use it rarely.
     pub fn pack_store(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
         self.pack_as(self.packets().1, to.into())
     }
@@ -362,7 +381,6 @@ impl Setting {
     }
 }
 
-/// A frame of exactly this length.
 fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanFrame {
     CanFrame::exact(packet.id(to), data)
 }
@@ -373,14 +391,14 @@ fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanF
 pub enum Reply {
     /// One of its periodic frames.
     Status {
-        /// Its sender.
+        /// The sender.
         from: VescId,
         /// The content of the frame.
         status: Status,
     },
     /// The answer to a [`ping`].
     Pong {
-        /// Its sender.
+        /// The sender.
         from: VescId,
         /// The sender of the PING.
         to: VescId,
@@ -418,9 +436,9 @@ pub enum Status {
     },
     /// `STATUS_4`
     Temperatures {
-        /// Of the transistors.
+        /// The transistors' temperature.
         transistors: Celsius,
-        /// Of the motor.
+        /// The motor's temperature.
         motor: Celsius,
         /// Current of the supply.
         input_current: Amps,
@@ -478,7 +496,6 @@ impl Reply {
     }
 }
 
-/// Of a data frame.
 fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
     let bytes = || frame.all_eight().ok_or(FrameError::Length);
     Ok(match packet {
@@ -519,12 +536,10 @@ fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
     })
 }
 
-/// As two numbers.
 const fn words(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [i32; 2] {
     [i32::from_be_bytes([a, b, c, d]), i32::from_be_bytes([e, f, g, h])]
 }
 
-/// As four numbers.
 fn halves(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [f32; 4] {
     [[a, b], [c, d], [e, f], [g, h]].map(|half| i16::from_be_bytes(half).into())
 }

@@ -132,7 +132,7 @@ impl Registers {
     }
 }
 
-/// What a program sees of the registers.
+/// The registers that a program sees.
 pub struct Wired {
     registers: Arc<Mutex<Registers>>,
     bus_off: BusOff,

@@ -146,7 +146,7 @@ fn every_position_but_the_two_that_are_named_arms() {
     }
 }
 
-/// It disarmed before the remote was lost, or before a stop: that counts no more.
+/// A switch that disarmed before the remote was lost, or before a stop: that counts no more.
 #[test]
 fn a_switch_that_disarmed_before_arms_nothing_after() {
     for config in CONFIGS {
@@ -299,7 +299,7 @@ fn a_remote_that_comes_back_moved_nothing() {
     }
 }
 
-/// What a damaged frame may say ends no stop and arms nothing; what it stops or disarms stays so.
+/// A damaged frame ends no stop and arms nothing; what it stops or disarms stays so.
 #[test]
 fn one_frame_of_another_position_begins_nothing() {
     let bad = |scene: &mut Scene, wrong: &dyn Fn(&mut Scene), times: u32| {

@@ -103,7 +103,6 @@ impl Lift {
     }
 
     /// What it does. One that gave up stands until it is begun again ([`Lift::blamed`]).
-    #[must_use]
     pub fn stage(&self) -> Stage {
         match &self.0 {
             State::Idle => Stage::NotBegun,

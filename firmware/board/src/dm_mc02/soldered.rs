@@ -1,4 +1,4 @@
-//! What is soldered on a DM-MC02 and needs a program: power outputs, IMU with heater, status lamp, buzzer, key, supply.
+//! Soldered parts of a DM-MC02: outputs, IMU with heater, lamp, buzzer, key, supply.
 
 use core::cell::Cell;
 use core::sync::atomic::Ordering;
@@ -41,11 +41,10 @@ bind_interrupts!(struct Irqs {
     EXTI15_10 => exti::InterruptHandler<typelevel::EXTI15_10>;
 });
 
-/// Of all that is no motor.
+/// Interrupt priority of all that is no motor.
 const PRIORITY: Priority = Priority::P7;
 
-/// For this time after the outputs are switched on a motor that has not been heard is not missing: its ESC starts.
-/// Nothing tells how long one takes; the slowest that we know of play a tune of some 2 s first.
+/// Time after switching on in which a motor is not missed: the slowest ESC plays a tune of 2 s.
 pub const SETTLING: Duration = Duration::from_secs(3);
 
 /// From one output to the next.
@@ -57,8 +56,7 @@ const TICKS: Duration = Duration::from_millis(2);
 /// The IMU's clock: half of what it takes. 80 MHz / 16.
 const IMU_CLOCK: Hertz = Hertz(5_000_000);
 
-/// The heater: ten resistors of 470 ohms in parallel on the supply, 12 W at 24 V. A quarter of the time is what
-/// teams found enough for 40 °C, and what the resistors have borne.
+/// Ten resistors of 470 ohms, 12 W at 24 V: teams found a quarter of the time enough for 40 °C.
 const HEATER: HeaterConfig =
     HeaterConfig { resistance: 47.0, most: 250, most_power: 3.4, target: 45.0 };
 /// Far above what the transistor and the die notice, far below what the gate's resistor follows.
@@ -69,18 +67,16 @@ const TENTH: Duration = Duration::from_millis(100);
 /// 3.3 V and the divider of 100 and 10 kOhm before the pin: the full scale of 16 bits, mV.
 const SUPPLY_SCALE: u32 = 3_300 * 11;
 
-/// What the buzzer is tuned to. Its transistor has 22 ohms before the base: half of the time is the most that it
-/// is ever high.
+/// The buzzer's tone: with 22 ohms at the transistor's base half of the time is the most.
 const TONE: Hertz = Hertz(4_000);
 const HALF: u16 = 500;
 const BEEP: Duration = Duration::from_millis(60);
 
-/// It is on a table before eyes.
+/// The brightness, for a board on a table before eyes.
 const BRIGHTNESS: u8 = 24;
 
-/// Serves what is soldered on, for ever: switches the outputs on; tells the heading by the IMU, and keeps that warm;
-/// shows the state on the lamp; measures the supply; beeps once at a start, three times after a crash; stops the
-/// robot when the key is pressed.
+/// Serves the soldered parts for ever: outputs on, heading of the IMU, which it warms, lamp,
+/// supply, a beep at a start (three after a crash), stop by the key.
 pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
     soldered: Soldered,
@@ -157,8 +153,7 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
     join3(parts, stop, switch_on).await;
 }
 
-/// Switches these outputs on, for good, one after the other: behind each are the capacitors of its ESCs, which charge
-/// at once, and the chip has the same supply.
+/// Switches outputs on, one after the other: each charges its ESCs' capacitors at once.
 async fn switch_on((first, second, five_volts): OutputPins, outputs: &[Output]) {
     let level = |output| Level::from(outputs.contains(&output));
     // PC13 to PC15 drive little, and slowly (data sheet: 3 mA, 2 MHz). Dropped, they would be inputs again.

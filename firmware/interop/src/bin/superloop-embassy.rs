@@ -1,7 +1,6 @@
 //! On embassy-stm32's own CAN driver with its queues, polled: interrupts fill and empty them.
 //!
-//! Unlike `rc10-bsp` it has room for three frames in the controller only, cannot take a frame back,
-//! and does not notice lost frames.
+//! Unlike `rc10-bsp` it holds three frames, takes none back, and does not notice losses.
 #![no_std]
 #![no_main]
 

@@ -1,8 +1,6 @@
-//! On the `fdcan` crate, polled. It knows the H7's registers but not its message RAM, which this
-//! program lays out; clocks and pins are embassy-stm32's.
+//! On the polled `fdcan` crate, whose message RAM is laid out here; clocks, pins: embassy-stm32.
 //!
-//! Unlike `rc10-bsp` it has room for three frames in each direction only, no way back from bus-off,
-//! and no data frame of no bytes.
+//! Unlike `rc10-bsp` it holds three frames each way, without a way back from bus-off.
 #![no_std]
 #![no_main]
 
@@ -40,9 +38,8 @@ unsafe impl message_ram::Instance for Controller {
     const MSG_RAM: *mut message_ram::RegisterBlock = MESSAGE_RAM as *mut message_ram::RegisterBlock;
 }
 
-/// Tells the controller where the crate expects everything, in words from the start of the message
-/// RAM: 28 standard filters, 8 extended ones, three elements of 18 words in each FIFO, three events.
-/// Allowed only in configuration mode.
+/// Tells the controller where the crate expects its parts, in words: 28 standard filters, 8
+/// extended, three elements of 18 words a FIFO, three events. In configuration mode only.
 fn lay_out_message_ram() {
     const EXTENDED_FILTERS: u16 = 28;
     const FIFO_0: u16 = EXTENDED_FILTERS + 8 * 2;
@@ -77,8 +74,7 @@ fn lay_out_message_ram() {
     can.txesc().write(|w| w.set_tbds(LARGEST));
 }
 
-/// Frames that the crate can send: it turns data frames of no bytes into remote ones, and has no
-/// others.
+/// Frames that the crate can send: no data frames of no bytes, which become remote ones.
 #[derive(Clone)]
 struct Sendable(CanFrame);
 

@@ -33,12 +33,9 @@ impl<T: BusPeripheral> BusParts<T> {
         }
     }
 
-    /// The transceiver has a pin (STB, S, SILENT, EN) that decides whether it sends, and this one is
-    /// wired to it; `level` is the one at which it takes part in the bus.
+    /// The transceiver's pin (STB, S, SILENT, EN) that decides whether it sends, at `level` if so.
     ///
-    /// In standby a transceiver ignores what we send: the controller does not read back its own bits,
-    /// and is bus-off after its first frames. Which level a pin takes that is not driven differs from
-    /// one type to the next.
+    /// In standby the controller reads no own bits, and is bus-off at once.
     #[must_use]
     pub fn with_standby(mut self, pin: Peri<'static, impl Pin>, level: Level) -> Self {
         self.standby = Some((Flex::new(pin), level));

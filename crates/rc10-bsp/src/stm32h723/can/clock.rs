@@ -2,8 +2,7 @@
 
 use rc10_can::Micros;
 
-/// The controller's time stamp counter beside the clock. It counts bit times, 1 µs at 1 Mbit/s,
-/// and has 16 bits: the age of a frame is known as long as it is below 65.5 ms.
+/// The controller's time stamps (1 µs, 16 bits) beside the clock: of frames younger than 65.5 ms.
 pub struct Clock {
     read_at: Micros,
     /// A frame's time is this, less the known bits of its age.
@@ -21,8 +20,7 @@ impl Clock {
         Self { read_at: now, base: now, known: u16::MAX, counter: 0 }
     }
 
-    /// Reads both clocks, for the frames that came since the last time. If that is too long ago,
-    /// all of them count as having come right after it: rather too old than too young.
+    /// Reads both clocks for the frames since the last time; too long ago, they count as old.
     #[inline]
     pub fn read(&mut self, now: Micros, counter: u16) {
         let last = core::mem::replace(&mut self.read_at, now);

@@ -10,8 +10,7 @@ use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPat
 use super::filter;
 use crate::FDCAN_CLOCK;
 
-/// Wanted frames that a controller holds until they are taken, the most that the hardware
-/// can: 3 ms of the shortest frames, 7 ms of frames of eight bytes.
+/// Wanted frames in hardware, its most: 3 ms of shortest frames, 7 ms of eight bytes.
 pub const HARDWARE_RECEIVE: usize = 64;
 /// Unwanted frames that it holds, newest first to be looked at: a bus carries 21 in a millisecond.
 const FOREIGN: usize = 32;
@@ -21,7 +20,6 @@ const TRANSMIT: usize = 32;
 pub const COAST_FRAMES: usize = 8;
 /// Transmit buffers for [`submit`](rc10_can::CanPort::submit).
 pub(super) const COMMANDS: usize = TRANSMIT - COAST_FRAMES;
-/// The buffers of `submit` as a register mask.
 pub(super) const COMMAND_MASK: u32 = (1 << COMMANDS) - 1;
 
 // Message RAM, in words from the start of a controller's share.
@@ -56,15 +54,14 @@ pub(super) struct Shared {
     coast: AtomicU32,
     /// Whether the port is being asked for frames: [`POLLED`], [`SEEN`] or [`STALLED`].
     attendance: AtomicU8,
-    /// Number of times that the port was not asked in time.
     stalls: AtomicU32,
 }
 
 /// The port has been asked since the supervisor looked last.
 const POLLED: u8 = 0;
-/// It has not been asked again since the supervisor saw that.
+/// The controller has not been asked again since the supervisor saw that.
 const SEEN: u8 = 1;
-/// It had not been asked when the supervisor looked again.
+/// The controller had not been asked when the supervisor looked again.
 const STALLED: u8 = 2;
 
 static SHARED: [Shared; 3] = [const {
@@ -96,8 +93,7 @@ impl Controller {
         Self { registers, share: index * SHARE, shared: &SHARED[index] }
     }
 
-    /// Configures and starts a controller that was just reset (CCCR.INIT is set). It accepts all
-    /// frames.
+    /// Configures and starts a controller after reset (CCCR.INIT). It accepts all frames.
     pub(super) fn start(self) {
         bypass_calibration();
         // What it holds after power-on is anything.
@@ -129,9 +125,8 @@ impl Controller {
             w.set_anfs(0b01);
             w.set_anfe(0b01);
         });
-        // What the reset left, zero, is right for all else: classic frames, sent again until
-        // acknowledged; elements of eight data bytes; transmit buffers that are all dedicated ones;
-        // no event FIFO; no interrupts.
+        // Zero, after reset, is right for all else: classic frames, repeated until acknowledged;
+        // eight data bytes; dedicated transmit buffers; no event FIFO; no interrupts.
         can.rxfc(Fifo::Wanted as usize).write(|w| {
             w.set_fsa(word(self.share + RECEIVE_AT));
             w.set_fs(byte(HARDWARE_RECEIVE));
@@ -148,8 +143,7 @@ impl Controller {
         self.go_on_bus();
     }
 
-    /// Rewrites the filters, also of a controller on the bus: the hardware reads them one by one,
-    /// and a filter that stays where it was never changes.
+    /// Rewrites the filters, also on the bus: a filter that stays in its place never changes.
     pub(super) fn accept(self, patterns: &[IdPattern]) {
         for (offset, filter) in filter::words(patterns).into_iter().enumerate() {
             let at = self.share + STANDARD_FILTERS_AT + offset;
@@ -157,9 +151,8 @@ impl Controller {
         }
     }
 
-    /// Takes part in the bus: after the configuration; after bus-off, when the hardware itself
-    /// waits for the 129 x 11 recessive bits that ISO 11898-1 asks for; and from restricted
-    /// operation (CCCR.ASM), in which the hardware sends nothing.
+    /// Takes part: after configuration; after bus-off, when the hardware waits for 129 x 11
+    /// recessive bits; and from restricted operation (CCCR.ASM), which sends nothing.
     pub(super) fn go_on_bus(self) {
         self.registers.cccr().modify(|w| {
             w.set_init(false);
@@ -177,13 +170,11 @@ impl Controller {
         let at = self.share + first + usize::from(index) % size * ELEMENT;
         // One check for all four words.
         let element = pac::FDCANRAM.ram(at).as_ptr();
-        // SAFETY: whole elements lie behind `at`, inside this controller's share of the message
-        // RAM, which is always readable once the controllers' clock runs.
+        // SAFETY: whole elements behind `at`, in this controller's share of the message RAM.
         let read = |word| unsafe { element.add(word).read_volatile() };
         [read(0), read(1), read(2), read(3)]
     }
 
-    /// The number of frames in a FIFO, and the place of the oldest.
     #[inline]
     pub(super) fn held(self, fifo: Fifo) -> (u8, u8) {
         let status = self.registers.rxfs(fifo as usize).read();
@@ -224,16 +215,14 @@ impl Controller {
         self.registers.txbar().write_value(regs::Txbar(buffers));
     }
 
-    /// Takes buffers back; one that is on the wire right now is not repeated if it fails. Says
-    /// which were not being cancelled yet.
+    /// Takes buffers back (one on the wire is not repeated); which were not being cancelled.
     pub(super) fn cancel(self, buffers: u32) -> u32 {
         let cancelled = buffers & !self.registers.txbcr().read().0;
         self.registers.txbcr().write_value(regs::Txbcr(buffers));
         cancelled
     }
 
-    /// Whether frames were lost on the way in since the last call: because FIFO 0 was full, and
-    /// because the message RAM was too slow.
+    /// Frames lost on the way in since the last call: FIFO 0 full, or message RAM too slow.
     pub(super) fn losses(self) -> [bool; 2] {
         let raised = self.registers.ir().read();
         let losses = [raised.rfl(Fifo::Wanted as usize), raised.mraf()];
@@ -281,8 +270,7 @@ impl Controller {
         self.shared.coast.store(mask, Ordering::Release);
     }
 
-    /// The port is being asked. If the coast image was sent because it had not been asked, the rest
-    /// of that image is taken back: it must not follow newer commands. Says how often that was.
+    /// The port is being asked: the rest of a coast image is taken back. Says how often that was.
     #[inline]
     pub(super) fn attend(self) -> u32 {
         if self.shared.attendance.swap(POLLED, Ordering::AcqRel) == STALLED {
@@ -291,14 +279,12 @@ impl Controller {
         self.stalls()
     }
 
-    /// Number of times that the port was not asked in time.
     #[inline]
     pub(super) fn stalls(self) -> u32 {
         self.shared.stalls.load(Ordering::Acquire)
     }
 
-    /// For the supervisor, which interrupts the port but never the other way round: if the port
-    /// was not asked since the last call, nothing but the coast image goes out.
+    /// For the supervisor, above the port: if it was not asked, only the coast image goes out.
     pub(crate) fn supervise(self) {
         let Shared { attendance, stalls, .. } = self.shared;
         match attendance.load(Ordering::Acquire) {
@@ -337,9 +323,8 @@ impl Controller {
         self.replace_by_coast_image();
     }
 
-    /// For the crash handler: whether every coast frame was sent and acknowledged, or there are
-    /// none. One that neither waits nor was sent is requested again: it was being cancelled when it was
-    /// requested, and then a request is not taken.
+    /// For the crash handler: whether every coast frame was sent and acknowledged. One that neither
+    /// waits nor was sent is requested again: a request while cancelling is not taken.
     pub(crate) fn coast_image_sent(self) -> bool {
         let coast = self.coast();
         if coast == 0 {
@@ -356,8 +341,7 @@ impl Controller {
     }
 }
 
-/// Takes the clock calibration unit out of the clock's way, before the first controller starts. It
-/// belongs to FDCAN1 and stands before all three.
+/// Bypasses the clock calibration unit, FDCAN1's, before the first controller starts.
 ///
 /// By the manual's text it gives no valid clock after a reset, and holds the controllers in
 /// restricted operation until it is calibrated or bypassed. (Whether silicon does is doubtful: ST's

@@ -1,5 +1,4 @@
-//! The acceptance filters as they lie in the message RAM. Knows no register, so that it can be
-//! tested on a PC.
+//! The acceptance filters in the message RAM. Without registers, to be tested on a PC.
 
 use rc10_can::{IdPattern, m_can};
 

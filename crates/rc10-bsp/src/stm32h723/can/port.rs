@@ -25,20 +25,17 @@ impl BusPeripheral for FDCAN3 {
     const CONTROLLER: Controller = ALL[2];
 }
 
-/// A [`CanPort`] on one FDCAN of the chip. There is no interrupt behind it: frames wait in the
-/// controller until [`receive`](CanPort::receive) takes them, so take them all, every millisecond.
+/// A [`CanPort`] on an FDCAN, without interrupt: take all frames by [`receive`](CanPort::receive).
 ///
 /// Frames that the filters let in ([`accept`](CanPort::accept); all frames at first) come first,
 /// oldest first. When there is no more of that, one frame that they did not let in follows, the
 /// newest, and only then `None`: so strangers can be seen, and cost nothing. The others of them are
 /// counted ([`Health::ignored`]); if more than 32 came since the last time, that count is too low.
 ///
-/// [`Health::receive_lost`] counts an overrun of the hardware FIFO and of its access to the message
-/// RAM as one frame each, because the hardware does not say how many it cost.
+/// [`Health::receive_lost`] counts an overrun of FIFO or message RAM as one: their size is unknown.
 ///
-/// After bus-off the port takes back what is unsent and refuses new frames, until
-/// [`recover`](CanPort::recover). It also refuses what was computed before a
-/// [supervisor](crate::supervisor) made the bus safe.
+/// After bus-off unsent frames are taken back and new ones refused, until
+/// [`recover`](CanPort::recover); so are those from before a [supervisor](crate::supervisor)'s act.
 pub struct FdcanPort {
     controller: Controller,
     /// Frames of FIFO 0 that are known to be there, and where the oldest of them is.
@@ -81,9 +78,8 @@ impl FdcanPort {
         }
     }
 
-    /// Stores the frames that make every motor of this bus safe. They wait in the controller's own
-    /// memory; a crash and the supervisor send them by a few register writes
-    /// ([`crash`](crate::crash), [`supervisor`](crate::supervisor)).
+    /// Stores the frames that make this bus's motors safe, in the controller's memory, for
+    /// [`crash`](crate::crash) and [`supervisor`](crate::supervisor).
     ///
     /// # Errors
     /// [`CoastImageFull`] if there are more than [`COAST_FRAMES`]; then none is stored.
@@ -115,8 +111,7 @@ impl FdcanPort {
             // Since the start only the hardware sets it: bus-off.
             self.leave_bus();
         } else if control.asm() {
-            // The message RAM was too slow for a frame, and that is over; or the clock calibration
-            // unit is at work, and then this happens again in every tick.
+            // The message RAM was too slow once; or the calibration unit is at work, in every tick.
             self.restrictions = self.restrictions.saturating_add(1);
             self.controller.go_on_bus();
         }
@@ -128,8 +123,7 @@ impl FdcanPort {
         foreign
     }
 
-    /// The newest frame that the filters did not let in; the others go. The newest, because the
-    /// hardware overwrites the oldest, perhaps right now.
+    /// The newest frame not let in: the hardware overwrites the oldest, perhaps right now.
     fn take_foreign(&mut self) -> Option<(CanFrame, Micros)> {
         let (held, oldest) = self.controller.held(Fifo::Foreign);
         let older = held.checked_sub(1)?;
@@ -192,8 +186,7 @@ impl CanPort for FdcanPort {
         let pending = self.controller.pending();
         let older = self.of_stream(stream, pending & COMMAND_MASK);
         let replaced = older != 0 && self.controller.cancel(older) != 0;
-        // A cancelled buffer is free only once the controller has let go of it, which takes a
-        // frame's time if it is on the wire: take another one.
+        // A cancelled buffer on the wire is busy for a frame's time: take another one.
         let buffer = (!pending & COMMAND_MASK).trailing_zeros() as usize;
         let Some(held) = self.streams.get_mut(buffer) else {
             return Submitted::Refused;
@@ -253,16 +246,9 @@ impl fmt::Debug for FdcanPort {
 }
 
 /// A coast image of more frames than fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a bus keeps at most {COAST_FRAMES} coast frames, not {frames}")]
 pub struct CoastImageFull {
     /// Number of frames in the image.
     pub frames: usize,
 }
-
-impl fmt::Display for CoastImageFull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a bus keeps at most {COAST_FRAMES} coast frames, not {}", self.frames)
-    }
-}
-
-impl core::error::Error for CoastImageFull {}

@@ -1,5 +1,4 @@
-//! A crystal's numbers: PLL1's settings for it, and whether a measured one is another. Knows no register, so
-//! that it can be tested on a PC.
+//! A crystal's PLL1 settings, and whether another is measured. Without registers, for tests.
 
 /// The core's clock, which PLL1 makes: hertz.
 const CORE: u32 = 480_000_000;
@@ -17,12 +16,10 @@ pub struct Crystal {
 // STM32H723 data sheet, HSE oscillator characteristics.
 const LOWEST: u32 = 4_000_000;
 const HIGHEST: u32 = 50_000_000;
-/// PLL1's input, hertz: the range that also has HSI / 10, so that the PLL can go on from that without another
-/// setting (RM0468, `RCC_PLLCFGR`, PLL1RGE).
+/// PLL1's input, hertz: also HSI / 10's range, to go on from that (RM0468, PLL1RGE).
 const INPUT: core::ops::Range<u32> = 4_000_000..8_000_000;
 
-/// A crystal that differs by more, in thousandths, is another one. HSI, which measures it, is itself within 15
-/// (data sheet, -20 to 105 °C), so the right one is never refused; crystals of 24 and 25 MHz are 40 apart.
+/// Thousandths by which another crystal differs: HSI is within 15, 24 and 25 MHz are 40 apart.
 const APART: u32 = 25;
 
 impl Crystal {
@@ -46,7 +43,7 @@ impl Crystal {
         panic!("PLL1 cannot make 480 MHz of this crystal");
     }
 
-    /// Its frequency in hertz.
+    /// The frequency in hertz.
     #[must_use]
     pub const fn hz(self) -> u32 {
         self.hz
@@ -64,16 +61,14 @@ impl Crystal {
         measured.abs_diff(self.hz) > self.hz / 1000 * APART
     }
 
-    /// PLL1's multiplier of HSI / 10, in 8192ths, that makes 480 MHz of a HSI by which this crystal measures `measured`:
-    /// one that is fast sees a slow crystal.
+    /// PLL1's multiplier of HSI / 10, in 8192ths, for 480 MHz, if HSI measures this of the crystal.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "within 2.5 % of the exact one")]
     pub const fn hsi_multiplier(self, measured: u32) -> u32 {
         (HSI_MULTIPLIER as u64 * measured as u64 / self.hz as u64) as u32
     }
 
-    /// The bit rate of a bus whose bits are counted in this crystal's clock, where 1 Mbit/s was meant, and another
-    /// crystal is in its place: bits a second.
+    /// Bits a second of a bus of 1 Mbit/s with a crystal of this frequency in its place.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "at most 12.75 million")]
     pub const fn bit_rate_with(self, measured: u32) -> u32 {
@@ -100,14 +95,12 @@ pub(super) const fn parts(multiplier: u32) -> [u16; 2] {
     [(multiplier / FRACTION) as u16, (multiplier % FRACTION) as u16]
 }
 
-/// By which `RCC_CFGR.RTCPRE` divides any crystal for the measurement: the most, which makes less than 1 MHz of 50, as
-/// the manual wants.
+/// `RCC_CFGR.RTCPRE` for the measurement: the most, for less than 1 MHz of 50.
 pub(super) const DIVIDER: u8 = 63;
 /// The timer captures each eighth period of that.
 const EIGHTH: u64 = 8;
 
-/// The frequency of a crystal of which this many captures took this many ticks of HSI; `None` if no crystal has it: then
-/// the measurement failed.
+/// The frequency by captures and ticks of HSI; `None` if impossible: a failed measurement.
 #[expect(clippy::cast_possible_truncation, reason = "at most 51 MHz")]
 pub(super) const fn frequency(captures: u32, ticks: u32) -> Option<u32> {
     if ticks == 0 {

@@ -1,7 +1,4 @@
-//! Settings of a serial port: how bytes look on the wire. Knows no register, so that it can be
-//! tested on a PC.
-
-use core::fmt;
+//! Settings of a serial port. Without registers, to be tested on a PC.
 
 /// Parity of a byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,9 +25,8 @@ pub enum StopBits {
 /// Settings of a serial port: always eight data bits, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialConfig {
-    /// Bits a second: 1832 ..= 7 500 000 from a kernel clock of 120 MHz, and within 1 % of that
-    /// clock divided by a whole number. 4 000 000, 1 000 000, 100 000 and 9 600 are exact; 115 200
-    /// is 0.03 % off, 420 000 is 0.1 %.
+    /// Bits a second: 1832 ..= 7 500 000 of 120 MHz, within 1 % of its whole fractions: 4 000 000,
+    /// 1 000 000, 100 000, 9 600 are exact, 115 200 is 0.03 %, 420 000 0.1 % off.
     pub baud: u32,
     /// The parity bit, which comes after the data bits.
     pub parity: Parity,
@@ -77,23 +73,12 @@ impl SerialConfig {
 }
 
 /// A baud rate that the UART cannot make.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("baud: {baud} is not within 1 % of {clock} Hz divided by a whole number, 16 ..= 65535")]
 pub struct BaudError {
     /// The baud rate that was asked for.
     pub baud: u32,
     /// The UART's kernel clock, Hz.
     pub clock: u32,
 }
-
-impl fmt::Display for BaudError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { baud, clock } = self;
-        write!(
-            f,
-            "baud: {baud} is not within 1 % of {clock} Hz divided by a whole number, 16 ..= 65535"
-        )
-    }
-}
-
-impl core::error::Error for BaudError {}

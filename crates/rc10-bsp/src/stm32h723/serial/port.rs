@@ -75,9 +75,8 @@ impl<T: SerialPeripheral, D: DmaStream + RxDma<T>, E: DmaStream + TxDma<T>> Seri
         }
     }
 
-    /// An RS-485 transceiver's driver is enabled by this pin, high while the UART sends: by the
-    /// peripheral itself, to a part of a bit. Until the port is started, and if it never is, the pin
-    /// is pulled down: the transceiver listens, and leaves the line to others.
+    /// An RS-485 driver's enable pin, high while the UART sends, by the peripheral itself. Until
+    /// the port is started it is pulled down: the transceiver listens.
     #[must_use]
     pub fn with_driver_enable<P: DePin<T>>(mut self, pin: Peri<'static, P>) -> Self {
         let function = pin.af_num();
@@ -97,13 +96,11 @@ fn connect((mut pin, function): Pin, kind: AfType) {
 
 /// The receiving half of a UART: an [`embedded_io_async::Read`].
 ///
-/// `read` returns what has come in when the line pauses for a byte's length, or the ring is half
-/// full; a dropped one has read nothing. Each error is told once, between the bytes before and
-/// after it, and costs the byte that it is about, no other: the DMA never stops for it. (Of several
-/// that came between two reads the first is told, and what lies between them is dropped; so is what
-/// came with an error before the one before was told.) After an error a UART does not interrupt before
-/// it was told: a reader that pauses then bounds what a line full of them costs. What is lost when it does
-/// not read in time is counted, and told as [`SerialError::TooSlow`].
+/// `read` returns bytes when the line pauses for a byte, or at half the ring; a dropped one has
+/// read nothing. Each error is told once, in its place, and costs its byte only: the DMA never
+/// stops. (Of several between two reads the first is told, and what lies between is dropped.) An
+/// untold error stops the interrupts: a reader that pauses then bounds their cost. What is lost by
+/// slow reading is [`SerialError::TooSlow`].
 pub struct SerialReceiver {
     uart: Uart,
     stream: Stream,
@@ -113,10 +110,8 @@ pub struct SerialReceiver {
 
 /// The sending half of a UART: an [`embedded_io_async::Write`].
 ///
-/// `write` returns when it has taken the bytes, as many as its buffer holds, which is when those
-/// before have left the buffer. `flush` returns when the last stop bit has. A dropped `write` has
-/// taken nothing, or everything that it would have said: what is being sent is the driver's own
-/// copy.
+/// `write` returns when its buffer took the bytes, after those before have left; `flush` when the
+/// last stop bit has. A dropped `write` has taken nothing, or all that it would have said.
 pub struct SerialTransmitter {
     uart: Uart,
     stream: Stream,
@@ -131,15 +126,10 @@ pub struct Serial {
 }
 
 impl SerialReceiver {
-    /// Starts a UART that only receives. The ring that the DMA fills has a power of two of bytes.
-    /// It is to hold what comes in between two reads, twice over: interrupts that come later than
-    /// half of it lasts lose it.
+    /// Starts a UART that only receives. The ring, a power of two, is to hold what comes between
+    /// two reads, twice over: interrupts later than half of it lose bytes.
     ///
-    /// The interrupts of the UART and of the stream are bound to its [`Interrupt`]; `priority` is
-    /// theirs.
-    ///
-    /// # Errors
-    /// [`BaudError`].
+    /// UART and stream interrupts are bound to its [`Interrupt`], of this `priority`.
     pub fn start<T: SerialPeripheral, D: DmaStream, const N: usize>(
         parts: ReceiverParts<T, D>,
         _interrupts: impl Binding<T::Interrupt, Interrupt<T>> + Binding<D::Interrupt, Interrupt<T>>,
@@ -197,13 +187,11 @@ impl SerialReceiver {
     }
 
     /// Counters of lost or damaged bytes so far, in both directions.
-    #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.uart.shared.line.lock(|line| line.borrow().ring.counters)
     }
 
-    /// Reads the bytes that are there now. The bytes are copied while interrupts may come, and
-    /// copied again from elsewhere if the DMA overtook that.
+    /// Reads the bytes that are there, copied again if the DMA overtook that.
     fn try_read(&mut self, buffer: &mut [u8]) -> Option<Result<usize, SerialError>> {
         let room = u32::try_from(buffer.len()).unwrap_or(u32::MAX);
         let shared = self.uart.shared;
@@ -276,11 +264,7 @@ impl SerialTransmitter {
 }
 
 impl Serial {
-    /// Starts a UART. `ring`, `interrupts` and `priority` are as in [`SerialReceiver::start`];
-    /// `buffer` holds what is sent at once.
-    ///
-    /// # Errors
-    /// [`BaudError`].
+    /// Starts a UART like [`SerialReceiver::start`]; `buffer` holds what is sent at once.
     pub fn start<T, D, E, const N: usize, const M: usize>(
         parts: SerialParts<T, D, E>,
         _interrupts: impl Binding<T::Interrupt, Interrupt<T>>
@@ -301,8 +285,7 @@ impl Serial {
             SerialReceiver::start_with(parts.receiver, config, direction, ring, priority)?;
         T::UART.shared.line.lock(|line| line.borrow_mut().transmit = Some(E::STREAM));
         enable::<E::Interrupt>(priority);
-        // Only now: a transmit pin without a UART behind it could hold the line in break, and a
-        // driver-enable pin a transceiver on the line.
+        // Only now: without a UART behind them the pins could hold line or transceiver.
         let push_pull = AfType::output(OutputType::PushPull, Speed::High);
         connect(parts.pin, push_pull);
         if let Some(pin) = parts.driver_enable.map(ManuallyDrop::into_inner) {
@@ -324,7 +307,6 @@ impl Serial {
     }
 
     /// Counters of lost or damaged bytes so far, in both directions.
-    #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.receiver.counters()
     }

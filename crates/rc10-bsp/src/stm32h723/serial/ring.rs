@@ -1,49 +1,37 @@
-//! Accounts of a ring buffer that a circular DMA fills: the bytes received, and those of them that
-//! were read. Knows no register, so that it can be tested on a PC.
-
-use core::fmt;
+//! Accounts of a ring that a circular DMA fills: received and read. Without registers, for tests.
 
 /// Something was wrong with what came in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SerialError {
     /// The UART had no place for a byte: the DMA was too slow, or had stopped.
+    #[error("the UART received a byte before the last one was fetched")]
     Overrun,
     /// No stop bit where one belongs: another baud rate, or a disturbance.
+    #[error("a byte without stop bit")]
     Framing,
     /// A byte's parity was wrong.
+    #[error("a byte of wrong parity")]
     Parity,
     /// The samples of a bit did not agree.
+    #[error("a noisy bit")]
     Noise,
     /// The line was held at the level of a start bit for longer than a byte.
+    #[error("the line was held in break")]
     Break,
-    /// The reader was too slow, or interrupts were masked for too long: unread bytes were
-    /// overwritten, and what was left of them is dropped.
+    /// The reader or interrupts were too slow: unread bytes were overwritten, the rest is dropped.
+    #[error("bytes were overwritten before they were read")]
     TooSlow,
     /// The DMA could not transfer. It is restarted.
+    #[error("a DMA transfer failed")]
     Dma,
 }
-
-impl fmt::Display for SerialError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Overrun => "the UART received a byte before the last one was fetched",
-            Self::Framing => "a byte without stop bit",
-            Self::Parity => "a byte of wrong parity",
-            Self::Noise => "a noisy bit",
-            Self::Break => "the line was held in break",
-            Self::TooSlow => "bytes were overwritten before they were read",
-            Self::Dma => "a DMA transfer failed",
-        })
-    }
-}
-
-impl core::error::Error for SerialError {}
 
 /// Counters of the errors of a serial port, by kind. Each starts over after 2³².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
+#[must_use]
 pub struct SerialCounters {
     /// [`SerialError::Overrun`].
     pub overruns: u32,
@@ -93,8 +81,7 @@ pub enum Next {
     Nothing,
     /// Once.
     Error(SerialError),
-    /// Some bytes from this position on. They may have to be fetched in two pieces: the place
-    /// of a position is its remainder by the ring's length.
+    /// Some bytes from this position on, modulo the ring's length: maybe in two pieces.
     Bytes { from: u32, count: u32 },
 }
 
@@ -107,8 +94,7 @@ pub struct Ring {
     /// Up to here no byte was wrong: the reader gets none behind it.
     checked: u32,
     read: u32,
-    /// The place where the reader gets an error, and the bytes that it does not get; there may be
-    /// none.
+    /// The place of an error for the reader, and the bytes that it does not get, if any.
     hole: Option<Hole>,
     pub counters: SerialCounters,
 }
@@ -155,15 +141,13 @@ impl Ring {
         self.hole = Some(Hole { from: self.read, to: self.read, why });
     }
 
-    /// The DMA has `remaining` bytes to go in this round, and has passed the half or the end of a
-    /// round since the last look. (Flags first, then `remaining`: a mark that is passed between
-    /// the two shows at the next look.)
+    /// The DMA has `remaining` bytes to go, and passed the half or the end since the last look.
+    /// (Flags first: a mark passed in between shows at the next look.)
     pub fn look(&mut self, remaining: u32, half: bool, end: bool) {
         let place = self.length.wrapping_sub(remaining) & (self.length - 1);
         let moved = place.wrapping_sub(self.received) & (self.length - 1);
         self.received = self.received.wrapping_add(moved);
-        // A whole round passes both marks. So does a bit more than half of one, but then interrupts
-        // come so late that the two cannot be told apart.
+        // A whole round passes both marks. So may a bit more than half, by interrupts as late.
         if (half && end) || self.unread() > self.length {
             count(&mut self.counters.too_slow);
             self.drop_unread(SerialError::TooSlow);
@@ -175,9 +159,8 @@ impl Ring {
         self.checked = self.received;
     }
 
-    /// The UART says that since the last check a byte was wrong, or lost; it did not come here.
-    /// `wrong` is what there was of it, if that is known. Nothing tells where among the bytes since
-    /// then it belongs: they go.
+    /// A byte since the last check was wrong, or lost; `wrong` is what there was of it. Nothing
+    /// tells where it belongs: all since then go.
     pub fn fail(&mut self, flags: LineFlags, wrong: Option<u8>) {
         let counters = &mut self.counters;
         let mut why = None;
@@ -205,8 +188,7 @@ impl Ring {
         let Some(why) = why else { return };
         let from = self.hole.map_or(self.checked, |hole| hole.from);
         let why = self.hole.map_or(why, |hole| hole.why);
-        // Between two errors there may be good bytes. A reader that is so far behind does without:
-        // nothing would tell it that they do not belong together.
+        // Good bytes between two errors go: a slow reader could not tell them apart.
         self.hole = Some(Hole { from, to: self.received, why });
         self.checked = self.received;
     }
@@ -244,8 +226,7 @@ impl Ring {
         }
     }
 
-    /// The reader has fetched `count` bytes from `from` on, and has looked since: whether they are
-    /// what was received. If not, they do not count as read.
+    /// Whether the `count` bytes fetched from `from` are what was received; else they stay unread.
     pub fn take(&mut self, from: u32, count: u32) -> bool {
         if self.read != from {
             return false;

@@ -59,8 +59,7 @@ pub(super) struct Line {
     /// The stream that fills the ring.
     pub receive: Option<Stream>,
     pub transmit: Option<Stream>,
-    /// The reader knows that something was wrong, and the UART is not to say more before it has come:
-    /// what a line full of errors costs is up to the reader.
+    /// The UART is quiet until the reader comes: what a line full of errors costs is up to it.
     is_quiet: bool,
     /// A transfer out of memory has failed, and that was not reported yet.
     pub is_transmit_broken: bool,
@@ -133,8 +132,7 @@ impl Uart {
                 Parity::Odd => vals::Ps::ODD,
             });
             if direction.drives_enable {
-                // In sixteenths of a bit: the driver gets a bit's time to wake up before the start
-                // bit, and half of one behind the stop bit.
+                // In sixteenths of a bit: one bit to wake up before, and half of one behind.
                 w.set_deat(16);
                 w.set_dedt(8);
             }
@@ -150,8 +148,7 @@ impl Uart {
         Ok(())
     }
 
-    /// Address of the register that a DMA reads received bytes from. Read as a byte, so without the
-    /// parity bit.
+    /// Address of received bytes for a DMA: read as a byte, without the parity bit.
     pub(super) fn receive_register(self) -> u32 {
         self.registers.rdr().as_ptr() as u32
     }
@@ -170,14 +167,12 @@ impl Uart {
         self.registers.icr().write(|w| w.set_tc(true));
     }
 
-    /// Interrupts once when the last bit has left. The interrupt changes the same register, so only
-    /// with interrupts masked.
+    /// Interrupts once the last bit has left; only with interrupts masked: a shared register.
     pub(super) fn tell_when_sent(self) {
         self.registers.cr1().modify(|w| w.set_tcie(true));
     }
 
-    /// Takes the flags of the UART about the bytes until now; returns whether any was set. `line`
-    /// has been looked at before.
+    /// Takes the UART's flags until now, after a look of `line`; whether any was set.
     fn hear(self, line: &mut Line) -> bool {
         let flags = self.registers.isr().read();
         let mut clear = regs::Icr(0);
@@ -197,9 +192,8 @@ impl Uart {
                 parity: flags.pe(),
                 noise: flags.ne(),
             };
-            // With DDRE at 0 a byte with an error is not requested from the DMA, and lies
-            // here until the next one (RM0468, USART_CR3). RXNE says that the next one is
-            // there already: reading would take it from the DMA.
+            // With DDRE at 0 a byte with an error is not the DMA's, and lies here until the next
+            // one (RM0468, USART_CR3); RXNE says that the next one is there: it is the DMA's.
             let is_there = flags.fe() && !flags.rxne();
             let wrong = is_there.then(|| self.registers.rdr().read().0.to_le_bytes()[0]);
             line.ring.fail(errors, wrong);
@@ -218,8 +212,7 @@ impl Uart {
         self.registers.cr3().modify(|w| w.set_eie(!is_quiet));
     }
 
-    /// The reader has read all that was checked: what came since then is, and the next pause or error
-    /// interrupts again. Whether there may be more to read.
+    /// What came since the check is checked, and interrupts go on. Whether there is more to read.
     pub(super) fn go_on(self, line: &mut Line) -> bool {
         if !line.is_quiet {
             return false;
@@ -240,8 +233,7 @@ impl Uart {
             if let Some(stream) = line.receive {
                 let events = stream.take_events();
                 is_reader_due = events.half || events.complete || events.error;
-                // A stream that failed has stopped; the next read starts it again, so that one that
-                // fails for ever does not keep the processor busy.
+                // A failed stream stops until the next read: it does not keep the processor busy.
                 if !events.error {
                     line.ring.look(stream.remaining().into(), events.half, events.complete);
                 }
@@ -276,7 +268,7 @@ impl Uart {
 #[derive(Clone, Copy, Default)]
 pub(super) struct Direction {
     pub transmits: bool,
-    /// Its driver-enable pin is high while it sends.
+    /// Whether its driver-enable pin is high while it sends.
     pub drives_enable: bool,
 }
 

@@ -11,7 +11,7 @@ pub const RESET: u8 = 0xB6;
 
 /// Accelerometer `ACC_ERR_REG` (5.3.2).
 pub const ERRORS: u8 = 0x02;
-/// Of [`ERRORS`], those that mean something: `error_code` and `fatal_err`.
+/// The bits of [`ERRORS`] that mean something: `error_code` and `fatal_err`.
 pub const ERROR_BITS: u8 = 0b0001_1101;
 /// Accelerometer, six bytes of data (5.3.4).
 pub const ACCELERATION: u8 = 0x12;
@@ -83,8 +83,7 @@ pub enum AccelerationRate {
     Hz1600 = 0xC,
 }
 
-/// Smoothing by the accelerometer. What comes through depends on the rate too: at 1600 Hz 280, 234
-/// and 145 Hz (4.4.1).
+/// Smoothing by the accelerometer; at 1600 Hz 280, 234 and 145 Hz come through (4.4.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AccelerationFilter {
@@ -195,8 +194,7 @@ impl Setting {
 }
 
 impl Config {
-    /// The accelerometer's settings in the order in which they are written (4.1.1: awake, then on),
-    /// in pairs of neighbours.
+    /// The accelerometer's settings as they are written (4.1.1: awake, then on), in pairs.
     pub(super) const fn accelerometer(&self) -> [[Setting; 2]; 2] {
         const fn setting(register: u8, value: u8, mask: u8) -> Setting {
             Setting { part: Part::Accelerometer, register, value, mask }
@@ -211,7 +209,6 @@ impl Config {
         ]
     }
 
-    /// The gyroscope's settings.
     pub(super) const fn gyroscope(&self) -> [Setting; 3] {
         const fn setting(register: u8, value: u8, mask: u8) -> Setting {
             Setting { part: Part::Gyroscope, register, value, mask }

@@ -11,7 +11,7 @@ use crate::{Reception, listen};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Speed {
-    /// As it thinks fit.
+    /// The module's own choice.
     #[default]
     Auto = 0,
     /// Seldom and exactly.
@@ -21,8 +21,7 @@ pub enum Speed {
 }
 
 impl Speed {
-    /// Silence after which a module does not measure: `laser_ldj100` waits 5 s for an
-    /// answer; fast measurements come ten times a second and more.
+    /// Silence without measuring: 5 s in `laser_ldj100`; fast ones come ten times a second.
     const fn patience(self) -> Duration {
         match self {
             Self::Auto | Self::Slow => Duration::from_secs(5),
@@ -34,10 +33,9 @@ impl Speed {
 /// Between two commands, so that the module has done the first. No source names a time.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Keeps a module measuring for ever and hands each answer and its time to `hear`: stops it, should
-/// it still measure since before our restart, switches its laser on and lets it measure
-/// continuously. All this again when no answer has come for 1 s ([`Speed::Fast`]) or 5 s: then it
-/// had no power, or a command was lost. Errors are answers.
+/// Keeps a module measuring for ever and hands each answer and its time to `hear`: stops it,
+/// switches its laser on and lets it measure continuously, again after 1 s ([`Speed::Fast`]) or 5 s
+/// without an answer. Errors are answers.
 ///
 /// `port` is as for [`listen`], and a `read` of it that is dropped must lose no byte.
 pub async fn run(

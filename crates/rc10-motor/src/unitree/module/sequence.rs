@@ -1,8 +1,7 @@
 use crate::unitree::wire::module::Request;
 use crate::unitree::wire::{RawImpedance, RawMotion, Status};
 
-/// The enabling sequence of a motor: one frame a tick, each step taken on a reply, repeated until
-/// that comes.
+/// The enabling of a motor: a frame a tick, each step on a reply, repeated until that comes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sequence {
     step: Step,
@@ -20,18 +19,16 @@ enum Step {
     Setting { tick: u8, status: Status },
     /// The module has them; the motor does not follow yet.
     Enabling,
-    /// It follows.
+    /// The motor follows.
     Following { tick: u8 },
 }
 
-// The ticks of `Setting`. The module replies neither to `SET` nor, if it is slow, before the next
-// tick; in the others the motor is polled, so that its link stays alive.
+// Ticks of `Setting`. The module does not answer `SET`; polls of the motor keep the link alive.
 const REST: u8 = 0;
 const SET: u8 = 1;
 const READ: u8 = 2;
 const LAST: u8 = 5;
-/// Ticks between two reads of the gains while the motor makes an impedance itself: the module may
-/// have restarted faster than its silence is noticed.
+/// Ticks between two reads of the gains: the module may restart faster than its silence shows.
 const CHECK_EVERY: u8 = 50;
 
 impl Sequence {
@@ -39,7 +36,6 @@ impl Sequence {
         Self { step: Step::Polling { answered: false }, given: RawImpedance::NONE, asked: false }
     }
 
-    /// Starts over.
     pub(super) const fn stop(&mut self) {
         self.step = Step::Polling { answered: false };
     }
@@ -133,7 +129,7 @@ mod tests {
     const SPRING: RawImpedance = RawImpedance { stiffness: 300, damping: 20 };
     const TURNING: RawMotion = RawMotion { torque: 1, speed: 2, angle: 3 };
 
-    /// What the next tick sends.
+    /// The question that the next tick sends.
     fn next(sequence: &mut Sequence, wanted: RawImpedance) -> Request {
         sequence.advance(wanted);
         sequence.request(TURNING)
@@ -200,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_restarted_is_set_up_anew() {
+    fn a_side_that_restarted_is_set_up_anew() {
         let mut sequence = following(NONE);
         sequence.on_state(Status::LOCK);
         assert!(!sequence.is_following());

@@ -1,5 +1,4 @@
-//! RS-485: the 17 bytes of a command, the 16 of its reply, and finding replies in a stream.
-//! Little endian.
+//! RS-485: commands of 17 bytes, replies of 16, found in a stream. Little endian.
 //!
 //! | command | | reply | |
 //! |---|---|---|---|
@@ -11,8 +10,6 @@
 //! | 11 ..= 12 | `k_pos` u16 | 11 | temperature i8, °C |
 //! | 13 ..= 14 | `k_spd` u16 | 12 ..= 13 | error in bits 2 to 0, foot force in 14 to 3 |
 //! | 15 ..= 16 | CRC | 14 ..= 15 | CRC |
-
-use core::fmt;
 
 use rc10_app::Celsius;
 
@@ -27,11 +24,9 @@ pub const REPLY_LEN: usize = 16;
 const COMMAND_HEAD: [u8; 2] = [0xFE, 0xEE];
 const REPLY_HEAD: [u8; 2] = [0xFD, 0xEE];
 
-/// CRC-16/KERMIT: polynomial 0x1021 reflected, from zero, nothing inverted; 0x2189 for
-/// "123456789".
+/// CRC-16/KERMIT: 0x1021 reflected, from zero, not inverted; 0x2189 for "123456789".
 ///
-/// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
-/// so that its low half also runs into its high half, and the result comes out at three places.
+/// Without a table: the taps of x¹⁶ + x¹² + x⁵ + 1 move a byte to three places.
 pub fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc: u16, byte| {
         let mixed = (crc ^ u16::from(*byte)) & 0xFF;
@@ -96,11 +91,11 @@ pub fn destination(command: &[u8; COMMAND_LEN]) -> Option<Address> {
 pub struct Reply {
     /// The motor.
     pub address: Address,
-    /// Its status.
+    /// The status of the motor.
     pub status: Status,
     /// The motion it has, of the rotor.
     pub motion: RawMotion,
-    /// Of the motor, in whole degrees.
+    /// The motor's temperature, in whole degrees.
     pub temperature: Celsius,
     /// The vendor's `MError`, 0 ..= 7; see [`fault`](Self::fault).
     pub error: u8,
@@ -145,15 +140,18 @@ impl Reply {
 }
 
 /// Why bytes are no reply of a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ReplyError {
     /// Not sixteen bytes.
+    #[error("a reply has sixteen bytes")]
     Length,
     /// Another head than `FD EE`.
+    #[error("a reply begins with FD EE")]
     Head,
     /// The CRC does not match.
+    #[error("CRC {received:04X} received, {computed:04X} computed")]
     Crc {
         /// The one that was received.
         received: u16,
@@ -162,25 +160,9 @@ pub enum ReplyError {
     },
 }
 
-impl fmt::Display for ReplyError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Length => f.write_str("a reply has sixteen bytes"),
-            Self::Head => f.write_str("a reply begins with FD EE"),
-            Self::Crc { received, computed } => {
-                write!(f, "CRC {received:04X} received, {computed:04X} computed")
-            }
-        }
-    }
-}
-
-impl core::error::Error for ReplyError {}
-
-/// Finds replies in a stream of bytes: garbage is skipped, a reply whose CRC is wrong never
-/// comes out, and one that begins within what looked like another is not lost.
+/// Finds replies in a stream: none with a wrong CRC, and none lost within garbage.
 ///
-/// Each byte costs one comparison, or, where sixteen that look like a reply are together, one
-/// CRC and at most one move of the other fifteen.
+/// A byte costs one comparison, or, at the end of sixteen like a reply, one CRC and one move.
 ///
 /// ```
 /// use rc10_motor::unitree::wire::line::Parser;

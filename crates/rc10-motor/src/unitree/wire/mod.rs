@@ -1,9 +1,6 @@
-//! The bytes of both links, and the numbers in them. Pure functions, no state but the
-//! [`line::Parser`]'s buffer.
+//! The bytes of both links, and their numbers. Pure functions but for [`line::Parser`]'s buffer.
 //!
-//! From physical to wire: clamp, convert to the nearest step, saturate; nothing wraps and nothing
-//! panics. What is not a number becomes zero, and [`Motion::check`] or [`Impedance::check`] says
-//! so.
+//! To wire: clamped, nearest step, no wrapping, no panic. NaN becomes zero: see [`Motion::check`].
 
 pub mod line;
 pub mod module;
@@ -28,7 +25,7 @@ impl Address {
         if id < Self::BROADCAST.0 { Some(Self(id)) } else { None }
     }
 
-    /// Its number, 0 ..= 15.
+    /// The number, 0 ..= 15.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -47,19 +44,17 @@ impl Status {
     pub const LOCK: Self = Self(0);
     /// Field-oriented control: follows the command.
     pub const FOC: Self = Self(1);
-    /// Calibrates its encoder. **The motor turns by itself for about five seconds**; send nothing
-    /// meanwhile.
+    /// Calibrates its encoder. **The motor turns for about five seconds**; send nothing meanwhile.
     pub const CALIBRATE: Self = Self(2);
 
-    /// Its number, 0 ..= 7.
+    /// The number, 0 ..= 7.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
     }
 }
 
-/// Status in bits 6 to 4, address in bits 3 to 0: "mode" on the line, "low2" in the module's
-/// identifiers.
+/// Status in bits 6 to 4, address in bits 3 to 0: "mode" on the line, "low2" at the module.
 const fn mode(address: Address, status: Status) -> u8 {
     status.0 << 4 | address.0
 }

@@ -1,5 +1,4 @@
-//! CAN: frames to and from Unitree's CAN-to-485 module. Extended identifiers, eight bytes, little
-//! endian (module manual V1.0).
+//! CAN frames of Unitree's module: extended, eight bytes, little endian (module manual V1.0).
 //!
 //! | identifier bits | 28–27 | 26 | 25–24 | 23–16 | 15–8 | 7–0 |
 //! |---|---|---|---|---|---|---|
@@ -38,15 +37,15 @@ pub(in crate::unitree) const NO_TEMPERATURE: i8 = -128;
 pub struct Module(u8);
 
 impl Module {
-    /// As sold: both switches on, 3.
+    /// The number as sold, with both switches on: 3.
     pub const FACTORY: Self = Self(3);
 
-    /// As switches 1 and 2 say, 0 ..= 3, else `None`.
+    /// The module that switches 1 and 2 say, 0 ..= 3, else `None`.
     pub const fn new(id: u8) -> Option<Self> {
         if id <= 3 { Some(Self(id)) } else { None }
     }
 
-    /// Its number, 0 ..= 3.
+    /// The number, 0 ..= 3.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -113,7 +112,7 @@ pub struct Reply {
     pub module: Module,
     /// The motor.
     pub address: Address,
-    /// Its content.
+    /// The content.
     pub content: Content,
 }
 
@@ -123,23 +122,22 @@ pub struct Reply {
 pub enum Content {
     /// The motor runs, or could.
     State {
-        /// Its status.
+        /// The status of the motor.
         status: Status,
         /// The motion it has, of the rotor.
         motion: RawMotion,
-        /// Of the motor, in whole degrees, from −127.
+        /// The motor's temperature, in whole degrees, from −127.
         temperature: Celsius,
         /// The upper eight bits of a pressure sensor, in units of its own.
         air_pressure: u8,
     },
     /// The motor has a fault.
     Fault {
-        /// Its status.
+        /// The status of the motor.
         status: Status,
         /// The vendor's `MError`.
         error: u8,
-        /// The whole identifier. Another driver looks for the error in bits 15 to 8, so these
-        /// are shown too.
+        /// The whole identifier: another driver looks for the error in bits 15 to 8.
         raw_id: u32,
     },
     /// The gains that the module has for the motor: the reply to [`Request::ReadImpedance`].
@@ -150,9 +148,8 @@ impl Reply {
     /// Takes a module's frame apart.
     ///
     /// # Errors
-    /// [`FrameError::NotMine`] if it is no frame of a module, or a command to one;
-    /// [`FrameError::Length`] if it has not eight bytes; [`FrameError::Unexpected`] if its content is
-    /// not documented.
+    /// [`FrameError::NotMine`] for a frame of no module, or a command; [`FrameError::Length`]
+    /// unless eight bytes; [`FrameError::Unexpected`] for content that is not documented.
     pub fn unpack(frame: &CanFrame) -> Result<Self, FrameError> {
         let raw_id = frame.raw_id();
         if !frame.is_extended_id() || frame.is_remote() || raw_id & FROM_MODULE == 0 {
@@ -175,8 +172,7 @@ impl Reply {
         Ok(Self { module: Module(top >> 3 & 3), address, content })
     }
 
-    /// The fault that the module reports. The code is the whole identifier,
-    /// because sources differ on where in it the error stands.
+    /// The fault of the module. The code is the whole identifier: sources differ on its place.
     pub fn fault(&self) -> Option<Fault> {
         let Content::Fault { error, raw_id, .. } = self.content else { return None };
         let text = fault(error).map_or("a fault without an error", |fault| fault.text);

@@ -5,15 +5,13 @@ use core::f64::consts::TAU;
 use rc10_app::maths::{Ratio, round_to_i16, round_to_i32, within};
 use rc10_app::{CountsPerTurn, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
 
-/// The gearbox of a GO-M8010-6, 6.33 : 1 (user manual; the SDK's `queryGearRatio`). The 9.1 that
-/// is found in places belongs to another motor, the A1.
+/// The gearbox, 6.33 : 1 (user manual; the SDK's `queryGearRatio`). 9.1 belongs to the A1.
 pub const GEAR: Gear = match Gear::new(633, 100) {
     Some(gear) => gear,
     None => Gear::DIRECT,
 };
 
-// Scales and ranges, all of the rotor: data manual, tables of command and reply; the SDK's
-// binary has the same. The module uses those of the line.
+// Scales and ranges of the rotor (data manual and the SDK's binary), on the line and the module.
 
 /// Steps per N m of τ.
 const TORQUE_STEPS: f64 = 256.0;
@@ -58,10 +56,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Whether all values are numbers.
-    ///
-    /// # Errors
-    /// The name of the first that is not: it is sent as zero.
+    /// The name of the first value that is not a number, as an error: it is sent as zero.
     pub const fn check(&self) -> Result<(), &'static str> {
         match () {
             () if self.torque.get().is_nan() => Err("torque"),
@@ -71,8 +66,7 @@ impl Motion {
     }
 }
 
-/// Stiffness and damping of a motor, at a shaft: its reaction to the difference between the motion
-/// it shall have and the one it has.
+/// Stiffness and damping at a shaft: the reaction to a difference of motions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Impedance {
@@ -83,10 +77,7 @@ pub struct Impedance {
 }
 
 impl Impedance {
-    /// Whether all values are numbers.
-    ///
-    /// # Errors
-    /// The name of the first that is not: it is sent as zero.
+    /// The name of the first value that is not a number, as an error: it is sent as zero.
     pub const fn check(&self) -> Result<(), &'static str> {
         match () {
             () if self.stiffness.is_nan() => Err("stiffness"),
@@ -178,8 +169,7 @@ impl RotorScale {
         self.counts_per_turn
     }
 
-    /// To the wire: clamped to what the protocol can carry, nearest step; zero for what is not a
-    /// number.
+    /// To the wire: clamped, nearest step; zero for what is not a number.
     pub fn raw(&self, motion: &Motion) -> RawMotion {
         RawMotion {
             torque: self.raw_torque(motion.torque),
