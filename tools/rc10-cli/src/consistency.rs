@@ -7,8 +7,8 @@
 
 mod base;
 
+use rc10_emu::fault::{Fault, Kind};
 use rc10_motor::{DriveMode, Link, TargetKind};
-use rc10_sim::fault::{Fault, Kind};
 
 use crate::motor::{Device, Place};
 use crate::problems::{About, Problem, is_excused, is_on, seconds, time_of};

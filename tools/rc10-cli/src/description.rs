@@ -6,8 +6,9 @@ use anyhow::{Result, anyhow};
 use rc10_app::Direction;
 use rc10_can::Micros;
 use rc10_emu::Board;
+use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
-use rc10_sim::{Fault, Serial, World};
+use rc10_sim::{Serial, World};
 
 use crate::mistake::Mistake;
 use crate::motor::{Motor, Place, Plant};

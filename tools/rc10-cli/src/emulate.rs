@@ -16,10 +16,10 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
+use rc10_emu::fault::{Fault, Kind};
 use rc10_emu::{Board, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
-use rc10_sim::fault::{Fault, Kind};
 use rc10_sim::{Esc, Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 

@@ -5,6 +5,7 @@ use std::pin::Pin;
 
 use anyhow::{Context, Result, ensure};
 use rc10_can::Micros;
+use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
@@ -140,10 +141,11 @@ impl Environment {
     ///
     /// # Errors
     /// If one is on a bus or a line that is not there.
-    pub fn faults(&self, description: &Description) -> Result<Faults> {
-        let faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
+    pub fn faults(&self, description: &Description) -> Result<Faults<ChipFault>> {
+        let mut faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
         let (serials, contacts) = self.parts(description);
-        Ok(faults.with_parts(serials, contacts))
+        faults.set_parts(serials, contacts);
+        Ok(faults)
     }
 
     /// The parts on its UARTs by their labels, and its contacts by those of their motors.

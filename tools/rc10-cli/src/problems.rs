@@ -7,10 +7,11 @@
 use std::fmt;
 
 use rc10_can::Micros;
+use rc10_emu::fault::{ChipFault, Fault, Kind as FaultKind};
 use rc10_module::Counters;
 use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{ArmState, Condition, DriveMode, Link, Verdict};
-use rc10_sim::fault::{Fault, Kind as FaultKind, Wire, is_called};
+use rc10_sim::fault::{Wire, is_called};
 use serde_json::{Value, json};
 
 use crate::effort::{EffortTrack, IN_A_ROW, WINDOW};
@@ -166,13 +167,9 @@ fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     let until = fault.until.map(|until| until.micros());
     match fault.kind {
         FaultKind::RemoteLost | FaultKind::Part(..) => None,
-        FaultKind::Panic
-        | FaultKind::HardFault
-        | FaultKind::Hang(_)
-        | FaultKind::Mask
-        | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
         // For good: bit rates are what the chip's own oscillator makes of them.
-        FaultKind::CrystalDead => Some((from, None)),
+        FaultKind::Other(ChipFault::CrystalDead) => Some((from, None)),
+        FaultKind::Other(_) => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
         FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
         _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
         _ => None,
@@ -284,7 +281,8 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
 fn robot(recording: &Recording, found: &mut Vec<Problem>) {
     let never_armed = !recording.arm.is_empty() && !recording.arm.contains(&ArmState::Armed);
     let forbids = |kind: &FaultKind| {
-        matches!(kind, FaultKind::RemoteLost | FaultKind::CrystalDead | FaultKind::CrystalStops)
+        use ChipFault::{CrystalDead, CrystalStops};
+        matches!(kind, FaultKind::RemoteLost | FaultKind::Other(CrystalDead | CrystalStops))
     };
     // A robot that really runs may rest.
     let has_reason = recording.source == Source::Robot

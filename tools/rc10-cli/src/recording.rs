@@ -3,10 +3,11 @@
 use std::fmt::{self, Write as _};
 
 use rc10_can::Micros;
+use rc10_emu::fault::Fault;
 use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, MotorStatus, TargetKind};
-use rc10_sim::{Base, Chassis, Fault};
+use rc10_sim::{Base, Chassis};
 use rc10_tasks::arming::Axis;
 use sha2::{Digest, Sha256};
 

@@ -7,12 +7,13 @@ use std::rc::Rc;
 use anyhow::{Context, Result, bail, ensure};
 use embassy_time::Instant;
 use rc10_can::Micros;
+use rc10_emu::fault::{Fault, Kind};
 use rc10_module::Reception;
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
-use rc10_sim::fault::{Kind, is_called};
-use rc10_sim::{Contact, Fault, Faults, TaskName, Tasks, UartPort};
+use rc10_sim::fault::is_called;
+use rc10_sim::{Contact, Faults, TaskName, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 

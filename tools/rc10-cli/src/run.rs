@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_sim::fault::{self, Fault};
+use rc10_emu::fault::{Fault, Kind};
 
 use crate::figures::{
     Figures, Table, bus_table, line_table, motor_table, part_table, remote_lines, to_json, verdict,
@@ -23,10 +23,18 @@ use crate::signal::signal_table;
 use crate::simulate::simulate_into;
 use crate::terminal::tell;
 
+/// Help text of `--fault`.
+const FAULTS: &str = "\
+Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
+noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
+line, and cut:IMU and so on for a part on a UART; stuck:NAME, torn:NAME and bounces:NAME for the contact \
+of a motor, with - for spaces; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
+crystal-dead crystal-stops@0.3s; repeat for more";
+
 /// What goes wrong on purpose.
 #[derive(Args, Clone, Debug, Default)]
 pub struct Injected {
-    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[arg(long = "fault", value_name = "FAULT", help = FAULTS)]
     #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
     #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
@@ -40,7 +48,8 @@ impl Injected {
     /// # Errors
     /// If that cannot happen to the robot, or there is no chip that it could happen to.
     pub fn put_into(&self, robot: &mut Robot<'_>, command: &str) -> Result<()> {
-        if let Some(Fault { kind, .. }) = self.faults.iter().find(|fault| fault.kind.is_of_chip()) {
+        let mut kinds = self.faults.iter().map(|fault| &fault.kind);
+        if let Some(kind) = kinds.find(|kind| matches!(kind, Kind::Other(_))) {
             bail!("--fault {kind}: {command} has no chip to do that to; rc10 emu does it");
         }
         robot.set_faults(&self.faults)?;

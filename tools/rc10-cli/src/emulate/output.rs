@@ -3,9 +3,10 @@
 use std::fmt::{self, Write as _};
 use std::time::Duration;
 
+use rc10_emu::fault::Fault;
 use rc10_emu::memory::FLASH;
 use rc10_emu::{BusFigures, ExceptionCost, Figures, LogLine, Rig, Spread};
-use rc10_sim::{Fault, Nanos};
+use rc10_sim::Nanos;
 use serde_json::{Value, json};
 
 use super::content_hash;

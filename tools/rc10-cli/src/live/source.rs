@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
+use rc10_emu::fault::ChipFault;
 use rc10_sim::{Faults, Tasks};
 
 use super::wire::Line;
@@ -153,7 +154,7 @@ trait World {
 struct Simulated<'r> {
     around: Environment,
     tasks: Tasks<'r>,
-    faults: Faults,
+    faults: Faults<ChipFault>,
     line: Line,
 }
 
