@@ -1,6 +1,6 @@
-use crate::case::{Halt, Outcome, broken};
 use crate::declaration::{Claim, Declaration};
 use crate::harness::Harness;
+use crate::outcome::{Halt, Outcome, broken};
 use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::{

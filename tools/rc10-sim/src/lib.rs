@@ -111,6 +111,7 @@ pub use line::{Heard, LineConfig, LineCounters, LineDevice, LineEntry};
 pub use line_handles::{Line, SerialPort};
 pub use plant::{Nonlinear, Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
+pub use random::Random;
 pub use serial::{SerialConfig, SerialCounters, SerialDevice, SerialEnd, UartFault};
 pub use serial_handles::{Serial, UartPort};
 pub use tasks::{Running, TaskName, Tasks};

@@ -2,8 +2,9 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
 use rc10_motor::{CanIds, Frames, Ownership, SafeState};
 
-use crate::case::{Findings, FrameCase, Outcome, broken};
+use crate::case::FrameCase;
 use crate::harness::Sent;
+use crate::outcome::{Findings, Outcome, broken};
 use crate::recorder::name_and_ids;
 use crate::rig::Rig;
 

@@ -1,8 +1,9 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm};
 use rc10_motor::{Impedance, SafeState, Target, TargetKind};
 
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
 use crate::declaration::Declaration;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
 /// The spring of the declaration.

@@ -1,6 +1,7 @@
 use rc10_motor::{DriveMode, Link, SafeState};
 
-use crate::case::{Case, Findings, Outcome, broken};
+use crate::case::Case;
+use crate::outcome::{Findings, Outcome, broken};
 use crate::rig::Rig;
 
 pub(super) fn link_timeout(case: &Case<'_>, found: &mut Findings) {

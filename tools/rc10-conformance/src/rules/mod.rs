@@ -16,7 +16,8 @@ mod stopping;
 mod targets;
 mod zero;
 
-use crate::case::{Case, Findings, FrameCase};
+use crate::case::{Case, FrameCase};
+use crate::outcome::Findings;
 
 /// A rule that every motor keeps.
 pub struct Rule {
@@ -142,8 +143,8 @@ pub const RULES: &[Rule] = &[
     ),
     frame_rule(
         "any-content",
-        "Any content of a frame of its own leaves its feedback finite, and a refused frame \
-         changes nothing.",
+        "Any content of a frame of its own leaves its feedback finite and its angles in agreement, \
+         and a refused frame changes nothing.",
         frames::any_content,
     ),
     frame_rule("feedback-at", "`Feedback::at` is when the frame arrived.", frames::feedback_at),
@@ -196,7 +197,7 @@ pub const RULES: &[Rule] = &[
     rule(
         "restart",
         "A device that was restarted is enabled again and follows, softly; also if it was away \
-         for so short a time that its link was never lost.",
+         for so short a time that its link was never lost. Turns that it may have missed are told.",
         returning::restart,
     ),
     rule(
@@ -213,7 +214,7 @@ pub const RULES: &[Rule] = &[
     rule(
         "zero-moves-nothing",
         "A new zero moves nothing while it turns, seeks, holds, brakes or obeys an impedance; the \
-         same number commanded again lies elsewhere.",
+         same number commanded again lies elsewhere, and coasting is coasting.",
         zero::zero_moves_nothing,
     ),
     rule(
@@ -235,7 +236,8 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "limits-bound-efforts",
-        "A lowered limit bounds every torque and current that is asked for, braking too.",
+        "A lowered limit bounds every torque and current that is asked for, braking too; without one \
+         none is above its largest torque.",
         limits::limits_bound_efforts,
     ),
     rule(
@@ -250,8 +252,8 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "pending-is-answered",
-        "A request that is pending keeps others off, and is answered once, also when the device \
-         is silent.",
+        "A request that is pending keeps others off, and is answered once; by a time-out when the \
+         device is silent.",
         requests::pending_is_answered,
     ),
     rule(

@@ -2,8 +2,9 @@ use rc10_app::Seconds;
 use rc10_motor::{ArmSwitch, DriveMode, Request, SafeState, TxBatch};
 use rc10_sim::EscFault;
 
-use crate::case::{Case, Findings, FrameCase, Halt, Outcome, broken};
+use crate::case::{Case, FrameCase};
 use crate::declaration::Claim;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
 pub(super) fn silent_before_feedback(case: &Case<'_>, found: &mut Findings) {

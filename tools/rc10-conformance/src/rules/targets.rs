@@ -2,9 +2,10 @@ use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
 use rc10_motor::{Condition, DriveMode, Motion, SafeState, Target, TargetError, TargetKind, Tick};
 
 use super::declared::every_kind;
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
 use crate::declaration::Trial;
 use crate::harness::Sent;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::recorder::not_finite;
 use crate::rig::Rig;
 

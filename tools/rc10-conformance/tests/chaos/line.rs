@@ -118,7 +118,7 @@ impl Scene for LineScene<'_> {
     }
 
     fn impersonate(&self, random: &mut Random) {
-        self.bench.wire.inject(&random.next().to_le_bytes());
+        self.bench.wire.inject(&random.bits().to_le_bytes());
     }
 
     fn wrong_frames(&self) -> Option<String> {

@@ -182,7 +182,7 @@ impl Scene for CanScene<'_> {
         let any = random.pick(received);
         let receive = random.pick(&[received[0], any]);
         let id = any_of(&receive.pattern, random);
-        let mut data = random.next().to_le_bytes();
+        let mut data = random.bits().to_le_bytes();
         if let Some(guard) = receive.guard() {
             let byte = &mut data[usize::from(guard.byte)];
             *byte = *byte & !guard.mask | guard.value & guard.mask;
@@ -209,7 +209,7 @@ impl Scene for CanScene<'_> {
 fn any_of(pattern: &IdPattern, random: &mut Random) -> rc10_can::embedded_can::Id {
     use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
     #[expect(clippy::cast_possible_truncation, reason = "low bits are meant")]
-    let any = random.next() as u32;
+    let any = random.bits() as u32;
     match pattern.id() {
         Id::Standard(id) => {
             let mask = pattern.mask() & 0x7FF;

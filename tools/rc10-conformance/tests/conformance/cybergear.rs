@@ -24,8 +24,8 @@ fn motor(
         ..Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(full))
     }
     .with_trials(&[
-        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 600),
+        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 600),
         Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 5000),
         Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-360)), 1.0, 8000),
         Trial::new(Target::Torque(NewtonMetres::new(0.5 * full)), 0.02 * f64::from(full), 100),

@@ -35,8 +35,8 @@ fn j4310(
 }
 
 const SPEEDS: [Trial; 2] = [
-    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 400),
+    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 400),
 ];
 const ANGLES: [Trial; 2] = [
     Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 5000),

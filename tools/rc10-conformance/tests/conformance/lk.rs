@@ -12,10 +12,10 @@ use super::{Report, check};
 
 fn trials(cruise: f32) -> [Trial; 4] {
     [
-        Trial::new(Target::Speed(Rpm::new(cruise)), 2.0, 1500),
-        Trial::new(Target::Speed(Rpm::new(-0.5 * cruise)), 2.0, 1500),
-        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
-        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 6000),
+        Trial::new(Target::Speed(Rpm::new(cruise)), 2.0, 300),
+        Trial::new(Target::Speed(Rpm::new(-0.5 * cruise)), 2.0, 300),
+        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 1500),
+        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 2000),
     ]
 }
 

@@ -12,12 +12,12 @@ use super::{Report, check};
 const FULL: f32 = 8.0;
 
 const SPEEDS: [Trial; 2] = [
-    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 500),
+    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 500),
 ];
 const ANGLES: [Trial; 2] = [
     Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
-    Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 6000),
+    Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 2500),
 ];
 
 fn odrive(control: Control, declared: Declaration, direction: Direction) -> Result<(), Report> {

@@ -25,8 +25,8 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
         ..Declaration::new([0, 1], Rpm::new(100.0), LARGEST_TORQUE)
     }
     .with_trials(&[
-        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 400),
+        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 400),
         Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
         Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
         Trial::new(Target::Torque(NewtonMetres::new(-12.0)), 0.1, 100),

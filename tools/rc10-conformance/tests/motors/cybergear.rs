@@ -1,6 +1,5 @@
 //! CyberGear and RobStride: our motor against the simulated device.
 
-mod any;
 mod codecs;
 mod driver;
 mod faults;
@@ -18,7 +17,7 @@ use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::{Esc, cybergear as sim};
 
 const HOST: u8 = 0xFD;
-const ADDRESS: Address = Address { motor: 1, host: HOST };
+pub const ADDRESS: Address = Address { motor: 1, host: HOST };
 
 /// Every model of ours with its simulated one.
 fn models() -> impl Iterator<Item = (&'static Model, &'static sim::Model)> {

@@ -6,6 +6,7 @@ mod cybergear;
 mod damiao;
 mod damiao_values;
 mod dji;
+mod faults;
 mod index;
 mod lk;
 mod odrive;

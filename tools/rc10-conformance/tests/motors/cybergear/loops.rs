@@ -3,9 +3,7 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::cybergear::{Config, CyberGear};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::{
-    CommandError, Condition, Impedance, Link, Safety, Target, TargetError, TargetKind,
-};
+use rc10_motor::{CommandError, Impedance, Safety, Target, TargetError, TargetKind};
 use rc10_sim::cybergear::{self as sim, AtEnd};
 
 use super::{ADDRESS, CONFIG, Pair, cybergear, models, with_cybergear, with_pair};
@@ -78,27 +76,6 @@ fn angles_are_reached_by_every_model() {
             assert!((feedback.angle.get() - 350.0).abs() < 1.0, "{:?}", feedback.angle);
         });
     }
-}
-
-#[test]
-fn a_torque_is_given_and_more_than_the_limit_is_not() {
-    with_cybergear(Safety::COAST, |pair| {
-        pair.switch.arm().unwrap();
-        let torque =
-            |pair: &Pair<'_, '_>| pair.esc.state().current * sim::CYBERGEAR.torque_constant();
-        // Against a spring that holds the shaft: its static friction and the load.
-        pair.esc.set_load(-2.0);
-        let target = Target::Torque(NewtonMetres::new(2.0));
-        pair.bench.hold(pair.motor, target, 100).unwrap();
-        assert!((torque(&pair) - 2.0).abs() < 0.01, "{}", torque(&pair));
-        let told = pair.bench.status(pair.motor).feedback.torque().unwrap().get();
-        assert!((told - 2.0).abs() < 0.01, "{told}");
-        assert!(pair.rpm().abs() < 0.1);
-        let limit = rc10_motor::Request::TorqueLimit(NewtonMetres::new(1.0));
-        pair.bench.bus.request(pair.motor, limit).unwrap();
-        pair.bench.hold(pair.motor, target, 30).unwrap();
-        assert!((torque(&pair) - 1.0).abs() < 0.01, "{}", torque(&pair));
-    });
 }
 
 fn impedance(angle: f32, kp: f32, kd: f32) -> Impedance {
@@ -206,26 +183,6 @@ fn turns_are_counted_beyond_the_range_of_the_field() {
     }
 }
 
-#[test]
-fn it_brakes_and_holds() {
-    for (safety, most) in [(Safety::BRAKE, 45.0), (Safety::HOLD, 2.0)] {
-        with_cybergear(safety, |pair| {
-            pair.switch.arm().unwrap();
-            pair.bench.hold(pair.motor, Target::Speed(Rpm::new(100.0)), 500).unwrap();
-            pair.bench.wait(1000);
-            assert!(pair.rpm().abs() < 1.0);
-            let stood = pair.degrees();
-            pair.esc.set_load(-1.0);
-            pair.bench.wait(600);
-            let moved = (pair.degrees() - stood).abs();
-            println!("{:?}: moved by {moved}", safety.state);
-            assert!(moved < most);
-            assert_eq!(pair.bench.status(pair.motor).link, Link::Online);
-            assert_eq!(pair.bench.status(pair.motor).condition, Condition::Ready);
-        });
-    }
-}
-
 /// Both ranges that sources give a CyberGear.
 #[test]
 fn another_range_of_position_scales_the_angle() {
@@ -240,27 +197,5 @@ fn another_range_of_position_scales_the_angle() {
         let start = pair.degrees() - f64::from(from);
         let target = Target::TotalAngle(TotalAngle::from_degrees(700));
         settles(&mut pair, target, 3000, |pair| (pair.degrees() - start - 700.0).abs() < 0.3);
-    });
-}
-
-#[test]
-fn a_reversed_motor_turns_the_other_way() {
-    let motor = CyberGear::new(CONFIG.with_direction(Direction::Reversed)).unwrap();
-    let device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
-    let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
-    with_pair(motor, (device, plant), Safety::HOLD, |mut pair| {
-        pair.switch.arm().unwrap();
-        let speed = Target::Speed(Rpm::new(60.0));
-        settles(&mut pair, speed, 1000, |pair| (pair.rpm() + 60.0).abs() < 1.0);
-        let feedback = pair.bench.status(pair.motor).feedback;
-        assert!((feedback.speed.get() - 60.0).abs() < 1.0);
-        let from = f64::from(feedback.total_angle.degrees().get()) + pair.degrees();
-        let place = Target::TotalAngle(TotalAngle::from_degrees(-120));
-        settles(&mut pair, place, 3000, |pair| (from - pair.degrees() + 120.0).abs() < 0.5);
-        pair.bench.hold(pair.motor, Target::Torque(NewtonMetres::new(2.0)), 30).unwrap();
-        let torque = pair.esc.state().current * sim::CYBERGEAR.torque_constant();
-        assert!((torque + 2.0).abs() < 0.1, "{torque}");
-        let told = pair.bench.status(pair.motor).feedback.torque().unwrap().get();
-        assert!((told - 2.0).abs() < 0.1, "{told}");
     });
 }

@@ -1,12 +1,10 @@
 //! Registers, zero, gains, limits.
 
-use rc10_app::{Amps, NewtonMetres, Rpm, TotalAngle};
+use rc10_app::{Rpm, TotalAngle};
 use rc10_motor::cybergear::{Config, CyberGear, models};
 use rc10_motor::{
-    CanMotor, DriveMode, Gains, Motor, Request, RequestError, Response, Safety, Target, Tick,
-    TxBatch,
+    CanMotor, DriveMode, Motor, Request, RequestError, Response, Safety, Target, Tick, TxBatch,
 };
-use rc10_sim::cybergear::Mode;
 
 use super::{ADDRESS, Pair, with_cybergear, with_rs04};
 
@@ -168,37 +166,5 @@ fn a_cybergear_cannot_save() {
         pair.esc.set_power(true);
         pair.bench.wait(20);
         assert_eq!(pair.bench.status(pair.motor).link, rc10_motor::Link::Online);
-    });
-}
-
-#[test]
-fn zero_is_ours_and_moves_nothing() {
-    with_cybergear(Safety::COAST, |mut pair| {
-        pair.switch.arm().unwrap();
-        let target = Target::TotalAngle(TotalAngle::from_degrees(60));
-        pair.bench.hold(pair.motor, target, 1500).unwrap();
-        let stood = pair.degrees();
-        assert_eq!(ask(&mut pair, Request::SetZeroOfDriven), Ok(Response::Done));
-        assert!(degrees(&pair).abs() < 0.1);
-        assert!(pair.bench.status(pair.motor).feedback.angle.get() % 360.0 < 0.1);
-        let back = Target::TotalAngle(TotalAngle::from_degrees(0));
-        pair.bench.hold(pair.motor, back, 500).unwrap();
-        assert!((pair.degrees() - stood).abs() < 0.5);
-        assert_eq!(pair.device(|device| device.mode()), Mode::Run);
-    });
-}
-
-#[test]
-fn gains_and_limits_are_checked() {
-    with_cybergear(Safety::COAST, |mut pair| {
-        let good = Gains { kp: 0.03, ki: 0.1, kd: 0.0 };
-        assert_eq!(ask(&mut pair, Request::SpeedGains(good)), Ok(Response::Done));
-        assert_eq!(ask(&mut pair, Request::AngleGains(good)), Ok(Response::Done));
-        let bad = Gains { kp: f32::NAN, ..good };
-        assert!(matches!(ask(&mut pair, Request::SpeedGains(bad)), Err(RequestError::Config(_))));
-        let limit = Request::TorqueLimit(NewtonMetres::new(-1.0));
-        assert!(matches!(ask(&mut pair, limit), Err(RequestError::Config(_))));
-        let current = Request::CurrentLimit(Amps::new(1.0));
-        assert_eq!(ask(&mut pair, current), Err(RequestError::Unsupported));
     });
 }

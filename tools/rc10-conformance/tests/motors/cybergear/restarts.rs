@@ -1,42 +1,16 @@
 //! Unplugged, switched off and on, muted, disarmed: never an old torque, and no kick.
 
-use rc10_app::{NewtonMetres, Rpm, TotalAngle};
+use rc10_app::{NewtonMetres, Rpm};
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Config, CyberGear, models};
-use rc10_motor::{
-    CanMotor, Condition, DriveMode, Impedance, Link, Motor, Safety, Target, Tick, TxBatch,
-};
+use rc10_motor::{CanMotor, Condition, DriveMode, Link, Motor, Safety, Target, Tick, TxBatch};
 use rc10_sim::cybergear::{self as sim, Mode};
 
 use super::{ADDRESS, Pair, with_cybergear, with_rs04};
 
 fn torque(pair: &Pair<'_, '_>) -> f64 {
     pair.esc.state().current * sim::CYBERGEAR.torque_constant()
-}
-
-/// The largest torque in the first milliseconds after it runs again, of `millis`, and after how
-/// many it ran.
-fn comes_back(pair: &mut Pair<'_, '_>, target: Target, millis: u32) -> (Vec<f64>, u32) {
-    let mut torques = Vec::new();
-    let mut ran_after = None;
-    for millisecond in 0..millis {
-        pair.bench.hold(pair.motor, target, 1).unwrap();
-        if pair.device(|device| device.mode()) == Mode::Run {
-            ran_after.get_or_insert(millisecond);
-            torques.push(torque(pair).abs());
-        }
-    }
-    (torques, ran_after.unwrap())
-}
-
-/// A tenth of full scale a millisecond: as for every motor of ours. What moves meanwhile must be
-/// braked: that is what the torque is for.
-fn is_soft(torques: &[f64]) -> bool {
-    torques.iter().enumerate().take(10).all(|(tick, torque)| {
-        let most = 12.0 * 0.1 * (f64::from(u32::try_from(tick).unwrap()) + 1.0) + 0.3;
-        *torque <= most
-    })
 }
 
 #[test]
@@ -87,115 +61,6 @@ fn another_run_mode_is_put_right_before_it_is_enabled() {
     });
 }
 
-#[test]
-fn unplugged_it_is_lost_and_comes_back_softly() {
-    with_cybergear(Safety::COAST, |mut pair| {
-        pair.switch.arm().unwrap();
-        let told = |pair: &Pair<'_, '_>| {
-            f64::from(pair.bench.status(pair.motor).feedback.total_angle.degrees().get())
-        };
-        let start = pair.degrees() - told(&pair);
-        let target = Target::Speed(Rpm::new(60.0));
-        pair.bench.hold(pair.motor, target, 500).unwrap();
-        pair.bench.wire.set_cut(true);
-        pair.bench.hold(pair.motor, target, 300).unwrap();
-        assert_eq!(pair.bench.status(pair.motor).link, Link::Lost);
-        // A CyberGear knows no time-out: it goes on with what it heard last.
-        assert_eq!(pair.device(|device| device.mode()), Mode::Run);
-        pair.bench.wire.set_cut(false);
-        // The first thing that arrives is a stop.
-        pair.bench.hold(pair.motor, target, 2).unwrap();
-        assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
-        let before = pair.rpm();
-        let (torques, after) = comes_back(&mut pair, target, 500);
-        println!("from {before} rpm, enabled {after} ms later");
-        assert!(is_soft(&torques), "{torques:?}");
-        assert!((pair.rpm() - 60.0).abs() < 3.0);
-        assert_eq!(pair.bench.status(pair.motor).counters.lost, 1);
-        // It turned on while it was not heard, and that is known.
-        assert!((pair.degrees() - start - told(&pair)).abs() < 1.0);
-        assert_eq!(pair.bench.status(pair.motor).feedback.turn_gaps, 1);
-    });
-}
-
-#[test]
-fn off_and_on_again_it_starts_over_without_a_kick() {
-    let total = Target::TotalAngle(TotalAngle::from_degrees(400));
-    let spring = Impedance {
-        angle: rc10_app::Degrees::new(400.0),
-        kp: 50.0,
-        kd: 2.0,
-        ..Impedance::default()
-    };
-    for target in [total, Target::Impedance(spring)] {
-        with_cybergear(Safety::COAST, |mut pair| {
-            pair.switch.arm().unwrap();
-            pair.bench.hold(pair.motor, total, 2000).unwrap();
-            pair.bench.hold(pair.motor, target, 500).unwrap();
-            let there = pair.degrees();
-            let told = pair.bench.status(pair.motor).feedback.total_angle;
-            pair.esc.set_power(false);
-            pair.bench.hold(pair.motor, target, 200).unwrap();
-            assert_eq!(pair.bench.status(pair.motor).link, Link::Lost);
-            pair.esc.set_power(true);
-            // It counts from somewhere else now: going where that number was would be a blow.
-            let (torques, after) = comes_back(&mut pair, target, 1000);
-            println!(
-                "enabled after {after} ms, largest {:?}",
-                torques.iter().copied().fold(0.0, f64::max)
-            );
-            assert!(is_soft(&torques), "{torques:?}");
-            assert!((pair.degrees() - there).abs() < 1.0, "{} {there}", pair.degrees());
-            let feedback = pair.bench.status(pair.motor).feedback;
-            let moved = feedback.total_angle.minus(told).degrees().get();
-            assert!(moved.abs() < 1.0, "{moved}");
-            assert_eq!(feedback.turn_gaps, 1);
-        });
-    }
-}
-
-/// A spring that is far from where it pulls to begins softly, each time.
-#[test]
-fn an_impedance_begins_softly() {
-    with_cybergear(Safety::COAST, |mut pair| {
-        let angle = pair.bench.status(pair.motor).feedback.total_angle.degrees();
-        let angle = angle + rc10_app::Degrees::new(60.0);
-        let spring = Impedance { angle, kp: 10.0, kd: 1.0, ..Impedance::default() };
-        let target = Target::Impedance(spring);
-        for _ in 0..2 {
-            pair.switch.arm().unwrap();
-            let (torques, _) = comes_back(&mut pair, target, 10);
-            // A limit of 12 N m, of which a twentieth more in each millisecond.
-            let most = |tick: usize| 0.6 * (f64::from(u32::try_from(tick).unwrap()) + 1.0);
-            assert!(
-                torques.iter().enumerate().all(|(tick, torque)| *torque < most(tick)),
-                "{torques:?}"
-            );
-            assert!(*torques.last().unwrap() > 0.3, "{torques:?}");
-            pair.switch.disarm();
-            pair.bench.wait(10);
-        }
-    });
-}
-
-/// Off for less than the link's time-out is long enough for a kick: the device says that it no
-/// longer runs.
-#[test]
-fn a_short_break_of_power_starts_it_over_too() {
-    with_cybergear(Safety::COAST, |mut pair| {
-        pair.switch.arm().unwrap();
-        let target = Target::Speed(Rpm::new(50.0));
-        pair.bench.hold(pair.motor, target, 300).unwrap();
-        pair.esc.set_power(false);
-        pair.bench.hold(pair.motor, target, 4).unwrap();
-        pair.esc.set_power(true);
-        let (torques, _) = comes_back(&mut pair, target, 300);
-        assert_eq!(pair.bench.status(pair.motor).counters.lost, 0);
-        assert!(is_soft(&torques), "{torques:?}");
-        assert!((pair.rpm() - 50.0).abs() < 2.0);
-    });
-}
-
 /// A device that says that it no longer runs, or that was not heard, is enabled step by step again,
 /// even if it stands where it stood.
 #[test]
@@ -222,45 +87,6 @@ fn a_device_that_stopped_or_was_silent_gets_no_setpoint() {
         assert_eq!(sent_after(&feedback(2), Link::Online), 1, "setpoint");
         assert_eq!(sent_after(&feedback(mode), link), 4, "stop");
     }
-}
-
-#[test]
-fn muted_it_is_stopped_although_it_cannot_be_heard() {
-    with_cybergear(Safety::HOLD, |pair| {
-        pair.switch.arm().unwrap();
-        let target = Target::Torque(NewtonMetres::new(3.0));
-        pair.bench.hold(pair.motor, target, 20).unwrap();
-        pair.esc.set_feedback(false);
-        pair.bench.hold(pair.motor, target, 14).unwrap();
-        assert_eq!(pair.bench.status(pair.motor).link, Link::Lost);
-        assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
-        assert_eq!(torque(&pair), 0.0);
-        pair.esc.set_feedback(true);
-        pair.bench.hold(pair.motor, target, 20).unwrap();
-        assert_eq!(pair.device(|device| device.mode()), Mode::Run);
-    });
-}
-
-#[test]
-fn commands_expire_and_an_emergency_stop_holds() {
-    with_cybergear(Safety::HOLD, |pair| {
-        pair.switch.arm().unwrap();
-        let target = Target::Speed(Rpm::new(60.0));
-        pair.bench.hold(pair.motor, target, 300).unwrap();
-        pair.bench.wait(1000);
-        assert_eq!(pair.bench.status(pair.motor).drive, DriveMode::Hold);
-        assert_eq!(pair.bench.status(pair.motor).counters.expired, 1);
-        assert!(pair.rpm().abs() < 0.5);
-        pair.bench.hold(pair.motor, target, 300).unwrap();
-        assert!((pair.rpm() - 60.0).abs() < 2.0);
-        pair.switch.emergency_stop();
-        pair.bench.hold(pair.motor, target, 1000).unwrap();
-        assert!(pair.rpm().abs() < 0.5);
-        assert_eq!(pair.bench.status(pair.motor).drive, DriveMode::Hold);
-        pair.switch.reset();
-        pair.bench.hold(pair.motor, target, 5).unwrap();
-        assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
-    });
 }
 
 /// A RobStride stops by itself when commands stop coming.

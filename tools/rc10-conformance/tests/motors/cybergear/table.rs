@@ -7,6 +7,7 @@ use rc10_can::embedded_can::ExtendedId;
 use rc10_motor::cybergear::signals::{self, NOT_IN_DBC, Scaled};
 use rc10_motor::cybergear::{Address, Model};
 use rc10_motor::signals::{Message, Presence};
+use rc10_sim::Random;
 
 use super::values::{PARAMETERS, values};
 use super::{ADDRESS, models};
@@ -14,18 +15,6 @@ use super::{ADDRESS, models};
 fn messages(model: &Model, address: Address) -> Vec<Message> {
     let scaled = Box::leak(Box::new(Scaled::of(model)));
     signals::messages(model, address, scaled).into_iter().collect()
-}
-
-/// Any bits, the same in every run (xorshift64*).
-struct Bits(u64);
-
-impl Bits {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
-    }
 }
 
 /// Values of the table, present ones only.
@@ -42,7 +31,7 @@ fn physical(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
 
 #[test]
 fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
-    let mut bits = Bits(1);
+    let mut random = Random::new(1);
     let mut seen = BTreeSet::new();
     let mut frames = 0;
     let mut compared = 0;
@@ -50,9 +39,9 @@ fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
     while frames < 10_000 {
         for (model, table) in &tables {
             for message in table.iter().filter(|it| it.from_device && it.is_plain()) {
-                let mut data = bits.next().to_le_bytes();
+                let mut data = random.bits().to_le_bytes();
                 if message.name.ends_with("PARAMETER") {
-                    let choice = usize::try_from(bits.next() % 10).unwrap();
+                    let choice = usize::try_from(random.bits() % 10).unwrap();
                     let index = PARAMETERS.get(choice).map_or(0x7005, |(index, _)| index.0);
                     data[..2].copy_from_slice(&index.to_le_bytes());
                 }

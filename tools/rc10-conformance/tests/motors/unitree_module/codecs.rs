@@ -15,18 +15,6 @@ use rc10_sim::unitree_module::{self as device, Asked, Command, Report, Told};
 
 const GEAR: f64 = 6.33;
 
-/// Deterministic bits (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ z >> 31
-    }
-}
-
 /// Any bits, or of a usual size.
 pub fn number(usual: f32) -> impl Strategy<Value = f32> {
     prop_oneof![

@@ -1,6 +1,5 @@
 //! GO-M8010-6 behind Unitree's CAN-to-485 module.
 
-mod any;
 mod attach;
 mod closed_loop;
 mod codecs;

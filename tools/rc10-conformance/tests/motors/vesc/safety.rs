@@ -67,49 +67,6 @@ fn a_field_locks_softly() {
     }
 }
 
-/// No frame is missing then: only its tachometer shows it.
-#[test]
-fn a_vesc_that_restarts_in_a_blink_counts_on() {
-    armed(|bench, motor, esc| {
-        bench.hold(motor, Target::Speed(Rpm::new(1000.0)), 1000).unwrap();
-        bench.hold(motor, Target::Coast, 5).unwrap();
-        let before = bench.status(motor).feedback.total_angle.degrees().get();
-        esc.set_power(false);
-        bench.hold(motor, Target::Coast, 2).unwrap();
-        esc.set_power(true);
-        bench.hold(motor, Target::Coast, 10).unwrap();
-        let told = bench.status(motor).feedback;
-        let moved = told.total_angle.degrees().get() - before;
-        assert!((0.0..150.0).contains(&moved), "{moved}");
-        assert_eq!(told.turn_gaps, 1);
-    });
-}
-
-#[test]
-fn a_vesc_that_restarts_is_driven_softly_and_counts_on() {
-    armed(|bench, motor, esc| {
-        bench.hold(motor, Target::Speed(Rpm::new(2000.0)), 1000).unwrap();
-        bench.hold(motor, PUSH, 100).unwrap();
-        let before = bench.status(motor).feedback.total_angle.degrees().get();
-        assert!(before > 5000.0);
-        esc.set_power(false);
-        bench.hold(motor, PUSH, 300).unwrap();
-        assert_eq!(bench.status(motor).drive, DriveMode::Coast);
-        esc.set_power(true);
-        let mut steepest: f64 = 0.0;
-        for _ in 0..60 {
-            let before = esc.state().current;
-            bench.hold(motor, PUSH, 1).unwrap();
-            steepest = steepest.max(esc.state().current - before);
-        }
-        assert!(steepest < 0.3 * 30.0, "{steepest} A in a millisecond");
-        let told = bench.status(motor).feedback;
-        assert_eq!(told.turn_gaps, 1);
-        let moved = told.total_angle.degrees().get() - before;
-        assert!((0.0..2000.0).contains(&moved), "{moved}");
-    });
-}
-
 #[test]
 fn a_vesc_that_only_fell_silent_lost_no_count() {
     armed(|bench, motor, esc| {
