@@ -11,7 +11,7 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 
 pub use codec::{Order, State, decode, encode_echo, encode_health, encode_state};
 
@@ -361,20 +361,15 @@ pub const fn mg4010e_i10() -> Plant {
         // 7 A at stall. Friction and heating are our estimates.
         gear_ratio: 10.0,
         torque_constant: 0.7,
-        back_emf: 0.0,
         resistance: 0.6,
-        supply: 24.0,
         current_limit: 7.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 2.02e-5,
-        load_inertia: 0.0,
         viscous_friction: 3e-3,
         coulomb_friction: 0.08,
         static_friction: 0.1,
-        ambient: 25.0,
         thermal_resistance: 4.0,
         thermal_time_constant: 250.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(3200.0)
 }
@@ -389,17 +384,13 @@ pub const fn mf9025() -> Plant {
         torque_constant: 0.32,
         back_emf: 0.477,
         resistance: 0.5,
-        supply: 24.0,
         current_limit: 13.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 2.6e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-4,
         coulomb_friction: 0.03,
         static_friction: 0.04,
-        ambient: 25.0,
         thermal_resistance: 2.0,
         thermal_time_constant: 400.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
 }

@@ -14,7 +14,7 @@ mod controller;
 use rc10_can::{CanFrame, Micros};
 
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 
 pub use codec::{
     Order, decode, encode_currents, encode_estimates, encode_heartbeat, encode_supply,
@@ -392,20 +392,15 @@ pub const fn d6374_8to1() -> Plant {
         // friction and heating are our estimates.
         gear_ratio: 8.0,
         torque_constant: 8.0 * 8.27 / 150.0,
-        back_emf: 0.0,
         resistance: 0.039,
-        supply: 24.0,
         current_limit: 40.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.3e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-3,
         coulomb_friction: 0.15,
         static_friction: 0.2,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 500.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(3500.0)
 }

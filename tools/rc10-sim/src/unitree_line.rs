@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use crate::Nanos;
 use crate::device::{EscFault, Shaft, Winding};
 use crate::line::{Heard, LineDevice};
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 
 /// Bytes of a command and of an answer.
 const COMMAND: usize = 17;
@@ -149,20 +149,16 @@ pub const fn plant() -> Plant {
     Plant {
         gear_ratio: GEAR,
         torque_constant: 0.638_95,
-        back_emf: 0.0,
         resistance: 0.2,
-        supply: 24.0,
         current_limit: 23.7 / 0.638_95,
         current_time_constant: 0.5e-3,
         rotor_inertia: 1.12e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-3,
         coulomb_friction: 0.08,
         static_friction: 0.10,
-        ambient: 25.0,
         thermal_resistance: 1.0,
         thermal_time_constant: 200.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }

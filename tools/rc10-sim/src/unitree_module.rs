@@ -29,7 +29,7 @@ use rc10_can::{CanFrame, Micros};
 
 pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 
 /// Rotor turns per turn of the output shaft (user manual).
 const GEAR: f64 = 6.33;
@@ -51,20 +51,16 @@ pub const fn plant() -> Plant {
     Plant {
         gear_ratio: GEAR,
         torque_constant: TORQUE_CONSTANT,
-        back_emf: 0.0,
         resistance: 0.2,
-        supply: 24.0,
         current_limit: 23.7 / TORQUE_CONSTANT,
         current_time_constant: 0.5e-3,
         rotor_inertia: 6e-5,
-        load_inertia: 0.0,
         viscous_friction: 0.01,
         coulomb_friction: 0.10,
         static_friction: 0.13,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 300.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }

@@ -1,4 +1,4 @@
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 
 /// Differences between the models.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,21 +112,18 @@ impl Model {
         Plant {
             gear_ratio: self.gear,
             torque_constant: self.torque_constant,
-            back_emf: 0.0,
             // A quarter of the supply at the largest current.
             resistance: 0.25 * self.supply / self.current,
             supply: self.supply,
             current_limit: self.current,
             current_time_constant: 0.5e-3,
             rotor_inertia: self.rotor_inertia,
-            load_inertia: 0.0,
             viscous_friction: 0.002 * self.torque / self.velocity,
             coulomb_friction: 0.008 * self.torque,
             static_friction: 0.010 * self.torque,
-            ambient: 25.0,
             thermal_resistance: 1.5,
             thermal_time_constant: 200.0,
-            nonlinear: Nonlinear::NONE,
+            ..Plant::BARE
         }
         .with_no_load_speed(self.no_load_rpm * self.gear)
     }

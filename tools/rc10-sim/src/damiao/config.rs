@@ -1,7 +1,7 @@
 //! The setup of a motor, and the values of its data sheet.
 
 use super::codec::{Limits, Mode};
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 
 /// Reports beyond ±PMAX: no source tells of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,20 +80,15 @@ const fn j4310() -> Plant {
     Plant {
         gear_ratio: 10.0,
         torque_constant: 0.945,
-        back_emf: 0.0,
         resistance: 0.85,
-        supply: 24.0,
         current_limit: 10.261,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.8e-5,
-        load_inertia: 0.0,
         viscous_friction: 5e-3,
         coulomb_friction: 0.05,
         static_friction: 0.07,
-        ambient: 25.0,
         thermal_resistance: 4.0,
         thermal_time_constant: 200.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(2000.0)
 }
@@ -104,20 +99,16 @@ const fn j8009() -> Plant {
     Plant {
         gear_ratio: 9.0,
         torque_constant: 1.261_575,
-        back_emf: 0.0,
         resistance: 0.145,
         supply: 48.0,
         current_limit: 41.045,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.95e-4,
-        load_inertia: 0.0,
         viscous_friction: 2e-2,
         coulomb_friction: 0.25,
         static_friction: 0.35,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 400.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(3015.0)
 }

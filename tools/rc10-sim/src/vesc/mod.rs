@@ -20,7 +20,7 @@ pub use wire::{NoOrder, Order, Report, Stored};
 
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
 use crate::motor::STEP;
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 use control::Control;
 
 /// Configuration of a VESC.
@@ -133,18 +133,14 @@ pub const fn outrunner_270_kv() -> Plant {
         torque_constant,
         back_emf: torque_constant,
         resistance: 0.06,
-        supply: 24.0,
         current_limit: 80.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.2e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-5,
         coulomb_friction: 0.02,
         static_friction: 0.025,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 200.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
 }
 
