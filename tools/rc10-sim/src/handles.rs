@@ -68,13 +68,13 @@ impl Bus {
     /// A foreign node sends a frame, after those it was given before. It is on the bus, and
     /// acknowledges others' frames, only while it has something to send.
     pub fn inject(&self, frame: &CanFrame) {
-        self.with_wire(|wire, _| wire.inject(*frame));
+        self.with_wire(|wire, _| wire.foreign.push_back(*frame));
     }
 
     /// Number of those that it still has to send; one that is on the wire does not count.
     #[must_use]
     pub fn foreign_waiting(&self) -> usize {
-        self.with_wire(|wire, _| wire.foreign_waiting())
+        self.with_wire(|wire, _| wire.foreign.len())
     }
 
     /// Cuts the controller off the bus, or connects it again.
@@ -113,14 +113,14 @@ impl Bus {
     /// before their end: an error frame follows, and their senders repeat them. Replaces the number
     /// given before; 0 for no more noise.
     pub fn damage(&self, frames: u32) {
-        self.with_wire(|wire, _| wire.damage(frames));
+        self.with_wire(|wire, _| wire.to_damage = frames);
     }
 
     /// The frames that went over the bus since the last call, in the order of the wire; empty if
     /// tracing is off.
     #[must_use]
     pub fn take_trace(&self) -> Vec<TraceEntry> {
-        self.with_wire(|wire, _| wire.take_trace())
+        self.with_wire(|wire, _| wire.trace.as_mut().map(std::mem::take).unwrap_or_default())
     }
 
     /// Load of the bus since the world's start, in per cent. A frame counts when it has ended, and
@@ -139,7 +139,7 @@ impl Bus {
     /// Length of a bit, nanoseconds.
     #[must_use]
     pub fn bit_time_ns(&self) -> u64 {
-        self.with_wire(|wire, _| wire.bit_time_ns())
+        self.with_wire(|wire, _| wire.bit_time_ns)
     }
 
     /// Whether the nodes understand a controller with bits of this length, and it them: up to half a
@@ -243,7 +243,7 @@ impl Esc {
         let inner = self.inner.borrow();
         let unit = &inner.units[self.index];
         unit.state(match unit.place {
-            Place::Bus { bus, node } => inner.wires[bus].overwritten(node),
+            Place::Bus { bus, node } => inner.wires[bus].nodes[node].overwritten,
             Place::Line { .. } => 0,
         })
     }

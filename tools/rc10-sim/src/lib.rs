@@ -69,6 +69,7 @@
 mod base;
 mod contact;
 mod controller;
+mod crc;
 pub mod cybergear;
 pub mod damiao;
 mod device;

@@ -91,30 +91,28 @@ enum Cause {
     OverTemperature,
     Encoder,
     Watchdog,
+    EStop,
 }
 
 impl Cause {
-    /// Its bit: `ODrive.Axis.Error` in 0.5, `ODrive.Error` in 0.6.
+    /// Its bit: `ODrive.Axis.Error` in 0.5, `ODrive.Error` in 0.6; 0 where there is no such bit.
     const fn bit(self, version: Version) -> u32 {
-        match (self, version) {
-            (Self::Starting, Version::V0_5) => 0,
-            (Self::Starting, Version::V0_6) => 0x1,
-            (Self::StateNotPossible, Version::V0_5) => 0x1,
-            // Refused without an error.
-            (Self::StateNotPossible, Version::V0_6) => 0,
-            (Self::UnderVoltage, Version::V0_5) => 0x2,
-            (Self::UnderVoltage, Version::V0_6) => 0x200,
-            (Self::OverVoltage, Version::V0_5) => 0x4,
-            (Self::OverVoltage, Version::V0_6) => 0x100,
+        let (v0_5, v0_6) = match self {
+            Self::Starting => (0, 0x1),
+            // Firmware 0.6 refuses without an error.
+            Self::StateNotPossible => (0x1, 0),
+            Self::UnderVoltage => (0x2, 0x200),
+            Self::OverVoltage => (0x4, 0x100),
             // 0.5 tells in another message what is wrong with the motor.
-            (Self::OverCurrent, Version::V0_5) => 0x40,
-            (Self::OverCurrent, Version::V0_6) => 0x1000,
-            (Self::OverTemperature, Version::V0_5) => 0x4_0000,
-            (Self::OverTemperature, Version::V0_6) => 0x2000,
-            (Self::Encoder, Version::V0_5) => 0x100,
-            (Self::Encoder, Version::V0_6) => 0x8,
-            (Self::Watchdog, Version::V0_5) => 0x800,
-            (Self::Watchdog, Version::V0_6) => 0x100_0000,
+            Self::OverCurrent => (0x40, 0x1000),
+            Self::OverTemperature => (0x4_0000, 0x2000),
+            Self::Encoder => (0x100, 0x8),
+            Self::Watchdog => (0x800, 0x100_0000),
+            Self::EStop => (0x4000, 0x200_0000),
+        };
+        match version {
+            Version::V0_5 => v0_5,
+            Version::V0_6 => v0_6,
         }
     }
 }
@@ -237,10 +235,7 @@ impl Axis {
             Order::State(state) => self.enter(state, position, now),
             Order::ClearErrors => self.errors &= self.causes,
             Order::EStop => {
-                self.errors |= match self.settings.version {
-                    Version::V0_5 => 0x4000,
-                    Version::V0_6 => 0x200_0000,
-                };
+                self.find(Cause::EStop);
                 self.state = State::Idle;
             }
             other => self.controller.take(other),
@@ -248,10 +243,6 @@ impl Axis {
     }
 
     fn heartbeat(&self) -> CanFrame {
-        let state = match self.state {
-            State::Idle => 1,
-            State::ClosedLoop => 8,
-        };
         let details = match self.settings.version {
             // The motor's, the encoder's and the controller's own errors, and a finished move.
             Version::V0_5 => {
@@ -260,7 +251,7 @@ impl Axis {
             }
             Version::V0_6 => [0; 3],
         };
-        encode_heartbeat(self.settings.node, self.errors, state, details)
+        encode_heartbeat(self.settings.node, self.errors, self.state as u8, details)
     }
 
     fn currents(&self, shaft: &Shaft<'_>) -> CanFrame {

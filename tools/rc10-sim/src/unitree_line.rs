@@ -7,6 +7,7 @@
 use std::f64::consts::TAU;
 
 use crate::Nanos;
+use crate::crc::crc16;
 use crate::device::{EscFault, Shaft, Winding};
 use crate::line::{Heard, LineDevice};
 use crate::plant::Plant;
@@ -64,49 +65,29 @@ pub struct Answer {
     pub foot_force: u16,
 }
 
-/// CRC-16/KERMIT, bit by bit.
+/// CRC-16/KERMIT.
 fn checksum(bytes: &[u8]) -> u16 {
-    let mut register = 0_u16;
-    for byte in bytes {
-        register ^= u16::from(*byte);
-        for _ in 0..8 {
-            let out = register & 1;
-            register >>= 1;
-            if out == 1 {
-                register ^= 0x8408;
-            }
-        }
-    }
-    register
-}
-
-/// Both bytes of a word, low one first.
-fn word(bytes: &[u8], at: usize) -> u16 {
-    u16::from(bytes[at]) + 256 * u16::from(bytes[at + 1])
-}
-
-fn double_word(bytes: &[u8], at: usize) -> u32 {
-    u32::from(word(bytes, at)) + 65_536 * u32::from(word(bytes, at + 2))
+    crc16(0, bytes)
 }
 
 impl Command {
     /// Reads the 17 bytes of a command; `None` if head or check sum are wrong.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        if bytes.len() != COMMAND || bytes[0] != 0xFE || bytes[1] != 0xEE {
+        let bytes: &[u8; COMMAND] = bytes.try_into().ok()?;
+        let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+        if bytes[..2] != [0xFE, 0xEE] || checksum(&bytes[..15]) != word(15) {
             return None;
         }
-        if checksum(&bytes[..15]) != word(bytes, 15) {
-            return None;
-        }
+        let angle = i32::from_le_bytes([bytes[7], bytes[8], bytes[9], bytes[10]]);
         Some(Self {
             id: bytes[2] % 16,
             status: bytes[2] / 16 % 8,
-            torque: f64::from(word(bytes, 3).cast_signed()) / 256.0,
-            speed: f64::from(word(bytes, 5).cast_signed()) / 256.0 * TAU,
-            angle: f64::from(double_word(bytes, 7).cast_signed()) / 32_768.0 * TAU,
-            stiffness: f64::from(word(bytes, 11)) / 1280.0,
-            damping: f64::from(word(bytes, 13)) / 1280.0,
+            torque: f64::from(word(3).cast_signed()) / 256.0,
+            speed: f64::from(word(5).cast_signed()) / 256.0 * TAU,
+            angle: f64::from(angle) / 32_768.0 * TAU,
+            stiffness: f64::from(word(11)) / 1280.0,
+            damping: f64::from(word(13)) / 1280.0,
         })
     }
 }

@@ -45,12 +45,7 @@ impl Mode {
     /// Offset of its commands' identifiers from the motor's own.
     #[must_use]
     pub const fn offset(self) -> u32 {
-        match self {
-            Self::Mit => 0x000,
-            Self::PositionVelocity => 0x100,
-            Self::Velocity => 0x200,
-            Self::ForcePosition => 0x300,
-        }
+        0x100 * (self as u32 - 1)
     }
 }
 

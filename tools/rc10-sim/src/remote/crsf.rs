@@ -69,9 +69,6 @@ impl SerialDevice for Crsf {
         }
         self.packets = self.packets.wrapping_add(1);
     }
-
-    /// Telemetry, which is not read.
-    fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
 /// Uplink: strength at both antennas (-dBm), quality (%), signal to noise (dB), antenna, mode,

@@ -28,10 +28,8 @@
 mod channels;
 mod crsf;
 mod dji;
-mod dr16;
 mod ppm;
 mod sbus;
-mod vt03;
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -39,11 +37,9 @@ use std::rc::Rc;
 use crate::Nanos;
 
 pub use crsf::Crsf;
-pub use dji::Dji;
-pub use dr16::Dr16;
+pub use dji::{Dji, Dr16, Vt03};
 pub use ppm::Ppm;
 pub use sbus::{Failsafe, Sbus};
-pub use vt03::Vt03;
 
 /// Positions of all sticks and switches of a remote.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -103,9 +103,6 @@ impl SerialDevice for Sbus {
         let end = now + characters(LENGTH, Self::SERIAL.character());
         self.remote.sends(heard.is_some(), end);
     }
-
-    /// It has no receive line.
-    fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
 fn frame(controls: &Controls, flags: u8) -> [u8; LENGTH] {
