@@ -43,10 +43,10 @@ use std::f64::consts::TAU;
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Beyond, Device, EscFault, Outbox, Shaft, Taken, Winding};
 
 pub use codec::{Access, Limits, Mode, Operation, Report, Setpoint};
-pub use config::{Beyond, DamiaoConfig};
+pub use config::DamiaoConfig;
 use loops::{Conditions, Loops};
 use registers::{Registers, number};
 

@@ -91,6 +91,24 @@ pub enum EscFault {
     Encoder,
 }
 
+/// A report of an angle beyond the range of its field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Beyond {
+    /// It says the end of the range.
+    #[default]
+    Saturates,
+    /// It goes on from the other end.
+    Wraps,
+}
+
+/// Sets an identifier, if there can be such a one; says whether there can.
+pub(crate) const fn set_if(can_be: bool, place: &mut u8, id: u8) -> bool {
+    if can_be {
+        *place = id;
+    }
+    can_be
+}
+
 /// Effect of an ESC on the winding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Winding {

@@ -120,47 +120,37 @@ impl<O: Others> Faults<O> {
         others
     }
 
-    /// Whether it is a fault of a wire.
+    /// Whether it is a fault of a wire or a part.
     fn act_on_wire(&mut self, begins: bool, kind: &Kind<O>) -> bool {
-        match (kind, kind.wire()) {
-            (Kind::Load(_), Some(Wire::Bus(bus))) => self.buses[bus].on = begins,
-            (_, Some(Wire::Bus(bus))) => {
-                let bus = &self.buses[bus].bus;
-                match kind {
-                    Kind::Cut(_) => bus.set_cut(begins),
-                    Kind::Short(_) => bus.set_shorted(begins),
-                    Kind::Dominant(_) => bus.set_held_dominant(begins),
-                    Kind::Noise(_) => bus.damage(1),
-                    Kind::Power(_) => bus.set_power(!begins),
-                    _ => return false,
-                }
-            }
-            (_, Some(Wire::Line(line))) => {
-                let line = &self.lines[line];
-                match kind {
-                    Kind::Cut(_) => line.set_cut(begins),
-                    Kind::Noise(_) => line.damage_answers(1),
-                    Kind::Power(_) => line.set_power(!begins),
-                    _ => return false,
-                }
-            }
-            (Kind::Part(defect, name), None) => {
-                for (_, serial) in self.serials.iter().filter(|(label, _)| is_called(label, name)) {
-                    match defect {
-                        Defect::Cut => serial.set_cut(begins),
-                        Defect::Noise => serial.inject(UartFault::Framing),
-                        Defect::Power => serial.set_power(!begins),
-                        Defect::Stuck | Defect::Torn | Defect::Bounces => {}
-                    }
-                }
-                for (_, contact) in self.contacts.iter().filter(|(label, _)| is_called(label, name))
-                {
-                    contact.set_defect(begins.then_some(*defect));
-                }
-            }
-            (_, None) => return false,
+        let bus = |index: usize| &self.buses[index].bus;
+        match kind {
+            Kind::Load(bus) => self.buses[*bus].on = begins,
+            Kind::Cut(Wire::Bus(index)) => bus(*index).set_cut(begins),
+            Kind::Noise(Wire::Bus(index)) => bus(*index).damage(1),
+            Kind::Power(Wire::Bus(index)) => bus(*index).set_power(!begins),
+            Kind::Short(index) => bus(*index).set_shorted(begins),
+            Kind::Dominant(index) => bus(*index).set_held_dominant(begins),
+            Kind::Cut(Wire::Line(index)) => self.lines[*index].set_cut(begins),
+            Kind::Noise(Wire::Line(index)) => self.lines[*index].damage_answers(1),
+            Kind::Power(Wire::Line(index)) => self.lines[*index].set_power(!begins),
+            Kind::Part(defect, name) => self.act_on_part(begins, *defect, name),
+            Kind::RemoteLost | Kind::Other(_) => return false,
         }
         true
+    }
+
+    fn act_on_part(&self, begins: bool, defect: Defect, name: &str) {
+        for (_, serial) in self.serials.iter().filter(|(label, _)| is_called(label, name)) {
+            match defect {
+                Defect::Cut => serial.set_cut(begins),
+                Defect::Noise => serial.inject(UartFault::Framing),
+                Defect::Power => serial.set_power(!begins),
+                Defect::Stuck | Defect::Torn | Defect::Bounces => {}
+            }
+        }
+        for (_, contact) in self.contacts.iter().filter(|(label, _)| is_called(label, name)) {
+            contact.set_defect(begins.then_some(defect));
+        }
     }
 
     fn fill(&self, step: u64) {

@@ -102,7 +102,7 @@ mod world;
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
 pub use contact::{Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
-pub use device::{Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
+pub use device::{Beyond, Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use fault::Fault;
 pub use faults::Faults;

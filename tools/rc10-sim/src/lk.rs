@@ -7,10 +7,12 @@
 
 mod codec;
 
+use std::ops::RangeInclusive;
+
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding, set_if};
 use crate::plant::Plant;
 
 pub use codec::{Order, State, decode, encode_echo, encode_health, encode_state};
@@ -72,6 +74,10 @@ impl Settings {
         }
     }
 
+    const fn ids(&self) -> RangeInclusive<u8> {
+        1..=if self.multi_motor { 4 } else { 32 }
+    }
+
     /// An MF, else the same.
     #[must_use]
     pub const fn mf(id: u8) -> Self {
@@ -110,8 +116,8 @@ impl Drive {
     /// With these settings; `None` if the identifier or the encoder cannot be.
     #[must_use]
     pub fn new(settings: Settings) -> Option<Self> {
-        let last = if settings.multi_motor { 4 } else { 32 };
-        let good = (1..=last).contains(&settings.id) && (14..=16).contains(&settings.encoder_bits);
+        let good =
+            settings.ids().contains(&settings.id) && (14..=16).contains(&settings.encoder_bits);
         good.then_some(Self {
             settings,
             is_on: false,
@@ -271,12 +277,7 @@ impl Drive {
 
 impl Device for Drive {
     fn set_id(&mut self, id: u8) -> bool {
-        let last = if self.settings.multi_motor { 4 } else { 32 };
-        let can_be = (1..=last).contains(&id);
-        if can_be {
-            self.settings.id = id;
-        }
-        can_be
+        set_if(self.settings.ids().contains(&id), &mut self.settings.id, id)
     }
 
     fn power_on(&mut self, now: Micros, _phase: Micros) {

@@ -13,7 +13,7 @@ mod controller;
 
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding, set_if};
 use crate::plant::Plant;
 
 pub use codec::{
@@ -281,11 +281,7 @@ impl Axis {
 
 impl Device for Axis {
     fn set_id(&mut self, id: u8) -> bool {
-        let can_be = id <= 63;
-        if can_be {
-            self.settings.node = id;
-        }
-        can_be
+        set_if(id <= 63, &mut self.settings.node, id)
     }
 
     fn power_on(&mut self, now: Micros, phase: Micros) {

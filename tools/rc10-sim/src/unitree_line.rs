@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use crate::Nanos;
 use crate::crc::crc16;
-use crate::device::{EscFault, Shaft, Winding};
+use crate::device::{EscFault, Shaft, Winding, set_if};
 use crate::line::{Heard, LineDevice};
 use crate::plant::Plant;
 
@@ -17,11 +17,15 @@ const COMMAND: usize = 17;
 const ANSWER: usize = 16;
 
 /// Rotor turns per turn of the output (user manual).
-const GEAR: f64 = 6.33;
+pub(crate) const GEAR: f64 = 6.33;
+/// N·m at the output shaft per ampere (user manual).
+pub(crate) const TORQUE_CONSTANT: f64 = 0.638_95;
 /// Address of all motors; they do not answer to it.
 const EVERYBODY: u8 = 15;
 /// Its own protection (user manual): at this temperature, until power-off.
-const TOO_HOT: f64 = 90.0;
+pub(crate) const TOO_HOT: f64 = 90.0;
+/// Without a command for longer it stops obeying: an estimate.
+const PATIENCE: Nanos = Nanos::new(50_000_000);
 /// The time for which it turns by itself when told to calibrate (user manual), and hears nothing.
 const CALIBRATION: Nanos = Nanos::new(5_000_000_000);
 
@@ -129,9 +133,9 @@ impl Answer {
 pub const fn plant() -> Plant {
     Plant {
         gear_ratio: GEAR,
-        torque_constant: 0.638_95,
+        torque_constant: TORQUE_CONSTANT,
         resistance: 0.2,
-        current_limit: 23.7 / 0.638_95,
+        current_limit: 23.7 / TORQUE_CONSTANT,
         current_time_constant: 0.5e-3,
         rotor_inertia: 1.12e-4,
         viscous_friction: 5e-3,
@@ -144,12 +148,22 @@ pub const fn plant() -> Plant {
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }
 
+/// The number by which the motor tells a fault that it finds in itself.
+pub(crate) const fn error_of(fault: EscFault) -> Option<u8> {
+    match fault {
+        EscFault::OverTemperature => Some(1),
+        EscFault::OverCurrent => Some(2),
+        EscFault::OverVoltage => Some(3),
+        EscFault::Encoder => Some(4),
+        EscFault::CommunicationLost | EscFault::UnderVoltage => None,
+    }
+}
+
 /// The motor's electronics.
 #[derive(Debug)]
 pub struct GoM8010 {
     id: u8,
     think: Nanos,
-    patience: Nanos,
     /// The beginning of what may be a command.
     heard: Vec<u8>,
     command: Command,
@@ -172,7 +186,6 @@ impl GoM8010 {
         Self {
             id,
             think: Nanos::new(20_000),
-            patience: Nanos::new(50_000_000),
             heard: Vec::new(),
             command: Command::default(),
             commanded_at: Nanos::ZERO,
@@ -225,15 +238,11 @@ impl GoM8010 {
 
 impl LineDevice for GoM8010 {
     fn set_id(&mut self, id: u8) -> bool {
-        let can_be = id < EVERYBODY;
-        if can_be {
-            self.id = id;
-        }
-        can_be
+        set_if(id < EVERYBODY, &mut self.id, id)
     }
 
     fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos) {
-        *self = Self { think: self.think, patience: self.patience, ..Self::new(self.id) };
+        *self = Self { think: self.think, ..Self::new(self.id) };
         self.uncounted = shaft.rotor_turns().floor();
         self.commanded_at = now;
     }
@@ -284,7 +293,7 @@ impl LineDevice for GoM8010 {
             // Slowly, by itself.
             return Winding::Current(1.0);
         }
-        if now.since(self.commanded_at) >= self.patience {
+        if now.since(self.commanded_at) >= PATIENCE {
             self.command = Command::default();
         }
         let Command { status, torque, speed, angle, stiffness, damping, .. } = self.command;
@@ -299,14 +308,8 @@ impl LineDevice for GoM8010 {
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {
-        self.error = match fault {
-            EscFault::OverTemperature => 1,
-            EscFault::OverCurrent => 2,
-            EscFault::OverVoltage => 3,
-            EscFault::Encoder => 4,
-            _ => return false,
-        };
-        true
+        self.error = error_of(fault).unwrap_or(self.error);
+        error_of(fault).is_some()
     }
 }
 

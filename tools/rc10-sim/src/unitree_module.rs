@@ -30,15 +30,10 @@ use rc10_can::{CanFrame, Micros};
 pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
 use crate::plant::Plant;
+use crate::unitree_line::{self, GEAR, TOO_HOT, TORQUE_CONSTANT, error_of};
 
-/// Rotor turns per turn of the output shaft (user manual).
-const GEAR: f64 = 6.33;
-/// N·m at the output shaft per ampere (user manual, 0.63895).
-const TORQUE_CONSTANT: f64 = 0.638_95;
 /// 33 bytes at 4 Mbit/s, and an estimate for the turnaround.
 const EXCHANGE: Micros = Micros::new(150);
-/// The manual: the motor protects itself at 90 °C until the supply is switched off.
-const TOO_HOT: f64 = 90.0;
 /// The manual: about five seconds.
 const CALIBRATION: Micros = Micros::from_millis(5000);
 /// Turns the motor during its calibration: an estimate.
@@ -49,18 +44,13 @@ const CALIBRATION_VOLTS: f64 = 1.0;
 #[must_use]
 pub const fn plant() -> Plant {
     Plant {
-        gear_ratio: GEAR,
-        torque_constant: TORQUE_CONSTANT,
-        resistance: 0.2,
-        current_limit: 23.7 / TORQUE_CONSTANT,
-        current_time_constant: 0.5e-3,
         rotor_inertia: 6e-5,
         viscous_friction: 0.01,
         coulomb_friction: 0.10,
         static_friction: 0.13,
         thermal_resistance: 1.5,
         thermal_time_constant: 300.0,
-        ..Plant::BARE
+        ..unitree_line::plant()
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }
@@ -145,21 +135,11 @@ impl UnitreeModule {
 pub enum Mode {
     /// As after power-up: it brakes (assumed).
     #[default]
-    Locked,
+    Locked = 0,
     /// It follows commands.
-    Following,
+    Following = 1,
     /// It turns by itself.
-    Calibrating,
-}
-
-impl Mode {
-    const fn number(self) -> u8 {
-        match self {
-            Self::Locked => 0,
-            Self::Following => 1,
-            Self::Calibrating => 2,
-        }
-    }
+    Calibrating = 2,
 }
 
 /// A motor behind a module.
@@ -267,7 +247,7 @@ impl UnitreeMotor {
         let told = match answer {
             Answer::Gains(gains) => Told::Gains(gains),
             _ if self.unplugged || self.mode == Mode::Calibrating => return None,
-            _ if self.error != 0 => Told::Fault { status: self.mode.number(), error: self.error },
+            _ if self.error != 0 => Told::Fault { status: self.mode as u8, error: self.error },
             Answer::Fault => return None,
             Answer::State(status) => Told::State {
                 status,
@@ -312,7 +292,7 @@ impl Device for UnitreeMotor {
                 if !self.unplugged && self.mode != Mode::Calibrating {
                     self.control(status, motion, now);
                 }
-                Some(if answered { Answer::State(self.mode.number()) } else { Answer::Fault })
+                Some(if answered { Answer::State(self.mode as u8) } else { Answer::Fault })
             }
             Asked::SetGains(gains) => {
                 self.module.inner.borrow_mut().gains[usize::from(self.number)] = gains;
@@ -366,15 +346,11 @@ impl Device for UnitreeMotor {
 
     fn inject(&mut self, fault: EscFault) -> bool {
         match fault {
-            EscFault::OverTemperature => self.error = 1,
-            EscFault::OverCurrent => self.error = 2,
-            EscFault::OverVoltage => self.error = 3,
-            EscFault::Encoder => self.error = 4,
             // Its cable to the module.
             EscFault::CommunicationLost => self.unplugged = true,
-            EscFault::UnderVoltage => return false,
+            _ => self.error = error_of(fault).unwrap_or(self.error),
         }
-        true
+        fault != EscFault::UnderVoltage
     }
 }
 

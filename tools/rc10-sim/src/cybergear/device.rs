@@ -3,7 +3,7 @@ use rc10_can::{CanFrame, Micros};
 use super::Model;
 use super::parameters::{Measured, Parameters};
 use super::wire::{self, Command, Motion, Report};
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Beyond, Device, EscFault, Outbox, Shaft, Taken, Winding};
 
 /// Whether a device moves its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,17 +15,6 @@ pub enum Mode {
     Run,
 }
 
-/// Feedback of a shaft beyond the range of its field. No source says; real devices are
-/// one or the other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum AtEnd {
-    /// The end of the range, as the vendor's conversion cuts off.
-    #[default]
-    Stops,
-    /// It starts over from the other end.
-    StartsOver,
-}
-
 /// The number of a simulated chip; its last byte is the motor's first identifier.
 const CHIP: [u8; 7] = *b"RC10CYB";
 /// Number of steps of a device's own loops in a physics step (*assumed*: 20 kHz).
@@ -34,7 +23,7 @@ const LOOPS: f64 = 2.0;
 /// A simulated CyberGear or RobStride.
 pub struct CyberGear {
     model: Model,
-    at_end: AtEnd,
+    beyond: Beyond,
     id: u8,
     chip: [u8; 8],
     /// The host that spoke to it last.
@@ -73,7 +62,7 @@ impl CyberGear {
         let [a, b, c, d, e, f, g] = CHIP;
         Self {
             model: *model,
-            at_end: AtEnd::Stops,
+            beyond: Beyond::Saturates,
             id,
             chip: [a, b, c, d, e, f, g, id],
             host: 0,
@@ -98,10 +87,10 @@ impl CyberGear {
         }
     }
 
-    /// The same with another behaviour beyond its range.
+    /// The same with another behaviour beyond its range: no source tells.
     #[must_use]
-    pub const fn with_end(mut self, at_end: AtEnd) -> Self {
-        self.at_end = at_end;
+    pub const fn with_end(mut self, beyond: Beyond) -> Self {
+        self.beyond = beyond;
         self
     }
 
@@ -177,9 +166,9 @@ impl CyberGear {
 
     fn report(&self, shaft: &Shaft<'_>) -> Report {
         let range = 2.0 * self.model.position;
-        let position = match self.at_end {
-            AtEnd::Stops => self.position(shaft),
-            AtEnd::StartsOver => {
+        let position = match self.beyond {
+            Beyond::Saturates => self.position(shaft),
+            Beyond::Wraps => {
                 (self.position(shaft) + self.model.position).rem_euclid(range) - self.model.position
             }
         };

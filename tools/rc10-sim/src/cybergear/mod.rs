@@ -16,6 +16,6 @@ mod models;
 mod parameters;
 pub mod wire;
 
-pub use device::{AtEnd, CyberGear, Mode};
+pub use device::{CyberGear, Mode};
 pub use models::{ALL, CYBERGEAR, Model, RS00, RS01, RS02, RS03, RS04, RS05, RS06};
 pub use parameters::Parameters;

@@ -1,17 +1,8 @@
 //! The setup of a motor, and the values of its data sheet.
 
 use super::codec::{Limits, Mode};
+use crate::device::Beyond;
 use crate::plant::Plant;
-
-/// Reports beyond ±PMAX: no source tells of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Beyond {
-    /// The end of the range.
-    #[default]
-    Saturates,
-    /// The other end, and on from there.
-    Wraps,
-}
 
 /// A motor, to be put on a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +25,7 @@ pub struct DamiaoConfig {
     pub old_firmware: bool,
     /// Whether it shorts its winding while disabled (H3510).
     pub brakes_while_disabled: bool,
-    /// See [`Beyond`].
+    /// What it reports beyond ±PMAX: no source tells.
     pub beyond: Beyond,
     /// The motor and its load.
     pub plant: Plant,

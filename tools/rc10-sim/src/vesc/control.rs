@@ -72,7 +72,7 @@ impl Control {
             Order::Position(degrees) => Mode::Position(degrees.rem_euclid(360.0)),
             Order::Handbrake(amps) => Mode::Handbrake(amps),
             Order::HandbrakeShare(part) => Mode::Handbrake(share(part) * -min),
-            Order::Ping(_) | Order::CurrentLimits(..) | Order::Shutdown => return,
+            Order::Ping(_) | Order::CurrentLimits { .. } | Order::Shutdown => return,
         };
         let mode = match mode {
             Mode::Current(amps) | Mode::Brake(amps) | Mode::Handbrake(amps)

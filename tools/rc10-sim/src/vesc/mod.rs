@@ -16,9 +16,9 @@ use std::fmt;
 use rc10_can::{CanFrame, Micros};
 
 pub use control::Mode;
-pub use wire::{NoOrder, Order, Report, Stored};
+pub use wire::{Order, Report};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding, set_if};
 use crate::motor::STEP;
 use crate::plant::Plant;
 use control::Control;
@@ -104,23 +104,6 @@ impl fmt::Display for VescError {
 
 impl std::error::Error for VescError {}
 
-/// Faults of a VESC, with the numbers of bldc's `mc_fault_code`. No CAN frame
-/// tells them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum VescFault {
-    /// `FAULT_CODE_OVER_VOLTAGE`
-    OverVoltage = 1,
-    /// `FAULT_CODE_UNDER_VOLTAGE`
-    UnderVoltage = 2,
-    /// `FAULT_CODE_ABS_OVER_CURRENT`
-    OverCurrent = 4,
-    /// `FAULT_CODE_OVER_TEMP_FET`
-    OverTemperature = 5,
-    /// `FAULT_CODE_ENCODER_SPI`
-    Encoder = 11,
-}
-
 /// An outrunner of the size that robots drive wheels with, 270 rpm/V, on 24 V, no gearbox and no
 /// load. The torque constant follows from the speed constant; resistance, inertia, friction and
 /// thermal figures are estimates for such a motor.
@@ -151,7 +134,7 @@ pub struct Vesc {
     /// Newest order that drives, and when it came.
     last_order: Option<Micros>,
     limits: (f64, f64),
-    fault: Option<VescFault>,
+    fault: Option<EscFault>,
     is_off: bool,
     next_reports: [Option<Micros>; 6],
     /// Rotor turns at which the tachometer stood at zero.
@@ -207,9 +190,9 @@ impl Vesc {
         self.control.mode()
     }
 
-    /// Its fault.
+    /// Its fault. No CAN frame tells it.
     #[must_use]
-    pub const fn fault(&self) -> Option<VescFault> {
+    pub const fn fault(&self) -> Option<EscFault> {
         self.fault
     }
 
@@ -261,7 +244,7 @@ impl Vesc {
             3 => Report::Status4 {
                 transistors: match self.fault {
                     // Where the firmware drives no current any more (`l_temp_fet_end`), and above.
-                    Some(VescFault::OverTemperature) => 105.0,
+                    Some(EscFault::OverTemperature) => 105.0,
                     _ => shaft.plant().ambient + 0.2 * shaft.current().abs(),
                 },
                 motor: shaft.temperature(),
@@ -283,11 +266,7 @@ impl Vesc {
 
 impl Device for Vesc {
     fn set_id(&mut self, id: u8) -> bool {
-        let can_be = id != 255;
-        if can_be {
-            self.config.id = id;
-        }
-        can_be
+        set_if(id != 255, &mut self.config.id, id)
     }
 
     fn power_on(&mut self, now: Micros, phase: Micros) {
@@ -314,16 +293,15 @@ impl Device for Vesc {
         out: &mut Outbox,
     ) -> Taken {
         let order = match Order::parse(frame, self.config.id) {
-            Ok(_) | Err(_) if self.is_off => return Taken::NotMine,
+            _ if self.is_off => return Taken::NotMine,
             Ok(order) => order,
-            Err(NoOrder::NotMine) => return Taken::NotMine,
-            Err(NoOrder::Length) => return Taken::Malformed,
+            Err(taken) => return taken,
         };
         match order {
             Order::Ping(asker) => out.send(Report::Pong(asker).frame(self.config.id)),
-            Order::CurrentLimits(min, max, stored) => {
+            Order::CurrentLimits { min, max, is_stored } => {
                 self.limits = (min.min(0.0), max.max(0.0));
-                if stored == Stored::Yes {
+                if is_stored {
                     (self.config.brake_max, self.config.current_max) =
                         (-self.limits.0, self.limits.1);
                 }
@@ -378,15 +356,11 @@ impl Device for Vesc {
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {
-        self.fault = Some(match fault {
-            EscFault::OverTemperature => VescFault::OverTemperature,
-            EscFault::OverCurrent => VescFault::OverCurrent,
-            EscFault::OverVoltage => VescFault::OverVoltage,
-            EscFault::UnderVoltage => VescFault::UnderVoltage,
-            EscFault::Encoder => VescFault::Encoder,
-            // It has a timeout, which is no fault.
-            EscFault::CommunicationLost => return false,
-        });
+        // A time-out is no fault of a VESC.
+        if fault == EscFault::CommunicationLost {
+            return false;
+        }
+        self.fault = Some(fault);
         true
     }
 }

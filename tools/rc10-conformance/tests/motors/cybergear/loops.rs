@@ -4,7 +4,8 @@ use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::cybergear::{Config, CyberGear};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{CommandError, Impedance, Safety, Target, TargetError, TargetKind};
-use rc10_sim::cybergear::{self as sim, AtEnd};
+use rc10_sim::Beyond;
+use rc10_sim::cybergear as sim;
 
 use super::{ADDRESS, CONFIG, Pair, cybergear, models, with_cybergear, with_pair};
 
@@ -151,8 +152,8 @@ fn what_the_devices_loop_has_no_number_for_is_refused() {
 /// A wheel turns out of the range of its field, whatever that shows there, and comes back.
 #[test]
 fn turns_are_counted_beyond_the_range_of_the_field() {
-    for at_end in [AtEnd::Stops, AtEnd::StartsOver] {
-        let device = sim::CyberGear::new(&sim::CYBERGEAR, 1).with_end(at_end);
+    for beyond in [Beyond::Saturates, Beyond::Wraps] {
+        let device = sim::CyberGear::new(&sim::CYBERGEAR, 1).with_end(beyond);
         let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
         with_pair(cybergear(), (device, plant), Safety::BRAKE, |mut pair| {
             pair.switch.arm().unwrap();
@@ -163,7 +164,7 @@ fn turns_are_counted_beyond_the_range_of_the_field() {
             pair.bench.hold(pair.motor, Target::Speed(Rpm::new(120.0)), 5000).unwrap();
             assert!(pair.degrees() - start > 3000.0);
             let off = told(&pair) - (pair.degrees() - start);
-            println!("{at_end:?}: off by {off} degrees after 3000");
+            println!("{beyond:?}: off by {off} degrees after 3000");
             assert!(off.abs() < 40.0);
             // An angle is found there too, and nothing runs away.
             let before = told(&pair);

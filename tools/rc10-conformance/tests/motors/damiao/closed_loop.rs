@@ -5,7 +5,8 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     CommandError, Condition, Impedance, Request, Response, Safety, Target, TargetError, TargetKind,
 };
-use rc10_sim::damiao::{Beyond, DamiaoConfig};
+use rc10_sim::Beyond;
+use rc10_sim::damiao::DamiaoConfig;
 
 const FORWARD: Target = Target::Speed(Rpm::new(100.0));
 

@@ -8,7 +8,7 @@ use rc10_app::{Amps, Degrees};
 use rc10_can::CanFrame;
 use rc10_motor::vesc::signals::messages;
 use rc10_motor::vesc::{Command, ElectricalRpm, Reply, Setting, Status, StatusRates, ping};
-use rc10_sim::vesc::{Order, Report, Stored};
+use rc10_sim::vesc::{Order, Report};
 
 use super::{config, id};
 use crate::motors::vesc_values::values;
@@ -107,11 +107,11 @@ proptest! {
             return Ok(());
         };
         let most = f64::from(i32::MAX) / 1e3;
-        for (frame, as_told) in [(held, Stored::No), (kept, Stored::Yes)] {
-            let Ok(Order::CurrentLimits(low, high, stored)) = Order::parse(&frame, to) else {
+        for (frame, as_told) in [(held, false), (kept, true)] {
+            let Ok(Order::CurrentLimits { min: low, max: high, is_stored }) = Order::parse(&frame, to) else {
                 panic!("{frame}")
             };
-            prop_assert_eq!(stored, as_told);
+            prop_assert_eq!(is_stored, as_told);
             for (actual, wanted) in [(low, min), (high, max)] {
                 let wanted = f64::from(wanted).clamp(-most, most);
                 prop_assert!(near(actual, wanted, 1e-3), "{} {}", actual, wanted);

@@ -3,7 +3,7 @@
 use rc10_app::{Amps, Rpm};
 use rc10_motor::{Condition, DriveMode, Link, Request, Response, Target};
 use rc10_sim::EscFault;
-use rc10_sim::vesc::{Mode, VescFault};
+use rc10_sim::vesc::Mode;
 
 use super::*;
 
@@ -144,12 +144,12 @@ fn reports_that_come_too_seldom_are_said_so() {
 /// No frame tells a fault; that the VESC does nothing can be seen.
 #[test]
 fn a_faulted_vesc_is_seen_not_to_follow() {
-    for (fault, code) in [
-        (EscFault::OverTemperature, VescFault::OverTemperature),
-        (EscFault::OverCurrent, VescFault::OverCurrent),
-        (EscFault::OverVoltage, VescFault::OverVoltage),
-        (EscFault::UnderVoltage, VescFault::UnderVoltage),
-        (EscFault::Encoder, VescFault::Encoder),
+    for fault in [
+        EscFault::OverTemperature,
+        EscFault::OverCurrent,
+        EscFault::OverVoltage,
+        EscFault::UnderVoltage,
+        EscFault::Encoder,
     ] {
         for target in [
             PUSH,
@@ -161,7 +161,7 @@ fn a_faulted_vesc_is_seen_not_to_follow() {
                 bench.hold(motor, target, 700).unwrap();
                 assert_eq!(bench.status(motor).condition, Condition::Ready, "{target:?}");
                 assert!(esc.inject(fault));
-                assert_eq!(inside(esc, |vesc| vesc.fault()), Some(code));
+                assert_eq!(inside(esc, |vesc| vesc.fault()), Some(fault));
                 bench.hold(motor, target, 4000).unwrap();
                 assert!(esc.state().current.abs() < 1e-9);
                 let status = bench.status(motor);
