@@ -6,7 +6,7 @@ use rc10_motor::{
     ArmSwitch, CanIds, CanMotor, CommandError, MotorId, MotorStatus, Request, RequestError,
     Response, Safety, Target, TargetSet,
 };
-use rc10_sim::{Bus, Esc, EscFault, EscState, SimPort};
+use rc10_sim::{Bus, Esc, SimPort};
 
 use crate::chaos::random::Random;
 use crate::chaos::story;
@@ -26,11 +26,8 @@ pub trait Scene {
     fn heals_within(&self) -> u32;
     /// Whether its device is enabled step by step, so that one restarted in a blink is found out.
     fn tells_restarts(&self) -> bool;
-    fn state(&self) -> EscState;
-    fn set_power(&self, on: bool);
-    fn set_feedback(&self, on: bool);
-    fn set_load(&self, torque: f64);
-    fn inject(&self, fault: EscFault) -> bool;
+    /// Its device.
+    fn esc(&self) -> &Esc;
     fn set_cut(&self, cut: bool);
     /// Shorts the wires: nothing can be sent, and a controller leaves its bus.
     fn set_shorted(&self, shorted: bool);
@@ -145,24 +142,8 @@ impl Scene for CanScene<'_> {
         self.tells_restarts
     }
 
-    fn state(&self) -> EscState {
-        self.esc.state()
-    }
-
-    fn set_power(&self, on: bool) {
-        self.esc.set_power(on);
-    }
-
-    fn set_feedback(&self, on: bool) {
-        self.esc.set_feedback(on);
-    }
-
-    fn set_load(&self, torque: f64) {
-        self.esc.set_load(torque);
-    }
-
-    fn inject(&self, fault: EscFault) -> bool {
-        self.esc.inject(fault)
+    fn esc(&self) -> &Esc {
+        &self.esc
     }
 
     fn set_cut(&self, cut: bool) {

@@ -97,7 +97,7 @@ impl<'d> Watch<'d> {
     }
 
     pub fn look(&mut self, scene: &impl Scene, world: &World) -> Result<(), String> {
-        let (status, state) = (scene.status(), scene.state());
+        let (status, state) = (scene.status(), scene.esc().state());
         if let Some(wrong) = scene.wrong_frames() {
             return Err(wrong);
         }
@@ -227,7 +227,7 @@ impl<'d> Watch<'d> {
         world: &World,
         goes_with: bool,
     ) -> Result<(), String> {
-        let state = scene.state();
+        let state = scene.esc().state();
         let last = std::mem::replace(&mut self.last_torque, state.torque);
         let full = f64::from(self.declared.full_torque.get());
         let driven = matches!(status.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run)

@@ -5,15 +5,15 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::cybergear as sim;
 
-use super::{Report, check};
+use super::Check;
 
 /// Both models are driven alike; the spring is as stiff as the motor is strong.
-fn motor(
+fn motor<C: Check>(
     model: &'static Model,
     device: &'static sim::Model,
     inertia: f64,
     direction: Direction,
-) -> Result<(), Report> {
+) -> Result<(), String> {
     let full = model.limits.torque;
     let spring =
         Impedance { angle: Degrees::new(90.0), kp: full, kd: 0.1 * full, ..Impedance::default() };
@@ -31,7 +31,7 @@ fn motor(
         Trial::new(Target::Torque(NewtonMetres::new(0.5 * full)), 0.02 * f64::from(full), 100),
         Trial::new(Target::Impedance(spring), 3.0, 3000),
     ]);
-    check(
+    C::check(
         &declared,
         |motor| {
             CyberGear::new(
@@ -45,10 +45,10 @@ fn motor(
     )
 }
 
-pub fn cybergear(direction: Direction) -> Result<(), Report> {
-    motor(&models::CYBERGEAR, &sim::CYBERGEAR, 0.01, direction)
+pub fn cybergear<C: Check>(direction: Direction) -> Result<(), String> {
+    motor::<C>(&models::CYBERGEAR, &sim::CYBERGEAR, 0.01, direction)
 }
 
-pub fn rs04(direction: Direction) -> Result<(), Report> {
-    motor(&models::RS04, &sim::RS04, 0.1, direction)
+pub fn rs04<C: Check>(direction: Direction) -> Result<(), String> {
+    motor::<C>(&models::RS04, &sim::RS04, 0.1, direction)
 }

@@ -15,9 +15,51 @@ mod unitree_module;
 mod vesc;
 mod vesc_values;
 
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use rc10_can::CanFrame;
 use rc10_conformance::Bench;
+use rc10_motor::signals::{Message, Presence};
 use rc10_motor::{MotorId, Target};
 use rc10_sim::Esc;
+
+/// The same cases in every run.
+fn cases(cases: u32) -> ProptestConfig {
+    let rng_seed = RngSeed::Fixed(10);
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// Any f32, NaN and infinities included; mostly those up to `usual`, either way.
+fn number(usual: f32) -> impl Strategy<Value = f32> {
+    const SPECIAL: [f32; 8] = [
+        0.0,
+        -0.0,
+        f32::NAN,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        f32::MAX,
+        f32::MIN,
+        f32::MIN_POSITIVE,
+    ];
+    prop_oneof![
+        4 => -usual..usual,
+        2 => any::<u32>().prop_map(f32::from_bits),
+        1 => prop::sample::select(&SPECIAL[..]),
+    ]
+}
+
+/// The signals of a message that are there in a frame, by its table alone.
+fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
+    let bytes = frame.bytes();
+    let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
+    let selected = switch.map(|signal| signal.raw(bytes).unwrap());
+    let is_there = |presence| match presence {
+        Presence::If(value) => selected == Some(value.into()),
+        Presence::Always | Presence::Switch => true,
+    };
+    let there = message.signals.iter().filter(|signal| is_there(signal.presence));
+    there.map(|signal| (signal.name, signal.physical(bytes).unwrap())).collect()
+}
 
 /// What a bench borrows, for as long as the tests run: none has to keep it.
 fn leak<T>(value: T) -> &'static mut T {

@@ -4,42 +4,10 @@ use rc10_app::{NewtonMetres, Rpm};
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Config, CyberGear, models};
-use rc10_motor::{CanMotor, Condition, DriveMode, Link, Motor, Safety, Target, Tick, TxBatch};
-use rc10_sim::cybergear::{self as sim, Mode};
+use rc10_motor::{CanMotor, DriveMode, Link, Motor, Safety, Target, Tick, TxBatch};
+use rc10_sim::cybergear::Mode;
 
-use super::{ADDRESS, Pair, with_cybergear, with_rs04};
-
-fn torque(pair: &Pair<'_, '_>) -> f64 {
-    pair.esc.state().current * sim::CYBERGEAR.torque_constant()
-}
-
-#[test]
-fn it_is_enabled_step_by_step_and_disabled_at_once() {
-    with_cybergear(Safety::COAST, |pair| {
-        assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
-        assert_eq!(pair.bench.status(pair.motor).drive, DriveMode::Off);
-        pair.switch.arm().unwrap();
-        let target = Target::Torque(NewtonMetres::new(0.5));
-        let mut took = 0;
-        loop {
-            pair.bench.hold(pair.motor, target, 1).unwrap();
-            took += 1;
-            assert!(took < 10);
-            let ready = pair.bench.status(pair.motor).condition == Condition::Ready;
-            if ready && pair.device(|device| device.mode()) == Mode::Run {
-                break;
-            }
-            assert_eq!(pair.bench.status(pair.motor).condition, Condition::Starting);
-        }
-        println!("enabled after {took} ms");
-        pair.bench.hold(pair.motor, target, 50).unwrap();
-        assert!((torque(&pair) - 0.5).abs() < 0.05);
-        pair.switch.disarm();
-        pair.bench.hold(pair.motor, target, 2).unwrap();
-        assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
-        assert_eq!(torque(&pair), 0.0);
-    });
-}
+use super::{ADDRESS, with_cybergear, with_rs04};
 
 /// Whatever run mode somebody else has left: it is set before anything moves.
 #[test]

@@ -6,27 +6,16 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::ExtendedId;
 use rc10_motor::cybergear::signals::{self, NOT_IN_DBC, Scaled};
 use rc10_motor::cybergear::{Address, Model};
-use rc10_motor::signals::{Message, Presence};
+use rc10_motor::signals::Message;
 use rc10_sim::Random;
 
 use super::values::{PARAMETERS, values};
 use super::{ADDRESS, models};
+use crate::motors::by_table;
 
 fn messages(model: &Model, address: Address) -> Vec<Message> {
     let scaled = Box::leak(Box::new(Scaled::of(model)));
     signals::messages(model, address, scaled).into_iter().collect()
-}
-
-/// Values of the table, present ones only.
-fn physical(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
-    let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
-    let selected = switch.map(|signal| signal.raw(frame.bytes()).unwrap());
-    let is_there = |presence| match presence {
-        Presence::If(value) => selected == Some(value.into()),
-        _ => true,
-    };
-    let there = message.signals.iter().filter(|signal| is_there(signal.presence));
-    there.map(|signal| (signal.name, signal.physical(frame.bytes()).unwrap())).collect()
 }
 
 #[test]
@@ -47,7 +36,7 @@ fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
                 }
                 let frame = CanFrame::eight_bytes(message.id, data);
                 let ours = values(message.name, &frame, model);
-                let table = physical(message, &frame);
+                let table = by_table(message, &frame);
                 frames += 1;
                 // What is no number, our codec does not hand out.
                 if table.iter().any(|(_, value)| !value.is_finite()) {
