@@ -2,71 +2,58 @@
 //! A device that is not heard is disabled.
 
 use rc10_app::Rpm;
-use rc10_conformance::Bench;
 use rc10_motor::cybergear::{Address, Config as CyberGearConfig, CyberGear, models};
 use rc10_motor::lk::Lk;
 use rc10_motor::odrive::{Config, Firmware, ODrive};
 use rc10_motor::unitree::{GoModule, ModuleConfig};
-use rc10_motor::{
-    ArmSwitch, CanMotor, DriveMode, Fault, Link, MotorId, Request, RequestError, Response, Safety,
-    Target,
-};
+use rc10_motor::{CanMotor, DriveMode, Fault, Link, Request, RequestError, Safety, Target};
 use rc10_sim::odrive::{Axis, Settings, Version};
 use rc10_sim::unitree_module::UnitreeModule;
-use rc10_sim::{Device, Esc, EscFault, Plant};
+use rc10_sim::{Device, EscFault, Plant};
 
-use super::{cybergear, damiao, leak, lk, odrive};
+use super::{One, cybergear, damiao, lk, odrive};
 use EscFault::{
     CommunicationLost, Encoder, OverCurrent, OverTemperature, OverVoltage, UnderVoltage,
 };
 
 const SPEED: Target = Target::Speed(Rpm::new(60.0));
 
-/// A motor that brakes as its safe state, its device, and a bus for both.
-fn bench(motor: impl CanMotor + 'static, device: impl Device, plant: Plant) -> Scene {
-    let mut bench = Bench::new(7, leak(ArmSwitch::new()));
-    let esc = bench.wire.add(device, plant);
-    let motor = bench.attach(leak(motor), Safety::BRAKE).unwrap();
-    bench.wait(150);
-    bench.bus.switch().arm().unwrap();
-    bench.hold(motor, SPEED, 300).unwrap();
-    (bench, esc, motor)
+/// A motor that runs and brakes as its safe state.
+fn running<D: Device>(motor: impl CanMotor + 'static, device: D, plant: Plant) -> One<D> {
+    let mut one = One::new(motor, device, plant, Safety::BRAKE);
+    one.bench.wait(150);
+    one.switch.arm().unwrap();
+    one.hold(SPEED, 300);
+    one
 }
 
-type Scene = (Bench<'static>, Esc, MotorId);
-
 /// Faults, their codes and their texts. `lasts` has the cause stay, and says whether it does.
-fn assert_told(
-    make: impl Fn() -> Scene,
-    lasts: impl Fn(&Esc, EscFault) -> bool,
+fn assert_told<D: Device>(
+    make: impl Fn() -> One<D>,
+    lasts: impl Fn(&One<D>, EscFault) -> bool,
     faults: &[(EscFault, u32, &'static str)],
 ) {
     // One that is not heard is disabled.
-    let (mut bench, esc, motor) = make();
-    esc.set_feedback(false);
-    bench.hold(motor, SPEED, 35).unwrap();
-    assert!(esc.state().open || esc.state().shorted, "{:?}", esc.state());
+    let mut one = make();
+    one.esc.set_feedback(false);
+    one.hold(SPEED, 35);
+    assert!(one.esc.state().open || one.esc.state().shorted, "{:?}", one.esc.state());
     for &(fault, code, text) in faults {
-        let (mut bench, esc, motor) = make();
-        assert!(esc.inject(fault));
-        bench.hold(motor, SPEED, 200).unwrap();
-        let status = bench.status(motor);
+        let mut one = make();
+        assert!(one.esc.inject(fault));
+        one.hold(SPEED, 200);
+        let status = one.status();
         assert_eq!(status.fault, Some(Fault::new(code, text)), "{fault:?}");
         assert_eq!((status.drive, status.link), (DriveMode::Brake, Link::Online), "{fault:?}");
-        if lasts(&esc, fault) {
-            let asked = bench.bus.request(motor, Request::ClearFault);
-            assert_eq!(asked, Ok(Response::Pending), "{fault:?}");
-            let answer = (0..200).find_map(|_| {
-                bench.hold(motor, SPEED, 1).unwrap();
-                bench.bus.response(motor)
-            });
-            assert!(matches!(answer, Some(Err(RequestError::Refused(_)))), "{fault:?}: {answer:?}");
-            assert!(bench.status(motor).fault.is_some(), "{fault:?}");
+        if lasts(&one, fault) {
+            let answer = one.ask(Request::ClearFault);
+            assert!(matches!(answer, Err(RequestError::Refused(_))), "{fault:?}: {answer:?}");
+            assert!(one.status().fault.is_some(), "{fault:?}");
         }
     }
 }
 
-fn always(_: &Esc, _: EscFault) -> bool {
+fn always<D>(_: &One<D>, _: EscFault) -> bool {
     true
 }
 
@@ -75,7 +62,7 @@ fn of_a_damiao() {
     let control = damiao::controls()[0];
     let device = damiao::device(&control);
     let make =
-        || bench(damiao::motor(control), rc10_sim::damiao::Damiao::new(&device), device.plant);
+        || running(damiao::motor(control), rc10_sim::damiao::Damiao::new(&device), device.plant);
     assert_told(
         make,
         |_, fault| fault != CommunicationLost,
@@ -94,7 +81,7 @@ fn of_a_damiao() {
 fn of_an_lk_drive() {
     let make = || {
         let drive = rc10_sim::lk::Drive::new(rc10_sim::lk::Settings::mg(1)).unwrap();
-        bench(Lk::new(lk::joint()).unwrap(), drive, lk::joint_plant())
+        running(Lk::new(lk::joint()).unwrap(), drive, lk::joint_plant())
     };
     assert_told(
         make,
@@ -115,7 +102,7 @@ fn of_an_odrive_of_either_firmware() {
         move || {
             let motor = ODrive::new(Config { firmware, ..odrive::wheel() }).unwrap();
             let settings = Settings { version, ..Settings::new(odrive::NODE) };
-            bench(motor, Axis::new(settings).unwrap(), odrive::plant())
+            running(motor, Axis::new(settings).unwrap(), odrive::plant())
         }
     };
     assert_told(
@@ -151,12 +138,12 @@ fn of_a_cybergear_and_a_robstride() {
         move || {
             let motor = CyberGear::new(CyberGearConfig::new(ours, ADDRESS)).unwrap();
             let plant = theirs.plant().with_load_inertia(0.01);
-            bench(motor, sim::CyberGear::new(theirs, ADDRESS.motor), plant)
+            running(motor, sim::CyberGear::new(theirs, ADDRESS.motor), plant)
         }
     };
     const ADDRESS: Address = cybergear::ADDRESS;
-    let lasts = |esc: &Esc, fault| {
-        esc.with(|device: &mut sim::CyberGear| device.set_lasting(true)).unwrap();
+    let lasts = |one: &One<sim::CyberGear>, fault| {
+        one.device(|device| device.set_lasting(true));
         // The feedback says nothing of it: only the fault frame does.
         fault != OverVoltage
     };
@@ -179,7 +166,7 @@ fn of_a_go_m8010_behind_a_module() {
     let make = || {
         let motor = GoModule::new(ModuleConfig::new(3, 0)).unwrap();
         let device = UnitreeModule::new(3).unwrap().motor(0).unwrap();
-        bench(motor, device, rc10_sim::unitree_module::plant())
+        running(motor, device, rc10_sim::unitree_module::plant())
     };
     assert_told(
         make,

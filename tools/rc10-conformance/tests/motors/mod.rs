@@ -15,13 +15,18 @@ mod unitree_module;
 mod vesc;
 mod vesc_values;
 
+use std::marker::PhantomData;
+
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rc10_can::CanFrame;
 use rc10_conformance::Bench;
 use rc10_motor::signals::{Message, Presence};
-use rc10_motor::{MotorId, Target};
-use rc10_sim::Esc;
+use rc10_motor::{
+    ArmSwitch, CanMotor, Link, MotorId, MotorStatus, Request, RequestError, Response, Safety,
+    Target,
+};
+use rc10_sim::{Device, Esc, Plant};
 
 /// The same cases in every run.
 fn cases(cases: u32) -> ProptestConfig {
@@ -64,6 +69,74 @@ fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
 /// What a bench borrows, for as long as the tests run: none has to keep it.
 fn leak<T>(value: T) -> &'static mut T {
     Box::leak(Box::new(value))
+}
+
+/// A motor of ours and its device, alone on a bus.
+struct One<D> {
+    bench: Bench<'static>,
+    switch: &'static ArmSwitch,
+    motor: MotorId,
+    esc: Esc,
+    device: PhantomData<D>,
+}
+
+impl<D: Device> One<D> {
+    /// Both with power, disarmed.
+    fn new(motor: impl CanMotor + 'static, device: D, plant: Plant, safety: Safety) -> Self {
+        let switch = &*leak(ArmSwitch::new());
+        let mut bench = Bench::new(7, switch);
+        let esc = bench.wire.add(device, plant);
+        let motor = bench.attach(leak(motor), safety).unwrap();
+        Self { bench, switch, motor, esc, device: PhantomData }
+    }
+
+    /// Disarmed until the device was heard and looked at, then armed.
+    fn armed(mut self) -> Self {
+        self.bench.wait(20);
+        assert_eq!((self.status().link, self.status().fault), (Link::Online, None));
+        self.switch.arm().unwrap();
+        self
+    }
+
+    fn status(&self) -> MotorStatus {
+        self.bench.status(self.motor)
+    }
+
+    fn hold(&mut self, target: Target, millis: u32) {
+        self.bench.hold(self.motor, target, millis).unwrap();
+    }
+
+    fn device<T>(&self, look: impl FnOnce(&mut D) -> T) -> T {
+        self.esc.with(look).unwrap()
+    }
+
+    /// Speed and angle of its shaft.
+    fn rpm(&self) -> f64 {
+        rpm(&self.esc)
+    }
+
+    fn degrees(&self) -> f64 {
+        self.esc.state().output_degrees
+    }
+
+    /// What is asked, until it is answered.
+    fn ask(&mut self, request: Request) -> Result<Response, RequestError> {
+        let answer = self.bench.bus.request(self.motor, request)?;
+        if answer != Response::Pending {
+            return Ok(answer);
+        }
+        let answer = (0..1000).find_map(|_| {
+            self.bench.tick();
+            self.bench.bus.response(self.motor)
+        });
+        answer.unwrap_or_else(|| panic!("no answer to {request:?}"))
+    }
+}
+
+impl<D> Drop for One<D> {
+    fn drop(&mut self) {
+        assert!(std::thread::panicking() || self.bench.refused() == 0);
+    }
 }
 
 fn rpm(esc: &Esc) -> f64 {

@@ -9,15 +9,10 @@ use rc10_sim::cybergear as sim;
 use super::{ADDRESS, CONFIG, Pair, cybergear, models, with_cybergear, with_pair};
 
 /// Ticks until `f` says so for 50 ticks on end; panics after `most`.
-fn settles(
-    pair: &mut Pair<'_, '_>,
-    target: Target,
-    most: u32,
-    f: impl Fn(&Pair<'_, '_>) -> bool,
-) -> u32 {
+fn settles(pair: &mut Pair, target: Target, most: u32, f: impl Fn(&Pair) -> bool) -> u32 {
     let mut good = 0;
     for tick in 0..most {
-        pair.bench.hold(pair.motor, target, 1).unwrap();
+        pair.hold(target, 1);
         good = if f(pair) { good + 1 } else { 0 };
         if good == 50 {
             return tick - 49;
@@ -42,7 +37,7 @@ fn speeds_are_reached_by_every_model() {
                         (pair.rpm() - wanted).abs() < 0.02 * wanted.abs().max(25.0)
                     });
                     assert!(time < 500);
-                    let feedback = pair.bench.status(pair.motor).feedback;
+                    let feedback = pair.status().feedback;
                     assert!((f64::from(feedback.speed.get()) - pair.rpm()).abs() < 1.0);
                 }
             });
@@ -58,7 +53,7 @@ fn angles_are_reached_by_every_model() {
         let plant = theirs.plant().with_load_inertia(0.01 * theirs.torque / 12.0);
         with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
             pair.switch.arm().unwrap();
-            let from = pair.bench.status(pair.motor).feedback.total_angle.degrees().get();
+            let from = pair.status().feedback.total_angle.degrees().get();
             let start = pair.degrees() - f64::from(from);
             for wanted in [90_i32, 450, -200, 10] {
                 let target = Target::TotalAngle(TotalAngle::from_degrees(wanted));
@@ -70,7 +65,7 @@ fn angles_are_reached_by_every_model() {
             settles(&mut pair, Target::Angle(Degrees::new(350.0)), 2000, |pair| {
                 (pair.degrees() - start + 10.0).abs() < 0.5
             });
-            let feedback = pair.bench.status(pair.motor).feedback;
+            let feedback = pair.status().feedback;
             assert!((feedback.angle.get() - 350.0).abs() < 1.0, "{:?}", feedback.angle);
         });
     }
@@ -83,14 +78,14 @@ fn impedance(angle: f32, kp: f32, kd: f32) -> Impedance {
 /// Never more than the limit, wherever the spring is.
 #[test]
 fn an_impedance_keeps_to_the_torque_limit() {
-    with_cybergear(Safety::COAST, |pair| {
+    with_cybergear(Safety::COAST, |mut pair| {
         pair.switch.arm().unwrap();
-        let from = pair.bench.status(pair.motor).feedback.total_angle.degrees().get();
+        let from = pair.status().feedback.total_angle.degrees().get();
         let limit = rc10_motor::Request::TorqueLimit(NewtonMetres::new(1.5));
         pair.bench.bus.request(pair.motor, limit).unwrap();
         let far = Target::Impedance(impedance(from - 120.0, 50.0, 2.0));
         for _ in 0..300 {
-            pair.bench.hold(pair.motor, far, 1).unwrap();
+            pair.hold(far, 1);
             // Between two frames the device's loop goes on by itself: 50 N m/rad at 20 rad/s are
             // 1 N m a millisecond.
             assert!(pair.esc.state().torque.abs() < 2.5, "{}", pair.esc.state().torque);
@@ -100,7 +95,7 @@ fn an_impedance_keeps_to_the_torque_limit() {
 
 #[test]
 fn what_the_devices_loop_has_no_number_for_is_refused() {
-    with_cybergear(Safety::COAST, |pair| {
+    with_cybergear(Safety::COAST, |mut pair| {
         let now = pair.bench.world.now();
         let bus = &mut pair.bench.bus;
         let refused = |kind| Err(CommandError::Target(TargetError::OutOfRange(kind)));
@@ -133,18 +128,16 @@ fn turns_are_counted_beyond_the_range_of_the_field() {
         let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
         with_pair(cybergear(), (device, plant), Safety::BRAKE, |mut pair| {
             pair.switch.arm().unwrap();
-            let told = |pair: &Pair<'_, '_>| {
-                f64::from(pair.bench.status(pair.motor).feedback.total_angle.degrees().get())
-            };
+            let told = |pair: &Pair| f64::from(pair.status().feedback.total_angle.degrees().get());
             let start = pair.degrees() - told(&pair);
-            pair.bench.hold(pair.motor, Target::Speed(Rpm::new(120.0)), 5000).unwrap();
+            pair.hold(Target::Speed(Rpm::new(120.0)), 5000);
             assert!(pair.degrees() - start > 3000.0);
             let off = told(&pair) - (pair.degrees() - start);
             assert!(off.abs() < 40.0);
             // An angle is found there too, and nothing runs away.
             let before = told(&pair);
             for _ in 0..1000 {
-                pair.bench.hold(pair.motor, Target::Angle(Degrees::new(0.0)), 1).unwrap();
+                pair.hold(Target::Angle(Degrees::new(0.0)), 1);
             }
             assert!((told(&pair) - before).abs() < 360.0);
             assert!(pair.rpm().abs() < 0.5, "{}", pair.rpm());
@@ -169,7 +162,7 @@ fn another_range_of_position_scales_the_angle() {
     let plant = model.plant().with_load_inertia(0.01);
     with_pair(motor, (sim::CyberGear::new(&model, 1), plant), Safety::COAST, |mut pair| {
         pair.switch.arm().unwrap();
-        let from = pair.bench.status(pair.motor).feedback.total_angle.degrees().get();
+        let from = pair.status().feedback.total_angle.degrees().get();
         let start = pair.degrees() - f64::from(from);
         let target = Target::TotalAngle(TotalAngle::from_degrees(700));
         settles(&mut pair, target, 3000, |pair| (pair.degrees() - start - 700.0).abs() < 0.3);

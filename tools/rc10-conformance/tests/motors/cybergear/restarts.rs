@@ -12,14 +12,14 @@ use super::{ADDRESS, with_cybergear, with_rs04};
 /// Whatever run mode somebody else has left: it is set before anything moves.
 #[test]
 fn another_run_mode_is_put_right_before_it_is_enabled() {
-    with_cybergear(Safety::COAST, |pair| {
+    with_cybergear(Safety::COAST, |mut pair| {
         pair.device(|device| {
             let parameters = device.parameters_mut();
             (parameters.run_mode, parameters.velocity) = (2, 20.0);
         });
         pair.switch.arm().unwrap();
         for _ in 0..100 {
-            pair.bench.hold(pair.motor, Target::Torque(NewtonMetres::ZERO), 1).unwrap();
+            pair.hold(Target::Torque(NewtonMetres::ZERO), 1);
             assert!(pair.rpm().abs() < 0.1, "{}", pair.rpm());
             let (mode, run_mode) =
                 pair.device(|device| (device.mode(), device.parameters().run_mode));
@@ -60,18 +60,18 @@ fn a_device_that_stopped_or_was_silent_gets_no_setpoint() {
 /// A RobStride stops by itself when commands stop coming.
 #[test]
 fn a_robstrides_time_out_is_a_restart() {
-    with_rs04(|pair| {
+    with_rs04(|mut pair| {
         // 20 ms in steps of 50 µs.
         pair.device(|device| device.parameters_mut().timeout = 400);
         pair.switch.arm().unwrap();
         let target = Target::Speed(Rpm::new(40.0));
-        pair.bench.hold(pair.motor, target, 500).unwrap();
+        pair.hold(target, 500);
         assert!((pair.rpm() - 40.0).abs() < 1.0);
         pair.bench.wire.set_cut(true);
-        pair.bench.hold(pair.motor, target, 30).unwrap();
+        pair.hold(target, 30);
         assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
         pair.bench.wire.set_cut(false);
-        pair.bench.hold(pair.motor, target, 500).unwrap();
+        pair.hold(target, 500);
         assert!((pair.rpm() - 40.0).abs() < 1.0);
     });
 }
@@ -79,15 +79,15 @@ fn a_robstrides_time_out_is_a_restart() {
 /// A RobStride that reports by itself keeps its link alive with that, and nothing else changes.
 #[test]
 fn a_robstrides_own_reports_are_feedback() {
-    with_rs04(|pair| {
+    with_rs04(|mut pair| {
         let address = CyberGear::new(Config::new(&models::RS04, ADDRESS)).unwrap().address();
         let id = 24 << 24 | u32::from(address.host) << 8 | u32::from(address.motor);
         let id = rc10_can::embedded_can::ExtendedId::new(id).unwrap();
         let report = rc10_can::CanFrame::eight_bytes(id, [1, 2, 3, 4, 5, 6, 1, 0]);
         pair.bench.wire.inject(&report);
-        let before = pair.bench.status(pair.motor).counters;
+        let before = pair.status().counters;
         pair.bench.wait(200);
-        let after = pair.bench.status(pair.motor).counters;
+        let after = pair.status().counters;
         assert_eq!(after.malformed, before.malformed);
         let more = after.received - before.received;
         assert!((215..=225).contains(&more), "{more}");

@@ -1,4 +1,4 @@
-use super::{MOST, Rig, cascade, config, controls, device, motor};
+use super::{MOST, Rig, cascade, config, controls, device, motor, on_bus};
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::rc10_app::Direction;
@@ -22,7 +22,7 @@ fn mit() -> Control {
 #[test]
 fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
     for control in controls() {
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST);
+        let mut rig = on_bus(motor(control), &device(&control), Safety::COAST);
         rig.bench.tick();
         assert_eq!(rig.status().condition, Condition::Starting);
         let target = if control == Control::Velocity { FORWARD } else { angle(90) };
@@ -56,7 +56,7 @@ fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
 #[test]
 fn an_impedance_keeps_to_the_torque_limit() {
     for limit in [MOST, 2.0] {
-        let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
+        let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST).armed();
         let request = Request::TorqueLimit(NewtonMetres::new(limit));
         assert_eq!(rig.bench.bus.request(rig.motor, request), Ok(Response::Done));
         let spring =
@@ -84,7 +84,7 @@ fn the_devices_own_loops_reach_their_targets() {
             Control::Velocity => (FORWARD, false),
             _ => (angle(-200), true),
         };
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
+        let mut rig = on_bus(motor(control), &device(&control), Safety::COAST).armed();
         let mut fastest: f64 = 0.0;
         for _ in 0..900 {
             rig.bench.hold(rig.motor, target, 1).unwrap();
@@ -111,7 +111,7 @@ fn the_devices_own_loops_reach_their_targets() {
 #[test]
 fn force_position_pushes_no_harder_than_its_share() {
     let control = Control::ForcePosition { speed: Rpm::new(100.0), torque_share: 0.2 };
-    let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
+    let mut rig = on_bus(motor(control), &device(&control), Safety::COAST).armed();
     // 0.2 of 10 N m cannot lift 3 N m.
     rig.esc.set_load(-3.0);
     let mut hardest: f64 = 0.0;
@@ -124,7 +124,7 @@ fn force_position_pushes_no_harder_than_its_share() {
 
 #[test]
 fn what_lies_beyond_its_range_is_refused() {
-    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
+    let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST).armed();
     let id = rig.motor;
     let far = |rig: &mut Rig, target| {
         let now = rig.bench.world.now();
@@ -176,7 +176,7 @@ fn an_angle_is_sought_within_the_range() {
     {
         for sign in [1, -1] {
             let motor = Damiao::new(config(control).with_direction(direction)).unwrap();
-            let mut rig = Rig::new(motor, &device(&control), Safety::COAST).armed();
+            let mut rig = on_bus(motor, &device(&control), Safety::COAST).armed();
             rig.bench.hold(rig.motor, angle(sign * 690), 2500).unwrap();
             for (target, total) in [(10, 370), (350, 350), (340, 340), (-10, 350)] {
                 #[expect(clippy::cast_precision_loss, reason = "small")]
@@ -195,7 +195,7 @@ fn an_angle_is_sought_within_the_range() {
 fn turning_beyond_the_range_and_back_is_survived() {
     for beyond in [Beyond::Saturates, Beyond::Wraps] {
         let config = DamiaoConfig { beyond, ..device(&mit()) };
-        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST).armed();
+        let mut rig = on_bus(motor(mit()), &config, Safety::COAST).armed();
         let start = rig.esc.state().output_degrees;
         rig.bench.hold(rig.motor, Target::Speed(Rpm::new(150.0)), 1200).unwrap();
         let went = rig.esc.state().output_degrees - start;

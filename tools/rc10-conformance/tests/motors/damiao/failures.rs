@@ -1,6 +1,6 @@
 //! Cut wires, restarts, faults, strange frames.
 
-use super::{CAN_ID, MASTER_ID, Rig, cascade, config, controls, device, motor};
+use super::{CAN_ID, MASTER_ID, Rig, cascade, config, controls, device, motor, on_bus};
 use rc10_app::{Rpm, TotalAngle};
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
@@ -26,7 +26,7 @@ fn target_of(control: &Control) -> Target {
 #[test]
 fn a_cut_wire_is_survived() {
     for control in controls() {
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
+        let mut rig = on_bus(motor(control), &device(&control), Safety::COAST).armed();
         let target = target_of(&control);
         rig.bench.hold(rig.motor, target, 100).unwrap();
         rig.bench.wire.set_cut(true);
@@ -55,7 +55,7 @@ fn a_cut_wire_is_survived() {
 /// The registers of a device that cannot be heard are not at fault.
 #[test]
 fn a_check_that_is_cut_off_begins_again_when_the_device_is_back() {
-    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST);
+    let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST);
     let asks = |rig: &mut Rig| {
         rig.bench.tick();
         rig.bench.sent().frames().iter().any(|frame| frame.raw_id() == 0x7FF)
@@ -77,7 +77,7 @@ fn a_restarted_device_is_looked_at_again() {
     for pause in [3, 300] {
         let wrong = rc10_sim::damiao::Limits { position: 3.2, velocity: 30.0, torque: 10.0 };
         let config = DamiaoConfig { limits: wrong, ..device(&mit()) };
-        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST);
+        let mut rig = on_bus(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
         // Set right, and not saved.
         let position = 12.5_f32.to_bits();
@@ -103,7 +103,7 @@ fn a_restarted_device_is_looked_at_again() {
 fn the_devices_own_time_out_is_a_fault() {
     // 20 ms.
     let config = DamiaoConfig { timeout: 400, ..device(&mit()) };
-    let mut rig = Rig::new(motor(mit()), &config, Safety::COAST).armed();
+    let mut rig = on_bus(motor(mit()), &config, Safety::COAST).armed();
     let target = target_of(&mit());
     rig.bench.hold(rig.motor, target, 100).unwrap();
     rig.bench.wire.set_cut(true);
@@ -131,7 +131,7 @@ fn settings_that_differ_are_faults_with_text() {
         (with(rc10_sim::damiao::Limits { velocity: 45.0, ..limits }), 0x116, "VMAX"),
         (with(rc10_sim::damiao::Limits { torque: 9.9, ..limits }), 0x117, "TMAX"),
     ] {
-        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST);
+        let mut rig = on_bus(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
         let fault = rig.status().fault.unwrap();
         assert_eq!(fault.code, code);
@@ -170,7 +170,7 @@ fn settings_that_differ_are_faults_with_text() {
         torque: 5.0,
     };
     let config = DamiaoConfig { limits, mode: Mode::Velocity, ..right };
-    let _ = Rig::new(motor, &config, Safety::COAST).armed();
+    let _ = on_bus(motor, &config, Safety::COAST).armed();
 }
 
 /// A device that answers, but whose registers cannot be read, says so; told not to look, it runs.
@@ -218,7 +218,7 @@ fn firmware_without_registers_is_told_apart() {
 fn old_firmware_in_another_mode_is_disabled() {
     let control = Control::Velocity;
     let config = DamiaoConfig { mode: Mode::Mit, old_firmware: true, ..device(&control) };
-    let mut rig = Rig::new(motor(control), &config, Safety::COAST);
+    let mut rig = on_bus(motor(control), &config, Safety::COAST);
     let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
     rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
     rig.bench.wait(20);
@@ -226,7 +226,7 @@ fn old_firmware_in_another_mode_is_disabled() {
     assert_eq!(rig.status().fault.unwrap().code, 0x10A);
 
     let config = DamiaoConfig { old_firmware: true, ..device(&control) };
-    let mut rig = Rig::new(motor(control), &config, Safety::COAST).armed();
+    let mut rig = on_bus(motor(control), &config, Safety::COAST).armed();
     rig.bench.hold(rig.motor, target_of(&control), 20).unwrap();
     assert!(rig.is_enabled());
 }
@@ -266,7 +266,7 @@ fn an_operation_that_is_not_obeyed_goes_to_both_identifiers_in_turn() {
 #[test]
 fn an_enabled_device_is_disabled_before_all_else() {
     for control in controls() {
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST);
+        let mut rig = on_bus(motor(control), &device(&control), Safety::COAST);
         let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
         rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
         rig.bench.world.advance(Micros::new(500));

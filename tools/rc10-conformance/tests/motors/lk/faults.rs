@@ -83,9 +83,6 @@ fn what_is_no_answer_changes_nothing() {
     let eight = |bytes| CanFrame::eight_bytes(own, bytes);
     let good = encode_state(0x9C, state);
     for (frame, error) in [
-        (CanFrame::data_frame(own, &good[..7]).unwrap(), FrameError::Length),
-        (CanFrame::eight_bytes(DriveId::new(2).unwrap().can_id(), good), FrameError::NotMine),
-        (CanFrame::remote_frame(own, 8).unwrap(), FrameError::NotMine),
         // Moved by others, or unasked.
         (eight(encode_state(0xA2, state)), FrameError::Unasked),
         (eight(encode_echo(0x81)), FrameError::Unasked),

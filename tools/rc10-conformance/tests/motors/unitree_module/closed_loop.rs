@@ -6,7 +6,7 @@ use rc10_motor::{Impedance, Request, RequestError, Safety, Target, TargetError, 
 use rc10_sim::unitree_module::plant;
 use rc10_sim::{Plant, Scale};
 
-use super::{One, speed};
+use super::{One, behind, speed, with_plant};
 
 /// Bare and with 0.02 kg m², each with inertia, friction and magnets 30 % off.
 fn plants() -> Vec<Plant> {
@@ -46,7 +46,7 @@ fn respond(
 fn a_speed_is_reached_and_kept() {
     for plant in plants() {
         let mut one =
-            One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant)
+            with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant)
                 .armed();
         let (over, settled) = respond(&mut one, speed(150.0), 150.0, (1000, 3.0), |one| one.rpm());
         assert!(over < 3.5 && settled < 300, "{over} rpm over, {settled} ms: {plant:?}");
@@ -60,16 +60,16 @@ fn a_speed_is_reached_and_kept() {
 fn an_angle_is_reached_and_kept() {
     for plant in plants() {
         let mut one =
-            One::with(GoModule::new(ModuleConfig::new(2, 14)).unwrap(), Safety::COAST, plant);
+            with_plant(GoModule::new(ModuleConfig::new(2, 14)).unwrap(), Safety::COAST, plant);
         one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
         one.switch.arm().unwrap();
         let target = Target::TotalAngle(TotalAngle::from_degrees(720));
-        let (over, settled) = respond(&mut one, target, 720.0, (2500, 1.0), |one| one.degrees());
+        let (over, settled) = respond(&mut one, target, 720.0, (2500, 1.0), |one| one.told());
         assert!(over < 0.5 && settled < 1600, "{over} degrees over, {settled} ms: {plant:?}");
-        assert!((one.degrees() - 720.0).abs() < 0.5, "{}", one.degrees());
+        assert!((one.told() - 720.0).abs() < 0.5, "{}", one.told());
         // 350 degrees lie ten back.
         one.hold(Target::Angle(Degrees::new(350.0)), 800);
-        assert!((one.degrees() - 710.0).abs() < 0.5, "{}", one.degrees());
+        assert!((one.told() - 710.0).abs() < 0.5, "{}", one.told());
     }
 }
 
@@ -80,7 +80,7 @@ fn spring(kp: f32, kd: f32) -> Impedance {
 #[test]
 fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
     let heavy = plant().with_load_inertia(50.0);
-    let mut one = One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy);
+    let mut one = with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy);
     one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
     one.switch.arm().unwrap();
     let far = |torque| Impedance {
@@ -117,7 +117,7 @@ fn whatever_takes_over_starts_softly() {
     {
         let heavy = plant().with_load_inertia(50.0);
         let mut one =
-            One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
+            with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
                 .armed();
         for target in [second, first] {
             one.hold(target, 100);
@@ -138,7 +138,7 @@ fn whatever_takes_over_starts_softly() {
 
 #[test]
 fn what_cannot_be_is_refused_and_changes_nothing() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
+    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
     let now = one.bench.world.now();
     let mut refused = |target| {
         let error = one.bench.bus.command(one.motor, target, now).unwrap_err();

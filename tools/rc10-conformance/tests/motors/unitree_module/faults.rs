@@ -6,7 +6,7 @@ use rc10_motor::{Condition, DriveMode, Impedance, Link, SafeState, Safety, Targe
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{Mode, plant};
 
-use super::{One, speed};
+use super::{One, behind, speed, with_plant};
 
 /// The torque may rise no faster than a soft start allows: 10 % of 23.7 N m a millisecond, seen
 /// through a tick and the current loop.
@@ -31,7 +31,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
     for target in [speed(150.0), Target::Torque(NewtonMetres::new(20.0)), far] {
         let heavy = plant().with_load_inertia(1.0);
         let mut one =
-            One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
+            with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
                 .armed();
         one.hold(target, 100);
         one.bench.wire.set_cut(true);
@@ -60,7 +60,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
 
 #[test]
 fn a_motor_that_somebody_else_locked_is_set_up_anew() {
-    let mut one = One::with(
+    let mut one = with_plant(
         GoModule::new(ModuleConfig::new(3, 0)).unwrap(),
         Safety::COAST,
         plant().with_load_inertia(50.0),
@@ -86,7 +86,7 @@ fn a_motor_that_somebody_else_locked_is_set_up_anew() {
 
 #[test]
 fn a_cable_off_behind_the_module_is_a_lost_motor() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(speed(60.0), 300);
     assert!(one.esc.inject(EscFault::CommunicationLost));
     one.hold(speed(60.0), 30);
@@ -98,7 +98,7 @@ fn a_cable_off_behind_the_module_is_a_lost_motor() {
 fn an_impedance_ends_in_the_safe_state_too() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
         let mut one =
-            One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
+            behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
         let spring = Impedance { kp: 20.0, kd: 0.5, ..Impedance::default() };
         one.hold(Target::Impedance(spring), 300);
         one.switch.emergency_stop();
