@@ -55,7 +55,7 @@ pub(crate) struct Life {
 }
 
 impl Life {
-    /// What made the motor turn, and what came then.
+    /// The calls that made the motor turn, and those after them.
     pub(crate) fn calls(&self) -> (&[Call], &[Call]) {
         self.log.calls.split_at(self.going)
     }

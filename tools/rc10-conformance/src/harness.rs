@@ -44,7 +44,7 @@ impl Subject {
         Micros::new(1_000_000 / u64::from(slowest))
     }
 
-    /// Its frames of one tick, which are not sent.
+    /// Packs the frames of one tick, which are not sent.
     pub(crate) fn pack(&mut self) {
         match self {
             // What does not fit is a matter of other rules.
@@ -74,7 +74,7 @@ impl DerefMut for Subject {
     }
 }
 
-/// What went over a wire, and when it was over.
+/// A frame or bytes on a wire, and when they were over.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Traffic {
     pub(crate) at: Micros,
@@ -255,7 +255,7 @@ impl<'m> Harness<'m> {
         }
     }
 
-    /// What went over the wire since the last time.
+    /// Takes the traffic since the last time.
     pub(crate) fn take_traffic(&mut self) -> Vec<Traffic> {
         match &mut self.wired {
             Wired::Bus(bench, _) => {

@@ -19,7 +19,7 @@ pub(crate) fn broken<T>(at: impl Into<Option<Micros>>, what: impl Into<String>) 
 /// What one rule found. A fault that shows in every tick is told a few times only.
 #[derive(Default)]
 pub(crate) struct Findings {
-    /// What other findings follow from.
+    /// Findings from which others follow.
     pub(crate) causes: Vec<(Option<Micros>, String)>,
     pub(crate) found: Vec<(Option<Micros>, String)>,
     pub(crate) is_stuck: bool,

@@ -67,7 +67,7 @@ impl<'m> Rig<'m> {
         self.bench.status(self.motor)
     }
 
-    /// What makes it turn.
+    /// The target that makes it turn.
     pub(crate) fn cruise(&self) -> Target {
         self.declared.onward()
     }

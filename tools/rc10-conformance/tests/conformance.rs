@@ -15,7 +15,7 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
 use rc10_sim::{Bus, Esc, Line};
 
-/// What is tried with a motor.
+/// A check of motors.
 pub trait Check {
     fn check<M: CanMotor + 'static>(
         declared: &Declaration,

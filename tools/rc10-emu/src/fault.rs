@@ -32,7 +32,7 @@ pub enum ChipFault {
 const CONTROL_EXECUTOR: &str = "UART9";
 
 impl fmt::Display for ChipFault {
-    /// As a user writes it.
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Panic => "panic",

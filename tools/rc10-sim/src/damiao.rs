@@ -98,7 +98,7 @@ pub struct Damiao {
 }
 
 impl Damiao {
-    /// As configured, without power yet.
+    /// A motor as configured, without power yet.
     #[must_use]
     pub fn new(config: &DamiaoConfig) -> Self {
         let registers = Registers::of(config);
@@ -142,13 +142,13 @@ impl Damiao {
         }
     }
 
-    /// Its control mode.
+    /// The control mode.
     #[must_use]
     pub fn mode(&self) -> Mode {
         Mode::from_register(self.registers.whole(number::MODE)).unwrap_or(Mode::Mit)
     }
 
-    /// Bits of a register; `None` if there is none of that number.
+    /// Bits of a register; `None` if it does not exist.
     #[must_use]
     pub fn register(&self, register: u8) -> Option<u32> {
         self.registers.read(register).map(u32::from_le_bytes)

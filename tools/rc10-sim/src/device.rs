@@ -65,11 +65,11 @@ pub trait Device: Any {
 /// Whether a device took a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
-    /// It was a command or a question for it.
+    /// The frame was a command or a question for the device.
     Yes,
-    /// It was for another device.
+    /// The frame was for another device.
     NotMine,
-    /// It has the device's identifier, but not the length or content that it takes.
+    /// The frame has the device's identifier, but not a length or content that it takes.
     Malformed,
 }
 
@@ -94,10 +94,10 @@ pub enum EscFault {
 /// A report of an angle beyond the range of its field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Beyond {
-    /// It says the end of the range.
+    /// The end of the range.
     #[default]
     Saturates,
-    /// It goes on from the other end.
+    /// The other end, and on from there.
     Wraps,
 }
 
@@ -233,7 +233,7 @@ pub(crate) struct Unit {
     /// Turns or steers a wheel of a base.
     pub(crate) is_wheel: bool,
     powered: bool,
-    /// Its data lines are unplugged.
+    /// Whether the data lines are unplugged.
     cut: bool,
     /// The state of the winding in the last step.
     winding: Winding,

@@ -119,7 +119,7 @@ impl FeedbackRate {
 pub struct EscConfig {
     /// ESC and mode.
     pub model: Model,
-    /// Its id, 1 ..= [`Model::last_id`].
+    /// The id, 1 ..= [`Model::last_id`].
     pub id: u8,
     /// The rate at which it reports.
     pub rate: FeedbackRate,

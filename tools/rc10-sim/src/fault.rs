@@ -17,7 +17,7 @@ pub enum Wire {
 }
 
 impl fmt::Display for Wire {
-    /// As a user writes it.
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bus(bus) => write!(f, "{}", bus + 1),
@@ -61,7 +61,7 @@ impl Defect {
 }
 
 impl fmt::Display for Defect {
-    /// As a user writes it.
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = Self::ALL.iter().find(|(_, defect)| defect == self).map(|(name, _)| *name);
         f.write_str(name.unwrap_or_default())
@@ -171,7 +171,7 @@ impl<O> Kind<O> {
 }
 
 impl<O: fmt::Display> fmt::Display for Kind<O> {
-    /// As a user writes it.
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self {
             Self::Cut(_) => "cut",
@@ -194,7 +194,7 @@ impl<O: fmt::Display> fmt::Display for Kind<O> {
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault<O = Infallible> {
-    /// Its kind.
+    /// The kind.
     pub kind: Kind<O>,
     /// The time at which it begins, counted from power-on.
     pub from: Nanos,
@@ -203,7 +203,7 @@ pub struct Fault<O = Infallible> {
 }
 
 impl<O: Others> fmt::Display for Fault<O> {
-    /// As a user writes it.
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { kind, from, until } = self;
         let time = |time: &Nanos| {

@@ -347,13 +347,13 @@ pub struct Base {
 }
 
 impl Base {
-    /// Its position and heading.
+    /// The position and heading.
     #[must_use]
     pub fn pose(&self) -> Pose {
         self.motion.get().pose
     }
 
-    /// Its velocity.
+    /// The velocity.
     #[must_use]
     pub fn twist(&self) -> Twist {
         self.motion.get().twist()

@@ -93,11 +93,11 @@ pub trait LineDevice: Any {
 pub enum Heard {
     /// Nothing for it, or nothing yet.
     Nothing,
-    /// It ended a command for all devices.
+    /// The byte ended a command for all devices.
     Command,
-    /// It ended a command that these bytes answer, the first of them after this delay.
+    /// The byte ended a command that these bytes answer, the first of them after this delay.
     Question(Vec<u8>, Nanos),
-    /// It ended something that has the device's address but is no command.
+    /// The byte ended something with the device's address that is not a command.
     Malformed,
 }
 
@@ -108,7 +108,7 @@ struct Sender {
     /// The time at which the first of those may start.
     from: Nanos,
     flight: Option<Flight>,
-    /// It has sent a byte, and not stopped since.
+    /// Whether it has sent a byte, and not stopped since.
     in_frame: bool,
     /// Bytes until one of this frame that noise changes.
     noise_in: Option<u32>,

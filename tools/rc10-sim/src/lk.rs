@@ -47,7 +47,7 @@ pub struct Settings {
     pub id: u8,
     /// Amperes at 2048 steps: 33 (MG), 16.5 (MF).
     pub full_scale: f64,
-    /// Of the encoder's value in answers: 14, 15 or 16.
+    /// Bits of the encoder's value in answers: 14, 15 or 16.
     pub encoder_bits: u32,
     /// Obeys the multi-motor frame, and no other.
     pub multi_motor: bool,
@@ -108,7 +108,7 @@ pub struct Drive {
     errors: u8,
     causes: u8,
     last_command: Micros,
-    /// Of the speed loop, A.
+    /// Integral of the speed loop, A.
     integral: f64,
 }
 
@@ -136,13 +136,13 @@ impl Drive {
         self.is_on
     }
 
-    /// Its setpoint.
+    /// The setpoint.
     #[must_use]
     pub const fn goal(&self) -> Goal {
         self.goal
     }
 
-    /// Its error bits.
+    /// The error bits.
     #[must_use]
     pub const fn errors(&self) -> u8 {
         self.errors

@@ -45,7 +45,7 @@ pub enum State {
 pub struct Settings {
     /// `can.node_id`, 0 ..= 63.
     pub node: u8,
-    /// Its firmware.
+    /// The firmware.
     pub version: Version,
     /// `encoder_msg_rate_ms`.
     pub estimates_every: Micros,
@@ -156,19 +156,19 @@ impl Axis {
         })
     }
 
-    /// Its state.
+    /// The state.
     #[must_use]
     pub const fn state(&self) -> State {
         self.state
     }
 
-    /// Its error word.
+    /// The error word.
     #[must_use]
     pub const fn errors(&self) -> u32 {
         self.errors
     }
 
-    /// Its controller: modes, inputs, limits.
+    /// The controller: modes, inputs, limits.
     #[must_use]
     pub const fn controller(&self) -> &Controller {
         &self.controller

@@ -1,4 +1,4 @@
-//! What a motor, its gearbox and its load are made of.
+//! Parameters of a motor, its gearbox and its load.
 
 use std::f64::consts::TAU;
 
@@ -211,7 +211,7 @@ impl Plant {
     }
 
     /// The same with cogging: a torque of this amplitude at the output shaft, N·m, that goes up and down
-    /// so many times per turn of the rotor. [`Nonlinear`] has numbers to begin with.
+    /// this many times per turn of the rotor. [`Nonlinear`] has numbers to begin with.
     #[must_use]
     pub const fn with_cogging(mut self, torque: f64, periods: f64) -> Self {
         self.nonlinear.cogging_torque = torque;

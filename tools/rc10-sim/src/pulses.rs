@@ -168,7 +168,7 @@ pub struct PulsePort {
 }
 
 impl PulsePort {
-    /// The time of the next rising edge that was not taken yet; waits for one if there is none.
+    /// The time of the next rising edge that was not taken yet; waits for it.
     pub async fn rising_edge(&mut self) -> Micros {
         poll_fn(|context| {
             self.line.line(|line, _| match line.edges.pop_front() {

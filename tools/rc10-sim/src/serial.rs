@@ -236,7 +236,7 @@ impl Serial {
         UartPort { inner: Rc::clone(&self.inner), medium: Medium::Serial(self.index) }
     }
 
-    /// Its configuration.
+    /// The configuration.
     #[must_use]
     pub fn config(&self) -> SerialConfig {
         self.link(|link, _| link.config)

@@ -25,7 +25,7 @@ pub trait SerialEnd {
 /// Errors that a UART tells of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum UartFault {
-    /// It found the receive register full.
+    /// The receive register was full.
     Overrun,
     /// No stop bit.
     Framing,

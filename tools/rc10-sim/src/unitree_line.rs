@@ -53,7 +53,7 @@ pub struct Command {
 pub struct Answer {
     /// The motor that answers, 0 ..= 14.
     pub id: u8,
-    /// As in [`Command`].
+    /// The status, with the numbers of a [`Command`].
     pub status: u8,
     /// N m.
     pub torque: f64,
@@ -252,7 +252,7 @@ impl LineDevice for GoM8010 {
             return Heard::Nothing;
         }
         self.heard.push(byte);
-        // What cannot be the beginning of a command is none.
+        // Drops what cannot be the beginning of a command.
         while !self.heard.is_empty() && !self.heard.iter().zip([0xFE, 0xEE]).all(|(a, b)| *a == b) {
             self.heard.remove(0);
         }

@@ -133,12 +133,12 @@ impl UnitreeModule {
 /// Mode of a motor, as it reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// As after power-up: it brakes (assumed).
+    /// The mode after power-up: the motor brakes (assumed).
     #[default]
     Locked = 0,
-    /// It follows commands.
+    /// The motor follows commands.
     Following = 1,
-    /// It turns by itself.
+    /// The motor turns by itself.
     Calibrating = 2,
 }
 
@@ -185,7 +185,7 @@ impl UnitreeMotor {
         }
     }
 
-    /// Its mode.
+    /// The mode.
     #[must_use]
     pub const fn mode(&self) -> Mode {
         self.mode
@@ -203,7 +203,7 @@ impl UnitreeMotor {
         self.gains
     }
 
-    /// Its `MError`; 0 for none.
+    /// The motor's `MError`; 0 without a fault.
     #[must_use]
     pub const fn error(&self) -> u8 {
         self.error

@@ -102,7 +102,7 @@ pub(crate) struct Wire {
     pub(crate) bit_time_ns: u64,
     /// The bus's own controller.
     pub(crate) host: Rc<RefCell<Host>>,
-    /// That one, unless another was attached.
+    /// The host, unless another controller was attached.
     controller: Rc<RefCell<dyn Controller>>,
     pub(crate) nodes: Vec<Node>,
     /// Frames that a foreign node has to send.
@@ -357,7 +357,7 @@ impl Wire {
         off * 1_000_000 <= self.bit_time_ns * u64::from(tolerance)
     }
 
-    /// Whatever frame is on the wire is none any more.
+    /// Destroys the frame that is on the wire.
     fn destroy(&mut self, now: Nanos) {
         let end = now + self.bits(ERROR_FRAME);
         if let Segment::Frame(air) = &mut self.bus {

@@ -95,7 +95,7 @@ pub(super) fn obeys_the_law(case: &Case<'_>, found: &mut Findings) {
     }
 }
 
-/// What the motor did before.
+/// State of the motor before.
 #[derive(Clone, Copy, Debug)]
 enum Before {
     Coasting,

@@ -128,7 +128,7 @@ pub(super) fn coast_frames_are_fixed(case: &FrameCase<'_>, found: &mut Findings)
     }
 }
 
-/// What the device is doing when the program panics.
+/// State of the device when the program panics.
 #[derive(Clone, Copy, Debug)]
 enum Doing {
     Waiting,

@@ -9,7 +9,7 @@ use crate::declaration::Claim;
 use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
-/// What the motor does when its zero is set.
+/// State of the motor when its zero is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Doing {
     Turning,
@@ -89,7 +89,7 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
     Ok(target)
 }
 
-/// As a task does it that means it.
+/// Sets the zero of a driven motor, on purpose.
 pub(super) fn set_zero(rig: &mut Rig<'_>) -> Outcome {
     match rig.bench.request(rig.motor, Request::SetZeroOfDriven) {
         Ok(Response::Done) => Ok(()),

@@ -26,7 +26,7 @@ pub trait Scene {
     fn heals_within(&self) -> u32;
     /// Whether its device is enabled step by step, so that one restarted in a blink is found out.
     fn tells_restarts(&self) -> bool;
-    /// Its device.
+    /// The device.
     fn esc(&self) -> &Esc;
     fn set_cut(&self, cut: bool);
     /// Shorts the wires: nothing can be sent, and a controller leaves its bus.
@@ -35,7 +35,7 @@ pub trait Scene {
     fn damage(&self, frames: u32);
     /// Another node sends what only the device should.
     fn impersonate(&self, random: &mut Random);
-    /// What is wrong with what was sent in the last tick.
+    /// The error in what was sent in the last tick.
     fn wrong_frames(&self) -> Option<String>;
 }
 

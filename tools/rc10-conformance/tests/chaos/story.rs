@@ -1,4 +1,4 @@
-//! What happens, and how it ends.
+//! Events, and how a story ends.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,7 @@ const LENGTH: u32 = 2500;
 const SELDOM: u32 = 40;
 /// A device answers within, ms.
 const LONGEST_ANSWER: u32 = 1000;
-/// What happened last, for who reads what broke.
+/// Number of the last events that a report has.
 const REMEMBERED: usize = 14;
 
 struct Player<'a, S> {
@@ -34,7 +34,7 @@ struct Player<'a, S> {
     happened: VecDeque<String>,
 }
 
-/// What lasts for a while.
+/// Troubles that last for a while.
 #[derive(Clone, Copy, Debug)]
 enum Trouble {
     Cut,

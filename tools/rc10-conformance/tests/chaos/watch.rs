@@ -1,4 +1,4 @@
-//! What must hold in every millisecond, whatever happens.
+//! Conditions that hold in every millisecond, whatever happens.
 
 use rc10_conformance::{Claim, Declaration};
 use rc10_motor::{Condition, DriveMode, Link, MotorStatus, SafeState, TargetKind};
@@ -28,7 +28,7 @@ pub struct World {
     pub faulty: bool,
     /// It is unplugged from its gateway, or deaf while it writes its flash.
     pub deaf: bool,
-    /// Its gains are any: it may go anywhere.
+    /// Whether its gains are any: it may go anywhere.
     pub spoiled: bool,
     /// Milliseconds for which noise may still be on the wire.
     pub noisy: u32,

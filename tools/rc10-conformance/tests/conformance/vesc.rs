@@ -23,7 +23,7 @@ fn ours(id: u8, gear: Gear, direction: Direction) -> Config {
     Config::new(id, scale, currents).with_direction(direction)
 }
 
-/// Its side.
+/// The device's side.
 fn theirs(id: u8, plant: Plant) -> VescConfig {
     VescConfig {
         status_hz: [200, 0, 0, 10, 200, 0],

@@ -63,7 +63,7 @@ fn odrive(node: u8, control: odrive::Control) -> ODrive {
     ODrive::new(config.with_limits(limits)).unwrap()
 }
 
-/// As the page calls them.
+/// Kinds of target, and their names on the page.
 const KINDS: [(TargetKind, &str); 12] = [
     (TargetKind::Coast, "coast"),
     (TargetKind::Current, "current"),

@@ -119,7 +119,7 @@ impl<D: Device> One<D> {
         self.esc.state().output_degrees
     }
 
-    /// What is asked, until it is answered.
+    /// Makes a request, and waits for its answer.
     fn ask(&mut self, request: Request) -> Result<Response, RequestError> {
         let answer = self.bench.bus.request(self.motor, request)?;
         if answer != Response::Pending {

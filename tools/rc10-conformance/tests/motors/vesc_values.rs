@@ -1,4 +1,4 @@
-//! What the frames of a VESC say, by name.
+//! Contents of the frames of a VESC, by name.
 
 use rc10_can::CanFrame;
 use rc10_motor::vesc::{Reply, Status};

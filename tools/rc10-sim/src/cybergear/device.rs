@@ -8,10 +8,10 @@ use crate::device::{Beyond, Device, EscFault, Outbox, Shaft, Taken, Winding};
 /// Whether a device moves its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// It does not.
+    /// The motor is not driven.
     #[default]
     Reset,
-    /// It does as its run mode says.
+    /// The motor is driven as the run mode says.
     Run,
 }
 
@@ -34,7 +34,7 @@ pub struct CyberGear {
     saved: Parameters,
     /// Six bits of feedback.
     faults: u8,
-    /// Of a fault frame.
+    /// Bits of a fault frame.
     details: u32,
     /// Whether its faults stay when they are cleared.
     lasting: bool,
@@ -42,7 +42,7 @@ pub struct CyberGear {
     tells: bool,
     /// The shaft's angle that counts as zero, rad of [`Shaft::radians`].
     zero: f64,
-    /// That, as a RobStride keeps it.
+    /// The zero that a RobStride keeps without power.
     saved_zero: f64,
     placed: bool,
     integral: f64,
@@ -100,7 +100,7 @@ impl CyberGear {
         self.mode
     }
 
-    /// Its identifier.
+    /// The identifier.
     #[must_use]
     pub const fn id(&self) -> u8 {
         self.id
@@ -325,7 +325,7 @@ impl Device for CyberGear {
     fn power_on(&mut self, now: Micros, _phase: Micros) {
         self.stop();
         self.parameters = self.saved;
-        // Commands are none of what is kept.
+        // Commands are not kept.
         let Parameters { run_mode, current, velocity, position, .. } = Parameters::new(&self.model);
         self.parameters = Parameters { run_mode, current, velocity, position, ..self.parameters };
         (self.faults, self.details, self.tells, self.lasting) = (0, 0, false, false);

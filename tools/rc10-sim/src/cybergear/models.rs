@@ -3,23 +3,23 @@ use crate::plant::Plant;
 /// Differences between the models.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
-    /// Ends of the field of position, ± rad.
+    /// End of the range of position, ± rad.
     pub position: f64,
-    /// Of velocity, ± rad/s.
+    /// End of the range of velocity, ± rad/s.
     pub velocity: f64,
-    /// Of torque, ± N m.
+    /// End of the range of torque, ± N m.
     pub torque: f64,
-    /// Of kp, N m / rad.
+    /// Largest kp, N m / rad.
     pub kp: f64,
-    /// Of kd, N m s / rad.
+    /// Largest kd, N m s / rad.
     pub kd: f64,
     /// Largest current, A.
     pub current: f64,
     /// The motor stops itself at this temperature, °C.
     pub too_hot: f64,
-    /// It warns from here on, °C.
+    /// The motor warns from this temperature on, °C.
     pub hot: f64,
     /// A RobStride: saves parameters, reports by itself, knows a time-out.
     pub robstride: bool,
@@ -27,11 +27,11 @@ pub struct Model {
     torque_constant: f64,
     /// Rotor turns per turn of the output.
     gear: f64,
-    /// Of the output without load at full supply, rpm.
+    /// Speed of the output without load at full supply, rpm.
     no_load_rpm: f64,
     /// V.
     supply: f64,
-    /// Of the rotor, kg m²: estimated.
+    /// Inertia of the rotor, kg m²: estimated.
     rotor_inertia: f64,
 }
 

@@ -13,7 +13,7 @@ pub struct DamiaoConfig {
     pub master_id: u16,
     /// Control mode.
     pub mode: Mode,
-    /// Its ranges.
+    /// The ranges.
     pub limits: Limits,
     /// Silence after which it stops, in 50 µs; 0 for never, as it is sold.
     pub timeout: u32,
@@ -25,7 +25,7 @@ pub struct DamiaoConfig {
     pub old_firmware: bool,
     /// Whether it shorts its winding while disabled (H3510).
     pub brakes_while_disabled: bool,
-    /// What it reports beyond ±PMAX: no source tells.
+    /// Reports beyond ±PMAX: no source tells.
     pub beyond: Beyond,
     /// The motor and its load.
     pub plant: Plant,

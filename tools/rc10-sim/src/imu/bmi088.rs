@@ -16,7 +16,7 @@
 use crate::base::GRAVITY;
 use crate::{Base, Nanos};
 
-/// What the sensor feels, in its own axes.
+/// Acceleration and rotation that the sensor feels, in its own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// m/s²: gravity shows as an acceleration upwards.
@@ -71,7 +71,7 @@ pub struct Chip {
     pub reset_forgets_spi: bool,
     /// A register that takes nothing.
     pub deaf: Option<u8>,
-    /// It measures nothing new.
+    /// Whether it measures nothing new.
     pub is_frozen: bool,
     registers: [u8; 128],
     ready: Nanos,
@@ -162,7 +162,7 @@ const RATES: [u64; 8] = [2000, 2000, 1000, 400, 200, 100, 200, 100];
 /// The package with both chips.
 #[derive(Clone, Debug)]
 pub struct Bmi088 {
-    /// What it feels now.
+    /// The motion that it feels now.
     pub motion: Motion,
     /// Temperature of the die, degrees Celsius.
     pub celsius: f64,
@@ -204,7 +204,7 @@ impl Bmi088 {
         self.reset_gyroscope(now);
     }
 
-    /// It starts again on its own, the gyroscope does not.
+    /// Restarts the accelerometer; the gyroscope goes on.
     pub fn reset_accelerometer(&mut self, now: Nanos) {
         let chip = &mut self.accelerometer;
         chip.registers = [0; 128];
@@ -312,7 +312,7 @@ impl Bmi088 {
                 self.latch_time(now);
             }
             accelerometer::TIME if is_awake && !chip.is_frozen => self.latch_time(now),
-            // It says that there is none.
+            // No temperature.
             accelerometer::TEMPERATURE if !is_awake => return 0x80,
             accelerometer::TEMPERATURE => self.measure_warmth(now),
             _ => {}
@@ -471,7 +471,7 @@ mod tests {
         assert!((16383..=16385).contains(&z), "half of 2000 degrees a second: {z}");
     }
 
-    /// 450 us after the later of both writes, in either order; a second "on" is none.
+    /// 450 us after the later of both writes, in either order; a second "on" changes nothing.
     #[test]
     fn it_wakes_up_when_it_is_on_and_not_suspended() {
         for order in [[[0x7C, 0x00], [0x7D, 0x04]], [[0x7D, 0x04], [0x7C, 0x00]]] {

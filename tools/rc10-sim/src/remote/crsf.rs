@@ -28,7 +28,7 @@ pub struct Crsf {
 }
 
 impl Crsf {
-    /// Its UART: 420 kbaud, 8N1.
+    /// The UART: 420 kbaud, 8N1.
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 420_000, bits: 10, receive_capacity: 256 };
 

@@ -88,7 +88,7 @@ fn level(deflection: f64) -> u16 {
 pub type Dr16 = Dji<18>;
 
 impl Dr16 {
-    /// Its UART: 100 kbaud, 8E1. Its output is inverted; the board's inverter is not simulated.
+    /// The UART: 100 kbaud, 8E1. Its output is inverted; the board's inverter is not simulated.
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 100_000, bits: 11, receive_capacity: 256 };
 
@@ -131,7 +131,7 @@ const fn position(switch: Switch) -> u16 {
 pub type Vt03 = Dji<21>;
 
 impl Vt03 {
-    /// Its UART: 921,600 baud, 8N1.
+    /// The UART: 921,600 baud, 8N1.
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 921_600, bits: 10, receive_capacity: 256 };
 

@@ -38,7 +38,7 @@ pub struct Sbus {
 }
 
 impl Sbus {
-    /// Its UART: 100 kbaud, 8E2. Its output is inverted; the board's inverter is not simulated.
+    /// The UART: 100 kbaud, 8E2. Its output is inverted; the board's inverter is not simulated.
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 100_000, bits: 12, receive_capacity: 256 };
 

@@ -25,7 +25,7 @@ pub enum Mode {
     Handbrake(f64),
 }
 
-/// Less current than this is none (`cc_min_current`), A.
+/// Least current that is driven (`cc_min_current`), A.
 const LEAST_CURRENT: f64 = 0.05;
 /// Most change of the duty in a second (`m_duty_ramp_step`, 0.02 in a millisecond).
 const DUTY_RAMP: f64 = 20.0;

@@ -86,7 +86,7 @@ pub enum VescError {
     Id,
     /// There is no motor without poles.
     PolePairs,
-    /// It does not report more than 1000 times a second.
+    /// A VESC reports at most 1000 times a second.
     StatusRate(u16),
 }
 
@@ -184,13 +184,13 @@ impl Vesc {
         self.config.pole_pairs = pole_pairs.max(1);
     }
 
-    /// Its control mode.
+    /// The control mode.
     #[must_use]
     pub const fn mode(&self) -> Mode {
         self.control.mode()
     }
 
-    /// Its fault. No CAN frame tells it.
+    /// The fault, which no CAN frame tells.
     #[must_use]
     pub const fn fault(&self) -> Option<EscFault> {
         self.fault
@@ -221,7 +221,7 @@ impl Vesc {
         self.config.pole_pairs.into()
     }
 
-    /// Of the position controller, degrees in 0 .. 360.
+    /// Angle of the position controller, degrees in 0 .. 360.
     fn position(&self, shaft: &Shaft<'_>) -> f64 {
         if self.config.encoder_on_shaft {
             shaft.radians().to_degrees().rem_euclid(360.0)

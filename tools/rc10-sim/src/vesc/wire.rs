@@ -106,9 +106,9 @@ pub enum Report {
         transistors: f64,
         /// °C.
         motor: f64,
-        /// Of the supply, A.
+        /// Current of the supply, A.
         input: f64,
-        /// Of the position controller, degrees.
+        /// Angle of the position controller, degrees.
         position: f64,
     },
     /// Packet 27.

@@ -16,7 +16,7 @@ fn address() -> impl Strategy<Value = Address> {
     (1..=127_u8, any::<u8>()).prop_map(|(motor, host)| Address { motor, host })
 }
 
-/// What is to arrive of a number within ±`limit`.
+/// The number that arrives, between `low` and `high`.
 fn limited(x: f32, low: f64, high: f64) -> f64 {
     if x.is_nan() { low.midpoint(high).max(0.0) } else { f64::from(x).clamp(low, high) }
 }

@@ -76,7 +76,7 @@ fn messages_have_names_and_identifiers_of_their_own() {
     assert!(NOT_IN_DBC.iter().any(|line| line.contains("torque")));
 }
 
-/// What a host sends is read as the device reads it.
+/// Frames of a host are read as the device reads them.
 #[test]
 fn commands_in_the_table_are_the_devices() {
     use rc10_sim::cybergear::wire::{Command, read};

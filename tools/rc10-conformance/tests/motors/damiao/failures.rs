@@ -119,7 +119,7 @@ fn the_devices_own_time_out_is_a_fault() {
     assert!(rig.is_enabled());
 }
 
-/// What is not set up as we were told is never enabled.
+/// A device that is set up otherwise than we were told is never enabled.
 #[test]
 fn settings_that_differ_are_faults_with_text() {
     let right = device(&mit());

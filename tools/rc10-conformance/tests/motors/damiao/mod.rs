@@ -50,7 +50,7 @@ pub fn motor(control: Control) -> Damiao {
     Damiao::new(config(control)).unwrap()
 }
 
-/// As the control's register 10.
+/// The mode of a control, register 10.
 pub fn mode_of(control: &Control) -> Mode {
     match control {
         Control::Mit(_) => Mode::Mit,

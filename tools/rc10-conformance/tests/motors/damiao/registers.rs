@@ -36,7 +36,7 @@ fn registers_are_read_also_while_it_turns() {
         assert!(rig.is_enabled());
         assert_eq!(rig.status().counters.malformed, 0);
         assert_eq!(rig.status().link, Link::Online);
-        // There is none of that number: no answer comes.
+        // A register that does not exist: no answer comes.
         assert_eq!(rig.ask(Request::ReadRegister(49)), Err(RequestError::Timeout));
         let error = rig.ask(Request::ReadRegister(256));
         assert!(matches!(error, Err(RequestError::Config(error)) if error.field == "register"));

@@ -1,4 +1,4 @@
-//! What goes wrong, and what then happens.
+//! Restarts, faults, strange answers.
 
 use rc10_app::{Amps, Rpm};
 use rc10_can::{CanFrame, Micros};

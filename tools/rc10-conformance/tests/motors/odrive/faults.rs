@@ -1,4 +1,4 @@
-//! What goes wrong, and what then happens.
+//! Restarts, faults, strange messages.
 
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_can::{CanFrame, Micros};

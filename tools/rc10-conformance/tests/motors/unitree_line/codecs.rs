@@ -13,7 +13,7 @@ const SPEED: f64 = TAU / 256.0;
 const ANGLE: f64 = TAU / 32_768.0;
 const GAIN: f64 = 1.0 / 1280.0;
 
-/// What stands on the wire for a number: held within its range, zero for what is none.
+/// The number on the wire: held within its range, zero for NaN.
 fn carried(number: f64, limit: f64) -> f64 {
     if number.is_nan() { 0.0 } else { number.clamp(-limit, limit) }
 }

@@ -57,15 +57,15 @@ fn requests_and_refusals() {
     let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(23, &switch);
     let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
-    let nobody = nth(1);
+    let absent = nth(1);
     let now = bench.world.now();
-    assert_eq!(bench.line.command(nobody, SPEED, now), Err(CommandError::NoSuchMotor));
+    assert_eq!(bench.line.command(absent, SPEED, now), Err(CommandError::NoSuchMotor));
     assert_eq!(
-        bench.line.request(nobody, Request::SetZeroOfDriven),
+        bench.line.request(absent, Request::SetZeroOfDriven),
         Err(RequestError::NoSuchMotor)
     );
-    assert_eq!(bench.line.response(nobody), None);
-    assert_eq!(bench.line.status(nobody, now), None);
+    assert_eq!(bench.line.response(absent), None);
+    assert_eq!(bench.line.status(absent, now), None);
     let current = Target::Current(rc10_app::Amps::new(1.0));
     let refused = TargetError::Unsupported(TargetKind::Current);
     assert_eq!(bench.line.command(id, current, now), Err(CommandError::Target(refused)));

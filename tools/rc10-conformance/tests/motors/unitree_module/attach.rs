@@ -1,4 +1,4 @@
-//! What may share a bus, and how full it gets.
+//! Numbers, and motors that share a bus.
 
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::rc10_app::ConfigError;

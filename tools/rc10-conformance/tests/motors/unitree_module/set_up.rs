@@ -7,7 +7,7 @@ use rc10_sim::unitree_module::{Asked, Command, Mode, UnitreeModule, plant};
 
 use super::{One, behind, speed, with_module};
 
-/// What the last tick sent, by the device's codec.
+/// Frames of the last tick, by the device's codec.
 fn sent(one: &One) -> Vec<Asked> {
     let read = |frame| Command::unpack(frame).unwrap().unwrap().asked;
     one.bench.sent().frames().iter().map(read).collect()

@@ -1,4 +1,4 @@
-//! What each target does to a simulated motor.
+//! Effects of each target on a simulated motor.
 
 use rc10_app::{Amps, Degrees, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_motor::rc10_app::Direction;

@@ -1,4 +1,4 @@
-//! What a VESC occupies, sends and refuses.
+//! Identifiers, frames and configurations of a VESC.
 
 use rc10_app::{Amps, ConfigError, Degrees, Direction, PidConfig, Rpm, RpmPerSecond};
 use rc10_can::embedded_can::ExtendedId;
@@ -106,7 +106,7 @@ fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
     assert!(matches!(error, AttachError::Clash { clash: Clash::Confuses(_), .. }), "{error}");
 }
 
-/// What is sent to id 255 every VESC obeys.
+/// Every VESC obeys frames to id 255.
 #[test]
 fn no_other_motor_may_send_what_every_vesc_obeys() {
     let id = ExtendedId::new(0x3FF).unwrap();
