@@ -25,12 +25,13 @@ impl Subject {
         Motor::name(&**self)
     }
 
-    /// Silent for longer it is lost.
-    pub(crate) fn link_timeout(&self) -> Micros {
-        match self {
+    /// Silent for longer it is lost, ms.
+    pub(crate) fn link_timeout(&self) -> u32 {
+        let timeout = match self {
             Self::OnBus(motor) => motor.can_ids().link_timeout(),
             Self::OnLine(_) => Rs485Bus::LINK_TIMEOUT,
-        }
+        };
+        u32::try_from(timeout.get() / 1000).unwrap_or(u32::MAX)
     }
 
     /// Between two reports of its device.

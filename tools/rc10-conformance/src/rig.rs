@@ -226,10 +226,15 @@ impl<'m> Rig<'m> {
         broken(self.now(), format!("disarmed, its link is {:?}", self.status().link))
     }
 
+    /// Armed and heard, or another rule says why not.
+    pub(crate) fn wake(&mut self) -> Outcome {
+        self.is_heard().map_err(|_| Halt::Stuck)?;
+        self.switch.arm().map_err(|_| Halt::Stuck)
+    }
+
     /// Armed, heard, and turning against the load.
     pub(crate) fn get_going(&mut self) -> Outcome {
-        self.is_heard().map_err(|_| Halt::Stuck)?;
-        self.switch.arm().map_err(|_| Halt::Stuck)?;
+        self.wake()?;
         let cruise = self.cruise();
         self.goes_again(cruise, "").map_err(|_| Halt::Stuck)?;
         self.esc.set_load(-self.load());

@@ -6,8 +6,7 @@ use rc10_can::{CanFrame, Micros};
 
 use crate::Nanos;
 use crate::line::{Heard, LineDevice};
-use crate::motor::Motor;
-use crate::plant::Plant;
+use crate::motor::Shaft;
 use crate::random::Random;
 
 /// An ESC's electronics and firmware, from the device's side: what it takes from the bus, what it
@@ -27,13 +26,7 @@ pub trait Device: Any {
     }
 
     /// Takes a frame that has just ended on the bus. What it answers goes to `out`.
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken;
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken;
 
     /// The time of the next event that it makes by itself. In the past means now.
     fn next_event(&self) -> Option<Micros> {
@@ -41,10 +34,10 @@ pub trait Device: Any {
     }
 
     /// Lets that happen. Asked at every event in the world; whether it is time is its own business.
-    fn advance(&mut self, _shaft: &Shaft<'_>, _now: Micros, _out: &mut Outbox) {}
+    fn advance(&mut self, _shaft: &Shaft, _now: Micros, _out: &mut Outbox) {}
 
     /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding;
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding;
 
     /// The raw command it obeys, where that is a single number.
     fn command(&self) -> i16 {
@@ -148,70 +141,6 @@ impl Outbox {
     }
 }
 
-/// A shaft as its ESC's sensors see it: exact, and as of the last physics step.
-#[derive(Clone, Copy)]
-pub struct Shaft<'m>(&'m Motor);
-
-impl<'m> Shaft<'m> {
-    pub(crate) const fn new(motor: &'m Motor) -> Self {
-        Self(motor)
-    }
-
-    /// Angle of the rotor within its turn, 0 .. 1.
-    #[must_use]
-    pub fn rotor_angle(&self) -> f64 {
-        self.0.rotor_angle()
-    }
-
-    /// Rotor speed, rpm.
-    #[must_use]
-    pub fn rotor_rpm(&self) -> f64 {
-        self.0.rotor_rpm()
-    }
-
-    /// Turns of the rotor since the world's start, with where it stood then (0 .. 1).
-    #[must_use]
-    pub fn rotor_turns(&self) -> f64 {
-        self.0.rotor_turns()
-    }
-
-    /// Angle of the output shaft since the world's start, rad.
-    #[must_use]
-    pub fn radians(&self) -> f64 {
-        self.0.output_degrees().to_radians()
-    }
-
-    /// Speed of the output shaft, rad/s.
-    #[must_use]
-    pub const fn speed(&self) -> f64 {
-        self.0.speed
-    }
-
-    /// Current in the winding, A.
-    #[must_use]
-    pub const fn current(&self) -> f64 {
-        self.0.current
-    }
-
-    /// Torque of the winding at the output shaft, N·m.
-    #[must_use]
-    pub const fn torque(&self) -> f64 {
-        self.0.plant().torque_constant * self.0.current
-    }
-
-    /// Temperature of the motor, °C.
-    #[must_use]
-    pub const fn temperature(&self) -> f64 {
-        self.0.temperature
-    }
-
-    /// The motor, gearbox and load.
-    #[must_use]
-    pub const fn plant(&self) -> &'m Plant {
-        self.0.plant()
-    }
-}
-
 /// A device's electronics, by the kind of its wire.
 pub(crate) enum Electronics {
     Can(Box<dyn Device>),
@@ -228,7 +157,7 @@ pub(crate) enum Place {
 /// An ESC with its motor, at its place.
 pub(crate) struct Unit {
     electronics: Electronics,
-    pub(crate) motor: Motor,
+    pub(crate) motor: Shaft,
     pub(crate) place: Place,
     /// Turns or steers a wheel of a base.
     pub(crate) is_wheel: bool,
@@ -246,7 +175,7 @@ pub(crate) struct Unit {
 
 impl Unit {
     /// Without power.
-    pub(crate) fn new(electronics: Electronics, motor: Motor, place: Place) -> Self {
+    pub(crate) fn new(electronics: Electronics, motor: Shaft, place: Place) -> Self {
         Self {
             electronics,
             motor,
@@ -278,7 +207,7 @@ impl Unit {
                 }
             }
             Electronics::Line(device) if powered => {
-                device.power_on(&Shaft::new(&self.motor), now);
+                device.power_on(&self.motor, now);
             }
             Electronics::Line(_) => (),
         }
@@ -334,7 +263,7 @@ impl Unit {
         if !self.powered {
             return;
         }
-        match device.receive(frame, &Shaft::new(&self.motor), now, &mut self.out) {
+        match device.receive(frame, &self.motor, now, &mut self.out) {
             Taken::Yes => self.count_command(now),
             Taken::Malformed => self.malformed += 1,
             Taken::NotMine => (),
@@ -344,7 +273,7 @@ impl Unit {
     /// Takes a byte from its line; what it answers, and how much later.
     pub(crate) fn hear(&mut self, byte: u8, now: Nanos) -> Option<(Vec<u8>, Nanos)> {
         let Electronics::Line(device) = &mut self.electronics else { return None };
-        let heard = device.receive(byte, &Shaft::new(&self.motor), now);
+        let heard = device.receive(byte, &self.motor, now);
         match heard {
             Heard::Nothing => return None,
             Heard::Malformed => self.malformed += 1,
@@ -364,7 +293,7 @@ impl Unit {
     /// Lets events happen that it makes by itself now.
     pub(crate) fn advance(&mut self, now: Micros) {
         if let (Electronics::Can(device), true) = (&mut self.electronics, self.powered) {
-            device.advance(&Shaft::new(&self.motor), now, &mut self.out);
+            device.advance(&self.motor, now, &mut self.out);
         }
     }
 
@@ -375,11 +304,11 @@ impl Unit {
     }
 
     pub(crate) fn step(&mut self, now: Nanos) {
-        let shaft = Shaft::new(&self.motor);
+        let shaft = &self.motor;
         self.winding = match &mut self.electronics {
             _ if !self.powered => Winding::Open,
-            Electronics::Can(device) => device.drive(&shaft, now.micros()),
-            Electronics::Line(device) => device.drive(&shaft, now),
+            Electronics::Can(device) => device.drive(shaft, now.micros()),
+            Electronics::Line(device) => device.drive(shaft, now),
         };
         self.motor.step(self.winding);
     }
@@ -396,7 +325,7 @@ impl Unit {
             load_rpm: self.motor.load_rpm(),
             load_degrees: self.motor.load_degrees(),
             current: self.motor.current,
-            torque: self.motor.plant().torque_constant * self.motor.current,
+            torque: self.motor.torque(),
             temperature: self.motor.temperature,
             powered: self.powered,
             open: self.winding == Winding::Open,

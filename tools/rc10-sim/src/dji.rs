@@ -8,7 +8,8 @@ use std::fmt;
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, Outbox, Shaft, Taken, Winding};
+use crate::device::{Device, Outbox, Taken, Winding};
+use crate::motor::Shaft;
 use crate::plant::Plant;
 
 /// ESC and mode.
@@ -190,7 +191,7 @@ impl Dji {
         clippy::cast_sign_loss,
         reason = "float casts saturate, as the ESC's own numbers do"
     )]
-    fn feedback(&self, shaft: &Shaft<'_>) -> CanFrame {
+    fn feedback(&self, shaft: &Shaft) -> CanFrame {
         let angle = ((shaft.rotor_angle() * 8192.0) as u16).min(8191);
         let rpm = shaft.rotor_rpm().round() as i16;
         let current = (shaft.current() * self.model.scale().1).round() as i16;
@@ -228,7 +229,7 @@ impl Device for Dji {
     fn receive(
         &mut self,
         frame: &CanFrame,
-        _shaft: &Shaft<'_>,
+        _shaft: &Shaft,
         _now: Micros,
         _out: &mut Outbox,
     ) -> Taken {
@@ -246,14 +247,14 @@ impl Device for Dji {
         Some(self.next_feedback)
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if now >= self.next_feedback {
             self.next_feedback += self.rate.period();
             out.send(self.feedback(shaft));
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, _now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, _now: Micros) -> Winding {
         self.model.drive(self.command, shaft.plant())
     }
 

@@ -11,7 +11,7 @@ use crate::base::{Motion, Pose, Twist};
 use crate::device::{Device, Electronics, EscFault, EscState, Place, Unit};
 use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
-use crate::motor::Motor;
+use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::time::Clock;
 use crate::wire::{BusCounters, TraceEntry, Wire};
@@ -215,7 +215,7 @@ impl Esc {
         join: impl FnOnce(&mut Inner, Nanos) -> Place,
     ) -> Self {
         let inner = &mut *world.borrow_mut();
-        let motor = Motor::new(plant, inner.random.unit());
+        let motor = Shaft::new(plant, inner.random.unit());
         let now = inner.clock.now_ns();
         let mut unit = Unit::new(electronics, motor, join(inner, now));
         unit.power(true, now, &mut inner.random);

@@ -7,8 +7,9 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::Nanos;
-use crate::device::{Electronics, EscFault, Place, Shaft, Unit, Winding};
+use crate::device::{Electronics, EscFault, Place, Unit, Winding};
 use crate::handles::Esc;
+use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::random::Random;
 use crate::uart::{HostEnd, Hosted, Medium, SerialEnd, UartFault, UartPort};
@@ -69,13 +70,13 @@ pub struct LineCounters {
 /// it is a witness for.
 pub trait LineDevice: Any {
     /// Power has come: everything volatile starts afresh.
-    fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos);
+    fn power_on(&mut self, shaft: &Shaft, now: Nanos);
 
     /// A byte has just ended on the line.
-    fn receive(&mut self, byte: u8, shaft: &Shaft<'_>, now: Nanos) -> Heard;
+    fn receive(&mut self, byte: u8, shaft: &Shaft, now: Nanos) -> Heard;
 
     /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Nanos) -> Winding;
+    fn drive(&mut self, shaft: &Shaft, now: Nanos) -> Winding;
 
     /// Has it find something wrong with itself, until power-off. Whether it knows such a fault.
     fn inject(&mut self, _fault: EscFault) -> bool {

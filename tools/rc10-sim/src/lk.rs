@@ -12,7 +12,8 @@ use std::ops::RangeInclusive;
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding, set_if};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
+use crate::motor::Shaft;
 use crate::plant::Plant;
 
 pub use codec::{Order, State, decode, encode_echo, encode_health, encode_state};
@@ -166,7 +167,7 @@ impl Drive {
         clippy::cast_sign_loss,
         reason = "float casts saturate, as the drive's own numbers do"
     )]
-    fn state(&self, shaft: &Shaft<'_>) -> State {
+    fn state(&self, shaft: &Shaft) -> State {
         let counts = f64::from(1_u32 << self.settings.encoder_bits);
         State {
             temperature: shaft.temperature().round() as i8,
@@ -176,7 +177,7 @@ impl Drive {
         }
     }
 
-    fn answer(&self, byte: u8, order: Order, shaft: &Shaft<'_>) -> [u8; 8] {
+    fn answer(&self, byte: u8, order: Order, shaft: &Shaft) -> [u8; 8] {
         let state = self.state(shaft);
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         match order {
@@ -197,7 +198,7 @@ impl Drive {
         }
     }
 
-    fn obey(&mut self, order: Order, shaft: &Shaft<'_>) {
+    fn obey(&mut self, order: Order, shaft: &Shaft) {
         let degrees = |centidegrees: i32| f64::from(centidegrees) / 100.0;
         let limit = |limit: Option<u16>| limit.map_or(f64::INFINITY, f64::from);
         let here = shaft.rotor_turns() * 360.0;
@@ -236,7 +237,7 @@ impl Drive {
     }
 
     /// Does what it is told, now or a frame later.
-    fn take(&mut self, order: Order, shaft: &Shaft<'_>, now: Micros) {
+    fn take(&mut self, order: Order, shaft: &Shaft, now: Micros) {
         self.last_command = now;
         let order = if self.settings.is_late { self.late.replace(order) } else { Some(order) };
         if let Some(order) = order {
@@ -244,7 +245,7 @@ impl Drive {
         }
     }
 
-    fn protect(&mut self, shaft: &Shaft<'_>, now: Micros) {
+    fn protect(&mut self, shaft: &Shaft, now: Micros) {
         let mut found = self.causes;
         if shaft.temperature() > TOO_HOT {
             found |= error::OVER_TEMPERATURE;
@@ -263,7 +264,7 @@ impl Drive {
     }
 
     /// A speed loop with gains that fit its own motor: amperes for degrees/s of the rotor.
-    fn seek_speed(&mut self, wanted: f64, shaft: &Shaft<'_>) -> f64 {
+    fn seek_speed(&mut self, wanted: f64, shaft: &Shaft) -> f64 {
         let plant = shaft.plant();
         // In 10 ms, at the rotor.
         let per_degree = plant.inertia() / plant.gear_ratio / plant.torque_constant;
@@ -287,13 +288,7 @@ impl Device for Drive {
         self.last_command = now;
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         let id = u32::from(if self.settings.multi_motor { SHARED } else { self.own_id() });
         if frame.is_remote() || frame.is_extended_id() || frame.raw_id() != id {
             return Taken::NotMine;
@@ -313,7 +308,7 @@ impl Device for Drive {
         Taken::Yes
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         self.protect(shaft, now);
         if !self.is_on {
             return Winding::Open;

@@ -13,7 +13,8 @@ mod controller;
 
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding, set_if};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
+use crate::motor::Shaft;
 use crate::plant::Plant;
 
 pub use codec::{
@@ -185,7 +186,7 @@ impl Axis {
     }
 
     /// Turns as the encoder counts them.
-    fn position(&mut self, shaft: &Shaft<'_>) -> f64 {
+    fn position(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
         let zero = if self.settings.is_absolute { turns.floor() } else { turns };
         turns - *self.origin.get_or_insert(zero)
@@ -199,7 +200,7 @@ impl Axis {
         self.errors |= cause.bit(self.settings.version);
     }
 
-    fn protect(&mut self, shaft: &Shaft<'_>, now: Micros) {
+    fn protect(&mut self, shaft: &Shaft, now: Micros) {
         self.errors |= self.causes;
         let starting = Cause::Starting.bit(self.settings.version);
         self.errors &= !starting;
@@ -254,11 +255,11 @@ impl Axis {
         encode_heartbeat(self.settings.node, self.errors, self.state as u8, details)
     }
 
-    fn currents(&self, shaft: &Shaft<'_>) -> CanFrame {
+    fn currents(&self, shaft: &Shaft) -> CanFrame {
         encode_currents(self.settings.node, self.controller.amps(), shaft.current())
     }
 
-    fn supply(&self, shaft: &Shaft<'_>) -> CanFrame {
+    fn supply(&self, shaft: &Shaft) -> CanFrame {
         let volts = shaft.plant().supply;
         let watts = shaft.plant().resistance * shaft.current() * shaft.current()
             + shaft.torque() * shaft.speed();
@@ -266,7 +267,7 @@ impl Axis {
     }
 
     /// Answers a remote frame, as firmware 0.5 does for what it does not send by itself.
-    fn answer(&mut self, message: u8, shaft: &Shaft<'_>, out: &mut Outbox) -> Taken {
+    fn answer(&mut self, message: u8, shaft: &Shaft, out: &mut Outbox) -> Taken {
         let node = self.settings.node;
         out.send(match message {
             0x01 => self.heartbeat(),
@@ -296,13 +297,7 @@ impl Device for Axis {
         self.settings.estimates_every
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         if frame.is_extended_id() || frame.raw_id() >> 5 != u32::from(self.settings.node) {
             return Taken::NotMine;
         }
@@ -323,7 +318,7 @@ impl Device for Axis {
         Some(if self.settings.others_every.is_some() { soonest.min(others) } else { soonest })
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         let Settings { node, version, estimates_every, heartbeat_every, others_every, .. } =
             self.settings;
         if now >= self.due[0] {
@@ -348,7 +343,7 @@ impl Device for Axis {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         self.protect(shaft, now);
         let position = self.position(shaft);
         if self.state == State::Idle {

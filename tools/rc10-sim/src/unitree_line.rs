@@ -8,8 +8,9 @@ use std::f64::consts::TAU;
 
 use crate::Nanos;
 use crate::crc::crc16;
-use crate::device::{EscFault, Shaft, Winding, set_if};
+use crate::device::{EscFault, Winding, set_if};
 use crate::line::{Heard, LineDevice};
+use crate::motor::Shaft;
 use crate::plant::Plant;
 
 /// Bytes of a command and of an answer.
@@ -216,11 +217,11 @@ impl GoM8010 {
 
     /// Angle of the rotor as the motor counts it, rad: from power-on within the first turn.
     #[must_use]
-    pub fn angle(&self, shaft: &Shaft<'_>) -> f64 {
+    pub fn angle(&self, shaft: &Shaft) -> f64 {
         (shaft.rotor_turns() - self.uncounted) * TAU
     }
 
-    fn answer(&self, shaft: &Shaft<'_>) -> Answer {
+    fn answer(&self, shaft: &Shaft) -> Answer {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let temperature = shaft.temperature().round() as i8;
         Answer {
@@ -241,13 +242,13 @@ impl LineDevice for GoM8010 {
         set_if(id < EVERYBODY, &mut self.id, id)
     }
 
-    fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos) {
+    fn power_on(&mut self, shaft: &Shaft, now: Nanos) {
         *self = Self { think: self.think, ..Self::new(self.id) };
         self.uncounted = shaft.rotor_turns().floor();
         self.commanded_at = now;
     }
 
-    fn receive(&mut self, byte: u8, shaft: &Shaft<'_>, now: Nanos) -> Heard {
+    fn receive(&mut self, byte: u8, shaft: &Shaft, now: Nanos) -> Heard {
         if self.calibrating_until.is_some() {
             return Heard::Nothing;
         }
@@ -279,7 +280,7 @@ impl LineDevice for GoM8010 {
         Heard::Question(self.answer(shaft).write().to_vec(), self.think)
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Nanos) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Nanos) -> Winding {
         if self.calibrating_until.is_some_and(|until| now >= until) {
             (self.calibrating_until, self.command) = (None, Command::default());
         }

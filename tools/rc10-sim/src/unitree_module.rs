@@ -28,7 +28,8 @@ use std::rc::Rc;
 use rc10_can::{CanFrame, Micros};
 
 pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding};
+use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::unitree_line::{self, GEAR, TOO_HOT, TORQUE_CONSTANT, error_of};
 
@@ -216,12 +217,12 @@ impl UnitreeMotor {
     }
 
     /// Turns of the rotor as it counts them.
-    fn turns(&mut self, shaft: &Shaft<'_>) -> f64 {
+    fn turns(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
         turns - *self.zero.get_or_insert(turns.floor())
     }
 
-    fn motion(&mut self, shaft: &Shaft<'_>) -> Motion {
+    fn motion(&mut self, shaft: &Shaft) -> Motion {
         Motion {
             torque: shaft.current() * TORQUE_CONSTANT / GEAR,
             speed: shaft.speed() * GEAR,
@@ -243,7 +244,7 @@ impl UnitreeMotor {
         };
     }
 
-    fn report(&mut self, answer: Answer, shaft: &Shaft<'_>) -> Option<CanFrame> {
+    fn report(&mut self, answer: Answer, shaft: &Shaft) -> Option<CanFrame> {
         let told = match answer {
             Answer::Gains(gains) => Told::Gains(gains),
             _ if self.unplugged || self.mode == Mode::Calibrating => return None,
@@ -269,7 +270,7 @@ impl Device for UnitreeMotor {
     fn receive(
         &mut self,
         frame: &CanFrame,
-        _shaft: &Shaft<'_>,
+        _shaft: &Shaft,
         now: Micros,
         _out: &mut Outbox,
     ) -> Taken {
@@ -311,7 +312,7 @@ impl Device for UnitreeMotor {
         self.due.front().map(|(at, _)| *at)
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         while self.next_event().is_some_and(|at| at <= now)
             && let Some((_, answer)) = self.due.pop_front()
         {
@@ -322,7 +323,7 @@ impl Device for UnitreeMotor {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         let has = self.motion(shaft);
         if shaft.temperature() >= TOO_HOT {
             self.error = 1;

@@ -59,8 +59,7 @@ fn law(rig: &Rig<'_>, [spring, damper, torque]: [f32; 3]) -> Result<Law, Halt> {
 
 /// Armed, coasting, and at rest.
 fn rests(rig: &mut Rig<'_>) -> Outcome {
-    rig.is_heard().map_err(|_| Halt::Stuck)?;
-    rig.switch.arm().map_err(|_| Halt::Stuck)?;
+    rig.wake()?;
     rig.wait(Some(Target::Coast), rig.declared.enables_within + 100);
     Ok(())
 }

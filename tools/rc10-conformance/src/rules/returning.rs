@@ -17,8 +17,7 @@ fn for_each_effort(
     for trial in &case.declared.trials {
         if efforts.contains(&trial.target.kind()) {
             found.note(case.alone(SafeState::Coast, |rig| {
-                rig.is_heard().map_err(|_| Halt::Stuck)?;
-                rig.switch.arm().map_err(|_| Halt::Stuck)?;
+                rig.wake()?;
                 rig.wait(Some(trial.target), rig.declared.enables_within + 50);
                 scenario(rig, trial.target)
             }));
@@ -28,8 +27,7 @@ fn for_each_effort(
 
 pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
     // Longer than its link lasts.
-    let timeout = u32::try_from(case.motor().link_timeout().get() / 1000).unwrap_or(u32::MAX);
-    let short = timeout.saturating_add(3).max(60);
+    let short = case.motor().link_timeout().saturating_add(3).max(60);
     for millis in [short, short + 340] {
         found.note(case.alone(SafeState::Coast, |rig| {
             rig.get_going()?;

@@ -101,8 +101,7 @@ pub(super) fn expiry(case: &Case<'_>, found: &mut Findings) {
 }
 
 pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
-    let timeout = case.motor().link_timeout().get() / 1000;
-    let timeout = u32::try_from(timeout).unwrap_or(u32::MAX);
+    let timeout = case.motor().link_timeout();
     found.note(case.alone(SafeState::Hold, |rig| {
         rig.get_going()?;
         let cruise = rig.cruise();
@@ -146,8 +145,7 @@ pub(super) fn coast_frames_stop(case: &Case<'_>, found: &mut Findings) {
             match doing {
                 Waiting => rig.wait(None, 50),
                 Enabling => {
-                    rig.is_heard().map_err(|_| Halt::Stuck)?;
-                    rig.switch.arm().map_err(|_| Halt::Stuck)?;
+                    rig.wake()?;
                     rig.wait(Some(cruise), rig.declared.enables_within / 2 + 1);
                 }
                 Running => rig.get_going()?,

@@ -3,7 +3,8 @@ use rc10_can::{CanFrame, Micros};
 use super::Model;
 use super::parameters::{Measured, Parameters};
 use super::wire::{self, Command, Motion, Report};
-use crate::device::{Beyond, Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Beyond, Device, EscFault, Outbox, Taken, Winding};
+use crate::motor::Shaft;
 
 /// Whether a device moves its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -142,7 +143,7 @@ impl CyberGear {
 
     /// Position of its shaft as it counts it, rad, all turns included.
     #[must_use]
-    pub fn position(&self, shaft: &Shaft<'_>) -> f64 {
+    pub fn position(&self, shaft: &Shaft) -> f64 {
         shaft.radians() - self.zero
     }
 
@@ -164,7 +165,7 @@ impl CyberGear {
         self.faults == 0 && self.details == 0
     }
 
-    fn report(&self, shaft: &Shaft<'_>) -> Report {
+    fn report(&self, shaft: &Shaft) -> Report {
         let range = 2.0 * self.model.position;
         let position = match self.beyond {
             Beyond::Saturates => self.position(shaft),
@@ -182,11 +183,11 @@ impl CyberGear {
         }
     }
 
-    fn feedback(&self, unasked: bool, shaft: &Shaft<'_>) -> CanFrame {
+    fn feedback(&self, unasked: bool, shaft: &Shaft) -> CanFrame {
         wire::feedback(unasked, self.id, self.host, &self.report(shaft), &self.model)
     }
 
-    fn measured(&self, shaft: &Shaft<'_>) -> Measured {
+    fn measured(&self, shaft: &Shaft) -> Measured {
         Measured {
             position: self.position(shaft),
             current: shaft.current(),
@@ -199,7 +200,7 @@ impl CyberGear {
     /// Sets the angle of the shaft when power comes: nothing but the rotor's angle within its turn
     /// is known to a CyberGear; a RobStride knows the output's, from its saved zero (*assumed*,
     /// both).
-    fn place(&mut self, shaft: &Shaft<'_>) {
+    fn place(&mut self, shaft: &Shaft) {
         let (turn, zero) = if self.model.robstride {
             (std::f64::consts::TAU, self.saved_zero)
         } else {
@@ -210,7 +211,7 @@ impl CyberGear {
         self.placed = true;
     }
 
-    fn obey(&mut self, command: Command, host: u8, shaft: &Shaft<'_>) -> Option<CanFrame> {
+    fn obey(&mut self, command: Command, host: u8, shaft: &Shaft) -> Option<CanFrame> {
         match command {
             Command::Identify => return Some(wire::identity(self.id, self.chip)),
             Command::Motion(motion) => {
@@ -274,7 +275,7 @@ impl CyberGear {
     }
 
     /// The current it drives, A, by its run mode.
-    fn current(&mut self, shaft: &Shaft<'_>) -> f64 {
+    fn current(&mut self, shaft: &Shaft) -> f64 {
         let Self { parameters, motion, model, .. } = *self;
         let constant = model.torque_constant();
         let (position, velocity) = (self.position(shaft), shaft.speed());
@@ -335,13 +336,7 @@ impl Device for CyberGear {
         self.deaf = self.bit_rate != 1;
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         if self.deaf {
             return Taken::NotMine;
         }
@@ -372,7 +367,7 @@ impl Device for CyberGear {
         if self.tells { Some(Micros::ZERO) } else { self.next_report }
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if std::mem::take(&mut self.tells) && !self.deaf {
             let warnings = u32::from(shaft.temperature() >= self.model.hot);
             out.send(wire::faults(self.id, self.host, self.details, warnings));
@@ -385,7 +380,7 @@ impl Device for CyberGear {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         if !self.placed {
             self.place(shaft);
         }

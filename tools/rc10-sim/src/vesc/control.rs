@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use super::{Order, VescConfig};
-use crate::device::{Shaft, Winding};
-use crate::motor::STEP;
+use crate::device::Winding;
+use crate::motor::{STEP, Shaft};
 
 /// Control mode of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,7 +93,7 @@ impl Control {
         &mut self,
         config: &VescConfig,
         limits: (f64, f64),
-        shaft: &Shaft<'_>,
+        shaft: &Shaft,
         position: f64,
     ) -> Winding {
         let plant = shaft.plant();
@@ -137,7 +137,7 @@ impl Control {
         erpm: f64,
         config: &VescConfig,
         limits: (f64, f64),
-        shaft: &Shaft<'_>,
+        shaft: &Shaft,
     ) -> Winding {
         let measured = shaft.rotor_rpm() * f64::from(config.pole_pairs);
         let step = config.speed_ramp * STEP;
@@ -159,7 +159,7 @@ impl Control {
 }
 
 /// A current held to the limits: one for driving, one for braking.
-fn limited(amps: f64, (min, max): (f64, f64), shaft: &Shaft<'_>) -> f64 {
+fn limited(amps: f64, (min, max): (f64, f64), shaft: &Shaft) -> f64 {
     let most = if amps * shaft.speed() < 0.0 { -min } else { max };
     amps.clamp(-most, most)
 }

@@ -18,8 +18,8 @@ use rc10_can::{CanFrame, Micros};
 pub use control::Mode;
 pub use wire::{Order, Report};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding, set_if};
-use crate::motor::STEP;
+use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
+use crate::motor::{STEP, Shaft};
 use crate::plant::Plant;
 use control::Control;
 
@@ -222,7 +222,7 @@ impl Vesc {
     }
 
     /// Angle of the position controller, degrees in 0 .. 360.
-    fn position(&self, shaft: &Shaft<'_>) -> f64 {
+    fn position(&self, shaft: &Shaft) -> f64 {
         if self.config.encoder_on_shaft {
             shaft.radians().to_degrees().rem_euclid(360.0)
         } else {
@@ -231,7 +231,7 @@ impl Vesc {
     }
 
     /// The report of this index.
-    fn report(&mut self, index: usize, shaft: &Shaft<'_>) -> Report {
+    fn report(&mut self, index: usize, shaft: &Shaft) -> Report {
         match index {
             0 => Report::Status1 {
                 erpm: shaft.rotor_rpm() * self.pole_pairs(),
@@ -257,7 +257,7 @@ impl Vesc {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "goes round, as the firmware's int does")]
-    fn steps(&mut self, shaft: &Shaft<'_>) -> i32 {
+    fn steps(&mut self, shaft: &Shaft) -> i32 {
         let turns = shaft.rotor_turns();
         let zero = *self.tachometer_zero.get_or_insert(turns);
         ((turns - zero) * self.pole_pairs() * 6.0).floor() as i64 as i32
@@ -288,7 +288,7 @@ impl Device for Vesc {
     fn receive(
         &mut self,
         frame: &CanFrame,
-        _shaft: &Shaft<'_>,
+        _shaft: &Shaft,
         now: Micros,
         out: &mut Outbox,
     ) -> Taken {
@@ -319,7 +319,7 @@ impl Device for Vesc {
         self.next_reports.into_iter().flatten().min()
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         for index in 0..self.next_reports.len() {
             let Some(due) = self.next_reports[index].filter(|due| now >= *due) else { continue };
             let period = 1_000_000 / u64::from(self.config.status_hz[index].max(1));
@@ -331,7 +331,7 @@ impl Device for Vesc {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         let _ = self.steps(shaft);
         let silent = self.last_order.is_some_and(|at| now.since(at) >= self.config.timeout);
         if silent {
