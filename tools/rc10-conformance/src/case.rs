@@ -1,9 +1,8 @@
 use std::cell::OnceCell;
-use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use rc10_can::Micros;
-use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
+use rc10_motor::{ArmSwitch, CanIds, CanMotor, DriveMode, Request, SafeState, Safety, Target};
 use rc10_sim::EscFault;
 
 use crate::declaration::Declaration;
@@ -21,27 +20,6 @@ pub(crate) struct Case<'a> {
     pub(crate) declared: &'a Declaration,
     connection: Connection<'a>,
     life: OnceCell<Life>,
-}
-
-/// A motor to be tried that has frames.
-pub(crate) struct FrameCase<'a> {
-    pub(crate) case: &'a Case<'a>,
-    pub(crate) motor: &'a dyn Fn(u8) -> Box<dyn CanMotor>,
-}
-
-impl FrameCase<'_> {
-    /// A fresh motor, set to the first identifier.
-    pub(crate) fn motor(&self) -> Box<dyn CanMotor> {
-        (self.motor)(self.case.declared.ids[0])
-    }
-}
-
-impl<'a> Deref for FrameCase<'a> {
-    type Target = Case<'a>;
-
-    fn deref(&self) -> &Case<'a> {
-        self.case
-    }
 }
 
 /// All that happened to a motor that lived through everything.
@@ -73,6 +51,19 @@ impl<'a> Case<'a> {
     /// A fresh motor, set to the first identifier.
     pub(crate) fn motor(&self) -> Subject {
         self.connection.motor(self.declared.ids[0])
+    }
+
+    /// A fresh motor, if it has frames.
+    pub(crate) fn can_motor(&self) -> Option<Box<dyn CanMotor>> {
+        match self.motor() {
+            Subject::OnBus(motor) => Some(motor),
+            Subject::OnLine(_) => None,
+        }
+    }
+
+    /// The identifiers of a fresh motor, if it has frames.
+    pub(crate) fn can_ids(&self) -> Option<CanIds> {
+        self.can_motor().map(|motor| motor.can_ids())
     }
 
     /// One set to the other.

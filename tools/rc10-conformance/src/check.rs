@@ -4,12 +4,12 @@ use rc10_motor::CanMotor;
 use rc10_motor::unitree::GoM8010;
 use rc10_sim::{Bus, Esc, Line};
 
-use crate::case::{Case, FrameCase};
+use crate::case::Case;
 use crate::declaration::Declaration;
 use crate::harness::Connection;
 use crate::outcome::Findings;
 use crate::report::{Breach, Report};
-use crate::rules::{Check, RULES, Rule};
+use crate::rules::RULES;
 
 /// Runs every [rule](crate::RULES) on a motor: `motor` makes a fresh one, set to an identifier, and
 /// `device` puts its simulated device, set to that identifier, on a wire. Both turn the same way, or
@@ -24,12 +24,7 @@ pub fn check<M: CanMotor + 'static>(
 ) -> Result<(), Report> {
     let motor = |id| Box::new(motor(id)) as Box<dyn CanMotor>;
     let connection = Connection::ByBus { motor: &motor, device: &device };
-    let case = Case::new(declared, connection);
-    let with_frames = FrameCase { case: &case, motor: &motor };
-    run(&case, |rule, found| match rule.check {
-        Check::Any(check) => check(&case, found),
-        Check::Frames(check) => check(&with_frames, found),
-    })
+    run(&Case::new(declared, connection))
 }
 
 /// The same for a motor on an RS-485 line, without the rules that are about frames on a bus.
@@ -42,14 +37,10 @@ pub fn check_line(
     device: impl Fn(&Line, u8) -> Esc,
 ) -> Result<(), Report> {
     let connection = Connection::ByLine { motor: &motor, device: &device };
-    let case = Case::new(declared, connection);
-    run(&case, |rule, found| match rule.check {
-        Check::Any(check) => check(&case, found),
-        Check::Frames(_) => (),
-    })
+    run(&Case::new(declared, connection))
 }
 
-fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Report> {
+fn run(case: &Case<'_>) -> Result<(), Report> {
     let motor = case.motor().name();
     let mut report = Report {
         motor,
@@ -60,7 +51,7 @@ fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Repo
     let mut causes = Vec::new();
     for rule in RULES {
         let mut found = Findings::default();
-        let tried = catch_unwind(AssertUnwindSafe(|| apply(rule, &mut found)));
+        let tried = catch_unwind(AssertUnwindSafe(|| (rule.check)(case, &mut found)));
         if let Err(panic) = tried {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("…");

@@ -3,7 +3,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Frames, Link, Request, Tick, TxBatch};
 use rc10_sim::Random;
 
-use crate::case::FrameCase;
+use crate::case::Case;
 use crate::outcome::{Findings, Outcome, broken};
 use crate::recorder::{Call, Told, not_finite, replay};
 
@@ -59,12 +59,14 @@ fn is_own(ids: &CanIds, id: Id) -> bool {
 /// Gives frames that are refused to a motor that runs; then it must go on as its twin does that
 /// never got them.
 fn change_nothing(
-    case: &FrameCase<'_>,
+    case: &Case<'_>,
     frames: impl Iterator<Item = CanFrame>,
     is_right: impl Fn(&CanFrame, FrameError) -> bool,
 ) -> Outcome {
     let (before, after) = case.life().calls();
-    let (mut motor, mut twin) = (case.motor(), case.motor());
+    let (Some(mut motor), Some(mut twin)) = (case.can_motor(), case.can_motor()) else {
+        return Ok(());
+    };
     replay(&mut *motor, before);
     replay(&mut *twin, before);
     let told = Told::of(&*motor);
@@ -85,8 +87,8 @@ fn change_nothing(
     broken(at, "after them it sends other frames than without")
 }
 
-pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
+pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
     let mut random = Random::new(1);
     // Neighbours first: the identifiers that differ from its own by a bit.
     let near: Vec<Id> = ids
@@ -139,8 +141,8 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     found.note(change_nothing(case, others.into_iter(), |_, _| true));
 }
 
-pub(super) fn wrong_lengths(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
+pub(super) fn wrong_lengths(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
     let mut random = Random::new(2);
     let mut wrong = Vec::new();
     for receive in ids.received() {
@@ -159,8 +161,9 @@ pub(super) fn wrong_lengths(case: &FrameCase<'_>, found: &mut Findings) {
     found.note(change_nothing(case, wrong.into_iter(), is_right));
 }
 
-pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
-    for receive in case.motor().can_ids().received() {
+pub(super) fn any_content(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
+    for receive in ids.received() {
         found.note(content(case, receive));
     }
     for moment in case.life().moments() {
@@ -170,10 +173,10 @@ pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-fn content(case: &FrameCase<'_>, receive: &Frames) -> Outcome {
+fn content(case: &Case<'_>, receive: &Frames) -> Outcome {
     let mut random = Random::new(3);
     let (before, after) = case.life().calls();
-    let mut motor = case.motor();
+    let Some(mut motor) = case.can_motor() else { return Ok(()) };
     replay(&mut *motor, before);
     let mut at = motor.feedback().at;
     let real: Vec<CanFrame> = before.iter().filter_map(|call| frame_of(call, receive)).collect();
@@ -233,7 +236,7 @@ fn drive_on(motor: &mut dyn CanMotor, drive: DriveMode) {
     let _ = motor.pack_command(&mut TxBatch::new());
 }
 
-pub(super) fn feedback_at(case: &FrameCase<'_>, found: &mut Findings) {
+pub(super) fn feedback_at(case: &Case<'_>, found: &mut Findings) {
     for (arrived, told) in &case.life().log.arrivals {
         if arrived != told {
             found.add(Some(*arrived), format!("it says that it arrived at {told}"));

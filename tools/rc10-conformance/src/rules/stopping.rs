@@ -2,7 +2,7 @@ use rc10_app::Seconds;
 use rc10_motor::{ArmSwitch, DriveMode, Request, SafeState, TxBatch};
 use rc10_sim::EscFault;
 
-use crate::case::{Case, FrameCase};
+use crate::case::Case;
 use crate::declaration::Claim;
 use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
@@ -113,9 +113,10 @@ pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
     }));
 }
 
-pub(super) fn coast_frames_are_fixed(case: &FrameCase<'_>, found: &mut Findings) {
+pub(super) fn coast_frames_are_fixed(case: &Case<'_>, found: &mut Findings) {
     let mut tx = TxBatch::new();
-    if case.motor().coast_frames(&mut tx).is_err() || tx.frames().is_empty() {
+    let Some(motor) = case.can_motor() else { return };
+    if motor.coast_frames(&mut tx).is_err() || tx.frames().is_empty() {
         return found.add(None, "a fresh motor has none".to_owned());
     }
     for moment in case.life().moments() {
