@@ -328,7 +328,7 @@ impl Damiao {
 }
 
 impl Device for Damiao {
-    fn power_on(&mut self, now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, _phase: Micros) {
         self.registers = self.flash;
         self.state = State::Disabled;
         self.loops = Loops::default();

@@ -5,19 +5,20 @@ use std::any::Any;
 use rc10_can::{CanFrame, Micros};
 
 use crate::Nanos;
-use crate::line::{Heard, LineDevice};
+use crate::line::Heard;
 use crate::motor::Shaft;
 use crate::random::Random;
 
-/// An ESC's electronics and firmware, from the device's side: what it takes from the bus, what it
-/// puts on it, what it does to the winding. The world gives it power, frames, time and a shaft.
+/// An ESC's electronics and firmware, from the device's side: what it takes from its wire, what it
+/// puts on it, what it does to the winding. The world gives it power, frames or bytes, time and a
+/// shaft.
 ///
 /// Write it from the vendor's manual and with code of its own, never with that of the motor library
 /// it is a witness for.
 pub trait Device: Any {
     /// Power has come: everything volatile starts afresh. `phase` is a random part of its
     /// [`period`](Self::period): when in it the first report is due.
-    fn power_on(&mut self, now: Micros, phase: Micros);
+    fn power_on(&mut self, shaft: &Shaft, now: Micros, phase: Micros);
 
     /// The time from one regular report to the next; for a device that only answers, anything above
     /// zero.
@@ -26,7 +27,20 @@ pub trait Device: Any {
     }
 
     /// Takes a frame that has just ended on the bus. What it answers goes to `out`.
-    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken;
+    fn receive(
+        &mut self,
+        _frame: &CanFrame,
+        _shaft: &Shaft,
+        _now: Micros,
+        _out: &mut Outbox,
+    ) -> Taken {
+        Taken::NotMine
+    }
+
+    /// Takes a byte that has just ended on the serial line.
+    fn hear(&mut self, _byte: u8, _shaft: &Shaft, _now: Nanos) -> Heard {
+        Heard::Nothing
+    }
 
     /// The time of the next event that it makes by itself. In the past means now.
     fn next_event(&self) -> Option<Micros> {
@@ -141,12 +155,6 @@ impl Outbox {
     }
 }
 
-/// A device's electronics, by the kind of its wire.
-pub(crate) enum Electronics {
-    Can(Box<dyn Device>),
-    Line(Box<dyn LineDevice>),
-}
-
 /// The place of a device: a node of a bus, or a station of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
@@ -156,7 +164,7 @@ pub(crate) enum Place {
 
 /// An ESC with its motor, at its place.
 pub(crate) struct Unit {
-    electronics: Electronics,
+    device: Box<dyn Device>,
     pub(crate) motor: Shaft,
     pub(crate) place: Place,
     /// Turns or steers a wheel of a base.
@@ -175,9 +183,9 @@ pub(crate) struct Unit {
 
 impl Unit {
     /// Without power.
-    pub(crate) fn new(electronics: Electronics, motor: Shaft, place: Place) -> Self {
+    pub(crate) fn new(device: Box<dyn Device>, motor: Shaft, place: Place) -> Self {
         Self {
-            electronics,
+            device,
             motor,
             place,
             is_wheel: false,
@@ -199,17 +207,12 @@ impl Unit {
             return false;
         }
         self.powered = powered;
-        match &mut self.electronics {
-            Electronics::Can(device) => {
-                let phase = Micros::new(random.below(device.period().get()));
-                if powered {
-                    device.power_on(now.micros(), phase);
-                }
-            }
-            Electronics::Line(device) if powered => {
-                device.power_on(&self.motor, now);
-            }
-            Electronics::Line(_) => (),
+        let phase = match self.place {
+            Place::Bus { .. } => Micros::new(random.below(self.device.period().get())),
+            Place::Line { .. } => Micros::ZERO,
+        };
+        if powered {
+            self.device.power_on(&self.motor, now.micros(), phase);
         }
         true
     }
@@ -229,41 +232,20 @@ impl Unit {
         core::mem::replace(&mut self.cut, cut) != cut
     }
 
-    pub(crate) fn inject(&mut self, fault: EscFault) -> bool {
-        match &mut self.electronics {
-            Electronics::Can(device) => device.inject(fault),
-            Electronics::Line(device) => device.inject(fault),
-        }
-    }
-
-    pub(crate) fn set_id(&mut self, id: u8) -> bool {
-        match &mut self.electronics {
-            Electronics::Can(device) => device.set_id(id),
-            Electronics::Line(device) => device.set_id(id),
-        }
-    }
-
-    pub(crate) fn device(&mut self) -> &mut dyn Any {
-        match &mut self.electronics {
-            Electronics::Can(device) => &mut **device,
-            Electronics::Line(device) => &mut **device,
-        }
+    pub(crate) fn device(&mut self) -> &mut dyn Device {
+        &mut *self.device
     }
 
     pub(crate) fn next_event(&self) -> Option<Micros> {
-        match &self.electronics {
-            Electronics::Can(device) if self.powered => device.next_event(),
-            _ => None,
-        }
+        if self.powered { self.device.next_event() } else { None }
     }
 
     /// Takes a frame from its bus.
     pub(crate) fn receive(&mut self, frame: &CanFrame, now: Micros) {
-        let Electronics::Can(device) = &mut self.electronics else { return };
         if !self.powered {
             return;
         }
-        match device.receive(frame, &self.motor, now, &mut self.out) {
+        match self.device.receive(frame, &self.motor, now, &mut self.out) {
             Taken::Yes => self.count_command(now),
             Taken::Malformed => self.malformed += 1,
             Taken::NotMine => (),
@@ -272,8 +254,7 @@ impl Unit {
 
     /// Takes a byte from its line; what it answers, and how much later.
     pub(crate) fn hear(&mut self, byte: u8, now: Nanos) -> Option<(Vec<u8>, Nanos)> {
-        let Electronics::Line(device) = &mut self.electronics else { return None };
-        let heard = device.receive(byte, &self.motor, now);
+        let heard = self.device.hear(byte, &self.motor, now);
         match heard {
             Heard::Nothing => return None,
             Heard::Malformed => self.malformed += 1,
@@ -292,8 +273,8 @@ impl Unit {
 
     /// Lets events happen that it makes by itself now.
     pub(crate) fn advance(&mut self, now: Micros) {
-        if let (Electronics::Can(device), true) = (&mut self.electronics, self.powered) {
-            device.advance(&self.motor, now, &mut self.out);
+        if self.powered {
+            self.device.advance(&self.motor, now, &mut self.out);
         }
     }
 
@@ -304,20 +285,13 @@ impl Unit {
     }
 
     pub(crate) fn step(&mut self, now: Nanos) {
-        let shaft = &self.motor;
-        self.winding = match &mut self.electronics {
-            _ if !self.powered => Winding::Open,
-            Electronics::Can(device) => device.drive(shaft, now.micros()),
-            Electronics::Line(device) => device.drive(shaft, now),
-        };
+        self.winding =
+            if self.powered { self.device.drive(&self.motor, now.micros()) } else { Winding::Open };
         self.motor.step(self.winding);
     }
 
     pub(crate) fn state(&self, feedback_overwritten: u64) -> EscState {
-        let command = match &self.electronics {
-            Electronics::Can(device) if self.powered => device.command(),
-            _ => 0,
-        };
+        let command = if self.powered { self.device.command() } else { 0 };
         EscState {
             rotor_rpm: self.motor.rotor_rpm(),
             output_rpm: self.motor.output_rpm(),

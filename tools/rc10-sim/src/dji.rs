@@ -217,7 +217,7 @@ impl Device for Dji {
         true
     }
 
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         self.command = 0;
         self.next_feedback = now + phase;
     }

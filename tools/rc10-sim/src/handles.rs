@@ -8,7 +8,7 @@ use std::rc::Rc;
 use rc10_can::{CanFrame, CanPort, Health, Micros, Queued, Submitted};
 
 use crate::base::{Motion, Pose, Twist};
-use crate::device::{Device, Electronics, EscFault, EscState, Place, Unit};
+use crate::device::{Device, EscFault, EscState, Place, Unit};
 use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
 use crate::motor::Shaft;
@@ -41,8 +41,9 @@ impl Bus {
     /// [`add_esc`](Self::add_esc) does it with one of DJI.
     pub fn add(&self, device: impl Device, plant: Plant) -> Esc {
         let bus = self.index;
-        Esc::plug_in(&self.inner, Electronics::Can(Box::new(device)), plant, |inner, now| {
-            Place::Bus { bus, node: inner.wires[bus].join(now) }
+        Esc::plug_in(&self.inner, device, plant, |inner, now| Place::Bus {
+            bus,
+            node: inner.wires[bus].join(now),
         })
     }
 
@@ -210,14 +211,14 @@ impl Esc {
     /// Plugs a device in where `join` finds a place for it, powered, at rest.
     pub(crate) fn plug_in(
         world: &Rc<RefCell<Inner>>,
-        electronics: Electronics,
+        device: impl Device,
         plant: Plant,
         join: impl FnOnce(&mut Inner, Nanos) -> Place,
     ) -> Self {
         let inner = &mut *world.borrow_mut();
         let motor = Shaft::new(plant, inner.random.unit());
         let now = inner.clock.now_ns();
-        let mut unit = Unit::new(electronics, motor, join(inner, now));
+        let mut unit = Unit::new(Box::new(device), motor, join(inner, now));
         unit.power(true, now, &mut inner.random);
         inner.units.push(unit);
         Self { inner: Rc::clone(world), index: inner.units.len() - 1 }
@@ -293,13 +294,13 @@ impl Esc {
     /// Has it find something wrong with itself, until power-off. `false`: such a device knows no
     /// such fault, and nothing happened.
     pub fn inject(&self, fault: EscFault) -> bool {
-        self.inner.borrow_mut().units[self.index].inject(fault)
+        self.inner.borrow_mut().units[self.index].device().inject(fault)
     }
 
     /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
     /// nothing happened.
     pub fn set_id(&self, id: u8) -> bool {
-        self.inner.borrow_mut().units[self.index].set_id(id)
+        self.inner.borrow_mut().units[self.index].device().set_id(id)
     }
 
     /// Puts its motor behind another gearbox: `ratio` turns of the rotor per turn of the output
@@ -324,7 +325,9 @@ impl Esc {
 
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: Any, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
-        self.inner.borrow_mut().units[self.index].device().downcast_mut().map(look)
+        let inner = &mut *self.inner.borrow_mut();
+        let device: &mut dyn Any = inner.units[self.index].device();
+        device.downcast_mut().map(look)
     }
 
     /// A constant torque on the load from outside, N·m, positive in the motor's positive

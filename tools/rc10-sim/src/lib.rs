@@ -7,7 +7,7 @@
 //!   [`rc10_can::CanPort`].
 //! * [`Controller`]: what takes the port's place on a wire, an emulated chip for example.
 //! * [`Esc`]: a device with its motor on a wire: its true state, power, and faults. Its electronics
-//!   are a [`Device`], on a line a [`LineDevice`]; its motor is a [`Plant`].
+//!   are a [`Device`]; its motor is a [`Plant`].
 //! * [`Line`]: an RS-485 line. [`Serial`]: a serial link in full duplex to one [`SerialDevice`]. The
 //!   host of either has a [`UartPort`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
@@ -107,7 +107,7 @@ pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use fault::Fault;
 pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
-pub use line::{Heard, Line, LineConfig, LineCounters, LineDevice, LineEntry};
+pub use line::{Heard, Line, LineConfig, LineCounters, LineEntry};
 pub use motor::Shaft;
 pub use plant::{Nonlinear, Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};

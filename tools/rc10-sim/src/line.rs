@@ -1,15 +1,13 @@
 //! A serial line in half duplex: bytes that take their time, collide, and are heard by all
 //! others.
 
-use std::any::Any;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::Nanos;
-use crate::device::{Electronics, EscFault, Place, Unit, Winding};
+use crate::device::{Device, Place, Unit};
 use crate::handles::Esc;
-use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::random::Random;
 use crate::uart::{HostEnd, Hosted, Medium, SerialEnd, UartFault, UartPort};
@@ -61,32 +59,6 @@ pub struct LineCounters {
     pub overrun: u64,
     /// Time with a byte on the line, ns; bytes that collide count each.
     pub busy_ns: u64,
-}
-
-/// The electronics of a device on a serial line: what it takes from the line, what it answers, what
-/// it does to the winding. As [`Device`](crate::Device), for bytes.
-///
-/// Write it from the vendor's manual and with code of its own, never with that of the motor library
-/// it is a witness for.
-pub trait LineDevice: Any {
-    /// Power has come: everything volatile starts afresh.
-    fn power_on(&mut self, shaft: &Shaft, now: Nanos);
-
-    /// A byte has just ended on the line.
-    fn receive(&mut self, byte: u8, shaft: &Shaft, now: Nanos) -> Heard;
-
-    /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
-    fn drive(&mut self, shaft: &Shaft, now: Nanos) -> Winding;
-
-    /// Has it find something wrong with itself, until power-off. Whether it knows such a fault.
-    fn inject(&mut self, _fault: EscFault) -> bool {
-        false
-    }
-
-    /// Sets another identifier on it. `false`: it can have no such one, and nothing happened.
-    fn set_id(&mut self, _id: u8) -> bool {
-        false
-    }
 }
 
 /// Effect of a byte on a device.
@@ -374,10 +346,11 @@ pub struct Line {
 
 impl Line {
     /// Puts a device with its motor on the line, powered, at rest.
-    pub fn add(&self, device: impl LineDevice, plant: Plant) -> Esc {
+    pub fn add(&self, device: impl Device, plant: Plant) -> Esc {
         let line = self.index;
-        Esc::plug_in(&self.inner, Electronics::Line(Box::new(device)), plant, |inner, _| {
-            Place::Line { line, station: inner.lines[line].join(inner.units.len()) }
+        Esc::plug_in(&self.inner, device, plant, |inner, _| Place::Line {
+            line,
+            station: inner.lines[line].join(inner.units.len()),
         })
     }
 

@@ -281,7 +281,7 @@ impl Device for Drive {
         set_if(self.settings.ids().contains(&id), &mut self.settings.id, id)
     }
 
-    fn power_on(&mut self, now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, _phase: Micros) {
         self.is_on = self.settings.starts_on || self.settings.multi_motor;
         (self.goal, self.late, self.integral) = (Goal::Nothing, None, 0.0);
         (self.errors, self.causes) = (0, 0);

@@ -285,7 +285,7 @@ impl Device for Axis {
         set_if(id <= 63, &mut self.settings.node, id)
     }
 
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         self.state = State::Idle;
         self.controller = Controller::new();
         (self.errors, self.causes, self.origin) = (0, 0, None);

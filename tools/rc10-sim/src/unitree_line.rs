@@ -6,10 +6,12 @@
 
 use std::f64::consts::TAU;
 
+use rc10_can::Micros;
+
 use crate::Nanos;
 use crate::crc::crc16;
-use crate::device::{EscFault, Winding, set_if};
-use crate::line::{Heard, LineDevice};
+use crate::device::{Device, EscFault, Winding, set_if};
+use crate::line::Heard;
 use crate::motor::Shaft;
 use crate::plant::Plant;
 
@@ -237,18 +239,18 @@ impl GoM8010 {
     }
 }
 
-impl LineDevice for GoM8010 {
+impl Device for GoM8010 {
     fn set_id(&mut self, id: u8) -> bool {
         set_if(id < EVERYBODY, &mut self.id, id)
     }
 
-    fn power_on(&mut self, shaft: &Shaft, now: Nanos) {
+    fn power_on(&mut self, shaft: &Shaft, now: Micros, _phase: Micros) {
         *self = Self { think: self.think, ..Self::new(self.id) };
         self.uncounted = shaft.rotor_turns().floor();
-        self.commanded_at = now;
+        self.commanded_at = now.into();
     }
 
-    fn receive(&mut self, byte: u8, shaft: &Shaft, now: Nanos) -> Heard {
+    fn hear(&mut self, byte: u8, shaft: &Shaft, now: Nanos) -> Heard {
         if self.calibrating_until.is_some() {
             return Heard::Nothing;
         }
@@ -280,7 +282,8 @@ impl LineDevice for GoM8010 {
         Heard::Question(self.answer(shaft).write().to_vec(), self.think)
     }
 
-    fn drive(&mut self, shaft: &Shaft, now: Nanos) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
+        let now = Nanos::from(now);
         if self.calibrating_until.is_some_and(|until| now >= until) {
             (self.calibrating_until, self.command) = (None, Command::default());
         }

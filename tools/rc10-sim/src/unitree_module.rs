@@ -262,7 +262,7 @@ impl UnitreeMotor {
 }
 
 impl Device for UnitreeMotor {
-    fn power_on(&mut self, _now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, _now: Micros, _phase: Micros) {
         let calibrations = self.calibrations;
         *self = Self { calibrations, ..Self::new(self.module.clone(), self.number) };
     }

@@ -46,7 +46,7 @@ impl FinchDrive {
 }
 
 impl Device for FinchDrive {
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         *self = Self { commanded: now, next_report: now + phase, ..Self::new(self.id as u8) };
     }
 

@@ -323,7 +323,7 @@ impl Device for CyberGear {
         true
     }
 
-    fn power_on(&mut self, now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, _phase: Micros) {
         self.stop();
         self.parameters = self.saved;
         // Commands are not kept.

@@ -269,7 +269,7 @@ impl Device for Vesc {
         set_if(id != 255, &mut self.config.id, id)
     }
 
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         self.control = Control::new();
         self.last_order = None;
         self.limits = (-self.config.brake_max, self.config.current_max);
