@@ -1,7 +1,4 @@
 //! DJI ESCs from the device's side: what they take from the bus, what they put on it.
-//!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement.
 
 use std::fmt;
 

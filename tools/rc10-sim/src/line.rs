@@ -369,8 +369,6 @@ impl Line {
     /// Puts the receiver of an emulated chip in the place of the host's port, whose buffer stays
     /// empty from then on. It is told of characters as they begin; one that collides is a framing
     /// error to it. What the chip sends comes by [`deliver`](Self::deliver).
-    ///
-    /// The world borrows it while time passes; between its calls it is the caller's.
     pub fn attach(&self, chip: Rc<RefCell<dyn SerialEnd>>) {
         self.with(|line, _| line.host.chip = Some(chip));
     }

@@ -1,9 +1,8 @@
 //! LK-TECH drives (MF, MG) from the drive's side, after LK CAN manual V2.3.
 //!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement. Not in the manual, so assumed: whether a drive is on after power-on (a setting
-//! here), that a drive that is off answers all commands and carries none out but `88`, that the
-//! answers to the multi-motor frame look like those to `A1`, the drive's own gains.
+//! Not in the manual, so assumed: whether a drive is on after power-on (a setting here), that a drive
+//! that is off answers all commands and carries out `88` alone, that the answers to the multi-motor
+//! frame look like those to `A1`, the drive's own gains.
 
 mod codec;
 

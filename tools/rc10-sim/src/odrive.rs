@@ -1,12 +1,10 @@
 //! `ODrive` axes from the device's side, after firmware 0.5.6 (`can_simple.cpp`, `axis.cpp`,
 //! `controller.cpp`) and the DBC of 0.6.
 //!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement. As in the firmware: every frame feeds the watchdog, which counts in every state;
-//! entering closed-loop control sets the position input to where the shaft is and the integral to
-//! zero, but leaves velocity and torque inputs as they were. Not simulated: calibration (an axis is
-//! ready, and other states than idle and closed loop are refused), anticogging, end stops. The
-//! gains are made to fit the motor.
+//! The firmware's behaviour: every frame feeds the watchdog, which counts in every state; closed-loop
+//! control begins with the position input where the shaft is and the integral at zero, but leaves
+//! velocity and torque inputs as they were. Not simulated: calibration (an axis is ready, and other
+//! states than idle and closed loop are refused), anticogging, end stops. The gains fit the motor.
 
 mod codec;
 mod controller;

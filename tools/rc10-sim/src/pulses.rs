@@ -112,8 +112,6 @@ impl Pulses {
     }
 
     /// Puts the input of an emulated chip in the place of the host's port.
-    ///
-    /// The world borrows it while time passes; between its calls it is the caller's.
     pub fn attach(&self, chip: Rc<RefCell<dyn PulseEnd>>) {
         self.line(|line, now| {
             chip.borrow_mut().level(line.level, now);

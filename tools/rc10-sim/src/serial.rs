@@ -244,8 +244,6 @@ impl Serial {
 
     /// Puts the receiver of an emulated chip in the place of the host's port, whose buffer stays
     /// empty from then on. What the chip sends comes by [`deliver`](Self::deliver).
-    ///
-    /// The world borrows it while time passes; between its calls it is the caller's.
     pub fn attach(&self, chip: Rc<RefCell<dyn SerialEnd>>) {
         self.link(|link, _| link.host.chip = Some(chip));
     }

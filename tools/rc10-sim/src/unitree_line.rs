@@ -1,8 +1,7 @@
 //! Unitree GO-M8010-6 on RS-485, from the motor's side.
 //!
-//! Nothing here is shared with the motor library. Sources: GO-M8010-6 user manual v1.2 and data
-//! manual. What they leave open is an estimate, and named so: how long the motor thinks, what it
-//! does when commands stop, what "lock" feels like, where its angle begins.
+//! Sources: GO-M8010-6 user manual v1.2 and data manual. They leave open how long the motor thinks,
+//! what it does when commands stop, what "lock" feels like, where its angle begins: estimates.
 
 use std::f64::consts::TAU;
 

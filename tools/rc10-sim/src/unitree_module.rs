@@ -5,9 +5,6 @@
 //! [`Plant`]: `bus.add(module.motor(0)?, plant())`. Power of the [`Esc`](crate::Esc) is the motor's;
 //! [`UnitreeModule::set_power`] is the module's.
 //!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement.
-//!
 //! Sources: CAN-to-485 module manual V1.0, GO-M8010-6 user manual v1.2 and data manual. **Assumed**,
 //! because none of them says: a module puts stiffness and damping on its line with the next control
 //! frame, not before; it is silent about a motor that does not
