@@ -36,8 +36,7 @@ pub(super) fn ids_are_valid(case: &Case<'_>, found: &mut Findings) {
 }
 
 pub(super) fn ids_are_constant(case: &Case<'_>, found: &mut Findings) {
-    let Some(motor) = case.can_motor() else { return };
-    let fresh = name_and_ids(&*motor);
+    let Some(fresh) = case.can_motor().map(|motor| name_and_ids(&*motor)) else { return };
     for moment in case.life().moments() {
         if moment.ids.as_ref().is_some_and(|now| *now != fresh) {
             let what = format!("in {:?} they differ from those of a fresh motor", moment.drive);
