@@ -3,16 +3,23 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_sim::fault;
-use rc10_sim::fault::Fault;
+use rc10_emu::fault::Fault;
 
 use crate::robot::mistake;
 use crate::robot::mistake::Mistake;
 
+/// Help text of `--fault`.
+const FAULTS: &str = "\
+Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
+noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
+line, and cut:IMU and so on for a part on a UART; stuck:NAME, torn:NAME and bounces:NAME for the contact \
+of a motor, with - for spaces; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
+crystal-dead crystal-stops@0.3s; repeat for more";
+
 /// The faults and mistakes that a run is to have.
 #[derive(Args, Clone, Debug, Default)]
 pub struct Injected {
-    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[arg(long = "fault", value_name = "FAULT", help = FAULTS)]
     #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
     #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]

@@ -1,165 +1,25 @@
 use std::cell::OnceCell;
-use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use rc10_can::Micros;
-use rc10_motor::unitree::GoM8010;
-use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
-use rc10_sim::{Bus, Esc, EscFault, Line};
+use rc10_motor::{ArmSwitch, CanIds, CanMotor, DriveMode, Request, SafeState, Safety, Target};
+use rc10_sim::EscFault;
 
 use crate::declaration::Declaration;
 use crate::harness::{Connection, Harness, Subject};
 use crate::mirror::Mirror;
+use crate::outcome::{Halt, Outcome};
 use crate::recorder::{Call, Log, Moment, recorded};
-use crate::report::{Breach, Report};
 use crate::rig::Rig;
-use crate::rules::{Check, RULES, Rule};
 
 /// Chance is the same in every run.
 const SEED: u64 = 10;
-
-/// Runs every [rule](crate::RULES) on a motor: `motor` makes a fresh one, set to an identifier, and
-/// `device` puts its simulated device, set to that identifier, on a wire. Both turn the same way, or
-/// the motor was made [reversed](Declaration::direction).
-///
-/// # Errors
-/// All rules that are broken, and what could not be tried.
-pub fn check<M: CanMotor + 'static>(
-    declared: &Declaration,
-    motor: impl Fn(u8) -> M,
-    device: impl Fn(&Bus, u8) -> Esc,
-) -> Result<(), Report> {
-    let motor = |id| Box::new(motor(id)) as Box<dyn CanMotor>;
-    let connection = Connection::ByBus { motor: &motor, device: &device };
-    let case = Case::new(declared, connection);
-    let with_frames = FrameCase { case: &case, motor: &motor };
-    run(&case, |rule, found| match rule.check {
-        Check::Any(check) => check(&case, found),
-        Check::Frames(check) => check(&with_frames, found),
-    })
-}
-
-/// The same for a motor on an RS-485 line, without the rules that are about frames on a bus.
-///
-/// # Errors
-/// All rules that are broken, and what could not be tried.
-pub fn check_line(
-    declared: &Declaration,
-    motor: impl Fn(u8) -> GoM8010,
-    device: impl Fn(&Line, u8) -> Esc,
-) -> Result<(), Report> {
-    let connection = Connection::ByLine { motor: &motor, device: &device };
-    let case = Case::new(declared, connection);
-    run(&case, |rule, found| match rule.check {
-        Check::Any(check) => check(&case, found),
-        Check::Frames(_) => (),
-    })
-}
-
-fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Report> {
-    let motor = case.motor().name();
-    let mut report = Report {
-        motor,
-        direction: case.declared.direction,
-        breaches: Vec::new(),
-        unchecked: Vec::new(),
-    };
-    let mut causes = Vec::new();
-    for rule in RULES {
-        let mut found = Findings::default();
-        let tried = catch_unwind(AssertUnwindSafe(|| apply(rule, &mut found)));
-        if let Err(panic) = tried {
-            let text = panic.downcast_ref::<String>().map(String::as_str);
-            let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("…");
-            found.add_cause(None, format!("it panicked: {text}"));
-        }
-        let breach = |(at, what)| Breach { rule: rule.name, what, at };
-        causes.extend(found.causes.into_iter().map(breach));
-        report.breaches.extend(found.found.into_iter().map(breach));
-        if found.is_stuck {
-            report.unchecked.push(rule.name);
-        }
-    }
-    report.breaches.splice(0..0, causes);
-    if report.breaches.is_empty() && report.unchecked.is_empty() { Ok(()) } else { Err(report) }
-}
-
-/// Why a scenario ended early.
-pub(crate) enum Halt {
-    /// The rule is broken.
-    Broken(Option<Micros>, String),
-    /// A number that it tells or sends is wrong: what else is broken follows from that.
-    Wrong(Micros, String),
-    /// The motor does not do what the scenario starts from: another rule says so.
-    Stuck,
-}
-
-pub(crate) type Outcome = Result<(), Halt>;
-
-pub(crate) fn broken<T>(at: impl Into<Option<Micros>>, what: impl Into<String>) -> Result<T, Halt> {
-    Err(Halt::Broken(at.into(), what.into()))
-}
-
-/// What one rule found. A fault that shows in every tick is told a few times only.
-#[derive(Default)]
-pub(crate) struct Findings {
-    /// What other findings follow from.
-    causes: Vec<(Option<Micros>, String)>,
-    found: Vec<(Option<Micros>, String)>,
-    is_stuck: bool,
-}
-
-const MOST_FINDINGS: usize = 4;
-
-impl Findings {
-    pub(crate) fn add(&mut self, at: Option<Micros>, what: String) {
-        if self.found.len() < MOST_FINDINGS {
-            self.found.push((at, what));
-        }
-    }
-
-    pub(crate) fn add_cause(&mut self, at: Option<Micros>, what: String) {
-        if self.causes.len() < MOST_FINDINGS {
-            self.causes.push((at, what));
-        }
-    }
-
-    pub(crate) fn note(&mut self, outcome: Outcome) {
-        match outcome {
-            Ok(()) => (),
-            Err(Halt::Broken(at, what)) => self.add(at, what),
-            Err(Halt::Wrong(at, what)) => self.add_cause(Some(at), what),
-            Err(Halt::Stuck) => self.is_stuck = true,
-        }
-    }
-}
 
 /// A motor to be tried.
 pub(crate) struct Case<'a> {
     pub(crate) declared: &'a Declaration,
     connection: Connection<'a>,
     life: OnceCell<Life>,
-}
-
-/// A motor to be tried that has frames.
-pub(crate) struct FrameCase<'a> {
-    case: &'a Case<'a>,
-    motor: &'a dyn Fn(u8) -> Box<dyn CanMotor>,
-}
-
-impl FrameCase<'_> {
-    /// A fresh motor, set to the first identifier.
-    pub(crate) fn motor(&self) -> Box<dyn CanMotor> {
-        (self.motor)(self.case.declared.ids[0])
-    }
-}
-
-impl<'a> Deref for FrameCase<'a> {
-    type Target = Case<'a>;
-
-    fn deref(&self) -> &Case<'a> {
-        self.case
-    }
 }
 
 /// All that happened to a motor that lived through everything.
@@ -173,7 +33,7 @@ pub(crate) struct Life {
 }
 
 impl Life {
-    /// What made the motor turn, and what came then.
+    /// The calls that made the motor turn, and those after them.
     pub(crate) fn calls(&self) -> (&[Call], &[Call]) {
         self.log.calls.split_at(self.going)
     }
@@ -184,13 +44,26 @@ impl Life {
 }
 
 impl<'a> Case<'a> {
-    const fn new(declared: &'a Declaration, connection: Connection<'a>) -> Self {
+    pub(crate) const fn new(declared: &'a Declaration, connection: Connection<'a>) -> Self {
         Self { declared, connection, life: OnceCell::new() }
     }
 
     /// A fresh motor, set to the first identifier.
     pub(crate) fn motor(&self) -> Subject {
         self.connection.motor(self.declared.ids[0])
+    }
+
+    /// A fresh motor, if it has frames.
+    pub(crate) fn can_motor(&self) -> Option<Box<dyn CanMotor>> {
+        match self.motor() {
+            Subject::OnBus(motor) => Some(motor),
+            Subject::OnLine(_) => None,
+        }
+    }
+
+    /// The identifiers of a fresh motor, if it has frames.
+    pub(crate) fn can_ids(&self) -> Option<CanIds> {
+        self.can_motor().map(|motor| motor.can_ids())
     }
 
     /// One set to the other.

@@ -19,11 +19,11 @@ pub struct Declaration {
     /// towards it at `cruise` for four seconds, wherever in its first turn it starts; the same
     /// negative one must be in its range, too.
     pub far: Option<TotalAngle>,
-    /// Its largest torque at the output shaft.
+    /// The largest torque at the output shaft.
     pub full_torque: NewtonMetres,
     /// A torque it can easily work against, well above its own friction.
     pub load: NewtonMetres,
-    /// Largest torque that counts as none: noise and rounding.
+    /// Largest torque that counts as zero: noise and rounding.
     pub no_torque: NewtonMetres,
     /// Longest time from the first tick in which it may run until it can be driven, ms.
     pub enables_within: u32,
@@ -54,9 +54,9 @@ pub struct Declaration {
 /// Whether a motor has an ability that not every motor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Claim {
-    /// It has.
+    /// The motor has it.
     Does,
-    /// It has not, for this reason.
+    /// The motor has it not, for this reason.
     Cannot(&'static str),
 }
 
@@ -92,7 +92,7 @@ impl Trial {
 impl Declaration {
     /// A motor that is driven at once, stops within 10 ms, starts as softly as a
     /// [`Servo`](rc10_motor::servo::Servo) does, coasts freely, disables, brakes and holds, and works easily
-    /// against a tenth of its full torque. 0.2 % of that is none.
+    /// against a tenth of its full torque. 0.2 % of that counts as no torque.
     #[must_use]
     pub fn new(ids: [u8; 2], cruise: Rpm, full_torque: NewtonMetres) -> Self {
         Self {
@@ -129,12 +129,12 @@ impl Declaration {
         self.coasts_freely != Claim::Does && state.shorted
     }
 
-    /// What makes it turn.
+    /// The target that makes it turn.
     pub(crate) fn onward(&self) -> Target {
         self.far.map_or(Target::Speed(self.cruise), Target::TotalAngle)
     }
 
-    /// What makes it turn the other way.
+    /// The target that makes it turn the other way.
     pub(crate) fn backward(&self) -> Target {
         let speed = Target::Speed(Rpm::new(-self.cruise.get()));
         self.far.map_or(speed, |far| Target::TotalAngle(TotalAngle::ZERO.minus(far)))

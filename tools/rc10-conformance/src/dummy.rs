@@ -11,21 +11,21 @@ use rc10_motor::{
 pub struct Dummy<A = ()> {
     name: MotorName,
     ids: CanIds,
-    /// Its behaviour.
+    /// The behaviour.
     pub acts: A,
 }
 
 /// Behaviour of a [`Dummy`]: none by default.
 pub trait Acts: Send {
-    /// As [`Motor::feedback`].
+    /// Answers [`Motor::feedback`].
     fn feedback(&self) -> Feedback {
         Feedback::NEW
     }
 
-    /// As [`Motor::update`].
+    /// Does [`Motor::update`].
     fn update(&mut self, _tick: &Tick) {}
 
-    /// As [`Motor::request`].
+    /// Answers [`Motor::request`].
     ///
     /// # Errors
     /// [`RequestError`].
@@ -33,12 +33,12 @@ pub trait Acts: Send {
         Err(RequestError::Unsupported)
     }
 
-    /// As [`Motor::response`].
+    /// Answers [`Motor::response`].
     fn response(&mut self) -> Option<Outcome> {
         None
     }
 
-    /// As [`CanMotor::unpack_feedback`].
+    /// Does [`CanMotor::unpack_feedback`].
     ///
     /// # Errors
     /// [`FrameError`].
@@ -46,7 +46,7 @@ pub trait Acts: Send {
         Ok(FrameKind::Feedback)
     }
 
-    /// As [`CanMotor::pack_command`].
+    /// Does [`CanMotor::pack_command`].
     ///
     /// # Errors
     /// [`TxFull`].

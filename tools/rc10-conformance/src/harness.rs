@@ -25,12 +25,13 @@ impl Subject {
         Motor::name(&**self)
     }
 
-    /// Silent for longer it is lost.
-    pub(crate) fn link_timeout(&self) -> Micros {
-        match self {
+    /// Silent for longer it is lost, ms.
+    pub(crate) fn link_timeout(&self) -> u32 {
+        let timeout = match self {
             Self::OnBus(motor) => motor.can_ids().link_timeout(),
             Self::OnLine(_) => Rs485Bus::LINK_TIMEOUT,
-        }
+        };
+        u32::try_from(timeout.get() / 1000).unwrap_or(u32::MAX)
     }
 
     /// Between two reports of its device.
@@ -44,7 +45,7 @@ impl Subject {
         Micros::new(1_000_000 / u64::from(slowest))
     }
 
-    /// Its frames of one tick, which are not sent.
+    /// Packs the frames of one tick, which are not sent.
     pub(crate) fn pack(&mut self) {
         match self {
             // What does not fit is a matter of other rules.
@@ -74,7 +75,7 @@ impl DerefMut for Subject {
     }
 }
 
-/// What went over a wire, and when it was over.
+/// A frame or bytes on a wire, and when they were over.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Traffic {
     pub(crate) at: Micros,
@@ -255,7 +256,7 @@ impl<'m> Harness<'m> {
         }
     }
 
-    /// What went over the wire since the last time.
+    /// Takes the traffic since the last time.
     pub(crate) fn take_traffic(&mut self) -> Vec<Traffic> {
         match &mut self.wired {
             Wired::Bus(bench, _) => {

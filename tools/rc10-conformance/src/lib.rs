@@ -34,19 +34,20 @@
 
 mod bench;
 mod case;
+mod check;
 mod declaration;
 mod dummy;
 mod harness;
 mod line_bench;
 mod mirror;
+mod outcome;
 mod recorder;
 mod report;
 mod rig;
 mod rules;
 
 pub use bench::Bench;
-pub use case::check;
-pub use case::check_line;
+pub use check::{check, check_line};
 pub use declaration::{Claim, Declaration, Trial};
 pub use dummy::{Acts, Dummy};
 pub use line_bench::LineBench;

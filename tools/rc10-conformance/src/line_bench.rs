@@ -2,7 +2,7 @@ use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::unitree::{Rs485Bus, Step};
 use rc10_motor::{ArmSwitch, CommandError, MotorId, MotorStatus, Target};
-use rc10_sim::{Line, LineConfig, SerialPort, World};
+use rc10_sim::{Line, LineConfig, UartPort, World};
 
 /// A line of our motors on a simulated one, ticked every millisecond and polled in between by a
 /// plain loop: as [`Bench`](crate::Bench), for RS-485.
@@ -15,7 +15,7 @@ pub struct LineBench<'m> {
     pub line: Rs485Bus<'m>,
     /// What went over the wire: when it was handed over or taken, whether it is ours, the bytes.
     pub traffic: Vec<(Micros, bool, Vec<u8>)>,
-    port: SerialPort,
+    port: UartPort,
 }
 
 impl<'m> LineBench<'m> {

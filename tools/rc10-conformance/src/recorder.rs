@@ -25,7 +25,7 @@ pub(crate) fn name_and_ids(motor: &dyn CanMotor) -> String {
     format!("{}: {:?}", motor.name(), motor.can_ids())
 }
 
-/// What a motor said after each tick.
+/// Answers of a motor after a tick.
 #[derive(Clone, Debug)]
 pub(crate) struct Moment {
     pub(crate) at: Micros,

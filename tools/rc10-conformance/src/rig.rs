@@ -1,6 +1,6 @@
-use crate::case::{Halt, Outcome, broken};
 use crate::declaration::{Claim, Declaration};
 use crate::harness::Harness;
+use crate::outcome::{Halt, Outcome, broken};
 use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::{
@@ -67,7 +67,7 @@ impl<'m> Rig<'m> {
         self.bench.status(self.motor)
     }
 
-    /// What makes it turn.
+    /// The target that makes it turn.
     pub(crate) fn cruise(&self) -> Target {
         self.declared.onward()
     }
@@ -226,10 +226,15 @@ impl<'m> Rig<'m> {
         broken(self.now(), format!("disarmed, its link is {:?}", self.status().link))
     }
 
+    /// Armed and heard, or another rule says why not.
+    pub(crate) fn wake(&mut self) -> Outcome {
+        self.is_heard().map_err(|_| Halt::Stuck)?;
+        self.switch.arm().map_err(|_| Halt::Stuck)
+    }
+
     /// Armed, heard, and turning against the load.
     pub(crate) fn get_going(&mut self) -> Outcome {
-        self.is_heard().map_err(|_| Halt::Stuck)?;
-        self.switch.arm().map_err(|_| Halt::Stuck)?;
+        self.wake()?;
         let cruise = self.cruise();
         self.goes_again(cruise, "").map_err(|_| Halt::Stuck)?;
         self.esc.set_load(-self.load());

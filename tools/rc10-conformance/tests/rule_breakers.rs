@@ -80,7 +80,9 @@ fn each_further_motor_is_caught_by_the_rule_it_breaks() {
 fn an_impedance_that_slips_is_caught() {
     for (rule, slip) in Slip::ALL {
         let report = check_sprung(slip).unwrap_err();
-        assert_eq!(report.broken().collect::<Vec<_>>(), [rule], "{slip:?}: {report}");
+        // A wrong start is one after a restart, too.
+        let others = report.broken().filter(|broken| *broken != "restart");
+        assert_eq!(others.collect::<Vec<_>>(), [rule], "{slip:?}: {report}");
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub mod board;
 pub mod core;
+pub mod fault;
 pub mod fdcan;
 mod figures;
 pub mod image;

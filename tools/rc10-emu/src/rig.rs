@@ -1,9 +1,9 @@
 //! A chip on its wires, with motors, faults and everything that is measured: one scenario.
 
 use anyhow::{Context, Result, ensure};
-use rc10_sim::fault::{Fault, Kind};
 use rc10_sim::{Bus, Contact, Esc, Faults, Line, LineEntry, Nanos, Serial, TraceEntry, World};
 
+use crate::fault::{ChipFault, Fault, Kind};
 use crate::machine::{Injection, Machine};
 use crate::memory::FLASH;
 
@@ -28,7 +28,7 @@ pub struct Rig {
     motors: Vec<(usize, Esc)>,
     logs: Vec<BusLog>,
     line_bytes: Vec<Vec<LineEntry>>,
-    faults: Faults,
+    faults: Faults<ChipFault>,
     next_step: Nanos,
 }
 
@@ -48,14 +48,11 @@ impl Rig {
         faults: &[Fault],
     ) -> Result<Self> {
         for Fault { kind, .. } in faults {
-            if let Kind::Hang(handler) = kind {
-                exception_of(&machine, handler)?;
+            match kind {
+                Kind::Other(ChipFault::Hang(handler)) => drop(exception_of(&machine, handler)?),
+                Kind::Other(ChipFault::CrystalDead) => machine.set_crystal(false),
+                _ => ensure!(*kind != Kind::RemoteLost, "{kind}: the rig has no remote to lose"),
             }
-            if *kind == Kind::CrystalDead {
-                machine.set_crystal(false);
-                continue;
-            }
-            ensure!(*kind != Kind::RemoteLost, "{kind}: only the holder of the remote can do that");
         }
         for (index, bus) in buses.iter().enumerate() {
             machine.connect(index, bus);
@@ -85,8 +82,7 @@ impl Rig {
         serials: Vec<(String, Serial)>,
         contacts: Vec<(String, Contact)>,
     ) {
-        let faults = std::mem::take(&mut self.faults);
-        self.faults = faults.with_parts(serials, contacts);
+        self.faults.set_parts(serials, contacts);
     }
 
     /// The buses.
@@ -129,7 +125,9 @@ impl Rig {
             self.machine.run(&mut self.world, next)?;
             self.collect();
             for (begins, kind) in self.faults.act(next) {
-                self.apply(begins, &kind)?;
+                if let Kind::Other(fault) = kind {
+                    self.apply(begins, &fault)?;
+                }
             }
             if next >= self.next_step {
                 self.next_step = self.next_step + STEP;
@@ -138,11 +136,11 @@ impl Rig {
         Ok(())
     }
 
-    fn apply(&mut self, begins: bool, kind: &Kind) -> Result<()> {
-        match *kind {
-            Kind::Panic => self.machine.inject(Injection::Panic)?,
-            Kind::HardFault => self.machine.inject(Injection::HardFault)?,
-            Kind::Hang(ref handler) => {
+    fn apply(&mut self, begins: bool, fault: &ChipFault) -> Result<()> {
+        match fault {
+            ChipFault::Panic => self.machine.inject(Injection::Panic)?,
+            ChipFault::HardFault => self.machine.inject(Injection::HardFault)?,
+            ChipFault::Hang(handler) => {
                 let exception = exception_of(&self.machine, handler)?;
                 self.machine.inject(if begins {
                     Injection::Hang { exception }
@@ -150,18 +148,10 @@ impl Rig {
                     Injection::EndHang { exception }
                 })?;
             }
-            Kind::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
-            Kind::CrystalStops => self.machine.set_crystal(!begins),
-            // Done by `Faults`, done by `new`, or refused by it.
-            Kind::CrystalDead
-            | Kind::Cut(_)
-            | Kind::Short(_)
-            | Kind::Dominant(_)
-            | Kind::Noise(_)
-            | Kind::Power(_)
-            | Kind::Load(_)
-            | Kind::RemoteLost
-            | Kind::Part(..) => (),
+            ChipFault::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
+            ChipFault::CrystalStops => self.machine.set_crystal(!begins),
+            // From power-on, by `new`.
+            ChipFault::CrystalDead => (),
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ const TURN: f64 = 360.0;
 /// a photo interrupter. It is also the input that it pulls low while it is closed, and that a resistor
 /// pulls up.
 ///
-/// It bounces only while it has that [`Defect`].
+/// A contact bounces only while it has that [`Defect`].
 ///
 /// ```
 /// use embedded_hal::digital::InputPin;

@@ -43,10 +43,11 @@ use std::f64::consts::TAU;
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Beyond, Device, EscFault, Outbox, Taken, Winding};
+use crate::motor::Shaft;
 
 pub use codec::{Access, Limits, Mode, Operation, Report, Setpoint};
-pub use config::{Beyond, DamiaoConfig};
+pub use config::DamiaoConfig;
 use loops::{Conditions, Loops};
 use registers::{Registers, number};
 
@@ -98,7 +99,7 @@ pub struct Damiao {
 }
 
 impl Damiao {
-    /// As configured, without power yet.
+    /// A motor as configured, without power yet.
     #[must_use]
     pub fn new(config: &DamiaoConfig) -> Self {
         let registers = Registers::of(config);
@@ -142,13 +143,13 @@ impl Damiao {
         }
     }
 
-    /// Its control mode.
+    /// The control mode.
     #[must_use]
     pub fn mode(&self) -> Mode {
         Mode::from_register(self.registers.whole(number::MODE)).unwrap_or(Mode::Mit)
     }
 
-    /// Bits of a register; `None` if there is none of that number.
+    /// Bits of a register; `None` if it does not exist.
     #[must_use]
     pub fn register(&self, register: u8) -> Option<u32> {
         self.registers.read(register).map(u32::from_le_bytes)
@@ -169,7 +170,7 @@ impl Damiao {
         (self.registers.whole(number::DEVICE_ID) & 0x7FF) as u16
     }
 
-    fn position(&mut self, shaft: &Shaft<'_>) -> f64 {
+    fn position(&mut self, shaft: &Shaft) -> f64 {
         let angle = shaft.radians() - self.zero;
         angle - *self.forgotten.get_or_insert((angle / TAU).round() * TAU)
     }
@@ -178,7 +179,7 @@ impl Damiao {
         self.state = State::Error(code);
     }
 
-    fn operate(&mut self, operation: Operation, shaft: &Shaft<'_>) {
+    fn operate(&mut self, operation: Operation, shaft: &Shaft) {
         match (operation, self.state) {
             (Operation::Enable, State::Disabled) => {
                 self.loops = Loops::default();
@@ -198,7 +199,7 @@ impl Damiao {
         }
     }
 
-    fn take_command(&mut self, offset: u32, payload: &[u8], shaft: &Shaft<'_>) -> Taken {
+    fn take_command(&mut self, offset: u32, payload: &[u8], shaft: &Shaft) -> Taken {
         let mode = self.mode();
         let of_a_mode = (1..=4).filter_map(Mode::from_register).any(|mode| mode.offset() == offset);
         if self.config.old_firmware && offset != mode.offset() {
@@ -220,7 +221,7 @@ impl Damiao {
         Taken::Yes
     }
 
-    fn report(&mut self, shaft: &Shaft<'_>) -> CanFrame {
+    fn report(&mut self, shaft: &Shaft) -> CanFrame {
         let limits = self.registers.limits();
         let position = self.position(shaft);
         let position = match self.config.beyond {
@@ -256,7 +257,7 @@ impl Damiao {
     fn take_access(
         &mut self,
         access: Access,
-        shaft: &Shaft<'_>,
+        shaft: &Shaft,
         now: Micros,
         out: &mut Outbox,
     ) -> Taken {
@@ -288,7 +289,7 @@ impl Damiao {
     }
 
     /// Registers that hold what is measured.
-    fn measure(&mut self, shaft: &Shaft<'_>) {
+    fn measure(&mut self, shaft: &Shaft) {
         let position = self.position(shaft);
         #[expect(clippy::cast_possible_truncation, reason = "registers are single precision")]
         for (register, value) in [
@@ -303,7 +304,7 @@ impl Damiao {
     }
 
     /// Looks after itself; what it finds wrong stops it.
-    fn protect(&mut self, shaft: &Shaft<'_>, now: Micros) {
+    fn protect(&mut self, shaft: &Shaft, now: Micros) {
         let supply = shaft.plant().supply;
         let silence = now.since(self.heard_at).get();
         let timeout = u64::from(self.registers.whole(number::TIMEOUT)) * TIMEOUT_STEP;
@@ -327,7 +328,7 @@ impl Damiao {
 }
 
 impl Device for Damiao {
-    fn power_on(&mut self, now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, _phase: Micros) {
         self.registers = self.flash;
         self.state = State::Disabled;
         self.loops = Loops::default();
@@ -341,13 +342,7 @@ impl Device for Damiao {
         }
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         let is_deaf = self.saved_at.is_some();
         if frame.is_extended_id() || frame.is_remote() || is_deaf {
             return Taken::NotMine;
@@ -378,7 +373,7 @@ impl Device for Damiao {
         self.saved_at
     }
 
-    fn advance(&mut self, _shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, _shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if self.saved_at.is_some_and(|done| now >= done) {
             self.saved_at = None;
             self.flash = self.registers;
@@ -387,7 +382,7 @@ impl Device for Damiao {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         self.protect(shaft, now);
         match self.state {
             State::Enabled(Some(setpoint)) => {

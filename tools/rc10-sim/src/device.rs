@@ -5,20 +5,20 @@ use std::any::Any;
 use rc10_can::{CanFrame, Micros};
 
 use crate::Nanos;
-use crate::line::{Heard, LineDevice};
-use crate::motor::Motor;
-use crate::plant::Plant;
+use crate::line::Heard;
+use crate::motor::Shaft;
 use crate::random::Random;
 
-/// An ESC's electronics and firmware, from the device's side: what it takes from the bus, what it
-/// puts on it, what it does to the winding. The world gives it power, frames, time and a shaft.
+/// An ESC's electronics and firmware, from the device's side: what it takes from its wire, what it
+/// puts on it, what it does to the winding. The world gives it power, frames or bytes, time and a
+/// shaft.
 ///
 /// Write it from the vendor's manual and with code of its own, never with that of the motor library
 /// it is a witness for.
 pub trait Device: Any {
     /// Power has come: everything volatile starts afresh. `phase` is a random part of its
     /// [`period`](Self::period): when in it the first report is due.
-    fn power_on(&mut self, now: Micros, phase: Micros);
+    fn power_on(&mut self, shaft: &Shaft, now: Micros, phase: Micros);
 
     /// The time from one regular report to the next; for a device that only answers, anything above
     /// zero.
@@ -29,11 +29,18 @@ pub trait Device: Any {
     /// Takes a frame that has just ended on the bus. What it answers goes to `out`.
     fn receive(
         &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken;
+        _frame: &CanFrame,
+        _shaft: &Shaft,
+        _now: Micros,
+        _out: &mut Outbox,
+    ) -> Taken {
+        Taken::NotMine
+    }
+
+    /// Takes a byte that has just ended on the serial line.
+    fn hear(&mut self, _byte: u8, _shaft: &Shaft, _now: Nanos) -> Heard {
+        Heard::Nothing
+    }
 
     /// The time of the next event that it makes by itself. In the past means now.
     fn next_event(&self) -> Option<Micros> {
@@ -41,10 +48,10 @@ pub trait Device: Any {
     }
 
     /// Lets that happen. Asked at every event in the world; whether it is time is its own business.
-    fn advance(&mut self, _shaft: &Shaft<'_>, _now: Micros, _out: &mut Outbox) {}
+    fn advance(&mut self, _shaft: &Shaft, _now: Micros, _out: &mut Outbox) {}
 
     /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding;
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding;
 
     /// The raw command it obeys, where that is a single number.
     fn command(&self) -> i16 {
@@ -65,11 +72,11 @@ pub trait Device: Any {
 /// Whether a device took a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
-    /// It was a command or a question for it.
+    /// The frame was a command or a question for the device.
     Yes,
-    /// It was for another device.
+    /// The frame was for another device.
     NotMine,
-    /// It has the device's identifier, but not the length or content that it takes.
+    /// The frame has the device's identifier, but not a length or content that it takes.
     Malformed,
 }
 
@@ -89,6 +96,24 @@ pub enum EscFault {
     UnderVoltage,
     /// The rotor's angle cannot be read.
     Encoder,
+}
+
+/// A report of an angle beyond the range of its field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Beyond {
+    /// The end of the range.
+    #[default]
+    Saturates,
+    /// The other end, and on from there.
+    Wraps,
+}
+
+/// Sets an identifier, if there can be such a one; says whether there can.
+pub(crate) const fn set_if(can_be: bool, place: &mut u8, id: u8) -> bool {
+    if can_be {
+        *place = id;
+    }
+    can_be
 }
 
 /// Effect of an ESC on the winding.
@@ -130,76 +155,6 @@ impl Outbox {
     }
 }
 
-/// A shaft as its ESC's sensors see it: exact, and as of the last physics step.
-#[derive(Clone, Copy)]
-pub struct Shaft<'m>(&'m Motor);
-
-impl<'m> Shaft<'m> {
-    pub(crate) const fn new(motor: &'m Motor) -> Self {
-        Self(motor)
-    }
-
-    /// Angle of the rotor within its turn, 0 .. 1.
-    #[must_use]
-    pub fn rotor_angle(&self) -> f64 {
-        self.0.rotor_angle()
-    }
-
-    /// Rotor speed, rpm.
-    #[must_use]
-    pub fn rotor_rpm(&self) -> f64 {
-        self.0.rotor_rpm()
-    }
-
-    /// Turns of the rotor since the world's start, with where it stood then (0 .. 1).
-    #[must_use]
-    pub fn rotor_turns(&self) -> f64 {
-        self.0.rotor_turns()
-    }
-
-    /// Angle of the output shaft since the world's start, rad.
-    #[must_use]
-    pub fn radians(&self) -> f64 {
-        self.0.output_degrees().to_radians()
-    }
-
-    /// Speed of the output shaft, rad/s.
-    #[must_use]
-    pub const fn speed(&self) -> f64 {
-        self.0.speed
-    }
-
-    /// Current in the winding, A.
-    #[must_use]
-    pub const fn current(&self) -> f64 {
-        self.0.current
-    }
-
-    /// Torque of the winding at the output shaft, N·m.
-    #[must_use]
-    pub const fn torque(&self) -> f64 {
-        self.0.plant().torque_constant * self.0.current
-    }
-
-    /// Temperature of the motor, °C.
-    #[must_use]
-    pub const fn temperature(&self) -> f64 {
-        self.0.temperature
-    }
-
-    /// The motor, gearbox and load.
-    #[must_use]
-    pub const fn plant(&self) -> &'m Plant {
-        self.0.plant()
-    }
-}
-
-/// A device's electronics, by the kind of its wire.
-pub(crate) enum Electronics {
-    Can(Box<dyn Device>),
-    Line(Box<dyn LineDevice>),
-}
-
 /// The place of a device: a node of a bus, or a station of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
@@ -209,13 +164,13 @@ pub(crate) enum Place {
 
 /// An ESC with its motor, at its place.
 pub(crate) struct Unit {
-    electronics: Electronics,
-    pub(crate) motor: Motor,
+    device: Box<dyn Device>,
+    pub(crate) motor: Shaft,
     pub(crate) place: Place,
     /// Turns or steers a wheel of a base.
     pub(crate) is_wheel: bool,
     powered: bool,
-    /// Its data lines are unplugged.
+    /// Whether the data lines are unplugged.
     cut: bool,
     /// The state of the winding in the last step.
     winding: Winding,
@@ -228,9 +183,9 @@ pub(crate) struct Unit {
 
 impl Unit {
     /// Without power.
-    pub(crate) fn new(electronics: Electronics, motor: Motor, place: Place) -> Self {
+    pub(crate) fn new(device: Box<dyn Device>, motor: Shaft, place: Place) -> Self {
         Self {
-            electronics,
+            device,
             motor,
             place,
             is_wheel: false,
@@ -252,17 +207,12 @@ impl Unit {
             return false;
         }
         self.powered = powered;
-        match &mut self.electronics {
-            Electronics::Can(device) => {
-                let phase = Micros::new(random.below(device.period().get()));
-                if powered {
-                    device.power_on(now.micros(), phase);
-                }
-            }
-            Electronics::Line(device) if powered => {
-                device.power_on(&Shaft::new(&self.motor), now);
-            }
-            Electronics::Line(_) => (),
+        let phase = match self.place {
+            Place::Bus { .. } => Micros::new(random.below(self.device.period().get())),
+            Place::Line { .. } => Micros::ZERO,
+        };
+        if powered {
+            self.device.power_on(&self.motor, now.micros(), phase);
         }
         true
     }
@@ -282,41 +232,20 @@ impl Unit {
         core::mem::replace(&mut self.cut, cut) != cut
     }
 
-    pub(crate) fn inject(&mut self, fault: EscFault) -> bool {
-        match &mut self.electronics {
-            Electronics::Can(device) => device.inject(fault),
-            Electronics::Line(device) => device.inject(fault),
-        }
-    }
-
-    pub(crate) fn set_id(&mut self, id: u8) -> bool {
-        match &mut self.electronics {
-            Electronics::Can(device) => device.set_id(id),
-            Electronics::Line(device) => device.set_id(id),
-        }
-    }
-
-    pub(crate) fn device(&mut self) -> &mut dyn Any {
-        match &mut self.electronics {
-            Electronics::Can(device) => &mut **device,
-            Electronics::Line(device) => &mut **device,
-        }
+    pub(crate) fn device(&mut self) -> &mut dyn Device {
+        &mut *self.device
     }
 
     pub(crate) fn next_event(&self) -> Option<Micros> {
-        match &self.electronics {
-            Electronics::Can(device) if self.powered => device.next_event(),
-            _ => None,
-        }
+        if self.powered { self.device.next_event() } else { None }
     }
 
     /// Takes a frame from its bus.
     pub(crate) fn receive(&mut self, frame: &CanFrame, now: Micros) {
-        let Electronics::Can(device) = &mut self.electronics else { return };
         if !self.powered {
             return;
         }
-        match device.receive(frame, &Shaft::new(&self.motor), now, &mut self.out) {
+        match self.device.receive(frame, &self.motor, now, &mut self.out) {
             Taken::Yes => self.count_command(now),
             Taken::Malformed => self.malformed += 1,
             Taken::NotMine => (),
@@ -325,8 +254,7 @@ impl Unit {
 
     /// Takes a byte from its line; what it answers, and how much later.
     pub(crate) fn hear(&mut self, byte: u8, now: Nanos) -> Option<(Vec<u8>, Nanos)> {
-        let Electronics::Line(device) = &mut self.electronics else { return None };
-        let heard = device.receive(byte, &Shaft::new(&self.motor), now);
+        let heard = self.device.hear(byte, &self.motor, now);
         match heard {
             Heard::Nothing => return None,
             Heard::Malformed => self.malformed += 1,
@@ -345,8 +273,8 @@ impl Unit {
 
     /// Lets events happen that it makes by itself now.
     pub(crate) fn advance(&mut self, now: Micros) {
-        if let (Electronics::Can(device), true) = (&mut self.electronics, self.powered) {
-            device.advance(&Shaft::new(&self.motor), now, &mut self.out);
+        if self.powered {
+            self.device.advance(&self.motor, now, &mut self.out);
         }
     }
 
@@ -357,20 +285,13 @@ impl Unit {
     }
 
     pub(crate) fn step(&mut self, now: Nanos) {
-        let shaft = Shaft::new(&self.motor);
-        self.winding = match &mut self.electronics {
-            _ if !self.powered => Winding::Open,
-            Electronics::Can(device) => device.drive(&shaft, now.micros()),
-            Electronics::Line(device) => device.drive(&shaft, now),
-        };
+        self.winding =
+            if self.powered { self.device.drive(&self.motor, now.micros()) } else { Winding::Open };
         self.motor.step(self.winding);
     }
 
     pub(crate) fn state(&self, feedback_overwritten: u64) -> EscState {
-        let command = match &self.electronics {
-            Electronics::Can(device) if self.powered => device.command(),
-            _ => 0,
-        };
+        let command = if self.powered { self.device.command() } else { 0 };
         EscState {
             rotor_rpm: self.motor.rotor_rpm(),
             output_rpm: self.motor.output_rpm(),
@@ -378,7 +299,7 @@ impl Unit {
             load_rpm: self.motor.load_rpm(),
             load_degrees: self.motor.load_degrees(),
             current: self.motor.current,
-            torque: self.motor.plant().torque_constant * self.motor.current,
+            torque: self.motor.torque(),
             temperature: self.motor.temperature,
             powered: self.powered,
             open: self.winding == Winding::Open,

@@ -1,14 +1,12 @@
 //! DJI ESCs from the device's side: what they take from the bus, what they put on it.
-//!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement.
 
 use std::fmt;
 
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, Outbox, Shaft, Taken, Winding};
+use crate::device::{Device, Outbox, Taken, Winding};
+use crate::motor::Shaft;
 use crate::plant::Plant;
 
 /// ESC and mode.
@@ -56,47 +54,32 @@ impl Model {
         }
     }
 
-    /// Command frames of ids 1 to 4 and of the rest.
-    const fn command_ids(self) -> [u16; 2] {
+    /// Command frames of ids 1 to 4 and of the rest, and what is added to the id for feedback.
+    const fn identifiers(self) -> ([u16; 2], u16) {
         match self {
-            Self::C620 | Self::C610 => [0x200, 0x1FF],
-            Self::Gm6020Voltage => [0x1FF, 0x2FF],
-            Self::Gm6020Current => [0x1FE, 0x2FE],
+            Self::C620 | Self::C610 => ([0x200, 0x1FF], 0x200),
+            Self::Gm6020Voltage => ([0x1FF, 0x2FF], 0x204),
+            Self::Gm6020Current => ([0x1FE, 0x2FE], 0x204),
         }
     }
 
-    const fn feedback_base(self) -> u16 {
+    /// Largest raw command that means something, and raw units per ampere in the feedback.
+    const fn scale(self) -> (i16, f64) {
         match self {
-            Self::C620 | Self::C610 => 0x200,
-            Self::Gm6020Voltage | Self::Gm6020Current => 0x204,
-        }
-    }
-
-    /// Largest raw command that means something; more counts as this much.
-    const fn full_scale(self) -> i16 {
-        match self {
-            Self::C620 | Self::Gm6020Current => 16384,
-            Self::C610 => 10000,
-            Self::Gm6020Voltage => 25000,
-        }
-    }
-
-    /// Raw units per ampere in the feedback.
-    const fn raw_per_ampere(self) -> f64 {
-        match self {
-            Self::C620 => 16384.0 / 20.0,
-            Self::C610 => 10000.0 / 10.0,
-            Self::Gm6020Voltage | Self::Gm6020Current => 16384.0 / 3.0,
+            Self::C620 => (16384, 16384.0 / 20.0),
+            Self::C610 => (10000, 10000.0 / 10.0),
+            Self::Gm6020Voltage => (25000, 16384.0 / 3.0),
+            Self::Gm6020Current => (16384, 16384.0 / 3.0),
         }
     }
 
     fn drive(self, raw: i16, plant: &Plant) -> Winding {
-        let full = self.full_scale();
+        let (full, per_ampere) = self.scale();
         let raw = f64::from(raw.clamp(-full, full));
         match self {
             // The fraction of full scale is all that is documented.
             Self::Gm6020Voltage => Winding::Voltage(raw / f64::from(full) * plant.supply),
-            _ => Winding::Current(raw / self.raw_per_ampere()),
+            _ => Winding::Current(raw / per_ampere),
         }
     }
 }
@@ -134,7 +117,7 @@ impl FeedbackRate {
 pub struct EscConfig {
     /// ESC and mode.
     pub model: Model,
-    /// Its id, 1 ..= [`Model::last_id`].
+    /// The id, 1 ..= [`Model::last_id`].
     pub id: u8,
     /// The rate at which it reports.
     pub rate: FeedbackRate,
@@ -187,12 +170,13 @@ impl Dji {
             return Err(error);
         }
         let index = usize::from(id - 1);
-        let command_id = StandardId::new(model.command_ids()[index / 4]).ok_or(error)?;
+        let (commands, feedback) = model.identifiers();
+        let command_id = StandardId::new(commands[index / 4]).ok_or(error)?;
         Ok(Self {
             model,
             command_id: command_id.into(),
             slot: index % 4,
-            feedback_id: StandardId::new(model.feedback_base() + u16::from(id)).ok_or(error)?,
+            feedback_id: StandardId::new(feedback + u16::from(id)).ok_or(error)?,
             rate: config.rate,
             next_feedback: Micros::ZERO,
             command: 0,
@@ -204,10 +188,10 @@ impl Dji {
         clippy::cast_sign_loss,
         reason = "float casts saturate, as the ESC's own numbers do"
     )]
-    fn feedback(&self, shaft: &Shaft<'_>) -> CanFrame {
+    fn feedback(&self, shaft: &Shaft) -> CanFrame {
         let angle = ((shaft.rotor_angle() * 8192.0) as u16).min(8191);
         let rpm = shaft.rotor_rpm().round() as i16;
-        let current = (shaft.current() * self.model.raw_per_ampere()).round() as i16;
+        let current = (shaft.current() * self.model.scale().1).round() as i16;
         let temperature = match self.model {
             // C610 manual: this byte is null.
             Model::C610 => 0,
@@ -230,7 +214,7 @@ impl Device for Dji {
         true
     }
 
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         self.command = 0;
         self.next_feedback = now + phase;
     }
@@ -242,7 +226,7 @@ impl Device for Dji {
     fn receive(
         &mut self,
         frame: &CanFrame,
-        _shaft: &Shaft<'_>,
+        _shaft: &Shaft,
         _now: Micros,
         _out: &mut Outbox,
     ) -> Taken {
@@ -260,14 +244,14 @@ impl Device for Dji {
         Some(self.next_feedback)
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if now >= self.next_feedback {
             self.next_feedback += self.rate.period();
             out.send(self.feedback(shaft));
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, _now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, _now: Micros) -> Winding {
         self.model.drive(self.command, shaft.plant())
     }
 

@@ -1,7 +1,7 @@
-//! Faults of a scenario, as a user writes them: `cut:2@0.3s..0.5s`. [`Faults`](crate::Faults) does
-//! those of a wire; those of the chip need an emulated one, and are read here because a user writes
-//! them all in one way.
+//! Faults of a scenario, as a user writes them: `cut:2@0.3s..0.5s`. [`Faults`](crate::Faults) causes
+//! those of wires and devices.
 
+use std::convert::Infallible;
 use std::fmt;
 use std::str::FromStr;
 
@@ -17,7 +17,7 @@ pub enum Wire {
 }
 
 impl fmt::Display for Wire {
-    /// As a user writes it.
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bus(bus) => write!(f, "{}", bus + 1),
@@ -61,7 +61,7 @@ impl Defect {
 }
 
 impl fmt::Display for Defect {
-    /// As a user writes it.
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = Self::ALL.iter().find(|(_, defect)| defect == self).map(|(name, _)| *name);
         f.write_str(name.unwrap_or_default())
@@ -74,9 +74,9 @@ pub fn is_called(label: &str, name: &str) -> bool {
     label.replace(' ', "-").eq_ignore_ascii_case(&name.replace(' ', "-"))
 }
 
-/// Kinds of fault.
+/// Kinds of fault; `O` are those of something else than wires and devices.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum Kind<O = Infallible> {
     /// A defect of a part on a UART, by its label, or of a contact, by that of its motor.
     Part(Defect, String),
     /// `cut:BUS`, `cut:LINE`: the plug is out of the board. On a bus nothing acknowledges what the
@@ -94,50 +94,69 @@ pub enum Kind {
     /// `load:BUS`: another node fills the bus up to more than 99 %, with repetitions of the least
     /// urgent feedback.
     Load(usize),
-    /// `panic`: the program panics. Has no end.
-    Panic,
-    /// `hardfault`: the program executes an undefined instruction. Has no end.
-    HardFault,
-    /// `hang[:HANDLER]`: an interrupt handler hangs when it is called next, before its first
-    /// instruction; `UART9` if none is named: the executor of RC10's buses.
-    Hang(String),
-    /// `remote-lost`: the remote's transmitter is off, or out of reach. Its receiver says of that what
-    /// such receivers say.
+    /// `remote-lost`: the remote's transmitter is off, or out of reach. Its receiver does then what
+    /// such receivers do.
     RemoteLost,
-    /// `mask`: a critical section, with all interrupts masked, takes this long.
-    Mask,
-    /// `crystal-dead`: the board's crystal never swings. Has no time: from power-on on.
-    CrystalDead,
-    /// `crystal-stops`: the board's crystal stops swinging.
-    CrystalStops,
+    /// A fault that the simulator cannot cause.
+    Other(O),
 }
 
-/// The handler that runs the buses of RC10's firmware.
-const CONTROL_EXECUTOR: &str = "UART9";
+/// Faults that the simulator reads and does not cause: those of an emulated chip, for example.
+pub trait Others: Clone + PartialEq + fmt::Display {
+    /// The names, as a user writes them; each with a space before it.
+    const NAMES: &str;
 
-impl Kind {
+    /// Reads a name and what stands behind its colon; `None` if there is no such fault.
+    fn read(name: &str, argument: Option<&str>) -> Option<Result<Self, String>>;
+
     /// Whether it happens at one moment and cannot be taken back.
-    const fn is_sudden(&self) -> bool {
-        matches!(
-            self,
-            Self::Noise(_) | Self::Panic | Self::HardFault | Self::Part(Defect::Noise, _)
-        )
+    fn is_sudden(&self) -> bool;
+
+    /// Why it is written without a time, if it is there from power-on.
+    fn untimed(&self) -> Option<&'static str>;
+}
+
+impl Others for Infallible {
+    const NAMES: &str = "";
+
+    fn read(_name: &str, _argument: Option<&str>) -> Option<Result<Self, String>> {
+        None
     }
 
+    fn is_sudden(&self) -> bool {
+        match *self {}
+    }
+
+    fn untimed(&self) -> Option<&'static str> {
+        match *self {}
+    }
+}
+
+impl<O: Others> Kind<O> {
+    fn is_sudden(&self) -> bool {
+        match self {
+            Self::Noise(_) | Self::Part(Defect::Noise, _) => true,
+            Self::Other(other) => other.is_sudden(),
+            _ => false,
+        }
+    }
+
+    fn untimed(&self) -> Option<&'static str> {
+        match self {
+            Self::Other(other) => other.untimed(),
+            _ => None,
+        }
+    }
+}
+
+impl<O> Kind<O> {
     /// The bus or line it concerns.
     #[must_use]
     pub const fn wire(&self) -> Option<Wire> {
         match self {
             Self::Cut(wire) | Self::Noise(wire) | Self::Power(wire) => Some(*wire),
             Self::Short(bus) | Self::Dominant(bus) | Self::Load(bus) => Some(Wire::Bus(*bus)),
-            Self::Panic
-            | Self::HardFault
-            | Self::Hang(_)
-            | Self::RemoteLost
-            | Self::Mask
-            | Self::CrystalDead
-            | Self::CrystalStops
-            | Self::Part(..) => None,
+            Self::RemoteLost | Self::Part(..) | Self::Other(_) => None,
         }
     }
 
@@ -149,16 +168,10 @@ impl Kind {
             _ => None,
         }
     }
-
-    /// Whether it is the chip's: nothing but an emulated one can do it.
-    #[must_use]
-    pub const fn is_of_chip(&self) -> bool {
-        self.wire().is_none() && !matches!(self, Self::RemoteLost | Self::Part(..))
-    }
 }
 
-impl fmt::Display for Kind {
-    /// As a user writes it.
+impl<O: fmt::Display> fmt::Display for Kind<O> {
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self {
             Self::Cut(_) => "cut",
@@ -167,14 +180,9 @@ impl fmt::Display for Kind {
             Self::Noise(_) => "noise",
             Self::Power(_) => "power",
             Self::Load(_) => "load",
-            Self::Panic => "panic",
-            Self::HardFault => "hardfault",
-            Self::Hang(handler) => return write!(f, "hang:{handler}"),
             Self::RemoteLost => "remote-lost",
-            Self::Mask => "mask",
-            Self::CrystalDead => "crystal-dead",
-            Self::CrystalStops => "crystal-stops",
             Self::Part(defect, name) => return write!(f, "{defect}:{}", name.replace(' ', "-")),
+            Self::Other(other) => return other.fmt(f),
         };
         match self.wire() {
             Some(wire) => write!(f, "{name}:{wire}"),
@@ -185,31 +193,31 @@ impl fmt::Display for Kind {
 
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
-    /// Kinds of fault.
-    pub kind: Kind,
+pub struct Fault<O = Infallible> {
+    /// The kind.
+    pub kind: Kind<O>,
     /// The time at which it begins, counted from power-on.
     pub from: Nanos,
     /// The time at which all is well again; `None`: never, or it has no end.
     pub until: Option<Nanos>,
 }
 
-/// As a user writes it.
-impl fmt::Display for Fault {
+impl<O: Others> fmt::Display for Fault<O> {
+    /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { kind, from, until } = self;
         let time = |time: &Nanos| {
             format!("{}.{:09}s", time.get() / 1_000_000_000, time.get() % 1_000_000_000)
         };
         match until {
-            _ if *kind == Kind::CrystalDead => write!(f, "{kind}"),
+            _ if kind.untimed().is_some() => write!(f, "{kind}"),
             Some(until) => write!(f, "{kind}@{}..{}", time(from), time(until)),
             None => write!(f, "{kind}@{}", time(from)),
         }
     }
 }
 
-/// Why a text is no fault.
+/// An error: why a text cannot be a fault, or a robot cannot have it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoFault(pub(crate) String);
 
@@ -221,41 +229,23 @@ impl fmt::Display for NoFault {
 
 impl std::error::Error for NoFault {}
 
-const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
-                     hang[:HANDLER] remote-lost mask crystal-dead crystal-stops; cut, noise and power also of a LINE, \
-                     or of a part on a UART by its label; stuck:NAME torn:NAME bounces:NAME of a contact \
-                     by its motor's";
-
-/// Help text of a command line's argument.
-pub const HELP: &str = "\
-Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
-noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
-line, and cut:IMU and so on for a part on a UART; stuck:NAME, torn:NAME and bounces:NAME for the contact \
-of a motor, with - for spaces; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
-crystal-dead crystal-stops@0.3s; repeat for more";
-
-impl FromStr for Fault {
+impl<O: Others> FromStr for Fault<O> {
     type Err = NoFault;
 
     fn from_str(text: &str) -> Result<Self, NoFault> {
         let wrong = |why: String| NoFault(format!("`{text}`: {why}"));
-        // It is there before the program is: a time would say nothing.
-        match text.split_once('@') {
-            None if text == "crystal-dead" => {
-                return Ok(Self { kind: Kind::CrystalDead, from: Nanos::ZERO, until: None });
-            }
-            Some(("crystal-dead", _)) => {
-                return Err(wrong(
-                    "it is dead from power-on, write it without a time; or crystal-stops@TIME"
-                        .into(),
-                ));
-            }
-            _ => {}
+        let Some((kind, times)) = text.split_once('@') else {
+            return match kind_of(text) {
+                Ok(kind) if kind.untimed().is_some() => {
+                    Ok(Self { kind, from: Nanos::ZERO, until: None })
+                }
+                _ => Err(wrong("write KIND@TIME or KIND@TIME..TIME, as cut:2@0.3s..0.5s".into())),
+            };
+        };
+        let kind: Kind<O> = kind_of(kind).map_err(wrong)?;
+        if let Some(why) = kind.untimed() {
+            return Err(wrong(why.into()));
         }
-        let (kind, times) = text.split_once('@').ok_or_else(|| {
-            wrong("write KIND@TIME or KIND@TIME..TIME, as cut:2@0.3s..0.5s".into())
-        })?;
-        let kind = kind_of(kind).map_err(wrong)?;
         let (from, until) = match times.split_once("..") {
             None => (time_of(times).map_err(wrong)?, None),
             Some((from, until)) => {
@@ -272,11 +262,14 @@ impl FromStr for Fault {
     }
 }
 
-fn kind_of(text: &str) -> Result<Kind, String> {
+fn kind_of<O: Others>(text: &str) -> Result<Kind<O>, String> {
     let (name, argument) = match text.split_once(':') {
         Some((name, argument)) => (name, Some(argument)),
         None => (text, None),
     };
+    if let Some(other) = O::read(name, argument) {
+        return other.map(Kind::Other);
+    }
     let bus = || match argument.map(str::parse::<usize>) {
         Some(Ok(number @ 1..=3)) => Ok(number - 1),
         _ => Err(format!("`{name}` needs a bus, 1 to 3: {name}:2")),
@@ -287,22 +280,15 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         None => bus().map(Wire::Bus),
     };
     let defect = Defect::ALL.iter().find(|(of, _)| *of == name).map(|(_, defect)| *defect);
-    match (defect, argument) {
-        (Some(defect), Some(part)) if defect.is_of_contact() || is_name(part) => {
-            return match part {
-                "" => Err(format!("`{name}` needs the label of a motor: {name}:feeder")),
-                part => Ok(Kind::Part(defect, part.to_owned())),
-            };
-        }
-        (Some(defect), None) if defect.is_of_contact() => {
+    match (defect, argument.unwrap_or_default()) {
+        (Some(defect), "") if defect.is_of_contact() => {
             return Err(format!("`{name}` needs the label of a motor: {name}:feeder"));
+        }
+        (Some(defect), part) if defect.is_of_contact() || is_name(part) => {
+            return Ok(Kind::Part(defect, part.to_owned()));
         }
         _ => {}
     }
-    let alone = |kind: Kind| match argument {
-        None => Ok(kind),
-        Some(_) => Err(format!("`{name}` takes nothing behind a colon: {name}@0.5s")),
-    };
     match name {
         "cut" => wire().map(Kind::Cut),
         "short" => bus().map(Kind::Short),
@@ -310,15 +296,24 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         "noise" => wire().map(Kind::Noise),
         "power" => wire().map(Kind::Power),
         "load" => bus().map(Kind::Load),
-        "panic" => alone(Kind::Panic),
-        "hardfault" => alone(Kind::HardFault),
-        "remote-lost" => alone(Kind::RemoteLost),
-        "mask" => alone(Kind::Mask),
-        "crystal-dead" => alone(Kind::CrystalDead),
-        "crystal-stops" => alone(Kind::CrystalStops),
-        "hang" if argument == Some("") => Err("name a handler: hang:TIM2; or none: hang".into()),
-        "hang" => Ok(Kind::Hang(argument.unwrap_or(CONTROL_EXECUTOR).to_owned())),
-        _ => Err(format!("there is no such fault; there are: {KINDS}")),
+        "remote-lost" => alone(name, argument).map(|()| Kind::RemoteLost),
+        _ => Err(format!(
+            "there is no such fault; there are: cut:BUS short:BUS dominant:BUS noise:BUS power:BUS \
+             load:BUS remote-lost{}; cut, noise and power also of a LINE, or of a part on a UART by \
+             its label; stuck:NAME torn:NAME bounces:NAME of a contact by its motor's",
+            O::NAMES
+        )),
+    }
+}
+
+/// Whether nothing stands behind a name that takes nothing.
+///
+/// # Errors
+/// With the reason, if something does.
+pub fn alone(name: &str, argument: Option<&str>) -> Result<(), String> {
+    match argument {
+        None => Ok(()),
+        Some(_) => Err(format!("`{name}` takes nothing behind a colon: {name}@0.5s")),
     }
 }
 
@@ -362,43 +357,30 @@ mod tests {
         assert_eq!(fault.kind, Kind::Cut(Wire::Bus(1)));
         assert_eq!(fault.from, Nanos::new(300_000_000));
         assert_eq!(fault.until, Some(Nanos::new(500_000_000)));
-        let fault: Fault = "hang@1.000001s".parse().unwrap();
-        assert_eq!(fault.kind, Kind::Hang("UART9".into()));
-        assert_eq!((fault.from, fault.until), (Nanos::new(1_000_001_000), None));
-        let fault: Fault = "hang:TIM2@1s..2s".parse().unwrap();
-        assert_eq!(
-            (fault.kind, fault.until),
-            (Kind::Hang("TIM2".into()), Some(time_of("2s").unwrap()))
-        );
-        let fault: Fault = "mask@20us..25us".parse().unwrap();
-        assert_eq!((fault.kind, fault.from), (Kind::Mask, Nanos::new(20_000)));
-        let fault: Fault = "crystal-dead".parse().unwrap();
-        assert_eq!((fault.kind, fault.from, fault.until), (Kind::CrystalDead, Nanos::ZERO, None));
-        let fault: Fault = "crystal-stops@1s".parse().unwrap();
-        assert_eq!((fault.kind, fault.from), (Kind::CrystalStops, time_of("1s").unwrap()));
+        let fault: Fault = "short:1@20us..25us".parse().unwrap();
+        assert_eq!((fault.kind, fault.from), (Kind::Short(0), Nanos::new(20_000)));
     }
 
     #[test]
     fn kinds_are_shown_as_they_are_written() {
-        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 \
-                     remote-lost mask cut:L1 noise:L2 power:L9 \
-                     cut:IMU noise:wall-left power:IMU stuck:feeder torn:lift-left bounces:feeder \
-                     crystal-dead crystal-stops";
+        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 remote-lost cut:L1 noise:L2 \
+                     power:L9 cut:IMU noise:wall-left power:IMU stuck:feeder torn:lift-left \
+                     bounces:feeder";
         for kind in kinds.split(' ') {
-            assert_eq!(kind_of(kind).unwrap().to_string(), kind);
+            assert_eq!(kind_of::<Infallible>(kind).unwrap().to_string(), kind);
         }
     }
 
     #[test]
     fn faults_are_shown_as_they_are_written() {
-        for text in ["cut:2@0.3s..500ms", "hang:TIM2@1.000001s", "noise:L1@20us", "crystal-dead"] {
+        for text in ["cut:2@0.3s..500ms", "load:1@1.000001s", "noise:L1@20us"] {
             let fault: Fault = text.parse().unwrap();
             assert_eq!(fault.to_string().parse(), Ok(fault));
         }
     }
 
     #[test]
-    fn what_is_no_fault_is_told_why() {
+    fn what_cannot_be_a_fault_is_told_why() {
         for (text, why) in [
             ("cut:2", "KIND@TIME"),
             ("cut@1s", "needs a bus"),
@@ -407,24 +389,19 @@ mod tests {
             ("cut:L0@1s", "needs a line"),
             ("power:L@1s", "needs a line"),
             ("short:L1@1s", "needs a bus"),
-            ("panic:1@1s", "panic@0.5s"),
             ("remote-lost:1@1s", "remote-lost@0.5s"),
             ("flood@1s", "cut:BUS"),
+            ("panic@1s", "no such fault"),
             ("stuck@1s", "label of a motor"),
             ("torn:@1s", "label of a motor"),
             ("noise:IMU@1s..2s", "no end"),
-            ("crystal-dead@1s", "without a time"),
-            ("crystal-stops", "KIND@TIME"),
-            ("crystal-stops:1@1s", "crystal-stops@0.5s"),
-            ("mask@1", "is no time"),
-            ("mask@1e3s", "is no time"),
-            ("mask@-1s", "is no time"),
-            ("mask@3601s", "is no time"),
-            ("mask@99999999999999999999s", "is no time"),
-            ("mask@2s..1s", "before it begins"),
-            ("panic@1s..2s", "no end"),
-            ("hang:@1s", "name a handler"),
-            ("mask@1s..1s", "when or before it begins"),
+            ("short:1@1", "is no time"),
+            ("short:1@1e3s", "is no time"),
+            ("short:1@-1s", "is no time"),
+            ("short:1@3601s", "is no time"),
+            ("short:1@99999999999999999999s", "is no time"),
+            ("short:1@2s..1s", "before it begins"),
+            ("short:1@1s..1s", "when or before it begins"),
         ] {
             let error = text.parse::<Fault>().unwrap_err().to_string();
             assert!(error.contains(why) && error.contains(text), "{error}");

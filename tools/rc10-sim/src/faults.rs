@@ -1,30 +1,31 @@
-//! Faults of wires, done when their time has come.
+//! Faults of wires and devices, caused when their time has come.
+
+use std::convert::Infallible;
 
 use rc10_can::CanFrame;
 
-use crate::fault::{Defect, Fault, Kind, NoFault, Wire, is_called};
+use crate::fault::{Defect, Fault, Kind, NoFault, Others, Wire, is_called};
 use crate::{Bus, Contact, Line, Nanos, Serial, TraceEntry, UartFault};
 
-/// A filled bus is filled again so often.
+/// Time from one filling of a bus to the next.
 const STEP: Nanos = Nanos::new(1_000_000);
 /// Frames that a filled bus has waiting: more than a step's worth.
 const FILLER: usize = 12;
 /// While a bus is filled, one step in this many is not: so that "99 %" is not "100 %".
 const FILLER_PAUSE: u64 = 100;
 
-/// The faults of a run. Begins and ends those of wires; the others it hands out.
+/// The faults of a run. Begins and ends those of wires and devices, and hands out the others.
 ///
 /// Let time pass up to [`next`](Self::next), tell it what was [`heard`](Self::heard) on the buses,
 /// and let it [`act`](Self::act).
-#[derive(Default)]
-pub struct Faults {
+pub struct Faults<O = Infallible> {
     buses: Vec<Filled>,
     lines: Vec<Line>,
     /// Parts on UARTs by their labels, and contacts by those of their motors.
     serials: Vec<(String, Serial)>,
     contacts: Vec<(String, Contact)>,
     /// Beginnings (`true`) and ends, the next one last.
-    timeline: Vec<(Nanos, bool, Kind)>,
+    timeline: Vec<(Nanos, bool, Kind<O>)>,
 }
 
 /// A bus, and what fills it while a fault does.
@@ -35,12 +36,12 @@ struct Filled {
     filler: Option<CanFrame>,
 }
 
-impl Faults {
+impl<O: Others> Faults<O> {
     /// The faults of a run on these buses and lines.
     ///
     /// # Errors
-    /// As [`check`](Self::check).
-    pub fn new(buses: &[Bus], lines: &[Line], faults: &[Fault]) -> Result<Self, NoFault> {
+    /// Those of [`check`](Self::check).
+    pub fn new(buses: &[Bus], lines: &[Line], faults: &[Fault<O>]) -> Result<Self, NoFault> {
         Self::check(faults, buses.len(), lines.len())?;
         let mut timeline = Vec::new();
         for Fault { kind, from, until } in faults {
@@ -56,23 +57,17 @@ impl Faults {
         Ok(Self { buses, lines: lines.into(), serials, contacts, timeline })
     }
 
-    /// With parts on UARTs by their labels, and contacts by those of their motors, which can have
-    /// defects, too.
-    #[must_use]
-    pub fn with_parts(
-        mut self,
-        serials: Vec<(String, Serial)>,
-        contacts: Vec<(String, Contact)>,
-    ) -> Self {
+    /// Adds parts on UARTs by their labels, and contacts by those of their motors: they can have
+    /// defects.
+    pub fn set_parts(&mut self, serials: Vec<(String, Serial)>, contacts: Vec<(String, Contact)>) {
         (self.serials, self.contacts) = (serials, contacts);
-        self
     }
 
     /// Whether a robot with this number of buses and lines can have such faults.
     ///
     /// # Errors
     /// If one is on a bus or a line that is not there.
-    pub fn check(faults: &[Fault], buses: usize, lines: usize) -> Result<(), NoFault> {
+    pub fn check(faults: &[Fault<O>], buses: usize, lines: usize) -> Result<(), NoFault> {
         for Fault { kind, .. } in faults {
             let (index, count, noun) = match kind.wire() {
                 Some(Wire::Bus(bus)) => (bus, buses, "bus"),
@@ -112,7 +107,7 @@ impl Faults {
     /// Begins and ends the faults that are due by now. Those that are not of a wire come back: whether
     /// one begins, and which.
     #[must_use]
-    pub fn act(&mut self, now: Nanos) -> Vec<(bool, Kind)> {
+    pub fn act(&mut self, now: Nanos) -> Vec<(bool, Kind<O>)> {
         let mut others = Vec::new();
         while let Some((_, begins, kind)) = self.timeline.pop_if(|entry| entry.0 <= now) {
             if !self.act_on_wire(begins, &kind) {
@@ -125,47 +120,37 @@ impl Faults {
         others
     }
 
-    /// Whether it is a fault of a wire.
-    fn act_on_wire(&mut self, begins: bool, kind: &Kind) -> bool {
-        match (kind, kind.wire()) {
-            (Kind::Load(_), Some(Wire::Bus(bus))) => self.buses[bus].on = begins,
-            (_, Some(Wire::Bus(bus))) => {
-                let bus = &self.buses[bus].bus;
-                match kind {
-                    Kind::Cut(_) => bus.set_cut(begins),
-                    Kind::Short(_) => bus.set_shorted(begins),
-                    Kind::Dominant(_) => bus.set_held_dominant(begins),
-                    Kind::Noise(_) => bus.damage(1),
-                    Kind::Power(_) => bus.set_power(!begins),
-                    _ => return false,
-                }
-            }
-            (_, Some(Wire::Line(line))) => {
-                let line = &self.lines[line];
-                match kind {
-                    Kind::Cut(_) => line.set_cut(begins),
-                    Kind::Noise(_) => line.damage_answers(1),
-                    Kind::Power(_) => line.set_power(!begins),
-                    _ => return false,
-                }
-            }
-            (Kind::Part(defect, name), None) => {
-                for (_, serial) in self.serials.iter().filter(|(label, _)| is_called(label, name)) {
-                    match defect {
-                        Defect::Cut => serial.set_cut(begins),
-                        Defect::Noise => serial.inject(UartFault::Framing),
-                        Defect::Power => serial.set_power(!begins),
-                        Defect::Stuck | Defect::Torn | Defect::Bounces => {}
-                    }
-                }
-                for (_, contact) in self.contacts.iter().filter(|(label, _)| is_called(label, name))
-                {
-                    contact.set_defect(begins.then_some(*defect));
-                }
-            }
-            (_, None) => return false,
+    /// Whether it is a fault of a wire or a part.
+    fn act_on_wire(&mut self, begins: bool, kind: &Kind<O>) -> bool {
+        let bus = |index: usize| &self.buses[index].bus;
+        match kind {
+            Kind::Load(bus) => self.buses[*bus].on = begins,
+            Kind::Cut(Wire::Bus(index)) => bus(*index).set_cut(begins),
+            Kind::Noise(Wire::Bus(index)) => bus(*index).damage(1),
+            Kind::Power(Wire::Bus(index)) => bus(*index).set_power(!begins),
+            Kind::Short(index) => bus(*index).set_shorted(begins),
+            Kind::Dominant(index) => bus(*index).set_held_dominant(begins),
+            Kind::Cut(Wire::Line(index)) => self.lines[*index].set_cut(begins),
+            Kind::Noise(Wire::Line(index)) => self.lines[*index].damage_answers(1),
+            Kind::Power(Wire::Line(index)) => self.lines[*index].set_power(!begins),
+            Kind::Part(defect, name) => self.act_on_part(begins, *defect, name),
+            Kind::RemoteLost | Kind::Other(_) => return false,
         }
         true
+    }
+
+    fn act_on_part(&self, begins: bool, defect: Defect, name: &str) {
+        for (_, serial) in self.serials.iter().filter(|(label, _)| is_called(label, name)) {
+            match defect {
+                Defect::Cut => serial.set_cut(begins),
+                Defect::Noise => serial.inject(UartFault::Framing),
+                Defect::Power => serial.set_power(!begins),
+                Defect::Stuck | Defect::Torn | Defect::Bounces => {}
+            }
+        }
+        for (_, contact) in self.contacts.iter().filter(|(label, _)| is_called(label, name)) {
+            contact.set_defect(begins.then_some(defect));
+        }
     }
 
     fn fill(&self, step: u64) {

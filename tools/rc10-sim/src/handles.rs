@@ -8,10 +8,10 @@ use std::rc::Rc;
 use rc10_can::{CanFrame, CanPort, Health, Micros, Queued, Submitted};
 
 use crate::base::{Motion, Pose, Twist};
-use crate::device::{Device, Electronics, EscFault, EscState, Place, Unit};
+use crate::device::{Device, EscFault, EscState, Place, Unit};
 use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
-use crate::motor::Motor;
+use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::time::Clock;
 use crate::wire::{BusCounters, TraceEntry, Wire};
@@ -41,8 +41,9 @@ impl Bus {
     /// [`add_esc`](Self::add_esc) does it with one of DJI.
     pub fn add(&self, device: impl Device, plant: Plant) -> Esc {
         let bus = self.index;
-        Esc::plug_in(&self.inner, Electronics::Can(Box::new(device)), plant, |inner, now| {
-            Place::Bus { bus, node: inner.wires[bus].join(now) }
+        Esc::plug_in(&self.inner, device, plant, |inner, now| Place::Bus {
+            bus,
+            node: inner.wires[bus].join(now),
         })
     }
 
@@ -68,13 +69,13 @@ impl Bus {
     /// A foreign node sends a frame, after those it was given before. It is on the bus, and
     /// acknowledges others' frames, only while it has something to send.
     pub fn inject(&self, frame: &CanFrame) {
-        self.with_wire(|wire, _| wire.inject(*frame));
+        self.with_wire(|wire, _| wire.foreign.push_back(*frame));
     }
 
     /// Number of those that it still has to send; one that is on the wire does not count.
     #[must_use]
     pub fn foreign_waiting(&self) -> usize {
-        self.with_wire(|wire, _| wire.foreign_waiting())
+        self.with_wire(|wire, _| wire.foreign.len())
     }
 
     /// Cuts the controller off the bus, or connects it again.
@@ -113,14 +114,14 @@ impl Bus {
     /// before their end: an error frame follows, and their senders repeat them. Replaces the number
     /// given before; 0 for no more noise.
     pub fn damage(&self, frames: u32) {
-        self.with_wire(|wire, _| wire.damage(frames));
+        self.with_wire(|wire, _| wire.to_damage = frames);
     }
 
     /// The frames that went over the bus since the last call, in the order of the wire; empty if
     /// tracing is off.
     #[must_use]
     pub fn take_trace(&self) -> Vec<TraceEntry> {
-        self.with_wire(|wire, _| wire.take_trace())
+        self.with_wire(|wire, _| wire.trace.as_mut().map(std::mem::take).unwrap_or_default())
     }
 
     /// Load of the bus since the world's start, in per cent. A frame counts when it has ended, and
@@ -139,7 +140,7 @@ impl Bus {
     /// Length of a bit, nanoseconds.
     #[must_use]
     pub fn bit_time_ns(&self) -> u64 {
-        self.with_wire(|wire, _| wire.bit_time_ns())
+        self.with_wire(|wire, _| wire.bit_time_ns)
     }
 
     /// Whether the nodes understand a controller with bits of this length, and it them: up to half a
@@ -210,14 +211,14 @@ impl Esc {
     /// Plugs a device in where `join` finds a place for it, powered, at rest.
     pub(crate) fn plug_in(
         world: &Rc<RefCell<Inner>>,
-        electronics: Electronics,
+        device: impl Device,
         plant: Plant,
         join: impl FnOnce(&mut Inner, Nanos) -> Place,
     ) -> Self {
         let inner = &mut *world.borrow_mut();
-        let motor = Motor::new(plant, inner.random.unit());
+        let motor = Shaft::new(plant, inner.random.unit());
         let now = inner.clock.now_ns();
-        let mut unit = Unit::new(electronics, motor, join(inner, now));
+        let mut unit = Unit::new(Box::new(device), motor, join(inner, now));
         unit.power(true, now, &mut inner.random);
         inner.units.push(unit);
         Self { inner: Rc::clone(world), index: inner.units.len() - 1 }
@@ -243,7 +244,7 @@ impl Esc {
         let inner = self.inner.borrow();
         let unit = &inner.units[self.index];
         unit.state(match unit.place {
-            Place::Bus { bus, node } => inner.wires[bus].overwritten(node),
+            Place::Bus { bus, node } => inner.wires[bus].nodes[node].overwritten,
             Place::Line { .. } => 0,
         })
     }
@@ -293,13 +294,13 @@ impl Esc {
     /// Has it find something wrong with itself, until power-off. `false`: such a device knows no
     /// such fault, and nothing happened.
     pub fn inject(&self, fault: EscFault) -> bool {
-        self.inner.borrow_mut().units[self.index].inject(fault)
+        self.inner.borrow_mut().units[self.index].device().inject(fault)
     }
 
     /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
     /// nothing happened.
     pub fn set_id(&self, id: u8) -> bool {
-        self.inner.borrow_mut().units[self.index].set_id(id)
+        self.inner.borrow_mut().units[self.index].device().set_id(id)
     }
 
     /// Puts its motor behind another gearbox: `ratio` turns of the rotor per turn of the output
@@ -324,7 +325,9 @@ impl Esc {
 
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: Any, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
-        self.inner.borrow_mut().units[self.index].device().downcast_mut().map(look)
+        let inner = &mut *self.inner.borrow_mut();
+        let device: &mut dyn Any = inner.units[self.index].device();
+        device.downcast_mut().map(look)
     }
 
     /// A constant torque on the load from outside, N·m, positive in the motor's positive
@@ -347,13 +350,13 @@ pub struct Base {
 }
 
 impl Base {
-    /// Its position and heading.
+    /// The position and heading.
     #[must_use]
     pub fn pose(&self) -> Pose {
         self.motion.get().pose
     }
 
-    /// Its velocity.
+    /// The velocity.
     #[must_use]
     pub fn twist(&self) -> Twist {
         self.motion.get().twist()

@@ -32,7 +32,7 @@ pub struct Hwt101 {
 }
 
 impl Hwt101 {
-    /// Its UART: 115200 baud, 8N1.
+    /// The UART: 115200 baud, 8N1.
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 115_200, bits: 10, receive_capacity: 256 };
 

@@ -7,9 +7,9 @@
 //!   [`rc10_can::CanPort`].
 //! * [`Controller`]: what takes the port's place on a wire, an emulated chip for example.
 //! * [`Esc`]: a device with its motor on a wire: its true state, power, and faults. Its electronics
-//!   are a [`Device`], on a line a [`LineDevice`]; its motor is a [`Plant`].
-//! * [`Line`] and its [`SerialPort`]: an RS-485 line.
-//! * [`Serial`] and its [`UartPort`]: a serial link in full duplex to one [`SerialDevice`].
+//!   are a [`Device`]; its motor is a [`Plant`].
+//! * [`Line`]: an RS-485 line. [`Serial`]: a serial link in full duplex to one [`SerialDevice`]. The
+//!   host of either has a [`UartPort`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
 //! * [`Contact`]: a switch or marker that a motor's shaft closes, and the input that it pulls low.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
@@ -69,6 +69,7 @@
 mod base;
 mod contact;
 mod controller;
+mod crc;
 pub mod cybergear;
 pub mod damiao;
 mod device;
@@ -79,7 +80,6 @@ mod handles;
 mod host;
 pub mod imu;
 mod line;
-mod line_handles;
 pub mod lk;
 mod motor;
 mod occupancy;
@@ -90,9 +90,9 @@ mod random;
 pub mod remote;
 mod segment;
 mod serial;
-mod serial_handles;
 mod tasks;
 mod time;
+mod uart;
 pub mod unitree_line;
 pub mod unitree_module;
 pub mod vesc;
@@ -102,18 +102,19 @@ mod world;
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
 pub use contact::{Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
-pub use device::{Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
+pub use device::{Beyond, Device, EscFault, EscState, Outbox, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use fault::Fault;
 pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
-pub use line::{Heard, LineConfig, LineCounters, LineDevice, LineEntry};
-pub use line_handles::{Line, SerialPort};
+pub use line::{Heard, Line, LineConfig, LineCounters, LineEntry};
+pub use motor::Shaft;
 pub use plant::{Nonlinear, Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
-pub use serial::{SerialConfig, SerialCounters, SerialDevice, SerialEnd, UartFault};
-pub use serial_handles::{Serial, UartPort};
+pub use random::Random;
+pub use serial::{Serial, SerialConfig, SerialCounters, SerialDevice};
 pub use tasks::{Running, TaskName, Tasks};
 pub use time::now;
+pub use uart::{SerialEnd, UartFault, UartPort};
 pub use wire::{BusConfig, BusCounters, TraceEntry};
 pub use world::World;

@@ -1,16 +1,17 @@
 //! A serial line in half duplex: bytes that take their time, collide, and are heard by all
 //! others.
 
-use std::any::Any;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
-use std::task::Waker;
 
 use crate::Nanos;
-use crate::device::{EscFault, Shaft, Unit, Winding};
+use crate::device::{Device, Place, Unit};
+use crate::handles::Esc;
+use crate::plant::Plant;
 use crate::random::Random;
-use crate::serial::{SerialEnd, UartFault};
+use crate::uart::{HostEnd, Hosted, Medium, SerialEnd, UartFault, UartPort};
+use crate::world::Inner;
 
 /// Configuration of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,42 +61,16 @@ pub struct LineCounters {
     pub busy_ns: u64,
 }
 
-/// The electronics of a device on a serial line: what it takes from the line, what it answers, what
-/// it does to the winding. As [`Device`](crate::Device), for bytes.
-///
-/// Write it from the vendor's manual and with code of its own, never with that of the motor library
-/// it is a witness for.
-pub trait LineDevice: Any {
-    /// Power has come: everything volatile starts afresh.
-    fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos);
-
-    /// A byte has just ended on the line.
-    fn receive(&mut self, byte: u8, shaft: &Shaft<'_>, now: Nanos) -> Heard;
-
-    /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Nanos) -> Winding;
-
-    /// Has it find something wrong with itself, until power-off. Whether it knows such a fault.
-    fn inject(&mut self, _fault: EscFault) -> bool {
-        false
-    }
-
-    /// Sets another identifier on it. `false`: it can have no such one, and nothing happened.
-    fn set_id(&mut self, _id: u8) -> bool {
-        false
-    }
-}
-
 /// Effect of a byte on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Heard {
     /// Nothing for it, or nothing yet.
     Nothing,
-    /// It ended a command for all devices.
+    /// The byte ended a command for all devices.
     Command,
-    /// It ended a command that these bytes answer, the first of them after this delay.
+    /// The byte ended a command that these bytes answer, the first of them after this delay.
     Question(Vec<u8>, Nanos),
-    /// It ended something that has the device's address but is no command.
+    /// The byte ended something with the device's address that is not a command.
     Malformed,
 }
 
@@ -106,7 +81,7 @@ struct Sender {
     /// The time at which the first of those may start.
     from: Nanos,
     flight: Option<Flight>,
-    /// It has sent a byte, and not stopped since.
+    /// Whether it has sent a byte, and not stopped since.
     in_frame: bool,
     /// Bytes until one of this frame that noise changes.
     noise_in: Option<u32>,
@@ -133,6 +108,14 @@ impl Sender {
     fn is_silent(&self) -> bool {
         self.flight.is_none() && self.waiting.is_empty()
     }
+
+    /// Sends bytes after those that wait, not before `now`.
+    fn send(&mut self, bytes: &[u8], now: Nanos) {
+        if self.is_silent() {
+            self.from = now;
+        }
+        self.waiting.extend(bytes);
+    }
 }
 
 /// A device's place on the line.
@@ -142,54 +125,32 @@ struct Station {
     sender: Sender,
 }
 
-/// The host's end: what it received and has not taken.
-#[derive(Default)]
-pub(crate) struct HostEnd {
-    pub(crate) received: VecDeque<u8>,
-    pub(crate) reader: Option<Waker>,
-    pub(crate) flusher: Option<Waker>,
-    sender: Sender,
-    /// An emulated chip's receiver, in place of the port.
-    pub(crate) chip: Option<Rc<RefCell<dyn SerialEnd>>>,
-}
-
-impl HostEnd {
-    pub(crate) fn send(&mut self, bytes: &[u8], now: Nanos) {
-        if self.sender.is_silent() {
-            self.sender.from = now;
-        }
-        self.sender.waiting.extend(bytes);
-    }
-
-    pub(crate) fn has_sent_all(&self) -> bool {
-        self.sender.is_silent()
-    }
-}
-
 /// One line and everything on it.
-pub(crate) struct Line {
-    pub(crate) config: LineConfig,
+pub(crate) struct LineWire {
+    config: LineConfig,
     byte_ns: u64,
-    pub(crate) host: HostEnd,
+    host: HostEnd,
+    host_sender: Sender,
     /// A foreign node.
     noise: Sender,
     stations: Vec<Station>,
     /// Frames that are to be damaged yet: the host's, and the devices'.
     damage: [u32; 2],
     trace: Option<Vec<LineEntry>>,
-    pub(crate) counters: LineCounters,
+    counters: LineCounters,
 }
 
 /// Which byte of a frame noise hits, counted from its first: within the payload of anything.
 const NOISE_AT: u32 = 5;
 
-impl Line {
+impl LineWire {
     pub(crate) fn new(config: LineConfig) -> Self {
         let byte_ns = 10_000_000_000 / u64::from(config.baud.max(1));
         Self {
             config,
             byte_ns,
             host: HostEnd::default(),
+            host_sender: Sender::default(),
             noise: Sender::default(),
             stations: Vec::new(),
             damage: [0; 2],
@@ -213,46 +174,19 @@ impl Line {
         self.stations[station].sender.cut = cut;
     }
 
-    pub(crate) const fn set_cut(&mut self, cut: bool) {
-        self.host.sender.cut = cut;
-    }
-
-    pub(crate) fn inject(&mut self, bytes: &[u8], now: Nanos) {
-        if self.noise.is_silent() {
-            self.noise.from = now;
-        }
-        self.noise.waiting.extend(bytes);
-    }
-
-    pub(crate) fn keep_trace(&mut self) {
-        self.trace.get_or_insert_default();
-    }
-
-    pub(crate) fn take_trace(&mut self) -> Vec<LineEntry> {
-        self.trace.as_mut().map(std::mem::take).unwrap_or_default()
-    }
-
-    pub(crate) const fn damage_commands(&mut self, frames: u32) {
-        self.damage[0] = frames;
-    }
-
-    pub(crate) const fn damage_answers(&mut self, frames: u32) {
-        self.damage[1] = frames;
-    }
-
     pub(crate) fn next_event(&self, now: Nanos) -> Option<Nanos> {
         self.senders().filter_map(|sender| sender.next_event(now)).min()
     }
 
     fn senders(&self) -> impl Iterator<Item = &Sender> {
-        [&self.host.sender, &self.noise]
+        [&self.host_sender, &self.noise]
             .into_iter()
             .chain(self.stations.iter().map(|station| &station.sender))
     }
 
     fn sender(&mut self, who: Who) -> &mut Sender {
         match who {
-            Who::Host => &mut self.host.sender,
+            Who::Host => &mut self.host_sender,
             Who::Noise => &mut self.noise,
             Who::Device(index) => &mut self.stations[index].sender,
         }
@@ -297,11 +231,11 @@ impl Line {
         }
         let host_hears = match who {
             Who::Host => self.config.echo,
-            _ => !cut && !self.host.sender.cut,
+            _ => !cut && !self.host_sender.cut,
         };
         if host_hears && self.host.chip.is_none() {
-            if self.host.received.len() < self.config.receive_capacity {
-                self.host.received.push_back(byte);
+            if self.host.has_room(self.config.receive_capacity) {
+                self.host.hear(Ok(byte));
             } else {
                 self.counters.overrun += 1;
             }
@@ -342,7 +276,7 @@ impl Line {
             sender.noise_in = noise_in.and_then(|bytes| bytes.checked_sub(1));
             sender.flight = Some(Flight { byte, end, collided: false });
             let host_hears =
-                if who == Who::Host { self.config.echo } else { !cut && !self.host.sender.cut };
+                if who == Who::Host { self.config.echo } else { !cut && !self.host_sender.cut };
             if let Some(chip) = self.host.chip.as_ref().filter(|_| host_hears) {
                 chip.borrow_mut().hear(byte, now, end);
             }
@@ -375,16 +309,9 @@ impl Line {
         if met && let Some(flight) = &mut self.sender(who).flight {
             flight.collided = true;
         }
-        if let Some(chip) = self.host.chip.as_ref().filter(|_| met && !self.host.sender.cut) {
+        if let Some(chip) = self.host.chip.as_ref().filter(|_| met && !self.host_sender.cut) {
             chip.borrow_mut().disturb(UartFault::Framing, now);
         }
-    }
-
-    /// Takes the tasks that wait for what is there now.
-    pub(crate) fn take_wakers(&mut self) -> [Option<Waker>; 2] {
-        let host = &mut self.host;
-        let reader = if host.received.is_empty() { None } else { host.reader.take() };
-        [reader, if host.has_sent_all() { host.flusher.take() } else { None }]
     }
 }
 
@@ -394,4 +321,114 @@ enum Who {
     Host,
     Noise,
     Device(usize),
+}
+
+impl Hosted for LineWire {
+    fn host(&mut self) -> &mut HostEnd {
+        &mut self.host
+    }
+
+    fn send(&mut self, bytes: &[u8], now: Nanos) {
+        self.host_sender.send(bytes, now);
+    }
+
+    fn has_sent_all(&self) -> bool {
+        self.host_sender.is_silent()
+    }
+}
+
+/// A serial line in half duplex (RS-485) of a [`World`](crate::World), with one host.
+#[derive(Clone)]
+pub struct Line {
+    pub(crate) inner: Rc<RefCell<Inner>>,
+    pub(crate) index: usize,
+}
+
+impl Line {
+    /// Puts a device with its motor on the line, powered, at rest.
+    pub fn add(&self, device: impl Device, plant: Plant) -> Esc {
+        let line = self.index;
+        Esc::plug_in(&self.inner, device, plant, |inner, _| Place::Line {
+            line,
+            station: inner.lines[line].join(inner.units.len()),
+        })
+    }
+
+    /// The host's serial port; all of them share one buffer.
+    #[must_use]
+    pub fn port(&self) -> UartPort {
+        UartPort { inner: Rc::clone(&self.inner), medium: Medium::Line(self.index) }
+    }
+
+    /// Bits a second.
+    #[must_use]
+    pub fn baud(&self) -> u32 {
+        self.with(|line, _| line.config.baud)
+    }
+
+    /// Puts the receiver of an emulated chip in the place of the host's port, whose buffer stays
+    /// empty from then on. It is told of characters as they begin; one that collides is a framing
+    /// error to it. What the chip sends comes by [`deliver`](Self::deliver).
+    pub fn attach(&self, chip: Rc<RefCell<dyn SerialEnd>>) {
+        self.with(|line, _| line.host.chip = Some(chip));
+    }
+
+    /// The attached chip begins to send a character: now, or as soon as its last one has ended.
+    pub fn deliver(&self, byte: u8, start: Nanos) {
+        self.with(|line, _| line.send(&[byte], start));
+    }
+
+    /// Unplugs the host, or plugs it in again. Unplugged it is not heard, and hears nothing.
+    pub fn set_cut(&self, cut: bool) {
+        self.with(|line, _| line.host_sender.cut = cut);
+    }
+
+    /// Switches the power of all devices on the line: as [`Esc::set_power`] each.
+    pub fn set_power(&self, powered: bool) {
+        let is_here = |place| matches!(place, Place::Line { line, .. } if line == self.index);
+        Esc::set_power_of(&self.inner, is_here, powered);
+    }
+
+    /// A foreign node sends bytes, from now on and after those it was given before. A device that
+    /// sends at the same time collides with it.
+    pub fn inject(&self, bytes: &[u8]) {
+        self.with(|line, now| line.noise.send(bytes, now));
+    }
+
+    /// Damages one bit in each of the host's next frames. A frame is what a node sends without a
+    /// pause. Replaces the number given before.
+    pub fn damage_commands(&self, frames: u32) {
+        self.with(|line, _| line.damage[0] = frames);
+    }
+
+    /// Damages one bit in each of the devices' next frames.
+    pub fn damage_answers(&self, frames: u32) {
+        self.with(|line, _| line.damage[1] = frames);
+    }
+
+    /// Keeps the bytes from now on for [`take_trace`](Self::take_trace).
+    pub fn keep_trace(&self) {
+        self.with(|line, _| {
+            line.trace.get_or_insert_default();
+        });
+    }
+
+    /// The bytes on the line since the last call, in the order of their ends: what a node in the
+    /// middle would hear. Those of an end that is unplugged are not on it.
+    #[must_use]
+    pub fn take_trace(&self) -> Vec<LineEntry> {
+        self.with(|line, _| line.trace.as_mut().map(std::mem::take).unwrap_or_default())
+    }
+
+    /// Counters since the world began.
+    #[must_use]
+    pub fn counters(&self) -> LineCounters {
+        self.with(|line, _| line.counters)
+    }
+
+    fn with<T>(&self, f: impl FnOnce(&mut LineWire, Nanos) -> T) -> T {
+        let mut inner = self.inner.borrow_mut();
+        let now = inner.clock.now_ns();
+        f(&mut inner.lines[self.index], now)
+    }
 }

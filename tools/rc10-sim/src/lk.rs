@@ -1,17 +1,19 @@
 //! LK-TECH drives (MF, MG) from the drive's side, after LK CAN manual V2.3.
 //!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement. Not in the manual, so assumed: whether a drive is on after power-on (a setting
-//! here), that a drive that is off answers all commands and carries none out but `88`, that the
-//! answers to the multi-motor frame look like those to `A1`, the drive's own gains.
+//! Not in the manual, so assumed: whether a drive is on after power-on (a setting here), that a drive
+//! that is off answers all commands and carries out `88` alone, that the answers to the multi-motor
+//! frame look like those to `A1`, the drive's own gains.
 
 mod codec;
+
+use std::ops::RangeInclusive;
 
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::plant::{Nonlinear, Plant};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
+use crate::motor::Shaft;
+use crate::plant::Plant;
 
 pub use codec::{Order, State, decode, encode_echo, encode_health, encode_state};
 
@@ -45,7 +47,7 @@ pub struct Settings {
     pub id: u8,
     /// Amperes at 2048 steps: 33 (MG), 16.5 (MF).
     pub full_scale: f64,
-    /// Of the encoder's value in answers: 14, 15 or 16.
+    /// Bits of the encoder's value in answers: 14, 15 or 16.
     pub encoder_bits: u32,
     /// Obeys the multi-motor frame, and no other.
     pub multi_motor: bool,
@@ -70,6 +72,10 @@ impl Settings {
             starts_on: false,
             command_timeout: None,
         }
+    }
+
+    const fn ids(&self) -> RangeInclusive<u8> {
+        1..=if self.multi_motor { 4 } else { 32 }
     }
 
     /// An MF, else the same.
@@ -102,7 +108,7 @@ pub struct Drive {
     errors: u8,
     causes: u8,
     last_command: Micros,
-    /// Of the speed loop, A.
+    /// Integral of the speed loop, A.
     integral: f64,
 }
 
@@ -110,8 +116,8 @@ impl Drive {
     /// With these settings; `None` if the identifier or the encoder cannot be.
     #[must_use]
     pub fn new(settings: Settings) -> Option<Self> {
-        let last = if settings.multi_motor { 4 } else { 32 };
-        let good = (1..=last).contains(&settings.id) && (14..=16).contains(&settings.encoder_bits);
+        let good =
+            settings.ids().contains(&settings.id) && (14..=16).contains(&settings.encoder_bits);
         good.then_some(Self {
             settings,
             is_on: false,
@@ -130,13 +136,13 @@ impl Drive {
         self.is_on
     }
 
-    /// Its setpoint.
+    /// The setpoint.
     #[must_use]
     pub const fn goal(&self) -> Goal {
         self.goal
     }
 
-    /// Its error bits.
+    /// The error bits.
     #[must_use]
     pub const fn errors(&self) -> u8 {
         self.errors
@@ -160,7 +166,7 @@ impl Drive {
         clippy::cast_sign_loss,
         reason = "float casts saturate, as the drive's own numbers do"
     )]
-    fn state(&self, shaft: &Shaft<'_>) -> State {
+    fn state(&self, shaft: &Shaft) -> State {
         let counts = f64::from(1_u32 << self.settings.encoder_bits);
         State {
             temperature: shaft.temperature().round() as i8,
@@ -170,7 +176,7 @@ impl Drive {
         }
     }
 
-    fn answer(&self, byte: u8, order: Order, shaft: &Shaft<'_>) -> [u8; 8] {
+    fn answer(&self, byte: u8, order: Order, shaft: &Shaft) -> [u8; 8] {
         let state = self.state(shaft);
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         match order {
@@ -191,7 +197,7 @@ impl Drive {
         }
     }
 
-    fn obey(&mut self, order: Order, shaft: &Shaft<'_>) {
+    fn obey(&mut self, order: Order, shaft: &Shaft) {
         let degrees = |centidegrees: i32| f64::from(centidegrees) / 100.0;
         let limit = |limit: Option<u16>| limit.map_or(f64::INFINITY, f64::from);
         let here = shaft.rotor_turns() * 360.0;
@@ -230,7 +236,7 @@ impl Drive {
     }
 
     /// Does what it is told, now or a frame later.
-    fn take(&mut self, order: Order, shaft: &Shaft<'_>, now: Micros) {
+    fn take(&mut self, order: Order, shaft: &Shaft, now: Micros) {
         self.last_command = now;
         let order = if self.settings.is_late { self.late.replace(order) } else { Some(order) };
         if let Some(order) = order {
@@ -238,7 +244,7 @@ impl Drive {
         }
     }
 
-    fn protect(&mut self, shaft: &Shaft<'_>, now: Micros) {
+    fn protect(&mut self, shaft: &Shaft, now: Micros) {
         let mut found = self.causes;
         if shaft.temperature() > TOO_HOT {
             found |= error::OVER_TEMPERATURE;
@@ -257,7 +263,7 @@ impl Drive {
     }
 
     /// A speed loop with gains that fit its own motor: amperes for degrees/s of the rotor.
-    fn seek_speed(&mut self, wanted: f64, shaft: &Shaft<'_>) -> f64 {
+    fn seek_speed(&mut self, wanted: f64, shaft: &Shaft) -> f64 {
         let plant = shaft.plant();
         // In 10 ms, at the rotor.
         let per_degree = plant.inertia() / plant.gear_ratio / plant.torque_constant;
@@ -271,28 +277,17 @@ impl Drive {
 
 impl Device for Drive {
     fn set_id(&mut self, id: u8) -> bool {
-        let last = if self.settings.multi_motor { 4 } else { 32 };
-        let can_be = (1..=last).contains(&id);
-        if can_be {
-            self.settings.id = id;
-        }
-        can_be
+        set_if(self.settings.ids().contains(&id), &mut self.settings.id, id)
     }
 
-    fn power_on(&mut self, now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, _phase: Micros) {
         self.is_on = self.settings.starts_on || self.settings.multi_motor;
         (self.goal, self.late, self.integral) = (Goal::Nothing, None, 0.0);
         (self.errors, self.causes) = (0, 0);
         self.last_command = now;
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         let id = u32::from(if self.settings.multi_motor { SHARED } else { self.own_id() });
         if frame.is_remote() || frame.is_extended_id() || frame.raw_id() != id {
             return Taken::NotMine;
@@ -312,7 +307,7 @@ impl Device for Drive {
         Taken::Yes
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         self.protect(shaft, now);
         if !self.is_on {
             return Winding::Open;
@@ -361,20 +356,15 @@ pub const fn mg4010e_i10() -> Plant {
         // 7 A at stall. Friction and heating are our estimates.
         gear_ratio: 10.0,
         torque_constant: 0.7,
-        back_emf: 0.0,
         resistance: 0.6,
-        supply: 24.0,
         current_limit: 7.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 2.02e-5,
-        load_inertia: 0.0,
         viscous_friction: 3e-3,
         coulomb_friction: 0.08,
         static_friction: 0.1,
-        ambient: 25.0,
         thermal_resistance: 4.0,
         thermal_time_constant: 250.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(3200.0)
 }
@@ -389,17 +379,13 @@ pub const fn mf9025() -> Plant {
         torque_constant: 0.32,
         back_emf: 0.477,
         resistance: 0.5,
-        supply: 24.0,
         current_limit: 13.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 2.6e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-4,
         coulomb_friction: 0.03,
         static_friction: 0.04,
-        ambient: 25.0,
         thermal_resistance: 2.0,
         thermal_time_constant: 400.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
 }

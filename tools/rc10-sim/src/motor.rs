@@ -8,8 +8,9 @@ use crate::plant::{Nonlinear, Plant};
 /// Physics step in seconds, on one grid for all motors and bases of a world.
 pub(crate) const STEP: f64 = 100e-6;
 
-/// A moving motor.
-pub(crate) struct Motor {
+/// The shaft of a motor with its gearbox and load. A device sees it through its sensors: exact, and as
+/// of the last physics step.
+pub struct Shaft {
     plant: Plant,
     /// The share of a difference that is left after one step: exact exponentials.
     current_decay: f64,
@@ -38,7 +39,7 @@ pub(crate) struct Motor {
     pub(crate) rolling_friction: f64,
 }
 
-impl Motor {
+impl Shaft {
     pub(crate) fn new(plant: Plant, offset: f64) -> Self {
         Self {
             plant,
@@ -59,8 +60,40 @@ impl Motor {
         }
     }
 
-    pub(crate) const fn plant(&self) -> &Plant {
+    /// The motor, gearbox and load.
+    #[must_use]
+    pub const fn plant(&self) -> &Plant {
         &self.plant
+    }
+
+    /// Angle of the output shaft since the world's start, rad.
+    #[must_use]
+    pub fn radians(&self) -> f64 {
+        self.output_degrees().to_radians()
+    }
+
+    /// Speed of the output shaft, rad/s.
+    #[must_use]
+    pub const fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// Current in the winding, A.
+    #[must_use]
+    pub const fn current(&self) -> f64 {
+        self.current
+    }
+
+    /// Torque of the winding at the output shaft, N·m.
+    #[must_use]
+    pub const fn torque(&self) -> f64 {
+        self.plant.torque_constant * self.current
+    }
+
+    /// Temperature of the motor, °C.
+    #[must_use]
+    pub const fn temperature(&self) -> f64 {
+        self.temperature
     }
 
     pub(crate) fn set_plant(&mut self, plant: Plant) {
@@ -252,7 +285,8 @@ impl Motor {
     }
 
     /// Rotor speed, rpm.
-    pub(crate) fn rotor_rpm(&self) -> f64 {
+    #[must_use]
+    pub fn rotor_rpm(&self) -> f64 {
         self.output_rpm() * self.plant.gear_ratio
     }
 
@@ -271,14 +305,16 @@ impl Motor {
         self.load_speed() * 60.0 / TAU
     }
 
-    /// The angle of the rotor in its turn, 0 .. 1.
-    pub(crate) fn rotor_angle(&self) -> f64 {
+    /// Angle of the rotor within its turn, 0 .. 1.
+    #[must_use]
+    pub fn rotor_angle(&self) -> f64 {
         (self.fraction + self.offset).fract()
     }
 
-    /// Rotor turns since the start, and where it stood then.
+    /// Turns of the rotor since the world's start, with where it stood then (0 .. 1).
+    #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "exact up to 2^53 turns")]
-    pub(crate) fn rotor_turns(&self) -> f64 {
+    pub fn rotor_turns(&self) -> f64 {
         self.turns as f64 + self.fraction + self.offset
     }
 

@@ -1,20 +1,19 @@
 //! `ODrive` axes from the device's side, after firmware 0.5.6 (`can_simple.cpp`, `axis.cpp`,
 //! `controller.cpp`) and the DBC of 0.6.
 //!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement. As in the firmware: every frame feeds the watchdog, which counts in every state;
-//! entering closed-loop control sets the position input to where the shaft is and the integral to
-//! zero, but leaves velocity and torque inputs as they were. Not simulated: calibration (an axis is
-//! ready, and other states than idle and closed loop are refused), anticogging, end stops. The
-//! gains are made to fit the motor.
+//! The firmware's behaviour: every frame feeds the watchdog, which counts in every state; closed-loop
+//! control begins with the position input where the shaft is and the integral at zero, but leaves
+//! velocity and torque inputs as they were. Not simulated: calibration (an axis is ready, and other
+//! states than idle and closed loop are refused), anticogging, end stops. The gains fit the motor.
 
 mod codec;
 mod controller;
 
 use rc10_can::{CanFrame, Micros};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::plant::{Nonlinear, Plant};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
+use crate::motor::Shaft;
+use crate::plant::Plant;
 
 pub use codec::{
     Order, decode, encode_currents, encode_estimates, encode_heartbeat, encode_supply,
@@ -45,7 +44,7 @@ pub enum State {
 pub struct Settings {
     /// `can.node_id`, 0 ..= 63.
     pub node: u8,
-    /// Its firmware.
+    /// The firmware.
     pub version: Version,
     /// `encoder_msg_rate_ms`.
     pub estimates_every: Micros,
@@ -91,30 +90,28 @@ enum Cause {
     OverTemperature,
     Encoder,
     Watchdog,
+    EStop,
 }
 
 impl Cause {
-    /// Its bit: `ODrive.Axis.Error` in 0.5, `ODrive.Error` in 0.6.
+    /// Its bit: `ODrive.Axis.Error` in 0.5, `ODrive.Error` in 0.6; 0 where there is no such bit.
     const fn bit(self, version: Version) -> u32 {
-        match (self, version) {
-            (Self::Starting, Version::V0_5) => 0,
-            (Self::Starting, Version::V0_6) => 0x1,
-            (Self::StateNotPossible, Version::V0_5) => 0x1,
-            // Refused without an error.
-            (Self::StateNotPossible, Version::V0_6) => 0,
-            (Self::UnderVoltage, Version::V0_5) => 0x2,
-            (Self::UnderVoltage, Version::V0_6) => 0x200,
-            (Self::OverVoltage, Version::V0_5) => 0x4,
-            (Self::OverVoltage, Version::V0_6) => 0x100,
+        let (v0_5, v0_6) = match self {
+            Self::Starting => (0, 0x1),
+            // Firmware 0.6 refuses without an error.
+            Self::StateNotPossible => (0x1, 0),
+            Self::UnderVoltage => (0x2, 0x200),
+            Self::OverVoltage => (0x4, 0x100),
             // 0.5 tells in another message what is wrong with the motor.
-            (Self::OverCurrent, Version::V0_5) => 0x40,
-            (Self::OverCurrent, Version::V0_6) => 0x1000,
-            (Self::OverTemperature, Version::V0_5) => 0x4_0000,
-            (Self::OverTemperature, Version::V0_6) => 0x2000,
-            (Self::Encoder, Version::V0_5) => 0x100,
-            (Self::Encoder, Version::V0_6) => 0x8,
-            (Self::Watchdog, Version::V0_5) => 0x800,
-            (Self::Watchdog, Version::V0_6) => 0x100_0000,
+            Self::OverCurrent => (0x40, 0x1000),
+            Self::OverTemperature => (0x4_0000, 0x2000),
+            Self::Encoder => (0x100, 0x8),
+            Self::Watchdog => (0x800, 0x100_0000),
+            Self::EStop => (0x4000, 0x200_0000),
+        };
+        match version {
+            Version::V0_5 => v0_5,
+            Version::V0_6 => v0_6,
         }
     }
 }
@@ -158,19 +155,19 @@ impl Axis {
         })
     }
 
-    /// Its state.
+    /// The state.
     #[must_use]
     pub const fn state(&self) -> State {
         self.state
     }
 
-    /// Its error word.
+    /// The error word.
     #[must_use]
     pub const fn errors(&self) -> u32 {
         self.errors
     }
 
-    /// Its controller: modes, inputs, limits.
+    /// The controller: modes, inputs, limits.
     #[must_use]
     pub const fn controller(&self) -> &Controller {
         &self.controller
@@ -187,7 +184,7 @@ impl Axis {
     }
 
     /// Turns as the encoder counts them.
-    fn position(&mut self, shaft: &Shaft<'_>) -> f64 {
+    fn position(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
         let zero = if self.settings.is_absolute { turns.floor() } else { turns };
         turns - *self.origin.get_or_insert(zero)
@@ -201,7 +198,7 @@ impl Axis {
         self.errors |= cause.bit(self.settings.version);
     }
 
-    fn protect(&mut self, shaft: &Shaft<'_>, now: Micros) {
+    fn protect(&mut self, shaft: &Shaft, now: Micros) {
         self.errors |= self.causes;
         let starting = Cause::Starting.bit(self.settings.version);
         self.errors &= !starting;
@@ -237,10 +234,7 @@ impl Axis {
             Order::State(state) => self.enter(state, position, now),
             Order::ClearErrors => self.errors &= self.causes,
             Order::EStop => {
-                self.errors |= match self.settings.version {
-                    Version::V0_5 => 0x4000,
-                    Version::V0_6 => 0x200_0000,
-                };
+                self.find(Cause::EStop);
                 self.state = State::Idle;
             }
             other => self.controller.take(other),
@@ -248,10 +242,6 @@ impl Axis {
     }
 
     fn heartbeat(&self) -> CanFrame {
-        let state = match self.state {
-            State::Idle => 1,
-            State::ClosedLoop => 8,
-        };
         let details = match self.settings.version {
             // The motor's, the encoder's and the controller's own errors, and a finished move.
             Version::V0_5 => {
@@ -260,14 +250,14 @@ impl Axis {
             }
             Version::V0_6 => [0; 3],
         };
-        encode_heartbeat(self.settings.node, self.errors, state, details)
+        encode_heartbeat(self.settings.node, self.errors, self.state as u8, details)
     }
 
-    fn currents(&self, shaft: &Shaft<'_>) -> CanFrame {
+    fn currents(&self, shaft: &Shaft) -> CanFrame {
         encode_currents(self.settings.node, self.controller.amps(), shaft.current())
     }
 
-    fn supply(&self, shaft: &Shaft<'_>) -> CanFrame {
+    fn supply(&self, shaft: &Shaft) -> CanFrame {
         let volts = shaft.plant().supply;
         let watts = shaft.plant().resistance * shaft.current() * shaft.current()
             + shaft.torque() * shaft.speed();
@@ -275,7 +265,7 @@ impl Axis {
     }
 
     /// Answers a remote frame, as firmware 0.5 does for what it does not send by itself.
-    fn answer(&mut self, message: u8, shaft: &Shaft<'_>, out: &mut Outbox) -> Taken {
+    fn answer(&mut self, message: u8, shaft: &Shaft, out: &mut Outbox) -> Taken {
         let node = self.settings.node;
         out.send(match message {
             0x01 => self.heartbeat(),
@@ -290,14 +280,10 @@ impl Axis {
 
 impl Device for Axis {
     fn set_id(&mut self, id: u8) -> bool {
-        let can_be = id <= 63;
-        if can_be {
-            self.settings.node = id;
-        }
-        can_be
+        set_if(id <= 63, &mut self.settings.node, id)
     }
 
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         self.state = State::Idle;
         self.controller = Controller::new();
         (self.errors, self.causes, self.origin) = (0, 0, None);
@@ -309,13 +295,7 @@ impl Device for Axis {
         self.settings.estimates_every
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         if frame.is_extended_id() || frame.raw_id() >> 5 != u32::from(self.settings.node) {
             return Taken::NotMine;
         }
@@ -336,7 +316,7 @@ impl Device for Axis {
         Some(if self.settings.others_every.is_some() { soonest.min(others) } else { soonest })
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         let Settings { node, version, estimates_every, heartbeat_every, others_every, .. } =
             self.settings;
         if now >= self.due[0] {
@@ -361,7 +341,7 @@ impl Device for Axis {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         self.protect(shaft, now);
         let position = self.position(shaft);
         if self.state == State::Idle {
@@ -392,20 +372,15 @@ pub const fn d6374_8to1() -> Plant {
         // friction and heating are our estimates.
         gear_ratio: 8.0,
         torque_constant: 8.0 * 8.27 / 150.0,
-        back_emf: 0.0,
         resistance: 0.039,
-        supply: 24.0,
         current_limit: 40.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.3e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-3,
         coulomb_friction: 0.15,
         static_friction: 0.2,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 500.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(3500.0)
 }

@@ -1,4 +1,4 @@
-//! What a motor, its gearbox and its load are made of.
+//! Parameters of a motor, its gearbox and its load.
 
 use std::f64::consts::TAU;
 
@@ -96,6 +96,26 @@ impl Default for Scale {
 }
 
 impl Plant {
+    /// Values that most motors have in common: 24 V, a current loop of 1 ms, nothing on the shaft.
+    pub(crate) const BARE: Self = Self {
+        gear_ratio: 1.0,
+        torque_constant: 0.0,
+        back_emf: 0.0,
+        resistance: 0.0,
+        supply: 24.0,
+        current_limit: 0.0,
+        current_time_constant: 1e-3,
+        rotor_inertia: 0.0,
+        load_inertia: 0.0,
+        viscous_friction: 0.0,
+        coulomb_friction: 0.0,
+        static_friction: 0.0,
+        ambient: 25.0,
+        thermal_resistance: 0.0,
+        thermal_time_constant: 0.0,
+        nonlinear: Nonlinear::NONE,
+    };
+
     /// M3508 with its gearbox on a C620, 24 V, no load on the shaft.
     #[must_use]
     pub const fn m3508() -> Self {
@@ -103,20 +123,15 @@ impl Plant {
             // C620 / M3508 manual: 3591:187, 0.3 N·m/A, 482 rpm (9250 at the rotor) without load.
             gear_ratio: 3591.0 / 187.0,
             torque_constant: 0.3,
-            back_emf: 0.0,
             resistance: 0.194,
-            supply: 24.0,
             current_limit: 20.0,
-            current_time_constant: 1e-3,
             rotor_inertia: 1e-5,
-            load_inertia: 0.0,
             viscous_friction: 2.6e-3,
             coulomb_friction: 0.10,
             static_friction: 0.13,
-            ambient: 25.0,
             thermal_resistance: 2.5,
             thermal_time_constant: 300.0,
-            nonlinear: Nonlinear::NONE,
+            ..Self::BARE
         }
         .with_no_load_speed(9250.0)
     }
@@ -128,20 +143,15 @@ impl Plant {
             // C610 / M2006 manual: 36:1, 0.18 N·m/A, 500 rpm (18000 at the rotor) without load.
             gear_ratio: 36.0,
             torque_constant: 0.18,
-            back_emf: 0.0,
             resistance: 0.461,
-            supply: 24.0,
             current_limit: 10.0,
-            current_time_constant: 1e-3,
             rotor_inertia: 1e-6,
-            load_inertia: 0.0,
             viscous_friction: 1.1e-3,
             coulomb_friction: 0.05,
             static_friction: 0.065,
-            ambient: 25.0,
             thermal_resistance: 8.0,
             thermal_time_constant: 150.0,
-            nonlinear: Nonlinear::NONE,
+            ..Self::BARE
         }
         .with_no_load_speed(18_000.0)
     }
@@ -156,18 +166,14 @@ impl Plant {
             torque_constant: 0.741,
             back_emf: 0.741,
             resistance: 1.8,
-            supply: 24.0,
             current_limit: 3.0,
-            current_time_constant: 1e-3,
             rotor_inertia: 4e-4,
-            load_inertia: 0.0,
             viscous_friction: 1e-3,
             coulomb_friction: 0.04,
             static_friction: 0.05,
-            ambient: 25.0,
             thermal_resistance: 8.0,
             thermal_time_constant: 400.0,
-            nonlinear: Nonlinear::NONE,
+            ..Self::BARE
         }
     }
 
@@ -205,7 +211,7 @@ impl Plant {
     }
 
     /// The same with cogging: a torque of this amplitude at the output shaft, N·m, that goes up and down
-    /// so many times per turn of the rotor. [`Nonlinear`] has numbers to begin with.
+    /// this many times per turn of the rotor. [`Nonlinear`] has numbers to begin with.
     #[must_use]
     pub const fn with_cogging(mut self, torque: f64, periods: f64) -> Self {
         self.nonlinear.cogging_torque = torque;

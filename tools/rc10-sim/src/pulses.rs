@@ -112,8 +112,6 @@ impl Pulses {
     }
 
     /// Puts the input of an emulated chip in the place of the host's port.
-    ///
-    /// The world borrows it while time passes; between its calls it is the caller's.
     pub fn attach(&self, chip: Rc<RefCell<dyn PulseEnd>>) {
         self.line(|line, now| {
             chip.borrow_mut().level(line.level, now);
@@ -168,7 +166,7 @@ pub struct PulsePort {
 }
 
 impl PulsePort {
-    /// The time of the next rising edge that was not taken yet; waits for one if there is none.
+    /// The time of the next rising edge that was not taken yet; waits for it.
     pub async fn rising_edge(&mut self) -> Micros {
         poll_fn(|context| {
             self.line.line(|line, _| match line.edges.pop_front() {

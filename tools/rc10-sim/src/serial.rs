@@ -4,11 +4,11 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::fmt;
 use std::rc::Rc;
-use std::task::Waker;
 
 use crate::Nanos;
+use crate::uart::{HostEnd, Hosted, Medium, SerialEnd, UartFault, UartPort};
+use crate::world::Inner;
 
 /// Configuration of a serial link, at both ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,63 +52,8 @@ pub trait SerialDevice: Any {
     /// waits there already.
     fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>);
 
-    /// A byte from the host has just ended on the link.
-    fn receive(&mut self, byte: u8, now: Nanos);
-}
-
-/// The receiver of an emulated chip, in place of the host's port.
-pub trait SerialEnd {
-    /// A character begins on the wire: the first edge of its start bit, and the end of its last
-    /// stop bit.
-    fn hear(&mut self, byte: u8, start: Nanos, end: Nanos);
-
-    /// Something damages the character that is on the wire, or, if none is, looks like one that is
-    /// damaged.
-    fn disturb(&mut self, _fault: UartFault, _at: Nanos) {}
-}
-
-/// Errors that a UART tells of a character.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum UartFault {
-    /// It found the receive register full.
-    Overrun,
-    /// No stop bit.
-    Framing,
-    /// The parity bit is wrong.
-    Parity,
-    /// The samples of a bit differ.
-    Noise,
-    /// The line was low for longer than a character.
-    Break,
-}
-
-impl UartFault {
-    /// Each of them.
-    pub const ALL: [Self; 5] =
-        [Self::Overrun, Self::Framing, Self::Parity, Self::Noise, Self::Break];
-}
-
-impl fmt::Display for UartFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Overrun => "overrun: bytes were not taken in time",
-            Self::Framing => "framing error: no stop bit",
-            Self::Parity => "parity error",
-            Self::Noise => "noise within a bit",
-            Self::Break => "break: the line was held low",
-        })
-    }
-}
-
-impl std::error::Error for UartFault {}
-
-impl embedded_io_async::Error for UartFault {
-    fn kind(&self) -> embedded_io_async::ErrorKind {
-        match self {
-            Self::Overrun => embedded_io_async::ErrorKind::Other,
-            _ => embedded_io_async::ErrorKind::InvalidData,
-        }
-    }
+    /// A byte from the host has just ended on the link. Without this it has no receive line.
+    fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
 /// Counters of a serial link since the world began.
@@ -136,58 +81,22 @@ struct Flight {
     fault: Option<UartFault>,
 }
 
-/// The host's end: what it received and has not taken, and what it has to send.
-#[derive(Default)]
-pub(crate) struct HostEnd {
-    received: VecDeque<Result<u8, UartFault>>,
-    pub(crate) waiting: VecDeque<u8>,
-    pub(crate) reader: Option<Waker>,
-    pub(crate) flusher: Option<Waker>,
-}
-
-impl HostEnd {
-    /// Takes what there is up to the next fault, or that fault; `None` if there is nothing.
-    pub(crate) fn read(&mut self, buffer: &mut [u8]) -> Option<Result<usize, UartFault>> {
-        if buffer.is_empty() {
-            return Some(Ok(0));
-        }
-        if let Err(fault) = *self.received.front()? {
-            self.received.pop_front();
-            return Some(Err(fault));
-        }
-        let mut count = 0;
-        for (to, byte) in buffer.iter_mut().zip(self.received.iter().map_while(|heard| heard.ok()))
-        {
-            *to = byte;
-            count += 1;
-        }
-        self.received.drain(..count);
-        Some(Ok(count))
-    }
-
-    /// A run of lost bytes is one fault.
-    fn hear(&mut self, heard: Result<u8, UartFault>) {
-        if heard.is_ok() || self.received.back() != Some(&heard) {
-            self.received.push_back(heard);
-        }
-    }
-}
-
 /// One link and its device.
 pub(crate) struct Link {
-    pub(crate) config: SerialConfig,
+    config: SerialConfig,
     character: Nanos,
     device: Box<dyn SerialDevice>,
     powered: bool,
     cut: bool,
-    waiting: VecDeque<u8>,
+    /// Bytes that the device and the host have to send.
+    from_device: VecDeque<u8>,
+    from_host: VecDeque<u8>,
     to_host: Option<Flight>,
     to_device: Option<Flight>,
-    pub(crate) host: HostEnd,
-    chip: Option<Rc<RefCell<dyn SerialEnd>>>,
+    host: HostEnd,
     /// The bytes that the chip has sent, and the time at which each has ended.
     delivered: VecDeque<(u8, Nanos)>,
-    pub(crate) counters: SerialCounters,
+    counters: SerialCounters,
 }
 
 impl Link {
@@ -199,56 +108,36 @@ impl Link {
             device,
             powered: true,
             cut: false,
-            waiting: VecDeque::new(),
+            from_device: VecDeque::new(),
+            from_host: VecDeque::new(),
             to_host: None,
             to_device: None,
             host: HostEnd::default(),
-            chip: None,
             delivered: VecDeque::new(),
             counters: SerialCounters::default(),
         }
     }
 
-    pub(crate) fn device(&mut self) -> &mut dyn Any {
-        &mut *self.device
-    }
-
-    pub(crate) fn attach(&mut self, chip: Rc<RefCell<dyn SerialEnd>>) {
-        self.chip = Some(chip);
-    }
-
-    pub(crate) fn deliver(&mut self, byte: u8, at: Nanos) {
-        self.delivered.push_back((byte, at));
-    }
-
-    pub(crate) const fn set_cut(&mut self, cut: bool) {
-        self.cut = cut;
-    }
-
-    pub(crate) fn set_power(&mut self, powered: bool, now: Nanos) {
+    fn set_power(&mut self, powered: bool, now: Nanos) {
         if self.powered != powered {
             self.powered = powered;
             // What it was about to say it says no more.
-            self.waiting.clear();
+            self.from_device.clear();
             if powered {
                 self.device.power_on(now);
             }
         }
     }
 
-    pub(crate) fn inject(&mut self, fault: UartFault, now: Nanos) {
+    fn inject(&mut self, fault: UartFault, now: Nanos) {
         self.counters.injected += 1;
-        if let Some(chip) = &self.chip {
+        if let Some(chip) = &self.host.chip {
             chip.borrow_mut().disturb(fault, now);
         } else if let Some(flight) = self.to_host.as_mut().filter(|flight| !flight.cut) {
             flight.fault = Some(fault);
         } else {
             self.host.hear(Err(fault));
         }
-    }
-
-    pub(crate) fn has_sent_all(&self) -> bool {
-        self.host.waiting.is_empty() && self.to_device.is_none()
     }
 
     pub(crate) fn next_event(&self, now: Nanos) -> Option<Nanos> {
@@ -273,20 +162,18 @@ impl Link {
             self.end_at_device(byte, self.cut, now);
         }
         if self.powered && self.device.next_event().is_some_and(|at| at <= now) {
-            self.device.advance(now, &mut self.waiting);
+            self.device.advance(now, &mut self.from_device);
         }
     }
 
     fn end_at_host(&mut self, flight: &Flight) {
         if flight.cut {
             self.counters.unheard += 1;
-        } else if self.chip.is_some() {
+        } else if self.host.chip.is_some() {
             // It has heard the character begin.
         } else if let Some(fault) = flight.fault {
             self.host.hear(Err(fault));
-        } else if self.host.received.iter().filter(|heard| heard.is_ok()).count()
-            < self.config.receive_capacity
-        {
+        } else if self.host.has_room(self.config.receive_capacity) {
             self.host.hear(Ok(flight.byte));
         } else {
             self.counters.overrun += 1;
@@ -308,23 +195,98 @@ impl Link {
         let (end, cut) = (now + self.character, self.cut);
         let flight = |byte| Flight { byte, end, cut, fault: None };
         if self.to_device.is_none() {
-            self.to_device = self.host.waiting.pop_front().map(flight);
+            self.to_device = self.from_host.pop_front().map(flight);
         }
         if self.to_host.is_none()
-            && let Some(byte) = self.waiting.pop_front()
+            && let Some(byte) = self.from_device.pop_front()
         {
-            if let Some(chip) = self.chip.as_ref().filter(|_| !cut) {
+            if let Some(chip) = self.host.chip.as_ref().filter(|_| !cut) {
                 chip.borrow_mut().hear(byte, now, end);
             }
             self.to_host = Some(flight(byte));
         }
     }
+}
 
-    /// Takes the tasks that wait for what is there now.
-    pub(crate) fn take_wakers(&mut self) -> [Option<Waker>; 2] {
-        let has_sent_all = self.has_sent_all();
-        let host = &mut self.host;
-        let reader = if host.received.is_empty() { None } else { host.reader.take() };
-        [reader, if has_sent_all { host.flusher.take() } else { None }]
+impl Hosted for Link {
+    fn host(&mut self) -> &mut HostEnd {
+        &mut self.host
+    }
+
+    fn send(&mut self, bytes: &[u8], _now: Nanos) {
+        self.from_host.extend(bytes);
+    }
+
+    fn has_sent_all(&self) -> bool {
+        self.from_host.is_empty() && self.to_device.is_none()
+    }
+}
+
+/// A serial link in full duplex of a [`World`](crate::World): a UART of the host's, and a device.
+#[derive(Clone)]
+pub struct Serial {
+    pub(crate) inner: Rc<RefCell<Inner>>,
+    pub(crate) index: usize,
+}
+
+impl Serial {
+    /// The host's port; all of them share one buffer.
+    #[must_use]
+    pub fn port(&self) -> UartPort {
+        UartPort { inner: Rc::clone(&self.inner), medium: Medium::Serial(self.index) }
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> SerialConfig {
+        self.link(|link, _| link.config)
+    }
+
+    /// Puts the receiver of an emulated chip in the place of the host's port, whose buffer stays
+    /// empty from then on. What the chip sends comes by [`deliver`](Self::deliver).
+    pub fn attach(&self, chip: Rc<RefCell<dyn SerialEnd>>) {
+        self.link(|link, _| link.host.chip = Some(chip));
+    }
+
+    /// The attached chip sends a byte whose last stop bit ends at this time, now or later; those of
+    /// several calls in the order of time.
+    pub fn deliver(&self, byte: u8, at: Nanos) {
+        self.link(|link, _| link.delivered.push_back((byte, at)));
+    }
+
+    /// Damages the character that is on its way to the host: it is lost, and the port's next read
+    /// that gets there fails so, once. If none is on its way, noise looks like one.
+    pub fn inject(&self, fault: UartFault) {
+        self.link(|link, now| link.inject(fault, now));
+    }
+
+    /// Cuts the link in both directions, or connects it again. Characters count as they begin.
+    pub fn set_cut(&self, cut: bool) {
+        self.link(|link, _| link.cut = cut);
+    }
+
+    /// Switches the device's power; it has it at first.
+    pub fn set_power(&self, powered: bool) {
+        self.link(|link, now| link.set_power(powered, now));
+    }
+
+    /// A look into the device, or a hand: `None` if it is not a `D`.
+    pub fn with<D: SerialDevice, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
+        self.link(|link, _| {
+            let device: &mut dyn Any = &mut *link.device;
+            device.downcast_mut().map(look)
+        })
+    }
+
+    /// Counters since the world began.
+    #[must_use]
+    pub fn counters(&self) -> SerialCounters {
+        self.link(|link, _| link.counters)
+    }
+
+    fn link<T>(&self, f: impl FnOnce(&mut Link, Nanos) -> T) -> T {
+        let mut inner = self.inner.borrow_mut();
+        let now = inner.clock.now_ns();
+        f(&mut inner.serials[self.index], now)
     }
 }

@@ -65,7 +65,7 @@ pub struct TaskName {
 }
 
 impl TaskName {
-    /// Of a future of this type, which the caller adds.
+    /// The name of a future of this type, which the caller adds.
     #[must_use]
     #[track_caller]
     pub fn of<F>() -> Self {

@@ -1,26 +1,33 @@
 //! Unitree GO-M8010-6 on RS-485, from the motor's side.
 //!
-//! Nothing here is shared with the motor library. Sources: GO-M8010-6 user manual v1.2 and data
-//! manual. What they leave open is an estimate, and named so: how long the motor thinks, what it
-//! does when commands stop, what "lock" feels like, where its angle begins.
+//! Sources: GO-M8010-6 user manual v1.2 and data manual. They leave open how long the motor thinks,
+//! what it does when commands stop, what "lock" feels like, where its angle begins: estimates.
 
 use std::f64::consts::TAU;
 
+use rc10_can::Micros;
+
 use crate::Nanos;
-use crate::device::{EscFault, Shaft, Winding};
-use crate::line::{Heard, LineDevice};
-use crate::plant::{Nonlinear, Plant};
+use crate::crc::crc16;
+use crate::device::{Device, EscFault, Winding, set_if};
+use crate::line::Heard;
+use crate::motor::Shaft;
+use crate::plant::Plant;
 
 /// Bytes of a command and of an answer.
 const COMMAND: usize = 17;
 const ANSWER: usize = 16;
 
 /// Rotor turns per turn of the output (user manual).
-const GEAR: f64 = 6.33;
+pub(crate) const GEAR: f64 = 6.33;
+/// N·m at the output shaft per ampere (user manual).
+pub(crate) const TORQUE_CONSTANT: f64 = 0.638_95;
 /// Address of all motors; they do not answer to it.
 const EVERYBODY: u8 = 15;
 /// Its own protection (user manual): at this temperature, until power-off.
-const TOO_HOT: f64 = 90.0;
+pub(crate) const TOO_HOT: f64 = 90.0;
+/// Without a command for longer it stops obeying: an estimate.
+const PATIENCE: Nanos = Nanos::new(50_000_000);
 /// The time for which it turns by itself when told to calibrate (user manual), and hears nothing.
 const CALIBRATION: Nanos = Nanos::new(5_000_000_000);
 
@@ -48,7 +55,7 @@ pub struct Command {
 pub struct Answer {
     /// The motor that answers, 0 ..= 14.
     pub id: u8,
-    /// As in [`Command`].
+    /// The status, with the numbers of a [`Command`].
     pub status: u8,
     /// N m.
     pub torque: f64,
@@ -64,49 +71,29 @@ pub struct Answer {
     pub foot_force: u16,
 }
 
-/// CRC-16/KERMIT, bit by bit.
+/// CRC-16/KERMIT.
 fn checksum(bytes: &[u8]) -> u16 {
-    let mut register = 0_u16;
-    for byte in bytes {
-        register ^= u16::from(*byte);
-        for _ in 0..8 {
-            let out = register & 1;
-            register >>= 1;
-            if out == 1 {
-                register ^= 0x8408;
-            }
-        }
-    }
-    register
-}
-
-/// Both bytes of a word, low one first.
-fn word(bytes: &[u8], at: usize) -> u16 {
-    u16::from(bytes[at]) + 256 * u16::from(bytes[at + 1])
-}
-
-fn double_word(bytes: &[u8], at: usize) -> u32 {
-    u32::from(word(bytes, at)) + 65_536 * u32::from(word(bytes, at + 2))
+    crc16(0, bytes)
 }
 
 impl Command {
     /// Reads the 17 bytes of a command; `None` if head or check sum are wrong.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        if bytes.len() != COMMAND || bytes[0] != 0xFE || bytes[1] != 0xEE {
+        let bytes: &[u8; COMMAND] = bytes.try_into().ok()?;
+        let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+        if bytes[..2] != [0xFE, 0xEE] || checksum(&bytes[..15]) != word(15) {
             return None;
         }
-        if checksum(&bytes[..15]) != word(bytes, 15) {
-            return None;
-        }
+        let angle = i32::from_le_bytes([bytes[7], bytes[8], bytes[9], bytes[10]]);
         Some(Self {
             id: bytes[2] % 16,
             status: bytes[2] / 16 % 8,
-            torque: f64::from(word(bytes, 3).cast_signed()) / 256.0,
-            speed: f64::from(word(bytes, 5).cast_signed()) / 256.0 * TAU,
-            angle: f64::from(double_word(bytes, 7).cast_signed()) / 32_768.0 * TAU,
-            stiffness: f64::from(word(bytes, 11)) / 1280.0,
-            damping: f64::from(word(bytes, 13)) / 1280.0,
+            torque: f64::from(word(3).cast_signed()) / 256.0,
+            speed: f64::from(word(5).cast_signed()) / 256.0 * TAU,
+            angle: f64::from(angle) / 32_768.0 * TAU,
+            stiffness: f64::from(word(11)) / 1280.0,
+            damping: f64::from(word(13)) / 1280.0,
         })
     }
 }
@@ -148,23 +135,30 @@ impl Answer {
 pub const fn plant() -> Plant {
     Plant {
         gear_ratio: GEAR,
-        torque_constant: 0.638_95,
-        back_emf: 0.0,
+        torque_constant: TORQUE_CONSTANT,
         resistance: 0.2,
-        supply: 24.0,
-        current_limit: 23.7 / 0.638_95,
+        current_limit: 23.7 / TORQUE_CONSTANT,
         current_time_constant: 0.5e-3,
         rotor_inertia: 1.12e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-3,
         coulomb_friction: 0.08,
         static_friction: 0.10,
-        ambient: 25.0,
         thermal_resistance: 1.0,
         thermal_time_constant: 200.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
+}
+
+/// The number by which the motor tells a fault that it finds in itself.
+pub(crate) const fn error_of(fault: EscFault) -> Option<u8> {
+    match fault {
+        EscFault::OverTemperature => Some(1),
+        EscFault::OverCurrent => Some(2),
+        EscFault::OverVoltage => Some(3),
+        EscFault::Encoder => Some(4),
+        EscFault::CommunicationLost | EscFault::UnderVoltage => None,
+    }
 }
 
 /// The motor's electronics.
@@ -172,7 +166,6 @@ pub const fn plant() -> Plant {
 pub struct GoM8010 {
     id: u8,
     think: Nanos,
-    patience: Nanos,
     /// The beginning of what may be a command.
     heard: Vec<u8>,
     command: Command,
@@ -195,7 +188,6 @@ impl GoM8010 {
         Self {
             id,
             think: Nanos::new(20_000),
-            patience: Nanos::new(50_000_000),
             heard: Vec::new(),
             command: Command::default(),
             commanded_at: Nanos::ZERO,
@@ -226,11 +218,11 @@ impl GoM8010 {
 
     /// Angle of the rotor as the motor counts it, rad: from power-on within the first turn.
     #[must_use]
-    pub fn angle(&self, shaft: &Shaft<'_>) -> f64 {
+    pub fn angle(&self, shaft: &Shaft) -> f64 {
         (shaft.rotor_turns() - self.uncounted) * TAU
     }
 
-    fn answer(&self, shaft: &Shaft<'_>) -> Answer {
+    fn answer(&self, shaft: &Shaft) -> Answer {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let temperature = shaft.temperature().round() as i8;
         Answer {
@@ -246,27 +238,23 @@ impl GoM8010 {
     }
 }
 
-impl LineDevice for GoM8010 {
+impl Device for GoM8010 {
     fn set_id(&mut self, id: u8) -> bool {
-        let can_be = id < EVERYBODY;
-        if can_be {
-            self.id = id;
-        }
-        can_be
+        set_if(id < EVERYBODY, &mut self.id, id)
     }
 
-    fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos) {
-        *self = Self { think: self.think, patience: self.patience, ..Self::new(self.id) };
+    fn power_on(&mut self, shaft: &Shaft, now: Micros, _phase: Micros) {
+        *self = Self { think: self.think, ..Self::new(self.id) };
         self.uncounted = shaft.rotor_turns().floor();
-        self.commanded_at = now;
+        self.commanded_at = now.into();
     }
 
-    fn receive(&mut self, byte: u8, shaft: &Shaft<'_>, now: Nanos) -> Heard {
+    fn hear(&mut self, byte: u8, shaft: &Shaft, now: Nanos) -> Heard {
         if self.calibrating_until.is_some() {
             return Heard::Nothing;
         }
         self.heard.push(byte);
-        // What cannot be the beginning of a command is none.
+        // Drops what cannot be the beginning of a command.
         while !self.heard.is_empty() && !self.heard.iter().zip([0xFE, 0xEE]).all(|(a, b)| *a == b) {
             self.heard.remove(0);
         }
@@ -293,7 +281,8 @@ impl LineDevice for GoM8010 {
         Heard::Question(self.answer(shaft).write().to_vec(), self.think)
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Nanos) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
+        let now = Nanos::from(now);
         if self.calibrating_until.is_some_and(|until| now >= until) {
             (self.calibrating_until, self.command) = (None, Command::default());
         }
@@ -307,7 +296,7 @@ impl LineDevice for GoM8010 {
             // Slowly, by itself.
             return Winding::Current(1.0);
         }
-        if now.since(self.commanded_at) >= self.patience {
+        if now.since(self.commanded_at) >= PATIENCE {
             self.command = Command::default();
         }
         let Command { status, torque, speed, angle, stiffness, damping, .. } = self.command;
@@ -322,14 +311,8 @@ impl LineDevice for GoM8010 {
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {
-        self.error = match fault {
-            EscFault::OverTemperature => 1,
-            EscFault::OverCurrent => 2,
-            EscFault::OverVoltage => 3,
-            EscFault::Encoder => 4,
-            _ => return false,
-        };
-        true
+        self.error = error_of(fault).unwrap_or(self.error);
+        error_of(fault).is_some()
     }
 }
 

@@ -5,9 +5,6 @@
 //! [`Plant`]: `bus.add(module.motor(0)?, plant())`. Power of the [`Esc`](crate::Esc) is the motor's;
 //! [`UnitreeModule::set_power`] is the module's.
 //!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement.
-//!
 //! Sources: CAN-to-485 module manual V1.0, GO-M8010-6 user manual v1.2 and data manual. **Assumed**,
 //! because none of them says: a module puts stiffness and damping on its line with the next control
 //! frame, not before; it is silent about a motor that does not
@@ -28,17 +25,13 @@ use std::rc::Rc;
 use rc10_can::{CanFrame, Micros};
 
 pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::plant::{Nonlinear, Plant};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding};
+use crate::motor::Shaft;
+use crate::plant::Plant;
+use crate::unitree_line::{self, GEAR, TOO_HOT, TORQUE_CONSTANT, error_of};
 
-/// Rotor turns per turn of the output shaft (user manual).
-const GEAR: f64 = 6.33;
-/// N·m at the output shaft per ampere (user manual, 0.63895).
-const TORQUE_CONSTANT: f64 = 0.638_95;
 /// 33 bytes at 4 Mbit/s, and an estimate for the turnaround.
 const EXCHANGE: Micros = Micros::new(150);
-/// The manual: the motor protects itself at 90 °C until the supply is switched off.
-const TOO_HOT: f64 = 90.0;
 /// The manual: about five seconds.
 const CALIBRATION: Micros = Micros::from_millis(5000);
 /// Turns the motor during its calibration: an estimate.
@@ -49,22 +42,13 @@ const CALIBRATION_VOLTS: f64 = 1.0;
 #[must_use]
 pub const fn plant() -> Plant {
     Plant {
-        gear_ratio: GEAR,
-        torque_constant: TORQUE_CONSTANT,
-        back_emf: 0.0,
-        resistance: 0.2,
-        supply: 24.0,
-        current_limit: 23.7 / TORQUE_CONSTANT,
-        current_time_constant: 0.5e-3,
         rotor_inertia: 6e-5,
-        load_inertia: 0.0,
         viscous_friction: 0.01,
         coulomb_friction: 0.10,
         static_friction: 0.13,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 300.0,
-        nonlinear: Nonlinear::NONE,
+        ..unitree_line::plant()
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }
@@ -147,23 +131,13 @@ impl UnitreeModule {
 /// Mode of a motor, as it reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// As after power-up: it brakes (assumed).
+    /// The mode after power-up: the motor brakes (assumed).
     #[default]
-    Locked,
-    /// It follows commands.
-    Following,
-    /// It turns by itself.
-    Calibrating,
-}
-
-impl Mode {
-    const fn number(self) -> u8 {
-        match self {
-            Self::Locked => 0,
-            Self::Following => 1,
-            Self::Calibrating => 2,
-        }
-    }
+    Locked = 0,
+    /// The motor follows commands.
+    Following = 1,
+    /// The motor turns by itself.
+    Calibrating = 2,
 }
 
 /// A motor behind a module.
@@ -209,7 +183,7 @@ impl UnitreeMotor {
         }
     }
 
-    /// Its mode.
+    /// The mode.
     #[must_use]
     pub const fn mode(&self) -> Mode {
         self.mode
@@ -227,7 +201,7 @@ impl UnitreeMotor {
         self.gains
     }
 
-    /// Its `MError`; 0 for none.
+    /// The motor's `MError`; 0 without a fault.
     #[must_use]
     pub const fn error(&self) -> u8 {
         self.error
@@ -240,12 +214,12 @@ impl UnitreeMotor {
     }
 
     /// Turns of the rotor as it counts them.
-    fn turns(&mut self, shaft: &Shaft<'_>) -> f64 {
+    fn turns(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
         turns - *self.zero.get_or_insert(turns.floor())
     }
 
-    fn motion(&mut self, shaft: &Shaft<'_>) -> Motion {
+    fn motion(&mut self, shaft: &Shaft) -> Motion {
         Motion {
             torque: shaft.current() * TORQUE_CONSTANT / GEAR,
             speed: shaft.speed() * GEAR,
@@ -267,11 +241,11 @@ impl UnitreeMotor {
         };
     }
 
-    fn report(&mut self, answer: Answer, shaft: &Shaft<'_>) -> Option<CanFrame> {
+    fn report(&mut self, answer: Answer, shaft: &Shaft) -> Option<CanFrame> {
         let told = match answer {
             Answer::Gains(gains) => Told::Gains(gains),
             _ if self.unplugged || self.mode == Mode::Calibrating => return None,
-            _ if self.error != 0 => Told::Fault { status: self.mode.number(), error: self.error },
+            _ if self.error != 0 => Told::Fault { status: self.mode as u8, error: self.error },
             Answer::Fault => return None,
             Answer::State(status) => Told::State {
                 status,
@@ -285,7 +259,7 @@ impl UnitreeMotor {
 }
 
 impl Device for UnitreeMotor {
-    fn power_on(&mut self, _now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, _now: Micros, _phase: Micros) {
         let calibrations = self.calibrations;
         *self = Self { calibrations, ..Self::new(self.module.clone(), self.number) };
     }
@@ -293,7 +267,7 @@ impl Device for UnitreeMotor {
     fn receive(
         &mut self,
         frame: &CanFrame,
-        _shaft: &Shaft<'_>,
+        _shaft: &Shaft,
         now: Micros,
         _out: &mut Outbox,
     ) -> Taken {
@@ -316,7 +290,7 @@ impl Device for UnitreeMotor {
                 if !self.unplugged && self.mode != Mode::Calibrating {
                     self.control(status, motion, now);
                 }
-                Some(if answered { Answer::State(self.mode.number()) } else { Answer::Fault })
+                Some(if answered { Answer::State(self.mode as u8) } else { Answer::Fault })
             }
             Asked::SetGains(gains) => {
                 self.module.inner.borrow_mut().gains[usize::from(self.number)] = gains;
@@ -335,7 +309,7 @@ impl Device for UnitreeMotor {
         self.due.front().map(|(at, _)| *at)
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         while self.next_event().is_some_and(|at| at <= now)
             && let Some((_, answer)) = self.due.pop_front()
         {
@@ -346,7 +320,7 @@ impl Device for UnitreeMotor {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         let has = self.motion(shaft);
         if shaft.temperature() >= TOO_HOT {
             self.error = 1;
@@ -370,15 +344,11 @@ impl Device for UnitreeMotor {
 
     fn inject(&mut self, fault: EscFault) -> bool {
         match fault {
-            EscFault::OverTemperature => self.error = 1,
-            EscFault::OverCurrent => self.error = 2,
-            EscFault::OverVoltage => self.error = 3,
-            EscFault::Encoder => self.error = 4,
             // Its cable to the module.
             EscFault::CommunicationLost => self.unplugged = true,
-            EscFault::UnderVoltage => return false,
+            _ => self.error = error_of(fault).unwrap_or(self.error),
         }
-        true
+        fault != EscFault::UnderVoltage
     }
 }
 

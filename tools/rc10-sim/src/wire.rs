@@ -77,11 +77,11 @@ pub struct BusCounters {
 }
 
 /// An ESC's CAN controller: a queue with one frame per identifier.
-struct Node {
+pub(crate) struct Node {
     /// Since when it is powered: it hears, and acknowledges, frames that began since.
     present_since: Option<Nanos>,
     queue: VecDeque<CanFrame>,
-    overwritten: u64,
+    pub(crate) overwritten: u64,
 }
 
 /// Frames an ESC's queue holds; then the oldest goes.
@@ -99,13 +99,14 @@ pub(crate) fn urgency(frame: &CanFrame) -> (Id, bool) {
 }
 
 pub(crate) struct Wire {
-    bit_time_ns: u64,
+    pub(crate) bit_time_ns: u64,
     /// The bus's own controller.
     pub(crate) host: Rc<RefCell<Host>>,
-    /// That one, unless another was attached.
+    /// The host, unless another controller was attached.
     controller: Rc<RefCell<dyn Controller>>,
-    nodes: Vec<Node>,
-    foreign: VecDeque<CanFrame>,
+    pub(crate) nodes: Vec<Node>,
+    /// Frames that a foreign node has to send.
+    pub(crate) foreign: VecDeque<CanFrame>,
     bus: Segment,
     /// The wire's end at a controller that is cut off: no other node is there.
     stub: Segment,
@@ -113,12 +114,12 @@ pub(crate) struct Wire {
     shorted: bool,
     held: bool,
     /// Frames that noise is going to destroy.
-    to_damage: u32,
+    pub(crate) to_damage: u32,
     /// Whether the controller is connected, when that was looked at last.
     connected: bool,
     /// The activity that the controller was told last.
     told: Option<Activity>,
-    trace: Option<Vec<TraceEntry>>,
+    pub(crate) trace: Option<Vec<TraceEntry>>,
     pub(crate) counters: BusCounters,
     pub(crate) occupancy: Occupancy,
 }
@@ -181,18 +182,6 @@ impl Wire {
         queue.push_back(frame);
     }
 
-    pub(crate) fn overwritten(&self, node: usize) -> u64 {
-        self.nodes[node].overwritten
-    }
-
-    pub(crate) fn inject(&mut self, frame: CanFrame) {
-        self.foreign.push_back(frame);
-    }
-
-    pub(crate) fn foreign_waiting(&self) -> usize {
-        self.foreign.len()
-    }
-
     /// Another controller in the place of the present one, whose frame on the wire breaks off.
     pub(crate) fn attach(&mut self, controller: Rc<RefCell<dyn Controller>>, now: Nanos) {
         let cut = std::mem::replace(&mut self.cut, true);
@@ -228,14 +217,6 @@ impl Wire {
             _ => (),
         }
         self.tell(now);
-    }
-
-    pub(crate) const fn damage(&mut self, frames: u32) {
-        self.to_damage = frames;
-    }
-
-    pub(crate) fn take_trace(&mut self) -> Vec<TraceEntry> {
-        self.trace.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// The time of the next event that happens here by itself.
@@ -376,11 +357,7 @@ impl Wire {
         off * 1_000_000 <= self.bit_time_ns * u64::from(tolerance)
     }
 
-    pub(crate) const fn bit_time_ns(&self) -> u64 {
-        self.bit_time_ns
-    }
-
-    /// Whatever frame is on the wire is none any more.
+    /// Destroys the frame that is on the wire.
     fn destroy(&mut self, now: Nanos) {
         let end = now + self.bits(ERROR_FRAME);
         if let Segment::Frame(air) = &mut self.bus {

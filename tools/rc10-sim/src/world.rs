@@ -11,14 +11,13 @@ use crate::Nanos;
 use crate::base::{Body, Chassis, Mounting, WheelError, WheelMotors};
 use crate::device::{Place, Unit};
 use crate::handles::{Base, Bus, Esc};
-use crate::line::{self, LineConfig};
-use crate::line_handles::Line;
+use crate::line::{Line, LineConfig, LineWire};
 use crate::pulses::{PulseDevice, PulseLine, Pulses};
 use crate::random::Random;
-use crate::serial::{self, SerialConfig, SerialDevice};
-use crate::serial_handles::Serial;
+use crate::serial::{Link, Serial, SerialConfig, SerialDevice};
 use crate::tasks::Awake;
 use crate::time::{Clock, make_current};
+use crate::uart::Hosted;
 use crate::wire::{BusConfig, Wire};
 
 /// The physics step: [`STEP`](crate::motor::STEP).
@@ -35,8 +34,8 @@ pub(crate) struct Inner {
     start: Nanos,
     next_step: Nanos,
     pub(crate) wires: Vec<Wire>,
-    pub(crate) lines: Vec<line::Line>,
-    pub(crate) serials: Vec<serial::Link>,
+    pub(crate) lines: Vec<LineWire>,
+    pub(crate) serials: Vec<Link>,
     pub(crate) pulses: Vec<PulseLine>,
     pub(crate) units: Vec<Unit>,
     pub(crate) bodies: Vec<Body>,
@@ -192,7 +191,7 @@ impl World {
     #[must_use]
     pub fn add_line(&mut self, config: LineConfig) -> Line {
         let mut inner = self.inner.borrow_mut();
-        inner.lines.push(line::Line::new(config));
+        inner.lines.push(LineWire::new(config));
         Line { inner: Rc::clone(&self.inner), index: inner.lines.len() - 1 }
     }
 
@@ -200,7 +199,7 @@ impl World {
     #[must_use]
     pub fn add_serial(&mut self, config: SerialConfig, device: impl SerialDevice) -> Serial {
         let mut inner = self.inner.borrow_mut();
-        inner.serials.push(serial::Link::new(config, Box::new(device), self.clock.now_ns()));
+        inner.serials.push(Link::new(config, Box::new(device), self.clock.now_ns()));
         Serial { inner: Rc::clone(&self.inner), index: inner.serials.len() - 1 }
     }
 
@@ -367,8 +366,8 @@ impl World {
     /// any.
     fn wake_ports(&self) -> bool {
         let take = |inner: &mut Inner| -> Vec<Waker> {
-            let lines = inner.lines.iter_mut().flat_map(line::Line::take_wakers);
-            let serials = inner.serials.iter_mut().flat_map(serial::Link::take_wakers);
+            let lines = inner.lines.iter_mut().flat_map(Hosted::take_wakers);
+            let serials = inner.serials.iter_mut().flat_map(Hosted::take_wakers);
             let pulses = inner.pulses.iter_mut().map(PulseLine::take_waker);
             lines.chain(serials).chain(pulses).flatten().collect()
         };

@@ -92,7 +92,7 @@ impl Bench {
         self.drives.iter().map(rim).collect()
     }
 
-    /// Of the body and all that turns in it, J.
+    /// Energy of the body and all that turns in it, J.
     fn energy(&self, chassis: &Chassis) -> f64 {
         let twist = self.base.twist();
         let turning = |esc: &Esc| {

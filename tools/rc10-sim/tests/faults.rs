@@ -28,7 +28,7 @@ fn errors(port: &SimPort) -> (u8, u8, ErrorState) {
     (health.transmit_errors, health.receive_errors, health.state)
 }
 
-/// What went over the wire, as `start in ns, identifier`.
+/// Traffic on the wire, as `start in ns, identifier`.
 fn trace(bus: &Bus) -> Vec<(u64, u32)> {
     bus.take_trace().iter().map(|entry| (entry.start.get(), entry.frame.raw_id())).collect()
 }
@@ -145,7 +145,7 @@ fn a_short_destroys_the_frame_on_the_wire_and_the_escs_repeat_theirs() {
 }
 
 #[test]
-fn on_a_shorted_wire_nobody_wins() {
+fn on_a_shorted_wire_no_node_wins() {
     let (mut world, bus, mut port, _) = quiet();
     bus.inject(&frame(0x100));
     bus.set_shorted(true);

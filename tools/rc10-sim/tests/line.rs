@@ -1,12 +1,12 @@
 //! The serial line: how long bytes take, who hears them, and what goes wrong.
 
 use rc10_sim::unitree_line::{GoM8010, plant};
-use rc10_sim::{Esc, Line, LineConfig, Nanos, SerialPort, World};
+use rc10_sim::{Esc, Line, LineConfig, Nanos, UartPort, World};
 
 /// Lock, to motor 0.
 const QUESTION: [u8; 17] = [0xFE, 0xEE, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x65, 0x23];
 
-fn world(config: LineConfig) -> (World, Line, Esc, SerialPort) {
+fn world(config: LineConfig) -> (World, Line, Esc, UartPort) {
     let mut world = World::new(1);
     let line = world.add_line(config);
     let motor = line.add(GoM8010::new(0), plant());

@@ -165,7 +165,7 @@ fn a_fault_wakes_who_waits() {
         },
     ));
     let done = world.run(task, Micros::from_millis(1));
-    let Poll::Ready(((read, at), ())) = done else { panic!("nobody woke it") };
+    let Poll::Ready(((read, at), ())) = done else { panic!("it was not woken") };
     assert_eq!(read, Err(UartFault::Break));
     assert!((300..=400).contains(&at), "{at}");
 }
@@ -309,7 +309,7 @@ fn rising_edges_have_their_times_and_a_cut_line_has_none() {
 }
 
 #[test]
-fn edges_that_nobody_takes_are_kept_up_to_a_number() {
+fn edges_that_are_not_taken_are_kept_up_to_a_number() {
     let (mut world, pulses) = beeper(1000);
     world.advance(Micros::from_millis(70));
     assert_eq!(pulses.lost(), 6);

@@ -17,7 +17,7 @@ fn quiet_bus(world: &mut World) -> (Bus, SimPort) {
     (bus, port)
 }
 
-/// What went over the wire, as `end time, frame`.
+/// Traffic on the wire, as `end time, frame`.
 fn trace(bus: &Bus) -> Vec<(u64, String)> {
     let trace = bus.take_trace();
     let line = |entry: &rc10_sim::TraceEntry| (entry.at.get(), entry.frame.to_string());

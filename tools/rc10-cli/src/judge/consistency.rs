@@ -4,8 +4,8 @@
 //! A property that no sensor can know, such as a wheel's true radius, is given as information, with
 //! what would show it. Thresholds, and the shipped robots' distance from them: `docs/verdict.md`.
 
+use rc10_emu::fault::{Fault, Kind};
 use rc10_motor::{DriveMode, Link, TargetKind};
-use rc10_sim::fault::{Fault, Kind};
 
 use crate::recording::excuse::{is_excused, is_on};
 use crate::recording::problem::{About, Problem};

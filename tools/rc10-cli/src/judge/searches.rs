@@ -4,10 +4,11 @@
 //! and the shipped robots' distance from them: `docs/verdict.md`.
 
 use rc10_can::Micros;
+use rc10_emu::fault::{ChipFault, Fault, Kind as FaultKind};
 use rc10_module::Counters;
 use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{ArmState, Condition, DriveMode, Link, Verdict};
-use rc10_sim::fault::{Fault, Kind as FaultKind, is_called};
+use rc10_sim::fault::is_called;
 
 use crate::recording::effort::{EffortTrack, IN_A_ROW};
 use crate::recording::excuse::{
@@ -116,7 +117,8 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
 pub(super) fn robot(recording: &Recording, found: &mut Vec<Problem>) {
     let never_armed = !recording.arm.is_empty() && !recording.arm.contains(&ArmState::Armed);
     let forbids = |kind: &FaultKind| {
-        matches!(kind, FaultKind::RemoteLost | FaultKind::CrystalDead | FaultKind::CrystalStops)
+        use ChipFault::{CrystalDead, CrystalStops};
+        matches!(kind, FaultKind::RemoteLost | FaultKind::Other(CrystalDead | CrystalStops))
     };
     let has_reason = recording.source == Source::Robot
         || recording.faults.iter().any(|fault| forbids(&fault.kind));

@@ -1,7 +1,8 @@
 //! Whether an injected fault explains an effect: its place and its duration.
 
 use rc10_can::Micros;
-use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
+use rc10_emu::fault::{ChipFault, Fault, Kind as FaultKind};
+use rc10_sim::fault::Wire;
 
 use crate::recording::sample::SAMPLE_PERIOD;
 use crate::robot::motor::Place;
@@ -12,13 +13,9 @@ pub(crate) fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros
     let until = fault.until.map(|until| until.micros());
     match fault.kind {
         FaultKind::RemoteLost | FaultKind::Part(..) => None,
-        FaultKind::Panic
-        | FaultKind::HardFault
-        | FaultKind::Hang(_)
-        | FaultKind::Mask
-        | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
-        // For good: bit rates follow the chip's own oscillator.
-        FaultKind::CrystalDead => Some((from, None)),
+        // For good: bit rates are what the chip's own oscillator makes of them.
+        FaultKind::Other(ChipFault::CrystalDead) => Some((from, None)),
+        FaultKind::Other(_) => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
         FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
         _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
         _ => None,

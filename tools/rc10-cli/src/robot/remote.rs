@@ -3,9 +3,9 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use rc10_can::Micros;
-use rc10_sim::fault::Kind;
+use rc10_emu::fault::{Fault, Kind};
 use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus, Vt03};
-use rc10_sim::{Fault, Nanos, PulsePort, Pulses, Serial, UartPort, World};
+use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
 
 pub use rc10_module::remote::Receiver;
 

@@ -2,10 +2,10 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
+use rc10_emu::fault::{Fault, Kind};
 use rc10_emu::{Board, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
-use rc10_sim::fault::{Fault, Kind};
 use rc10_sim::{Bus, Esc, Nanos, TraceEntry};
 use sha2::{Digest as _, Sha256};
 

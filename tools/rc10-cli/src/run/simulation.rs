@@ -2,6 +2,7 @@
 
 use anyhow::{Result, ensure};
 use rc10_can::Micros;
+use rc10_emu::fault::ChipFault;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmState, ArmSwitch, Loops, MotorStatus};
@@ -26,7 +27,7 @@ pub struct Simulation<'r> {
     pub(crate) ports: Ports<'r>,
     pub(crate) loops: Vec<Option<Loops>>,
     description: Description,
-    faults: Faults,
+    faults: Faults<ChipFault>,
     /// Frames on the wires that were not taken yet.
     frames: Vec<Vec<TraceEntry>>,
 }

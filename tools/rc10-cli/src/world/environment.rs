@@ -6,6 +6,7 @@ use std::pin::Pin;
 
 use anyhow::{Context, Result, ensure};
 use rc10_can::Micros;
+use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
@@ -136,10 +137,11 @@ impl Environment {
     }
 
     /// The faults of a description in this environment; fails if a bus or line does not exist.
-    pub fn faults(&self, description: &Description) -> Result<Faults> {
-        let faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
+    pub fn faults(&self, description: &Description) -> Result<Faults<ChipFault>> {
+        let mut faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
         let (serials, contacts) = self.parts(description);
-        Ok(faults.with_parts(serials, contacts))
+        faults.set_parts(serials, contacts);
+        Ok(faults)
     }
 
     /// The parts on UARTs by their labels, and the contacts by their motors'.

@@ -7,12 +7,13 @@ use std::rc::Rc;
 use anyhow::{Context, Result, bail, ensure};
 use embassy_time::Instant;
 use rc10_can::Micros;
+use rc10_emu::fault::{Fault, Kind};
 use rc10_module::Reception;
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
-use rc10_sim::fault::{Kind, is_called};
-use rc10_sim::{Contact, Fault, Faults, TaskName, Tasks, UartPort};
+use rc10_sim::fault::is_called;
+use rc10_sim::{Contact, Faults, TaskName, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 
@@ -321,7 +322,8 @@ impl<'r> Robot<'r> {
     /// simulation cannot have them.
     pub fn inject(&mut self, injected: &Injected, command: &str) -> Result<()> {
         let Injected { faults, mistakes } = injected;
-        if let Some(Fault { kind, .. }) = faults.iter().find(|fault| fault.kind.is_of_chip()) {
+        let mut kinds = faults.iter().map(|fault| &fault.kind);
+        if let Some(kind) = kinds.find(|kind| matches!(kind, Kind::Other(_))) {
             bail!("--fault {kind}: {command} has no chip to do that to; rc10 emu does it");
         }
         self.set_faults(faults)?;

@@ -2,14 +2,16 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
 use rc10_motor::{CanIds, Frames, Ownership, SafeState};
 
-use crate::case::{Findings, FrameCase, Outcome, broken};
+use crate::case::Case;
 use crate::harness::Sent;
+use crate::outcome::{Findings, Outcome, broken};
 use crate::recorder::name_and_ids;
 use crate::rig::Rig;
 
-pub(super) fn ids_are_valid(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
-    if case.motor().name().model.is_empty() {
+pub(super) fn ids_are_valid(case: &Case<'_>, found: &mut Findings) {
+    let Some(motor) = case.can_motor() else { return };
+    let ids = motor.can_ids();
+    if motor.name().model.is_empty() {
         found.add(None, "its model has no name".to_owned());
     }
     if !ids.received().iter().any(|receive| receive.rate.per_second() > 0) {
@@ -33,8 +35,8 @@ pub(super) fn ids_are_valid(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-pub(super) fn ids_are_constant(case: &FrameCase<'_>, found: &mut Findings) {
-    let fresh = name_and_ids(&*case.motor());
+pub(super) fn ids_are_constant(case: &Case<'_>, found: &mut Findings) {
+    let Some(fresh) = case.can_motor().map(|motor| name_and_ids(&*motor)) else { return };
     for moment in case.life().moments() {
         if moment.ids.as_ref().is_some_and(|now| *now != fresh) {
             let what = format!("in {:?} they differ from those of a fresh motor", moment.drive);
@@ -55,8 +57,8 @@ fn declares(transmit: &Frames, frame: &CanFrame) -> bool {
     is_own && transmit.contains(frame) && frame.len() == usize::from(transmit.len)
 }
 
-pub(super) fn frames_are_declared(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
+pub(super) fn frames_are_declared(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
     let is_declared = |frame: &CanFrame| ids.transmitted().iter().any(|t| declares(t, frame));
     for moment in case.life().moments() {
         if let Some((frame, _)) = moment.frames.iter().find(|(frame, _)| !is_declared(frame)) {
@@ -89,8 +91,8 @@ fn occupies(ids: &CanIds, key: u32) -> bool {
     })
 }
 
-pub(super) fn streams_are_own(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
+pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
     for moment in case.life().moments() {
         // A frame without a stream of its own is declared, or another rule says so.
         let foreign =
@@ -101,7 +103,7 @@ pub(super) fn streams_are_own(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-pub(super) fn few_frames_a_tick(case: &FrameCase<'_>, found: &mut Findings) {
+pub(super) fn few_frames_a_tick(case: &Case<'_>, found: &mut Findings) {
     for moment in case.life().moments() {
         let (sent, coast) = (moment.frames.len(), moment.coast.len());
         if sent > 2 || coast > 2 {
@@ -111,8 +113,8 @@ pub(super) fn few_frames_a_tick(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-pub(super) fn load_is_as_declared(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
+pub(super) fn load_is_as_declared(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
     found.note(case.alone(SafeState::Coast, |rig| {
         rig.get_going()?;
         let _ = rig.bench.take_traffic();

@@ -1,8 +1,9 @@
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 use rc10_motor::{Impedance, Motion, Target, TargetKind};
 
-use crate::case::{Case, Findings};
+use crate::case::Case;
 use crate::declaration::Claim;
+use crate::outcome::Findings;
 
 /// A target of every kind, with `number` wherever one stands.
 pub(super) fn every_kind(number: f32) -> [Target; 12] {

@@ -1,7 +1,8 @@
 use rc10_motor::{DriveMode, Request, SafeState};
 use rc10_sim::EscFault;
 
-use crate::case::{Case, Findings, Outcome, broken};
+use crate::case::Case;
+use crate::outcome::{Findings, Outcome, broken};
 use crate::rig::Rig;
 
 const FAULTS: [EscFault; 6] = [
@@ -87,7 +88,7 @@ pub(super) fn fault_waits(case: &Case<'_>, found: &mut Findings) {
     for_each_fault(case, found, |rig, fault| {
         let cruise = rig.cruise();
         rig.esc.set_load(0.0);
-        is_told(rig, fault).map_err(|_| crate::case::Halt::Stuck)?;
+        is_told(rig, fault).map_err(|_| crate::outcome::Halt::Stuck)?;
         let answer = rig.ask(Request::ClearFault);
         rig.wait(Some(cruise), 100);
         if answer.is_ok() && rig.status().fault.is_none() {

@@ -1,43 +1,27 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Frames, Link, Tick, TxBatch};
+use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Frames, Link, Request, Tick, TxBatch};
+use rc10_sim::Random;
 
-use crate::case::{Findings, FrameCase, Outcome, broken};
+use crate::case::Case;
+use crate::outcome::{Findings, Outcome, broken};
 use crate::recorder::{Call, Told, not_finite, replay};
 
-/// Chance that is the same everywhere for ever: `SplitMix64`.
-struct Random(u64);
-
-impl Random {
-    const fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut mixed = self.0;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ (mixed >> 31)
+/// Eight bytes; in every fourth case such as make infinities and NaN of any float.
+const fn bytes(random: &mut Random) -> [u8; 8] {
+    match random.bits() % 8 {
+        0 => [0xFF; 8],
+        1 => [0x7F, 0x80, 0x00, 0x00, 0x80, 0x7F, 0x80, 0x7F],
+        _ => random.bits().to_le_bytes(),
     }
+}
 
-    /// Eight bytes; in every fourth case such as make infinities and NaN of any float.
-    const fn bytes(&mut self) -> [u8; 8] {
-        match self.next() % 8 {
-            0 => [0xFF; 8],
-            1 => [0x7F, 0x80, 0x00, 0x00, 0x80, 0x7F, 0x80, 0x7F],
-            _ => self.next().to_le_bytes(),
-        }
-    }
-
-    fn id(&mut self) -> Id {
-        let bits = self.next();
-        if bits & 1 == 0 { standard(bits >> 1) } else { extended(bits >> 1) }
-    }
-
-    /// An identifier of a pattern.
-    fn id_of(&mut self, pattern: &IdPattern) -> Id {
-        let free = self.next() & !u64::from(pattern.mask());
-        match pattern.id() {
-            Id::Standard(id) => standard(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
-            Id::Extended(id) => extended(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
-        }
+/// An identifier of a pattern.
+fn id_of(pattern: &IdPattern, random: &mut Random) -> Id {
+    let free = random.bits() & !u64::from(pattern.mask());
+    match pattern.id() {
+        Id::Standard(id) => standard(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
+        Id::Extended(id) => extended(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
     }
 }
 
@@ -55,6 +39,18 @@ fn frame(id: Id, bytes: &[u8]) -> CanFrame {
     CanFrame::data_frame(id, bytes).unwrap_or_else(|_| CanFrame::eight_bytes(id, [0; 8]))
 }
 
+/// The drives of a motor that hears nonsense: mostly it runs.
+const DRIVES: [DriveMode; 8] = [
+    DriveMode::Off,
+    DriveMode::Coast,
+    DriveMode::Brake,
+    DriveMode::Hold,
+    DriveMode::Run,
+    DriveMode::Run,
+    DriveMode::Run,
+    DriveMode::Run,
+];
+
 /// Whether the motor is expected to look at such an identifier at all.
 fn is_own(ids: &CanIds, id: Id) -> bool {
     ids.received().iter().any(|receive| receive.pattern.contains(id))
@@ -63,12 +59,14 @@ fn is_own(ids: &CanIds, id: Id) -> bool {
 /// Gives frames that are refused to a motor that runs; then it must go on as its twin does that
 /// never got them.
 fn change_nothing(
-    case: &FrameCase<'_>,
+    case: &Case<'_>,
     frames: impl Iterator<Item = CanFrame>,
     is_right: impl Fn(&CanFrame, FrameError) -> bool,
 ) -> Outcome {
     let (before, after) = case.life().calls();
-    let (mut motor, mut twin) = (case.motor(), case.motor());
+    let (Some(mut motor), Some(mut twin)) = (case.can_motor(), case.can_motor()) else {
+        return Ok(());
+    };
     replay(&mut *motor, before);
     replay(&mut *twin, before);
     let told = Told::of(&*motor);
@@ -89,9 +87,9 @@ fn change_nothing(
     broken(at, "after them it sends other frames than without")
 }
 
-pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
-    let mut random = Random(1);
+pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
+    let mut random = Random::new(1);
     // Neighbours first: the identifiers that differ from its own by a bit.
     let near: Vec<Id> = ids
         .received()
@@ -112,12 +110,15 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     let others: Vec<Id> = near
         .into_iter()
         .chain(commands)
-        .chain((0..5000).map(|_| random.id()))
+        .chain((0..5000).map(|_| {
+            let bits = random.bits();
+            if bits & 1 == 0 { standard(bits >> 1) } else { extended(bits >> 1) }
+        }))
         .filter(|id| !is_own(&ids, *id))
         .collect();
     let foreign = others.into_iter().map(|id| {
-        let len = random.next() % 9;
-        let bytes = random.bytes();
+        let len = random.bits() % 9;
+        let bytes = bytes(&mut random);
         frame(id, bytes.get(..usize::try_from(len).unwrap_or(8)).unwrap_or(&bytes))
     });
     let remote = ids.received().iter().filter_map(|receive| {
@@ -126,12 +127,12 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     let is_right = |_: &CanFrame, error| error == FrameError::NotMine;
     found.note(change_nothing(case, foreign.chain(remote), is_right));
     // Where devices share an identifier, a byte says whose a frame is.
-    let mut random = Random(4);
+    let mut random = Random::new(4);
     let guarded = ids.received().iter().filter(|receive| receive.guard().is_some());
     let others = guarded.flat_map(|receive| {
         let made = (0..500).map(|_| {
-            let id = random.id_of(&receive.pattern);
-            frame(id, &random.bytes()[..receive.len.min(8).into()])
+            let id = id_of(&receive.pattern, &mut random);
+            frame(id, &bytes(&mut random)[..receive.len.min(8).into()])
         });
         let is_other = |frame: &CanFrame| !ids.received().iter().any(|own| own.contains(frame));
         made.filter(is_other).collect::<Vec<_>>()
@@ -140,27 +141,29 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     found.note(change_nothing(case, others.into_iter(), |_, _| true));
 }
 
-pub(super) fn wrong_lengths(case: &FrameCase<'_>, found: &mut Findings) {
-    let ids = case.motor().can_ids();
-    let mut random = Random(2);
+pub(super) fn wrong_lengths(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
+    let mut random = Random::new(2);
     let mut wrong = Vec::new();
     for receive in ids.received() {
         for len in 0..=8_u8 {
             for _ in 0..50 {
-                let id = random.id_of(&receive.pattern);
+                let id = id_of(&receive.pattern, &mut random);
                 let mut others = ids.received().iter();
                 if others.any(|other| other.len == len && other.pattern.contains(id)) {
                     continue;
                 }
-                wrong.push(frame(id, &random.bytes()[..usize::from(len)]));
+                wrong.push(frame(id, &bytes(&mut random)[..usize::from(len)]));
             }
         }
     }
-    found.note(change_nothing(case, wrong.into_iter(), |_, _| true));
+    let is_right = |_: &CanFrame, error| matches!(error, FrameError::Length | FrameError::NotMine);
+    found.note(change_nothing(case, wrong.into_iter(), is_right));
 }
 
-pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
-    for receive in case.motor().can_ids().received() {
+pub(super) fn any_content(case: &Case<'_>, found: &mut Findings) {
+    let Some(ids) = case.can_ids() else { return };
+    for receive in ids.received() {
         found.note(content(case, receive));
     }
     for moment in case.life().moments() {
@@ -170,21 +173,21 @@ pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-fn content(case: &FrameCase<'_>, receive: &Frames) -> Outcome {
-    let mut random = Random(3);
+fn content(case: &Case<'_>, receive: &Frames) -> Outcome {
+    let mut random = Random::new(3);
     let (before, after) = case.life().calls();
-    let mut motor = case.motor();
+    let Some(mut motor) = case.can_motor() else { return Ok(()) };
     replay(&mut *motor, before);
     let mut at = motor.feedback().at;
     let real: Vec<CanFrame> = before.iter().filter_map(|call| frame_of(call, receive)).collect();
     for turn in 0..4000_usize {
-        at += Micros::new(random.next() % 3000);
-        let mut bytes = random.bytes();
-        let mut id = random.id_of(&receive.pattern);
+        at += Micros::new(random.bits() % 3000);
+        let mut bytes = bytes(&mut random);
+        let mut id = id_of(&receive.pattern, &mut random);
         // Every other one is a real one in which a byte or two are wrong: it comes further.
         if let (true, Some(real)) = (turn % 2 == 0, real.get(turn / 2 % real.len().max(1))) {
             id = real.id();
-            let wrong = random.next().to_le_bytes();
+            let wrong = random.bits().to_le_bytes();
             let (first, second) = (usize::from(wrong[0] % 8), usize::from(wrong[1] % 8));
             bytes[..real.len()].copy_from_slice(real.bytes());
             (bytes[first], bytes[second]) = (wrong[2], wrong[3]);
@@ -199,7 +202,18 @@ fn content(case: &FrameCase<'_>, receive: &Frames) -> Outcome {
         if let Some(name) = not_finite(&now.feedback) {
             return broken(at, format!("{frame} makes the {name} infinite or NaN"));
         }
-        drive_on(&mut *motor);
+        // That it lies within a turn is another rule.
+        let (angle, total) = (now.feedback.angle.get(), now.feedback.total_angle);
+        let apart = (total.within_turn().get() - angle).rem_euclid(360.0);
+        if apart.min(360.0 - apart) > 1e-3 {
+            return broken(at, format!("{frame} makes its angle {angle}, and {total:?} in all"));
+        }
+        let drive = DRIVES[usize::from(random.bits().to_le_bytes()[0]) % DRIVES.len()];
+        let trials = &case.declared.trials;
+        if !trials.is_empty() {
+            let _ = motor.set_target(trials[turn % trials.len()].target);
+        }
+        drive_on(&mut *motor, drive);
     }
     // And it takes real ones still.
     replay(&mut *motor, &after[..after.len().min(100)]);
@@ -215,12 +229,14 @@ fn frame_of(call: &Call, receive: &Frames) -> Option<CanFrame> {
 }
 
 /// A tick of a motor that has just heard nonsense.
-fn drive_on(motor: &mut dyn CanMotor) {
-    motor.update(&Tick::new(DriveMode::Run));
+fn drive_on(motor: &mut dyn CanMotor, drive: DriveMode) {
+    let _ = motor.request(Request::ClearFault);
+    let _ = motor.response();
+    motor.update(&Tick::new(drive));
     let _ = motor.pack_command(&mut TxBatch::new());
 }
 
-pub(super) fn feedback_at(case: &FrameCase<'_>, found: &mut Findings) {
+pub(super) fn feedback_at(case: &Case<'_>, found: &mut Findings) {
     for (arrived, told) in &case.life().log.arrivals {
         if arrived != told {
             found.add(Some(*arrived), format!("it says that it arrived at {told}"));

@@ -1,8 +1,9 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm};
 use rc10_motor::{Impedance, SafeState, Target, TargetKind};
 
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
 use crate::declaration::Declaration;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
 /// The spring of the declaration.
@@ -58,8 +59,7 @@ fn law(rig: &Rig<'_>, [spring, damper, torque]: [f32; 3]) -> Result<Law, Halt> {
 
 /// Armed, coasting, and at rest.
 fn rests(rig: &mut Rig<'_>) -> Outcome {
-    rig.is_heard().map_err(|_| Halt::Stuck)?;
-    rig.switch.arm().map_err(|_| Halt::Stuck)?;
+    rig.wake()?;
     rig.wait(Some(Target::Coast), rig.declared.enables_within + 100);
     Ok(())
 }
@@ -94,7 +94,7 @@ pub(super) fn obeys_the_law(case: &Case<'_>, found: &mut Findings) {
     }
 }
 
-/// What the motor did before.
+/// State of the motor before.
 #[derive(Clone, Copy, Debug)]
 enum Before {
     Coasting,

@@ -1,8 +1,9 @@
 use rc10_app::{Amps, NewtonMetres};
 use rc10_motor::{Request, RequestError, Response, SafeState, Target};
 
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
 use crate::harness::Sent;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
 /// The limit's share of the effort that is asked for.
@@ -51,7 +52,29 @@ pub(super) fn limits_bound_efforts(case: &Case<'_>, found: &mut Findings) {
             })
         });
         found.note(tried.and_then(|()| is_same(&beyond, &within, trial.target, limit)));
+        found.note(case.alone(SafeState::Coast, |rig| {
+            rig.get_going()?;
+            gives_no_more_than_all(rig, trial.target)
+        }));
     }
+}
+
+/// Whatever it is asked for, its torque is not above the largest that it has.
+fn gives_no_more_than_all(rig: &mut Rig<'_>, target: Target) -> Outcome {
+    let most = match target {
+        Target::Current(_) => Target::Current(Amps::new(f32::MAX)),
+        Target::Torque(_) => Target::Torque(NewtonMetres::new(f32::MAX)),
+        _ => return Ok(()),
+    };
+    let full = f64::from(rig.declared.full_torque.get());
+    for _ in 0..100 {
+        rig.tick(Some(most));
+        let torque = rig.esc.state().torque;
+        if torque.abs() > 1.05 * full {
+            return broken(rig.now(), format!("with {most:?}, {torque:.3} N m of {full:.3}"));
+        }
+    }
+    Ok(())
 }
 
 fn is_same(beyond: &[Sent], within: &[Sent], target: Target, limit: Request) -> Outcome {

@@ -1,13 +1,13 @@
 use rc10_motor::{DriveMode, Link, SafeState};
 
-use crate::case::{Case, Findings, Outcome, broken};
+use crate::case::Case;
+use crate::outcome::{Findings, Outcome, broken};
 use crate::rig::Rig;
 
 pub(super) fn link_timeout(case: &Case<'_>, found: &mut Findings) {
-    let millis = |micros: u64| u32::try_from(micros / 1000).unwrap_or(u32::MAX);
     let motor = case.motor();
-    let (timeout, period) =
-        (millis(motor.link_timeout().get()), millis(motor.report_period().get()));
+    let period = u32::try_from(motor.report_period().get() / 1000).unwrap_or(u32::MAX);
+    let timeout = motor.link_timeout();
     // From the last report on, which may be a period old when the next one stays away.
     found.note(case.alone(SafeState::Hold, |rig| {
         rig.get_going()?;

@@ -16,7 +16,8 @@ mod stopping;
 mod targets;
 mod zero;
 
-use crate::case::{Case, Findings, FrameCase};
+use crate::case::Case;
+use crate::outcome::Findings;
 
 /// A rule that every motor keeps.
 pub struct Rule {
@@ -24,27 +25,12 @@ pub struct Rule {
     pub name: &'static str,
     /// Text of the rule.
     pub text: &'static str,
-    pub(crate) check: Check,
-}
-
-/// How a rule is tried.
-pub(crate) enum Check {
-    /// On a motor of any kind.
-    Any(fn(&Case<'_>, &mut Findings)),
-    /// On one that has frames.
-    Frames(fn(&FrameCase<'_>, &mut Findings)),
+    /// Tries it; nothing, if it is about frames and the motor has none.
+    pub(crate) check: fn(&Case<'_>, &mut Findings),
 }
 
 const fn rule(name: &'static str, text: &'static str, check: fn(&Case<'_>, &mut Findings)) -> Rule {
-    Rule { name, text, check: Check::Any(check) }
-}
-
-const fn frame_rule(
-    name: &'static str,
-    text: &'static str,
-    check: fn(&FrameCase<'_>, &mut Findings),
-) -> Rule {
-    Rule { name, text, check: Check::Frames(check) }
+    Rule { name, text, check }
 }
 
 /// All rules, in the order in which they are tried.
@@ -55,33 +41,29 @@ pub const RULES: &[Rule] = &[
          what the motor cannot do has a reason.",
         declared::every_target_is_tried,
     ),
-    frame_rule(
+    rule(
         "ids-are-valid",
         "Its identifiers include feedback that comes regularly and a command; no frame is longer \
          than 8 bytes, and owned bytes and guards lie within their frames.",
         can_ids::ids_are_valid,
     ),
-    frame_rule(
+    rule(
         "ids-are-constant",
         "Its name and its identifiers are the same whatever happened to the motor.",
         can_ids::ids_are_constant,
     ),
-    frame_rule(
+    rule(
         "frames-are-declared",
         "Every frame it sends is declared: identifier, length, its own bytes or guard.",
         can_ids::frames_are_declared,
     ),
-    frame_rule(
+    rule(
         "streams-are-own",
         "The stream that a frame names is one of the motor's own identifiers.",
         can_ids::streams_are_own,
     ),
-    frame_rule(
-        "few-frames-a-tick",
-        "It sends at most two frames in a tick.",
-        can_ids::few_frames_a_tick,
-    ),
-    frame_rule(
+    rule("few-frames-a-tick", "It sends at most two frames in a tick.", can_ids::few_frames_a_tick),
+    rule(
         "load-is-as-declared",
         "While it runs, frames come and go as often as declared, and none comes that is not \
          declared.",
@@ -129,24 +111,24 @@ pub const RULES: &[Rule] = &[
         "The same things happening to it give the same frames, to the bit.",
         targets::deterministic,
     ),
-    frame_rule(
+    rule(
         "foreign-frames",
         "Frames with identifiers of others, and remote requests, are `NotMine` and change nothing; \
          nor do frames whose guard says that they are another's.",
         frames::foreign_frames,
     ),
-    frame_rule(
+    rule(
         "wrong-lengths",
         "A frame of its own with a wrong length is an error and changes nothing.",
         frames::wrong_lengths,
     ),
-    frame_rule(
+    rule(
         "any-content",
-        "Any content of a frame of its own leaves its feedback finite, and a refused frame \
-         changes nothing.",
+        "Any content of a frame of its own leaves its feedback finite and its angles in agreement, \
+         and a refused frame changes nothing.",
         frames::any_content,
     ),
-    frame_rule("feedback-at", "`Feedback::at` is when the frame arrived.", frames::feedback_at),
+    rule("feedback-at", "`Feedback::at` is when the frame arrived.", frames::feedback_at),
     rule(
         "silent-before-feedback",
         "Before its first feedback it drives nothing, for any target.",
@@ -180,7 +162,7 @@ pub const RULES: &[Rule] = &[
          comes back softly.",
         link::link_timeout,
     ),
-    frame_rule(
+    rule(
         "coast-frames-are-fixed",
         "The frames for a panic handler are always the same, also before any feedback.",
         stopping::coast_frames_are_fixed,
@@ -196,7 +178,7 @@ pub const RULES: &[Rule] = &[
     rule(
         "restart",
         "A device that was restarted is enabled again and follows, softly; also if it was away \
-         for so short a time that its link was never lost.",
+         for so short a time that its link was never lost. Turns that it may have missed are told.",
         returning::restart,
     ),
     rule(
@@ -213,7 +195,7 @@ pub const RULES: &[Rule] = &[
     rule(
         "zero-moves-nothing",
         "A new zero moves nothing while it turns, seeks, holds, brakes or obeys an impedance; the \
-         same number commanded again lies elsewhere.",
+         same number commanded again lies elsewhere, and coasting is coasting.",
         zero::zero_moves_nothing,
     ),
     rule(
@@ -235,7 +217,8 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "limits-bound-efforts",
-        "A lowered limit bounds every torque and current that is asked for, braking too.",
+        "A lowered limit bounds every torque and current that is asked for, braking too; without one \
+         none is above its largest torque.",
         limits::limits_bound_efforts,
     ),
     rule(
@@ -250,8 +233,8 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "pending-is-answered",
-        "A request that is pending keeps others off, and is answered once, also when the device \
-         is silent.",
+        "A request that is pending keeps others off, and is answered once; by a time-out when the \
+         device is silent.",
         requests::pending_is_answered,
     ),
     rule(

@@ -3,7 +3,8 @@ use rc10_motor::{
     Feedback, Gains, Request, RequestError, Response, SafeState, Safety, Target, TargetKind,
 };
 
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
 /// How far from zero an angle just set to zero may be, degrees.
@@ -131,13 +132,13 @@ pub(super) fn pending_is_answered(case: &Case<'_>, found: &mut Findings) {
                 }
                 rig.bench.set_cut(is_silent);
                 rig.wait(None, 1);
-                is_answered(rig, request)
+                is_answered(rig, request, is_silent)
             }));
         }
     }
 }
 
-fn is_answered(rig: &mut Rig<'_>, request: Request) -> Outcome {
+fn is_answered(rig: &mut Rig<'_>, request: Request, is_silent: bool) -> Outcome {
     if rig.bench.request(rig.motor, request) != Ok(Response::Pending) {
         return Ok(());
     }
@@ -145,8 +146,13 @@ fn is_answered(rig: &mut Rig<'_>, request: Request) -> Outcome {
     if second != Err(RequestError::Busy) {
         return broken(rig.now(), format!("{request:?} is pending; the same again: {second:?}"));
     }
-    if rig.response().is_none() {
-        return broken(rig.now(), format!("{request:?} is pending for ever"));
+    match rig.response() {
+        None => return broken(rig.now(), format!("{request:?} is pending for ever")),
+        Some(Err(RequestError::Timeout)) => (),
+        Some(answer) if is_silent => {
+            return broken(rig.now(), format!("{request:?}, with a cut wire: {answer:?}"));
+        }
+        Some(_) => (),
     }
     rig.tick(None);
     match rig.bench.response(rig.motor) {

@@ -1,21 +1,23 @@
 use rc10_app::TotalAngle;
 use rc10_motor::{SafeState, Target, TargetKind};
 
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
-/// A speed is approached gently anyway; a torque is a step, and shows whether the start is soft.
+/// A speed is approached gently anyway; a torque is a step and shows whether the start is soft, and
+/// so does a spring, whose angle means another place to a device that was restarted.
 fn for_each_effort(
     case: &Case<'_>,
     found: &mut Findings,
     scenario: impl Fn(&mut Rig<'_>, Target) -> Outcome,
 ) {
-    let efforts = [TargetKind::Torque, TargetKind::Current, TargetKind::Duty];
+    use TargetKind::{Current, Duty, Impedance, Torque};
+    let efforts = [Torque, Current, Duty, Impedance];
     for trial in &case.declared.trials {
         if efforts.contains(&trial.target.kind()) {
             found.note(case.alone(SafeState::Coast, |rig| {
-                rig.is_heard().map_err(|_| Halt::Stuck)?;
-                rig.switch.arm().map_err(|_| Halt::Stuck)?;
+                rig.wake()?;
                 rig.wait(Some(trial.target), rig.declared.enables_within + 50);
                 scenario(rig, trial.target)
             }));
@@ -25,8 +27,7 @@ fn for_each_effort(
 
 pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
     // Longer than its link lasts.
-    let timeout = u32::try_from(case.motor().link_timeout().get() / 1000).unwrap_or(u32::MAX);
-    let short = timeout.saturating_add(3).max(60);
+    let short = case.motor().link_timeout().saturating_add(3).max(60);
     for millis in [short, short + 340] {
         found.note(case.alone(SafeState::Coast, |rig| {
             rig.get_going()?;
@@ -115,6 +116,10 @@ fn counts_on(rig: &mut Rig<'_>, millis: u32, is_backward: bool) -> Outcome {
         let what = format!(
             "restarted after {millis} ms, it went {moved:.1} degrees and says {counted:.1}"
         );
+        return broken(rig.now(), what);
+    }
+    if millis >= SHORT && rig.status().feedback.turn_gaps == 0 {
+        let what = format!("restarted after {millis} ms, it does not say that it missed turns");
         return broken(rig.now(), what);
     }
     if rig.bench.supports(rig.motor).contains(TargetKind::TotalAngle) {

@@ -1,7 +1,8 @@
 use rc10_app::Seconds;
 use rc10_motor::{ArmSwitch, Link, Safety, Target};
 
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 
 const MILLISECOND: Seconds = Seconds::new(0.001);
 

@@ -2,8 +2,9 @@ use rc10_app::Seconds;
 use rc10_motor::{ArmSwitch, DriveMode, Request, SafeState, TxBatch};
 use rc10_sim::EscFault;
 
-use crate::case::{Case, Findings, FrameCase, Halt, Outcome, broken};
+use crate::case::Case;
 use crate::declaration::Claim;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
 pub(super) fn silent_before_feedback(case: &Case<'_>, found: &mut Findings) {
@@ -100,8 +101,7 @@ pub(super) fn expiry(case: &Case<'_>, found: &mut Findings) {
 }
 
 pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
-    let timeout = case.motor().link_timeout().get() / 1000;
-    let timeout = u32::try_from(timeout).unwrap_or(u32::MAX);
+    let timeout = case.motor().link_timeout();
     found.note(case.alone(SafeState::Hold, |rig| {
         rig.get_going()?;
         let cruise = rig.cruise();
@@ -113,9 +113,10 @@ pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
     }));
 }
 
-pub(super) fn coast_frames_are_fixed(case: &FrameCase<'_>, found: &mut Findings) {
+pub(super) fn coast_frames_are_fixed(case: &Case<'_>, found: &mut Findings) {
     let mut tx = TxBatch::new();
-    if case.motor().coast_frames(&mut tx).is_err() || tx.frames().is_empty() {
+    let Some(motor) = case.can_motor() else { return };
+    if motor.coast_frames(&mut tx).is_err() || tx.frames().is_empty() {
         return found.add(None, "a fresh motor has none".to_owned());
     }
     for moment in case.life().moments() {
@@ -127,7 +128,7 @@ pub(super) fn coast_frames_are_fixed(case: &FrameCase<'_>, found: &mut Findings)
     }
 }
 
-/// What the device is doing when the program panics.
+/// State of the device when the program panics.
 #[derive(Clone, Copy, Debug)]
 enum Doing {
     Waiting,
@@ -145,8 +146,7 @@ pub(super) fn coast_frames_stop(case: &Case<'_>, found: &mut Findings) {
             match doing {
                 Waiting => rig.wait(None, 50),
                 Enabling => {
-                    rig.is_heard().map_err(|_| Halt::Stuck)?;
-                    rig.switch.arm().map_err(|_| Halt::Stuck)?;
+                    rig.wake()?;
                     rig.wait(Some(cruise), rig.declared.enables_within / 2 + 1);
                 }
                 Running => rig.get_going()?,

@@ -2,9 +2,10 @@ use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
 use rc10_motor::{Condition, DriveMode, Motion, SafeState, Target, TargetError, TargetKind, Tick};
 
 use super::declared::every_kind;
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
 use crate::declaration::Trial;
 use crate::harness::Sent;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::recorder::not_finite;
 use crate::rig::Rig;
 
@@ -110,8 +111,7 @@ pub(super) fn follows_motions(case: &Case<'_>, found: &mut Findings) {
         return;
     }
     found.note(case.alone(SafeState::Coast, |rig| {
-        rig.is_heard().map_err(|_| Halt::Stuck)?;
-        let _ = rig.switch.arm();
+        rig.wake()?;
         let speed = Rpm::new(0.5 * rig.declared.cruise.get());
         let here = rig.status().feedback.total_angle;
         let gone = |ticks: u32| {
@@ -157,8 +157,7 @@ fn reaches(rig: &mut Rig<'_>, trial: &Trial) -> Outcome {
         rig.get_going()?;
         rig.esc.set_load(0.0);
     } else {
-        rig.is_heard().map_err(|_| Halt::Stuck)?;
-        let _ = rig.switch.arm();
+        rig.wake()?;
     }
     let (mut kept, mut nearest, mut effort) = (0, f64::INFINITY, None);
     for _ in 0..rig.declared.enables_within + trial.within {

@@ -4,11 +4,12 @@ use rc10_motor::{
 };
 
 use super::impedance::spring_of;
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::Case;
 use crate::declaration::Claim;
+use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
-/// What the motor does when its zero is set.
+/// State of the motor when its zero is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Doing {
     Turning,
@@ -88,7 +89,7 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
     Ok(target)
 }
 
-/// As a task does it that means it.
+/// Sets the zero of a driven motor, on purpose.
 pub(super) fn set_zero(rig: &mut Rig<'_>) -> Outcome {
     match rig.bench.request(rig.motor, Request::SetZeroOfDriven) {
         Ok(Response::Done) => Ok(()),
@@ -131,11 +132,15 @@ pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
             rig.wait(Some(target), 2000);
             let moved = rig.esc.state().output_degrees - start;
             let wanted = f64::from(zero.degrees().get());
-            if (moved - wanted).abs() <= 0.2 * wanted.abs() {
-                return Ok(());
+            if (moved - wanted).abs() > 0.2 * wanted.abs() {
+                let what =
+                    format!("{doing:?}, the same number moves it {moved:.1}, not {wanted:.1}");
+                return broken(rig.now(), what);
             }
-            let what = format!("{doing:?}, the same number moves it {moved:.1}, not {wanted:.1}");
-            broken(rig.now(), what)
+            // Coasting is not taken for what it does already.
+            set_zero(rig)?;
+            rig.wait(Some(Target::Coast), rig.declared.stops_within);
+            rig.is_at_rest("told to coast after a new zero")
         }));
     }
 }

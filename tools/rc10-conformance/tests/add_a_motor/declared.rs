@@ -1,4 +1,4 @@
-//! What the Finch F10 can do.
+//! Abilities of the Finch F10.
 
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Declaration, Trial};

@@ -26,7 +26,7 @@ impl FinchDrive {
     }
 
     /// A frame it sends. Numbers that do not fit saturate, as the drive's own do.
-    fn report(&self, shaft: &Shaft<'_>) -> CanFrame {
+    fn report(&self, shaft: &Shaft) -> CanFrame {
         let turns = shaft.radians() / std::f64::consts::TAU;
         let angle = (turns.rem_euclid(1.0) * 65536.0) as u16;
         let rpm = (shaft.speed() * 30.0 / std::f64::consts::PI * 10.0).round() as i16;
@@ -46,7 +46,7 @@ impl FinchDrive {
 }
 
 impl Device for FinchDrive {
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         *self = Self { commanded: now, next_report: now + phase, ..Self::new(self.id as u8) };
     }
 
@@ -54,7 +54,7 @@ impl Device for FinchDrive {
         PERIOD
     }
 
-    fn receive(&mut self, frame: &CanFrame, _: &Shaft<'_>, now: Micros, _: &mut Outbox) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, _: &Shaft, now: Micros, _: &mut Outbox) -> Taken {
         if frame.id() != Id::Standard(StandardId::new(0x300 + self.id).unwrap()) {
             return Taken::NotMine;
         }
@@ -78,14 +78,14 @@ impl Device for FinchDrive {
         Some(self.next_report)
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if now >= self.next_report {
             self.next_report += PERIOD;
             out.send(self.report(shaft));
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         if now.since(self.commanded) > PATIENCE {
             self.disable();
         }

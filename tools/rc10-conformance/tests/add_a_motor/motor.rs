@@ -15,7 +15,7 @@ use rc10_motor::{
     TargetSet, Tick, TxBatch, TxFull,
 };
 
-/// What the motor is told.
+/// A command to the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// Bridge open.
@@ -43,7 +43,7 @@ impl Command {
     }
 }
 
-/// What the motor tells, 1000 times a second.
+/// A report of the motor, 1000 times a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
     /// Angle of the shaft, 65536 to a turn.
@@ -54,7 +54,7 @@ pub struct Report {
     pub amps: f32,
     /// Whether the bridge is closed.
     pub enabled: bool,
-    /// What is wrong; 0 for nothing.
+    /// The error; 0 if all is well.
     pub error: u8,
 }
 
@@ -150,7 +150,7 @@ impl Finch {
         self.fault.is_none() && self.report.is_some_and(|report| report.enabled)
     }
 
-    /// What to tell it in this tick.
+    /// The command of this tick.
     fn command(&self) -> Command {
         match self.mode {
             _ if self.clearing.question().is_some() => Command::ClearError,

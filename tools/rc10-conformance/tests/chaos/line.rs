@@ -5,7 +5,7 @@ use rc10_motor::{
     ArmSwitch, CommandError, MotorId, MotorStatus, Request, RequestError, Response, Safety, Target,
     TargetSet,
 };
-use rc10_sim::{Esc, EscFault, EscState, Line};
+use rc10_sim::{Esc, Line};
 
 use crate::chaos::random::Random;
 use crate::chaos::scene::Scene;
@@ -84,24 +84,8 @@ impl Scene for LineScene<'_> {
         false
     }
 
-    fn state(&self) -> EscState {
-        self.device.state()
-    }
-
-    fn set_power(&self, on: bool) {
-        self.device.set_power(on);
-    }
-
-    fn set_feedback(&self, on: bool) {
-        self.device.set_feedback(on);
-    }
-
-    fn set_load(&self, torque: f64) {
-        self.device.set_load(torque);
-    }
-
-    fn inject(&self, fault: EscFault) -> bool {
-        self.device.inject(fault)
+    fn esc(&self) -> &Esc {
+        &self.device
     }
 
     fn set_cut(&self, cut: bool) {
@@ -118,7 +102,7 @@ impl Scene for LineScene<'_> {
     }
 
     fn impersonate(&self, random: &mut Random) {
-        self.bench.wire.inject(&random.next().to_le_bytes());
+        self.bench.wire.inject(&random.bits().to_le_bytes());
     }
 
     fn wrong_frames(&self) -> Option<String> {

@@ -6,7 +6,7 @@ use rc10_motor::{
     ArmSwitch, CanIds, CanMotor, CommandError, MotorId, MotorStatus, Request, RequestError,
     Response, Safety, Target, TargetSet,
 };
-use rc10_sim::{Bus, Esc, EscFault, EscState, SimPort};
+use rc10_sim::{Bus, Esc, SimPort};
 
 use crate::chaos::random::Random;
 use crate::chaos::story;
@@ -26,11 +26,8 @@ pub trait Scene {
     fn heals_within(&self) -> u32;
     /// Whether its device is enabled step by step, so that one restarted in a blink is found out.
     fn tells_restarts(&self) -> bool;
-    fn state(&self) -> EscState;
-    fn set_power(&self, on: bool);
-    fn set_feedback(&self, on: bool);
-    fn set_load(&self, torque: f64);
-    fn inject(&self, fault: EscFault) -> bool;
+    /// The device.
+    fn esc(&self) -> &Esc;
     fn set_cut(&self, cut: bool);
     /// Shorts the wires: nothing can be sent, and a controller leaves its bus.
     fn set_shorted(&self, shorted: bool);
@@ -38,7 +35,7 @@ pub trait Scene {
     fn damage(&self, frames: u32);
     /// Another node sends what only the device should.
     fn impersonate(&self, random: &mut Random);
-    /// What is wrong with what was sent in the last tick.
+    /// The error in what was sent in the last tick.
     fn wrong_frames(&self) -> Option<String>;
 }
 
@@ -145,24 +142,8 @@ impl Scene for CanScene<'_> {
         self.tells_restarts
     }
 
-    fn state(&self) -> EscState {
-        self.esc.state()
-    }
-
-    fn set_power(&self, on: bool) {
-        self.esc.set_power(on);
-    }
-
-    fn set_feedback(&self, on: bool) {
-        self.esc.set_feedback(on);
-    }
-
-    fn set_load(&self, torque: f64) {
-        self.esc.set_load(torque);
-    }
-
-    fn inject(&self, fault: EscFault) -> bool {
-        self.esc.inject(fault)
+    fn esc(&self) -> &Esc {
+        &self.esc
     }
 
     fn set_cut(&self, cut: bool) {
@@ -182,7 +163,7 @@ impl Scene for CanScene<'_> {
         let any = random.pick(received);
         let receive = random.pick(&[received[0], any]);
         let id = any_of(&receive.pattern, random);
-        let mut data = random.next().to_le_bytes();
+        let mut data = random.bits().to_le_bytes();
         if let Some(guard) = receive.guard() {
             let byte = &mut data[usize::from(guard.byte)];
             *byte = *byte & !guard.mask | guard.value & guard.mask;
@@ -209,7 +190,7 @@ impl Scene for CanScene<'_> {
 fn any_of(pattern: &IdPattern, random: &mut Random) -> rc10_can::embedded_can::Id {
     use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
     #[expect(clippy::cast_possible_truncation, reason = "low bits are meant")]
-    let any = random.next() as u32;
+    let any = random.bits() as u32;
     match pattern.id() {
         Id::Standard(id) => {
             let mask = pattern.mask() & 0x7FF;

@@ -1,4 +1,4 @@
-//! What happens, and how it ends.
+//! Events, and how a story ends.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,7 @@ const LENGTH: u32 = 2500;
 const SELDOM: u32 = 40;
 /// A device answers within, ms.
 const LONGEST_ANSWER: u32 = 1000;
-/// What happened last, for who reads what broke.
+/// Number of the last events that a report has.
 const REMEMBERED: usize = 14;
 
 struct Player<'a, S> {
@@ -34,7 +34,7 @@ struct Player<'a, S> {
     happened: VecDeque<String>,
 }
 
-/// What lasts for a while.
+/// Troubles that last for a while.
 #[derive(Clone, Copy, Debug)]
 enum Trouble {
     Cut,
@@ -109,7 +109,7 @@ impl<S: Scene> Player<'_, S> {
         }
         self.scene.tick();
         // Without a motor driving against it, a load would turn it faster than it can turn itself.
-        if self.scene.state().output_rpm.abs() > 2.0 * f64::from(self.declared.cruise.get()) {
+        if self.scene.esc().state().output_rpm.abs() > 2.0 * f64::from(self.declared.cruise.get()) {
             self.set(Trouble::Load, false, 0.0);
         }
         if self.world.noisy == 1 {
@@ -140,7 +140,7 @@ impl<S: Scene> Player<'_, S> {
             Trouble::Unpowered => (unpowered, &*self.scene),
             Trouble::Muted => (muted, &*self.scene),
             Trouble::Load => {
-                self.scene.set_load(share * f64::from(self.declared.load.get()));
+                self.scene.esc().set_load(share * f64::from(self.declared.load.get()));
                 return;
             }
         };
@@ -150,8 +150,8 @@ impl<S: Scene> Player<'_, S> {
         match trouble {
             Trouble::Cut => scene.set_cut(begins),
             Trouble::Shorted => scene.set_shorted(begins),
-            Trouble::Unpowered => scene.set_power(!begins),
-            Trouble::Muted => scene.set_feedback(!begins),
+            Trouble::Unpowered => scene.esc().set_power(!begins),
+            Trouble::Muted => scene.esc().set_feedback(!begins),
             Trouble::Load => (),
         }
         if !begins {
@@ -194,7 +194,7 @@ impl<S: Scene> Player<'_, S> {
                     EscFault::Encoder,
                 ];
                 let fault = random.pick(&faults);
-                if random.one_in(2) && self.scene.inject(fault) {
+                if random.one_in(2) && self.scene.esc().inject(fault) {
                     self.world.faulty = true;
                     self.world.deaf |= fault == EscFault::CommunicationLost;
                     self.note(format!("{fault:?}"));
@@ -386,7 +386,7 @@ impl<S: Scene> Player<'_, S> {
 
     /// How far it is from what is asked for.
     fn off(&self, trial: &Trial) -> f64 {
-        let (status, state) = (self.scene.status(), self.scene.state());
+        let (status, state) = (self.scene.status(), self.scene.esc().state());
         match trial.target {
             Target::Speed(rpm) => (state.output_rpm - f64::from(rpm.get())).abs(),
             Target::Angle(degrees) => {

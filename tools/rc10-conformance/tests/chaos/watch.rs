@@ -1,4 +1,4 @@
-//! What must hold in every millisecond, whatever happens.
+//! Conditions that hold in every millisecond, whatever happens.
 
 use rc10_conformance::{Claim, Declaration};
 use rc10_motor::{Condition, DriveMode, Link, MotorStatus, SafeState, TargetKind};
@@ -28,7 +28,7 @@ pub struct World {
     pub faulty: bool,
     /// It is unplugged from its gateway, or deaf while it writes its flash.
     pub deaf: bool,
-    /// Its gains are any: it may go anywhere.
+    /// Whether its gains are any: it may go anywhere.
     pub spoiled: bool,
     /// Milliseconds for which noise may still be on the wire.
     pub noisy: u32,
@@ -97,7 +97,7 @@ impl<'d> Watch<'d> {
     }
 
     pub fn look(&mut self, scene: &impl Scene, world: &World) -> Result<(), String> {
-        let (status, state) = (scene.status(), scene.state());
+        let (status, state) = (scene.status(), scene.esc().state());
         if let Some(wrong) = scene.wrong_frames() {
             return Err(wrong);
         }
@@ -227,7 +227,7 @@ impl<'d> Watch<'d> {
         world: &World,
         goes_with: bool,
     ) -> Result<(), String> {
-        let state = scene.state();
+        let state = scene.esc().state();
         let last = std::mem::replace(&mut self.last_torque, state.torque);
         let full = f64::from(self.declared.full_torque.get());
         let driven = matches!(status.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run)

@@ -5,15 +5,15 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::cybergear as sim;
 
-use super::{Report, check};
+use super::Check;
 
 /// Both models are driven alike; the spring is as stiff as the motor is strong.
-fn motor(
+fn motor<C: Check>(
     model: &'static Model,
     device: &'static sim::Model,
     inertia: f64,
     direction: Direction,
-) -> Result<(), Report> {
+) -> Result<(), String> {
     let full = model.limits.torque;
     let spring =
         Impedance { angle: Degrees::new(90.0), kp: full, kd: 0.1 * full, ..Impedance::default() };
@@ -24,14 +24,14 @@ fn motor(
         ..Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(full))
     }
     .with_trials(&[
-        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 600),
+        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 600),
         Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 5000),
         Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-360)), 1.0, 8000),
         Trial::new(Target::Torque(NewtonMetres::new(0.5 * full)), 0.02 * f64::from(full), 100),
         Trial::new(Target::Impedance(spring), 3.0, 3000),
     ]);
-    check(
+    C::check(
         &declared,
         |motor| {
             CyberGear::new(
@@ -45,10 +45,10 @@ fn motor(
     )
 }
 
-pub fn cybergear(direction: Direction) -> Result<(), Report> {
-    motor(&models::CYBERGEAR, &sim::CYBERGEAR, 0.01, direction)
+pub fn cybergear<C: Check>(direction: Direction) -> Result<(), String> {
+    motor::<C>(&models::CYBERGEAR, &sim::CYBERGEAR, 0.01, direction)
 }
 
-pub fn rs04(direction: Direction) -> Result<(), Report> {
-    motor(&models::RS04, &sim::RS04, 0.1, direction)
+pub fn rs04<C: Check>(direction: Direction) -> Result<(), String> {
+    motor::<C>(&models::RS04, &sim::RS04, 0.1, direction)
 }

@@ -6,20 +6,20 @@ use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
-use super::{Report, check};
+use super::Check;
 
 /// N m.
 const FULL: f32 = 7.0;
 
-fn j4310(
+fn j4310<C: Check>(
     control: Control,
     mode: Mode,
     declared: Declaration,
     direction: Direction,
-) -> Result<(), Report> {
+) -> Result<(), String> {
     let declared = Declaration { direction, ..declared };
     let ids = |id: u8| (u16::from(id), u16::from(id) + 0x20);
-    check(
+    C::check(
         &declared,
         |id| {
             let (can_id, master_id) = ids(id);
@@ -35,8 +35,8 @@ fn j4310(
 }
 
 const SPEEDS: [Trial; 2] = [
-    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 400),
+    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 400),
 ];
 const ANGLES: [Trial; 2] = [
     Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 5000),
@@ -49,7 +49,7 @@ fn declared() -> Declaration {
     Declaration { enables_within: 60, ..declared }
 }
 
-pub fn j4310_mit(direction: Direction) -> Result<(), Report> {
+pub fn j4310_mit<C: Check>(direction: Direction) -> Result<(), String> {
     let cascade = Cascade {
         speed: PidConfig::new(0.063, 0.5, 0.0, FULL),
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
@@ -62,7 +62,7 @@ pub fn j4310_mit(direction: Direction) -> Result<(), Report> {
         Trial::new(Target::Torque(NewtonMetres::new(3.5)), 0.1, 100),
         Trial::new(Target::Impedance(spring), 3.0, 3000),
     ]);
-    j4310(
+    j4310::<C>(
         Control::Mit(cascade),
         Mode::Mit,
         declared.with_trials(&SPEEDS).with_trials(&ANGLES),
@@ -70,27 +70,27 @@ pub fn j4310_mit(direction: Direction) -> Result<(), Report> {
     )
 }
 
-pub fn j4310_velocity(direction: Direction) -> Result<(), Report> {
-    j4310(Control::Velocity, Mode::Velocity, declared().with_trials(&SPEEDS), direction)
+pub fn j4310_velocity<C: Check>(direction: Direction) -> Result<(), String> {
+    j4310::<C>(Control::Velocity, Mode::Velocity, declared().with_trials(&SPEEDS), direction)
 }
 
 /// These take no speed, and reach two turns from zero: they cruise slowly.
-fn to_angles(control: Control, mode: Mode, direction: Direction) -> Result<(), Report> {
+fn to_angles<C: Check>(control: Control, mode: Mode, direction: Direction) -> Result<(), String> {
     let declared = Declaration {
         cruise: SLOW,
         far: Some(TotalAngle::from_degrees(700)),
         ..declared().with_trials(&ANGLES)
     };
-    j4310(control, mode, declared, direction)
+    j4310::<C>(control, mode, declared, direction)
 }
 
 const SLOW: Rpm = Rpm::new(15.0);
 
-pub fn j4310_position_velocity(direction: Direction) -> Result<(), Report> {
-    to_angles(Control::PositionVelocity { speed: SLOW }, Mode::PositionVelocity, direction)
+pub fn j4310_position_velocity<C: Check>(direction: Direction) -> Result<(), String> {
+    to_angles::<C>(Control::PositionVelocity { speed: SLOW }, Mode::PositionVelocity, direction)
 }
 
-pub fn j4310_force_position(direction: Direction) -> Result<(), Report> {
+pub fn j4310_force_position<C: Check>(direction: Direction) -> Result<(), String> {
     let control = Control::ForcePosition { speed: SLOW, torque_share: 0.5 };
-    to_angles(control, Mode::ForcePosition, direction)
+    to_angles::<C>(control, Mode::ForcePosition, direction)
 }

@@ -5,16 +5,16 @@ use rc10_motor::dji::{self, Dji};
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::{EscConfig, Model, Plant};
 
-use super::{Report, check};
+use super::Check;
 
 /// All models are driven alike. Each has about the inertia on its shaft that its gains are made for.
-fn dji(
+fn dji<C: Check>(
     model: &'static dji::Model,
     esc: Model,
     direction: Direction,
     declared: Declaration,
     inertia: f64,
-) -> Result<(), Report> {
+) -> Result<(), String> {
     let trials = [
         Trial::new(Target::Speed(declared.cruise), 2.0, 1500),
         Trial::new(Target::Speed(Rpm::new(-0.5 * declared.cruise.get())), 2.0, 1500),
@@ -22,7 +22,7 @@ fn dji(
         Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
     ];
     let plant: Plant = esc.plant().with_load_inertia(inertia);
-    check(
+    C::check(
         &Declaration {
             direction,
             disables: Claim::Cannot("it has no enable command"),
@@ -33,26 +33,26 @@ fn dji(
     )
 }
 
-pub fn m3508(direction: Direction) -> Result<(), Report> {
+pub fn m3508<C: Check>(direction: Direction) -> Result<(), String> {
     let declared = Declaration::new([1, 2], Rpm::new(100.0), NewtonMetres::new(6.0))
         .with_trials(&[Trial::new(Target::Current(Amps::new(-10.0)), 0.2, 100)]);
-    dji(&dji::M3508, Model::C620, direction, declared, 0.029)
+    dji::<C>(&dji::M3508, Model::C620, direction, declared, 0.029)
 }
 
 /// The second one is commanded by the other frame.
-pub fn m2006(direction: Direction) -> Result<(), Report> {
+pub fn m2006<C: Check>(direction: Direction) -> Result<(), String> {
     let declared = Declaration::new([1, 5], Rpm::new(100.0), NewtonMetres::new(1.8))
         .with_trials(&[Trial::new(Target::Current(Amps::new(5.0)), 0.1, 100)]);
-    dji(&dji::M2006, Model::C610, direction, declared, 0.002)
+    dji::<C>(&dji::M2006, Model::C610, direction, declared, 0.002)
 }
 
-pub fn gm6020_current(direction: Direction) -> Result<(), Report> {
+pub fn gm6020_current<C: Check>(direction: Direction) -> Result<(), String> {
     let declared = Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(2.2))
         .with_trials(&[Trial::new(Target::Current(Amps::new(1.5)), 0.05, 100)]);
-    dji(&dji::GM6020_CURRENT, Model::Gm6020Current, direction, declared, 0.01)
+    dji::<C>(&dji::GM6020_CURRENT, Model::Gm6020Current, direction, declared, 0.01)
 }
 
-pub fn gm6020_voltage(direction: Direction) -> Result<(), Report> {
+pub fn gm6020_voltage<C: Check>(direction: Direction) -> Result<(), String> {
     let declared = Declaration {
         coasts_freely: Claim::Cannot("no voltage shorts the winding: it turns with a drag"),
         // The winding's inductance.
@@ -62,5 +62,5 @@ pub fn gm6020_voltage(direction: Direction) -> Result<(), Report> {
         ..Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(2.2))
     }
     .with_trials(&[Trial::new(Target::Duty(0.5), 100.0, 500)]);
-    dji(&dji::GM6020_VOLTAGE, Model::Gm6020Voltage, direction, declared, 0.01)
+    dji::<C>(&dji::GM6020_VOLTAGE, Model::Gm6020Voltage, direction, declared, 0.01)
 }

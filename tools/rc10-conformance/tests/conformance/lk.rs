@@ -8,19 +8,19 @@ use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_sim::EscFault;
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 
-use super::{Report, check};
+use super::Check;
 
 fn trials(cruise: f32) -> [Trial; 4] {
     [
-        Trial::new(Target::Speed(Rpm::new(cruise)), 2.0, 1500),
-        Trial::new(Target::Speed(Rpm::new(-0.5 * cruise)), 2.0, 1500),
-        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
-        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 6000),
+        Trial::new(Target::Speed(Rpm::new(cruise)), 2.0, 300),
+        Trial::new(Target::Speed(Rpm::new(-0.5 * cruise)), 2.0, 300),
+        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 1500),
+        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 2000),
     ]
 }
 
 /// 5 A at 0.7 N m/A.
-pub fn mg4010e(direction: Direction) -> Result<(), Report> {
+pub fn mg4010e<C: Check>(direction: Direction) -> Result<(), String> {
     let cascade = Cascade {
         speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
         angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
@@ -34,7 +34,7 @@ pub fn mg4010e(direction: Direction) -> Result<(), Report> {
             Trial::new(Target::Current(Amps::new(2.5)), 0.1, 100),
             Trial::new(Target::Torque(NewtonMetres::new(-1.75)), 0.05, 100),
         ]);
-    check(
+    C::check(
         &Declaration {
             direction,
             untold_faults: vec![(EscFault::Encoder, "no error bit says so")],
@@ -49,7 +49,7 @@ pub fn mg4010e(direction: Direction) -> Result<(), Report> {
 }
 
 /// 12 A at 0.32 N m/A.
-pub fn mf9025_multi_motor(direction: Direction) -> Result<(), Report> {
+pub fn mf9025_multi_motor<C: Check>(direction: Direction) -> Result<(), String> {
     const UNTOLD: &str = "in the multi-motor frame a drive tells no errors";
     let cascade = Cascade {
         speed: PidConfig::new(0.1, 0.5, 0.0, 12.0),
@@ -72,7 +72,7 @@ pub fn mf9025_multi_motor(direction: Direction) -> Result<(), Report> {
             Trial::new(Target::Current(Amps::new(-6.0)), 0.1, 100),
             Trial::new(Target::Torque(NewtonMetres::new(1.92)), 0.05, 100),
         ]);
-    check(
+    C::check(
         &Declaration {
             direction,
             disables: Claim::Cannot("in the multi-motor frame there is no command for it"),

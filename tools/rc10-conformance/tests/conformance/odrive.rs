@@ -6,27 +6,31 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_sim::odrive::{Axis, Settings, d6374_8to1};
 
-use super::{Report, check};
+use super::Check;
 
 /// N m.
 const FULL: f32 = 8.0;
 
 const SPEEDS: [Trial; 2] = [
-    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 500),
+    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 500),
 ];
 const ANGLES: [Trial; 2] = [
     Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
-    Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 6000),
+    Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 2500),
 ];
 
-fn odrive(control: Control, declared: Declaration, direction: Direction) -> Result<(), Report> {
+fn odrive<C: Check>(
+    control: Control,
+    declared: Declaration,
+    direction: Direction,
+) -> Result<(), String> {
     let config = Config::new(0, Firmware::V0_6, control, Rates::new(1000, 100))
         .with_direction(direction)
         .with_gear(Gear::new(8, 1).unwrap())
         // 8 N m.
         .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(18.1) });
-    check(
+    C::check(
         &Declaration { direction, ..declared },
         |node| ODrive::new(Config { node, ..config }).unwrap(),
         |wire, node| {
@@ -45,7 +49,7 @@ fn declared() -> Declaration {
     Declaration { enables_within: 40, ..declared }
 }
 
-pub fn torque(direction: Direction) -> Result<(), Report> {
+pub fn torque<C: Check>(direction: Direction) -> Result<(), String> {
     let cascade = Cascade {
         speed: PidConfig::new(0.1, 1.0, 0.0, FULL),
         angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
@@ -55,18 +59,18 @@ pub fn torque(direction: Direction) -> Result<(), Report> {
     };
     let torque = Trial::new(Target::Torque(NewtonMetres::new(-4.0)), 0.1, 100);
     let declared = declared().with_trials(&[torque]).with_trials(&SPEEDS).with_trials(&ANGLES);
-    odrive(Control::Torque(cascade), declared, direction)
+    odrive::<C>(Control::Torque(cascade), declared, direction)
 }
 
-pub fn velocity(direction: Direction) -> Result<(), Report> {
+pub fn velocity<C: Check>(direction: Direction) -> Result<(), String> {
     let declared = Declaration {
         holds: Claim::Cannot("a velocity loop keeps no angle"),
         ..declared().with_trials(&SPEEDS)
     };
-    odrive(Control::Velocity(InputMode::VelocityRamp), declared, direction)
+    odrive::<C>(Control::Velocity(InputMode::VelocityRamp), declared, direction)
 }
 
-pub fn position(direction: Direction) -> Result<(), Report> {
+pub fn position<C: Check>(direction: Direction) -> Result<(), String> {
     let declared = Declaration {
         far: Some(TotalAngle::from_degrees(36_000)),
         // What its current may be rises by 5 % a millisecond; when the axis has braked, its own
@@ -74,5 +78,5 @@ pub fn position(direction: Direction) -> Result<(), Report> {
         softness: 0.16,
         ..declared().with_trials(&ANGLES)
     };
-    odrive(Control::Position(InputMode::Trapezoid), declared, direction)
+    odrive::<C>(Control::Position(InputMode::Trapezoid), declared, direction)
 }

@@ -5,10 +5,10 @@ use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE, LineConfig};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
-use super::{Report, check_line};
+use super::Check;
 
 /// A light load on its shaft.
-pub fn go_m8010(direction: Direction) -> Result<(), Report> {
+pub fn go_m8010<C: Check>(direction: Direction) -> Result<(), String> {
     let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
     let declared = Declaration {
         direction,
@@ -20,14 +20,14 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
         ..Declaration::new([0, 1], Rpm::new(100.0), LARGEST_TORQUE)
     }
     .with_trials(&[
-        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 400),
+        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 400),
         Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
         Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
         Trial::new(Target::Torque(NewtonMetres::new(-12.0)), 0.1, 100),
         Trial::new(Target::Impedance(spring), 1.0, 2000),
     ]);
-    check_line(
+    C::check_line(
         &declared,
         |id| GoM8010::new(LineConfig::new(id).with_direction(direction)).unwrap(),
         |wire, id| wire.add(Device::new(id), plant().with_load_inertia(0.01)),

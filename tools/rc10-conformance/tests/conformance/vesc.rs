@@ -10,7 +10,7 @@ use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};
 
-use super::{Report, check};
+use super::Check;
 
 const POLE_PAIRS: u8 = 7;
 const LIMIT: f32 = 40.0;
@@ -23,7 +23,7 @@ fn ours(id: u8, gear: Gear, direction: Direction) -> Config {
     Config::new(id, scale, currents).with_direction(direction)
 }
 
-/// Its side.
+/// The device's side.
 fn theirs(id: u8, plant: Plant) -> VescConfig {
     VescConfig {
         status_hz: [200, 0, 0, 10, 200, 0],
@@ -34,8 +34,12 @@ fn theirs(id: u8, plant: Plant) -> VescConfig {
     }
 }
 
-fn run(declared: &Declaration, plant: Plant, config: impl Fn(u8) -> Config) -> Result<(), Report> {
-    check(
+fn run<C: Check>(
+    declared: &Declaration,
+    plant: Plant,
+    config: impl Fn(u8) -> Config,
+) -> Result<(), String> {
+    C::check(
         declared,
         |id| Vesc::new(config(id)).unwrap(),
         |wire, id| {
@@ -67,17 +71,17 @@ const ALIKE: [Trial; 5] = [
     Trial::new(Target::Handbrake(Amps::new(20.0)), 300.0, 8000),
 ];
 
-pub fn vesc(direction: Direction) -> Result<(), Report> {
-    wheel(direction, None)
+pub fn vesc<C: Check>(direction: Direction) -> Result<(), String> {
+    wheel::<C>(direction, None)
 }
 
 /// Its currents are sent as shares of the device's limit.
-pub fn vesc_relative(direction: Direction) -> Result<(), Report> {
-    wheel(direction, Some(Amps::new(LIMIT)))
+pub fn vesc_relative<C: Check>(direction: Direction) -> Result<(), String> {
+    wheel::<C>(direction, Some(Amps::new(LIMIT)))
 }
 
 /// A wheel of 0.5 kg without gearbox.
-fn wheel(direction: Direction, relative_to: Option<Amps>) -> Result<(), Report> {
+fn wheel<C: Check>(direction: Direction, relative_to: Option<Amps>) -> Result<(), String> {
     let plant = outrunner_270_kv().with_load_inertia(6e-4);
     let declared = Declaration {
         holds: Claim::Cannot("a still field holds to half its turn: 26 degrees of this shaft"),
@@ -85,14 +89,14 @@ fn wheel(direction: Direction, relative_to: Option<Amps>) -> Result<(), Report> 
     }
     .with_trials(&ALIKE)
     .with_trials(&[Trial::new(Target::Speed(Rpm::new(1000.0)), 60.0, 3000)]);
-    run(&untold(declared, direction), plant, |id| Config {
+    run::<C>(&untold(declared, direction), plant, |id| Config {
         relative_to,
         ..ours(id, Gear::DIRECT, direction)
     })
 }
 
 /// A lift's drum behind a gearbox of 19 : 1.
-pub fn vesc_with_servo(direction: Direction) -> Result<(), Report> {
+pub fn vesc_with_servo<C: Check>(direction: Direction) -> Result<(), String> {
     let plant = outrunner_270_kv();
     let plant = Plant {
         gear_ratio: 19.0,
@@ -118,7 +122,7 @@ pub fn vesc_with_servo(direction: Direction) -> Result<(), Report> {
             Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.5, 6000),
         ]);
     let gear = Gear::new(19, 1).unwrap();
-    run(&untold(declared, direction), plant, |id| {
+    run::<C>(&untold(declared, direction), plant, |id| {
         ours(id, gear, direction).with_angle_loops(cascade)
     })
 }

@@ -12,7 +12,7 @@ use rc10_motor::odrive::{self, Firmware, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
 use rc10_motor::vesc::{self, Currents, Vesc};
-use rc10_motor::{ArmSwitch, CanMotor, Motor, MotorBus, Safety, TargetKind, TargetSet};
+use rc10_motor::{ArmSwitch, CanMotor, Motor, MotorBus, Safety, TargetKind, TargetSet, Verdict};
 
 const PAGE: &str = include_str!("../../../../docs/motors/README.md");
 
@@ -63,7 +63,7 @@ fn odrive(node: u8, control: odrive::Control) -> ODrive {
     ODrive::new(config.with_limits(limits)).unwrap()
 }
 
-/// As the page calls them.
+/// Kinds of target, and their names on the page.
 const KINDS: [(TargetKind, &str); 12] = [
     (TargetKind::Coast, "coast"),
     (TargetKind::Current, "current"),
@@ -140,6 +140,53 @@ fn targets_and_loads_are_those_of_the_page() {
         assert_eq!(cell(row, 5), format!("{:.0} / {:.0}", load.typical, load.worst), "{row}");
     }
     assert_targets("GO-M8010-6, RS-485", GoM8010::new(LineConfig::new(0)).unwrap().supports());
+}
+
+/// A name, what makes its motors by number, how many of them, their load, and what is said of it.
+type Loaded<'a> = (&'a str, &'a dyn Fn(u8) -> Box<dyn CanMotor>, u8, (f32, f32), Verdict);
+
+/// Percent of 1 Mbit/s of equal motors, typically and at worst.
+#[test]
+fn loads_add_up() {
+    use Verdict::{DoesNotFit, Fits, Tight};
+    let torque = odrive::Control::Torque(CASCADE);
+    let lk_alone = |id| Box::new(lk(id, Commands::Single)) as Box<dyn CanMotor>;
+    let lk_multi = |id| Box::new(lk(id, Commands::MultiMotor)) as Box<dyn CanMotor>;
+    let of_odrive = |node| {
+        let config = odrive::Config::new(node, Firmware::V0_6, torque, Rates::new(1000, 50));
+        Box::new(ODrive::new(config).unwrap()) as Box<dyn CanMotor>
+    };
+    let gear =
+        |id| Box::new(robstride(&cybergear::models::CYBERGEAR, id, 0xFD)) as Box<dyn CanMotor>;
+    let arm = |id: u8| {
+        let can_id = u16::from(id);
+        Box::new(damiao(can_id, 0x20 + can_id, Control::Velocity).unwrap()) as Box<dyn CanMotor>
+    };
+    let behind = |id| Box::new(module(3, id)) as Box<dyn CanMotor>;
+    let switch = ArmSwitch::new();
+    let makers: [Loaded<'_>; 11] = [
+        ("Damiao", &arm, 3, (71.0, 81.0), Fits),
+        ("Damiao", &arm, 4, (94.0, 108.0), Tight),
+        ("Damiao", &arm, 5, (118.0, 135.0), DoesNotFit),
+        ("CyberGear", &gear, 3, (83.0, 96.0), Fits),
+        ("CyberGear", &gear, 4, (111.0, 128.0), DoesNotFit),
+        ("GO-M8010-6", &behind, 3, (83.0, 96.0), Fits),
+        ("ODrive", &of_odrive, 1, (24.0, 28.0), Fits),
+        ("ODrive", &of_odrive, 3, (73.0, 83.0), Fits),
+        ("LK", &lk_alone, 3, (71.0, 81.0), Fits),
+        ("LK", &lk_alone, 4, (94.0, 108.0), Tight),
+        ("LK in one frame", &lk_multi, 4, (59.0, 68.0), Fits),
+    ];
+    for (name, make, count, percent, verdict) in makers {
+        let mut motors: Vec<_> = (1..=count).map(make).collect();
+        let mut bus = MotorBus::new(&switch);
+        for motor in &mut motors {
+            bus.attach(&mut **motor, Safety::COAST).unwrap();
+        }
+        let load = bus.load(1_000_000);
+        let told = (load.typical.round(), load.worst.round());
+        assert_eq!((told, load.verdict()), (percent, verdict), "{count} {name}");
+    }
 }
 
 /// Whether the bus refuses them.

@@ -6,6 +6,7 @@ mod cybergear;
 mod damiao;
 mod damiao_values;
 mod dji;
+mod faults;
 mod index;
 mod lk;
 mod odrive;
@@ -14,13 +15,128 @@ mod unitree_module;
 mod vesc;
 mod vesc_values;
 
+use std::marker::PhantomData;
+
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use rc10_can::CanFrame;
 use rc10_conformance::Bench;
-use rc10_motor::{MotorId, Target};
-use rc10_sim::Esc;
+use rc10_motor::signals::{Message, Presence};
+use rc10_motor::{
+    ArmSwitch, CanMotor, Link, MotorId, MotorStatus, Request, RequestError, Response, Safety,
+    Target,
+};
+use rc10_sim::{Device, Esc, Plant};
+
+/// The same cases in every run.
+fn cases(cases: u32) -> ProptestConfig {
+    let rng_seed = RngSeed::Fixed(10);
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// Any f32, NaN and infinities included; mostly those up to `usual`, either way.
+fn number(usual: f32) -> impl Strategy<Value = f32> {
+    const SPECIAL: [f32; 8] = [
+        0.0,
+        -0.0,
+        f32::NAN,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        f32::MAX,
+        f32::MIN,
+        f32::MIN_POSITIVE,
+    ];
+    prop_oneof![
+        4 => -usual..usual,
+        2 => any::<u32>().prop_map(f32::from_bits),
+        1 => prop::sample::select(&SPECIAL[..]),
+    ]
+}
+
+/// The signals of a message that are there in a frame, by its table alone.
+fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
+    let bytes = frame.bytes();
+    let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
+    let selected = switch.map(|signal| signal.raw(bytes).unwrap());
+    let is_there = |presence| match presence {
+        Presence::If(value) => selected == Some(value.into()),
+        Presence::Always | Presence::Switch => true,
+    };
+    let there = message.signals.iter().filter(|signal| is_there(signal.presence));
+    there.map(|signal| (signal.name, signal.physical(bytes).unwrap())).collect()
+}
 
 /// What a bench borrows, for as long as the tests run: none has to keep it.
 fn leak<T>(value: T) -> &'static mut T {
     Box::leak(Box::new(value))
+}
+
+/// A motor of ours and its device, alone on a bus.
+struct One<D> {
+    bench: Bench<'static>,
+    switch: &'static ArmSwitch,
+    motor: MotorId,
+    esc: Esc,
+    device: PhantomData<D>,
+}
+
+impl<D: Device> One<D> {
+    /// Both with power, disarmed.
+    fn new(motor: impl CanMotor + 'static, device: D, plant: Plant, safety: Safety) -> Self {
+        let switch = &*leak(ArmSwitch::new());
+        let mut bench = Bench::new(7, switch);
+        let esc = bench.wire.add(device, plant);
+        let motor = bench.attach(leak(motor), safety).unwrap();
+        Self { bench, switch, motor, esc, device: PhantomData }
+    }
+
+    /// Disarmed until the device was heard and looked at, then armed.
+    fn armed(mut self) -> Self {
+        self.bench.wait(20);
+        assert_eq!((self.status().link, self.status().fault), (Link::Online, None));
+        self.switch.arm().unwrap();
+        self
+    }
+
+    fn status(&self) -> MotorStatus {
+        self.bench.status(self.motor)
+    }
+
+    fn hold(&mut self, target: Target, millis: u32) {
+        self.bench.hold(self.motor, target, millis).unwrap();
+    }
+
+    fn device<T>(&self, look: impl FnOnce(&mut D) -> T) -> T {
+        self.esc.with(look).unwrap()
+    }
+
+    /// Speed and angle of its shaft.
+    fn rpm(&self) -> f64 {
+        rpm(&self.esc)
+    }
+
+    fn degrees(&self) -> f64 {
+        self.esc.state().output_degrees
+    }
+
+    /// Makes a request, and waits for its answer.
+    fn ask(&mut self, request: Request) -> Result<Response, RequestError> {
+        let answer = self.bench.bus.request(self.motor, request)?;
+        if answer != Response::Pending {
+            return Ok(answer);
+        }
+        let answer = (0..1000).find_map(|_| {
+            self.bench.tick();
+            self.bench.bus.response(self.motor)
+        });
+        answer.unwrap_or_else(|| panic!("no answer to {request:?}"))
+    }
+}
+
+impl<D> Drop for One<D> {
+    fn drop(&mut self) {
+        assert!(std::thread::panicking() || self.bench.refused() == 0);
+    }
 }
 
 fn rpm(esc: &Esc) -> f64 {

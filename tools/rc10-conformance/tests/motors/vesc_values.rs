@@ -1,4 +1,4 @@
-//! What the frames of a VESC say, by name.
+//! Contents of the frames of a VESC, by name.
 
 use rc10_can::CanFrame;
 use rc10_motor::vesc::{Reply, Status};
@@ -97,7 +97,9 @@ fn ordered(frame: &CanFrame) -> Vec<(&'static str, f64)> {
         Order::Handbrake(value) => vec![("VESC_SET_HANDBRAKE", value)],
         Order::HandbrakeShare(value) => vec![("VESC_SET_HANDBRAKE_SHARE", value)],
         Order::Ping(from) => vec![("VESC_PING_FROM", from.into())],
-        Order::CurrentLimits(min, max, _) => vec![("VESC_LIMIT_MIN", min), ("VESC_LIMIT_MAX", max)],
+        Order::CurrentLimits { min, max, .. } => {
+            vec![("VESC_LIMIT_MIN", min), ("VESC_LIMIT_MAX", max)]
+        }
         Order::Shutdown => Vec::new(),
     }
 }

@@ -1,6 +1,6 @@
 //! The ways to break one rule each.
 
-/// What is wrong with a motor.
+/// Defects of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spoil {
     Nothing,

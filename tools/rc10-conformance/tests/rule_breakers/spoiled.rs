@@ -27,10 +27,10 @@ pub struct Spoiled {
     id: u16,
     number: u32,
     ticks: u32,
-    /// What the bus said, and since how many ticks.
+    /// The drive that the bus allows, and since how many ticks.
     drive: DriveMode,
     since: u32,
-    /// What it said before.
+    /// The drive before.
     before: DriveMode,
     was_armed: bool,
     was_asked: bool,
@@ -51,7 +51,7 @@ pub struct Spoiled {
     asked: Target,
     /// A torque limit was set.
     is_limited: bool,
-    /// What a wrong count of turns is off by.
+    /// Error of a wrong count of turns.
     lost: TotalAngle,
 }
 
@@ -113,7 +113,7 @@ impl Spoiled {
         }
     }
 
-    /// What it takes for what the bus says.
+    /// The drive that it takes for the one of the bus.
     fn heeds(&self, drive: DriveMode) -> DriveMode {
         let (commanded, is_heard) = (self.commanded, self.silent_for < 5);
         let from_run = drive == DriveMode::Coast && self.before == DriveMode::Run;

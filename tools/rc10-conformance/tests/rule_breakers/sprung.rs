@@ -13,12 +13,12 @@ use rc10_motor::{
 };
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
-/// What is wrong with its impedances.
+/// Defects of its impedances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Slip {
-    /// It takes revolutions for radians.
+    /// Revolutions are taken for radians.
     SpeedInTurns,
-    /// It takes 60 ms to its full torque.
+    /// The full torque comes after 60 ms.
     StartsSlowly,
     /// While it starts, the spring alone is weaker.
     MovesEquilibrium,
@@ -40,11 +40,11 @@ struct Sprung {
     driven: u32,
 }
 
-/// What is in force from the first tick on, ms.
+/// Length of a start that is too slow, ms.
 const SOFT_TIME: u32 = 60;
 
 impl Sprung {
-    /// What it takes for what is asked.
+    /// The impedance that it takes for the one that is asked for.
     fn slipped(&self, asked: Impedance) -> Impedance {
         let Impedance { speed, torque, kp, .. } = asked;
         let starts = self.driven < SOFT_TIME;

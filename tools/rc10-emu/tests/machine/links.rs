@@ -3,11 +3,12 @@
 
 use std::collections::VecDeque;
 
+use rc10_emu::fault::Fault;
 use rc10_emu::peripherals::Width;
 use rc10_emu::{Machine, Rig};
 use rc10_sim::unitree_line::{GoM8010, plant};
 use rc10_sim::{
-    Fault, LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
+    LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
 };
 
 use crate::{FLASH, HANDLER, LOAD, program};

@@ -25,7 +25,7 @@ pub struct Chassis {
     pub stiffness: f64,
     /// Rolling resistance as a fraction of the wheel's load.
     pub rolling_resistance: f64,
-    /// Its wheels. Each carries the same load.
+    /// The wheels, of which each carries the same load.
     pub wheels: Vec<Wheel>,
     /// Castors, which carry as much each, and make no force.
     pub castors: usize,
@@ -41,7 +41,7 @@ pub struct Wheel {
     /// The direction in which it rolls when it turns forward, rad counter-clockwise from ahead; of a
     /// steered wheel at the angle at which its motor starts.
     pub direction: f64,
-    /// What it grips with.
+    /// The tread, which grips.
     pub tread: Tread,
     /// m.
     pub radius: f64,
@@ -51,7 +51,7 @@ pub struct Wheel {
     pub steering: Option<Steering>,
 }
 
-/// What a wheel grips with.
+/// Treads of wheels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tread {
     /// A plain wheel: along its rolling direction and across it, together never more than its grip.
@@ -71,7 +71,7 @@ pub struct Steering {
     /// Turns of the motor's output shaft per turn of the wheel about its vertical axis; negative if it
     /// turns the other way.
     pub gear: f64,
-    /// Of the fork with its wheel about that axis, kg·m².
+    /// Inertia of the fork with its wheel about that axis, kg·m².
     pub inertia: f64,
     /// Radius of the patch that stands on the floor, m. It scrubs with `2/3 · grip · load · radius`, a
     /// disc under even pressure; also while the wheel rolls, which is more than a real one does.

@@ -44,7 +44,7 @@ pub struct WheelMotors<'e> {
 }
 
 impl<'e> From<(&'e Esc, Mounting)> for WheelMotors<'e> {
-    /// Of a wheel that is not steered.
+    /// The motors of a wheel that is not steered.
     fn from(drive: (&'e Esc, Mounting)) -> Self {
         Self { drive, steering: None }
     }
@@ -131,7 +131,7 @@ pub(crate) type Mounted = (usize, Mounting);
 /// A wheel on the floor.
 struct Contact {
     wheel: Wheel,
-    /// Its motor, and 1 or -1 by its mounting.
+    /// The motor of the wheel, and 1 or -1 by its mounting.
     unit: usize,
     sign: f64,
     /// The motor that steers it, and radians of the wheel per degree of that motor's shaft.

@@ -3,27 +3,17 @@ use rc10_can::{CanFrame, Micros};
 use super::Model;
 use super::parameters::{Measured, Parameters};
 use super::wire::{self, Command, Motion, Report};
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::device::{Beyond, Device, EscFault, Outbox, Taken, Winding};
+use crate::motor::Shaft;
 
 /// Whether a device moves its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// It does not.
+    /// The motor is not driven.
     #[default]
     Reset,
-    /// It does as its run mode says.
+    /// The motor is driven as the run mode says.
     Run,
-}
-
-/// Feedback of a shaft beyond the range of its field. No source says; real devices are
-/// one or the other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum AtEnd {
-    /// The end of the range, as the vendor's conversion cuts off.
-    #[default]
-    Stops,
-    /// It starts over from the other end.
-    StartsOver,
 }
 
 /// The number of a simulated chip; its last byte is the motor's first identifier.
@@ -34,7 +24,7 @@ const LOOPS: f64 = 2.0;
 /// A simulated CyberGear or RobStride.
 pub struct CyberGear {
     model: Model,
-    at_end: AtEnd,
+    beyond: Beyond,
     id: u8,
     chip: [u8; 8],
     /// The host that spoke to it last.
@@ -45,7 +35,7 @@ pub struct CyberGear {
     saved: Parameters,
     /// Six bits of feedback.
     faults: u8,
-    /// Of a fault frame.
+    /// Bits of a fault frame.
     details: u32,
     /// Whether its faults stay when they are cleared.
     lasting: bool,
@@ -53,7 +43,7 @@ pub struct CyberGear {
     tells: bool,
     /// The shaft's angle that counts as zero, rad of [`Shaft::radians`].
     zero: f64,
-    /// That, as a RobStride keeps it.
+    /// The zero that a RobStride keeps without power.
     saved_zero: f64,
     placed: bool,
     integral: f64,
@@ -73,7 +63,7 @@ impl CyberGear {
         let [a, b, c, d, e, f, g] = CHIP;
         Self {
             model: *model,
-            at_end: AtEnd::Stops,
+            beyond: Beyond::Saturates,
             id,
             chip: [a, b, c, d, e, f, g, id],
             host: 0,
@@ -98,10 +88,10 @@ impl CyberGear {
         }
     }
 
-    /// The same with another behaviour beyond its range.
+    /// The same with another behaviour beyond its range: no source tells.
     #[must_use]
-    pub const fn with_end(mut self, at_end: AtEnd) -> Self {
-        self.at_end = at_end;
+    pub const fn with_end(mut self, beyond: Beyond) -> Self {
+        self.beyond = beyond;
         self
     }
 
@@ -111,7 +101,7 @@ impl CyberGear {
         self.mode
     }
 
-    /// Its identifier.
+    /// The identifier.
     #[must_use]
     pub const fn id(&self) -> u8 {
         self.id
@@ -153,7 +143,7 @@ impl CyberGear {
 
     /// Position of its shaft as it counts it, rad, all turns included.
     #[must_use]
-    pub fn position(&self, shaft: &Shaft<'_>) -> f64 {
+    pub fn position(&self, shaft: &Shaft) -> f64 {
         shaft.radians() - self.zero
     }
 
@@ -175,11 +165,11 @@ impl CyberGear {
         self.faults == 0 && self.details == 0
     }
 
-    fn report(&self, shaft: &Shaft<'_>) -> Report {
+    fn report(&self, shaft: &Shaft) -> Report {
         let range = 2.0 * self.model.position;
-        let position = match self.at_end {
-            AtEnd::Stops => self.position(shaft),
-            AtEnd::StartsOver => {
+        let position = match self.beyond {
+            Beyond::Saturates => self.position(shaft),
+            Beyond::Wraps => {
                 (self.position(shaft) + self.model.position).rem_euclid(range) - self.model.position
             }
         };
@@ -193,11 +183,11 @@ impl CyberGear {
         }
     }
 
-    fn feedback(&self, unasked: bool, shaft: &Shaft<'_>) -> CanFrame {
+    fn feedback(&self, unasked: bool, shaft: &Shaft) -> CanFrame {
         wire::feedback(unasked, self.id, self.host, &self.report(shaft), &self.model)
     }
 
-    fn measured(&self, shaft: &Shaft<'_>) -> Measured {
+    fn measured(&self, shaft: &Shaft) -> Measured {
         Measured {
             position: self.position(shaft),
             current: shaft.current(),
@@ -210,7 +200,7 @@ impl CyberGear {
     /// Sets the angle of the shaft when power comes: nothing but the rotor's angle within its turn
     /// is known to a CyberGear; a RobStride knows the output's, from its saved zero (*assumed*,
     /// both).
-    fn place(&mut self, shaft: &Shaft<'_>) {
+    fn place(&mut self, shaft: &Shaft) {
         let (turn, zero) = if self.model.robstride {
             (std::f64::consts::TAU, self.saved_zero)
         } else {
@@ -221,7 +211,7 @@ impl CyberGear {
         self.placed = true;
     }
 
-    fn obey(&mut self, command: Command, host: u8, shaft: &Shaft<'_>) -> Option<CanFrame> {
+    fn obey(&mut self, command: Command, host: u8, shaft: &Shaft) -> Option<CanFrame> {
         match command {
             Command::Identify => return Some(wire::identity(self.id, self.chip)),
             Command::Motion(motion) => {
@@ -285,7 +275,7 @@ impl CyberGear {
     }
 
     /// The current it drives, A, by its run mode.
-    fn current(&mut self, shaft: &Shaft<'_>) -> f64 {
+    fn current(&mut self, shaft: &Shaft) -> f64 {
         let Self { parameters, motion, model, .. } = *self;
         let constant = model.torque_constant();
         let (position, velocity) = (self.position(shaft), shaft.speed());
@@ -333,10 +323,10 @@ impl Device for CyberGear {
         true
     }
 
-    fn power_on(&mut self, now: Micros, _phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, _phase: Micros) {
         self.stop();
         self.parameters = self.saved;
-        // Commands are none of what is kept.
+        // Commands are not kept.
         let Parameters { run_mode, current, velocity, position, .. } = Parameters::new(&self.model);
         self.parameters = Parameters { run_mode, current, velocity, position, ..self.parameters };
         (self.faults, self.details, self.tells, self.lasting) = (0, 0, false, false);
@@ -346,13 +336,7 @@ impl Device for CyberGear {
         self.deaf = self.bit_rate != 1;
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        shaft: &Shaft<'_>,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         if self.deaf {
             return Taken::NotMine;
         }
@@ -383,7 +367,7 @@ impl Device for CyberGear {
         if self.tells { Some(Micros::ZERO) } else { self.next_report }
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if std::mem::take(&mut self.tells) && !self.deaf {
             let warnings = u32::from(shaft.temperature() >= self.model.hot);
             out.send(wire::faults(self.id, self.host, self.details, warnings));
@@ -396,7 +380,7 @@ impl Device for CyberGear {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         if !self.placed {
             self.place(shaft);
         }

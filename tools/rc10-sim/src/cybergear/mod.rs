@@ -1,8 +1,5 @@
 //! Xiaomi CyberGear and RobStride motors from the device's side: one protocol, eight models.
 //!
-//! Nothing here is shared with the motor library: an error in one of the two shows as a
-//! disagreement.
-//!
 //! * [`wire`]: the frames, as the device reads and writes them.
 //! * [`Parameters`]: what types 17 and 18 reach.
 //! * [`CyberGear`]: the device: modes, loops, faults, time-out.
@@ -16,6 +13,6 @@ mod models;
 mod parameters;
 pub mod wire;
 
-pub use device::{AtEnd, CyberGear, Mode};
+pub use device::{CyberGear, Mode};
 pub use models::{ALL, CYBERGEAR, Model, RS00, RS01, RS02, RS03, RS04, RS05, RS06};
 pub use parameters::Parameters;

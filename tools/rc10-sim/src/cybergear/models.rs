@@ -1,25 +1,25 @@
-use crate::plant::{Nonlinear, Plant};
+use crate::plant::Plant;
 
 /// Differences between the models.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// As the vendor writes it.
+    /// The name, as the vendor writes it.
     pub name: &'static str,
-    /// Ends of the field of position, ± rad.
+    /// End of the range of position, ± rad.
     pub position: f64,
-    /// Of velocity, ± rad/s.
+    /// End of the range of velocity, ± rad/s.
     pub velocity: f64,
-    /// Of torque, ± N m.
+    /// End of the range of torque, ± N m.
     pub torque: f64,
-    /// Of kp, N m / rad.
+    /// Largest kp, N m / rad.
     pub kp: f64,
-    /// Of kd, N m s / rad.
+    /// Largest kd, N m s / rad.
     pub kd: f64,
     /// Largest current, A.
     pub current: f64,
     /// The motor stops itself at this temperature, °C.
     pub too_hot: f64,
-    /// It warns from here on, °C.
+    /// The motor warns from this temperature on, °C.
     pub hot: f64,
     /// A RobStride: saves parameters, reports by itself, knows a time-out.
     pub robstride: bool,
@@ -27,11 +27,11 @@ pub struct Model {
     torque_constant: f64,
     /// Rotor turns per turn of the output.
     gear: f64,
-    /// Of the output without load at full supply, rpm.
+    /// Speed of the output without load at full supply, rpm.
     no_load_rpm: f64,
     /// V.
     supply: f64,
-    /// Of the rotor, kg m²: estimated.
+    /// Inertia of the rotor, kg m²: estimated.
     rotor_inertia: f64,
 }
 
@@ -112,21 +112,18 @@ impl Model {
         Plant {
             gear_ratio: self.gear,
             torque_constant: self.torque_constant,
-            back_emf: 0.0,
             // A quarter of the supply at the largest current.
             resistance: 0.25 * self.supply / self.current,
             supply: self.supply,
             current_limit: self.current,
             current_time_constant: 0.5e-3,
             rotor_inertia: self.rotor_inertia,
-            load_inertia: 0.0,
             viscous_friction: 0.002 * self.torque / self.velocity,
             coulomb_friction: 0.008 * self.torque,
             static_friction: 0.010 * self.torque,
-            ambient: 25.0,
             thermal_resistance: 1.5,
             thermal_time_constant: 200.0,
-            nonlinear: Nonlinear::NONE,
+            ..Plant::BARE
         }
         .with_no_load_speed(self.no_load_rpm * self.gear)
     }

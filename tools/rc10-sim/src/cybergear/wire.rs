@@ -63,8 +63,8 @@ fn to_field(value: f64, low: f64, high: f64) -> u16 {
     ((value - low) * 65_535.0 / (high - low)) as u16
 }
 
-/// The addressee, the sender and the command of a frame; `None` if it is none of theirs,
-/// `Some(Err)` if its length or content is none that the device takes.
+/// The addressee, the sender and the command of a frame; `None` for a foreign frame, `Some(Err)` for
+/// a length or content that the device does not take.
 #[must_use]
 pub fn read(frame: &CanFrame, model: &Model) -> Option<(u8, u8, Result<Command, Malformed>)> {
     if !frame.is_extended_id() || frame.is_remote() {
@@ -173,7 +173,7 @@ pub fn identity(motor: u8, chip: [u8; 8]) -> CanFrame {
     frame(0, motor.into(), 0xFE, chip)
 }
 
-/// Type 17: what a parameter holds, or that there is none.
+/// Type 17: what a parameter holds, or that it does not exist.
 #[must_use]
 pub fn parameter(motor: u8, host: u8, index: u16, value: Option<[u8; 4]>) -> CanFrame {
     let [low, high] = index.to_le_bytes();

@@ -30,7 +30,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// The mode of a value of register 10; `None` if it is none of the four.
+    /// The mode of a value of register 10; `None` for another value.
     #[must_use]
     pub const fn from_register(value: u32) -> Option<Self> {
         Some(match value {
@@ -45,12 +45,7 @@ impl Mode {
     /// Offset of its commands' identifiers from the motor's own.
     #[must_use]
     pub const fn offset(self) -> u32 {
-        match self {
-            Self::Mit => 0x000,
-            Self::PositionVelocity => 0x100,
-            Self::Velocity => 0x200,
-            Self::ForcePosition => 0x300,
-        }
+        0x100 * (self as u32 - 1)
     }
 }
 
@@ -68,7 +63,7 @@ pub enum Operation {
 }
 
 impl Operation {
-    /// The operation in a payload; `None` if there is none.
+    /// The operation in a payload; `None` for another payload.
     #[must_use]
     pub fn decode(payload: &[u8]) -> Option<Self> {
         let (last, ones) = payload.split_last()?;
@@ -173,7 +168,7 @@ impl Setpoint {
 /// Feedback frame, the answer to nearly every command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
-    /// Its identifier; four bits of it are sent.
+    /// The identifier, of which four bits are sent.
     pub id: u16,
     /// 0 disabled, 1 enabled, else what is wrong.
     pub code: u8,
@@ -183,14 +178,14 @@ pub struct Report {
     pub velocity: f64,
     /// N·m
     pub torque: f64,
-    /// Of the power stage, °C.
+    /// Temperature of the power stage, °C.
     pub bridge_temperature: f64,
-    /// Of the winding, °C.
+    /// Temperature of the winding, °C.
     pub winding_temperature: f64,
 }
 
 impl Report {
-    /// As eight bytes.
+    /// The eight bytes.
     #[must_use]
     pub fn encode(&self, limits: &Limits) -> [u8; 8] {
         let nibble = (self.id & 0xF) as u8;

@@ -1,17 +1,8 @@
 //! The setup of a motor, and the values of its data sheet.
 
 use super::codec::{Limits, Mode};
-use crate::plant::{Nonlinear, Plant};
-
-/// Reports beyond ±PMAX: no source tells of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Beyond {
-    /// The end of the range.
-    #[default]
-    Saturates,
-    /// The other end, and on from there.
-    Wraps,
-}
+use crate::device::Beyond;
+use crate::plant::Plant;
 
 /// A motor, to be put on a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +13,7 @@ pub struct DamiaoConfig {
     pub master_id: u16,
     /// Control mode.
     pub mode: Mode,
-    /// Its ranges.
+    /// The ranges.
     pub limits: Limits,
     /// Silence after which it stops, in 50 µs; 0 for never, as it is sold.
     pub timeout: u32,
@@ -34,7 +25,7 @@ pub struct DamiaoConfig {
     pub old_firmware: bool,
     /// Whether it shorts its winding while disabled (H3510).
     pub brakes_while_disabled: bool,
-    /// See [`Beyond`].
+    /// Reports beyond ±PMAX: no source tells.
     pub beyond: Beyond,
     /// The motor and its load.
     pub plant: Plant,
@@ -80,20 +71,15 @@ const fn j4310() -> Plant {
     Plant {
         gear_ratio: 10.0,
         torque_constant: 0.945,
-        back_emf: 0.0,
         resistance: 0.85,
-        supply: 24.0,
         current_limit: 10.261,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.8e-5,
-        load_inertia: 0.0,
         viscous_friction: 5e-3,
         coulomb_friction: 0.05,
         static_friction: 0.07,
-        ambient: 25.0,
         thermal_resistance: 4.0,
         thermal_time_constant: 200.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(2000.0)
 }
@@ -104,20 +90,16 @@ const fn j8009() -> Plant {
     Plant {
         gear_ratio: 9.0,
         torque_constant: 1.261_575,
-        back_emf: 0.0,
         resistance: 0.145,
         supply: 48.0,
         current_limit: 41.045,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.95e-4,
-        load_inertia: 0.0,
         viscous_friction: 2e-2,
         coulomb_friction: 0.25,
         static_friction: 0.35,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 400.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
     .with_no_load_speed(3015.0)
 }

@@ -2,6 +2,7 @@
 //! velocity loop with limited acceleration); their gains here are our estimates, from the inertia.
 
 use super::codec::{Limits, Setpoint};
+use crate::motor::STEP;
 
 /// Bandwidth of the velocity loop, 1/s.
 const VELOCITY_BANDWIDTH: f64 = 80.0;
@@ -9,8 +10,6 @@ const VELOCITY_BANDWIDTH: f64 = 80.0;
 const VELOCITY_INTEGRAL: f64 = 6.0;
 /// Bandwidth of the position loop, 1/s.
 const POSITION_BANDWIDTH: f64 = 12.0;
-/// The device's own step, s: the winding is asked for in every physics step.
-const STEP: f64 = 100e-6;
 
 /// State of the loops.
 #[derive(Clone, Copy, Debug, Default)]

@@ -10,13 +10,13 @@
 //!
 //! Belief only, not measured: that the accelerometer's `ACC_CONF` and `ACC_RANGE` take nothing
 //! while it is suspended; that 0x80, which says that there is no temperature, stands in the first
-//! of its two bytes only; whether a reset keeps SPI ([`Accelerometer::reset_forgets_spi`]); that
+//! of its two bytes only; whether a reset keeps SPI ([`Chip::reset_forgets_spi`]); that
 //! the 450 µs until it measures begin when it is both on and not suspended.
 
 use crate::base::GRAVITY;
 use crate::{Base, Nanos};
 
-/// What the sensor feels, in its own axes.
+/// Acceleration and rotation that the sensor feels, in its own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// m/s²: gravity shows as an acceleration upwards.
@@ -59,44 +59,61 @@ struct Transaction {
     address: u8,
 }
 
-/// The accelerometer: what is not as it should be.
+/// One of the two chips: what is not as it should be, and its state.
 #[derive(Clone, Debug)]
-pub struct Accelerometer {
-    /// `ACC_CHIP_ID`: 0x1E of a good one.
+pub struct Chip {
+    /// Number of the chip: 0x1E of a good accelerometer, 0x0F of a good gyroscope.
     pub id: u8,
     /// `ACC_ERR_REG`: 0 of a good one.
     pub errors: u8,
-    /// A reset takes it back to I²C: the data sheet seems to say no, users say that it does.
+    /// A reset takes an accelerometer back to I²C: the data sheet seems to say no, users say that it
+    /// does.
     pub reset_forgets_spi: bool,
     /// A register that takes nothing.
     pub deaf: Option<u8>,
-    /// It measures nothing new.
+    /// Whether it measures nothing new.
     pub is_frozen: bool,
     registers: [u8; 128],
-    speaks_spi: bool,
     ready: Nanos,
+    /// Number of the latest measurement in the registers.
+    measured: Option<u64>,
+    transaction: Transaction,
+    // Of an accelerometer only.
+    speaks_spi: bool,
     /// Time at which it measures: some time after it is on and not suspended.
     awake: Option<Nanos>,
     written: Option<Nanos>,
-    /// Number of the latest measurement in the registers, and of the latest of the temperature.
-    measured: Option<u64>,
+    /// Number of the latest measurement of the temperature.
     warmth: Option<u64>,
-    transaction: Transaction,
 }
 
-/// The gyroscope: what is not as it should be.
-#[derive(Clone, Debug)]
-pub struct Gyroscope {
-    /// `GYRO_CHIP_ID`: 0x0F of a good one.
-    pub id: u8,
-    /// A register that takes nothing.
-    pub deaf: Option<u8>,
-    /// It measures nothing new.
-    pub is_frozen: bool,
-    registers: [u8; 128],
-    ready: Nanos,
-    measured: Option<u64>,
-    transaction: Transaction,
+impl Chip {
+    fn new(id: u8) -> Self {
+        Self {
+            id,
+            errors: 0,
+            reset_forgets_spi: false,
+            deaf: None,
+            is_frozen: false,
+            registers: [0; 128],
+            ready: Nanos::ZERO,
+            measured: None,
+            transaction: Transaction::default(),
+            speaks_spi: false,
+            awake: None,
+            written: None,
+            warmth: None,
+        }
+    }
+
+    const fn register(&self, register: u8) -> u8 {
+        self.registers[register as usize]
+    }
+
+    fn set(&mut self, register: u8, values: &[u8]) {
+        let first = usize::from(register);
+        self.registers[first..first + values.len()].copy_from_slice(values);
+    }
 }
 
 /// Data sheet, 5.2 and 5.5: addresses of the registers that do something here.
@@ -108,10 +125,11 @@ mod accelerometer {
     pub const TEMPERATURE: u8 = 0x22;
     pub const CONFIG: u8 = 0x40;
     pub const RANGE: u8 = 0x41;
-    /// Pins and routes of interrupts, and the self-test: only stored.
-    pub const STORED: [u8; 4] = [0x53, 0x54, 0x58, 0x6D];
     pub const POWER_CONFIG: u8 = 0x7C;
     pub const POWER: u8 = 0x7D;
+    /// Those that keep what is written; the last four (pins and routes of interrupts, the self-test)
+    /// do nothing else.
+    pub const STORED: [u8; 8] = [CONFIG, RANGE, POWER_CONFIG, POWER, 0x53, 0x54, 0x58, 0x6D];
     pub const RESET: u8 = 0x7E;
 }
 mod gyroscope {
@@ -121,8 +139,8 @@ mod gyroscope {
     pub const BANDWIDTH: u8 = 0x10;
     pub const POWER: u8 = 0x11;
     pub const RESET: u8 = 0x14;
-    /// Interrupts: only stored.
-    pub const STORED: [u8; 3] = [0x15, 0x16, 0x18];
+    /// Those that keep what is written; the last three (interrupts) do nothing else.
+    pub const STORED: [u8; 6] = [RANGE, BANDWIDTH, POWER, 0x15, 0x16, 0x18];
 }
 /// The value that resets either chip.
 const SOFT_RESET: u8 = 0xB6;
@@ -144,14 +162,14 @@ const RATES: [u64; 8] = [2000, 2000, 1000, 400, 200, 100, 200, 100];
 /// The package with both chips.
 #[derive(Clone, Debug)]
 pub struct Bmi088 {
-    /// What it feels now.
+    /// The motion that it feels now.
     pub motion: Motion,
     /// Temperature of the die, degrees Celsius.
     pub celsius: f64,
     /// The accelerometer.
-    pub accelerometer: Accelerometer,
+    pub accelerometer: Chip,
     /// The gyroscope.
-    pub gyroscope: Gyroscope,
+    pub gyroscope: Chip,
     noise: u64,
 }
 
@@ -165,30 +183,7 @@ impl Bmi088 {
     /// Switched on at time zero, level and at rest, 25 °C.
     #[must_use]
     pub fn new() -> Self {
-        let accelerometer = Accelerometer {
-            id: 0x1E,
-            errors: 0,
-            reset_forgets_spi: false,
-            deaf: None,
-            is_frozen: false,
-            registers: [0; 128],
-            speaks_spi: false,
-            ready: Nanos::ZERO,
-            awake: None,
-            written: None,
-            measured: None,
-            warmth: None,
-            transaction: Transaction::default(),
-        };
-        let gyroscope = Gyroscope {
-            id: 0x0F,
-            deaf: None,
-            is_frozen: false,
-            registers: [0; 128],
-            ready: Nanos::ZERO,
-            measured: None,
-            transaction: Transaction::default(),
-        };
+        let (accelerometer, gyroscope) = (Chip::new(0x1E), Chip::new(0x0F));
         let noise = 0x9E37_79B9_7F4A_7C15;
         let motion = Motion::REST;
         let mut package = Self { motion, celsius: 25.0, accelerometer, gyroscope, noise };
@@ -209,7 +204,7 @@ impl Bmi088 {
         self.reset_gyroscope(now);
     }
 
-    /// It starts again on its own, the gyroscope does not.
+    /// Restarts the accelerometer; the gyroscope goes on.
     pub fn reset_accelerometer(&mut self, now: Nanos) {
         let chip = &mut self.accelerometer;
         chip.registers = [0; 128];
@@ -219,7 +214,7 @@ impl Bmi088 {
             (accelerometer::RANGE, 0x01),
             (accelerometer::POWER_CONFIG, 0x03),
         ] {
-            chip.registers[usize::from(register)] = value;
+            chip.set(register, &[value]);
         }
         (chip.ready, chip.awake, chip.written) = (now + ACCELEROMETER_STARTS, None, None);
         (chip.measured, chip.warmth) = (None, None);
@@ -228,7 +223,7 @@ impl Bmi088 {
     fn reset_gyroscope(&mut self, now: Nanos) {
         let chip = &mut self.gyroscope;
         chip.registers = [0; 128];
-        chip.registers[usize::from(gyroscope::BANDWIDTH)] = 0x80;
+        chip.set(gyroscope::BANDWIDTH, &[0x80]);
         (chip.ready, chip.measured) = (now + GYROSCOPE_STARTS, None);
     }
 
@@ -317,32 +312,30 @@ impl Bmi088 {
                 self.latch_time(now);
             }
             accelerometer::TIME if is_awake && !chip.is_frozen => self.latch_time(now),
-            // It says that there is none.
+            // No temperature.
             accelerometer::TEMPERATURE if !is_awake => return 0x80,
             accelerometer::TEMPERATURE => self.measure_warmth(now),
             _ => {}
         }
-        self.accelerometer.registers[usize::from(register)]
+        self.accelerometer.register(register)
     }
 
     fn measure_acceleration(&mut self, now: Nanos) {
-        let registers = &self.accelerometer.registers;
-        let rate = registers[usize::from(accelerometer::CONFIG)] & 0xF;
+        let chip = &self.accelerometer;
+        let rate = chip.register(accelerometer::CONFIG) & 0xF;
         let period = SLOWEST_NS >> rate.clamp(5, 12).abs_diff(5);
-        let range = f64::from(3_u8 << (registers[usize::from(accelerometer::RANGE)] & 3));
+        let range = f64::from(3_u8 << (chip.register(accelerometer::RANGE) & 3));
         let measured = Some(now.get() / period);
-        if self.accelerometer.measured != measured {
-            self.accelerometer.measured = measured;
+        if chip.measured != measured {
             let bytes = self.axes(self.motion.acceleration, range * GRAVITY / 32_768.0);
-            let data = usize::from(accelerometer::DATA);
-            self.accelerometer.registers[data..data + 6].copy_from_slice(&bytes);
+            self.accelerometer.measured = measured;
+            self.accelerometer.set(accelerometer::DATA, &bytes);
         }
     }
 
     fn latch_time(&mut self, now: Nanos) {
         let ticks = (now.get() * 16 / SIXTEEN_TICKS_NS).to_le_bytes();
-        let time = usize::from(accelerometer::TIME);
-        self.accelerometer.registers[time..time + 3].copy_from_slice(&ticks[..3]);
+        self.accelerometer.set(accelerometer::TIME, &ticks[..3]);
     }
 
     fn measure_warmth(&mut self, now: Nanos) {
@@ -355,13 +348,12 @@ impl Bmi088 {
         let eighths = ((self.celsius - 23.0) * 8.0).round().clamp(-1023.0, 1023.0);
         #[expect(clippy::cast_possible_truncation, reason = "clamped to its range")]
         let bytes = ((eighths as i16) << 5).to_be_bytes();
-        let temperature = usize::from(accelerometer::TEMPERATURE);
-        self.accelerometer.registers[temperature..temperature + 2].copy_from_slice(&bytes);
+        self.accelerometer.set(accelerometer::TEMPERATURE, &bytes);
     }
 
     fn write_accelerometer(&mut self, register: u8, value: u8, now: Nanos) {
         let chip = &mut self.accelerometer;
-        let is_suspended = chip.registers[usize::from(accelerometer::POWER_CONFIG)] == 0x03;
+        let is_suspended = chip.register(accelerometer::POWER_CONFIG) == 0x03;
         // A write within the pause after another is lost.
         let is_too_soon = chip.written.is_some_and(|written| now < written + WAKE_UP);
         if now < chip.ready || is_too_soon || chip.deaf == Some(register) {
@@ -379,19 +371,12 @@ impl Bmi088 {
             (accelerometer::CONFIG | accelerometer::RANGE, _) if is_suspended => return,
             _ => {}
         }
-        let is_kept = matches!(
-            register,
-            accelerometer::CONFIG
-                | accelerometer::RANGE
-                | accelerometer::POWER_CONFIG
-                | accelerometer::POWER
-        );
-        if is_kept || accelerometer::STORED.contains(&register) {
-            chip.registers[usize::from(register)] = value;
+        if accelerometer::STORED.contains(&register) {
+            chip.set(register, &[value]);
         }
         // On, and not suspended.
-        let is_on = chip.registers[usize::from(accelerometer::POWER)] == 0x04
-            && chip.registers[usize::from(accelerometer::POWER_CONFIG)] == 0x00;
+        let is_on = chip.register(accelerometer::POWER) == 0x04
+            && chip.register(accelerometer::POWER_CONFIG) == 0x00;
         chip.awake = is_on.then(|| chip.awake.unwrap_or(now + WAKE_UP));
     }
 
@@ -405,39 +390,33 @@ impl Bmi088 {
             gyroscope::DATA => self.measure_rotation(now),
             _ => {}
         }
-        let value = self.gyroscope.registers[usize::from(register)];
+        let value = self.gyroscope.register(register);
         if register == gyroscope::BANDWIDTH { value | 0x80 } else { value }
     }
 
     fn measure_rotation(&mut self, now: Nanos) {
-        let registers = &self.gyroscope.registers;
-        let bandwidth = registers[usize::from(gyroscope::BANDWIDTH)] & 7;
+        let chip = &self.gyroscope;
+        let bandwidth = chip.register(gyroscope::BANDWIDTH) & 7;
         let measured = Some(now.get() / (1_000_000_000 / RATES[usize::from(bandwidth)]));
         // Suspended, or deeply so.
-        let sleeps = registers[usize::from(gyroscope::POWER)] & 0xA0 != 0;
-        if measured == self.gyroscope.measured || self.gyroscope.is_frozen || sleeps {
+        let sleeps = chip.register(gyroscope::POWER) & 0xA0 != 0;
+        if measured == chip.measured || chip.is_frozen || sleeps {
             return;
         }
-        self.gyroscope.measured = measured;
-        let range = 2000_u16 >> (registers[usize::from(gyroscope::RANGE)] & 7);
+        let range = 2000_u16 >> (chip.register(gyroscope::RANGE) & 7);
         let bytes = self.axes(self.motion.rotation, f64::from(range).to_radians() / 32_767.0);
-        let data = usize::from(gyroscope::DATA);
-        self.gyroscope.registers[data..data + 6].copy_from_slice(&bytes);
+        self.gyroscope.measured = measured;
+        self.gyroscope.set(gyroscope::DATA, &bytes);
     }
 
     fn write_gyroscope(&mut self, register: u8, value: u8, now: Nanos) {
         if now < self.gyroscope.ready || self.gyroscope.deaf == Some(register) {
             return;
         }
-        match (register, value) {
-            (gyroscope::RESET, SOFT_RESET) => self.reset_gyroscope(now),
-            (gyroscope::RANGE..=gyroscope::POWER, _) => {
-                self.gyroscope.registers[usize::from(register)] = value;
-            }
-            _ if gyroscope::STORED.contains(&register) => {
-                self.gyroscope.registers[usize::from(register)] = value;
-            }
-            _ => {}
+        if (register, value) == (gyroscope::RESET, SOFT_RESET) {
+            self.reset_gyroscope(now);
+        } else if gyroscope::STORED.contains(&register) {
+            self.gyroscope.set(register, &[value]);
         }
     }
 }
@@ -492,7 +471,7 @@ mod tests {
         assert!((16383..=16385).contains(&z), "half of 2000 degrees a second: {z}");
     }
 
-    /// 450 us after the later of both writes, in either order; a second "on" is none.
+    /// 450 us after the later of both writes, in either order; a second "on" changes nothing.
     #[test]
     fn it_wakes_up_when_it_is_on_and_not_suspended() {
         for order in [[[0x7C, 0x00], [0x7D, 0x04]], [[0x7D, 0x04], [0x7C, 0x00]]] {

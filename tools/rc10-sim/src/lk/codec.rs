@@ -73,9 +73,9 @@ pub struct State {
     pub temperature: i8,
     /// Torque current, ±2048.
     pub current: i16,
-    /// Of the rotor, degrees/s.
+    /// Speed of the rotor, degrees/s.
     pub speed: i16,
-    /// Of the rotor, in its turn.
+    /// Angle of the rotor in its turn, steps of the encoder.
     pub encoder: u16,
 }
 

@@ -1,5 +1,6 @@
 //! Sixteen channels of 11 bits, as SBUS and CRSF pack them.
 
+use super::dji::Bits;
 use super::{Controls, Switch};
 
 /// The middle of a channel, and how far it goes either way: 172 ..= 1811, 987.5 to 2012 us.
@@ -36,12 +37,9 @@ fn level(deflection: f64) -> u16 {
 
 /// The lowest bit of the first channel is the lowest bit of the first byte.
 pub(super) fn pack(channels: &[u16; 16]) -> [u8; 22] {
-    let mut bytes = [0; 22];
-    for bit in 0..16 * 11 {
-        let set = channels[bit / 11] >> (bit % 11) & 1 == 1;
-        bytes[bit / 8] |= u8::from(set) << (bit % 8);
-    }
-    bytes
+    let mut bits = Bits::new();
+    channels.iter().for_each(|channel| bits.put(*channel, 11));
+    bits.bytes()
 }
 
 #[cfg(test)]

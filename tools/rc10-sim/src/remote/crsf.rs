@@ -28,7 +28,7 @@ pub struct Crsf {
 }
 
 impl Crsf {
-    /// Its UART: 420 kbaud, 8N1.
+    /// The UART: 420 kbaud, 8N1.
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 420_000, bits: 10, receive_capacity: 256 };
 
@@ -69,9 +69,6 @@ impl SerialDevice for Crsf {
         }
         self.packets = self.packets.wrapping_add(1);
     }
-
-    /// Telemetry, which is not read.
-    fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
 /// Uplink: strength at both antennas (-dBm), quality (%), signal to noise (dB), antenna, mode,

@@ -28,22 +28,18 @@
 mod channels;
 mod crsf;
 mod dji;
-mod dr16;
 mod ppm;
 mod sbus;
-mod vt03;
 
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::Nanos;
 
 pub use crsf::Crsf;
-pub use dji::Dji;
-pub use dr16::Dr16;
+pub use dji::{Dji, Dr16, Vt03};
 pub use ppm::Ppm;
 pub use sbus::{Failsafe, Sbus};
-pub use vt03::Vt03;
 
 /// Positions of all sticks and switches of a remote.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -119,25 +115,21 @@ pub struct Sent {
     pub last_live: Option<Nanos>,
 }
 
-/// A remote control, as its receiver and a test's script see it. Cheap to
-/// clone.
-#[derive(Clone, Debug, Default)]
-pub struct Remote(Rc<State>);
+/// A remote control, as its receiver and a test's script see it. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Remote(Rc<RefCell<State>>);
 
 #[derive(Debug)]
 struct State {
-    controls: Cell<Controls>,
-    transmitter: Cell<bool>,
-    sent: Cell<Sent>,
+    controls: Controls,
+    is_on: bool,
+    sent: Sent,
 }
 
-impl Default for State {
+impl Default for Remote {
     fn default() -> Self {
-        Self {
-            controls: Cell::new(Controls::REST),
-            transmitter: Cell::new(true),
-            sent: Cell::default(),
-        }
+        let state = State { controls: Controls::REST, is_on: true, sent: Sent::default() };
+        Self(Rc::new(RefCell::new(state)))
     }
 }
 
@@ -150,46 +142,45 @@ impl Remote {
 
     /// Hands move: what the receiver sends from its next frame on.
     pub fn set(&self, controls: Controls) {
-        self.0.controls.set(controls);
+        self.0.borrow_mut().controls = controls;
     }
 
     /// Positions of its sticks and switches.
     #[must_use]
     pub fn controls(&self) -> Controls {
-        self.0.controls.get()
+        self.0.borrow().controls
     }
 
     /// Switches the transmitter off, or on again: or it is out of reach, or jammed.
     pub fn set_transmitter(&self, on: bool) {
-        self.0.transmitter.set(on);
+        self.0.borrow_mut().is_on = on;
     }
 
     /// Counters of what its receiver has sent.
     #[must_use]
     pub fn sent(&self) -> Sent {
-        self.0.sent.get()
+        self.0.borrow().sent
     }
 
     /// The positions of the controls, if the receiver hears the transmitter now.
     fn heard(&self) -> Option<Controls> {
-        self.0.transmitter.get().then(|| self.0.controls.get())
+        let state = self.0.borrow();
+        state.is_on.then_some(state.controls)
     }
 
     /// The receiver sends nothing now that says where the controls are.
     fn pauses(&self) {
-        let sent = self.0.sent.get();
-        self.0.sent.set(Sent { back_since: None, ..sent });
+        self.0.borrow_mut().sent.back_since = None;
     }
 
     /// The receiver sends a frame now that says nothing about the controls.
     fn reports(&self) {
-        let sent = self.0.sent.get();
-        self.0.sent.set(Sent { frames: sent.frames + 1, ..sent });
+        self.0.borrow_mut().sent.frames += 1;
     }
 
     /// The receiver sends a frame now that will have ended at a time.
     fn sends(&self, is_live: bool, end: Nanos) {
-        let mut sent = self.0.sent.get();
+        let sent = &mut self.0.borrow_mut().sent;
         sent.frames += 1;
         if is_live {
             sent.live += 1;
@@ -198,7 +189,6 @@ impl Remote {
         } else {
             sent.back_since = None;
         }
-        self.0.sent.set(sent);
     }
 }
 

@@ -38,7 +38,7 @@ pub struct Sbus {
 }
 
 impl Sbus {
-    /// Its UART: 100 kbaud, 8E2. Its output is inverted; the board's inverter is not simulated.
+    /// The UART: 100 kbaud, 8E2. Its output is inverted; the board's inverter is not simulated.
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 100_000, bits: 12, receive_capacity: 256 };
 
@@ -103,9 +103,6 @@ impl SerialDevice for Sbus {
         let end = now + characters(LENGTH, Self::SERIAL.character());
         self.remote.sends(heard.is_some(), end);
     }
-
-    /// It has no receive line.
-    fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
 fn frame(controls: &Controls, flags: u8) -> [u8; LENGTH] {

@@ -40,7 +40,7 @@ pub struct Command {
     pub asked: Asked,
 }
 
-/// See [`Command`].
+/// A question or command to a module.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Asked {
     /// 10, or 13 if only a fault is answered.
@@ -124,14 +124,14 @@ pub struct Report {
     pub told: Told,
 }
 
-/// See [`Report`].
+/// The content of a report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Told {
     /// The state of the motor.
     State {
         /// 0 locked, 1 following, 2 calibrating.
         status: u8,
-        /// Its motion.
+        /// The motion.
         motion: Motion,
         /// °C; −127 at least, as −128 stands for a fault.
         temperature: f64,
@@ -140,7 +140,7 @@ pub enum Told {
     },
     /// A fault of the motor.
     Fault {
-        /// As in a state.
+        /// The status, with the numbers of a state.
         status: u8,
         /// 1 over-temperature, 2 over-current, 3 over-voltage, 4 encoder.
         error: u8,

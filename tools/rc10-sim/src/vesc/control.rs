@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use super::{Order, VescConfig};
-use crate::device::{Shaft, Winding};
-use crate::motor::STEP;
+use crate::device::Winding;
+use crate::motor::{STEP, Shaft};
 
 /// Control mode of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub enum Mode {
     Handbrake(f64),
 }
 
-/// Less current than this is none (`cc_min_current`), A.
+/// Least current that is driven (`cc_min_current`), A.
 const LEAST_CURRENT: f64 = 0.05;
 /// Most change of the duty in a second (`m_duty_ramp_step`, 0.02 in a millisecond).
 const DUTY_RAMP: f64 = 20.0;
@@ -72,7 +72,7 @@ impl Control {
             Order::Position(degrees) => Mode::Position(degrees.rem_euclid(360.0)),
             Order::Handbrake(amps) => Mode::Handbrake(amps),
             Order::HandbrakeShare(part) => Mode::Handbrake(share(part) * -min),
-            Order::Ping(_) | Order::CurrentLimits(..) | Order::Shutdown => return,
+            Order::Ping(_) | Order::CurrentLimits { .. } | Order::Shutdown => return,
         };
         let mode = match mode {
             Mode::Current(amps) | Mode::Brake(amps) | Mode::Handbrake(amps)
@@ -93,7 +93,7 @@ impl Control {
         &mut self,
         config: &VescConfig,
         limits: (f64, f64),
-        shaft: &Shaft<'_>,
+        shaft: &Shaft,
         position: f64,
     ) -> Winding {
         let plant = shaft.plant();
@@ -137,7 +137,7 @@ impl Control {
         erpm: f64,
         config: &VescConfig,
         limits: (f64, f64),
-        shaft: &Shaft<'_>,
+        shaft: &Shaft,
     ) -> Winding {
         let measured = shaft.rotor_rpm() * f64::from(config.pole_pairs);
         let step = config.speed_ramp * STEP;
@@ -159,7 +159,7 @@ impl Control {
 }
 
 /// A current held to the limits: one for driving, one for braking.
-fn limited(amps: f64, (min, max): (f64, f64), shaft: &Shaft<'_>) -> f64 {
+fn limited(amps: f64, (min, max): (f64, f64), shaft: &Shaft) -> f64 {
     let most = if amps * shaft.speed() < 0.0 { -min } else { max };
     amps.clamp(-most, most)
 }

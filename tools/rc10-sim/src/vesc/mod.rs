@@ -16,11 +16,11 @@ use std::fmt;
 use rc10_can::{CanFrame, Micros};
 
 pub use control::Mode;
-pub use wire::{NoOrder, Order, Report, Stored};
+pub use wire::{Order, Report};
 
-use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::motor::STEP;
-use crate::plant::{Nonlinear, Plant};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
+use crate::motor::{STEP, Shaft};
+use crate::plant::Plant;
 use control::Control;
 
 /// Configuration of a VESC.
@@ -86,7 +86,7 @@ pub enum VescError {
     Id,
     /// There is no motor without poles.
     PolePairs,
-    /// It does not report more than 1000 times a second.
+    /// A VESC reports at most 1000 times a second.
     StatusRate(u16),
 }
 
@@ -104,23 +104,6 @@ impl fmt::Display for VescError {
 
 impl std::error::Error for VescError {}
 
-/// Faults of a VESC, with the numbers of bldc's `mc_fault_code`. No CAN frame
-/// tells them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum VescFault {
-    /// `FAULT_CODE_OVER_VOLTAGE`
-    OverVoltage = 1,
-    /// `FAULT_CODE_UNDER_VOLTAGE`
-    UnderVoltage = 2,
-    /// `FAULT_CODE_ABS_OVER_CURRENT`
-    OverCurrent = 4,
-    /// `FAULT_CODE_OVER_TEMP_FET`
-    OverTemperature = 5,
-    /// `FAULT_CODE_ENCODER_SPI`
-    Encoder = 11,
-}
-
 /// An outrunner of the size that robots drive wheels with, 270 rpm/V, on 24 V, no gearbox and no
 /// load. The torque constant follows from the speed constant; resistance, inertia, friction and
 /// thermal figures are estimates for such a motor.
@@ -133,18 +116,14 @@ pub const fn outrunner_270_kv() -> Plant {
         torque_constant,
         back_emf: torque_constant,
         resistance: 0.06,
-        supply: 24.0,
         current_limit: 80.0,
-        current_time_constant: 1e-3,
         rotor_inertia: 1.2e-4,
-        load_inertia: 0.0,
         viscous_friction: 5e-5,
         coulomb_friction: 0.02,
         static_friction: 0.025,
-        ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 200.0,
-        nonlinear: Nonlinear::NONE,
+        ..Plant::BARE
     }
 }
 
@@ -155,7 +134,7 @@ pub struct Vesc {
     /// Newest order that drives, and when it came.
     last_order: Option<Micros>,
     limits: (f64, f64),
-    fault: Option<VescFault>,
+    fault: Option<EscFault>,
     is_off: bool,
     next_reports: [Option<Micros>; 6],
     /// Rotor turns at which the tachometer stood at zero.
@@ -205,15 +184,15 @@ impl Vesc {
         self.config.pole_pairs = pole_pairs.max(1);
     }
 
-    /// Its control mode.
+    /// The control mode.
     #[must_use]
     pub const fn mode(&self) -> Mode {
         self.control.mode()
     }
 
-    /// Its fault.
+    /// The fault, which no CAN frame tells.
     #[must_use]
-    pub const fn fault(&self) -> Option<VescFault> {
+    pub const fn fault(&self) -> Option<EscFault> {
         self.fault
     }
 
@@ -242,8 +221,8 @@ impl Vesc {
         self.config.pole_pairs.into()
     }
 
-    /// Of the position controller, degrees in 0 .. 360.
-    fn position(&self, shaft: &Shaft<'_>) -> f64 {
+    /// Angle of the position controller, degrees in 0 .. 360.
+    fn position(&self, shaft: &Shaft) -> f64 {
         if self.config.encoder_on_shaft {
             shaft.radians().to_degrees().rem_euclid(360.0)
         } else {
@@ -252,7 +231,7 @@ impl Vesc {
     }
 
     /// The report of this index.
-    fn report(&mut self, index: usize, shaft: &Shaft<'_>) -> Report {
+    fn report(&mut self, index: usize, shaft: &Shaft) -> Report {
         match index {
             0 => Report::Status1 {
                 erpm: shaft.rotor_rpm() * self.pole_pairs(),
@@ -265,7 +244,7 @@ impl Vesc {
             3 => Report::Status4 {
                 transistors: match self.fault {
                     // Where the firmware drives no current any more (`l_temp_fet_end`), and above.
-                    Some(VescFault::OverTemperature) => 105.0,
+                    Some(EscFault::OverTemperature) => 105.0,
                     _ => shaft.plant().ambient + 0.2 * shaft.current().abs(),
                 },
                 motor: shaft.temperature(),
@@ -278,7 +257,7 @@ impl Vesc {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "goes round, as the firmware's int does")]
-    fn steps(&mut self, shaft: &Shaft<'_>) -> i32 {
+    fn steps(&mut self, shaft: &Shaft) -> i32 {
         let turns = shaft.rotor_turns();
         let zero = *self.tachometer_zero.get_or_insert(turns);
         ((turns - zero) * self.pole_pairs() * 6.0).floor() as i64 as i32
@@ -287,14 +266,10 @@ impl Vesc {
 
 impl Device for Vesc {
     fn set_id(&mut self, id: u8) -> bool {
-        let can_be = id != 255;
-        if can_be {
-            self.config.id = id;
-        }
-        can_be
+        set_if(id != 255, &mut self.config.id, id)
     }
 
-    fn power_on(&mut self, now: Micros, phase: Micros) {
+    fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
         self.control = Control::new();
         self.last_order = None;
         self.limits = (-self.config.brake_max, self.config.current_max);
@@ -313,21 +288,20 @@ impl Device for Vesc {
     fn receive(
         &mut self,
         frame: &CanFrame,
-        _shaft: &Shaft<'_>,
+        _shaft: &Shaft,
         now: Micros,
         out: &mut Outbox,
     ) -> Taken {
         let order = match Order::parse(frame, self.config.id) {
-            Ok(_) | Err(_) if self.is_off => return Taken::NotMine,
+            _ if self.is_off => return Taken::NotMine,
             Ok(order) => order,
-            Err(NoOrder::NotMine) => return Taken::NotMine,
-            Err(NoOrder::Length) => return Taken::Malformed,
+            Err(taken) => return taken,
         };
         match order {
             Order::Ping(asker) => out.send(Report::Pong(asker).frame(self.config.id)),
-            Order::CurrentLimits(min, max, stored) => {
+            Order::CurrentLimits { min, max, is_stored } => {
                 self.limits = (min.min(0.0), max.max(0.0));
-                if stored == Stored::Yes {
+                if is_stored {
                     (self.config.brake_max, self.config.current_max) =
                         (-self.limits.0, self.limits.1);
                 }
@@ -345,7 +319,7 @@ impl Device for Vesc {
         self.next_reports.into_iter().flatten().min()
     }
 
-    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+    fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         for index in 0..self.next_reports.len() {
             let Some(due) = self.next_reports[index].filter(|due| now >= *due) else { continue };
             let period = 1_000_000 / u64::from(self.config.status_hz[index].max(1));
@@ -357,7 +331,7 @@ impl Device for Vesc {
         }
     }
 
-    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+    fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         let _ = self.steps(shaft);
         let silent = self.last_order.is_some_and(|at| now.since(at) >= self.config.timeout);
         if silent {
@@ -382,15 +356,11 @@ impl Device for Vesc {
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {
-        self.fault = Some(match fault {
-            EscFault::OverTemperature => VescFault::OverTemperature,
-            EscFault::OverCurrent => VescFault::OverCurrent,
-            EscFault::OverVoltage => VescFault::OverVoltage,
-            EscFault::UnderVoltage => VescFault::UnderVoltage,
-            EscFault::Encoder => VescFault::Encoder,
-            // It has a timeout, which is no fault.
-            EscFault::CommunicationLost => return false,
-        });
+        // A time-out is no fault of a VESC.
+        if fault == EscFault::CommunicationLost {
+            return false;
+        }
+        self.fault = Some(fault);
         true
     }
 }

@@ -3,6 +3,8 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
 
+use crate::device::Taken;
+
 /// A command to a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order {
@@ -26,28 +28,17 @@ pub enum Order {
     HandbrakeShare(f64),
     /// Packet 17, with the id of the asking node.
     Ping(u8),
-    /// Packets 21 and 22 (which also writes the flash): most negative and most positive current, A.
-    CurrentLimits(f64, f64, Stored),
+    /// Packets 21 and 22 (which also writes the flash).
+    CurrentLimits {
+        /// Most negative current, A.
+        min: f64,
+        /// Most positive current, A.
+        max: f64,
+        /// Whether they survive power-off.
+        is_stored: bool,
+    },
     /// Packet 31.
     Shutdown,
-}
-
-/// Whether a setting is to survive power-off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stored {
-    /// It is.
-    Yes,
-    /// Until power-off.
-    No,
-}
-
-/// Why a frame is no order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoOrder {
-    /// For another device, or nothing that this firmware knows.
-    NotMine,
-    /// A length that this packet never has.
-    Length,
 }
 
 impl Order {
@@ -58,12 +49,13 @@ impl Order {
     /// firmware does not look.
     ///
     /// # Errors
-    /// [`NoOrder`].
-    pub fn parse(frame: &CanFrame, id: u8) -> Result<Self, NoOrder> {
+    /// What becomes of another frame: it is for another device, or has a length that its packet never
+    /// has.
+    pub fn parse(frame: &CanFrame, id: u8) -> Result<Self, Taken> {
         let raw = frame.raw_id();
         let to = raw.to_be_bytes()[3];
         if !frame.is_extended_id() || frame.is_remote() || raw > 0xFFFF || (to != id && to != 255) {
-            return Err(NoOrder::NotMine);
+            return Err(Taken::NotMine);
         }
         let bytes = frame.bytes();
         let word = |at: usize| bytes.get(at..at + 4).and_then(|word| word.try_into().ok());
@@ -81,14 +73,14 @@ impl Order {
             13 => (4, number(0, 1e5).map(Self::HandbrakeShare)),
             17 => (1, bytes.first().copied().map(Self::Ping)),
             packet @ (21 | 22) => {
-                let stored = if packet == 22 { Stored::Yes } else { Stored::No };
                 let limits = number(0, 1e3).zip(number(4, 1e3));
-                (8, limits.map(|(min, max)| Self::CurrentLimits(min, max, stored)))
+                let is_stored = packet == 22;
+                (8, limits.map(|(min, max)| Self::CurrentLimits { min, max, is_stored }))
             }
             31 => (0, Some(Self::Shutdown)),
-            _ => return Err(NoOrder::NotMine),
+            _ => return Err(Taken::NotMine),
         };
-        order.filter(|_| bytes.len() == length).ok_or(NoOrder::Length)
+        order.filter(|_| bytes.len() == length).ok_or(Taken::Malformed)
     }
 }
 
@@ -114,9 +106,9 @@ pub enum Report {
         transistors: f64,
         /// °C.
         motor: f64,
-        /// Of the supply, A.
+        /// Current of the supply, A.
         input: f64,
-        /// Of the position controller, degrees.
+        /// Angle of the position controller, degrees.
         position: f64,
     },
     /// Packet 27.
@@ -186,7 +178,7 @@ const fn half(value: f64) -> [u8; 2] {
 mod tests {
     use super::*;
 
-    fn order(raw: u32, data: &[u8]) -> Result<Order, NoOrder> {
+    fn order(raw: u32, data: &[u8]) -> Result<Order, Taken> {
         let id = ExtendedId::new(raw).unwrap();
         Order::parse(&CanFrame::data_frame(id, data).unwrap(), 7)
     }
@@ -197,11 +189,11 @@ mod tests {
         assert_eq!(order(0x1FF, &[0, 0, 0x27, 0x10]), Ok(Order::Current(10.0)));
         assert_eq!(order(0x307, &[0xFF, 0xFF, 0xFF, 0xFE]), Ok(Order::Speed(-2.0)));
         assert_eq!(order(0x1107, &[9]), Ok(Order::Ping(9)));
-        assert_eq!(order(0x108, &[0; 4]), Err(NoOrder::NotMine));
-        assert_eq!(order(0x1_0107, &[0; 4]), Err(NoOrder::NotMine));
-        assert_eq!(order(0x907, &[0; 8]), Err(NoOrder::NotMine));
-        assert_eq!(order(0x307, &[0; 8]), Err(NoOrder::Length));
-        assert_eq!(order(0x307, &[0; 3]), Err(NoOrder::Length));
+        assert_eq!(order(0x108, &[0; 4]), Err(Taken::NotMine));
+        assert_eq!(order(0x1_0107, &[0; 4]), Err(Taken::NotMine));
+        assert_eq!(order(0x907, &[0; 8]), Err(Taken::NotMine));
+        assert_eq!(order(0x307, &[0; 8]), Err(Taken::Malformed));
+        assert_eq!(order(0x307, &[0; 3]), Err(Taken::Malformed));
         // 10 A in eight bytes, as the firmware from 6.00 on understands them.
         let padded = [0, 0, 0x27, 0x10, 0, 0, 0, 0];
         assert_eq!(order(0x107, &padded), Ok(Order::Current(655_360.0)));

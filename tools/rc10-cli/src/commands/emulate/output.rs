@@ -4,9 +4,10 @@ use std::fmt;
 use std::fmt::Write as _;
 use std::time::Duration;
 
+use rc10_emu::fault::Fault;
 use rc10_emu::memory::FLASH;
 use rc10_emu::{BusFigures, ExceptionCost, Figures, LogLine, Rig, Spread};
-use rc10_sim::{Fault, Nanos};
+use rc10_sim::Nanos;
 use serde_json::{Value, json};
 
 use crate::commands::emulate::problems::cause_of;

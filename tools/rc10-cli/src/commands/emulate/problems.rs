@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use rc10_emu::fault::{ChipFault, Kind};
 use rc10_emu::{Figures, LogLine, Machine, Restart, Rig};
-use rc10_sim::fault::Kind;
 
 use crate::recording::Recording;
 use crate::recording::excuse::is_excused;
@@ -59,7 +59,8 @@ pub(super) fn search(
     }
     // Between a crystal that stops and the restart the PLL is the chip's own oscillator's, and its
     // outputs run for a moment before the core has switched to it: no order of steps avoids that.
-    let stops = recording.faults.iter().filter(|fault| fault.kind == Kind::CrystalStops);
+    let stops =
+        recording.faults.iter().filter(|fault| fault.kind == Kind::Other(ChipFault::CrystalStops));
     let rescues: Vec<_> = stops
         .map(|fault| {
             let restarts = rig.machine.restarts().iter().map(|restart| restart.at);
@@ -73,10 +74,8 @@ pub(super) fn search(
         let at = report.at.get() as f64 * 1e-6;
         problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
     }
-    let crashes = |kind: &Kind| {
-        use Kind::{CrystalStops, Hang, HardFault, Mask, Panic};
-        matches!(kind, Panic | HardFault | Hang(_) | Mask | CrystalStops)
-    };
+    let crashes =
+        |kind: &Kind| matches!(kind, Kind::Other(fault) if *fault != ChipFault::CrystalDead);
     let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
     for restart in rig.machine.restarts().iter().skip(crashed) {
         let at = restart.at.get() as f64 * 1e-6;

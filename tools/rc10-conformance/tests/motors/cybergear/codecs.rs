@@ -1,31 +1,22 @@
 //! What one codec writes, the other reads: random values, their extremes, and what is no number.
 
 use proptest::prelude::*;
-use proptest::sample::select;
 use rc10_motor::cybergear::wire::{self, Mode, Parameter};
 use rc10_motor::cybergear::{Address, Reply, Setpoint};
 use rc10_sim::cybergear::wire::{self as device, Command, Report};
 
 use super::models;
-
-fn number() -> impl Strategy<Value = f32> {
-    prop_oneof![
-        6 => -30.0..30.0_f32,
-        2 => any::<f32>(),
-        1 => select(&[0.0, -0.0, 12.5, -12.5, f32::MAX, f32::MIN, f32::MIN_POSITIVE][..]),
-        1 => select(&[f32::NAN, f32::INFINITY, f32::NEG_INFINITY][..]),
-    ]
-}
+use crate::motors::{cases, number};
 
 fn gain() -> impl Strategy<Value = f32> {
-    prop_oneof![4 => 0.0..600.0_f32, 2 => 0.0..6.0_f32, 1 => number()]
+    prop_oneof![4 => 0.0..600.0_f32, 2 => 0.0..6.0_f32, 1 => number(40.0)]
 }
 
 fn address() -> impl Strategy<Value = Address> {
     (1..=127_u8, any::<u8>()).prop_map(|(motor, host)| Address { motor, host })
 }
 
-/// What is to arrive of a number within ±`limit`.
+/// The number that arrives, between `low` and `high`.
 fn limited(x: f32, low: f64, high: f64) -> f64 {
     if x.is_nan() { low.midpoint(high).max(0.0) } else { f64::from(x).clamp(low, high) }
 }
@@ -36,13 +27,13 @@ fn near(is: f64, wanted: f64, low: f64, high: f64) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 4096, failure_persistence: None, ..Default::default() })]
+    #![proptest_config(cases(4096))]
 
     #[test]
     fn setpoints_are_understood(
         which in 0..8_usize,
         to in address(),
-        [position, velocity, torque] in [number(), number(), number()],
+        [position, velocity, torque] in [number(40.0), number(40.0), number(40.0)],
         [kp, kd] in [gain(), gain()],
     ) {
         let (ours, theirs) = models().nth(which).unwrap();
@@ -69,7 +60,7 @@ proptest! {
         to in address(),
         index in any::<u16>(),
         bytes in any::<[u8; 4]>(),
-        real in number(),
+        real in number(40.0),
         id in any::<u8>(),
     ) {
         let model = &rc10_sim::cybergear::RS00;
@@ -106,7 +97,7 @@ proptest! {
         unasked in any::<bool>(),
         mode in 0..4_u8,
         faults in 0..64_u8,
-        [position, velocity, torque] in [number(), number(), number()],
+        [position, velocity, torque] in [number(40.0), number(40.0), number(40.0)],
         temperature in 0.0..6553.0_f64,
     ) {
         let (ours, theirs) = models().nth(which).unwrap();

@@ -60,7 +60,7 @@ impl Driver {
         f32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]])
     }
 
-    /// As that driver enables: stop, then enable.
+    /// Enables as that driver does: stop, then enable.
     fn enable(&mut self, run_mode: u8) {
         self.write(0x7005, [run_mode, 0, 0, 0]);
         assert_eq!(self.send(4, HOST, &[0; 8]).len(), 1);

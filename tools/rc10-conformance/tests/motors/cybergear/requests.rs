@@ -1,74 +1,56 @@
 //! Registers, zero, gains, limits.
 
-use rc10_app::{Amps, NewtonMetres, Rpm, TotalAngle};
+use rc10_app::{Rpm, TotalAngle};
 use rc10_motor::cybergear::{Config, CyberGear, models};
 use rc10_motor::{
-    CanMotor, DriveMode, Gains, Motor, Request, RequestError, Response, Safety, Target, Tick,
-    TxBatch,
+    CanMotor, DriveMode, Motor, Request, RequestError, Response, Safety, Target, Tick, TxBatch,
 };
-use rc10_sim::cybergear::Mode;
 
 use super::{ADDRESS, Pair, with_cybergear, with_rs04};
 
 const COAST: Target = Target::Coast;
 
-/// Asks, and waits for what becomes of it.
-fn ask(pair: &mut Pair<'_, '_>, request: Request) -> Result<Response, RequestError> {
-    if let answer @ (Ok(Response::Done | Response::Register(_)) | Err(_)) =
-        pair.bench.bus.request(pair.motor, request)
-    {
-        return answer;
-    }
-    for _ in 0..1000 {
-        pair.bench.hold(pair.motor, COAST, 1).unwrap();
-        if let Some(answer) = pair.bench.bus.response(pair.motor) {
-            return answer;
-        }
-    }
-    panic!("no answer to {request:?}");
-}
-
-fn degrees(pair: &Pair<'_, '_>) -> f32 {
-    pair.bench.status(pair.motor).feedback.total_angle.degrees().get()
+fn degrees(pair: &Pair) -> f32 {
+    pair.status().feedback.total_angle.degrees().get()
 }
 
 #[test]
 fn registers_are_read_and_written() {
     with_cybergear(Safety::COAST, |mut pair| {
         let real = |value: f32| Ok(Response::Register(value.to_bits()));
-        assert_eq!(ask(&mut pair, Request::ReadRegister(0x701C)), real(24.0));
-        assert_eq!(ask(&mut pair, Request::ReadRegister(0x7018)), real(23.0));
+        assert_eq!(pair.ask(Request::ReadRegister(0x701C)), real(24.0));
+        assert_eq!(pair.ask(Request::ReadRegister(0x7018)), real(23.0));
         let write = Request::WriteRegister(0x7018, 10.0_f32.to_bits());
-        assert_eq!(ask(&mut pair, write), Ok(Response::Done));
+        assert_eq!(pair.ask(write), Ok(Response::Done));
         assert_eq!(pair.device(|device| device.parameters().current_limit), 10.0);
-        assert_eq!(ask(&mut pair, Request::ReadRegister(0x7018)), real(10.0));
+        assert_eq!(pair.ask(Request::ReadRegister(0x7018)), real(10.0));
         // More than it takes: it holds something else now, and says what.
         let write = Request::WriteRegister(0x7018, 99.0_f32.to_bits());
-        assert_eq!(ask(&mut pair, write), Err(RequestError::Refused(23.0_f32.to_bits())));
-        assert_eq!(ask(&mut pair, Request::ReadRegister(0x7FFF)), Err(RequestError::Refused(1)));
+        assert_eq!(pair.ask(write), Err(RequestError::Refused(23.0_f32.to_bits())));
+        assert_eq!(pair.ask(Request::ReadRegister(0x7FFF)), Err(RequestError::Refused(1)));
         let write = Request::WriteRegister(0x7FFF, 0);
-        assert_eq!(ask(&mut pair, write), Err(RequestError::Refused(1)));
+        assert_eq!(pair.ask(write), Err(RequestError::Refused(1)));
         pair.esc.set_power(false);
-        assert_eq!(ask(&mut pair, Request::ReadRegister(0x7018)), Err(RequestError::Timeout));
+        assert_eq!(pair.ask(Request::ReadRegister(0x7018)), Err(RequestError::Timeout));
     });
 }
 
 #[test]
 fn a_question_asked_while_it_is_enabled_waits_for_its_tick() {
-    with_cybergear(Safety::COAST, |pair| {
-        pair.bench.hold(pair.motor, COAST, 20).unwrap();
+    with_cybergear(Safety::COAST, |mut pair| {
+        pair.hold(COAST, 20);
         pair.switch.arm().unwrap();
         let request = Request::ReadRegister(0x7018);
         assert_eq!(pair.bench.bus.request(pair.motor, request), Ok(Response::Pending));
         let (speed, mut most) = (Target::Speed(Rpm::new(30.0)), 0);
         for _ in 0..50 {
-            pair.bench.hold(pair.motor, speed, 1).unwrap();
+            pair.hold(speed, 1);
             most = most.max(pair.bench.sent().frames().len());
         }
         assert_eq!(most, 2);
         let answer = pair.bench.bus.response(pair.motor);
         assert_eq!(answer, Some(Ok(Response::Register(23.0_f32.to_bits()))));
-        pair.bench.hold(pair.motor, speed, 300).unwrap();
+        pair.hold(speed, 300);
         assert!((pair.rpm() - 30.0).abs() < 0.5);
     });
 }
@@ -79,7 +61,7 @@ fn an_armed_robot_is_not_changed() {
     with_rs04(|mut pair| {
         pair.switch.arm().unwrap();
         let speed = Target::Speed(Rpm::new(30.0));
-        pair.bench.hold(pair.motor, speed, 300).unwrap();
+        pair.hold(speed, 300);
         let bus = &mut pair.bench.bus;
         for request in
             [Request::StoreZero, Request::SaveRegisters, Request::WriteRegister(0x7018, 0)]
@@ -88,7 +70,7 @@ fn an_armed_robot_is_not_changed() {
         }
         let read = bus.request(pair.motor, Request::ReadRegister(0x7018));
         assert_eq!(read, Ok(Response::Pending));
-        pair.bench.hold(pair.motor, speed, 5).unwrap();
+        pair.hold(speed, 5);
         let answer = pair.bench.bus.response(pair.motor);
         assert_eq!(answer, Some(Ok(Response::Register(90.0_f32.to_bits()))));
         assert!((pair.rpm() - 30.0).abs() < 0.5);
@@ -98,35 +80,27 @@ fn an_armed_robot_is_not_changed() {
         pair.bench.wait(5);
         pair.bench.bus.request(pair.motor, Request::SaveRegisters).unwrap();
         pair.switch.arm().unwrap();
-        assert_eq!(ask_again(&mut pair), Err(RequestError::NotWhileArmed));
+        pair.bench.tick();
+        let answer = pair.bench.bus.response(pair.motor);
+        assert_eq!(answer, Some(Err(RequestError::NotWhileArmed)));
         assert_eq!(pair.device(|device| device.saves()), 0);
     });
-}
-
-fn ask_again(pair: &mut Pair<'_, '_>) -> Result<Response, RequestError> {
-    for _ in 0..10 {
-        pair.bench.hold(pair.motor, COAST, 1).unwrap();
-        if let Some(answer) = pair.bench.bus.response(pair.motor) {
-            return answer;
-        }
-    }
-    panic!("no answer");
 }
 
 #[test]
 fn a_robstride_keeps_its_registers_and_its_zero() {
     with_rs04(|mut pair| {
         let write = Request::WriteRegister(0x7018, 40.0_f32.to_bits());
-        assert_eq!(ask(&mut pair, write), Ok(Response::Done));
-        assert_eq!(ask(&mut pair, Request::SaveRegisters), Ok(Response::Done));
+        assert_eq!(pair.ask(write), Ok(Response::Done));
+        assert_eq!(pair.ask(Request::SaveRegisters), Ok(Response::Done));
         assert_eq!(pair.device(|device| device.saves()), 1);
         // Away from where it started, disarmed again.
         pair.switch.arm().unwrap();
         let place = Target::TotalAngle(TotalAngle::from_degrees(50));
-        pair.bench.hold(pair.motor, place, 1500).unwrap();
+        pair.hold(place, 1500);
         pair.switch.disarm();
         pair.bench.wait(10);
-        assert_eq!(ask(&mut pair, Request::StoreZero), Ok(Response::Done));
+        assert_eq!(pair.ask(Request::StoreZero), Ok(Response::Done));
         assert!(degrees(&pair).abs() < 0.1, "{}", degrees(&pair));
         assert_eq!(pair.device(|device| device.saves()), 2);
         pair.esc.set_power(false);
@@ -161,44 +135,12 @@ fn nothing_else_is_sent_around_a_save() {
 fn a_cybergear_cannot_save() {
     with_cybergear(Safety::COAST, |mut pair| {
         for request in [Request::StoreZero, Request::SaveRegisters] {
-            assert_eq!(ask(&mut pair, request), Err(RequestError::Unsupported));
+            assert_eq!(pair.ask(request), Err(RequestError::Unsupported));
         }
         pair.esc.set_power(false);
         pair.bench.wait(200);
         pair.esc.set_power(true);
         pair.bench.wait(20);
-        assert_eq!(pair.bench.status(pair.motor).link, rc10_motor::Link::Online);
-    });
-}
-
-#[test]
-fn zero_is_ours_and_moves_nothing() {
-    with_cybergear(Safety::COAST, |mut pair| {
-        pair.switch.arm().unwrap();
-        let target = Target::TotalAngle(TotalAngle::from_degrees(60));
-        pair.bench.hold(pair.motor, target, 1500).unwrap();
-        let stood = pair.degrees();
-        assert_eq!(ask(&mut pair, Request::SetZeroOfDriven), Ok(Response::Done));
-        assert!(degrees(&pair).abs() < 0.1);
-        assert!(pair.bench.status(pair.motor).feedback.angle.get() % 360.0 < 0.1);
-        let back = Target::TotalAngle(TotalAngle::from_degrees(0));
-        pair.bench.hold(pair.motor, back, 500).unwrap();
-        assert!((pair.degrees() - stood).abs() < 0.5);
-        assert_eq!(pair.device(|device| device.mode()), Mode::Run);
-    });
-}
-
-#[test]
-fn gains_and_limits_are_checked() {
-    with_cybergear(Safety::COAST, |mut pair| {
-        let good = Gains { kp: 0.03, ki: 0.1, kd: 0.0 };
-        assert_eq!(ask(&mut pair, Request::SpeedGains(good)), Ok(Response::Done));
-        assert_eq!(ask(&mut pair, Request::AngleGains(good)), Ok(Response::Done));
-        let bad = Gains { kp: f32::NAN, ..good };
-        assert!(matches!(ask(&mut pair, Request::SpeedGains(bad)), Err(RequestError::Config(_))));
-        let limit = Request::TorqueLimit(NewtonMetres::new(-1.0));
-        assert!(matches!(ask(&mut pair, limit), Err(RequestError::Config(_))));
-        let current = Request::CurrentLimit(Amps::new(1.0));
-        assert_eq!(ask(&mut pair, current), Err(RequestError::Unsupported));
+        assert_eq!(pair.status().link, rc10_motor::Link::Online);
     });
 }

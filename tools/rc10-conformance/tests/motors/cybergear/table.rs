@@ -6,43 +6,21 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::ExtendedId;
 use rc10_motor::cybergear::signals::{self, NOT_IN_DBC, Scaled};
 use rc10_motor::cybergear::{Address, Model};
-use rc10_motor::signals::{Message, Presence};
+use rc10_motor::signals::Message;
+use rc10_sim::Random;
 
 use super::values::{PARAMETERS, values};
 use super::{ADDRESS, models};
+use crate::motors::by_table;
 
 fn messages(model: &Model, address: Address) -> Vec<Message> {
     let scaled = Box::leak(Box::new(Scaled::of(model)));
     signals::messages(model, address, scaled).into_iter().collect()
 }
 
-/// Any bits, the same in every run (xorshift64*).
-struct Bits(u64);
-
-impl Bits {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
-    }
-}
-
-/// Values of the table, present ones only.
-fn physical(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
-    let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
-    let selected = switch.map(|signal| signal.raw(frame.bytes()).unwrap());
-    let is_there = |presence| match presence {
-        Presence::If(value) => selected == Some(value.into()),
-        _ => true,
-    };
-    let there = message.signals.iter().filter(|signal| is_there(signal.presence));
-    there.map(|signal| (signal.name, signal.physical(frame.bytes()).unwrap())).collect()
-}
-
 #[test]
 fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
-    let mut bits = Bits(1);
+    let mut random = Random::new(1);
     let mut seen = BTreeSet::new();
     let mut frames = 0;
     let mut compared = 0;
@@ -50,15 +28,15 @@ fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
     while frames < 10_000 {
         for (model, table) in &tables {
             for message in table.iter().filter(|it| it.from_device && it.is_plain()) {
-                let mut data = bits.next().to_le_bytes();
+                let mut data = random.bits().to_le_bytes();
                 if message.name.ends_with("PARAMETER") {
-                    let choice = usize::try_from(bits.next() % 10).unwrap();
+                    let choice = usize::try_from(random.bits() % 10).unwrap();
                     let index = PARAMETERS.get(choice).map_or(0x7005, |(index, _)| index.0);
                     data[..2].copy_from_slice(&index.to_le_bytes());
                 }
                 let frame = CanFrame::eight_bytes(message.id, data);
                 let ours = values(message.name, &frame, model);
-                let table = physical(message, &frame);
+                let table = by_table(message, &frame);
                 frames += 1;
                 // What is no number, our codec does not hand out.
                 if table.iter().any(|(_, value)| !value.is_finite()) {
@@ -98,7 +76,7 @@ fn messages_have_names_and_identifiers_of_their_own() {
     assert!(NOT_IN_DBC.iter().any(|line| line.contains("torque")));
 }
 
-/// What a host sends is read as the device reads it.
+/// Frames of a host are read as the device reads them.
 #[test]
 fn commands_in_the_table_are_the_devices() {
     use rc10_sim::cybergear::wire::{Command, read};

@@ -9,7 +9,6 @@ use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames,
     Impedance, Link, Motor, MotorBus, Rate, Request, Response, Safety, Target, Tick, TxBatch,
-    Verdict,
 };
 
 use super::{ADDRESS, CONFIG, HOST, cybergear};
@@ -36,25 +35,6 @@ fn what_cannot_be_is_refused_by_name() {
     assert_eq!(CONFIG.with_cascade(cascade).validate().unwrap_err().field, "output_limit");
     cascade.speed.output_limit = f32::NAN;
     assert!(CONFIG.with_cascade(cascade).validate().is_err());
-}
-
-/// As the page says: 28 / 32 % for one, 83 / 96 % for three.
-#[test]
-fn three_fit_on_a_bus() {
-    let switch = ArmSwitch::new();
-    let mut motors = [1, 2, 3, 4].map(|id| at(id, HOST));
-    let mut bus = MotorBus::new(&switch);
-    let mut loads = Vec::new();
-    for motor in &mut motors {
-        bus.attach(motor, Safety::COAST).unwrap();
-        loads.push(bus.load(1_000_000));
-    }
-    for load in &loads {
-        println!("{load:?}");
-    }
-    assert!((loads[0].typical - 27.8).abs() < 1.0 && (loads[0].worst - 32.0).abs() < 0.5);
-    assert_eq!(loads[2].verdict(), Verdict::Fits);
-    assert_eq!(loads[3].verdict(), Verdict::DoesNotFit);
 }
 
 #[test]
@@ -115,22 +95,15 @@ fn an_answer_about_another_parameter_ends_no_request() {
 }
 
 #[test]
-fn frames_of_others_and_of_wrong_length_change_nothing() {
+fn answers_that_were_not_asked_for_change_nothing() {
     let mut motor = cybergear();
     let frame =
         |id: u32, data: &[u8]| CanFrame::data_frame(ExtendedId::new(id).unwrap(), data).unwrap();
     let now = Micros::from_millis(1);
-    for (frame, error) in [
-        (frame(0x0280_02FD, &[0; 8]), FrameError::NotMine),
-        (frame(0x0280_01FC, &[0; 8]), FrameError::NotMine),
-        (frame(0x0380_01FD, &[0; 8]), FrameError::NotMine),
-        (frame(0x0280_01FD, &[0; 7]), FrameError::Length),
-        // A parameter that was not asked for here.
-        (frame(0x1100_01FD, &[0x19, 0x70, 0, 0, 0, 0, 0, 0]), FrameError::Unasked),
-    ] {
-        assert_eq!(motor.unpack_feedback(&frame, now, Link::NeverSeen), Err(error), "{frame}");
-        assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
-    }
+    // A parameter that was not asked for here.
+    let other = frame(0x1100_01FD, &[0x19, 0x70, 0, 0, 0, 0, 0, 0]);
+    let heard = motor.unpack_feedback(&other, now, Link::NeverSeen);
+    assert_eq!((heard, motor.feedback()), (Err(FrameError::Unasked), rc10_motor::Feedback::NEW));
     // The mode is asked for until the answer is there: the second one is late, not wrong.
     let late = frame(0x1100_01FD, &[0x05, 0x70, 0, 0, 0, 0, 0, 0]);
     assert_eq!(motor.unpack_feedback(&late, now, Link::NeverSeen), Ok(FrameKind::Other));

@@ -6,7 +6,7 @@ use rc10_motor::damiao::{Config, Control, Damiao, Limits, Model, models};
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanMotor, Clash, DriveMode, Motor, MotorBus, Request, Safety, Tick,
-    TxBatch, Verdict,
+    TxBatch,
 };
 
 fn at(can_id: u16, master_id: u16) -> Damiao {
@@ -99,31 +99,6 @@ fn neighbours_that_would_be_taken_for_commands_are_refused() {
     assert_eq!(clash(&mut at(0x01, 0x00), &mut at(0x02, 0x00)), None);
     let shared = clash(&mut at(0x01, 0x00), &mut at(0x11, 0x00));
     assert_eq!(shared, Some(Clash::RxFrames(StandardId::ZERO.into())));
-}
-
-/// 7.2 of the protocol reference: three fit in the worst case, four typically.
-#[test]
-fn three_fit_on_a_bus_and_four_are_tight() {
-    for control in controls() {
-        let mut motors = [1, 2, 3, 4, 5]
-            .map(|id| Damiao::new(Config::new(models::J4310, id, 0x20 + id, control)).unwrap());
-        let switch = ArmSwitch::new();
-        let mut bus = MotorBus::new(&switch);
-        let mut verdicts = Vec::new();
-        for motor in &mut motors {
-            bus.attach(motor, Safety::COAST).unwrap();
-            let load = bus.load(1_000_000);
-            verdicts.push((load.typical.round(), load.worst.round(), load.verdict()));
-        }
-        let expected = [
-            (24.0, 27.0, Verdict::Fits),
-            (47.0, 54.0, Verdict::Fits),
-            (71.0, 81.0, Verdict::Fits),
-            (94.0, 108.0, Verdict::Tight),
-            (118.0, 135.0, Verdict::DoesNotFit),
-        ];
-        assert_eq!(verdicts, expected, "{control:?}");
-    }
 }
 
 /// Whatever the state, the frames that leave it without torque are those that disable it.

@@ -1,12 +1,12 @@
-use super::{LOAD, MOST, Rig, cascade, config, controls, device, motor};
+use super::{MOST, Rig, cascade, config, controls, device, motor, on_bus};
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    CommandError, Condition, DriveMode, Impedance, Request, Response, Safety, Target, TargetError,
-    TargetKind,
+    CommandError, Condition, Impedance, Request, Response, Safety, Target, TargetError, TargetKind,
 };
-use rc10_sim::damiao::{Beyond, DamiaoConfig};
+use rc10_sim::Beyond;
+use rc10_sim::damiao::DamiaoConfig;
 
 const FORWARD: Target = Target::Speed(Rpm::new(100.0));
 
@@ -22,7 +22,7 @@ fn mit() -> Control {
 #[test]
 fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
     for control in controls() {
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST);
+        let mut rig = on_bus(motor(control), &device(&control), Safety::COAST);
         rig.bench.tick();
         assert_eq!(rig.status().condition, Condition::Starting);
         let target = if control == Control::Velocity { FORWARD } else { angle(90) };
@@ -51,82 +51,12 @@ fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
     }
 }
 
-#[test]
-fn mit_mode_reaches_speeds_angles_and_torques() {
-    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
-    rig.bench.hold(rig.motor, FORWARD, 400).unwrap();
-    let rpm = rig.esc.state().output_rpm;
-    assert!((rpm - 100.0).abs() < 2.0, "{rpm} rpm");
-    assert!((f64::from(rig.status().feedback.speed.get()) - rpm).abs() < 0.2);
-
-    // From wherever it is now, back to 250 degrees.
-    rig.bench.hold(rig.motor, angle(250), 1500).unwrap();
-    let told = rig.status().feedback;
-    assert!((told.total_angle.degrees().get() - 250.0).abs() < 0.5, "{:?}", told.total_angle);
-    // The shorter way round: 10 degrees are 370.
-    rig.bench.hold(rig.motor, Target::Angle(Degrees::new(10.0)), 1000).unwrap();
-    let told = rig.status().feedback;
-    assert!((told.total_angle.degrees().get() - 370.0).abs() < 0.5, "{:?}", told.total_angle);
-    assert!((told.angle.get() - 10.0).abs() < 0.5);
-
-    // 1 N m on 0.0218 kg m² for 100 ms, friction 0.05: 4.3 rad/s.
-    rig.bench.hold(rig.motor, Target::Coast, 300).unwrap();
-    assert!(rig.is_enabled(), "coasting is no reason to disable it");
-    let before = rig.esc.state().output_rpm;
-    rig.bench.hold(rig.motor, Target::Torque(NewtonMetres::new(1.0)), 100).unwrap();
-    let gained = (rig.esc.state().output_rpm - before) * 0.104_72;
-    let expected = (1.0 - 0.05) / (LOAD + 1.8e-3) * 0.09;
-    assert!((gained - expected).abs() < 0.4, "{gained} {expected}");
-    let torque = rig.status().feedback.torque().unwrap().get();
-    assert!((torque - 1.0).abs() < 0.02, "{torque}");
-}
-
-/// Half-way round and loaded, the device's own spring gives what was asked for.
-#[test]
-fn an_impedance_is_the_devices_own() {
-    for direction in [Direction::Forward, Direction::Reversed] {
-        let motor = Damiao::new(config(mit()).with_direction(direction)).unwrap();
-        let mut rig = Rig::new(motor, &device(&mit()), Safety::COAST).armed();
-        let spring =
-            Impedance { angle: Degrees::new(60.0), kp: 20.0, kd: 1.5, ..Impedance::default() };
-        rig.bench.hold(rig.motor, Target::Impedance(spring), 1000).unwrap();
-        let told = rig.status().feedback.total_angle.degrees().get();
-        // Friction of 0.07 N m on 20 N m/rad: 0.2 degrees.
-        assert!((told - 60.0).abs() < 0.3, "{told}");
-        // A load of 2 N m: 5.7 degrees.
-        let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
-        rig.esc.set_load(sign * 2.0);
-        rig.bench.hold(rig.motor, Target::Impedance(spring), 1000).unwrap();
-        let told = rig.status().feedback.total_angle.degrees().get();
-        assert!((told - 65.73).abs() < 0.4, "{told}");
-        let against = Impedance { torque: NewtonMetres::new(-2.0), ..spring };
-        rig.bench.hold(rig.motor, Target::Impedance(against), 1000).unwrap();
-        let told = rig.status().feedback.total_angle.degrees().get();
-        assert!((told - 60.0).abs() < 0.4, "{told}");
-    }
-}
-
-#[test]
-fn an_impedance_begins_softly() {
-    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
-    let torque = NewtonMetres::new(5.0);
-    let target = Target::Impedance(Impedance { torque, ..Impedance::default() });
-    let mut last = 0.0;
-    for _ in 0..40 {
-        rig.bench.hold(rig.motor, target, 1).unwrap();
-        let now = rig.esc.state().current * 0.945;
-        assert!(now - last < 0.45, "{last} to {now} N m in a tick");
-        last = now;
-    }
-    assert!((last - 5.0).abs() < 0.2, "{last}");
-}
-
 /// A stiff spring that is far away pulls with what the motor may give, and no more; and that too
 /// begins softly.
 #[test]
 fn an_impedance_keeps_to_the_torque_limit() {
     for limit in [MOST, 2.0] {
-        let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
+        let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST).armed();
         let request = Request::TorqueLimit(NewtonMetres::new(limit));
         assert_eq!(rig.bench.bus.request(rig.motor, request), Ok(Response::Done));
         let spring =
@@ -154,7 +84,7 @@ fn the_devices_own_loops_reach_their_targets() {
             Control::Velocity => (FORWARD, false),
             _ => (angle(-200), true),
         };
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
+        let mut rig = on_bus(motor(control), &device(&control), Safety::COAST).armed();
         let mut fastest: f64 = 0.0;
         for _ in 0..900 {
             rig.bench.hold(rig.motor, target, 1).unwrap();
@@ -181,7 +111,7 @@ fn the_devices_own_loops_reach_their_targets() {
 #[test]
 fn force_position_pushes_no_harder_than_its_share() {
     let control = Control::ForcePosition { speed: Rpm::new(100.0), torque_share: 0.2 };
-    let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
+    let mut rig = on_bus(motor(control), &device(&control), Safety::COAST).armed();
     // 0.2 of 10 N m cannot lift 3 N m.
     rig.esc.set_load(-3.0);
     let mut hardest: f64 = 0.0;
@@ -193,37 +123,8 @@ fn force_position_pushes_no_harder_than_its_share() {
 }
 
 #[test]
-fn holding_and_braking_stop_it_where_it_is() {
-    for control in controls() {
-        for safety in [Safety::HOLD, Safety::BRAKE] {
-            let mut rig = Rig::new(motor(control), &device(&control), safety).armed();
-            let target = if control == Control::Velocity { FORWARD } else { angle(500) };
-            rig.bench.hold(rig.motor, target, 150).unwrap();
-            assert!(rig.esc.state().output_rpm > 60.0, "{control:?}");
-            let expired = rig.status().counters.expired;
-            // 50 ms until the command expires.
-            rig.bench.wait(50 + 900);
-            let status = rig.status();
-            assert_eq!(status.counters.expired, expired + 1);
-            assert_eq!(status.drive, safety.state.mode());
-            let (rpm, stands) = (rig.esc.state().output_rpm, rig.esc.state().output_degrees);
-            assert!(rpm.abs() < 2.0, "{control:?} {safety:?}: {rpm}");
-            rig.esc.set_load(-1.0);
-            rig.bench.wait(500);
-            let (rpm, now) = (rig.esc.state().output_rpm, rig.esc.state().output_degrees);
-            assert!(rpm.abs() < 2.0, "{control:?} {safety:?}: {rpm}");
-            let holds = safety == Safety::HOLD && control != Control::Velocity;
-            if holds {
-                assert!((now - stands).abs() < 3.0, "{control:?}: {stands} to {now}");
-            }
-            assert!(rig.is_enabled());
-        }
-    }
-}
-
-#[test]
 fn what_lies_beyond_its_range_is_refused() {
-    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
+    let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST).armed();
     let id = rig.motor;
     let far = |rig: &mut Rig, target| {
         let now = rig.bench.world.now();
@@ -275,7 +176,7 @@ fn an_angle_is_sought_within_the_range() {
     {
         for sign in [1, -1] {
             let motor = Damiao::new(config(control).with_direction(direction)).unwrap();
-            let mut rig = Rig::new(motor, &device(&control), Safety::COAST).armed();
+            let mut rig = on_bus(motor, &device(&control), Safety::COAST).armed();
             rig.bench.hold(rig.motor, angle(sign * 690), 2500).unwrap();
             for (target, total) in [(10, 370), (350, 350), (340, 340), (-10, 350)] {
                 #[expect(clippy::cast_precision_loss, reason = "small")]
@@ -294,7 +195,7 @@ fn an_angle_is_sought_within_the_range() {
 fn turning_beyond_the_range_and_back_is_survived() {
     for beyond in [Beyond::Saturates, Beyond::Wraps] {
         let config = DamiaoConfig { beyond, ..device(&mit()) };
-        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST).armed();
+        let mut rig = on_bus(motor(mit()), &config, Safety::COAST).armed();
         let start = rig.esc.state().output_degrees;
         rig.bench.hold(rig.motor, Target::Speed(Rpm::new(150.0)), 1200).unwrap();
         let went = rig.esc.state().output_degrees - start;
@@ -309,48 +210,5 @@ fn turning_beyond_the_range_and_back_is_survived() {
         assert!((told - 100.0).abs() < 0.5, "{beyond:?}: {told}");
         let left = rig.esc.state().output_degrees - start;
         assert!((left - 100.0).abs() < 1.0, "{beyond:?}: {left}");
-    }
-}
-
-#[test]
-fn a_reversed_motor_turns_the_other_way() {
-    for control in controls() {
-        let motor = Damiao::new(config(control).with_direction(Direction::Reversed)).unwrap();
-        let mut rig = Rig::new(motor, &device(&control), Safety::COAST).armed();
-        let start = rig.esc.state().output_degrees;
-        if control == Control::Velocity {
-            rig.bench.hold(rig.motor, FORWARD, 500).unwrap();
-            assert!((rig.esc.state().output_rpm + 100.0).abs() < 2.0);
-            assert!((rig.status().feedback.speed.get() - 100.0).abs() < 2.0);
-        } else {
-            rig.bench.hold(rig.motor, angle(120), 1500).unwrap();
-            let moved = rig.esc.state().output_degrees - start;
-            assert!((moved + 120.0).abs() < 1.0, "{control:?}: {moved}");
-            let told = rig.status().feedback.total_angle.degrees().get();
-            assert!((told - 120.0).abs() < 0.5, "{control:?}: {told}");
-        }
-    }
-}
-
-#[test]
-fn a_new_zero_moves_nothing_and_coasting_still_coasts() {
-    for control in controls() {
-        if control == Control::Velocity {
-            continue;
-        }
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
-        rig.bench.hold(rig.motor, angle(120), 1500).unwrap();
-        let stands = rig.esc.state().output_degrees;
-        assert_eq!(rig.ask(Request::SetZeroOfDriven), Ok(rc10_motor::Response::Done));
-        rig.bench.wait(40);
-        assert_eq!(rig.status().drive, DriveMode::Run);
-        assert!((rig.esc.state().output_degrees - stands).abs() < 0.5, "{control:?}");
-        assert!(rig.status().feedback.total_angle.degrees().get().abs() < 0.5);
-        // Not taken for what it does already.
-        rig.bench.hold(rig.motor, Target::Coast, 10).unwrap();
-        assert!(rig.esc.state().current.abs() < 0.01, "{control:?}");
-        rig.bench.hold(rig.motor, angle(-120), 1500).unwrap();
-        let moved = rig.esc.state().output_degrees - stands;
-        assert!((moved + 120.0).abs() < 1.0, "{control:?}: {moved}");
     }
 }

@@ -8,14 +8,12 @@ mod registers;
 mod table;
 
 use rc10_app::{PidConfig, Rpm, RpmPerSecond};
-use rc10_conformance::Bench;
+use rc10_motor::Safety;
 use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::rc10_app::{Cascade, FeedForward};
-use rc10_motor::{ArmSwitch, Link, MotorId, MotorStatus, Safety};
-use rc10_sim::Esc;
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
-use crate::motors::leak;
+use crate::motors::One;
 
 pub const CAN_ID: u16 = 0x11;
 pub const MASTER_ID: u16 = 0x31;
@@ -52,7 +50,7 @@ pub fn motor(control: Control) -> Damiao {
     Damiao::new(config(control)).unwrap()
 }
 
-/// As the control's register 10.
+/// The mode of a control, register 10.
 pub fn mode_of(control: &Control) -> Mode {
     match control {
         Control::Mit(_) => Mode::Mit,
@@ -67,59 +65,15 @@ pub fn device(control: &Control) -> DamiaoConfig {
     DamiaoConfig { plant: config.plant.with_load_inertia(LOAD), ..config }
 }
 
-/// A bench with one motor and one device.
-pub struct Rig {
-    pub bench: Bench<'static>,
-    pub switch: &'static ArmSwitch,
-    pub motor: MotorId,
-    pub esc: Esc,
+/// A motor and its device.
+pub type Rig = One<Device>;
+
+pub fn on_bus(motor: Damiao, config: &DamiaoConfig, safety: Safety) -> Rig {
+    One::new(motor, Device::new(config), config.plant, safety)
 }
 
 impl Rig {
-    pub fn new(motor: Damiao, config: &DamiaoConfig, safety: Safety) -> Self {
-        let switch = &*leak(ArmSwitch::new());
-        let mut bench = Bench::new(7, switch);
-        let esc = bench.wire.add(Device::new(config), config.plant);
-        let motor = bench.attach(leak(motor), safety).unwrap();
-        Self { bench, switch, motor, esc }
-    }
-
-    /// Disarmed until it has looked at the device, then armed.
-    pub fn armed(mut self) -> Self {
-        self.bench.wait(20);
-        assert_eq!(self.status().link, Link::Online);
-        assert_eq!(self.status().fault, None);
-        self.switch.arm().unwrap();
-        self
-    }
-
-    pub fn status(&self) -> MotorStatus {
-        self.bench.status(self.motor)
-    }
-
-    pub fn device<T>(&self, look: impl FnOnce(&mut Device) -> T) -> T {
-        self.esc.with(look).unwrap()
-    }
-
     pub fn is_enabled(&self) -> bool {
         self.device(|device| device.is_enabled())
-    }
-
-    /// What is asked, until it is answered.
-    pub fn ask(
-        &mut self,
-        request: rc10_motor::Request,
-    ) -> Result<rc10_motor::Response, rc10_motor::RequestError> {
-        let mut answer = self.bench.bus.request(self.motor, request)?;
-        let mut left = 300;
-        while answer == rc10_motor::Response::Pending {
-            assert!(left > 0, "never answered");
-            left -= 1;
-            self.bench.tick();
-            if let Some(told) = self.bench.bus.response(self.motor) {
-                answer = told?;
-            }
-        }
-        Ok(answer)
     }
 }

@@ -1,6 +1,6 @@
 //! Registers, the zero in flash, and who may touch them when.
 
-use super::{CAN_ID, MASTER_ID, Rig, cascade, config, controls, device, motor};
+use super::{CAN_ID, MASTER_ID, Rig, cascade, config, controls, device, motor, on_bus};
 use rc10_app::{Rpm, TotalAngle};
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
@@ -26,7 +26,7 @@ fn bits(answer: Result<Response, RequestError>) -> u32 {
 #[test]
 fn registers_are_read_also_while_it_turns() {
     for control in controls() {
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::HOLD).armed();
+        let mut rig = on_bus(motor(control), &device(&control), Safety::HOLD).armed();
         rig.bench.wait(20);
         assert!(rig.is_enabled());
         let ratio = f32::from_bits(bits(rig.ask(Request::ReadRegister(20))));
@@ -36,7 +36,7 @@ fn registers_are_read_also_while_it_turns() {
         assert!(rig.is_enabled());
         assert_eq!(rig.status().counters.malformed, 0);
         assert_eq!(rig.status().link, Link::Online);
-        // There is none of that number: no answer comes.
+        // A register that does not exist: no answer comes.
         assert_eq!(rig.ask(Request::ReadRegister(49)), Err(RequestError::Timeout));
         let error = rig.ask(Request::ReadRegister(256));
         assert!(matches!(error, Err(RequestError::Config(error)) if error.field == "register"));
@@ -47,7 +47,7 @@ fn registers_are_read_also_while_it_turns() {
 fn registers_are_written_and_saved_only_while_disarmed() {
     for acknowledges_with in [0x55, 0x33] {
         let config = DamiaoConfig { acknowledges_with, ..device(&mit()) };
-        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST);
+        let mut rig = on_bus(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
         assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
         assert_eq!(rig.device(|device| device.register(9)), Some(2000));
@@ -113,7 +113,7 @@ fn registers_are_written_and_saved_only_while_disarmed() {
 #[test]
 fn a_zero_in_flash_is_kept_without_power() {
     for control in controls() {
-        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
+        let mut rig = on_bus(motor(control), &device(&control), Safety::COAST).armed();
         let target = match control {
             Control::Velocity => Target::Speed(Rpm::new(60.0)),
             _ => Target::TotalAngle(TotalAngle::from_degrees(70)),
@@ -170,7 +170,7 @@ fn a_stored_zero_is_believed_once_the_angle_is_zero() {
 
 #[test]
 fn what_is_written_into_a_register_that_is_checked_is_checked_again() {
-    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST);
+    let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST);
     rig.bench.wait(20);
     assert_eq!(rig.status().fault, None);
     let wrong = 3.2_f32.to_bits();
@@ -181,7 +181,7 @@ fn what_is_written_into_a_register_that_is_checked_is_checked_again() {
 
 #[test]
 fn a_device_that_is_not_there_answers_nothing() {
-    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST);
+    let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST);
     rig.esc.set_power(false);
     rig.bench.wait(5);
     assert_eq!(rig.ask(Request::SetZeroOfDriven), Err(RequestError::NoFeedback));

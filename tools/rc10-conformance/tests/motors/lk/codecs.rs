@@ -1,30 +1,14 @@
 //! Two codecs that were written apart: what one says, the other hears.
 
+use crate::motors::{cases, number};
 use proptest::prelude::*;
 use proptest::sample::select;
-use proptest::test_runner::RngSeed;
 use rc10_app::{Amps, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_motor::lk::{
     CENTIDEGREES, Command, DriveId, EncoderBits, Model, Reply, SpinDirection, pack_multi_motor,
 };
 use rc10_sim::lk::{Order, State, decode, encode_echo, encode_health, encode_state};
-
-pub fn cases(cases: u32) -> ProptestConfig {
-    let rng_seed = RngSeed::Fixed(10);
-    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
-}
-
-/// Any f32, NaN and infinities included; mostly those up to `usual`, either way.
-fn number(usual: f32) -> impl Strategy<Value = f32> {
-    const SPECIAL: [f32; 7] =
-        [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN];
-    prop_oneof![
-        4 => -usual..usual,
-        2 => any::<u32>().prop_map(f32::from_bits),
-        1 => select(&SPECIAL[..]),
-    ]
-}
 
 /// What the drive hears of a command; `None` where there is no number to send.
 fn heard(command: Command, model: &Model) -> Option<Order> {

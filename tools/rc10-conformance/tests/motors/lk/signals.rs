@@ -8,29 +8,9 @@ use rc10_motor::CanMotor;
 use rc10_motor::lk::models::MF9025;
 use rc10_motor::lk::signals::{NOT_IN_DBC, messages};
 use rc10_motor::lk::{Commands, Config, EncoderBits, Errors, Lk, Model};
-use rc10_motor::signals::{Message, Presence};
 
-use super::codecs::cases;
 use super::values::{ID, config, values};
-
-/// By the table alone: the signals that are there.
-fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
-    let bytes = frame.bytes();
-    let switch = message
-        .signals
-        .iter()
-        .find(|signal| signal.presence == Presence::Switch)
-        .map(|signal| signal.raw(bytes).unwrap());
-    message
-        .signals
-        .iter()
-        .filter(|signal| match signal.presence {
-            Presence::Always | Presence::Switch => true,
-            Presence::If(value) => switch == Some(value.into()),
-        })
-        .map(|signal| (signal.name, signal.physical(bytes).unwrap()))
-        .collect()
-}
+use crate::motors::{by_table, cases};
 
 proptest! {
     #![proptest_config(cases(10_000))]

@@ -1,15 +1,10 @@
 //! What an axis cannot be, and who it cannot share a bus with.
 
 use rc10_app::{Amps, Gear, PidConfig, Rpm};
-use rc10_motor::dji::{self, Dji, M3508};
-use rc10_motor::lk::models::MG4010E_I10;
-use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Limits, ODrive, Rates};
-use rc10_motor::{
-    ArmSwitch, AttachError, CanMotor, Clash, MotorBus, Rate, Safety, TxBatch, Verdict,
-};
+use rc10_motor::{CanMotor, Rate};
 
-use super::{NODE, WHEEL, wheel, with};
+use super::{WHEEL, wheel, with};
 
 fn error(node: u8, config: Config) -> &'static str {
     ODrive::new(Config { node, ..config }).err().unwrap().field
@@ -53,40 +48,6 @@ fn what_cannot_be_is_named() {
 }
 
 #[test]
-fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
-    let switch = ArmSwitch::new();
-    let refused = |node: u8, other: &mut dyn CanMotor| {
-        let mut odrive = ODrive::new(Config { node, ..wheel() }).unwrap();
-        let mut bus = MotorBus::new(&switch);
-        bus.attach(other, Safety::COAST).unwrap();
-        match bus.attach(&mut odrive, Safety::COAST) {
-            Err(AttachError::Clash { motor, clash, .. }) => {
-                assert_eq!((motor.model, motor.id), ("ODrive", node.into()));
-                Some(clash)
-            }
-            Err(other) => panic!("{other}"),
-            Ok(_) => None,
-        }
-    };
-    let mut dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
-    for node in 0..63 {
-        // 0x200 and 0x201 are node 16's.
-        assert_eq!(refused(node, &mut dji).is_some(), node == 16, "{node}");
-    }
-    let mut fifth = Dji::new(dji::Config::new(&M3508, 5)).unwrap();
-    assert!(refused(15, &mut fifth).is_some(), "0x1FF");
-    // Its feedback alone lies there, and would be a command.
-    assert!(matches!(refused(16, &mut fifth), Some(Clash::Confuses(_))), "0x205");
-    let mut joint = Lk::new(lk::Config::new(MG4010E_I10, 1, super::super::lk::JOINT)).unwrap();
-    assert!(refused(10, &mut joint).is_some(), "0x141");
-    let mut last = Lk::new(lk::Config::new(MG4010E_I10, 32, super::super::lk::JOINT)).unwrap();
-    assert!(refused(11, &mut last).is_some(), "0x160");
-    let mut same = ODrive::new(wheel()).unwrap();
-    assert!(matches!(refused(NODE, &mut same), Some(Clash::RxFrames(_) | Clash::TxFrames(_))));
-    assert_eq!(refused(NODE + 1, &mut same), None);
-}
-
-#[test]
 fn what_comes_is_declared() {
     let rates = Rates { currents: 100, temperatures: 10, supply: 20, ..Rates::new(500, 50) };
     let wiring = ODrive::new(Config { rates, ..wheel() }).unwrap().can_ids();
@@ -101,27 +62,4 @@ fn what_comes_is_declared() {
     assert_eq!(wiring.link_timeout().get(), 10_000);
     let slow = ODrive::new(Config { rates: Rates::new(100, 10), ..wheel() }).unwrap();
     assert_eq!(slow.can_ids().link_timeout().get(), 30_000);
-}
-
-/// Percent of 1 Mbit/s.
-#[test]
-fn three_axes_fit_beside_a_wheel() {
-    let switch = ArmSwitch::new();
-    let mut dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
-    let mut axes = [1, 2, 3].map(|node| ODrive::new(Config { node, ..wheel() }).unwrap());
-    let mut bus = MotorBus::new(&switch);
-    for (count, axis) in axes.iter_mut().enumerate() {
-        bus.attach(axis, Safety::COAST).unwrap();
-        if count == 0 {
-            let load = bus.load(1_000_000);
-            assert_eq!((load.typical.round(), load.worst.round()), (24.0, 28.0));
-        }
-    }
-    assert_eq!(bus.load(1_000_000).verdict(), Verdict::Fits);
-    bus.attach(&mut dji, Safety::COAST).unwrap();
-    assert_eq!(bus.load(1_000_000).verdict(), Verdict::Tight);
-
-    let mut tx = TxBatch::new();
-    bus.coast_image(&mut tx).unwrap();
-    assert_eq!(tx.frames()[2].to_string(), "067#0100000000000000");
 }

@@ -11,8 +11,8 @@ use rc10_motor::odrive::{
 use rc10_motor::signals::Message;
 use rc10_motor::{CanMotor, Ownership};
 
-use super::codecs::cases;
 use super::values::{NODE, config, values};
+use crate::motors::{by_table, cases};
 
 fn of_0_5() -> Config {
     let rates = Rates { temperatures: 0, ..config().rates };
@@ -26,11 +26,6 @@ fn own(config: &Config) -> Vec<Message> {
         message.from_device && ids.received().iter().any(|it| it.pattern.id() == message.id)
     };
     messages(config).unwrap().into_iter().filter(sends).collect()
-}
-
-fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
-    let bytes = frame.bytes();
-    message.signals.iter().map(|signal| (signal.name, signal.physical(bytes).unwrap())).collect()
 }
 
 proptest! {

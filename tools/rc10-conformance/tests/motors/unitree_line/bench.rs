@@ -80,13 +80,13 @@ impl<'m> Bench<'m> {
         }
     }
 
-    /// What a motor is told now.
+    /// The newest command to a motor.
     pub fn told(&self, id: u8) -> unitree_line::Command {
         unitree_line::Command::read(&self.sent[usize::from(id)]).unwrap()
     }
 }
 
-/// What the device obeys.
+/// The command that the device obeys.
 pub fn obeys(device: &Esc) -> unitree_line::Command {
     device.with(|device: &mut Device| device.command()).unwrap()
 }

@@ -1,5 +1,6 @@
 use std::f64::consts::TAU;
 
+use crate::motors::{cases, number};
 use proptest::prelude::*;
 use rc10_app::{Celsius, Gear, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::unitree::wire::line::{Command, Reply};
@@ -12,27 +13,22 @@ const SPEED: f64 = TAU / 256.0;
 const ANGLE: f64 = TAU / 32_768.0;
 const GAIN: f64 = 1.0 / 1280.0;
 
-fn number(limit: f32) -> impl Strategy<Value = f32> {
-    let strange = [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN];
-    prop_oneof![9 => -1.5 * limit..=1.5 * limit, 1 => prop::sample::select(strange.to_vec())]
-}
-
-/// What stands on the wire for a number: held within its range, zero for what is none.
+/// The number on the wire: held within its range, zero for NaN.
 fn carried(number: f64, limit: f64) -> f64 {
     if number.is_nan() { 0.0 } else { number.clamp(-limit, limit) }
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(5000))]
+    #![proptest_config(cases(5000))]
 
     #[test]
     fn the_device_understands_every_command(
         id in 0..=14_u8,
         status in prop::sample::select(&[Status::LOCK, Status::FOC, Status::CALIBRATE][..]),
         geared in any::<bool>(),
-        (torque, speed) in (number(900.0), number(12_000.0)),
+        (torque, speed) in (number(1350.0), number(18_000.0)),
         microdegrees in prop_oneof![any::<i64>(), -30_000_000_000_000..=30_000_000_000_000_i64],
-        (stiffness, damping) in (number(1100.0), number(1100.0)),
+        (stiffness, damping) in (number(1650.0), number(1650.0)),
     ) {
         let (shaft, ratio) =
             if geared { (RotorScale::OUTPUT, 6.33) } else { (RotorScale::new(Gear::DIRECT), 1.0) };

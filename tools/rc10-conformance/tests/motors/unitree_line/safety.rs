@@ -1,9 +1,9 @@
-use rc10_app::{Degrees, NewtonMetres, Rpm};
+use rc10_app::{NewtonMetres, Rpm};
 use rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus};
 use rc10_motor::{
-    ArmSwitch, CommandError, DriveMode, Impedance, Link, Request, RequestError, Response,
-    SafeState, Safety, Target, TargetError, TargetKind,
+    ArmSwitch, CommandError, DriveMode, Link, Request, RequestError, Response, SafeState, Safety,
+    Target, TargetError, TargetKind,
 };
 use rc10_sim::Nanos;
 
@@ -28,77 +28,6 @@ fn turning<'m>(
 }
 
 #[test]
-fn disarmed_it_is_locked_and_heard() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let mut bench = Bench::new(21, &switch);
-    let device = bench.device(0);
-    let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
-    bench.hold(id, SPEED, 100);
-    assert_eq!(bench.status(id).link, Link::Online);
-    assert_eq!(bench.status(id).drive, DriveMode::Off);
-    assert_eq!((obeys(&device).status, obeys(&device).torque), (0, 0.0));
-    assert_eq!(device.state().output_rpm, 0.0);
-    assert!(device.state().commands >= 98);
-}
-
-#[test]
-fn a_command_expires_into_the_safe_state() {
-    for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-        let (mut bench, device, id) = turning(&switch, &mut motor, state);
-        bench.wait(48);
-        assert_eq!(bench.status(id).drive, DriveMode::Run);
-        bench.wait(2);
-        assert_eq!((bench.status(id).drive, bench.status(id).counters.expired), (state.mode(), 1));
-        bench.wait(300);
-        let rpm = device.state().output_rpm;
-        match state {
-            // Field-oriented control, and nothing to do: friction alone.
-            SafeState::Coast => {
-                assert!(rpm > 10.0, "{rpm}");
-                assert_eq!((obeys(&device).status, obeys(&device).torque), (1, 0.0));
-                assert_eq!((obeys(&device).stiffness, obeys(&device).damping), (0.0, 0.0));
-            }
-            SafeState::Brake => assert!(rpm.abs() < 1.0, "{rpm}"),
-            SafeState::Hold => {
-                assert!(rpm.abs() < 1.0, "{rpm}");
-                let here = device.state().output_degrees;
-                device.set_load(4.0);
-                bench.wait(1000);
-                let moved = device.state().output_degrees - here;
-                assert!(moved.abs() < 2.0, "{moved}");
-            }
-        }
-        // And back, without a jump.
-        device.set_load(0.0);
-        bench.hold(id, SPEED, 1000);
-        assert!((device.state().output_rpm - 100.0).abs() < 0.5);
-    }
-}
-
-#[test]
-fn emergency_stop_and_disarming() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let (mut bench, device, id) = turning(&switch, &mut motor, SafeState::Brake);
-    switch.emergency_stop();
-    bench.hold(id, SPEED, 300);
-    assert_eq!(bench.status(id).drive, DriveMode::Brake);
-    assert!(device.state().output_rpm.abs() < 1.0);
-    switch.reset();
-    bench.hold(id, SPEED, 20);
-    assert_eq!((bench.status(id).drive, obeys(&device).status), (DriveMode::Off, 0));
-    switch.arm().unwrap();
-    bench.hold(id, SPEED, 400);
-    assert!((device.state().output_rpm - 100.0).abs() < 0.5);
-    switch.disarm();
-    bench.hold(id, SPEED, 3);
-    assert_eq!((bench.status(id).drive, obeys(&device).status), (DriveMode::Off, 0));
-}
-
-#[test]
 fn a_lost_motor_hears_nothing_but_its_safe_word() {
     let switch = ArmSwitch::new();
     let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
@@ -116,63 +45,10 @@ fn a_lost_motor_hears_nothing_but_its_safe_word() {
     assert_eq!((told.status, told.torque, told.stiffness, told.damping), (1, 0.0, 0.0, 0.0));
     device.set_feedback(true);
     bench.hold(id, SPEED, 500);
-    assert_eq!(bench.status(id).link, Link::Online);
-    assert!((device.state().output_rpm - 100.0).abs() < 0.5);
-    // The whole cable.
+    // The whole cable: the device gives up by itself, and locks.
     bench.wire.set_cut(true);
     bench.hold(id, SPEED, 400);
-    assert_eq!(bench.status(id).link, Link::Lost);
-    // The device gave up by itself, and locked.
     assert_eq!(obeys(&device).status, 0);
-    bench.wire.set_cut(false);
-    bench.hold(id, SPEED, 600);
-    assert!((device.state().output_rpm - 100.0).abs() < 0.5);
-}
-
-/// What happens to the current, millisecond by millisecond, when a motor that has been without
-/// power while somebody turned its shaft comes back.
-fn comes_back(target: Target) -> (Vec<f64>, f64) {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let mut bench = Bench::new(22, &switch);
-    let device = bench.device(0);
-    let id = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
-    bench.wait(5);
-    bench.line.request(id, Request::SetZeroOfDriven).unwrap();
-    switch.arm().unwrap();
-    bench.hold(id, target, 500);
-    device.set_power(false);
-    device.set_load(0.5);
-    bench.hold(id, target, 150);
-    device.set_load(0.0);
-    bench.hold(id, target, 800);
-    assert_eq!(bench.status(id).link, Link::Lost);
-    let moved = device.state().output_degrees;
-    device.set_power(true);
-    let currents = (0..400).map(|_| {
-        bench.hold(id, target, 1);
-        device.state().current
-    });
-    let currents: Vec<_> = currents.collect();
-    assert_eq!(bench.status(id).link, Link::Online);
-    // It only knows its rotor's angle now, and we say so.
-    assert_eq!(bench.status(id).feedback.turn_gaps, 1);
-    (currents, moved)
-}
-
-#[test]
-fn it_comes_back_from_power_off_without_a_kick() {
-    let spring = Impedance { kp: 40.0, kd: 0.5, angle: Degrees::new(20.0), ..Impedance::default() };
-    for target in [SPEED, Target::Angle(Degrees::new(20.0)), Target::Impedance(spring)] {
-        let (currents, moved) = comes_back(target);
-        assert!(moved.abs() > 30.0, "{moved}");
-        let torques: Vec<_> = currents.iter().map(|amps| amps * 0.638_95).collect();
-        // 10 % of 23.7 N m each millisecond at most.
-        for pair in torques.windows(2) {
-            assert!((pair[1] - pair[0]).abs() < 2.37 + 0.3, "{target:?} {pair:?}");
-        }
-        assert!(torques.iter().any(|torque| torque.abs() > 0.3), "{target:?}: it drives again");
-    }
 }
 
 #[test]
@@ -181,15 +57,15 @@ fn requests_and_refusals() {
     let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(23, &switch);
     let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
-    let nobody = nth(1);
+    let absent = nth(1);
     let now = bench.world.now();
-    assert_eq!(bench.line.command(nobody, SPEED, now), Err(CommandError::NoSuchMotor));
+    assert_eq!(bench.line.command(absent, SPEED, now), Err(CommandError::NoSuchMotor));
     assert_eq!(
-        bench.line.request(nobody, Request::SetZeroOfDriven),
+        bench.line.request(absent, Request::SetZeroOfDriven),
         Err(RequestError::NoSuchMotor)
     );
-    assert_eq!(bench.line.response(nobody), None);
-    assert_eq!(bench.line.status(nobody, now), None);
+    assert_eq!(bench.line.response(absent), None);
+    assert_eq!(bench.line.status(absent, now), None);
     let current = Target::Current(rc10_app::Amps::new(1.0));
     let refused = TargetError::Unsupported(TargetKind::Current);
     assert_eq!(bench.line.command(id, current, now), Err(CommandError::Target(refused)));

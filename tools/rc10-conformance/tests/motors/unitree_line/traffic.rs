@@ -70,7 +70,7 @@ fn a_listener_counts_what_it_overhears() {
         listener.overhear(&command(14), at(400));
         listener.on_bytes(&answer(14), at(510));
     }
-    // A command that is damaged is for nobody.
+    // A damaged command is for no motor.
     let mut damaged = command(0);
     damaged[5] ^= 1;
     listener.overhear(&damaged, Micros::from_millis(3));

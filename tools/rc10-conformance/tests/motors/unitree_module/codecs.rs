@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use crate::motors::{cases, number};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{NewtonMetres, Rpm, TotalAngle};
@@ -15,29 +15,6 @@ use rc10_sim::unitree_module::{self as device, Asked, Command, Report, Told};
 
 const GEAR: f64 = 6.33;
 
-/// Deterministic bits (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ z >> 31
-    }
-}
-
-/// Any bits, or of a usual size.
-pub fn number(usual: f32) -> impl Strategy<Value = f32> {
-    prop_oneof![
-        8 => -usual..=usual,
-        2 => any::<u32>().prop_map(f32::from_bits),
-        1 => prop_oneof![
-            Just(f32::NAN), Just(f32::INFINITY), Just(f32::NEG_INFINITY), Just(f32::MAX), Just(0.0)
-        ],
-    ]
-}
-
 /// What a number becomes on the wire: nothing for NaN, else limited.
 fn limited(x: f32, limit: f64) -> f64 {
     if x.is_nan() { 0.0 } else { f64::from(x).clamp(-limit, limit) }
@@ -48,12 +25,7 @@ fn near(a: f64, b: f64, lsb: f64) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 4000,
-        rng_seed: RngSeed::Fixed(10),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(4000))]
 
     #[test]
     fn the_device_understands_every_command(

@@ -1,12 +1,12 @@
 //! Cut wires, lost power, silence, and what a motor finds wrong with itself.
 
-use rc10_motor::rc10_app::{Degrees, NewtonMetres, TotalAngle};
+use rc10_motor::rc10_app::{Degrees, NewtonMetres};
 use rc10_motor::unitree::{GoModule, ModuleConfig};
-use rc10_motor::{Condition, DriveMode, Impedance, Link, Request, SafeState, Safety, Target};
+use rc10_motor::{Condition, DriveMode, Impedance, Link, SafeState, Safety, Target};
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{Mode, plant};
 
-use super::{One, speed};
+use super::{One, behind, speed, with_plant};
 
 /// The torque may rise no faster than a soft start allows: 10 % of 23.7 N m a millisecond, seen
 /// through a tick and the current loop.
@@ -31,7 +31,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
     for target in [speed(150.0), Target::Torque(NewtonMetres::new(20.0)), far] {
         let heavy = plant().with_load_inertia(1.0);
         let mut one =
-            One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
+            with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
                 .armed();
         one.hold(target, 100);
         one.bench.wire.set_cut(true);
@@ -59,25 +59,8 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
 }
 
 #[test]
-fn a_motor_that_had_no_power_comes_back_without_a_kick() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
-    one.hold(Target::TotalAngle(TotalAngle::from_degrees(90)), 1000);
-    let before = one.degrees();
-    one.esc.set_power(false);
-    one.hold(Target::TotalAngle(TotalAngle::from_degrees(90)), 200);
-    assert_eq!(one.bench.status(one.motor).link, Link::Lost);
-    one.esc.set_power(true);
-    assert_soft(&mut one, Target::TotalAngle(TotalAngle::from_degrees(90)), 500);
-    let status = one.bench.status(one.motor);
-    assert_eq!((status.link, status.condition), (Link::Online, Condition::Ready));
-    // It counts from its first turn again; we do not, and say that we had to guess.
-    assert!((one.degrees() - before).abs() < 0.5, "{} {before}", one.degrees());
-    assert_eq!(status.feedback.turn_gaps, 1);
-}
-
-#[test]
 fn a_motor_that_somebody_else_locked_is_set_up_anew() {
-    let mut one = One::with(
+    let mut one = with_plant(
         GoModule::new(ModuleConfig::new(3, 0)).unwrap(),
         Safety::COAST,
         plant().with_load_inertia(50.0),
@@ -102,62 +85,8 @@ fn a_motor_that_somebody_else_locked_is_set_up_anew() {
 }
 
 #[test]
-fn a_motor_that_is_not_heard_is_stopped() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::HOLD).armed();
-    one.hold(speed(100.0), 500);
-    one.esc.set_feedback(false);
-    one.hold(speed(100.0), 30);
-    assert_eq!(one.bench.status(one.motor).link, Link::Lost);
-    assert_eq!(one.mode(), Mode::Locked);
-    one.hold(speed(100.0), 500);
-    assert!(one.rpm().abs() < 1.0, "{}", one.rpm());
-    one.esc.set_feedback(true);
-    assert_soft(&mut one, speed(100.0), 500);
-    assert!((one.rpm() - 100.0).abs() < 1.0);
-    // Counting on while it was not heard, it has not lost a turn.
-    assert_eq!(one.bench.status(one.motor).feedback.turn_gaps, 0);
-}
-
-#[test]
-fn each_fault_has_a_text_and_ends_with_clear_fault_only() {
-    for (fault, text, error) in [
-        (EscFault::OverTemperature, "over-temperature", 1),
-        (EscFault::OverCurrent, "over-current", 2),
-        (EscFault::OverVoltage, "over-voltage", 3),
-        (EscFault::Encoder, "encoder", 4),
-    ] {
-        let mut one =
-            One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::BRAKE).armed();
-        one.hold(speed(100.0), 300);
-        assert!(one.esc.inject(fault));
-        one.hold(speed(100.0), 5);
-        let status = one.bench.status(one.motor);
-        let told = status.fault.unwrap();
-        assert_eq!((told.text, told.code >> 16 & 0xFF, told.code & 0xFF), (text, error, 0x80));
-        assert_eq!((status.drive, status.link), (DriveMode::Brake, Link::Online));
-        assert_eq!(one.mode(), Mode::Locked, "{text}");
-        // Still there: clearing it does not help.
-        one.bench.bus.request(one.motor, Request::ClearFault).unwrap();
-        one.hold(speed(100.0), 20);
-        assert_eq!(one.bench.status(one.motor).fault.map(|fault| fault.text), Some(text));
-        assert_eq!(one.mode(), Mode::Locked);
-        // Gone with its power: it stays stopped until the fault is cleared.
-        one.esc.set_power(false);
-        one.hold(speed(100.0), 30);
-        one.esc.set_power(true);
-        one.hold(speed(100.0), 200);
-        assert!(one.rpm().abs() < 1.0 && one.mode() == Mode::Locked);
-        assert_eq!(one.bench.status(one.motor).fault.map(|fault| fault.text), Some(text));
-        one.bench.bus.request(one.motor, Request::ClearFault).unwrap();
-        one.hold(speed(100.0), 500);
-        assert_eq!(one.bench.status(one.motor).fault, None);
-        assert!((one.rpm() - 100.0).abs() < 1.0, "{}", one.rpm());
-    }
-}
-
-#[test]
 fn a_cable_off_behind_the_module_is_a_lost_motor() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(speed(60.0), 300);
     assert!(one.esc.inject(EscFault::CommunicationLost));
     one.hold(speed(60.0), 30);
@@ -166,36 +95,10 @@ fn a_cable_off_behind_the_module_is_a_lost_motor() {
 }
 
 #[test]
-fn commands_expire_into_the_safe_state() {
-    for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
-        let mut one =
-            One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
-        one.hold(speed(100.0), 500);
-        one.bench.wait(55);
-        assert_eq!(one.bench.status(one.motor).counters.expired, 1);
-        assert_eq!(one.mode(), Mode::Following);
-        one.bench.wait(400);
-        match state {
-            SafeState::Coast => {
-                assert!(one.torque().abs() < 1e-3, "{}", one.torque());
-            }
-            SafeState::Brake => assert!(one.rpm().abs() < 1.0, "{}", one.rpm()),
-            SafeState::Hold => {
-                // Turned away, it pushes back.
-                let held = one.degrees();
-                one.esc.set_load(3.0);
-                one.bench.wait(1500);
-                assert!((one.degrees() - held).abs() < 2.0 && one.torque() < -2.0);
-            }
-        }
-    }
-}
-
-#[test]
 fn an_impedance_ends_in_the_safe_state_too() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
         let mut one =
-            One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
+            behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
         let spring = Impedance { kp: 20.0, kd: 0.5, ..Impedance::default() };
         one.hold(Target::Impedance(spring), 300);
         one.switch.emergency_stop();
@@ -210,37 +113,4 @@ fn an_impedance_ends_in_the_safe_state_too() {
             SafeState::Hold => assert!(one.rpm().abs() < 1.0, "{}", one.rpm()),
         }
     }
-}
-
-#[test]
-fn disarmed_it_is_locked_and_armed_it_starts_softly() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
-    for _ in 0..3 {
-        one.switch.arm().unwrap();
-        assert_soft(&mut one, speed(150.0), 500);
-        assert!((one.rpm() - 150.0).abs() < 1.0);
-        one.switch.disarm();
-        one.hold(speed(150.0), 2);
-        assert_eq!(one.mode(), Mode::Locked);
-        one.hold(speed(150.0), 200);
-    }
-}
-
-#[test]
-fn the_panic_image_locks_whatever_it_did_before() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
-    let mut image = rc10_motor::TxBatch::new();
-    one.bench.bus.coast_image(&mut image).unwrap();
-    one.switch.arm().unwrap();
-    let spring = Impedance { angle: Degrees::new(90.0), kp: 20.0, ..Impedance::default() };
-    one.hold(Target::Impedance(spring), 50);
-    assert_eq!(image.frames().len(), 1);
-    // What the loop submitted last is out.
-    let now = one.bench.world.now();
-    one.bench.world.advance(now + rc10_can::Micros::from_millis(2));
-    assert_eq!(one.mode(), Mode::Following);
-    one.bench.wire.inject(&image.frames()[0]);
-    let now = one.bench.world.now();
-    one.bench.world.advance(now + rc10_can::Micros::from_millis(2));
-    assert_eq!(one.mode(), Mode::Locked);
 }

@@ -1,6 +1,5 @@
 //! GO-M8010-6 behind Unitree's CAN-to-485 module.
 
-mod any;
 mod attach;
 mod closed_loop;
 mod codecs;
@@ -10,52 +9,33 @@ mod signals;
 #[path = "../unitree_module_values.rs"]
 mod values;
 
-use rc10_conformance::Bench;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::unitree::GoModule;
-use rc10_motor::{ArmSwitch, MotorId, Safety, Target};
+use rc10_motor::{Safety, Target};
+use rc10_sim::Plant;
 use rc10_sim::unitree_module::{Gains, Mode, UnitreeModule, UnitreeMotor, plant};
-use rc10_sim::{Esc, Plant};
 
-use crate::motors::leak;
+/// A motor behind its module.
+type One = crate::motors::One<UnitreeMotor>;
 
-/// One motor behind the factory's module, heard and disarmed.
-struct One {
-    bench: Bench<'static>,
-    switch: &'static ArmSwitch,
-    motor: MotorId,
-    esc: Esc,
-    module: UnitreeModule,
+/// One that is heard, and disarmed.
+fn behind(motor: GoModule, safety: Safety) -> One {
+    with_plant(motor, safety, plant())
+}
+
+fn with_plant(motor: GoModule, safety: Safety, plant: Plant) -> One {
+    with_module(motor, safety, plant).0
+}
+
+fn with_module(motor: GoModule, safety: Safety, plant: Plant) -> (One, UnitreeModule) {
+    let module = UnitreeModule::new(motor.module().get()).unwrap();
+    let device = module.motor(motor.address().get()).unwrap();
+    let mut one = One::new(motor, device, plant, safety);
+    one.bench.wait(20);
+    (one, module)
 }
 
 impl One {
-    fn new(motor: GoModule, safety: Safety) -> Self {
-        Self::with(motor, safety, plant())
-    }
-
-    fn with(motor: GoModule, safety: Safety, plant: Plant) -> Self {
-        let switch = &*leak(ArmSwitch::new());
-        let mut bench = Bench::new(7, switch);
-        let module = UnitreeModule::new(motor.module().get()).unwrap();
-        let esc = bench.wire.add(module.motor(motor.address().get()).unwrap(), plant);
-        let motor = bench.attach(leak(motor), safety).unwrap();
-        bench.wait(20);
-        Self { bench, switch, motor, esc, module }
-    }
-
-    fn armed(self) -> Self {
-        self.switch.arm().unwrap();
-        self
-    }
-
-    fn hold(&mut self, target: Target, millis: u32) {
-        self.bench.hold(self.motor, target, millis).unwrap();
-    }
-
-    fn device<T>(&self, look: impl FnOnce(&mut UnitreeMotor) -> T) -> T {
-        self.esc.with(look).unwrap()
-    }
-
     fn mode(&self) -> Mode {
         self.device(|device| device.mode())
     }
@@ -67,15 +47,12 @@ impl One {
 
     /// N m at the output that the motor makes.
     fn torque(&self) -> f64 {
-        self.esc.state().current * 0.638_95
+        self.esc.state().torque
     }
 
-    fn rpm(&self) -> f64 {
-        self.esc.state().output_rpm
-    }
-
-    fn degrees(&self) -> f64 {
-        self.bench.status(self.motor).feedback.total_angle.degrees().get().into()
+    /// The angle that it tells, degrees.
+    fn told(&self) -> f64 {
+        self.status().feedback.total_angle.degrees().get().into()
     }
 }
 

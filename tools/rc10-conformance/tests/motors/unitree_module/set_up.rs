@@ -5,9 +5,9 @@ use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{ArmSwitch, Condition, Impedance, Link, Safety, Target};
 use rc10_sim::unitree_module::{Asked, Command, Mode, UnitreeModule, plant};
 
-use super::{One, speed};
+use super::{One, behind, speed, with_module};
 
-/// What the last tick sent, by the device's codec.
+/// Frames of the last tick, by the device's codec.
 fn sent(one: &One) -> Vec<Asked> {
     let read = |frame| Command::unpack(frame).unwrap().unwrap().asked;
     one.bench.sent().frames().iter().map(read).collect()
@@ -45,7 +45,7 @@ const SPRING: Impedance = Impedance {
 
 #[test]
 fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
+    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
     assert_eq!(one.bench.status(one.motor).link, Link::Online);
     assert_eq!(ticks(&mut one, speed(60.0), 3), ["lock"; 3]);
     assert_eq!(one.mode(), Mode::Locked);
@@ -61,7 +61,7 @@ fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
 
 #[test]
 fn an_impedance_counts_once_the_module_has_confirmed_it() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(speed(100.0), 500);
     assert!(one.gains().stiffness == 0.0 && one.gains().damping == 0.0);
     let target = Target::Impedance(SPRING);
@@ -90,10 +90,12 @@ fn an_impedance_counts_once_the_module_has_confirmed_it() {
 
 #[test]
 fn a_module_that_does_not_keep_its_gains_never_drives() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let (one, module) =
+        with_module(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant());
+    let mut one = one.armed();
     for _ in 0..200 {
         // It restarts in every millisecond: what it tells is never what it was told.
-        one.module.restart();
+        module.restart();
         one.hold(Target::Impedance(SPRING), 1);
         let status = one.bench.status(one.motor);
         assert_eq!((status.condition, status.link), (Condition::Starting, Link::Online));
@@ -105,34 +107,38 @@ fn a_module_that_does_not_keep_its_gains_never_drives() {
 
 #[test]
 fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let (one, module) =
+        with_module(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant());
+    let mut one = one.armed();
     one.hold(Target::Impedance(SPRING), 500);
-    let held = one.degrees();
-    one.module.restart();
+    let held = one.told();
+    module.restart();
     let mut soft = 0;
     for _ in 0..200 {
         one.hold(Target::Impedance(SPRING), 1);
         soft += u32::from(one.gains().stiffness == 0.0);
     }
     assert!((1..60).contains(&soft), "{soft} ms without the spring");
-    assert!((one.degrees() - held).abs() < 0.5);
+    assert!((one.told() - held).abs() < 0.5);
     assert_eq!(one.bench.status(one.motor).counters.malformed, 0);
 }
 
 #[test]
 fn a_module_without_power_is_set_up_again_when_it_is_back() {
-    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let (one, module) =
+        with_module(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant());
+    let mut one = one.armed();
     one.hold(Target::Impedance(SPRING), 500);
-    one.module.set_power(false);
+    module.set_power(false);
     one.hold(Target::Impedance(SPRING), 30);
     assert_eq!(one.bench.status(one.motor).link, Link::Lost);
-    one.module.set_power(true);
+    module.set_power(true);
     let names = ticks(&mut one, Target::Impedance(SPRING), 7);
     let set = names.iter().position(|name| *name == "set").unwrap();
     assert!(names[..set].iter().all(|name| *name == "lock"), "{names:?}");
     assert_eq!(names[set..set + 3], ["set", "read", "follow"]);
     one.hold(Target::Impedance(SPRING), 500);
-    assert!((one.degrees() - 20.0).abs() < 1.0, "{}", one.degrees());
+    assert!((one.told() - 20.0).abs() < 1.0, "{}", one.told());
 }
 
 #[test]

@@ -1,19 +1,19 @@
 use rc10_can::CanFrame;
 use rc10_motor::unitree::ModuleConfig;
 use rc10_motor::unitree::signals::{NOT_IN_DBC, messages};
+use rc10_sim::Random;
 use rc10_sim::unitree_module::{Asked, Command};
 
 use super::values::values;
-use crate::motors::unitree_module::codecs::Random;
 
 #[test]
 fn the_table_reads_what_the_codec_reads() {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let table = messages(&ModuleConfig::new(3, 2));
     let mut compared = 0;
     for _ in 0..2_500 {
         for message in table.iter().filter(|message| message.is_plain() && !message.from_device) {
-            let data = random.next().to_le_bytes();
+            let data = random.bits().to_le_bytes();
             let frame = CanFrame::eight_bytes(message.id, data);
             let read = values(message.name, &frame);
             assert_eq!(read.len(), message.signals.len(), "{}", message.name);

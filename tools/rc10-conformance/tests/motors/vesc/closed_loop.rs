@@ -1,4 +1,4 @@
-//! What each target does to a simulated motor.
+//! Effects of each target on a simulated motor.
 
 use rc10_app::{Amps, Degrees, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_motor::rc10_app::Direction;
@@ -421,27 +421,6 @@ fn hold_brakes_again_what_was_torn_loose() {
         esc.set_load(0.0);
         bench.wait(3000);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Handbrake(20.0));
-    });
-}
-
-#[test]
-fn angle_speed_and_current_keep_their_sign_when_reversed() {
-    let mut ours = config(1);
-    ours.direction = Direction::Reversed;
-    on_armed_bench(Vesc::new(ours).unwrap(), device(1), Safety::COAST, |bench, motor, esc| {
-        for target in
-            [Target::Current(Amps::new(5.0)), Target::Duty(0.3), Target::Speed(Rpm::new(1500.0))]
-        {
-            // From rest each time.
-            hold(bench, motor, Target::Brake(Amps::new(40.0)), 1500);
-            hold(bench, motor, target, 400);
-            assert!(esc.state().output_rpm < -20.0, "{target:?}");
-            let told = bench.status(motor).feedback;
-            near(told.speed.get().into(), -esc.state().output_rpm, 20.0);
-            near(told.current().unwrap().get().into(), -esc.state().current, 0.6);
-            let total = f64::from(told.total_angle.degrees().get());
-            near(total, -esc.state().output_degrees, 80.0);
-        }
     });
 }
 

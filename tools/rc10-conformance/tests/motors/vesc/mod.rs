@@ -15,7 +15,7 @@ use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::Esc;
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 
-/// Of the wheel's motor in the simulation.
+/// Pole pairs of the wheel's motor in the simulation.
 const POLE_PAIRS: u8 = 7;
 
 fn id(number: u8) -> VescId {
