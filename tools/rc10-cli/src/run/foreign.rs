@@ -39,10 +39,10 @@ mod tests {
     fn what_only_others_have_is_named() {
         let report = |text: &str| Report { at: Nanos::new(0), text: text.into() };
         let chip = |text: &str| chip_of(&[report(text)]);
-        let f4 = "read of 0xe0042004 (nobody): unowned or unaligned by HardFault";
+        let f4 = "read of 0xe0042004 (no device): unowned or unaligned by HardFault";
         let words = "it looks for the debug unit of STM32F1 to F7, G4 and L4, at 0xe0042004";
         assert_eq!(chip(f4).as_deref(), Some(words));
         assert_eq!(chip("read of 0x58024400 (RCC): not modelled"), None);
-        assert_eq!(chip("write to 0x60000000 (nobody): unowned or unaligned by main"), None);
+        assert_eq!(chip("write to 0x60000000 (no device): unowned or unaligned by main"), None);
     }
 }
