@@ -13,6 +13,7 @@ use rc10_can::Micros;
 use rc10_link::frame::FromPc;
 use rc10_link::{Ask, Urgent};
 use rc10_module::Stream;
+use rc10_sim::Random;
 use serde_json::{Value, json};
 
 /// `rc10 live` of the simulated robot.
@@ -214,18 +215,6 @@ fn requests_come_one_behind_the_other() {
     assert_eq!(answers.matches("HTTP/1.1 200").count(), 21, "{answers}");
 }
 
-/// Whole numbers from a seed (xorshift64*).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) as usize % limit
-    }
-}
-
 #[test]
 fn damaged_requests_do_no_harm() {
     let mut page = Page::start();
@@ -236,15 +225,15 @@ fn damaged_requests_do_no_harm() {
         page.head("GET /data?signals=0,1&from=0&to=900&columns=9", "Sec-Fetch-Site: none\r\n"),
         page.head("GET /state", "Connection: close\r\n"),
     ];
-    let mut random = Random(0x5EED);
+    let mut random = Random::new(0x5EED);
     for _ in 0..3_000 {
-        let mut bytes = sound[random.below(sound.len())].clone().into_bytes();
-        for _ in 0..=random.below(4) {
-            let at = random.below(bytes.len());
-            match random.below(4) {
-                0 => bytes[at] = bytes[random.below(bytes.len())],
-                1 => bytes[at] ^= 1 << random.below(8),
-                2 => drop(bytes.drain(at..(at + random.below(9)).min(bytes.len() - 1).max(at))),
+        let mut bytes = sound[random.index(sound.len())].clone().into_bytes();
+        for _ in 0..=random.index(4) {
+            let at = random.index(bytes.len());
+            match random.index(4) {
+                0 => bytes[at] = bytes[random.index(bytes.len())],
+                1 => bytes[at] ^= 1 << random.index(8),
+                2 => drop(bytes.drain(at..(at + random.index(9)).min(bytes.len() - 1).max(at))),
                 _ => bytes.extend_from_within(at..),
             }
         }

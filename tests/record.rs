@@ -18,6 +18,7 @@ use rc10_cli::show::report::report;
 use rc10_cli::world::robot::Robot;
 use rc10_cli::{CommandLine, Motor, Place, Recording, team};
 use rc10_motor::dji::{Config, M3508};
+use rc10_sim::Random;
 
 /// Hands the team's robot over.
 fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
@@ -288,31 +289,19 @@ fn a_gap_is_left_out_and_told() {
     }
 }
 
-/// Numbers that look random and are the same each time: xorshift.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self, most: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 % most as u64) as usize
-    }
-}
-
 /// Damages a file at random.
-fn mutated(good: &[u8], dice: &mut Dice) -> Vec<u8> {
+fn mutated(good: &[u8], dice: &mut Random) -> Vec<u8> {
     let mut bytes = good.to_vec();
     // Half of them where the lengths are, and not in the numbers of the messages.
-    let most = if dice.roll(2) == 0 { good.len() } else { 6000 };
-    let (at, length) = (dice.roll(most), 1 + dice.roll(400));
+    let most = if dice.index(2) == 0 { good.len() } else { 6000 };
+    let (at, length) = (dice.index(most), 1 + dice.index(400));
     let end = (at + length).min(bytes.len());
-    match dice.roll(6) {
-        0 => bytes[at] ^= 1 << dice.roll(8),
+    match dice.index(6) {
+        0 => bytes[at] ^= 1 << dice.index(8),
         1 => bytes.truncate(at),
         2 | 3 => {
             // A length, or a time: of all ones, or with its highest bit.
-            let number = if dice.roll(2) == 0 { [0xFF; 8] } else { [0, 0, 0, 0, 0, 0, 0, 0x80] };
+            let number = if dice.index(2) == 0 { [0xFF; 8] } else { [0, 0, 0, 0, 0, 0, 0, 0x80] };
             let end = (at + 8).min(bytes.len());
             bytes[at..end].copy_from_slice(&number[..end - at]);
         }
@@ -345,7 +334,7 @@ fn no_damaged_record_does_harm() {
     let good = fs::read(&path).unwrap();
     let robot = retold(&good, "robot", |time| time);
     let seeds = [good.clone(), robot.clone(), unchecked(&good), unchecked(&robot)];
-    let (mut dice, mut read, mut panics) = (Dice(0x9E37_79B9_7F4A_7C15), 0, Vec::new());
+    let (mut dice, mut read, mut panics) = (Random::new(1), 0, Vec::new());
     for number in 0..700 {
         let bytes = mutated(&seeds[number % seeds.len()], &mut dice);
         let outcome = catch_unwind(AssertUnwindSafe(|| {

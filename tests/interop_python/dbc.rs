@@ -13,6 +13,7 @@ use serde_json::{Map, Value, json};
 
 use super::scratch::Scratch;
 use super::{must_succeed, others, python, script};
+use rc10_sim::Random;
 
 const FRAMES_PER_BUS: usize = 10_000;
 
@@ -35,9 +36,9 @@ fn cantools_decodes_every_frame_to_our_values() {
         for frame in &dbc.frames {
             writeln!(lines, "{}", message(name, dbc, frame)).unwrap();
         }
-        let mut random = Random(0x9E37_79B9_7F4A_7C15);
+        let mut random = Random::new(1);
         for _ in 0..FRAMES_PER_BUS {
-            let frame = &dbc.frames[random.below(dbc.frames.len())];
+            let frame = &dbc.frames[random.index(dbc.frames.len())];
             writeln!(lines, "{}", values(name, frame, &mut random)).unwrap();
         }
     }
@@ -189,7 +190,7 @@ fn message(bus: &str, dbc: &Dbc, frame: &Frame) -> Value {
 
 /// A random frame with its values.
 fn values(bus: &str, frame: &Frame, random: &mut Random) -> Value {
-    let mut data: Vec<_> = (0..frame.len).map(|_| random.byte()).collect();
+    let mut data: Vec<_> = (0..frame.len).map(|_| random.bits() as u8).collect();
     let presences = || frame.signals.iter().map(|signal| signal.signal.presence);
     let switch = frame.signals.iter().find(|signal| signal.signal.presence == Presence::Switch);
     if let Some(switch) = switch {
@@ -198,7 +199,7 @@ fn values(bus: &str, frame: &Frame, random: &mut Random) -> Value {
                 |presence| if let Presence::If(value) = presence { Some(value) } else { None },
             )
             .collect();
-        set(&switch.signal, known[random.below(known.len())].into(), &mut data);
+        set(&switch.signal, known[random.index(known.len())].into(), &mut data);
     }
     let chosen = switch.and_then(|switch| switch.signal.raw(&data));
     let is_there = |signal: &&NamedSignal| match signal.signal.presence {
@@ -235,25 +236,5 @@ fn number(id: Id) -> (u32, bool) {
     match id {
         Id::Standard(id) => (id.as_raw().into(), false),
         Id::Extended(id) => (id.as_raw(), true),
-    }
-}
-
-/// xorshift64*: the same numbers on every machine.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
-    }
-
-    fn byte(&mut self) -> u8 {
-        (self.next() >> 56) as u8
-    }
-
-    fn below(&mut self, bound: usize) -> usize {
-        (self.next() >> 32) as usize % bound
     }
 }

@@ -19,6 +19,7 @@ use rc10_motor::pending::Outcome;
 use rc10_motor::{
     ArmSwitch, CanIds, Frames, MotorBus, MotorId, Rate, Request, RequestError, Response, Safety,
 };
+use rc10_sim::Random;
 use rc10_sim::{BusConfig, SimPort, World};
 
 std::thread_local! {
@@ -34,29 +35,6 @@ fn interrupt() {
 
 fn interrupt_with(interrupt: Option<Rc<dyn Fn()>>) {
     INTERRUPT.set(interrupt);
-}
-
-/// Whole numbers from a seed (xorshift64*).
-struct Random(u64);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        // Neighbours must not begin alike, and zero never changes.
-        Self(seed.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
-    }
-
-    /// 0 ..< `end`.
-    fn below(&mut self, end: u64) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) % end
-    }
-
-    /// An index into something of this length.
-    fn index(&mut self, len: usize) -> usize {
-        usize::try_from(self.below(len as u64)).unwrap()
-    }
 }
 
 /// Requests that reached the device of a motor.
