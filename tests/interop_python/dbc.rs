@@ -190,7 +190,7 @@ fn message(bus: &str, dbc: &Dbc, frame: &Frame) -> Value {
 
 /// A random frame with its values.
 fn values(bus: &str, frame: &Frame, random: &mut Random) -> Value {
-    let mut data: Vec<_> = (0..frame.len).map(|_| random.bits() as u8).collect();
+    let mut data: Vec<_> = (0..frame.len).map(|_| random.bits().to_le_bytes()[0]).collect();
     let presences = || frame.signals.iter().map(|signal| signal.signal.presence);
     let switch = frame.signals.iter().find(|signal| signal.signal.presence == Presence::Switch);
     if let Some(switch) = switch {

@@ -143,7 +143,6 @@ impl MotorLook {
     }
 
     /// Newest measurements.
-    #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.status.feedback
     }
