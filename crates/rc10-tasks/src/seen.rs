@@ -20,10 +20,23 @@ use crate::arming::Axis;
 pub struct Field {
     /// Name of the number, in small letters.
     pub name: &'static str,
-    /// Unit of the number; empty if it has no unit.
-    pub unit: &'static str,
-    /// Names of its values from 0 on, with commas between, if it is a state.
-    pub states: &'static str,
+    /// Its unit, or the names of its states: one text takes less flash than two.
+    note: &'static str,
+}
+
+impl Field {
+    #[doc(hidden)]
+    pub const fn new(name: &'static str, unit: &'static str, states: &'static str) -> Self {
+        Self { name, note: if states.is_empty() { unit } else { states } }
+    }
+
+    /// Unit of the number, or the names of its values from 0 on, with commas between, if it is a state.
+    /// What it has not is empty.
+    #[inline(never)] // For its size.
+    #[must_use]
+    pub fn unit_and_states(&self) -> (&'static str, &'static str) {
+        if self.note.as_bytes().contains(&b',') { ("", self.note) } else { (self.note, "") }
+    }
 }
 
 /// Something of which numbers can be seen.
@@ -241,11 +254,11 @@ macro_rules! seen {
                 const fn states<V: $crate::seen::Value>(_: fn(&$Of) -> V) -> &'static str {
                     V::STATES
                 }
-                &[$($crate::seen::Field {
-                    name: stringify!($name),
-                    unit: $unit,
-                    states: states($crate::seen!(@ $Of, $($(.$place)+)? $(|$it| $get)?)),
-                }),*]
+                &[$($crate::seen::Field::new(
+                    stringify!($name),
+                    $unit,
+                    states($crate::seen!(@ $Of, $($(.$place)+)? $(|$it| $get)?)),
+                )),*]
             };
             const ABOUT: &'static [&'static str] = &[$($about),*];
             const COUNTS: &'static [bool] = {

@@ -49,8 +49,9 @@ pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
     let nothing = Topic { folder: "", label: "" };
     let none = Tell::Signal { index, topic: nothing, name: "", unit: "", states: "" };
     let told = |folder, label, table: &[Field]| match table.get(usize::from(index % EACH)) {
-        Some(&Field { name, unit, states }) => {
-            Tell::Signal { index, topic: Topic { folder, label }, name, unit, states }
+        Some(field) => {
+            let (unit, states) = field.unit_and_states();
+            Tell::Signal { index, topic: Topic { folder, label }, name: field.name, unit, states }
         }
         None => none,
     };

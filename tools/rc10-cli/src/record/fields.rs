@@ -5,7 +5,7 @@ use std::ops::Range;
 use rc10_motor::MotorStatus;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_tasks::seen;
-use rc10_tasks::seen::{Field, OFTEN, Seen, Whole};
+use rc10_tasks::seen::{OFTEN, Seen, Whole};
 
 use crate::recording::look::{BusLook, RemoteLook, RobotLook, Shaft};
 use crate::recording::remote::Loss;
@@ -96,8 +96,9 @@ pub(crate) fn about(folder: &str, name: &str) -> &'static str {
 
 pub(crate) fn schema<T: Seen>(range: Range<usize>) -> String {
     let one = |at: usize| {
-        let Field { name, unit, states } = &T::FIELDS[at];
-        line(name, T::ABOUT[at], unit, states.split(',').filter(|state| !state.is_empty()))
+        let field = &T::FIELDS[at];
+        let (unit, states) = field.unit_and_states();
+        line(field.name, T::ABOUT[at], unit, states.split(',').filter(|state| !state.is_empty()))
     };
     range.map(one).collect()
 }
@@ -122,7 +123,7 @@ mod tests {
     fn assert_sound<T: Seen>(mut it: T) {
         let is_state = |at: usize| {
             let field = &T::FIELDS[at];
-            !field.states.is_empty() || field.name.starts_with("is_")
+            !field.unit_and_states().1.is_empty() || field.name.starts_with("is_")
         };
         let value = |at: usize| if is_state(at) { 1.0 } else { (at + 2) as f64 };
         let all = 0..T::FIELDS.len();
