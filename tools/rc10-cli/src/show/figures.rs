@@ -24,6 +24,22 @@ pub struct Figures {
     pub path: Option<PathFigures>,
     /// Problems and information.
     pub problems: Vec<Problem>,
+    /// The tables of all of it.
+    pub tables: Tables,
+}
+
+/// The tables of a run.
+pub struct Tables {
+    /// A line per motor.
+    pub motors: Table,
+    /// A line per bus.
+    pub buses: Table,
+    /// A line per RS-485 line, if there is one.
+    pub lines: Option<Table>,
+    /// A line per part on a UART beside the remote's receiver, if there is one.
+    pub parts: Option<Table>,
+    /// A line per signal of the robot's own, if there is one.
+    pub signals: Option<Table>,
 }
 
 /// The figures of one motor.
@@ -47,9 +63,17 @@ impl Figures {
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
         let motors = recording.motors.iter();
-        let motors = motors.map(|track| MotorFigures::of(track, recording.source));
+        let motors: Vec<_> =
+            motors.map(|track| MotorFigures::of(track, recording.source)).collect();
+        let tables = Tables {
+            motors: motor_table(recording, &motors),
+            buses: bus_table(recording),
+            lines: line_table(recording),
+            parts: part_table(recording),
+            signals: signal_table(recording),
+        };
         let path = PathFigures::of(recording);
-        Self { motors: motors.collect(), path, problems: problems(recording) }
+        Self { motors, path, problems: problems(recording), tables }
     }
 
     /// Whether there is a problem.
@@ -221,10 +245,8 @@ impl Table {
     }
 }
 
-/// A line per motor.
-#[must_use]
-pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
-    let motors = recording.motors.iter().zip(&figures.motors);
+fn motor_table(recording: &Recording, figures: &[MotorFigures]) -> Table {
+    let motors = recording.motors.iter().zip(figures);
     let rows = motors.map(|(track, figures)| {
         let (motor, last) = (&track.motor, &track.last);
         let counters = last.counters;
@@ -291,9 +313,7 @@ pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
     }
 }
 
-/// A line per bus.
-#[must_use]
-pub fn bus_table(recording: &Recording) -> Table {
+fn bus_table(recording: &Recording) -> Table {
     let rows = recording.buses.iter().map(|track| {
         let (plan, last) = (&track.last.load, &track.last);
         let percent = |value: f64| number(Some(value), 1, " %");
@@ -352,9 +372,7 @@ pub fn bus_table(recording: &Recording) -> Table {
     }
 }
 
-/// A line per RS-485 line; `None` for a robot without any.
-#[must_use]
-pub fn line_table(recording: &Recording) -> Option<Table> {
+fn line_table(recording: &Recording) -> Option<Table> {
     if recording.lines.is_empty() {
         return None;
     }
@@ -548,9 +566,7 @@ pub fn remote_json(recording: &Recording) -> Value {
     })
 }
 
-/// A line per part on a UART beside the remote's receiver; `None` without such parts.
-#[must_use]
-pub fn part_table(recording: &Recording) -> Option<Table> {
+fn part_table(recording: &Recording) -> Option<Table> {
     let row = |part: &PartTrack| {
         let Counters { frames, damaged, skipped, port_errors, .. } = part.heard;
         vec![
@@ -707,9 +723,7 @@ fn tracking_json(tracking: &Tracking) -> Value {
     })
 }
 
-/// A line per signal; `None` for a robot without any.
-#[must_use]
-pub fn signal_table(recording: &Recording) -> Option<Table> {
+fn signal_table(recording: &Recording) -> Option<Table> {
     let row = |track: &SignalTrack| {
         let unit = if track.unit.is_empty() { String::new() } else { format!(" {}", track.unit) };
         let state = |value: f64| track.states.split(',').nth(value as usize).unwrap_or_default();
@@ -812,7 +826,7 @@ mod tests {
             ..Recording::default()
         };
         let figures = Figures::of(&recording);
-        let table = motor_table(&recording, &figures);
+        let table = &figures.tables.motors;
         let json = to_json(&recording, &figures, None);
         let column = |title| table.head.iter().position(|head| *head == title).unwrap();
         for (index, (unit, noun)) in
@@ -915,7 +929,7 @@ mod tests {
         assert_eq!((track.last, track.range), (None, Some([-2.0, 1.0, 4.0])));
         assert_eq!(track.absent, Micros::from_millis(3));
         let recording = Recording { signals: vec![track], ..Recording::default() };
-        let text = signal_table(&recording).unwrap().text();
+        let text = Figures::of(&recording).tables.signals.unwrap().text();
         let line: Vec<&str> = text.lines().nth(1).unwrap().split_whitespace().collect();
         assert_eq!(line.join(" "), "wall – -2.00 mm 1.00 mm 4.00 mm 0.003 s");
         let json = signals_json(&recording);
@@ -925,7 +939,7 @@ mod tests {
 
     #[test]
     fn a_robot_without_signals_has_no_table() {
-        assert!(signal_table(&Recording::default()).is_none());
+        assert!(Figures::of(&Recording::default()).tables.signals.is_none());
         assert_eq!(signals_json(&Recording::default()), json!([]));
     }
 }

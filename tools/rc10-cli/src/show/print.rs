@@ -6,10 +6,7 @@ use std::path::Path;
 
 use crate::recording::Recording;
 use crate::recording::sample::Source;
-use crate::show::figures::{
-    Figures, Table, bus_table, line_table, motor_table, part_table, remote_lines, signal_table,
-    verdict,
-};
+use crate::show::figures::{Figures, Tables, remote_lines, verdict};
 
 pub(crate) fn print(
     recording: &Recording,
@@ -19,11 +16,10 @@ pub(crate) fn print(
     out: &mut dyn Write,
 ) -> io::Result<()> {
     writeln!(out, "{headline}\n")?;
-    let (motors, buses) = (motor_table(recording, figures), bus_table(recording));
-    let lines = line_table(recording).as_ref().map_or_else(String::new, Table::text);
-    let lines = if lines.is_empty() { lines } else { format!("\n{lines}") };
+    let Tables { motors, buses, lines, parts, signals } = &figures.tables;
+    let lines = lines.as_ref().map_or_else(String::new, |lines| format!("\n{}", lines.text()));
     writeln!(out, "{}\n{}{lines}{}", motors.text(), buses.text(), remote_lines(recording))?;
-    for table in [part_table(recording), signal_table(recording)].iter().flatten() {
+    for table in [parts, signals].into_iter().flatten() {
         writeln!(out, "{}", table.text())?;
     }
     if let Some(path) = &figures.path {

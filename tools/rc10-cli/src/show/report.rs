@@ -23,10 +23,7 @@ use crate::recording::sample::{Cell, MotorSample, PathPoint, SAMPLE_PERIOD, seco
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, Recording};
 use crate::robot::motor::Place;
-use crate::show::figures::{
-    Entry, Figures, Table, bus_table, grouped, headline, line_table, motor_table, optional,
-    part_table, sentence, signal_table,
-};
+use crate::show::figures::{Entry, Figures, Table, grouped, headline, optional, sentence};
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
@@ -84,15 +81,15 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
         main_motion = next(main),
         path = if recording.base.is_some() { PATH } else { "" },
         motion = next(motion.len() - main),
-        signals = signal_section(recording, &next(signals.len())),
+        signals = signal_section(figures, &next(signals.len())),
         currents = next(currents.len()),
         loads = next(loads.len()),
-        motor_table = table(&motor_table(recording, figures)),
-        bus_table = table(&bus_table(recording)),
-        line_table = line_table(recording).as_ref().map_or_else(String::new, table),
+        motor_table = table(&figures.tables.motors),
+        bus_table = table(&figures.tables.buses),
+        line_table = figures.tables.lines.as_ref().map_or_else(String::new, table),
         remote = remote_section(recording),
-        parts = part_table(recording).map_or_else(String::new, |parts| {
-            format!("<section>\n<h2>Parts on UARTs</h2>\n{}</section>\n", table(&parts))
+        parts = figures.tables.parts.as_ref().map_or_else(String::new, |parts| {
+            format!("<section>\n<h2>Parts on UARTs</h2>\n{}</section>\n", table(parts))
         }),
         data = data(recording, all()),
     )
@@ -252,11 +249,11 @@ fn remote_section(recording: &Recording) -> String {
 }
 
 /// The plots and the table of the robot's own signals; empty without any.
-fn signal_section(recording: &Recording, figures: &str) -> String {
-    signal_table(recording).map_or_else(String::new, |signals| {
+fn signal_section(figures: &Figures, plots: &str) -> String {
+    figures.tables.signals.as_ref().map_or_else(String::new, |signals| {
         format!(
-            "<section>\n<h2>Signals</h2>\n<div class=\"grid\">\n{figures}</div>\n{}</section>\n",
-            table(&signals)
+            "<section>\n<h2>Signals</h2>\n<div class=\"grid\">\n{plots}</div>\n{}</section>\n",
+            table(signals)
         )
     })
 }

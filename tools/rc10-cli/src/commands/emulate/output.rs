@@ -14,8 +14,7 @@ use crate::commands::emulate::problems::cause_of;
 use crate::recording::Recording;
 use crate::run::emulation::content_hash;
 use crate::show::figures::{
-    Figures as RunFigures, line_table, lines_json, motor_table, problems_json, remote_json,
-    remote_lines,
+    Figures as RunFigures, lines_json, problems_json, remote_json, remote_lines,
 };
 
 const TOP_FUNCTIONS: usize = 12;
@@ -175,9 +174,9 @@ impl<'a> Outcome<'a> {
             board.chip,
             board.crystal_hz as f64 * 1e-6,
         )?;
-        writeln!(text, "{}", motor_table(self.recording, self.run).text())?;
+        writeln!(text, "{}", self.run.tables.motors.text())?;
         self.write_buses(text)?;
-        if let Some(lines) = line_table(self.recording) {
+        if let Some(lines) = &self.run.tables.lines {
             writeln!(text, "\n{}", lines.text())?;
         }
         writeln!(text, "{}", remote_lines(self.recording))?;
