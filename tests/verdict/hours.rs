@@ -99,18 +99,21 @@ impl Good {
     }
 }
 
-/// `RC10_HOURS=100 cargo test --release --test verdict hours -- --ignored --nocapture`.
+/// `RC10_HOURS=100 cargo test --release -p rc10 --test all -- hours --ignored --nocapture`; a part of them
+/// by `RC10_HOURS=25..50`.
 #[test]
 #[ignore = "takes hours"]
 fn nothing_is_found_in_hours_of_good_runs() {
-    let hours = std::env::var("RC10_HOURS").map_or(0.2, |hours| hours.parse().unwrap());
-    let mut left = 3600.0 * hours;
-    let is_enough = |run: &Good| {
-        let goes_on = left > 0.0;
-        left -= run.seconds as f64;
-        goes_on
-    };
-    let runs: Vec<_> = (0..).map(Good::new).take_while(is_enough).collect();
+    let hours = std::env::var("RC10_HOURS").unwrap_or_else(|_| "0.2".into());
+    let (from, to) = hours.split_once("..").unwrap_or(("0", &hours));
+    let [from, to] = [from, to].map(|hours| 3600.0 * hours.parse::<f64>().unwrap());
+    let mut at = 0.0;
+    let begins = (0..).map(Good::new).map(|run| {
+        at += run.seconds as f64;
+        (at - run.seconds as f64, run)
+    });
+    let wanted = begins.take_while(|(at, _)| *at < to).filter(|(at, _)| *at >= from);
+    let runs: Vec<_> = wanted.map(|(_, run)| run).collect();
     let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     thread::scope(|scope| {
         for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
