@@ -1,6 +1,5 @@
 //! `rc10 params`, `rc10 get`, `rc10 set` and `rc10 record`.
 
-#[cfg(unix)]
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,7 +1,5 @@
 //! A client and its connection: the start of every command that talks to a robot.
 
-#[cfg(unix)]
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::hash::{BuildHasher as _, RandomState};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -9,6 +7,8 @@ use std::sync::atomic::AtomicBool;
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
 use rc10_link::VERSION;
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::client::{Answer, Client, Parameter};
 use crate::live::line::RobotConnection;
@@ -143,7 +143,7 @@ pub(super) fn stop() -> Result<Arc<AtomicBool>> {
     #[cfg(windows)]
     {
         let stop = Arc::clone(&stop);
-        ctrlc::set_handler(move || stop.store(true, Ordering::Relaxed))?;
+        ctrlc::set_handler(move || stop.store(true, std::sync::atomic::Ordering::Relaxed))?;
     }
     Ok(stop)
 }

@@ -20,11 +20,12 @@ pub(crate) mod terminal;
 #[cfg(unix)]
 pub(crate) mod unix;
 
-use crate::live::SourceArgs;
 use std::io::Write;
 
 use anyhow::Result;
 
+#[cfg(unix)]
+use crate::live::SourceArgs;
 use crate::world::robot::Robot;
 
 pub use crate::commands::pty::args::{PtyArgs, STEP};
