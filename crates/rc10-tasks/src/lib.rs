@@ -7,7 +7,7 @@
 //! * [`heading`]: which way the robot looks, counted from where it was armed.
 //! * [`mod@live`]: shows the robot to a PC, and lets it change gains.
 //! * [`remote`]: what the remote's receiver says.
-//! * [`seen`]: what can be seen of motors, buses, lines and the robot.
+//! * [`mod@seen`]: what can be seen of motors, buses, lines and the robot.
 //! * [`status`]: ten times a second, how the robot is; whether every bus ticks, for a watchdog.
 //! * [`status_led`]: the state of the robot on an LED strip.
 #![no_std]

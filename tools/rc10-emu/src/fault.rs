@@ -18,7 +18,7 @@ pub enum ChipFault {
     /// `hardfault`: the program executes an undefined instruction. Has no end.
     HardFault,
     /// `hang[:HANDLER]`: an interrupt handler hangs when it is called next, before its first
-    /// instruction; without a name [`CONTROL_EXECUTOR`].
+    /// instruction; without a name `CONTROL_EXECUTOR`.
     Hang(String),
     /// `mask`: a critical section, with all interrupts masked, takes this long.
     Mask,

@@ -1,7 +1,7 @@
 //! The STM32H723's peripherals, from the reference manual's rules (RM0468).
 //!
 //! [`Soc`] answers register accesses at a time in nanoseconds, says when it next does something by
-//! itself, and drives the interrupt lines. [`map::MAP`] declares which device is at which address, with
+//! itself, and drives the interrupt lines. `map::MAP` declares which device is at which address, with
 //! which clock gate and which reset bit; everything else follows from it.
 //!
 //! The chip refuses much, and so does the model. A refused access is kept as an [`Access`]:
@@ -9,7 +9,7 @@
 //! bits and interrupt numbers are those of stm32-metapac 21.0.0 for the STM32H723ZG.
 //!
 //! To add a peripheral: give it a file with `read`, `write`, `advance` and `next_event`, a variant
-//! in [`map::Block`], a row in [`map::MAP`], and an arm in `Soc`'s matches on the block.
+//! in `map::Block`, a row in `map::MAP`, and an arm in `Soc`'s matches on the block.
 
 mod access;
 mod adc;

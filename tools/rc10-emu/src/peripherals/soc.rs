@@ -333,7 +333,7 @@ impl Soc {
         self.settle(now);
     }
 
-    /// Silences a peripheral, by its name in [`map::MAP`]: see
+    /// Silences a peripheral, by its name in `map::MAP`: see
     /// [`Options::silent`](crate::Options::silent). `false`: there is no such peripheral.
     pub fn silence(&mut self, name: &str) -> bool {
         let is_meant =
