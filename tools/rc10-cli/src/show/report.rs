@@ -16,14 +16,16 @@ use crate::files::write_file;
 use crate::judge::happened::happened;
 use crate::judge::path::{Apart, PathFigures, Paths};
 use crate::recording::problem::{Problem, Severity};
-use crate::recording::remote::RemoteTrack;
+use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::RemoteSample;
 use crate::recording::sample::Source;
 use crate::recording::sample::{Cell, MotorSample, PathPoint, SAMPLE_PERIOD, seconds};
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, Recording};
 use crate::robot::motor::Place;
-use crate::show::figures::{Entry, Figures, Table, grouped, headline, optional, sentence};
+use crate::show::figures::{
+    Figures, Table, drive_name, grouped, headline, number, optional, sentence,
+};
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
@@ -226,23 +228,23 @@ fn remote_section(recording: &Recording) -> String {
     }
     html.push_str("</p>\n");
     if !losses.is_empty() {
-        let at = |time: Option<Micros>| cell(&optional(time.map(seconds), 4, " s"));
-        let rows = losses.iter().map(|loss| {
-            let millis = loss.reaction().map(|time| seconds(time) * 1e3);
+        let at = |time: Option<Micros>| number(time.map(seconds), 4, " s");
+        let row = |loss: &Loss| {
             vec![
-                format!("<td class=\"words\">{:.4} s</td>", seconds(loss.lost.from)),
+                at(Some(loss.lost.from)),
                 at(loss.lost.until),
                 at(loss.last_frame),
                 at(loss.coasting),
-                cell(&optional(millis, 1, " ms")),
+                number(loss.reaction().map(|time| seconds(time) * 1e3), 1, " ms"),
                 at(loss.disarmed),
                 at(loss.back),
                 at(loss.resumed),
             ]
-        });
+        };
         let head = "lost at | until | last good frame | all coast | after that frame | disarmed | \
                     good frames again | resumed";
-        html.push_str(&table_of(head.split(" | "), 1, rows));
+        let (head, rows) = (head.split(" | ").collect(), losses.iter().map(row).collect());
+        html.push_str(&table(&Table { head, words: 1, rows }));
     }
     html.push_str("</section>\n");
     html
@@ -259,44 +261,27 @@ fn signal_section(figures: &Figures, plots: &str) -> String {
 }
 
 fn table(table: &Table) -> String {
-    let row = |row: &Vec<Entry>| {
-        let cells = row.iter().enumerate().map(|(column, entry)| {
+    let mut html = "<div class=\"table\"><table>\n<thead><tr>".to_owned();
+    for (column, title) in table.head.iter().enumerate() {
+        let class = if column < table.words { " class=\"words\"" } else { "" };
+        let _ = write!(html, "<th scope=\"col\"{class}>{title}</th>");
+    }
+    html.push_str("</tr></thead>\n<tbody>\n");
+    for row in &table.rows {
+        html.push_str("<tr>");
+        for (column, entry) in row.iter().enumerate() {
             let class = match (column < table.words, entry.bad) {
                 (true, true) => " class=\"words bad\"",
                 (true, false) => " class=\"words\"",
                 (false, true) => " class=\"bad\"",
                 (false, false) => "",
             };
-            format!("<td{class}>{}</td>", escape(&entry.text))
-        });
-        cells.collect::<Vec<_>>()
-    };
-    table_of(table.head.iter().copied(), table.words, table.rows.iter().map(row))
-}
-
-/// A table whose first `left` columns are words, from HTML cells.
-fn table_of<'h>(
-    head: impl Iterator<Item = &'h str>,
-    left: usize,
-    rows: impl Iterator<Item = Vec<String>>,
-) -> String {
-    let mut html = "<div class=\"table\"><table>\n<thead><tr>".to_owned();
-    for (column, title) in head.enumerate() {
-        let class = if column < left { " class=\"words\"" } else { "" };
-        let _ = write!(html, "<th scope=\"col\"{class}>{title}</th>");
-    }
-    html.push_str("</tr></thead>\n<tbody>\n");
-    for row in rows {
-        html.push_str("<tr>");
-        html.extend(row);
+            let _ = write!(html, "<td{class}>{}</td>", escape(&entry.text));
+        }
         html.push_str("</tr>\n");
     }
     html.push_str("</tbody>\n</table></div>\n");
     html
-}
-
-fn cell(text: &str) -> String {
-    format!("<td>{}</td>", escape(text))
 }
 
 // ---- numbers -----------------------------------------------------------------------------------
@@ -343,7 +328,7 @@ impl Scale {
 
 fn periods(count: usize) -> Value {
     let count = u64::try_from(count).unwrap_or(u64::MAX);
-    number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
+    rounded(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
 }
 
 /// The path of the base; empty without one.
@@ -358,7 +343,7 @@ fn stride(recording: &Recording) -> usize {
 }
 
 /// A JSON number of few digits; null if it is not finite.
-fn number(value: f64, digits: i32) -> Value {
+fn rounded(value: f64, digits: i32) -> Value {
     let power = 10_f64.powi(digits);
     // Adding zero turns -0 into 0.
     json!((value * power).round() / power + 0.0)
@@ -403,7 +388,7 @@ fn joined(cells: impl Iterator<Item = Cell> + Clone) -> Cell {
 }
 
 fn numbers(values: impl Iterator<Item = f64>, digits: i32) -> Value {
-    values.map(|value| number(value, digits)).collect()
+    values.map(|value| rounded(value, digits)).collect()
 }
 
 /// Text that can stand anywhere in HTML.
@@ -572,13 +557,13 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
     let stride = stride(recording);
     let path =
         |of: fn(&PathPoint) -> f64| numbers(path(recording).iter().step_by(stride).map(of), 3);
+    let motor_lanes = recording.motors.iter().map(|track| motor_lane(track, recording.source));
     let data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
         "events": events.iter().map(|(at, label)| json!([seconds(*at), label])).collect::<Value>(),
-        "states": STATES,
-        "lanes": remote_lanes(recording).into_iter().chain(recording.motors.iter().map(|track| lane(track, recording.source)))
-            .collect::<Value>(),
+        "states": STATES.split(' ').collect::<Vec<_>>(),
+        "lanes": remote_lanes(recording).into_iter().chain(motor_lanes).collect::<Value>(),
         "stops": stops(recording),
         "charts": charts.map(|chart| &chart.body).collect::<Vec<_>>(),
         "path": {
@@ -616,61 +601,49 @@ fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
 }
 
 /// States of a motor, a robot, and a remote; `report.css` has a colour for each.
-const STATES: [&str; 13] = [
-    "run",
-    "hold",
-    "brake",
-    "coast",
-    "off",
-    "lost",
-    "unheard",
-    "armed",
-    "suspended",
-    "stopped",
-    "disarmed",
-    "heard",
-    "driven",
-];
+const STATES: &str = "run hold brake coast off lost unheard armed suspended stopped disarmed heard \
+                      driven";
 
-const fn state(sample: &MotorSample) -> u8 {
-    match (sample.link, sample.drive) {
-        (Link::NeverSeen, _) => 6,
-        (Link::Lost, _) => 5,
-        (Link::Online, DriveMode::Off) => 4,
-        (Link::Online, DriveMode::Coast) => 3,
-        (Link::Online, DriveMode::Brake) => 2,
-        (Link::Online, DriveMode::Hold) => 1,
-        (Link::Online, DriveMode::Run) => 0,
+const fn state(sample: &MotorSample) -> &'static str {
+    match sample.link {
+        Link::NeverSeen => "unheard",
+        Link::Lost => "lost",
+        Link::Online => drive_name(sample.drive),
     }
 }
 
-fn lane(track: &MotorTrack, source: Source) -> Value {
+/// A line of states over time.
+fn lane(name: &str, states: impl Iterator<Item = &'static str>) -> Value {
+    let index = |state| STATES.split(' ').position(|known| known == state);
+    json!({ "name": name, "runs": runs(states.map(index)) })
+}
+
+fn motor_lane(track: &MotorTrack, source: Source) -> Value {
     // An emulated chip shows whether a motor is driven, not why; a capture whether it is heard.
-    let seen = |sample| match (state(sample), source) {
-        (0, Source::Emulation) => 12,
-        (0..=4, Source::Capture) => 11,
+    let seen = |sample: &MotorSample| match (state(sample), source) {
+        ("run", Source::Emulation) => "driven",
+        (state @ ("unheard" | "lost"), _) => state,
+        (_, Source::Capture) => "heard",
         (state, _) => state,
     };
-    json!({ "name": track.motor.label, "runs": runs(track.samples.iter().map(seen)) })
+    lane(track.motor.label, track.samples.iter().map(seen))
 }
 
 /// Whether the remote was heard, and whether the robot was armed.
 fn remote_lanes(recording: &Recording) -> Vec<Value> {
     let Some(track) = &recording.remote else { return Vec::new() };
-    let heard = track.samples.iter().map(|sample| if sample.is_live { 11 } else { 5_u8 });
-    let mut lanes = vec![json!({ "name": "remote", "runs": runs(heard) })];
+    let heard = track.samples.iter().map(|sample| if sample.is_live { "heard" } else { "lost" });
     let arm = |sample: &RemoteSample| {
         Some(match sample.arm? {
-            ArmState::Armed => 7_u8,
-            ArmState::Suspended => 8,
-            ArmState::EStopped => 9,
-            ArmState::Disarmed => 10,
+            ArmState::Armed => "armed",
+            ArmState::Suspended => "suspended",
+            ArmState::EStopped => "stopped",
+            ArmState::Disarmed => "disarmed",
         })
     };
-    if let Some(arms) = track.samples.iter().map(arm).collect::<Option<Vec<u8>>>() {
-        lanes.push(json!({ "name": "robot", "runs": runs(arms.into_iter()) }));
-    }
-    lanes
+    let arms = track.samples.iter().map(arm).collect::<Option<Vec<_>>>();
+    let robot = arms.map(|arms| lane("robot", arms.into_iter()));
+    [lane("remote", heard)].into_iter().chain(robot).collect()
 }
 
 /// The times in which no wheel (without a base: no motor) follows its target, in a stop for
@@ -738,7 +711,6 @@ mod tests {
     use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::recording::remote::Loss;
     use crate::recording::{BaseTrack, PartTrack, Tracking};
     use crate::robot::remote::{Lost, Receiver};
     use crate::robot::script::Event;

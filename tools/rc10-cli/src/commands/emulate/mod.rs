@@ -96,10 +96,9 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let named = || path.display().to_string();
     let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
     make_folder(&args.out)?;
-    let record = match &args.record {
-        Some(path) => Some(RecordWriter::new(path, args.force, &emulation.heading())?),
-        None => None,
-    };
+    let record = args.record.as_ref();
+    let record =
+        record.map(|path| RecordWriter::new(path, args.force, &emulation.heading())).transpose()?;
     let (mut emulation, mut recording) =
         emulation.record_into(args.seconds, record).with_context(named)?;
     let took = started.elapsed();
