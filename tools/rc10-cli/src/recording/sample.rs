@@ -205,6 +205,12 @@ pub(crate) fn time_of(index: usize) -> Micros {
     Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
 }
 
+/// Whether targets of a kind are angles, in degrees; the others are speeds, in rpm.
+pub(crate) const fn is_angle(kind: TargetKind) -> bool {
+    use TargetKind::{Angle, Impedance, Motion, TotalAngle};
+    matches!(kind, Angle | TotalAngle | Impedance | Motion)
+}
+
 /// The source of a recording, which decides what is known of the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Source {

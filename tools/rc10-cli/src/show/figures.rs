@@ -13,8 +13,7 @@ use crate::judge::path::PathFigures;
 use crate::judge::problems;
 use crate::recording::problem::{Problem, Severity, any};
 use crate::recording::remote::{Loss, RemoteTrack};
-use crate::recording::sample::Source;
-use crate::recording::sample::seconds;
+use crate::recording::sample::{Source, is_angle, seconds};
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, PartTrack, Recording, Tracking};
 
@@ -128,12 +127,7 @@ impl MotorFigures {
 /// The unit of targets of a kind, and of their measurements.
 #[must_use]
 pub const fn unit(kind: TargetKind) -> &'static str {
-    match kind {
-        TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion => {
-            "deg"
-        }
-        _ => "rpm",
-    }
+    if is_angle(kind) { "deg" } else { "rpm" }
 }
 
 const fn noun(kind: TargetKind) -> &'static str {

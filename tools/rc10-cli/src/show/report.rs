@@ -17,9 +17,9 @@ use crate::judge::happened::happened;
 use crate::judge::path::{Apart, PathFigures, Paths};
 use crate::recording::problem::{Problem, Severity};
 use crate::recording::remote::{Loss, RemoteTrack};
-use crate::recording::sample::RemoteSample;
-use crate::recording::sample::Source;
-use crate::recording::sample::{Cell, MotorSample, PathPoint, SAMPLE_PERIOD, seconds};
+use crate::recording::sample::{
+    Cell, MotorSample, PathPoint, RemoteSample, SAMPLE_PERIOD, Source, is_angle, seconds,
+};
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, Recording};
 use crate::robot::motor::Place;
@@ -299,17 +299,13 @@ struct Scale {
 impl Scale {
     /// The quantity of the first target; the speed without any target.
     fn of(track: &MotorTrack) -> Self {
-        let kind = track.samples.iter().find(|sample| sample.target.is_some());
-        match kind.map_or(TargetKind::Speed, |sample| sample.kind) {
-            kind @ TargetKind::Angle => Self { kind, noun: "angle", unit: "°", wraps: true },
-            kind @ (TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion) => {
-                Self { kind, noun: "angle", unit: "°", wraps: false }
-            }
-            kind @ TargetKind::SpeedMotion => {
-                Self { kind, noun: "speed", unit: "rpm", wraps: false }
-            }
-            _ => Self { kind: TargetKind::Speed, noun: "speed", unit: "rpm", wraps: false },
-        }
+        let followed = track.samples.iter().find(|sample| sample.target.is_some());
+        let kind = match followed.map_or(TargetKind::Speed, |sample| sample.kind) {
+            kind if is_angle(kind) || kind == TargetKind::SpeedMotion => kind,
+            _ => TargetKind::Speed,
+        };
+        let (noun, unit) = if is_angle(kind) { ("angle", "°") } else { ("speed", "rpm") };
+        Self { kind, noun, unit, wraps: kind == TargetKind::Angle }
     }
 
     /// The measurements since the last sample; empty during targets of another kind.
@@ -349,13 +345,18 @@ fn rounded(value: f64, digits: i32) -> Value {
     json!((value * power).round() / power + 0.0)
 }
 
-/// Means of a motor's samples with their ranges. `stride` samples are one.
-fn cells(samples: &[MotorSample], stride: usize, of: impl Fn(&MotorSample) -> Cell) -> Value {
-    ranges(&samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
+/// A curve of a motor's samples: `stride` of them are one point.
+fn cells(
+    name: &str,
+    samples: &[MotorSample],
+    stride: usize,
+    of: impl Fn(&MotorSample) -> Cell,
+) -> Value {
+    curve(name, &samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
 }
 
-/// Means, and the distances of lowest and highest values from them, in hundredths.
-fn ranges(merged: &[Cell]) -> Value {
+/// A curve: means, and the distances of lowest and highest values from them, in hundredths.
+fn curve(name: &str, merged: &[Cell]) -> Value {
     let hundredths = |span: f32| {
         let span = (span * 100.0).round();
         // Whole numbers are short.
@@ -365,6 +366,7 @@ fn ranges(merged: &[Cell]) -> Value {
         "measured": numbers(merged.iter().map(|cell| cell.mean.into()), 2),
         "below": merged.iter().map(|cell| hundredths(cell.mean - cell.min)).collect::<Value>(),
         "above": merged.iter().map(|cell| hundredths(cell.max - cell.mean)).collect::<Value>(),
+        "name": name,
     })
 }
 
@@ -440,12 +442,12 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
     let chart = |((word, scale), tracks): ((&str, Scale), Vec<&MotorTrack>)| {
         let series = tracks.iter().map(|track| {
             let targets = track.samples.iter().step_by(stride);
-            let mut series = cells(&track.samples, stride, |sample| scale.measured(sample));
-            series["name"] = split(track.motor.label).1.into();
+            let name = split(track.motor.label).1;
+            let mut curve = cells(name, &track.samples, stride, |sample| scale.measured(sample));
             if recording.source.is_told() {
-                series["target"] = numbers(targets.map(|sample| scale.target(sample)), 2);
+                curve["target"] = numbers(targets.map(|sample| scale.target(sample)), 2);
             }
-            series
+            curve
         });
         let mut body = curves(stride, scale.unit, 1, 2.0, series.collect());
         body["wraps"] = scale.wraps.into();
@@ -487,9 +489,7 @@ fn signal_charts(recording: &Recording) -> Vec<Chart> {
         let series = tracks.iter().map(|track| {
             let chunks = track.samples.chunks(stride);
             let merged = chunks.map(|chunk| joined(chunk.iter().copied().flatten()));
-            let mut series = ranges(&merged.collect::<Vec<_>>());
-            series["name"] = split(track.label).1.into();
-            series
+            curve(split(track.label).1, &merged.collect::<Vec<_>>())
         });
         let title = if let [track] = tracks.as_slice() { track.label } else { word };
         let body = curves(stride, unit, 2, 0.1, series.collect());
@@ -501,12 +501,9 @@ fn signal_charts(recording: &Recording) -> Vec<Chart> {
 fn current_charts(recording: &Recording) -> Vec<Chart> {
     let stride = stride(recording);
     let chart = |bus: &BusTrack| {
-        let tracks =
-            recording.motors.iter().filter(|track| track.motor.on == Place::Bus(bus.number));
-        let series = tracks.map(|track| {
-            let mut series = cells(&track.samples, stride, |sample| sample.current_cell);
-            series["name"] = track.motor.label.into();
-            series
+        let is_on = |track: &&MotorTrack| track.motor.on == Place::Bus(bus.number);
+        let series = recording.motors.iter().filter(is_on).map(|track| {
+            cells(track.motor.label, &track.samples, stride, |sample| sample.current_cell)
         });
         let body = curves(stride, "A", 2, 0.2, series.collect());
         let note = match recording.source {

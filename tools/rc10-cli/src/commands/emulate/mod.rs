@@ -118,7 +118,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     if args.json {
         writeln!(out, "{:#}", outcome.to_json())?;
     } else {
-        out.write_all(outcome.text(took).as_bytes())?;
+        outcome.write(out, took)?;
         print_files(&recording, &args.out, out)?;
         for text in &texts {
             writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
