@@ -20,19 +20,9 @@ crystal-dead crystal-stops@0.3s; repeat for more";
 #[derive(Args, Clone, Debug, Default)]
 pub struct Injected {
     #[arg(long = "fault", value_name = "FAULT", help = FAULTS)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub faults: Vec<Fault>,
+    pub(crate) faults: Vec<Fault>,
     #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub mistakes: Vec<Mistake>,
-}
-
-impl Injected {
-    /// Whether there are no faults and no mistakes.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        self.faults.is_empty() && self.mistakes.is_empty()
-    }
+    pub(crate) mistakes: Vec<Mistake>,
 }
 
 /// A number of seconds with up to six decimals, exactly.

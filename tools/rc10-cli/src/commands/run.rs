@@ -34,8 +34,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
     pub remote: Option<Receiver>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub injected: Injected,
+    pub(crate) injected: Injected,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,

@@ -66,7 +66,7 @@ const ERROR_FRAME: &str = "an error frame: the controller reports a bus error";
 /// ```
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// The line is in neither form, or has an invalid part: the reason, in words.
 pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, String> {
     let mut rest = text.trim();
     if rest.is_empty() || rest.starts_with('#') {

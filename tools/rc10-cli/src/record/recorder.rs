@@ -9,7 +9,6 @@ use sha2::{Digest, Sha256};
 use crate::formats::candump;
 use crate::record::RecordWriter;
 use crate::recording::effort::EffortWatch;
-use crate::recording::load::Carrying;
 use crate::recording::look::{Moment, MotorLook};
 use crate::recording::margin::Margins;
 use crate::recording::remote::{Loss, RemoteTrack};
@@ -111,17 +110,10 @@ impl<'d> Recorder<'d> {
         }
     }
 
-    /// Sets whether the robot has an IMU.
+    /// Adds the robot's own signals, and whether it has an IMU.
     #[must_use]
-    pub fn with_imu(self, has_imu: bool) -> Self {
-        Self { has_imu, ..self }
-    }
-
-    /// Adds the robot's own signals.
-    #[must_use]
-    pub fn with_signals(mut self, signals: &[Signal<'_>]) -> Self {
-        self.signals = signals.iter().map(SignalRecorder::new).collect();
-        self
+    pub fn with_own(self, signals: &[Signal<'_>], has_imu: bool) -> Self {
+        Self { signals: signals.iter().map(SignalRecorder::new).collect(), has_imu, ..self }
     }
 
     /// Adds a record for every look.
@@ -436,9 +428,7 @@ impl MotorRecorder {
         self.peak_current = self.peak_current.max(seen.current.abs());
         if let Some(watch) = &mut self.effort {
             watch.look(now, look.effort);
-            let MotorSample { kind, target, measured, .. } = seen;
-            let (feedback, effort) = (look.feedback(), look.effort);
-            watch.look_at_load(now, &Carrying { kind, target, measured, feedback, effort });
+            watch.look_at_load(now, look);
         }
         if self.is_new && self.last.kind != seen.kind {
             self.measured = Sum::default();

@@ -275,8 +275,7 @@ impl<'d> Replay<'d> {
         let names = names.filter(|(_, about)| *about != About::Event).collect();
         Ok(Self {
             recorder: Recorder::new(description, seed, loops, &around.motors, source)
-                .with_imu(source.is_told() && heading.is_some())
-                .with_signals(own),
+                .with_own(own, source.is_told() && heading.is_some()),
             names,
             channels: BTreeMap::new(),
             at: Micros::ZERO,

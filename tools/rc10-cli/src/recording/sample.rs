@@ -27,8 +27,6 @@ pub struct Cell {
 }
 
 impl Cell {
-    pub(crate) const ZERO: Self = Self { min: 0.0, mean: 0.0, max: 0.0 };
-
     /// The range of a value that does not change.
     #[must_use]
     pub const fn of(value: f64) -> Self {

@@ -48,8 +48,7 @@ pub struct EmuArgs {
     #[arg(long, value_name = "MHZ", value_parser = board::crystal)]
     pub crystal: Option<u64>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub injected: Injected,
+    pub(crate) injected: Injected,
     /// Folder for report.html, the bus logs and what the chip's UARTs said
     #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
     pub out: PathBuf,
