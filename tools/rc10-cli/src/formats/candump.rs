@@ -15,7 +15,7 @@ use std::fmt;
 use std::io::{self, BufRead, Read};
 
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{CanFrame, FrameTooLong, Micros};
+use rc10_can::{CanFrame, Micros};
 
 /// Longest line in bytes; the rest of a longer one is not kept.
 const LONGEST_LINE: usize = 1000;
@@ -146,9 +146,9 @@ fn file_frame(identifier: &str, data: &str) -> Result<CanFrame, String> {
     if let Some(len) = data.strip_prefix('R') {
         return remote(id, if len.is_empty() { "0" } else { len });
     }
-    let mut bytes = Bytes::default();
-    bytes.add(data)?;
-    bytes.frame(id)
+    let mut bytes = Vec::new();
+    add(&mut bytes, data)?;
+    data_frame(id, &bytes)
 }
 
 /// Reads `201` `[8]  00 01 00 08 0B B8 1E 00`, or `201` `[8]  remote request`.
@@ -170,21 +170,21 @@ fn console_frame(identifier: &str, mut rest: &str) -> Result<CanFrame, String> {
         return remote(id, announced);
     }
     let announced = usize::from(announced.as_bytes()[0] - b'0');
-    let mut bytes = Bytes::default();
+    let mut bytes = Vec::new();
     while !rest.is_empty() && !rest.starts_with('\'') {
         let Some(byte) = word(&mut rest) else { break };
-        bytes.add(byte)?;
+        add(&mut bytes, byte)?;
         rest = rest.trim_start();
     }
     // Behind the bytes, `candump -a` writes them once more as characters, in quotes.
     if !rest.is_empty() && (rest.len() < 2 || !rest.ends_with('\'')) {
         return Err(TRAILING.into());
     }
-    let found = bytes.len;
+    let found = bytes.len();
     if found != announced {
         return Err(format!("{announced} data bytes announced, but {found} found"));
     }
-    bytes.frame(id)
+    data_frame(id, &bytes)
 }
 
 fn id(text: &str) -> Result<Id, String> {
@@ -213,35 +213,21 @@ fn remote(id: Id, len: &str) -> Result<CanFrame, String> {
     frame.ok_or_else(|| REMOTE_LENGTH.into())
 }
 
-/// Data bytes that were read; those beyond a frame's room are only counted.
-#[derive(Default)]
-struct Bytes {
-    data: [u8; 8],
-    len: usize,
+fn data_frame(id: Id, bytes: &[u8]) -> Result<CanFrame, String> {
+    CanFrame::data_frame(id, bytes).map_err(|error| error.to_string())
 }
 
-impl Bytes {
-    fn add(&mut self, text: &str) -> Result<(), String> {
-        if let Some(character) = text.chars().find(|character| !character.is_ascii_hexdigit()) {
-            return Err(format!("{character:?} is no hex digit"));
-        }
-        if !text.len().is_multiple_of(2) {
-            return Err(format!("odd number of hex digits in the data: {}", text.len()));
-        }
-        for start in (0..text.len()).step_by(2) {
-            let byte = u8::from_str_radix(&text[start..start + 2], 16);
-            if let (Some(place), Ok(byte)) = (self.data.get_mut(self.len), byte) {
-                *place = byte;
-            }
-            self.len += 1;
-        }
-        Ok(())
+/// Reads data bytes.
+fn add(bytes: &mut Vec<u8>, text: &str) -> Result<(), String> {
+    if let Some(character) = text.chars().find(|character| !character.is_ascii_hexdigit()) {
+        return Err(format!("{character:?} is no hex digit"));
     }
-
-    fn frame(&self, id: Id) -> Result<CanFrame, String> {
-        let data = self.data.get(..self.len).ok_or(FrameTooLong { len: self.len });
-        data.and_then(|data| CanFrame::data_frame(id, data)).map_err(|error| error.to_string())
+    if !text.len().is_multiple_of(2) {
+        return Err(format!("odd number of hex digits in the data: {}", text.len()));
     }
+    let pairs = (0..text.len()).step_by(2).map(|start| &text[start..start + 2]);
+    bytes.extend(pairs.filter_map(|pair| u8::from_str_radix(pair, 16).ok()));
+    Ok(())
 }
 
 /// Reads a log line by line, keeping one line at a time.
@@ -322,6 +308,8 @@ impl fmt::Display for SecondsOf {
 
 #[cfg(test)]
 mod tests {
+    use rc10_can::FrameTooLong;
+
     use super::*;
 
     fn frame(text: &str) -> String {

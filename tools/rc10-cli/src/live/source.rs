@@ -76,11 +76,8 @@ impl SourceArgs {
             robot.fit(false)?;
             let simulation = Simulation::new(robot, self.seed, Some(baud))?;
             let source = Box::new(Paced::new(simulation, paced)?);
-            return Ok(RobotConnection {
-                source,
-                name: "the simulated robot".into(),
-                is_real: false,
-            });
+            let name = "the simulated robot".into();
+            return Ok(RobotConnection { source, name, is_real: false });
         }
         if let Some(elf) = &self.emu {
             let (emulation, path) = emulated(robot, elf.clone(), self)?;

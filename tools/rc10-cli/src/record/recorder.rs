@@ -396,9 +396,8 @@ struct MotorRecorder {
     /// The last look, and whether it is newer than the last sample.
     last: MotorLook,
     is_new: bool,
-    measured: Sum,
-    current: Sum,
-    rpm: Sum,
+    /// Measurement, current and speed since the last sample.
+    sums: [Sum; 3],
 }
 
 impl MotorRecorder {
@@ -410,9 +409,7 @@ impl MotorRecorder {
             effort,
             last: MotorLook::NEW,
             is_new: false,
-            measured: Sum::default(),
-            current: Sum::default(),
-            rpm: Sum::default(),
+            sums: Default::default(),
         }
     }
 
@@ -431,11 +428,11 @@ impl MotorRecorder {
             watch.look_at_load(now, look);
         }
         if self.is_new && self.last.kind != seen.kind {
-            self.measured = Sum::default();
+            self.sums[0] = Sum::default();
         }
-        self.measured.add(seen.measured);
-        self.current.add(seen.current);
-        self.rpm.add(seen.rpm);
+        for (sum, value) in self.sums.iter_mut().zip([seen.measured, seen.current, seen.rpm]) {
+            sum.add(value);
+        }
         (self.last, self.is_new) = (*look, true);
     }
 
@@ -455,13 +452,10 @@ impl MotorRecorder {
         if !std::mem::take(&mut self.is_new) {
             return;
         }
-        let cell = |sum: &mut Sum| std::mem::take(sum).cell().unwrap_or_default();
-        self.samples.push(MotorSample {
-            measured_cell: cell(&mut self.measured),
-            current_cell: cell(&mut self.current),
-            rpm_cell: cell(&mut self.rpm),
-            ..self.last.seen()
-        });
+        let cells = std::mem::take(&mut self.sums).map(|sum| sum.cell().unwrap_or_default());
+        let [measured_cell, current_cell, rpm_cell] = cells;
+        let seen = self.last.seen();
+        self.samples.push(MotorSample { measured_cell, current_cell, rpm_cell, ..seen });
     }
 }
 
