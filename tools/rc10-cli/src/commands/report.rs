@@ -15,7 +15,6 @@ use crate::decode::heard::hear;
 use crate::files::{Unfinished, make_folder};
 use crate::record::file::{Channel, Item, walk};
 use crate::record::replay::{numbers, replay};
-use crate::recording::sample::Source;
 use crate::show::figures::{Figures, to_json};
 use crate::show::print::print;
 use crate::show::report::write_files;
@@ -77,10 +76,8 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, None))?;
     } else {
-        let seed = match recording.source {
-            Source::Capture | Source::Robot => String::new(),
-            _ => format!(", seed {}", recording.seed),
-        };
+        let is_simulated = recording.source.is_simulated();
+        let seed = is_simulated.then(|| format!(", seed {}", recording.seed)).unwrap_or_default();
         let headline = format!("{length} s of {named}{seed}");
         print(&recording, &figures, &headline, &args.out, out)?;
     }

@@ -428,12 +428,7 @@ impl<'d> Replay<'d> {
 
     /// Looks at motors that told of themselves: their measurements.
     fn measured_looks(&self) -> Vec<MotorLook> {
-        let told = |look: &MotorLook| {
-            let feedback = look.feedback();
-            let rpm = feedback.speed.get().into();
-            let current = feedback.current().map_or(0.0, |current| current.get().into());
-            MotorLook { shaft: Shaft { rpm, current, ..look.shaft }, ..*look }
-        };
+        let told = |look: &MotorLook| MotorLook { shaft: Shaft::told(look.feedback()), ..*look };
         self.looks.iter().map(told).collect()
     }
 

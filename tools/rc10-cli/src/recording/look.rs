@@ -39,6 +39,14 @@ pub struct Shaft {
     pub overwritten: u64,
 }
 
+impl Shaft {
+    /// The shaft as its device tells of it.
+    pub(crate) fn told(feedback: &Feedback) -> Self {
+        let current = feedback.current().map_or(0.0, |current| current.get().into());
+        Self { rpm: feedback.speed.get().into(), current, overwritten: 0 }
+    }
+}
+
 /// Everything but the motors at one moment, more seldom than those.
 #[derive(Clone, Debug, Default)]
 pub struct Moment {

@@ -1,9 +1,7 @@
 //! Samples of a run: motors, buses and base at one moment, and the range of values between two.
 
-use rc10_motor::ArmState;
-use std::fmt::Write as _;
-
 use rc10_can::Micros;
+use rc10_motor::ArmState;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{DriveMode, Link, MotorCounters, TargetKind};
 use rc10_sim::Base;
@@ -177,10 +175,7 @@ pub struct PathPoint {
 }
 
 pub(crate) fn hex_digits(hash: Sha256) -> String {
-    hash.finalize().iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    format!("{:x}", hash.finalize())
 }
 
 /// The state of a bus's wire at the end of a run.
