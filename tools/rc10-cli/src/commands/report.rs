@@ -76,8 +76,11 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, None))?;
     } else {
-        let is_simulated = recording.source.is_simulated();
-        let seed = is_simulated.then(|| format!(", seed {}", recording.seed)).unwrap_or_default();
+        let seed = if recording.source.is_simulated() {
+            format!(", seed {}", recording.seed)
+        } else {
+            String::new()
+        };
         let headline = format!("{length} s of {named}{seed}");
         print(&recording, &figures, &headline, &args.out, out)?;
     }

@@ -106,9 +106,16 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
     bail!("the robot has not answered: it may not be stopped")
 }
 
+/// A session with a robot that has described itself; fails if there is none.
+fn meet<'r>(source: &SourceArgs, robot: Robot<'r>) -> Result<Session<'r>> {
+    let mut session = Session::new(source.open(robot, false)?);
+    session.meet()?;
+    Ok(session)
+}
+
 /// Lists the robot's parameters; fails without a robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let session = Session::with(&args.at.source(), robot)?;
+    let session = meet(&args.at.source(), robot)?;
     if args.rust {
         let changed =
             session.client.parameters().filter(|it| it.value.to_bits() != it.initial.to_bits());
@@ -132,7 +139,7 @@ pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
 
 /// Prints the values of parameters, one a line. Fails without a robot or without such a parameter.
 pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let session = Session::with(&args.source, robot)?;
+    let session = meet(&args.source, robot)?;
     for name in &args.names {
         writeln!(out, "{}", session.parameter(name)?.value)?;
     }
@@ -150,7 +157,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
             value.parse().with_context(|| format!("`{change}`: `{value}` is no number"))?;
         wanted.push((name, value));
     }
-    let mut session = Session::with(&args.source, robot)?;
+    let mut session = meet(&args.source, robot)?;
     let mut changes = Vec::new();
     for (name, value) in wanted {
         changes.push((session.parameter(name)?, value));
@@ -167,7 +174,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
-    let mut session = Session::with(&args.at.source(), robot)?;
+    let mut session = meet(&args.at.source(), robot)?;
     let (topics, left) = plan(&session.client);
     if let Some(first) = left.first() {
         let (count, first) = (left.len(), &first.name);

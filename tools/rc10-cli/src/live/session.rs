@@ -12,8 +12,6 @@ use rc10_link::VERSION;
 
 use super::client::{Answer, Client, Parameter};
 use crate::live::line::RobotConnection;
-use crate::live::source::SourceArgs;
-use crate::world::robot::Robot;
 
 /// A client, and its connection to a robot.
 pub struct Session<'r> {
@@ -34,13 +32,6 @@ impl<'r> Session<'r> {
         // Another program may use a real line, too, and must not take our answers for its own.
         let first = if connection.is_real { RandomState::new().hash_one(0) as u16 } else { 0 };
         Self { connection, client: Client::with_first_id(first), now: Micros::ZERO, heard: 0 }
-    }
-
-    /// Opens the connection to a robot, which has described itself then; fails if there is none.
-    pub(crate) fn with(source: &SourceArgs, robot: Robot<'r>) -> Result<Self> {
-        let mut session = Self::new(source.open(robot, false)?);
-        session.meet()?;
-        Ok(session)
     }
 
     /// Name of the connection.

@@ -8,8 +8,7 @@ use crate::recording::load::WINDOW;
 use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind};
 
-use crate::recording::load::{LoadTrack, LoadWatch};
-use crate::recording::look::MotorLook;
+use crate::recording::load::{Carrying, LoadTrack, LoadWatch};
 use crate::recording::margin::Margins;
 
 /// Looks in a window that are needed to judge it.
@@ -179,8 +178,8 @@ impl EffortWatch {
     }
 
     /// Takes a look at the load of the motor.
-    pub fn look_at_load(&mut self, now: Micros, look: &MotorLook) {
-        self.load.look(now, look, &self.track.loops.cascade.feed_forward);
+    pub fn look_at_load(&mut self, now: Micros, seen: &Carrying<'_>) {
+        self.load.look(now, seen, &self.track.loops.cascade.feed_forward);
     }
 
     /// The summary of all windows.

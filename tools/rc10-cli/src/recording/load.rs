@@ -2,11 +2,8 @@
 //! effort of its loops is the load itself.
 
 use rc10_can::Micros;
-use rc10_motor::TargetKind;
 use rc10_motor::rc10_app::{Degrees, FeedForward, Gravity, Rpm, RpmPerSecond};
-
-use crate::recording::look::MotorLook;
-use crate::recording::sample::MotorSample;
+use rc10_motor::{Feedback, TargetKind};
 
 /// Length of a window.
 pub const WINDOW: Micros = Micros::from_millis(200);
@@ -67,6 +64,21 @@ pub struct LoadTrack {
     pub motion: Fit,
 }
 
+/// A look at the load of a motor.
+#[derive(Clone, Copy, Debug)]
+pub struct Carrying<'a> {
+    /// Kind of the target.
+    pub kind: TargetKind,
+    /// Target in the unit of the kind, while the motor follows one.
+    pub target: Option<f64>,
+    /// The measurement in the same unit.
+    pub measured: f64,
+    /// Newest measurements.
+    pub feedback: &'a Feedback,
+    /// Effort of the loops; `None` while they do not drive.
+    pub effort: Option<f64>,
+}
+
 /// Watches the load of one motor.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LoadWatch {
@@ -79,18 +91,17 @@ pub(crate) struct LoadWatch {
 }
 
 impl LoadWatch {
-    pub(crate) fn look(&mut self, now: Micros, look: &MotorLook, feed_forward: &FeedForward) {
-        let MotorSample { kind, target, measured, .. } = look.seen();
+    pub(crate) fn look(&mut self, now: Micros, seen: &Carrying<'_>, feed_forward: &FeedForward) {
+        let Carrying { kind, target, measured, feedback, effort } = *seen;
         let is_angle = !matches!(kind, TargetKind::Speed | TargetKind::SpeedMotion);
         let follows = |target: f64| {
             let error = (target - measured).abs();
             error < if is_angle { AT_TARGET } else { STILL + 0.1 * target.abs() }
         };
-        let (Some(effort), true) = (look.effort, target.is_some_and(follows)) else {
+        let (Some(effort), true) = (effort, target.is_some_and(follows)) else {
             self.begun = None;
             return;
         };
-        let feedback = look.feedback();
         let rpm = f64::from(feedback.speed.get());
         let begun = *self.begun.get_or_insert_with(|| {
             (self.looks, self.sums, self.rpm) = (0.0, [0.0; 3], [rpm; 2]);
@@ -122,7 +133,6 @@ impl LoadWatch {
 
 #[cfg(test)]
 mod tests {
-    use rc10_motor::DriveMode;
     use rc10_motor::rc10_app::TotalAngle;
 
     use super::*;
@@ -146,13 +156,16 @@ mod tests {
                 1500..2500 => (20.0 + 0.18 * (millis - 1500) as f64, 30.0),
                 _ => (200.0, 0.0),
             };
-            let (target, measured) = (degrees + 1.0, degrees);
-            let (kind, effort) = (TargetKind::TotalAngle, Some(effort(degrees, rpm)));
-            let mut seen = MotorLook { kind, target, measured, effort, ..MotorLook::NEW };
-            seen.status.drive = DriveMode::Run;
-            seen.status.feedback.speed = Rpm::new(rpm as f32);
-            let microdegrees = (degrees * 1e6) as i64;
-            seen.status.feedback.total_angle = TotalAngle::from_microdegrees(microdegrees);
+            let mut feedback = Feedback::NEW;
+            feedback.speed = Rpm::new(rpm as f32);
+            feedback.total_angle = TotalAngle::from_microdegrees((degrees * 1e6) as i64);
+            let seen = Carrying {
+                kind: TargetKind::TotalAngle,
+                target: Some(degrees + 1.0),
+                measured: degrees,
+                feedback: &feedback,
+                effort: Some(effort(degrees, rpm)),
+            };
             watch.look(Micros::from_millis(millis), &seen, &feed_forward);
         }
         watch.track
@@ -176,11 +189,11 @@ mod tests {
         let mut watch = LoadWatch::default();
         for millis in 0..2000 {
             let rpm = rpm(millis % (WINDOW.get() / 1000));
-            let (target, measured, effort) = (rpm, rpm, Some(0.0));
-            let kind = TargetKind::Speed;
-            let mut seen = MotorLook { kind, target, measured, effort, ..MotorLook::NEW };
-            seen.status.drive = DriveMode::Run;
-            seen.status.feedback.speed = Rpm::new(rpm as f32);
+            let mut feedback = Feedback::NEW;
+            feedback.speed = Rpm::new(rpm as f32);
+            let (target, measured, effort) = (Some(rpm), rpm, Some(0.0));
+            let seen =
+                Carrying { kind: TargetKind::Speed, target, measured, feedback: &feedback, effort };
             watch.look(Micros::from_millis(millis), &seen, &FeedForward::NONE);
         }
         [watch.track.weight.windows, watch.track.motion.windows]
