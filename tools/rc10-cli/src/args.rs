@@ -20,39 +20,21 @@ crystal-dead crystal-stops@0.3s; repeat for more";
 #[derive(Args, Clone, Debug, Default)]
 pub struct Injected {
     #[arg(long = "fault", value_name = "FAULT", help = FAULTS)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub faults: Vec<Fault>,
+    pub(crate) faults: Vec<Fault>,
     #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub mistakes: Vec<Mistake>,
-}
-
-impl Injected {
-    /// Whether there are no faults and no mistakes.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        self.faults.is_empty() && self.mistakes.is_empty()
-    }
+    pub(crate) mistakes: Vec<Mistake>,
 }
 
 /// A number of seconds with up to six decimals, exactly.
 pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
     const WANTED: &str = "must be a number of seconds from 0.001 to 3600";
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
-    let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    if whole.is_empty()
-        || whole.len() > 4
-        || !digits(whole)
-        || !digits(fraction)
-        || fraction.len() > 6
-    {
-        return Err(WANTED.into());
-    }
-    let micros = format!("{whole}{fraction:0<6}").parse().map_err(|_| WANTED)?;
-    match micros {
-        1000..=3_600_000_000 => Ok(Micros::new(micros)),
-        _ => Err(WANTED.into()),
-    }
+    let is_number = (1..=4).contains(&whole.len())
+        && fraction.len() <= 6
+        && [whole, fraction].concat().bytes().all(|byte| byte.is_ascii_digit());
+    let micros = format!("{whole}{fraction:0<6}").parse().ok();
+    let micros = micros.filter(|micros| is_number && (1000..=3_600_000_000).contains(micros));
+    micros.map(Micros::new).ok_or_else(|| WANTED.into())
 }
 
 pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {

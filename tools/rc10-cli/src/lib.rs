@@ -126,7 +126,10 @@ From a checkout: cargo run --release -- run --seconds 3";
 
 impl Arguments {
     fn command_line(self) -> CommandLine {
-        CommandLine(self.command.unwrap_or_else(|| Command::Run(RunArgs::default())))
+        match self.command {
+            Some(command) => CommandLine(command),
+            None => Self::parse_from(["rc10", "run"]).command_line(),
+        }
     }
 }
 

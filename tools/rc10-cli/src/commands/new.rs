@@ -151,33 +151,27 @@ impl Checkout {
         let firmware = self.read("examples/starter/firmware/Cargo.toml")?;
         // In the checkout it is a member of the workspace of all programs for the chip.
         let mut own: Vec<_> = firmware.lines().collect();
-        own.retain(|line| !line.starts_with("workspace = \"") && !line.starts_with("build = "));
-        own.retain(|line| !line.starts_with('#'));
+        own.retain(|line| {
+            ["workspace = \"", "build = ", "#"].iter().all(|it| !line.starts_with(it))
+        });
         let own = own.join("\n") + "\n";
-        let own = replaced(
-            &own,
-            "default = [\"h723zg\"]",
-            &format!("default = [{:?}]", self.board.name),
-        )?;
+        let default = format!("default = [{:?}]", self.board.name);
+        let own = replaced(&own, "default = [\"h723zg\"]", &default)?;
 
         let heading = self.workspace("Cargo.toml", "", &[&robot, &simulation])?;
         let head = "[workspace]\nmembers = [\"robot\"]\n# It has another target, and another set of features.\n\
                     exclude = [\"firmware\"]\nresolver = \"3\"\n\n";
-        files.push((
-            "Cargo.toml".into(),
-            renamed("Cargo.toml", &(head.to_owned() + &heading + &simulation)),
-        ));
+        let manifest = renamed("Cargo.toml", &(head.to_owned() + &heading + &simulation));
+        files.push(("Cargo.toml".into(), manifest));
         let heading = self.workspace("firmware/Cargo.toml", "firmware", &[&firmware])?;
         let head = "[workspace]\nresolver = \"3\"\n\n";
-        files.push((
-            "firmware/Cargo.toml".into(),
-            renamed("Cargo.toml", &(head.to_owned() + &heading + &own)),
-        ));
-        files.push(("firmware/build.rs".into(), self.read("firmware/build.rs")?));
-        for lock in ["Cargo.lock", "firmware/Cargo.lock"] {
-            files.push((lock.into(), self.read(lock)?));
+        let manifest = renamed("Cargo.toml", &(head.to_owned() + &heading + &own));
+        files.push(("firmware/Cargo.toml".into(), manifest));
+        let same =
+            ["firmware/build.rs", "Cargo.lock", "firmware/Cargo.lock", "rust-toolchain.toml"];
+        for file in same {
+            files.push((file.into(), self.read(file)?));
         }
-        files.push(("rust-toolchain.toml".into(), self.read("rust-toolchain.toml")?));
         let config = self.read(".cargo/config.toml")?;
         let config = sections(&config).into_iter().filter(|(name, _)| *name != "alias");
         let config: String = config.map(|(_, text)| text).collect();
@@ -211,15 +205,9 @@ impl Checkout {
             } else if let Some(package) =
                 name.strip_prefix("profile.").and_then(|name| name.split_once(".package."))
             {
-                let own = [
-                    "rc10-firmware",
-                    "lift-firmware",
-                    "omni-firmware",
-                    "mixed-firmware",
-                    "swerve-firmware",
-                    "foxglove",
-                ];
-                if !own.contains(&package.1) {
+                // Not of this checkout's other robots, nor of its page.
+                let is_other = package.1.ends_with("-firmware") && package.1 != "starter-firmware";
+                if !is_other && package.1 != "foxglove" {
                     head += text;
                 }
             } else if name == "workspace.package"

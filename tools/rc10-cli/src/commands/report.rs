@@ -15,7 +15,6 @@ use crate::decode::heard::hear;
 use crate::files::{Unfinished, make_folder};
 use crate::record::file::{Channel, Item, walk};
 use crate::record::replay::{numbers, replay};
-use crate::recording::sample::Source;
 use crate::show::figures::{Figures, to_json};
 use crate::show::print::print;
 use crate::show::report::write_files;
@@ -77,9 +76,10 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, None))?;
     } else {
-        let seed = match recording.source {
-            Source::Capture | Source::Robot => String::new(),
-            _ => format!(", seed {}", recording.seed),
+        let seed = if recording.source.is_simulated() {
+            format!(", seed {}", recording.seed)
+        } else {
+            String::new()
         };
         let headline = format!("{length} s of {named}{seed}");
         print(&recording, &figures, &headline, &args.out, out)?;

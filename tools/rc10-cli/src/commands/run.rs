@@ -34,8 +34,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
     pub remote: Option<Receiver>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub injected: Injected,
+    pub(crate) injected: Injected,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
@@ -60,24 +59,6 @@ pub struct RunArgs {
 /// Size of logs, in bytes, from which on it is announced before they are written.
 const LARGE: u64 = 100_000_000;
 
-/// The settings of `rc10` without any argument.
-impl Default for RunArgs {
-    fn default() -> Self {
-        Self {
-            seconds: Micros::from_millis(10_000),
-            seed: 1,
-            remote: None,
-            injected: Injected::default(),
-            out: "target/rc10".into(),
-            record: None,
-            no_logs: false,
-            json: false,
-            strict: false,
-            force: false,
-        }
-    }
-}
-
 /// Runs a robot, writes the files and prints the figures; returns whether the run had problems.
 ///
 /// # Errors
@@ -99,10 +80,10 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
         ));
     }
     let started = Instant::now();
-    let record = match &args.record {
-        Some(path) => Some(RecordWriter::new(path, args.force, &heading(&robot, args.seed))?),
-        None => None,
-    };
+    let record = args.record.as_ref();
+    let record = record
+        .map(|path| RecordWriter::new(path, args.force, &heading(&robot, args.seed)))
+        .transpose()?;
     let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;
     recording.faults.clone_from(&args.injected.faults);
     let wall = started.elapsed().as_secs_f64();

@@ -154,10 +154,8 @@ fn load(bits: u64, time: Micros) -> f64 {
 fn look(status: Option<MotorStatus>) -> MotorLook {
     let mut status = status.unwrap_or(MotorStatus::NEW);
     status.drive = DriveMode::Coast;
-    let rpm = f64::from(status.feedback.speed.get());
-    let current = status.feedback.current().map_or(0.0, |current| current.get().into());
-    let shaft = Shaft { rpm, current, overwritten: 0 };
-    MotorLook { kind: TargetKind::Speed, measured: rpm, shaft, ..MotorLook::of(status) }
+    let shaft = Shaft::told(&status.feedback);
+    MotorLook { kind: TargetKind::Speed, measured: shaft.rpm, shaft, ..MotorLook::of(status) }
 }
 
 #[derive(Clone, Default)]

@@ -9,7 +9,7 @@ use rc10_motor::dji::{Effort, Model};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::{Message, Presence, Signal};
 use rc10_motor::{FrameError, MotorStatus};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
 use crate::formats::candump;
@@ -102,11 +102,7 @@ impl Columns {
 
 /// Effort and unit of a raw command in the robot's direction: amperes, or percent of full voltage.
 fn effort(motor: &Motor, model: &Model, raw: i16) -> (f64, &'static str) {
-    let share = f64::from(raw) / f64::from(model.full_scale);
-    let share = match motor.direction {
-        Direction::Forward => share,
-        Direction::Reversed => -share,
-    };
+    let share = motor.sign() * f64::from(raw) / f64::from(model.full_scale);
     match model.effort {
         Effort::Current(full) => (share * f64::from(full), "A"),
         Effort::Voltage => (share * 100.0, "%"),
@@ -212,8 +208,14 @@ fn reason(line: &CandumpLine<'_>, motor: Option<&Motor>, error: FrameError) -> S
     }
 }
 
+/// The motor of a lane, if there is one, with its model and identifier.
+fn driven<'d>(lane: &Lane<'d>) -> Option<(&'d Motor, &'static Model, u8)> {
+    let motor = lane.motor?;
+    motor.dji().map(|(model, id)| (motor, model, id))
+}
+
 fn lane_text(lane: &Lane<'_>) -> String {
-    let Some((motor, (model, _))) = lane.motor.and_then(|motor| Some((motor, motor.dji()?))) else {
+    let Some((motor, model, _)) = driven(lane) else {
         return format!("lane {} of no motor: raw {}", lane.number, lane.raw);
     };
     let (value, unit) = effort(motor, model, lane.raw);
@@ -290,32 +292,28 @@ fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -
         }),
         Meaning::Unknown => json!({ "kind": "unknown", "frame": line.frame.to_string() }),
     };
-    merge(&mut object, rest);
-    object
-}
-
-fn merge(object: &mut Value, rest: Value) {
-    if let (Value::Object(object), Value::Object(rest)) = (object, rest) {
+    if let (Value::Object(object), Value::Object(rest)) = (&mut object, rest) {
         object.extend(rest);
     }
+    object
 }
 
 fn lane_object(lane: &Lane<'_>) -> Value {
-    let mut object = json!({ "lane": lane.number, "raw": lane.raw });
-    if let Some(motor) = lane.motor
-        && let Some((model, id)) = motor.dji()
-    {
-        let (value, unit) = effort(motor, model, lane.raw);
-        let mut rest = Map::new();
-        rest.insert("motor".to_owned(), json!(motor.label));
-        rest.insert("model".to_owned(), json!(model.name));
-        rest.insert("id".to_owned(), json!(id));
-        let name = if unit == "A" { "current_a" } else { "voltage_percent" };
-        rest.insert(name.to_owned(), json!(rounded(value, 6)));
-        rest.insert("beyond_full_scale".to_owned(), json!(beyond_full_scale(model, lane.raw)));
-        merge(&mut object, Value::Object(rest));
-    }
-    object
+    let Lane { number, raw, .. } = *lane;
+    let Some((motor, model, id)) = driven(lane) else {
+        return json!({ "lane": number, "raw": raw });
+    };
+    let (value, unit) = effort(motor, model, raw);
+    let name = if unit == "A" { "current_a" } else { "voltage_percent" };
+    json!({
+        "lane": number,
+        "raw": raw,
+        "motor": motor.label,
+        "model": model.name,
+        "id": id,
+        name: rounded(value, 6),
+        "beyond_full_scale": beyond_full_scale(model, raw),
+    })
 }
 
 /// An f32 with six decimals, so that 0.1 is not 0.10000000149.

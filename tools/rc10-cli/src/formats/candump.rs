@@ -15,7 +15,7 @@ use std::fmt;
 use std::io::{self, BufRead, Read};
 
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{CanFrame, FrameTooLong, Micros};
+use rc10_can::{CanFrame, Micros};
 
 /// Longest line in bytes; the rest of a longer one is not kept.
 const LONGEST_LINE: usize = 1000;
@@ -45,84 +45,14 @@ pub enum Direction {
     Sent,
 }
 
-/// Why a line cannot be read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LineError {
-    /// Bytes that are not UTF-8.
-    NotText,
-    /// A line that is longer than any line of a candump log.
-    TooLong,
-    /// A line in neither form.
-    NotAFrame,
-    /// The text in parentheses is no time in seconds.
-    Time,
-    /// No interface stands before the frame.
-    NoChannel,
-    /// An identifier of other than three or eight hex digits.
-    IdDigits,
-    /// An identifier that no frame has: standard above 7FF, extended above 1FFFFFFF.
-    IdOutOfRange(u32),
-    /// A character among the data that is no hex digit.
-    NotHex(char),
-    /// A data byte of one digit: the number of digits in all.
-    OddDigits(usize),
-    /// More than eight data bytes.
-    TooManyBytes(usize),
-    /// A number of data bytes other than announced.
-    ByteCount {
-        /// The number in brackets.
-        announced: usize,
-        /// The number of bytes behind the brackets.
-        found: usize,
-    },
-    /// The length of a remote request is not one digit, 0 to 8.
-    RemoteLength,
-    /// Text behind the frame that does not belong there.
-    Trailing,
-    /// A CAN FD or CAN XL frame.
-    FlexibleDataRate,
-    /// An error frame of the controller.
-    ErrorFrame,
-}
-
-impl fmt::Display for LineError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotText => f.write_str("it is not UTF-8 text"),
-            Self::TooLong => write!(f, "it is longer than {LONGEST_LINE} bytes"),
-            Self::NotAFrame => f.write_str(
-                "not a frame: neither \"(1.000150) can0 201#00\" nor \"can0 201 [1] 00\"",
-            ),
-            Self::Time => {
-                f.write_str("the time is not in seconds, as candump -l, -ta and -tz write it")
-            }
-            Self::NoChannel => f.write_str("no interface, such as can0, stands before the frame"),
-            Self::IdDigits => {
-                f.write_str("an identifier has 3 hex digits, or 8 if it is an extended one")
-            }
-            Self::IdOutOfRange(id) => {
-                write!(
-                    f,
-                    "identifier {id:X} is out of range: standard ends at 7FF, extended at 1FFFFFFF"
-                )
-            }
-            Self::NotHex(character) => write!(f, "{character:?} is no hex digit"),
-            Self::OddDigits(digits) => write!(f, "odd number of hex digits in the data: {digits}"),
-            Self::TooManyBytes(len) => fmt::Display::fmt(&FrameTooLong { len: *len }, f),
-            Self::ByteCount { announced, found } => {
-                write!(f, "{announced} data bytes announced, but {found} found")
-            }
-            Self::RemoteLength => {
-                f.write_str("the length of a remote request is one digit, 0 to 8")
-            }
-            Self::Trailing => f.write_str("something that does not belong there follows the frame"),
-            Self::FlexibleDataRate => f.write_str("CAN FD and CAN XL frames cannot be read"),
-            Self::ErrorFrame => f.write_str("an error frame: the controller reports a bus error"),
-        }
-    }
-}
-
-impl std::error::Error for LineError {}
+// Why a line cannot be read.
+const NOT_A_FRAME: &str = "not a frame: neither \"(1.000150) can0 201#00\" nor \"can0 201 [1] 00\"";
+const TIME: &str = "the time is not in seconds, as candump -l, -ta and -tz write it";
+const ID_DIGITS: &str = "an identifier has 3 hex digits, or 8 if it is an extended one";
+const REMOTE_LENGTH: &str = "the length of a remote request is one digit, 0 to 8";
+const TRAILING: &str = "something that does not belong there follows the frame";
+const FLEXIBLE_DATA_RATE: &str = "CAN FD and CAN XL frames cannot be read";
+const ERROR_FRAME: &str = "an error frame: the controller reports a bus error";
 
 /// Reads one line, without or with its end; `None` if it says nothing: empty, or a comment.
 ///
@@ -132,12 +62,12 @@ impl std::error::Error for LineError {}
 /// assert_eq!(line.at.unwrap().get(), 1_732_150_000_000_150);
 /// assert_eq!((line.channel, line.frame.raw_id()), ("can0", 0x201));
 /// assert_eq!(parse("  can0  201   [2]  00 01")?.unwrap().frame.bytes(), [0, 1]);
-/// # Ok::<(), rc10_cli::formats::candump::LineError>(())
+/// # Ok::<(), String>(())
 /// ```
 ///
 /// # Errors
-/// [`LineError`]: what is wrong with it.
-pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, LineError> {
+/// The line is in neither form, or has an invalid part: the reason, in words.
+pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, String> {
     let mut rest = text.trim();
     if rest.is_empty() || rest.starts_with('#') {
         return Ok(None);
@@ -145,32 +75,32 @@ pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, LineError> {
     let at = match rest.strip_prefix('(') {
         None => None,
         Some(time) => {
-            let (time, behind) = time.split_once(')').ok_or(LineError::Time)?;
+            let (time, behind) = time.split_once(')').ok_or(TIME)?;
             rest = behind;
-            Some(micros(time).ok_or(LineError::Time)?)
+            Some(micros(time).ok_or(TIME)?)
         }
     };
-    let channel = word(&mut rest).ok_or(LineError::NotAFrame)?;
+    let channel = word(&mut rest).ok_or(NOT_A_FRAME)?;
     if channel.contains('#') {
-        return Err(LineError::NoChannel);
+        return Err("no interface, such as can0, stands before the frame".into());
     }
-    let mut identifier = word(&mut rest).ok_or(LineError::NotAFrame)?;
+    let mut identifier = word(&mut rest).ok_or(NOT_A_FRAME)?;
     let mut direction = None;
     // `candump -x` writes "RX - -" or "TX - -" here: the two flags are those of CAN FD.
     if let "RX" | "TX" = identifier {
         direction = direction_of(&identifier[..1]);
         let _flags = (word(&mut rest), word(&mut rest));
-        identifier = word(&mut rest).ok_or(LineError::NotAFrame)?;
+        identifier = word(&mut rest).ok_or(NOT_A_FRAME)?;
     }
     let frame = match identifier.split_once('#') {
         None => console_frame(identifier, rest)?,
         Some((identifier, data)) => {
             let frame = file_frame(identifier, data)?;
             if let Some(letter) = word(&mut rest) {
-                direction = Some(direction_of(letter).ok_or(LineError::Trailing)?);
+                direction = Some(direction_of(letter).ok_or(TRAILING)?);
             }
             if !rest.trim().is_empty() {
-                return Err(LineError::Trailing);
+                return Err(TRAILING.into());
             }
             frame
         }
@@ -208,108 +138,96 @@ fn micros(text: &str) -> Option<Micros> {
 }
 
 /// Reads `201` `000100080BB81E00`, or `201` `R8`.
-fn file_frame(identifier: &str, data: &str) -> Result<CanFrame, LineError> {
+fn file_frame(identifier: &str, data: &str) -> Result<CanFrame, String> {
     if data.starts_with('#') {
-        return Err(LineError::FlexibleDataRate);
+        return Err(FLEXIBLE_DATA_RATE.into());
     }
     let id = id(identifier)?;
     if let Some(len) = data.strip_prefix('R') {
         return remote(id, if len.is_empty() { "0" } else { len });
     }
-    let mut bytes = Bytes::default();
-    bytes.add(data)?;
-    bytes.frame(id)
+    let mut bytes = Vec::new();
+    add(&mut bytes, data)?;
+    data_frame(id, &bytes)
 }
 
 /// Reads `201` `[8]  00 01 00 08 0B B8 1E 00`, or `201` `[8]  remote request`.
-fn console_frame(identifier: &str, mut rest: &str) -> Result<CanFrame, LineError> {
+fn console_frame(identifier: &str, mut rest: &str) -> Result<CanFrame, String> {
     let announced = word(&mut rest)
         .and_then(|len| len.strip_prefix('[')?.strip_suffix(']'))
         .filter(|len| !len.is_empty() && len.bytes().all(|byte| byte.is_ascii_digit()))
-        .ok_or(LineError::NotAFrame)?;
+        .ok_or(NOT_A_FRAME)?;
     // Classic frames are written with one digit, CAN FD with two, CAN XL with four.
     if announced.len() > 1 {
-        return Err(LineError::FlexibleDataRate);
+        return Err(FLEXIBLE_DATA_RATE.into());
     }
     let id = id(identifier)?;
     let mut rest = rest.trim();
     if rest.ends_with("ERRORFRAME") {
-        return Err(LineError::ErrorFrame);
+        return Err(ERROR_FRAME.into());
     }
     if rest == "remote request" {
         return remote(id, announced);
     }
     let announced = usize::from(announced.as_bytes()[0] - b'0');
-    let mut bytes = Bytes::default();
+    let mut bytes = Vec::new();
     while !rest.is_empty() && !rest.starts_with('\'') {
         let Some(byte) = word(&mut rest) else { break };
-        bytes.add(byte)?;
+        add(&mut bytes, byte)?;
         rest = rest.trim_start();
     }
     // Behind the bytes, `candump -a` writes them once more as characters, in quotes.
     if !rest.is_empty() && (rest.len() < 2 || !rest.ends_with('\'')) {
-        return Err(LineError::Trailing);
+        return Err(TRAILING.into());
     }
-    let found = bytes.len;
+    let found = bytes.len();
     if found != announced {
-        return Err(LineError::ByteCount { announced, found });
+        return Err(format!("{announced} data bytes announced, but {found} found"));
     }
-    bytes.frame(id)
+    data_frame(id, &bytes)
 }
 
-fn id(text: &str) -> Result<Id, LineError> {
+fn id(text: &str) -> Result<Id, String> {
     // `from_str_radix` alone would take a sign.
     if !text.bytes().all(|byte| byte.is_ascii_hexdigit()) || !matches!(text.len(), 3 | 8) {
-        return Err(LineError::IdDigits);
+        return Err(ID_DIGITS.into());
     }
-    let raw = u32::from_str_radix(text, 16).map_err(|_| LineError::IdDigits)?;
+    let raw = u32::from_str_radix(text, 16).map_err(|_| ID_DIGITS)?;
     let id = if text.len() == 3 {
         u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard)
     } else if raw & !(ERROR_FLAG - 1) == ERROR_FLAG {
-        return Err(LineError::ErrorFrame);
+        return Err(ERROR_FRAME.into());
     } else {
         ExtendedId::new(raw).map(Id::Extended)
     };
-    id.ok_or(LineError::IdOutOfRange(raw))
+    id.ok_or_else(|| {
+        format!("identifier {raw:X} is out of range: standard ends at 7FF, extended at 1FFFFFFF")
+    })
 }
 
-fn remote(id: Id, len: &str) -> Result<CanFrame, LineError> {
-    match len.as_bytes() {
-        [digit @ b'0'..=b'8'] => CanFrame::remote_frame(id, usize::from(digit - b'0'))
-            .map_err(|_| LineError::RemoteLength),
-        _ => Err(LineError::RemoteLength),
-    }
+fn remote(id: Id, len: &str) -> Result<CanFrame, String> {
+    let frame = match len.as_bytes() {
+        [digit @ b'0'..=b'8'] => CanFrame::remote_frame(id, usize::from(digit - b'0')).ok(),
+        _ => None,
+    };
+    frame.ok_or_else(|| REMOTE_LENGTH.into())
 }
 
-/// Data bytes that were read; those beyond a frame's room are only counted.
-#[derive(Default)]
-struct Bytes {
-    data: [u8; 8],
-    len: usize,
+fn data_frame(id: Id, bytes: &[u8]) -> Result<CanFrame, String> {
+    CanFrame::data_frame(id, bytes).map_err(|error| error.to_string())
 }
 
-impl Bytes {
-    fn add(&mut self, text: &str) -> Result<(), LineError> {
-        if let Some(character) = text.chars().find(|character| !character.is_ascii_hexdigit()) {
-            return Err(LineError::NotHex(character));
-        }
-        if !text.len().is_multiple_of(2) {
-            return Err(LineError::OddDigits(text.len()));
-        }
-        for start in (0..text.len()).step_by(2) {
-            let byte = u8::from_str_radix(&text[start..start + 2], 16);
-            if let (Some(place), Ok(byte)) = (self.data.get_mut(self.len), byte) {
-                *place = byte;
-            }
-            self.len += 1;
-        }
-        Ok(())
+/// Reads data bytes.
+fn add(bytes: &mut Vec<u8>, text: &str) -> Result<(), String> {
+    if let Some(character) = text.chars().find(|character| !character.is_ascii_hexdigit()) {
+        return Err(format!("{character:?} is no hex digit"));
     }
-
-    fn frame(&self, id: Id) -> Result<CanFrame, LineError> {
-        let data = self.data.get(..self.len).ok_or(LineError::TooManyBytes(self.len))?;
-        CanFrame::data_frame(id, data).map_err(|error| LineError::TooManyBytes(error.len))
+    if !text.len().is_multiple_of(2) {
+        return Err(format!("odd number of hex digits in the data: {}", text.len()));
     }
+    let pairs = (0..text.len()).step_by(2).map(|start| &text[start..start + 2]);
+    bytes.extend(pairs.filter_map(|pair| u8::from_str_radix(pair, 16).ok()));
+    Ok(())
 }
 
 /// Reads a log line by line, keeping one line at a time.
@@ -321,14 +239,14 @@ pub struct Reader<R> {
 }
 
 /// A line of a log, read or not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Numbered<'t> {
     /// The number of the line, counted from 1.
     pub number: u64,
     /// The text of the line, or its beginning if it is too long, with bad bytes replaced.
     pub text: &'t str,
     /// The frame of the line, or the error in it; `None` for a line without a frame.
-    pub line: Result<Option<CandumpLine<'t>>, LineError>,
+    pub line: Result<Option<CandumpLine<'t>>, String>,
 }
 
 impl<R: BufRead> Reader<R> {
@@ -358,9 +276,9 @@ impl<R: BufRead> Reader<R> {
             &lossy
         });
         let line = if too_long {
-            Err(LineError::TooLong)
+            Err(format!("it is longer than {LONGEST_LINE} bytes"))
         } else if std::str::from_utf8(&self.bytes).is_err() {
-            Err(LineError::NotText)
+            Err("it is not UTF-8 text".into())
         } else {
             parse(&self.text)
         };
@@ -390,13 +308,15 @@ impl fmt::Display for SecondsOf {
 
 #[cfg(test)]
 mod tests {
+    use rc10_can::FrameTooLong;
+
     use super::*;
 
     fn frame(text: &str) -> String {
         parse(text).unwrap().unwrap().frame.to_string()
     }
 
-    fn error(text: &str) -> LineError {
+    fn error(text: &str) -> String {
         parse(text).unwrap_err()
     }
 
@@ -441,42 +361,51 @@ mod tests {
         {
             assert_eq!(at(wrong), None, "{wrong}");
         }
-        assert_eq!(error("(2024-11-21 00:46:40.000150) can0 201#00"), LineError::Time);
-        assert_eq!(error("(1.0 can0 201#00"), LineError::Time);
+        assert_eq!(error("(2024-11-21 00:46:40.000150) can0 201#00"), TIME);
+        assert_eq!(error("(1.0 can0 201#00"), TIME);
     }
 
     #[test]
     fn says_what_is_wrong_with_a_line() {
-        assert_eq!(error("hello"), LineError::NotAFrame);
-        assert_eq!(error("hello there, motor"), LineError::NotAFrame);
-        assert_eq!(error("(1.0)"), LineError::NotAFrame);
-        assert_eq!(error("(1.0) can0"), LineError::NotAFrame);
-        assert_eq!(error("(1.0) 201#00"), LineError::NoChannel);
-        assert_eq!(error("(1.0) can0 2001#00"), LineError::IdDigits);
-        assert_eq!(error("(1.0) can0 #00"), LineError::IdDigits);
-        assert_eq!(error("(1.0) can0 +12#00"), LineError::IdDigits);
-        assert_eq!(error("(1.0) can0 800#00"), LineError::IdOutOfRange(0x800));
-        assert_eq!(error("(1.0) can0 80000000#00"), LineError::IdOutOfRange(0x8000_0000));
-        assert_eq!(error("(1.0) can0 20000004#0000000000000000"), LineError::ErrorFrame);
-        assert_eq!(error("(1.0) can0 201#0"), LineError::OddDigits(1));
-        assert_eq!(error("(1.0) can0 201#0G"), LineError::NotHex('G'));
-        assert_eq!(error("(1.0) can0 201#é0"), LineError::NotHex('é'));
-        assert_eq!(error("(1.0) can0 201#001122334455667788"), LineError::TooManyBytes(9));
-        assert_eq!(error("(1.0) can0 201##10011"), LineError::FlexibleDataRate);
-        assert_eq!(error("(1.0) can0 201#R9"), LineError::RemoteLength);
-        assert_eq!(error("(1.0) can0 201#00 X"), LineError::Trailing);
-        assert_eq!(error("(1.0) can0 201#00 R R"), LineError::Trailing);
-        assert_eq!(error("can0 201 [12] 00"), LineError::FlexibleDataRate);
-        assert_eq!(error("can0 201 [08] 00"), LineError::FlexibleDataRate);
-        assert_eq!(error("can0 201 [9] 00 00 00 00 00 00 00 00 00"), LineError::TooManyBytes(9));
-        let short = LineError::ByteCount { announced: 8, found: 2 };
+        assert_eq!(error("hello"), NOT_A_FRAME);
+        assert_eq!(error("hello there, motor"), NOT_A_FRAME);
+        assert_eq!(error("(1.0)"), NOT_A_FRAME);
+        assert_eq!(error("(1.0) can0"), NOT_A_FRAME);
+        assert!(error("(1.0) 201#00").starts_with("no interface, such as can0,"));
+        assert_eq!(error("(1.0) can0 2001#00"), ID_DIGITS);
+        assert_eq!(error("(1.0) can0 #00"), ID_DIGITS);
+        assert_eq!(error("(1.0) can0 +12#00"), ID_DIGITS);
+        assert_eq!(
+            error("(1.0) can0 800#00"),
+            "identifier 800 is out of range: standard ends at 7FF, extended at 1FFFFFFF"
+        );
+        assert_eq!(
+            error("(1.0) can0 80000000#00"),
+            "identifier 80000000 is out of range: standard ends at 7FF, extended at 1FFFFFFF"
+        );
+        assert_eq!(error("(1.0) can0 20000004#0000000000000000"), ERROR_FRAME);
+        assert_eq!(error("(1.0) can0 201#0"), "odd number of hex digits in the data: 1");
+        assert_eq!(error("(1.0) can0 201#0G"), "'G' is no hex digit");
+        assert_eq!(error("(1.0) can0 201#é0"), "'é' is no hex digit");
+        assert_eq!(error("(1.0) can0 201#001122334455667788"), FrameTooLong { len: 9 }.to_string());
+        assert_eq!(error("(1.0) can0 201##10011"), FLEXIBLE_DATA_RATE);
+        assert_eq!(error("(1.0) can0 201#R9"), REMOTE_LENGTH);
+        assert_eq!(error("(1.0) can0 201#00 X"), TRAILING);
+        assert_eq!(error("(1.0) can0 201#00 R R"), TRAILING);
+        assert_eq!(error("can0 201 [12] 00"), FLEXIBLE_DATA_RATE);
+        assert_eq!(error("can0 201 [08] 00"), FLEXIBLE_DATA_RATE);
+        assert_eq!(
+            error("can0 201 [9] 00 00 00 00 00 00 00 00 00"),
+            FrameTooLong { len: 9 }.to_string()
+        );
+        let short = "8 data bytes announced, but 2 found";
         assert_eq!(error("can0 201 [8] 00 01"), short);
-        assert_eq!(error("can0 201 [1] 0"), LineError::OddDigits(1));
-        assert_eq!(error("can0 201 [1] 00 'x"), LineError::Trailing);
-        assert_eq!(error("can0 201 [9] remote request"), LineError::RemoteLength);
-        assert_eq!(error("can0 201 [] 00"), LineError::NotAFrame);
+        assert_eq!(error("can0 201 [1] 0"), "odd number of hex digits in the data: 1");
+        assert_eq!(error("can0 201 [1] 00 'x"), TRAILING);
+        assert_eq!(error("can0 201 [9] remote request"), REMOTE_LENGTH);
+        assert_eq!(error("can0 201 [] 00"), NOT_A_FRAME);
         let report = "can0  20000080   [8]  00 00 00 00 00 00 00 00   ERRORFRAME";
-        assert_eq!(error(report), LineError::ErrorFrame);
+        assert_eq!(error(report), ERROR_FRAME);
     }
 
     #[test]
@@ -499,8 +428,8 @@ mod tests {
         }
         let expected = [
             (1, Ok(Some(0x201))),
-            (2, Err(LineError::NotText)),
-            (3, Err(LineError::TooLong)),
+            (2, Err("it is not UTF-8 text".into())),
+            (3, Err("it is longer than 1000 bytes".into())),
             (4, Ok(None)),
             (5, Ok(None)),
             (6, Ok(Some(0x202))),

@@ -9,7 +9,7 @@ use rc10_motor::{DriveMode, Link, TargetKind};
 
 use crate::recording::excuse::{is_excused, is_on};
 use crate::recording::problem::{About, Problem};
-use crate::recording::sample::{MotorSample, seconds, time_of};
+use crate::recording::sample::{MotorSample, is_angle, seconds, time_of};
 use crate::recording::{MotorTrack, Recording};
 use crate::robot::motor::{Device, Place};
 
@@ -84,10 +84,7 @@ fn runaway(recording: &Recording, track: &MotorTrack) -> Option<Problem> {
     if is_excused(&recording.faults, track.motor.on, end) {
         return None;
     }
-    let unit = match last.kind {
-        TargetKind::Speed | TargetKind::SpeedMotion => "rpm",
-        _ => "degrees",
-    };
+    let unit = if is_angle(last.kind) { "degrees" } else { "rpm" };
     let text = format!(
         "runs away: at {:.2} s it is at {:.0} {unit}, its target is {:.0}, and it drives on: its \
          feedback counts against its commands",
@@ -100,9 +97,8 @@ fn runaway(recording: &Recording, track: &MotorTrack) -> Option<Problem> {
 
 fn is_away(samples: &[MotorSample]) -> bool {
     let kind = samples[0].kind;
-    use TargetKind::{Angle, Impedance, Motion, Speed, SpeedMotion, TotalAngle};
-    let is_angle = matches!(kind, Angle | TotalAngle | Impedance | Motion);
-    if !is_angle && !matches!(kind, Speed | SpeedMotion) {
+    let is_angle = is_angle(kind);
+    if !is_angle && !matches!(kind, TargetKind::Speed | TargetKind::SpeedMotion) {
         return false;
     }
     let error = |sample: &MotorSample| {

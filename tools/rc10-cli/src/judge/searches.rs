@@ -15,7 +15,7 @@ use crate::recording::excuse::{
     BACK_WITHIN, LOST_WITHIN, RESTART_WITHIN, effects, is_excused, is_on,
 };
 use crate::recording::load::WINDOW;
-use crate::recording::problem::{About, Problem};
+use crate::recording::problem::{About, Problem, counted};
 use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::Source;
 use crate::recording::sample::{Cell, MotorSample, SAMPLE_PERIOD, seconds, time_of};
@@ -251,15 +251,14 @@ pub(super) fn motors(recording: &Recording, found: &mut Vec<Problem>) {
             found.push(Problem::new(about, "condition", format!("{condition}, at the end")));
         }
         let refused = last.counters.refused;
-        for (count, why) in [
+        let counts = [
             (refused.not_finite, "not a number (infinite or NaN)"),
             (refused.out_of_range, "a number in them lies where the motor cannot go"),
             (refused.unsupported, "of a kind that it does not take"),
-        ] {
-            if count > 0 {
-                let text = format!("{count} targets refused: {why}");
-                found.push(Problem::new(about, "refused", text));
-            }
+        ];
+        for (count, why) in counts {
+            let what = format!("targets refused: {why}");
+            found.extend(counted(about, [(count.into(), "refused", what.as_str())]));
         }
         let was_driven = track.samples.iter().any(|sample| sample.drive == DriveMode::Run);
         let armed = armed_for(recording);
@@ -284,9 +283,7 @@ fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Probl
         unexcused(recording, on, total, &track.samples, of)
     };
     let lost = count(counters.lost.into(), |sample| sample.counters.lost.into());
-    if lost > 0 {
-        found.push(Problem::new(about, "was-lost", format!("{lost} × lost during the run")));
-    }
+    found.extend(counted(about, [(lost, "was-lost", "× lost during the run")]));
     let received = u64::from(counters.received);
     let malformed = count(counters.malformed.into(), |sample| sample.counters.malformed.into());
     found.extend(share(about, "malformed", malformed, received, "malformed frames"));
@@ -414,16 +411,13 @@ pub(super) fn buses(recording: &Recording, found: &mut Vec<Problem>) {
         let submitted = last.submitted.into();
         let what = "commands replaced before they left";
         found.extend(share(about, "replaced", replaced, submitted, what));
-        for (count, kind, what) in [
+        let counts = [
             (count(last.overruns, |sample| sample.overruns), "overrun", "ticks overrun"),
             (count(last.health.receive_lost, |one| one.lost), "rx-lost", "received frames lost"),
             (count(last.refused, |sample| sample.refused), "frame-refused", "frames refused"),
             (count(last.health.bus_offs, |sample| sample.bus_offs), "bus-off", "× bus-off"),
-        ] {
-            if count > 0 {
-                found.push(Problem::new(about, kind, format!("{count} {what}")));
-            }
-        }
+        ];
+        found.extend(counted(about, counts));
         let unclaimed = last.received.unclaimed;
         if let (1.., Some(key)) = (unclaimed, last.received.last_unclaimed) {
             let text = format!("{unclaimed} frames that no motor claims, the newest of {key:#x}");
@@ -446,14 +440,9 @@ pub(super) fn lines(recording: &Recording, found: &mut Vec<Problem>) {
             let count = if is_faulty { 0 } else { count };
             found.extend(share(about, kind, count.into(), all, what));
         }
-        for (count, kind, what) in [
-            (line.port_errors, "port-error", "port errors"),
-            (line.overruns, "overrun", "ticks overrun"),
-        ] {
-            if count > 0 {
-                found.push(Problem::new(about, kind, format!("{count} {what}")));
-            }
-        }
+        let errors = (line.port_errors.into(), "port-error", "port errors");
+        let overruns = (line.overruns.into(), "overrun", "ticks overrun");
+        found.extend(counted(about, [errors, overruns]));
     }
 }
 
@@ -475,10 +464,7 @@ pub(super) fn parts(recording: &Recording, found: &mut Vec<Problem>) {
 fn damage(about: About, heard: &Counters, excused: u32, found: &mut Vec<Problem>) {
     let (damaged, all) = (heard.damaged.saturating_sub(excused).into(), heard.frames.into());
     found.extend(share(about, "damaged", damaged, all, "damaged frames"));
-    if heard.port_errors > 0 {
-        let text = format!("{} port errors", heard.port_errors);
-        found.push(Problem::new(about, "port-error", text));
-    }
+    found.extend(counted(about, [(heard.port_errors.into(), "port-error", "port errors")]));
 }
 
 pub(super) fn remote(recording: &Recording, found: &mut Vec<Problem>) {

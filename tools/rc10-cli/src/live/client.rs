@@ -112,9 +112,19 @@ struct Group {
     skipped: u64,
 }
 
+/// The frames in the robot's bytes.
+struct Frames(Stream<FromRobot>);
+
+impl Default for Frames {
+    fn default() -> Self {
+        Self(Stream::new(FromRobot))
+    }
+}
+
 /// The PC's end of a link.
+#[derive(Default)]
 pub struct Client {
-    stream: Stream<FromRobot>,
+    frames: Frames,
     out: Vec<u8>,
     /// Sent before `out`.
     first: Vec<u8>,
@@ -138,6 +148,7 @@ pub struct Client {
 }
 
 /// A table of descriptions that arrive page by page.
+#[derive(Default)]
 struct Table<T> {
     rows: Vec<Option<T>>,
     /// Number of rows, from the first on, that are current.
@@ -146,10 +157,6 @@ struct Table<T> {
 }
 
 impl<T: Clone> Table<T> {
-    const fn new() -> Self {
-        Self { rows: Vec::new(), fresh: 0, asked: None }
-    }
-
     fn size(&mut self, size: u16) {
         self.rows.resize(size.into(), None);
         self.fresh = self.fresh.min(self.rows.len());
@@ -202,44 +209,17 @@ const LATE: Micros = Micros::from_millis(2);
 /// Time after which a request without an answer is repeated.
 const AGAIN: Micros = Micros::from_millis(150);
 
-impl Default for Client {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Client {
     /// Creates a client before its first byte.
     #[must_use]
     pub fn new() -> Self {
-        Self::with_first_id(0)
+        Self::default()
     }
 
     /// Creates a client with this first request number: random if another program may use the line.
     #[must_use]
     pub fn with_first_id(next_id: u16) -> Self {
-        Self {
-            stream: Stream::new(FromRobot),
-            out: Vec::new(),
-            first: Vec::new(),
-            urgent: Vec::new(),
-            greeted: None,
-            hellos: 0,
-            heard: None,
-            version: 0,
-            at: None,
-            signals: Table::new(),
-            parameters: Table::new(),
-            changes: None,
-            groups: Default::default(),
-            declaration: Declaration::default(),
-            asked: BTreeSet::new(),
-            answers: BTreeMap::new(),
-            next_id,
-            samples: Vec::new(),
-            losses: Losses::default(),
-            damaged_there: 0,
-        }
+        Self { next_id, ..Self::default() }
     }
 
     /// Whether the robot answers.
@@ -305,7 +285,7 @@ impl Client {
     /// Losses so far.
     #[must_use]
     pub fn losses(&self) -> Losses {
-        let counters = self.stream.counters();
+        let counters = self.frames.0.counters();
         Losses {
             skipped: self.groups.iter().map(|group| group.skipped).sum(),
             damaged: u64::from(counters.damaged) + u64::from(self.damaged_there),
@@ -423,7 +403,7 @@ impl Client {
     pub fn hear(&mut self, bytes: &[u8], now: Micros) {
         let mut bodies = Vec::new();
         if !bytes.is_empty() {
-            self.stream.receive(bytes, now, |body| bodies.push(body));
+            self.frames.0.receive(bytes, now, |body| bodies.push(body));
         }
         for body in bodies {
             if body.first() == Some(&0) {

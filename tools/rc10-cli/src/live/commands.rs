@@ -23,8 +23,7 @@ use crate::world::robot::Robot;
 #[derive(Args, Debug)]
 pub struct ParamsArgs {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub at: PlaceArgs,
+    pub(crate) at: PlaceArgs,
     /// Only those that are not as they were at power-on, as lines for the robot's table
     #[arg(long)]
     pub rust: bool,
@@ -37,8 +36,7 @@ pub struct GetArgs {
     #[arg(required = true, value_name = "NAME")]
     pub names: Vec<String>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub source: SourceArgs,
+    pub(crate) source: SourceArgs,
 }
 
 /// Arguments of `rc10 set`.
@@ -48,16 +46,14 @@ pub struct SetArgs {
     #[arg(required = true, value_name = "NAME=VALUE")]
     pub changes: Vec<String>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub source: SourceArgs,
+    pub(crate) source: SourceArgs,
 }
 
 /// Arguments of `rc10 record`.
 #[derive(Args, Debug)]
 pub struct RecordArgs {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub at: PlaceArgs,
+    pub(crate) at: PlaceArgs,
     /// Seconds to record [default: until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,
@@ -76,8 +72,7 @@ pub struct RecordArgs {
 #[derive(Args, Debug)]
 pub struct StopArgs {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub at: PlaceArgs,
+    pub(crate) at: PlaceArgs,
     /// Only disarms the robot: its remote may arm it again
     #[arg(long)]
     pub disarm: bool,
@@ -86,8 +81,7 @@ pub struct StopArgs {
 /// Stops a robot: repeats it until the robot confirms, or until Ctrl-C. Fails without an answer.
 pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let ended = stop()?;
-    let source = args.at.source();
-    let mut session = Session::new(source.open(robot, false)?);
+    let mut session = Session::new(args.at.source().open(robot, false)?);
     let what = if args.disarm { Urgent::Disarm } else { Urgent::Stop };
     let begin = session.now();
     let id = session.client.urge(what, begin);
@@ -111,11 +105,16 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
     bail!("the robot has not answered: it may not be stopped")
 }
 
-/// Lists the robot's parameters; fails without a robot.
-pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let source = args.at.source();
+/// A session with a robot that has described itself; fails if there is none.
+fn meet<'r>(source: &SourceArgs, robot: Robot<'r>) -> Result<Session<'r>> {
     let mut session = Session::new(source.open(robot, false)?);
     session.meet()?;
+    Ok(session)
+}
+
+/// Lists the robot's parameters; fails without a robot.
+pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let session = meet(&args.at.source(), robot)?;
     if args.rust {
         let changed =
             session.client.parameters().filter(|it| it.value.to_bits() != it.initial.to_bits());
@@ -139,8 +138,7 @@ pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
 
 /// Prints the values of parameters, one a line. Fails without a robot or without such a parameter.
 pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let mut session = Session::new(args.source.open(robot, false)?);
-    session.meet()?;
+    let session = meet(&args.source, robot)?;
     for name in &args.names {
         writeln!(out, "{}", session.parameter(name)?.value)?;
     }
@@ -158,8 +156,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
             value.parse().with_context(|| format!("`{change}`: `{value}` is no number"))?;
         wanted.push((name, value));
     }
-    let mut session = Session::new(args.source.open(robot, false)?);
-    session.meet()?;
+    let mut session = meet(&args.source, robot)?;
     let mut changes = Vec::new();
     for (name, value) in wanted {
         changes.push((session.parameter(name)?, value));
@@ -176,9 +173,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
-    let source = args.at.source();
-    let mut session = Session::new(source.open(robot, false)?);
-    session.meet()?;
+    let mut session = meet(&args.at.source(), robot)?;
     let (topics, left) = plan(&session.client);
     if let Some(first) = left.first() {
         let (count, first) = (left.len(), &first.name);

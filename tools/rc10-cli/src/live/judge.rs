@@ -51,7 +51,7 @@ impl Advice {
 
 /// Judges a robot while it runs.
 pub struct Judge<'k> {
-    kit: &'k Kit<'k>,
+    pub(super) kit: &'k Kit<'k>,
     /// The oldest first, with the robot's time at which it began.
     recordings: VecDeque<(Micros, Replay<'k>)>,
     before: Micros,

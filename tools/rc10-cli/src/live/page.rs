@@ -30,8 +30,7 @@ use crate::world::robot::Robot;
 #[derive(Args, Debug)]
 pub struct LiveArgs {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub at: PlaceArgs,
+    pub(crate) at: PlaceArgs,
     /// The page's port on this PC; 0 is any that is free
     #[arg(long, value_name = "N", default_value_t = 8010)]
     pub page: u16,
@@ -39,8 +38,7 @@ pub struct LiveArgs {
     #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
     pub out: PathBuf,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub viewers: ViewerArgs,
+    pub(crate) viewers: ViewerArgs,
     /// Ends after this many seconds of the robot's time [default: runs until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,
@@ -74,7 +72,6 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         pages,
         folder: args.out.clone(),
         judge: Judge::new(&kit),
-        kit: &kit,
         stranger: None,
         topics: Vec::new(),
         left: 0,
@@ -116,7 +113,6 @@ struct LivePage<'r, 'k> {
     session: Session<'r>,
     pages: Pages,
     folder: PathBuf,
-    kit: &'k Kit<'k>,
     judge: Judge<'k>,
     /// Why the robot is not judged.
     stranger: Option<String>,
@@ -149,7 +145,7 @@ impl LivePage<'_, '_> {
             let (topics, left) = plan(&self.session.client);
             if topics != self.topics {
                 (self.topics, self.left) = (topics, left.len());
-                self.judge = Judge::new(self.kit);
+                self.judge = Judge::new(self.judge.kit);
                 self.stranger = self.judge.stranger(&self.topics);
             }
             self.viewers.meet(&self.session.client, &self.topics)?;
@@ -307,7 +303,7 @@ impl LivePage<'_, '_> {
             self.record = loop {
                 self.records += 1;
                 let path = self.folder.join(format!("{:03}.mcap", self.records));
-                match LiveRecord::new(&path, false, &self.topics, self.kit.description()) {
+                match LiveRecord::new(&path, false, &self.topics, self.judge.kit.description()) {
                     // The file of another time, or of another program that shows a robot.
                     Err(error) if is_there(&error) => {}
                     record => break Some((record?, path)),

@@ -134,7 +134,7 @@ pub fn full_name(parameter: &Parameter) -> String {
 }
 
 /// A flag that Ctrl-C sets, or the end of the terminal.
-pub(super) fn stop() -> Result<Arc<AtomicBool>> {
+pub(crate) fn stop() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     #[cfg(unix)]
     for signal in [SIGINT, SIGTERM, SIGHUP] {

@@ -38,8 +38,7 @@ pub struct SourceArgs {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub injected: Injected,
+    pub(crate) injected: Injected,
 }
 
 /// Choice of the robot's connection, with its port as the first argument.
@@ -49,8 +48,7 @@ pub struct PlaceArgs {
     #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
     pub place: Option<String>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub named: SourceArgs,
+    pub(crate) named: SourceArgs,
 }
 
 impl PlaceArgs {
@@ -78,11 +76,8 @@ impl SourceArgs {
             robot.fit(false)?;
             let simulation = Simulation::new(robot, self.seed, Some(baud))?;
             let source = Box::new(Paced::new(simulation, paced)?);
-            return Ok(RobotConnection {
-                source,
-                name: "the simulated robot".into(),
-                is_real: false,
-            });
+            let name = "the simulated robot".into();
+            return Ok(RobotConnection { source, name, is_real: false });
         }
         if let Some(elf) = &self.emu {
             let (emulation, path) = emulated(robot, elf.clone(), self)?;
@@ -91,7 +86,7 @@ impl SourceArgs {
             return Ok(RobotConnection { source, name, is_real: false });
         }
         ensure!(
-            self.injected.is_empty(),
+            self.injected.faults.is_empty() && self.injected.mistakes.is_empty(),
             "--fault and --mistake are for --sim and --emu: a real robot needs no such help"
         );
         let name = match &self.port {

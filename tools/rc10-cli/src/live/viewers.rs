@@ -45,8 +45,7 @@ pub struct ViewerArgs {
         value_name = "NAME",
         help = "A channel of VOFA+, in their order: a signal, such as wheel_front_left.speed"
     )]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub channels: Vec<String>,
+    pub(crate) channels: Vec<String>,
 }
 
 /// End of a `JustFloat` frame: a NaN that is no value.

@@ -108,6 +108,26 @@ pub(crate) fn place<T: Seen>(name: &str) -> Option<usize> {
     T::FIELDS.iter().position(|field| field.name == name)
 }
 
+/// A thing whose numbers have names.
+pub(crate) trait Named {
+    /// Puts a number back; one of a newer writer, with another name, is ignored.
+    fn put_named(&mut self, name: &str, number: f64);
+    /// Whether a number counts since power-on.
+    fn counts(&self, name: &str) -> bool;
+}
+
+impl<T: Seen> Named for T {
+    fn put_named(&mut self, name: &str, number: f64) {
+        if let Some(at) = place::<T>(name) {
+            self.put(at, number);
+        }
+    }
+
+    fn counts(&self, name: &str) -> bool {
+        place::<T>(name).is_some_and(|at| T::COUNTS[at])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use rc10_can::Micros;

@@ -60,7 +60,7 @@ pub(crate) fn pack(values: impl Iterator<Item = f64>, bytes: &mut Vec<u8>) {
 /// Writes the looks at a run as a record.
 pub struct RecordWriter {
     file: RecordFile,
-    topics: Topics,
+    channels: BTreeMap<About, u16>,
 }
 
 /// A record that is being written. Its whole chunks stay in the file, whatever happens.
@@ -236,23 +236,6 @@ impl RecordFile {
     }
 }
 
-struct Topics {
-    motors: Vec<u16>,
-    health: Vec<u16>,
-    shafts: Vec<u16>,
-    buses: Vec<u16>,
-    wires: Vec<u16>,
-    windows: Vec<u16>,
-    lines: Vec<u16>,
-    parts: Vec<u16>,
-    signals: Vec<u16>,
-    robot: u16,
-    pose: u16,
-    remote: u16,
-    losses: u16,
-    events: u16,
-}
-
 /// The begin of a record, before the first look.
 pub struct Heading<'a> {
     /// Seed of the world.
@@ -277,18 +260,22 @@ impl RecordWriter {
     pub fn new(path: &Path, force: bool, heading: &Heading<'_>) -> Result<Self> {
         let cannot = || format!("cannot write {}", path.display());
         // Errors in the topics are found before there is a file.
-        let mut nowhere = Writer::new(io::Cursor::new(Vec::new()))?;
-        Topics::new(&mut nowhere, heading).with_context(cannot)?;
+        let topics = topics(heading.description, heading.signals).with_context(cannot)?;
         let mut file = RecordFile::new(path, force, heading_of(heading))?;
-        let topics = file.write(|writer| Ok(Topics::new(writer, heading)))?.with_context(cannot)?;
-        Ok(Self { file, topics })
+        let mut channels = BTreeMap::new();
+        for (name, (about, map)) in topics {
+            let (_, schema_name, schema) = about.form();
+            let schema_name = format!("rc10/msg/{schema_name}");
+            channels.insert(about, file.channel(&schema_name, &schema, &name, &map)?);
+        }
+        Ok(Self { file, channels })
     }
 
     /// Writes the robot's own signals; fails if the file cannot be written.
     pub(crate) fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
         for (at, value) in values.iter().enumerate() {
-            let channel = self.topics.signals[at];
-            self.write(channel, now, &Single { value: value.unwrap_or(f64::NAN) })?;
+            let told = Single { value: value.unwrap_or(f64::NAN) };
+            self.write(About::Signal(at), now, &told)?;
         }
         Ok(())
     }
@@ -296,8 +283,8 @@ impl RecordWriter {
     /// Writes a look at each motor; fails if the file cannot be written.
     pub(crate) fn motors(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
         for (at, look) in looks.iter().enumerate() {
-            self.write_some(self.topics.motors[at], now, MOTOR, look)?;
-            self.write(self.topics.shafts[at], now, &look.shaft)?;
+            self.write_some(About::Motor(at), now, MOTOR, look)?;
+            self.write(About::Shaft(at), now, &look.shaft)?;
         }
         Ok(())
     }
@@ -310,37 +297,37 @@ impl RecordWriter {
         moment: &Moment,
     ) -> Result<()> {
         for (at, look) in looks.enumerate() {
-            self.write_some(self.topics.health[at], now, MOTOR_HEALTH, look)?;
+            self.write_some(About::Health(at), now, MOTOR_HEALTH, look)?;
         }
         for (at, look) in moment.buses.iter().enumerate() {
-            self.write(self.topics.buses[at], now, &look.status)?;
-            self.write(self.topics.wires[at], now, look)?;
+            self.write(About::Bus(at), now, &look.status)?;
+            self.write(About::Wire(at), now, look)?;
         }
         for (at, status) in moment.lines.iter().enumerate() {
-            self.write(self.topics.lines[at], now, status)?;
+            self.write(About::Line(at), now, status)?;
         }
         for (at, counters) in moment.parts.iter().enumerate() {
-            self.write(self.topics.parts[at], now, counters)?;
+            self.write(About::Part(at), now, counters)?;
         }
         if let Some(look) = &moment.remote {
-            self.write(self.topics.remote, now, look)?;
+            self.write(About::Remote, now, look)?;
         }
-        self.write(self.topics.robot, now, &moment.robot.whole)?;
-        self.write(self.topics.pose, now, &moment.robot)
+        self.write(About::Robot, now, &moment.robot.whole)?;
+        self.write(About::Pose, now, &moment.robot)
     }
 
-    fn write<T: Seen>(&mut self, channel_id: u16, now: Micros, it: &T) -> Result<()> {
-        self.write_some(channel_id, now, 0..T::FIELDS.len(), it)
+    fn write<T: Seen>(&mut self, about: About, now: Micros, it: &T) -> Result<()> {
+        self.write_some(about, now, 0..T::FIELDS.len(), it)
     }
 
     fn write_some(
         &mut self,
-        channel_id: u16,
+        about: About,
         now: Micros,
         range: Range<usize>,
         it: &impl Seen,
     ) -> Result<()> {
-        self.file.put(channel_id, now, range.map(|at| it.exact(at)))
+        self.file.put(self.channels[&about], now, range.map(|at| it.exact(at)))
     }
 
     /// Ends the record; fails if it cannot be written.
@@ -355,17 +342,17 @@ impl RecordWriter {
         for (at, wire) in wires.iter().enumerate() {
             for (window, load) in (1..).zip(&wire.load_windows) {
                 let end = Micros::from_millis(100 * window);
-                self.write(self.topics.windows[at], end, &Single { value: *load })?;
+                self.write(About::Window(at), end, &Single { value: *load })?;
             }
         }
         for loss in losses {
-            self.write(self.topics.losses, loss.lost.from, loss)?;
+            self.write(About::Loss, loss.lost.from, loss)?;
         }
         for event in events {
             let mut bytes = CDR.to_vec();
             bytes.extend((event.label.len() as u32 + 1).to_le_bytes());
             bytes.extend(event.label.bytes().chain([0]));
-            self.file.put_bytes(self.topics.events, event.at, &bytes)?;
+            self.file.put_bytes(self.channels[&About::Event], event.at, &bytes)?;
         }
         let mut end = BTreeMap::from([("length_us".to_owned(), length.get().to_string())]);
         for (number, wire) in (1..).zip(wires) {
@@ -404,73 +391,97 @@ fn all<T: Seen>() -> String {
     schema::<T>(0..T::FIELDS.len())
 }
 
-impl Topics {
-    fn new<W: std::io::Write + std::io::Seek>(
-        file: &mut Writer<W>,
-        heading: &Heading<'_>,
-    ) -> Result<Self> {
-        let Heading { description, signals, .. } = heading;
-        let mut taken = BTreeMap::new();
-        let mut add = |name: &str,
-                       schema: &str,
-                       topics: Vec<(String, BTreeMap<String, String>)>|
-         -> Result<Vec<u16>> {
-            for (topic, map) in &topics {
-                let label = map.get("label").cloned().unwrap_or_default();
-                if let Some(other) = taken.insert(topic.clone(), label.clone()) {
-                    bail!("`{other}` and `{label}` are one topic, {topic}: rename one");
-                }
-            }
-            let id = file.add_schema(&format!("rc10/msg/{name}"), "ros2msg", schema.as_bytes())?;
-            let add = |(topic, map): &(String, _)| file.add_channel(id, topic, "cdr", map);
-            Ok(topics.iter().map(add).collect::<Result<Vec<u16>, _>>()?)
-        };
-        let named = |folder: &str, label: &str, extra: &[(&str, String)]| {
-            let own = [("label".to_owned(), label.to_owned())].into_iter();
-            let extra = extra.iter().map(|(key, value)| ((*key).to_owned(), value.clone()));
-            (topic(folder, label), own.chain(extra).collect::<BTreeMap<_, _>>())
-        };
-        let numbered = |folder: &str, count: usize| {
-            (1..=count).map(|number| named(folder, &number.to_string(), &[])).collect::<Vec<_>>()
-        };
-        let below = |topics: &[(String, BTreeMap<String, String>)], name: &str| {
-            let below = |(topic, map): &(String, _)| (format!("{topic}/{name}"), Clone::clone(map));
-            topics.iter().map(below).collect::<Vec<(String, BTreeMap<String, String>)>>()
-        };
-        let motor = |motor: &crate::robot::motor::Motor| {
-            let extra = [("model", motor.name().to_string()), ("on", motor.on.to_string())];
-            named("motors", motor.label, &extra)
-        };
-        let motors: Vec<_> = description.motors.iter().map(motor).collect();
-        let buses = numbered("buses", description.buses.into());
-        let parts = description.serials.iter().map(|part| named("parts", part.label, &[]));
-        let signals = signals
-            .iter()
-            .map(|signal| named("signals", signal.label, &[("unit", signal.unit.to_owned())]));
-        let mut values = below(&buses, "window_load");
-        let windows = values.len();
-        values.extend(signals);
-        let one = |topic: &str| vec![(topic.to_owned(), BTreeMap::new())];
-        let mut values = add("Value", &all::<Single>(), values)?;
-        Ok(Self {
-            signals: values.split_off(windows),
-            windows: values,
-            health: add(
-                "MotorHealth",
-                &schema::<MotorLook>(MOTOR_HEALTH),
-                below(&motors, "health"),
-            )?,
-            shafts: add("Shaft", &all::<Shaft>(), below(&motors, "shaft"))?,
-            motors: add("Motor", &schema::<MotorLook>(MOTOR), motors)?,
-            wires: add("Wire", &all::<BusLook>(), below(&buses, "wire"))?,
-            buses: add("Bus", &all::<BusStatus>(), buses)?,
-            lines: add("Line", &all::<Rs485Status>(), numbered("lines", description.lines.len()))?,
-            parts: add("Part", &all::<Counters>(), parts.collect())?,
-            robot: add("Robot", &all::<Whole>(), one("/robot"))?[0],
-            pose: add("Pose", &all::<RobotLook>(), one("/robot/pose"))?[0],
-            remote: add("Remote", &all::<RemoteLook>(), one("/remote"))?[0],
-            losses: add("Loss", &all::<Loss>(), one("/remote/losses"))?[0],
-            events: add("Event", "string label\n", one("/events"))?[0],
-        })
+/// The subject of the messages of a topic; of each kind the first has index 0.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum About {
+    /// The frequent values of a motor: all motors' belong to one moment.
+    Motor(usize),
+    /// The other values of a motor.
+    Health(usize),
+    Shaft(usize),
+    Bus(usize),
+    Wire(usize),
+    Window(usize),
+    Line(usize),
+    Part(usize),
+    Signal(usize),
+    Robot,
+    Pose,
+    Remote,
+    Loss,
+    Event,
+}
+
+impl About {
+    /// The end of the topic's name, and name and text of its schema.
+    fn form(self) -> (&'static str, &'static str, String) {
+        match self {
+            Self::Motor(_) => ("", "Motor", schema::<MotorLook>(MOTOR)),
+            Self::Health(_) => ("/health", "MotorHealth", schema::<MotorLook>(MOTOR_HEALTH)),
+            Self::Shaft(_) => ("/shaft", "Shaft", all::<Shaft>()),
+            Self::Bus(_) => ("", "Bus", all::<BusStatus>()),
+            Self::Wire(_) => ("/wire", "Wire", all::<BusLook>()),
+            Self::Window(_) => ("/window_load", "Value", all::<Single>()),
+            Self::Line(_) => ("", "Line", all::<Rs485Status>()),
+            Self::Part(_) => ("", "Part", all::<Counters>()),
+            Self::Signal(_) => ("", "Value", all::<Single>()),
+            Self::Robot => ("/robot", "Robot", all::<Whole>()),
+            Self::Pose => ("/robot/pose", "Pose", all::<RobotLook>()),
+            Self::Remote => ("/remote", "Remote", all::<RemoteLook>()),
+            Self::Loss => ("/remote/losses", "Loss", all::<Loss>()),
+            Self::Event => ("/events", "Event", "string label\n".into()),
+        }
     }
+}
+
+/// A topic of a robot: its name, its subject, and its metadata.
+type Topic = (String, (About, BTreeMap<String, String>));
+
+/// The topics of a robot, in the order of a record; fails if two have one name.
+pub(crate) fn topics(description: &Description, signals: &[Signal<'_>]) -> Result<Vec<Topic>> {
+    let Description { motors, buses, lines, serials, .. } = description;
+    let each = |count: usize, about: fn(usize) -> About| (0..count).map(about);
+    let abouts = each((*buses).into(), About::Window)
+        .chain(each(signals.len(), About::Signal))
+        .chain(each(motors.len(), About::Health))
+        .chain(each(motors.len(), About::Shaft))
+        .chain(each(motors.len(), About::Motor))
+        .chain(each((*buses).into(), About::Wire))
+        .chain(each((*buses).into(), About::Bus))
+        .chain(each(lines.len(), About::Line))
+        .chain(each(serials.len(), About::Part))
+        .chain([About::Robot, About::Pose, About::Remote, About::Loss, About::Event]);
+    let mut all: Vec<Topic> = Vec::new();
+    for about in abouts {
+        let number = |at: usize| (at + 1).to_string();
+        let (folder, label, more) = match about {
+            About::Motor(at) | About::Health(at) | About::Shaft(at) => {
+                let motor = &motors[at];
+                let more = vec![("model", motor.name().to_string()), ("on", motor.on.to_string())];
+                ("motors", motor.label.to_owned(), more)
+            }
+            About::Bus(at) | About::Wire(at) | About::Window(at) => ("buses", number(at), vec![]),
+            About::Line(at) => ("lines", number(at), vec![]),
+            About::Part(at) => ("parts", serials[at].label.to_owned(), vec![]),
+            About::Signal(at) => {
+                let Signal { label, unit, .. } = signals[at];
+                ("signals", label.to_owned(), vec![("unit", unit.to_owned())])
+            }
+            _ => ("", String::new(), vec![]),
+        };
+        let (end, ..) = about.form();
+        let (name, map) = if folder.is_empty() {
+            (end.to_owned(), BTreeMap::new())
+        } else {
+            let map = [("label", label.clone())].into_iter().chain(more);
+            let map = map.map(|(key, value)| (key.to_owned(), value)).collect();
+            (topic(folder, &label) + end, map)
+        };
+        if let Some((_, (_, other))) = all.iter().find(|(known, _)| *known == name) {
+            let other = other.get("label").map_or("", String::as_str);
+            bail!("`{other}` and `{label}` are one topic, {name}: rename one");
+        }
+        all.push((name, (about, map)));
+    }
+    Ok(all)
 }

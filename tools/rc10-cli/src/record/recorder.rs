@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use rc10_can::Micros;
-use rc10_motor::{ArmState, DriveMode, Link, Loops, MotorStatus, TargetKind};
+use rc10_motor::{DriveMode, Link, Loops, MotorStatus, TargetKind};
 use rc10_sim::{Esc, TraceEntry};
 use sha2::{Digest, Sha256};
 
@@ -31,47 +31,28 @@ const STEERED_ANEW: f64 = 60.0;
 
 /// Recorder of a robot. It reads the wires and the shafts itself, and gets the robot's view of
 /// motors and buses from its caller. It also takes recorded looks.
+#[derive(Clone)]
 pub struct Recorder<'d> {
     description: &'d Description,
-    seed: u64,
-    source: Source,
+    /// The recording so far, but for motors, buses, remote and signals.
+    recording: Recording,
+    has_imu: bool,
     motors: Vec<MotorRecorder>,
     buses: Vec<BusRecorder>,
-    arm: Vec<ArmState>,
-    headings: Option<Vec<bool>>,
-    path: Vec<PathPoint>,
-    estimate: Vec<PathPoint>,
-    reference: Vec<PathPoint>,
-    heard: Vec<BaseMeasurement>,
     /// The newest angles of the motors that steer, degrees; `None` of one that is not heard.
     steers: Vec<Option<f64>>,
     remote: Vec<RemoteSample>,
     signals: Vec<SignalRecorder>,
     moment: Moment,
-    record: Option<RecordWriter>,
+    record: Written,
 }
 
-/// The copy writes no record.
-impl Clone for Recorder<'_> {
+/// The record that is written, if there is one. A copy writes nothing.
+struct Written(Option<RecordWriter>);
+
+impl Clone for Written {
     fn clone(&self) -> Self {
-        Self {
-            description: self.description,
-            seed: self.seed,
-            source: self.source,
-            motors: self.motors.clone(),
-            buses: self.buses.clone(),
-            arm: self.arm.clone(),
-            headings: self.headings.clone(),
-            path: self.path.clone(),
-            estimate: self.estimate.clone(),
-            reference: self.reference.clone(),
-            heard: self.heard.clone(),
-            steers: self.steers.clone(),
-            remote: self.remote.clone(),
-            signals: self.signals.clone(),
-            moment: self.moment.clone(),
-            record: None,
-        }
+        Self(None)
     }
 }
 
@@ -101,58 +82,52 @@ impl<'d> Recorder<'d> {
         };
         let watches = loops.iter().zip(twins).enumerate().map(watch);
         let motors = watches.map(MotorRecorder::new).collect();
-        Self { seed, source, motors, ..Self::of_capture(description) }
+        let mut recorder = Self { motors, ..Self::of_capture(description) };
+        (recorder.recording.seed, recorder.recording.source) = (seed, source);
+        recorder
     }
 
     /// Creates a recorder of a capture: without a world, and without loops to judge.
     #[must_use]
     pub fn of_capture(description: &'d Description) -> Self {
-        let motors = description.motors.iter().map(|_| MotorRecorder::new(None)).collect();
+        let base = description.base.as_ref().map(|base| BaseTrack {
+            wheels: base.wheels.clone(),
+            steering: base.steering.clone(),
+            chassis: base.chassis.clone(),
+            ..BaseTrack::default()
+        });
+        let (source, no_logs) = (Source::Capture, description.no_logs);
         Self {
             description,
-            seed: 0,
-            source: Source::Capture,
-            motors,
-            buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
-            arm: Vec::new(),
-            headings: None,
-            path: Vec::new(),
-            estimate: Vec::new(),
-            reference: Vec::new(),
-            heard: Vec::new(),
+            recording: Recording { base, source, no_logs, ..Recording::default() },
+            has_imu: false,
+            motors: description.motors.iter().map(|_| MotorRecorder::new(None)).collect(),
+            buses: vec![BusRecorder::default(); description.buses.into()],
             steers: Vec::new(),
             remote: Vec::new(),
             signals: Vec::new(),
             moment: Moment::default(),
-            record: None,
+            record: Written(None),
         }
     }
 
-    /// Sets whether the robot has an IMU.
+    /// Adds the robot's own signals, and whether it has an IMU.
     #[must_use]
-    pub fn with_imu(mut self, has_imu: bool) -> Self {
-        self.headings = has_imu.then(Vec::new);
-        self
-    }
-
-    /// Adds the robot's own signals.
-    #[must_use]
-    pub fn with_signals(mut self, signals: &[Signal<'_>]) -> Self {
-        self.signals = signals.iter().map(SignalRecorder::new).collect();
-        self
+    pub fn with_own(self, signals: &[Signal<'_>], has_imu: bool) -> Self {
+        Self { signals: signals.iter().map(SignalRecorder::new).collect(), has_imu, ..self }
     }
 
     /// Adds a record for every look.
     #[must_use]
     pub fn with_record(self, record: Option<RecordWriter>) -> Self {
-        Self { record, ..self }
+        Self { record: Written(record), ..self }
     }
 
     /// Takes the values of the own signals, every [`LOOK_PERIOD`]; fails if the record cannot be
     /// written.
     pub fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
         self.signals.iter_mut().zip(values).for_each(|(signal, value)| signal.look(*value));
-        self.record.as_mut().map_or(Ok(()), |record| record.signals(now, values))
+        self.record.0.as_mut().map_or(Ok(()), |record| record.signals(now, values))
     }
 
     /// The time of the next look in a run that ends at `end`.
@@ -195,7 +170,7 @@ impl<'d> Recorder<'d> {
         let described = self.description.motors.iter().zip(&self.motors);
         let looks = described.zip(motors).enumerate().map(|(line, ((motor, recorder), twin))| {
             let mut status = status(line);
-            if self.source == Source::Emulation {
+            if self.recording.source == Source::Emulation {
                 status.drive =
                     if motor.is_driven(twin) { DriveMode::Run } else { DriveMode::Coast };
             }
@@ -209,7 +184,7 @@ impl<'d> Recorder<'d> {
     /// Takes a look at each motor; fails if the record cannot be written.
     pub fn take_look(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
         self.motors.iter_mut().zip(looks).for_each(|(recorder, look)| recorder.look(now, look));
-        self.record.as_mut().map_or(Ok(()), |record| record.motors(now, looks))
+        self.record.0.as_mut().map_or(Ok(()), |record| record.motors(now, looks))
     }
 
     /// Takes a sample, with the looks at motors since the last one; adds the state of the wires to
@@ -233,18 +208,24 @@ impl<'d> Recorder<'d> {
         for (recorder, look) in self.buses.iter_mut().zip(&moment.buses) {
             recorder.samples.push(BusSample::of(&look.status));
         }
-        self.arm.extend(moment.robot.whole.arm);
-        self.headings.iter_mut().for_each(|it| it.push(moment.robot.yaw.is_some()));
+        self.recording.arm.extend(moment.robot.whole.arm);
+        if self.has_imu {
+            self.recording.headings.push(moment.robot.yaw.is_some());
+        }
         self.remote.extend(moment.remote.map(|look| look.sample));
         if let Some(base) = &self.description.base {
-            self.path.push(moment.robot.pose);
             let wheels = self.wheels(base);
-            self.heard.push(BaseMeasurement { wheels, yaw: moment.robot.yaw });
             let Description { estimate, reference, .. } = self.description;
-            self.estimate.extend(estimate.map(|labels| self.pose(labels)));
-            self.reference.extend(reference.map(|labels| self.pose(labels)));
+            let [estimate, reference] =
+                [estimate, reference].map(|labels| labels.map(|labels| self.pose(labels)));
+            if let Some(track) = &mut self.recording.base {
+                track.path.push(moment.robot.pose);
+                track.heard.push(BaseMeasurement { wheels, yaw: moment.robot.yaw });
+                track.estimate.extend(estimate);
+                track.reference.extend(reference);
+            }
         }
-        if let Some(record) = &mut self.record {
+        if let Some(record) = &mut self.record.0 {
             record.sample(now, self.motors.iter().map(|motor| &motor.last), &moment)?;
         }
         self.moment = moment;
@@ -276,10 +257,11 @@ impl<'d> Recorder<'d> {
             heard.follows &= follows(&motor);
             let shaft = (motor.link == Link::Online).then(|| degrees(&motor));
             let last = self.steers.get(steers.len()).copied().flatten();
-            heard.steered = if self.source.is_simulated() {
+            heard.steered = if self.recording.source.is_simulated() {
                 // From the wheels' first direction on, at any angle of the motor; a jump is a new
                 // zero.
-                let before = self.heard.last().and_then(|heard| heard.wheels.get(index));
+                let heard = self.recording.base.as_ref().and_then(|base| base.heard.last());
+                let before = heard.and_then(|heard| heard.wheels.get(index));
                 let step = shaft.zip(last).map_or(0.0, |(now, last)| now - last);
                 let step = if step.abs() < STEERED_ANEW { step } else { 0.0 };
                 before.map_or(0.0, |before| before.steered) + step / gear
@@ -332,9 +314,9 @@ impl<'d> Recorder<'d> {
         losses: Vec<Loss>,
     ) -> Result<Recording> {
         // A real robot follows its driver, not a script.
-        let is_scripted = self.source != Source::Robot;
+        let is_scripted = self.recording.source != Source::Robot;
         let events = if is_scripted { self.description.events(length) } else { Vec::new() };
-        if let Some(record) = self.record.take() {
+        if let Some(record) = self.record.0.take() {
             let faults = self.motors.iter().map(|motor| motor.last.status.fault);
             record.finish(length, &wires, &losses, &events, faults)?;
         }
@@ -360,43 +342,28 @@ impl<'d> Recorder<'d> {
             log_hash: wire.log_hash,
             log: wire.log,
         });
-        let (base, control) = (self.description.base.as_ref(), self.description.remote.as_ref());
         let parts = self.description.serials.iter().zip(parts);
+        let parts =
+            parts.map(|(part, heard)| PartTrack { label: part.label, uart: part.uart, heard });
         Ok(Recording {
-            seed: self.seed,
             length,
             motors: motors.collect(),
             buses: buses.collect(),
             lines,
-            base: base.map(|base| BaseTrack {
-                wheels: base.wheels.clone(),
-                steering: base.steering.clone(),
-                path: self.path,
-                estimate: self.estimate,
-                reference: self.reference,
-                chassis: base.chassis.clone(),
-                heard: self.heard,
-            }),
             events,
-            remote: remote.zip(control).map(|(look, control)| RemoteTrack {
-                receiver: control.receiver,
-                sent: look.sent,
-                heard: look.is_told.then_some(look.heard),
-                losses,
-                samples: self.remote,
+            remote: remote.zip(self.description.remote.as_ref()).map(|(look, control)| {
+                RemoteTrack {
+                    receiver: control.receiver,
+                    sent: look.sent,
+                    heard: look.is_told.then_some(look.heard),
+                    losses,
+                    samples: self.remote,
+                }
             }),
-            parts: parts
-                .map(|(part, heard)| PartTrack { label: part.label, uart: part.uart, heard })
-                .collect(),
-            arm: self.arm,
-            headings: self.headings.unwrap_or_default(),
+            parts: parts.collect(),
             signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
-            found: Vec::new(),
             not_at_rest: robot.whole.not_at_rest,
-            no_logs: self.description.no_logs,
-            source: self.source,
-            faults: Vec::new(),
-            gaps: Vec::new(),
+            ..self.recording
         })
     }
 }
@@ -430,9 +397,8 @@ struct MotorRecorder {
     /// The last look, and whether it is newer than the last sample.
     last: MotorLook,
     is_new: bool,
-    measured: Sum,
-    current: Sum,
-    rpm: Sum,
+    /// Measurement, current and speed since the last sample.
+    sums: [Sum; 3],
 }
 
 impl MotorRecorder {
@@ -444,9 +410,7 @@ impl MotorRecorder {
             effort,
             last: MotorLook::NEW,
             is_new: false,
-            measured: Sum::default(),
-            current: Sum::default(),
-            rpm: Sum::default(),
+            sums: Default::default(),
         }
     }
 
@@ -467,11 +431,11 @@ impl MotorRecorder {
             watch.look_at_load(now, &Carrying { kind, target, measured, feedback, effort });
         }
         if self.is_new && self.last.kind != seen.kind {
-            self.measured = Sum::default();
+            self.sums[0] = Sum::default();
         }
-        self.measured.add(seen.measured);
-        self.current.add(seen.current);
-        self.rpm.add(seen.rpm);
+        for (sum, value) in self.sums.iter_mut().zip([seen.measured, seen.current, seen.rpm]) {
+            sum.add(value);
+        }
         (self.last, self.is_new) = (*look, true);
     }
 
@@ -491,13 +455,10 @@ impl MotorRecorder {
         if !std::mem::take(&mut self.is_new) {
             return;
         }
-        let cell = |sum: &mut Sum| std::mem::take(sum).cell().unwrap_or_default();
-        self.samples.push(MotorSample {
-            measured_cell: cell(&mut self.measured),
-            current_cell: cell(&mut self.current),
-            rpm_cell: cell(&mut self.rpm),
-            ..self.last.seen()
-        });
+        let cells = std::mem::take(&mut self.sums).map(|sum| sum.cell().unwrap_or_default());
+        let [measured_cell, current_cell, rpm_cell] = cells;
+        let seen = self.last.seen();
+        self.samples.push(MotorSample { measured_cell, current_cell, rpm_cell, ..seen });
     }
 }
 

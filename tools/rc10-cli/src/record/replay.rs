@@ -1,9 +1,6 @@
 //! Reads a record: `rc10 report` and `rc10 csv`.
 
-use crate::recording::look::RemoteLook;
 use crate::recording::look::Shaft;
-use rc10_motor::embassy::BusStatus;
-use rc10_tasks::seen::{Seen, Whole};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use std::iter::zip;
@@ -16,9 +13,9 @@ use rc10_motor::embassy::Rs485Status;
 use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{Fault as MotorFault, Loops};
 
-use super::fields::{Single, place};
+use super::fields::{Named, Single};
 use super::file::{Channel, Item, walk};
-use super::{CDR, END, LAYOUT, VERSION, topic};
+use super::{About, CDR, END, LAYOUT, VERSION, topic, topics};
 use crate::record::recorder::Recorder;
 use crate::recording::look::{BusLook, Moment, MotorLook};
 use crate::recording::problem::Problem;
@@ -39,32 +36,6 @@ pub(crate) fn numbers(bytes: &[u8]) -> Result<impl Iterator<Item = f64>> {
     ensure!(body.len().is_multiple_of(8), "a message of {} bytes", bytes.len());
     let (words, _) = body.as_chunks::<8>();
     Ok(words.iter().map(|word| f64::from_le_bytes(*word)))
-}
-
-/// Puts the values of a message into a thing.
-fn unpack<T: Seen>(columns: &[String], values: &[f64], it: &mut T) {
-    for (name, value) in columns.iter().zip(values) {
-        // A column of a newer writer is ignored.
-        if let Some(at) = place::<T>(name) {
-            it.put(at, *value);
-        }
-    }
-}
-
-/// Whether a number of such a message counts since power-on.
-fn counts(about: About, name: &str) -> bool {
-    fn of<T: Seen>(name: &str) -> bool {
-        place::<T>(name).is_some_and(|at| T::COUNTS[at])
-    }
-    match about {
-        About::Motor(..) => of::<MotorLook>(name),
-        About::Bus(_) => of::<BusStatus>(name),
-        About::Line(_) => of::<Rs485Status>(name),
-        About::Part(_) => of::<Counters>(name),
-        About::Robot => of::<Whole>(name),
-        About::Remote => of::<RemoteLook>(name),
-        _ => false,
-    }
 }
 
 /// A counter of a robot, counted from the begin of the record on.
@@ -113,24 +84,8 @@ const GAP: Micros = Micros::from_millis(5000);
 /// Limit of a recording, which takes half a gigabyte of memory an hour or more.
 const LONGEST: Micros = Micros::from_millis(4 * 3_600_000);
 
-/// The subject of a channel's messages.
-#[derive(Clone, Copy)]
-enum About {
-    /// `true` for frequent values: all motors' belong to one moment.
-    Motor(usize, bool),
-    Shaft(usize),
-    Bus(usize),
-    Wire(usize),
-    Window(usize),
-    Line(usize),
-    Part(usize),
-    Signal(usize),
-    Robot,
-    Pose,
-    Remote,
-    Loss,
-    Other,
-}
+/// A loss without effects, for one that is told.
+const NO_LOSS: Loss = Loss::new(Lost { from: Micros::ZERO, until: None });
 
 /// Makes the recording of a record of `robot`, as its run did; and why the file ends early, if so.
 ///
@@ -232,44 +187,13 @@ fn is_of(robot: &Robot<'_>, found: &BTreeMap<String, BTreeMap<String, String>>) 
     }
 }
 
-/// The subject of a topic.
-fn about(name: &str, Names { motors, parts, signals }: &Names) -> About {
-    let place = |names: &[String], name: &str| names.iter().position(|one| one == name);
-    let number = |rest: &str| rest.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
-    let numbered = |folder: &str| name.strip_prefix(folder);
-    let found = match name {
-        "/robot" => Some(About::Robot),
-        "/robot/pose" => Some(About::Pose),
-        "/remote" => Some(About::Remote),
-        "/remote/losses" => Some(About::Loss),
-        _ => None,
-    };
-    found
-        .or_else(|| place(motors, name).map(|at| About::Motor(at, true)))
-        .or_else(|| place(motors, name.strip_suffix("/health")?).map(|at| About::Motor(at, false)))
-        .or_else(|| place(motors, name.strip_suffix("/shaft")?).map(About::Shaft))
-        .or_else(|| place(parts, name).map(About::Part))
-        .or_else(|| place(signals, name).map(About::Signal))
-        .or_else(|| number(numbered("/lines/")?).map(About::Line))
-        .or_else(|| number(numbered("/buses/")?).map(About::Bus))
-        .or_else(|| number(numbered("/buses/")?.strip_suffix("/wire")?).map(About::Wire))
-        .or_else(|| number(numbered("/buses/")?.strip_suffix("/window_load")?).map(About::Window))
-        .unwrap_or(About::Other)
-}
-
 #[derive(Clone)]
 struct Messages {
-    about: About,
+    /// The subject, if it is known.
+    about: Option<About>,
     columns: Rc<[String]>,
-    /// Those of its numbers that count since power-on.
-    counts: Vec<(usize, Count)>,
-}
-
-#[derive(Clone)]
-struct Names {
-    motors: Vec<String>,
-    parts: Vec<String>,
-    signals: Vec<String>,
+    /// A counter for each column, for those of a real robot that count since power-on.
+    counts: Vec<Count>,
 }
 
 /// The robot by which records are judged.
@@ -307,7 +231,8 @@ impl<'r> Kit<'r> {
 #[derive(Clone)]
 pub struct Replay<'d> {
     recorder: Recorder<'d>,
-    names: Names,
+    /// The subjects of the topics that are read.
+    names: BTreeMap<String, About>,
     channels: BTreeMap<u16, Messages>,
     /// Time of the recording, and of the messages: gaps are left out of the first.
     at: Micros,
@@ -332,6 +257,9 @@ pub struct Replay<'d> {
     has_moment: bool,
     wires: Vec<WireEnd>,
     losses: Vec<Loss>,
+    /// The newest message of one number, and of a loss.
+    single: Single,
+    loss: Loss,
     faults: Vec<&'static str>,
 }
 
@@ -342,17 +270,12 @@ impl<'d> Replay<'d> {
         let around = Environment::new(description, seed)?;
         // An emulated chip's memory is not looked into.
         let own = if source.is_told() { signals } else { &[][..] };
-        let motors = description.motors.iter().map(|motor| topic("motors", motor.label));
-        let parts = description.serials.iter().map(|part| topic("parts", part.label));
-        let names = Names {
-            motors: motors.collect(),
-            parts: parts.collect(),
-            signals: own.iter().map(|signal| topic("signals", signal.label)).collect(),
-        };
+        let topics = topics(description, own)?.into_iter();
+        let names = topics.map(|(name, (about, _))| (name, about));
+        let names = names.filter(|(_, about)| *about != About::Event).collect();
         Ok(Self {
             recorder: Recorder::new(description, seed, loops, &around.motors, source)
-                .with_imu(source.is_told() && heading.is_some())
-                .with_signals(own),
+                .with_own(own, source.is_told() && heading.is_some()),
             names,
             channels: BTreeMap::new(),
             at: Micros::ZERO,
@@ -376,19 +299,19 @@ impl<'d> Replay<'d> {
             has_moment: false,
             wires: vec![WireEnd::default(); description.buses.into()],
             losses: Vec::new(),
+            single: Single::default(),
+            loss: NO_LOSS,
             faults: vec![""; description.motors.len()],
         })
     }
 
     /// Declares a channel: messages of this number have this topic and these numbers.
     pub fn channel(&mut self, id: u16, topic: &str, columns: Vec<String>) {
-        let about = about(topic, &self.names);
-        if let About::Signal(at) = about {
+        let about = self.names.get(topic).copied();
+        if let Some(About::Signal(at)) = about {
             self.declares[at] = true;
         }
-        let numbered = columns.iter().enumerate();
-        let counting = numbered.filter(|(_, name)| self.is_robot && counts(about, name));
-        let counts = counting.map(|(at, _)| (at, Count::default())).collect();
+        let counts = vec![Count::default(); columns.len()];
         self.channels.insert(id, Messages { about, columns: columns.into(), counts });
     }
 
@@ -435,7 +358,7 @@ impl<'d> Replay<'d> {
         self.gaps.push(Gap { at: self.at, length: forth.max(back), is_back: back > forth });
         self.at += SAMPLE_PERIOD;
         let counts = self.channels.values_mut().flat_map(|channel| &mut channel.counts);
-        counts.for_each(|(_, count)| count.pause());
+        counts.for_each(Count::pause);
         Ok(())
     }
 
@@ -443,98 +366,69 @@ impl<'d> Replay<'d> {
     pub fn take(&mut self, id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
         let about = self.channels.get(&id).map(|channel| channel.about);
         let about = about.context("a message of a channel that is not declared")?;
-        if self.is_full || matches!(about, About::Other) {
-            return Ok(());
-        }
+        let Some(about) = about.filter(|_| !self.is_full) else { return Ok(()) };
         // Some were written at the end, and belong to no moment.
         if !matches!(about, About::Window(_) | About::Loss) {
             self.go_on(now)?;
         }
-        let Some(channel) = self.channels.get_mut(&id) else { return Ok(()) };
-        let columns = Rc::clone(&channel.columns);
-        let mut values: Vec<f64> = numbers(bytes)?.collect();
-        for (at, count) in &mut channel.counts {
-            if let Some(value) = values.get_mut(*at).filter(|value| value.is_finite()) {
-                *value = count.since_begin(*value);
+        let Some(mut channel) = self.channels.remove(&id) else { return Ok(()) };
+        (self.single, self.loss) = (Single { value: f64::NAN }, NO_LOSS);
+        let is_robot = self.is_robot;
+        let it = self.subject(about);
+        let named = channel.columns.iter().zip(&mut channel.counts);
+        for ((name, count), mut value) in named.zip(numbers(bytes)?) {
+            if is_robot && value.is_finite() && it.counts(name) {
+                value = count.since_begin(value);
             }
+            it.put_named(name, value);
         }
+        self.channels.insert(id, channel);
         match about {
-            About::Window(at) => {
-                let mut load = Single::default();
-                unpack(&columns, &values, &mut load);
-                if let Some(wire) = self.wires.get_mut(at) {
-                    wire.load_windows.push(load.value);
-                }
-            }
-            About::Loss => {
-                let mut loss = Loss::new(Lost { from: Micros::ZERO, until: None });
-                unpack(&columns, &values, &mut loss);
-                self.losses.push(loss);
-            }
-            About::Motor(at, is_often) => {
+            About::Window(at) => self.wires[at].load_windows.push(self.single.value),
+            About::Loss => self.losses.push(self.loss),
+            About::Motor(at) | About::Health(at) => {
+                let is_often = matches!(about, About::Motor(_));
                 *(if is_often { &mut self.has_looks } else { &mut self.has_moment }) = true;
-                let (look, text) = (&mut self.looks[at], self.faults[at]);
-                unpack(&columns, &values, look);
-                let fault = look.status.fault.map(|fault| MotorFault::new(fault.code, text));
-                look.status.fault = fault;
+                let fault = &mut self.looks[at].status.fault;
+                *fault = fault.map(|fault| MotorFault::new(fault.code, self.faults[at]));
             }
-            About::Shaft(at) => unpack(&columns, &values, &mut self.looks[at].shaft),
+            About::Shaft(_) => {}
             About::Signal(at) => {
                 self.has_signals = true;
-                let mut told = Single { value: f64::NAN };
-                unpack(&columns, &values, &mut told);
-                self.signals[at] = Some(told.value).filter(|value| !value.is_nan());
+                self.signals[at] = Some(self.single.value).filter(|value| !value.is_nan());
                 if self.is_robot && self.heading == Some(at) {
                     self.moment.robot.yaw = self.signals[at];
                 }
             }
-            About::Bus(at) => self.with_moment(|moment| {
-                if let Some(bus) = moment.buses.get_mut(at) {
-                    unpack(&columns, &values, &mut bus.status);
-                }
-            }),
-            About::Wire(at) => self.with_moment(|moment| {
-                if let Some(bus) = moment.buses.get_mut(at) {
-                    unpack(&columns, &values, bus);
-                }
-            }),
-            About::Line(at) => self.with_moment(|moment| {
-                if let Some(line) = moment.lines.get_mut(at) {
-                    unpack(&columns, &values, line);
-                }
-            }),
-            About::Part(at) => self.with_moment(|moment| {
-                let count = moment.parts.len().max(at + 1);
-                moment.parts.resize(count, Counters::default());
-                unpack(&columns, &values, &mut moment.parts[at]);
-            }),
-            About::Robot => {
-                self.with_moment(|moment| unpack(&columns, &values, &mut moment.robot.whole));
-            }
-            About::Pose => {
-                self.with_moment(|moment| unpack(&columns, &values, &mut moment.robot));
-            }
-            About::Remote => self.with_moment(|moment| {
-                unpack(&columns, &values, moment.remote.get_or_insert_default());
-            }),
-            About::Other => {}
+            _ => self.has_moment = true,
         }
         Ok(())
     }
 
-    fn with_moment(&mut self, put: impl FnOnce(&mut Moment)) {
-        self.has_moment = true;
-        put(&mut self.moment);
+    /// The place for the numbers of a message.
+    fn subject(&mut self, about: About) -> &mut dyn Named {
+        let Moment { robot, buses, lines, parts, remote } = &mut self.moment;
+        match about {
+            About::Motor(at) | About::Health(at) => &mut self.looks[at],
+            About::Shaft(at) => &mut self.looks[at].shaft,
+            About::Bus(at) => &mut buses[at].status,
+            About::Wire(at) => &mut buses[at],
+            About::Line(at) => &mut lines[at],
+            About::Part(at) => {
+                parts.resize(parts.len().max(at + 1), Counters::default());
+                &mut parts[at]
+            }
+            About::Robot => &mut robot.whole,
+            About::Pose => robot,
+            About::Remote => remote.get_or_insert_default(),
+            About::Loss => &mut self.loss,
+            About::Window(_) | About::Signal(_) | About::Event => &mut self.single,
+        }
     }
 
     /// Looks at motors that told of themselves: their measurements.
     fn measured_looks(&self) -> Vec<MotorLook> {
-        let told = |look: &MotorLook| {
-            let feedback = look.feedback();
-            let rpm = feedback.speed.get().into();
-            let current = feedback.current().map_or(0.0, |current| current.get().into());
-            MotorLook { shaft: Shaft { rpm, current, ..look.shaft }, ..*look }
-        };
+        let told = |look: &MotorLook| MotorLook { shaft: Shaft::told(look.feedback()), ..*look };
         self.looks.iter().map(told).collect()
     }
 

@@ -132,20 +132,19 @@ impl LoadWatch {
 }
 
 #[cfg(test)]
-impl Fit {
-    /// A fit of windows with this factor between effort and feed-forward.
-    pub(crate) fn even(windows: u32, said: f64, factor: f64) -> Self {
-        let mut fit = Self::default();
-        (0..windows).for_each(|_| fit.add(said, factor * said));
-        fit
-    }
-}
-
-#[cfg(test)]
 mod tests {
     use rc10_motor::rc10_app::TotalAngle;
 
     use super::*;
+
+    impl Fit {
+        /// A fit of windows with this factor between effort and feed-forward.
+        pub(crate) fn even(windows: u32, said: f64, factor: f64) -> Self {
+            let mut fit = Self::default();
+            (0..windows).for_each(|_| fit.add(said, factor * said));
+            fit
+        }
+    }
 
     /// Of a motor that stands, turns at 30 rpm, and stands at another angle, 1 s each.
     fn watched(gravity: Gravity, speed: f32, effort: impl Fn(f64, f64) -> f64) -> LoadTrack {

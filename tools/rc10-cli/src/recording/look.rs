@@ -39,6 +39,14 @@ pub struct Shaft {
     pub overwritten: u64,
 }
 
+impl Shaft {
+    /// The shaft as its device tells of it.
+    pub(crate) fn told(feedback: &Feedback) -> Self {
+        let current = feedback.current().map_or(0.0, |current| current.get().into());
+        Self { rpm: feedback.speed.get().into(), current, overwritten: 0 }
+    }
+}
+
 /// Everything but the motors at one moment, more seldom than those.
 #[derive(Clone, Debug, Default)]
 pub struct Moment {
@@ -157,12 +165,12 @@ impl MotorLook {
         MotorSample {
             target: Some(target).filter(|it| follows && is_driven && !it.is_nan()),
             measured: if follows { measured } else { status.feedback.speed.get().into() },
-            measured_cell: Cell::ZERO,
+            measured_cell: Cell::default(),
             kind,
             current: shaft.current,
-            current_cell: Cell::ZERO,
+            current_cell: Cell::default(),
             rpm: shaft.rpm,
-            rpm_cell: Cell::ZERO,
+            rpm_cell: Cell::default(),
             link: status.link,
             drive: status.drive,
             counters: status.counters,

@@ -35,7 +35,7 @@ use crate::robot::motor::Motor;
 use crate::robot::script::Event;
 
 /// The recording of one run.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Recording {
     /// Seed of the world.
     pub seed: u64,
@@ -125,6 +125,7 @@ pub struct PartTrack {
 }
 
 /// The track of one motor.
+#[derive(Clone)]
 pub struct MotorTrack {
     /// The motor, as described.
     pub motor: Motor,
@@ -170,6 +171,7 @@ impl Tracking {
 }
 
 /// The track of one bus.
+#[derive(Clone)]
 pub struct BusTrack {
     /// Number of the bus; the first is 1.
     pub number: u8,
@@ -190,6 +192,7 @@ pub struct BusTrack {
 }
 
 /// The track of a base.
+#[derive(Clone, Default)]
 pub struct BaseTrack {
     /// The wheels: indices into [`Recording::motors`].
     pub wheels: Vec<usize>,

@@ -91,6 +91,15 @@ impl fmt::Display for Problem {
     }
 }
 
+/// A problem for each count that is not zero; each has its kind, and what is counted.
+pub(crate) fn counted<'t>(
+    about: About,
+    counts: impl IntoIterator<Item = (u64, &'static str, &'t str)>,
+) -> impl Iterator<Item = Problem> {
+    let counts = counts.into_iter().filter(|(count, ..)| *count > 0);
+    counts.map(move |(count, kind, what)| Problem::new(about, kind, format!("{count} {what}")))
+}
+
 /// Whether there is something to mend.
 #[must_use]
 pub fn any(problems: &[Problem]) -> bool {

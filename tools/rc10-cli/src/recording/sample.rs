@@ -1,9 +1,7 @@
 //! Samples of a run: motors, buses and base at one moment, and the range of values between two.
 
-use rc10_motor::ArmState;
-use std::fmt::Write as _;
-
 use rc10_can::Micros;
+use rc10_motor::ArmState;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{DriveMode, Link, MotorCounters, TargetKind};
 use rc10_sim::Base;
@@ -27,8 +25,6 @@ pub struct Cell {
 }
 
 impl Cell {
-    pub(crate) const ZERO: Self = Self { min: 0.0, mean: 0.0, max: 0.0 };
-
     /// The range of a value that does not change.
     #[must_use]
     pub const fn of(value: f64) -> Self {
@@ -179,10 +175,7 @@ pub struct PathPoint {
 }
 
 pub(crate) fn hex_digits(hash: Sha256) -> String {
-    hash.finalize().iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    format!("{:x}", hash.finalize())
 }
 
 /// The state of a bus's wire at the end of a run.
@@ -203,6 +196,12 @@ pub(crate) fn seconds(time: Micros) -> f64 {
 
 pub(crate) fn time_of(index: usize) -> Micros {
     Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
+}
+
+/// Whether targets of a kind are angles, in degrees; the others are speeds, in rpm.
+pub(crate) const fn is_angle(kind: TargetKind) -> bool {
+    use TargetKind::{Angle, Impedance, Motion, TotalAngle};
+    matches!(kind, Angle | TotalAngle | Impedance | Motion)
 }
 
 /// The source of a recording, which decides what is known of the robot.

@@ -163,7 +163,7 @@ impl Description {
     pub fn label(&self, error: anyhow::Error) -> anyhow::Error {
         let text = format!("{error:#}");
         let named = |motor: &&Motor| mentions(&text, &motor.name().to_string()) > 0;
-        let mut motors: Vec<&Motor> = self.motors.iter().filter(named).collect();
+        let motors: Vec<&Motor> = self.motors.iter().filter(named).collect();
         // Motors that conflict are on the same bus; others may have the same name.
         let mentioned = |on| -> usize {
             let mut names: Vec<String> = Vec::new();
@@ -173,16 +173,13 @@ impl Description {
             names.iter().map(|name| mentions(&text, name)).sum::<usize>().min(count)
         };
         let most = motors.iter().map(|motor| mentioned(motor.on)).max();
-        let places: Vec<Place> = motors.iter().map(|motor| motor.on).collect();
-        let best: Vec<Place> =
-            places.into_iter().filter(|on| Some(mentioned(*on)) == most).collect();
-        motors.retain(|motor| best.contains(&motor.on));
         if motors.is_empty() {
             return error;
         }
+        let best = motors.iter().filter(|motor| Some(mentioned(motor.on)) == most);
         let whose =
             |motor: &&Motor| format!("\n      {}: {} is {}", motor.on, motor.label, motor.name());
-        let whose: String = motors.iter().map(whose).collect();
+        let whose: String = best.map(whose).collect();
         anyhow!("{text}{whose}")
     }
 

@@ -4,6 +4,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use anyhow::{Result, anyhow};
+
 /// Help text of the command line's argument.
 pub const HELP: &str = "\
 The world differs from the robot's table: direction:NAME gear:NAME=19.2 pole-pairs:NAME=14 \
@@ -81,27 +83,15 @@ impl fmt::Display for Mistake {
     }
 }
 
-/// Why a text is no valid mistake.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoMistake(String);
-
-impl fmt::Display for NoMistake {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for NoMistake {}
-
 const KINDS: &str = "direction:NAME gear:NAME=n pole-pairs:NAME=n swap:NAME,NAME id:NAME=n \
                      radius:xF track:xF wheelbase:xF mass:xF inertia:NAME=xF friction:NAME=xF \
                      torque:NAME=xF load:NAME=xF";
 
 impl FromStr for Mistake {
-    type Err = NoMistake;
+    type Err = anyhow::Error;
 
-    fn from_str(text: &str) -> Result<Self, NoMistake> {
-        mistake_of(text).map_err(|why| NoMistake(format!("`{text}`: {why}")))
+    fn from_str(text: &str) -> Result<Self> {
+        mistake_of(text).map_err(|why| anyhow!("`{text}`: {why}"))
     }
 }
 

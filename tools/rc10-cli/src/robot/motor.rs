@@ -73,15 +73,8 @@ type Twin = dyn Fn(&rc10_sim::Bus, f64) -> Result<Esc>;
 impl Plant {
     /// A load of nothing but an inertia, kg m².
     #[must_use]
-    pub const fn inertia(inertia: f64) -> Self {
-        Self {
-            inertia,
-            load: 0.0,
-            nonlinear: Nonlinear::NONE,
-            travel: None,
-            rotor: None,
-            own: None,
-        }
+    pub fn inertia(inertia: f64) -> Self {
+        Self { inertia, ..Self::default() }
     }
 
     /// Sets an own twin: `twin` puts it on a wire, with this inertia (kg m²) on its shaft.

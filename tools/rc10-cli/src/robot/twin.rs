@@ -15,18 +15,16 @@ impl Motor {
     /// The messages in the frames of the device.
     #[must_use]
     pub fn messages(&self) -> Vec<Message> {
-        match &self.plant.own {
-            Some(own) => own.messages.to_vec(),
-            None => messages(&self.device),
-        }
+        self.frames().0
     }
 
-    /// Facts about the frames that a DBC file cannot express: a sentence each.
+    /// The messages in the frames of the device, and facts about the frames that a DBC file cannot
+    /// express: a sentence each.
     #[must_use]
-    pub const fn not_in_dbc(&self) -> &'static [&'static str] {
+    pub fn frames(&self) -> (Vec<Message>, &'static [&'static str]) {
         match &self.plant.own {
-            Some(own) => own.not_in_dbc,
-            None => not_in_dbc(&self.device),
+            Some(own) => (own.messages.to_vec(), own.not_in_dbc),
+            None => frames(&self.device),
         }
     }
 
@@ -215,38 +213,37 @@ fn odrive(config: &odrive::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
     Ok(geared(wire.add(axis, plant), &plant, config.gear.ratio()))
 }
 
-fn messages(device: &Device) -> Vec<Message> {
+fn frames(device: &Device) -> (Vec<Message>, &'static [&'static str]) {
     // Scales follow from the model, and live as long as the messages: to the end of the program.
     match device {
         Device::Dji(config) => {
-            dji::signals::messages(config.model, config.id).into_iter().flatten().collect()
+            let messages = dji::signals::messages(config.model, config.id);
+            (messages.into_iter().flatten().collect(), dji::signals::NOT_IN_DBC)
         }
-        Device::Vesc(config) => vesc::signals::messages(config).to_vec(),
+        Device::Vesc(config) => {
+            (vesc::signals::messages(config).to_vec(), vesc::signals::NOT_IN_DBC)
+        }
         Device::Damiao(config) => {
-            let scaled = damiao::signals::Scaled::of(&config.model.limits);
-            damiao::signals::messages(config, Box::leak(Box::new(scaled))).to_vec()
+            let scaled = Box::leak(Box::new(damiao::signals::Scaled::of(&config.model.limits)));
+            (damiao::signals::messages(config, scaled).to_vec(), damiao::signals::NOT_IN_DBC)
         }
         Device::CyberGear(config) => {
             let scaled = Box::leak(Box::new(cybergear::signals::Scaled::of(&config.model)));
-            cybergear::signals::messages(&config.model, config.address, scaled).to_vec()
+            let messages = cybergear::signals::messages(&config.model, config.address, scaled);
+            (messages.to_vec(), cybergear::signals::NOT_IN_DBC)
         }
-        Device::Lk(config) => lk::signals::messages(config).into_iter().flatten().collect(),
-        Device::ODrive(config) => odrive::signals::messages(config).into_iter().flatten().collect(),
-        Device::GoModule(config) => unitree::signals::messages(config).to_vec(),
-        _ => Vec::new(),
-    }
-}
-
-const fn not_in_dbc(device: &Device) -> &'static [&'static str] {
-    match device {
-        Device::Dji(_) => dji::signals::NOT_IN_DBC,
-        Device::Vesc(_) => vesc::signals::NOT_IN_DBC,
-        Device::Damiao(_) => damiao::signals::NOT_IN_DBC,
-        Device::CyberGear(_) => cybergear::signals::NOT_IN_DBC,
-        Device::Lk(_) => lk::signals::NOT_IN_DBC,
-        Device::ODrive(_) => odrive::signals::NOT_IN_DBC,
-        Device::GoModule(_) => unitree::signals::NOT_IN_DBC,
-        _ => &[],
+        Device::Lk(config) => {
+            let messages = lk::signals::messages(config).into_iter().flatten();
+            (messages.collect(), lk::signals::NOT_IN_DBC)
+        }
+        Device::ODrive(config) => {
+            let messages = odrive::signals::messages(config).into_iter().flatten();
+            (messages.collect(), odrive::signals::NOT_IN_DBC)
+        }
+        Device::GoModule(config) => {
+            (unitree::signals::messages(config).to_vec(), unitree::signals::NOT_IN_DBC)
+        }
+        _ => (Vec::new(), &[]),
     }
 }
 

@@ -1,7 +1,5 @@
 //! The board of an emulated chip, and whether a program is made for it.
 
-use std::fmt::Write as _;
-
 use anyhow::Result;
 use rc10_emu::{Board, Image, MadeFor};
 
@@ -41,29 +39,20 @@ pub(crate) fn of(program: &[u8], asked: Option<Board>, crystal: Option<u64>) -> 
 /// Why a program does not fit a board, in one sentence.
 pub(crate) fn mismatch(made_for: Option<&MadeFor>, board: &Board) -> Option<String> {
     let MadeFor { board: name, chip, crystal_hz } = made_for?;
-    let megahertz = |hz: u64| hz as f64 / 1e6;
-    let mut text = String::new();
+    let mut found = Vec::new();
     if name != board.name {
-        let _ = write!(
-            text,
-            "the program is for {name} ({chip}), the board is {} ({})",
-            board.name, board.chip
-        );
+        let Board { name: ours, chip: our_chip, .. } = board;
+        found.push(format!("the program is for {name} ({chip}), the board is {ours} ({our_chip})"));
     }
     if *crystal_hz != board.crystal_hz {
-        if !text.is_empty() {
-            text += "; ";
-        }
-        let rate = 1000.0 * board.crystal_hz as f64 / *crystal_hz as f64;
-        let _ = write!(
-            text,
-            "the program is for a crystal of {} MHz, the board's has {}: buses at 1000 kbit/s would run at {} kbit/s",
-            megahertz(*crystal_hz),
-            megahertz(board.crystal_hz),
-            (rate * 10.0).round() / 10.0
-        );
+        let [wanted, is] = [*crystal_hz, board.crystal_hz].map(|hz| hz as f64 / 1e6);
+        let rate = (10_000.0 * is / wanted).round() / 10.0;
+        found.push(format!(
+            "the program is for a crystal of {wanted} MHz, the board's has {is}: buses at 1000 kbit/s \
+             would run at {rate} kbit/s"
+        ));
     }
-    (!text.is_empty()).then_some(text)
+    (!found.is_empty()).then(|| found.join("; "))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::env;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_emu::Board;
@@ -15,13 +15,8 @@ pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf>
         root.join("firmware").is_dir(),
         "there is no firmware/ here to build: say which ELF file to run"
     );
-    let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-        .args(["xtask", "firmware", package])
-        .args(board.map(|board| board.name))
-        .current_dir(&root)
-        .stderr(Stdio::inherit())
-        .output()
-        .context("cannot start cargo to build the firmware")?;
+    let args = ["xtask", "firmware", package].into_iter().chain(board.map(|board| board.name));
+    let output = cargo(&root, args)?;
     ensure!(output.status.success(), "the firmware was not built: the error above says why");
     // The path is in the last line.
     match String::from_utf8_lossy(&output.stdout).lines().last() {
@@ -40,13 +35,8 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
         folder.display()
     );
     let features = board.map(|board| ["--no-default-features", "--features", board.name]);
-    let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-        .args(["build", "--release", "--message-format=json-render-diagnostics"])
-        .args(features.into_iter().flatten())
-        .current_dir(&folder)
-        .stderr(Stdio::inherit())
-        .output()
-        .context("cannot start cargo to build the firmware")?;
+    let build = ["build", "--release", "--message-format=json-render-diagnostics"];
+    let output = cargo(&folder, build.into_iter().chain(features.into_iter().flatten()))?;
     if !output.status.success() {
         ensure!(has_target(&folder), "the chip's target is missing: rustup target add {TARGET}");
         bail!("the firmware was not built: the error above says why");
@@ -56,6 +46,15 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
         messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     let mut programs = messages.filter_map(|it| Some(PathBuf::from(it["executable"].as_str()?)));
     programs.next_back().with_context(|| format!("{} has no program", folder.display()))
+}
+
+fn cargo<'t>(folder: &Path, args: impl Iterator<Item = &'t str>) -> Result<Output> {
+    Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args(args)
+        .current_dir(folder)
+        .stderr(Stdio::inherit())
+        .output()
+        .context("cannot start cargo to build the firmware")
 }
 
 const TARGET: &str = "thumbv7em-none-eabihf";

@@ -72,8 +72,7 @@ pub fn simulate_into(
     let (description, ports) = (running.description().clone(), running.ports.clone());
     let (loops, twins) = (&running.loops, running.twins());
     let recorder = Recorder::new(&description, seed, loops, twins, Source::Simulation)
-        .with_imu(ports.yaw.is_some())
-        .with_signals(&ports.signals)
+        .with_own(&ports.signals, ports.yaw.is_some())
         .with_record(writer);
     let mut recording = record(&mut running, recorder, length)?;
     let was_driven = armed_for(&recording) >= UNARMED_FOR;
@@ -97,7 +96,7 @@ impl Emulation<'_> {
     /// Runs up to a time and takes down what the wires and the motors do.
     ///
     /// # Errors
-    /// As [`Rig::run`](rc10_emu::Rig::run).
+    /// The errors of [`Rig::run`](rc10_emu::Rig::run).
     pub fn record(self, length: Micros) -> Result<(Self, Recording)> {
         self.record_into(length, None)
     }
@@ -119,7 +118,7 @@ impl Emulation<'_> {
         Ok((self, recording))
     }
 
-    /// What a record of it begins with.
+    /// The heading of its record.
     #[must_use]
     pub fn heading(&self) -> Heading<'_> {
         let Self { seed, description, .. } = self;

@@ -4,17 +4,18 @@ use std::fmt::Write as _;
 
 use rc10_can::{Micros, Timing};
 use rc10_module::Counters;
+use rc10_motor::embassy::Rs485Status;
 use rc10_motor::{DriveMode, Link, TargetKind, Verdict};
+use rc10_sim::remote::Sent;
 use serde_json::{Value, json};
 
 use crate::judge::path::PathFigures;
 use crate::judge::problems;
 use crate::recording::problem::{Problem, Severity, any};
 use crate::recording::remote::{Loss, RemoteTrack};
-use crate::recording::sample::Source;
-use crate::recording::sample::seconds;
+use crate::recording::sample::{Source, is_angle, seconds};
 use crate::recording::signal::SignalTrack;
-use crate::recording::{MotorTrack, PartTrack, Recording, Tracking};
+use crate::recording::{BusTrack, MotorTrack, PartTrack, Recording, Tracking};
 
 /// The figures of a run: computed once, and printed as text, JSON and HTML.
 pub struct Figures {
@@ -126,12 +127,7 @@ impl MotorFigures {
 /// The unit of targets of a kind, and of their measurements.
 #[must_use]
 pub const fn unit(kind: TargetKind) -> &'static str {
-    match kind {
-        TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion => {
-            "deg"
-        }
-        _ => "rpm",
-    }
+    if is_angle(kind) { "deg" } else { "rpm" }
 }
 
 const fn noun(kind: TargetKind) -> &'static str {
@@ -203,18 +199,21 @@ pub(crate) fn grouped(count: u64) -> String {
     text
 }
 
+/// A column of a table: its title, and its entry of a row.
+type Column<R> = (&'static str, fn(&R) -> Entry);
+
 impl Table {
-    /// Removes the columns with these titles.
-    fn without(mut self, titles: &[&str]) -> Self {
-        let keep: Vec<bool> = self.head.iter().map(|title| !titles.contains(title)).collect();
-        let left = keep.iter().take(self.words).filter(|keep| **keep).count();
-        let mut kept = keep.iter();
-        self.head.retain(|_| kept.next().is_some_and(|keep| *keep));
-        for row in &mut self.rows {
-            let mut kept = keep.iter();
-            row.retain(|_| kept.next().is_some_and(|keep| *keep));
+    /// Creates a table of these rows. Its first `words` columns are words; those with the titles in
+    /// `hidden` are left out.
+    fn new<R>(columns: &[Column<R>], words: usize, hidden: &[&str], rows: &[R]) -> Self {
+        let is_shown = |(title, _): &&Column<R>| !hidden.contains(title);
+        let shown: Vec<_> = columns.iter().filter(is_shown).collect();
+        let row = |row: &R| shown.iter().map(|(_, entry)| entry(row)).collect();
+        Self {
+            head: shown.iter().map(|(title, _)| *title).collect(),
+            words: columns.iter().take(words).filter(is_shown).count(),
+            rows: rows.iter().map(row).collect(),
         }
-        Self { words: left, ..self }
     }
 
     /// The table as text for a terminal.
@@ -246,179 +245,107 @@ impl Table {
 }
 
 fn motor_table(recording: &Recording, figures: &[MotorFigures]) -> Table {
-    let motors = recording.motors.iter().zip(figures);
-    let rows = motors.map(|(track, figures)| {
-        let (motor, last) = (&track.motor, &track.last);
-        let counters = last.counters;
-        let unit = format!(" {}", figures.unit);
-        let link = Entry { bad: last.link != Link::Online, ..words(link_name(last.link)) };
-        let is_bad = matches!(figures.loops, "shakes" | "at its limit");
-        vec![
-            words(motor.label),
-            words(motor.name()),
-            words(crate::robot::motor::short(motor.on)),
-            link,
-            words(drive_name(last.drive)),
-            Entry { bad: is_bad, ..words(figures.loops) },
-            number(figures.target, 1, &unit),
-            number(figures.measured, 1, &unit),
-            words(match figures.errors() {
-                errors if errors.is_empty() => "–".into(),
-                errors => errors,
-            }),
-            number(figures.peak_current, 2, " A"),
-            count(counters.received),
-            loss(counters.malformed),
-            loss(counters.lost),
-            loss(track.overwritten),
-            loss(counters.refused.total()),
-        ]
-    });
-    let table = Table {
-        head: vec![
-            "motor",
-            "model",
-            "bus",
-            "link",
-            "drive",
-            "loop",
-            "target",
-            "measured",
-            "RMS error",
-            "peak",
-            "received",
-            "malformed",
-            "lost",
-            "overwritten",
-            "refused",
-        ],
-        words: 6,
-        rows: rows.collect(),
-    };
-    match recording.source {
-        Source::Simulation => table,
+    let columns: &[Column<(&MotorTrack, &MotorFigures)>] = &[
+        ("motor", |(track, _)| words(track.motor.label)),
+        ("model", |(track, _)| words(track.motor.name())),
+        ("bus", |(track, _)| words(crate::robot::motor::short(track.motor.on))),
+        ("link", |(track, _)| {
+            let link = track.last.link;
+            Entry { bad: link != Link::Online, ..words(link_name(link)) }
+        }),
+        ("drive", |(track, _)| words(drive_name(track.last.drive))),
+        ("loop", |(_, figures)| {
+            let bad = matches!(figures.loops, "shakes" | "at its limit");
+            Entry { bad, ..words(figures.loops) }
+        }),
+        ("target", |(_, figures)| number(figures.target, 1, &format!(" {}", figures.unit))),
+        ("measured", |(_, figures)| number(figures.measured, 1, &format!(" {}", figures.unit))),
+        ("RMS error", |(_, figures)| {
+            words(if figures.tracking.is_empty() { "–".into() } else { figures.errors() })
+        }),
+        ("peak", |(_, figures)| number(figures.peak_current, 2, " A")),
+        ("received", |(track, _)| count(track.last.counters.received)),
+        ("malformed", |(track, _)| loss(track.last.counters.malformed)),
+        ("lost", |(track, _)| loss(track.last.counters.lost)),
+        ("overwritten", |(track, _)| loss(track.overwritten)),
+        ("refused", |(track, _)| loss(track.last.counters.refused.total())),
+    ];
+    let hidden: &[&str] = match recording.source {
+        Source::Simulation => &[],
         // The robot knows what it has heard.
-        Source::Robot => table.without(&["loop", "overwritten"]),
+        Source::Robot => &["loop", "overwritten"],
         // Only the chip knows these.
-        Source::Emulation => table.without(&["drive", "target", "RMS error", "refused"]),
-        Source::Capture => table.without(&[
-            "drive",
-            "loop",
-            "target",
-            "RMS error",
-            "lost",
-            "overwritten",
-            "refused",
-        ]),
-    }
+        Source::Emulation => &["drive", "target", "RMS error", "refused"],
+        Source::Capture => {
+            &["drive", "loop", "target", "RMS error", "lost", "overwritten", "refused"]
+        }
+    };
+    let rows: Vec<_> = recording.motors.iter().zip(figures).collect();
+    Table::new(columns, 6, hidden, &rows)
+}
+
+fn percent(value: f64) -> Entry {
+    number(Some(value), 1, " %")
+}
+
+fn micros(value: Option<impl Into<f64>>, digits: usize) -> Entry {
+    number(value.map(Into::into), digits, " µs")
 }
 
 fn bus_table(recording: &Recording) -> Table {
-    let rows = recording.buses.iter().map(|track| {
-        let (plan, last) = (&track.last.load, &track.last);
-        let percent = |value: f64| number(Some(value), 1, " %");
-        let micros = |value: Option<f64>, digits| number(value, digits, " µs");
-        let verdict = plan.verdict();
-        vec![
-            words(format!("bus {}", track.number)),
-            Entry { bad: verdict == Verdict::DoesNotFit, ..words(verdict_name(verdict)) },
-            percent(plan.least.into()),
-            percent(plan.typical.into()),
-            percent(plan.worst.into()),
-            percent(track.load),
-            count(track.frames),
-            loss(last.health.receive_lost),
-            loss(last.replaced),
-            loss(last.refused),
-            loss(last.overruns),
-            micros(last.period.min().map(f64::from), 0),
-            micros(last.period.mean().map(f64::from), 1),
-            micros(last.period.max().map(f64::from), 0),
-        ]
-    });
-    let table = Table {
-        head: vec![
-            "bus",
-            "plan",
-            "planned load: least",
-            "typical",
-            "worst",
-            "measured",
-            "frames",
-            "rx lost",
-            "replaced",
-            "refused",
-            "overruns",
-            "tick period: min",
-            "mean",
-            "max",
-        ],
-        words: 2,
-        rows: rows.collect(),
-    };
-    match recording.source {
-        Source::Simulation => table,
+    let columns: &[Column<&BusTrack>] = &[
+        ("bus", |track| words(format!("bus {}", track.number))),
+        ("plan", |track| {
+            let verdict = track.last.load.verdict();
+            Entry { bad: verdict == Verdict::DoesNotFit, ..words(verdict_name(verdict)) }
+        }),
+        ("planned load: least", |track| percent(track.last.load.least.into())),
+        ("typical", |track| percent(track.last.load.typical.into())),
+        ("worst", |track| percent(track.last.load.worst.into())),
+        ("measured", |track| percent(track.load)),
+        ("frames", |track| count(track.frames)),
+        ("rx lost", |track| loss(track.last.health.receive_lost)),
+        ("replaced", |track| loss(track.last.replaced)),
+        ("refused", |track| loss(track.last.refused)),
+        ("overruns", |track| loss(track.last.overruns)),
+        ("tick period: min", |track| micros(track.last.period.min(), 0)),
+        ("mean", |track| micros(track.last.period.mean(), 1)),
+        ("max", |track| micros(track.last.period.max(), 0)),
+    ];
+    const PERIOD: [&str; 3] = ["tick period: min", "mean", "max"];
+    let hidden = match recording.source {
+        Source::Simulation => Vec::new(),
         // The robot does not count what others say on its wires.
-        Source::Robot => table.without(&["measured", "frames", "tick period: min", "mean", "max"]),
-        Source::Emulation | Source::Capture => table.without(&[
-            "rx lost",
-            "replaced",
-            "refused",
-            "overruns",
-            "tick period: min",
-            "mean",
-            "max",
-        ]),
-    }
+        Source::Robot => [&["measured", "frames"], &PERIOD[..]].concat(),
+        Source::Emulation | Source::Capture => {
+            [&["rx lost", "replaced", "refused", "overruns"], &PERIOD[..]].concat()
+        }
+    };
+    Table::new(columns, 2, &hidden, &recording.buses.iter().collect::<Vec<_>>())
 }
 
 fn line_table(recording: &Recording) -> Option<Table> {
-    if recording.lines.is_empty() {
-        return None;
-    }
-    let rows = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
-        let traffic = &line.traffic;
-        let micros = |value: Option<f64>, digits| self::number(value, digits, " µs");
-        vec![
-            words(format!("line {number}")),
-            count(traffic.exchanges),
-            loss(traffic.timeouts),
-            loss(traffic.crc_errors),
-            loss(traffic.garbage),
-            loss(traffic.unexpected),
-            loss(line.port_errors),
-            loss(line.overruns),
-            micros(traffic.exchange.min().map(f64::from), 0),
-            micros(traffic.exchange.mean().map(f64::from), 1),
-            micros(traffic.exchange.max().map(f64::from), 0),
-            micros(traffic.cycle.min().map(f64::from), 0),
-            micros(traffic.cycle.mean().map(f64::from), 1),
-            micros(traffic.cycle.max().map(f64::from), 0),
-        ]
-    });
-    let table = Table {
-        head: vec![
-            "line",
-            "exchanges",
-            "timeouts",
-            "CRC errors",
-            "garbage bytes",
-            "unexpected",
-            "port errors",
-            "overruns",
-            "exchange: min",
-            "mean",
-            "max",
-            "cycle: min",
-            "mean",
-            "max",
-        ],
-        words: 1,
-        rows: rows.collect(),
-    };
+    let columns: &[Column<(u8, &Rs485Status)>] = &[
+        ("line", |(number, _)| words(format!("line {number}"))),
+        ("exchanges", |(_, line)| count(line.traffic.exchanges)),
+        ("timeouts", |(_, line)| loss(line.traffic.timeouts)),
+        ("CRC errors", |(_, line)| loss(line.traffic.crc_errors)),
+        ("garbage bytes", |(_, line)| loss(line.traffic.garbage)),
+        ("unexpected", |(_, line)| loss(line.traffic.unexpected)),
+        ("port errors", |(_, line)| loss(line.port_errors)),
+        ("overruns", |(_, line)| loss(line.overruns)),
+        ("exchange: min", |(_, line)| micros(line.traffic.exchange.min(), 0)),
+        ("mean", |(_, line)| micros(line.traffic.exchange.mean(), 1)),
+        ("max", |(_, line)| micros(line.traffic.exchange.max(), 0)),
+        ("cycle: min", |(_, line)| micros(line.traffic.cycle.min(), 0)),
+        ("mean", |(_, line)| micros(line.traffic.cycle.mean(), 1)),
+        ("max", |(_, line)| micros(line.traffic.cycle.max(), 0)),
+    ];
     // Only the robot knows these.
-    let hidden = ["port errors", "overruns"];
-    Some(if recording.source.is_told() { table } else { table.without(&hidden) })
+    let hidden: &[&str] =
+        if recording.source.is_told() { &[] } else { &["port errors", "overruns"] };
+    let rows: Vec<_> = (1..).zip(&recording.lines).collect();
+    (!rows.is_empty()).then(|| Table::new(columns, 1, hidden, &rows))
 }
 
 pub(crate) const fn link_name(link: Link) -> &'static str {
@@ -429,7 +356,7 @@ pub(crate) const fn link_name(link: Link) -> &'static str {
     }
 }
 
-const fn drive_name(drive: DriveMode) -> &'static str {
+pub(crate) const fn drive_name(drive: DriveMode) -> &'static str {
     match drive {
         DriveMode::Off => "off",
         DriveMode::Coast => "coast",
@@ -450,19 +377,14 @@ const fn verdict_name(verdict: Verdict) -> &'static str {
 /// The verdict of a run, in a line or more: for the end of the output.
 #[must_use]
 pub fn verdict(recording: &Recording, figures: &Figures) -> String {
-    let mut text = headline(recording, figures);
-    text.push('\n');
-    for problem in figures.found(Severity::Problem) {
-        let _ = writeln!(text, "  {problem}");
+    let list = |severity| -> String {
+        figures.found(severity).map(|problem| format!("  {problem}\n")).collect()
+    };
+    let headline = headline(recording, figures) + "\n" + &list(Severity::Problem);
+    match list(Severity::Information) {
+        information if information.is_empty() => headline,
+        information => format!("{headline}Good to know\n{information}"),
     }
-    let mut information = figures.found(Severity::Information).peekable();
-    if information.peek().is_some() {
-        text += "Good to know\n";
-    }
-    for problem in information {
-        let _ = writeln!(text, "  {problem}");
-    }
-    text
 }
 
 /// The first line of the verdict.
@@ -486,24 +408,16 @@ pub fn headline(recording: &Recording, figures: &Figures) -> String {
 #[must_use]
 pub fn remote_lines(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
-    let mut text = String::new();
-    let _ = write_remote(&mut text, track);
-    text
-}
-
-fn write_remote(text: &mut String, track: &RemoteTrack) -> std::fmt::Result {
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
-    write!(text, "\nremote {receiver}: {} frames sent, {} of them live", sent.frames, sent.live)?;
-    if let Some(heard) = heard {
+    let heard = heard.as_ref().map_or_else(String::new, |heard| {
         let Counters { frames, damaged, skipped, port_errors, .. } = heard;
-        write!(text, "; {frames} heard, {damaged} damaged, {skipped} bytes skipped, ")?;
-        write!(text, "{port_errors} port errors")?;
-    }
-    writeln!(text)?;
-    for loss in losses {
-        writeln!(text, "{}", sentence(loss))?;
-    }
-    Ok(())
+        format!(
+            "; {frames} heard, {damaged} damaged, {skipped} bytes skipped, {port_errors} port errors"
+        )
+    });
+    let losses: String = losses.iter().map(|loss| sentence(loss) + "\n").collect();
+    let Sent { frames, live, .. } = sent;
+    format!("\nremote {receiver}: {frames} frames sent, {live} of them live{heard}\n{losses}")
 }
 
 /// One loss in words.
@@ -567,20 +481,16 @@ pub fn remote_json(recording: &Recording) -> Value {
 }
 
 fn part_table(recording: &Recording) -> Option<Table> {
-    let row = |part: &PartTrack| {
-        let Counters { frames, damaged, skipped, port_errors, .. } = part.heard;
-        vec![
-            words(part.label),
-            words(format!("UART {}", part.uart)),
-            count(frames),
-            loss(damaged),
-            loss(skipped),
-            loss(port_errors),
-        ]
-    };
-    let rows: Vec<Vec<Entry>> = recording.parts.iter().map(row).collect();
-    let head = vec!["part", "at", "frames", "damaged", "bytes skipped", "port errors"];
-    (!rows.is_empty()).then_some(Table { head, words: 2, rows })
+    let columns: &[Column<&PartTrack>] = &[
+        ("part", |part| words(part.label)),
+        ("at", |part| words(format!("UART {}", part.uart))),
+        ("frames", |part| count(part.heard.frames)),
+        ("damaged", |part| loss(part.heard.damaged)),
+        ("bytes skipped", |part| loss(part.heard.skipped)),
+        ("port errors", |part| loss(part.heard.port_errors)),
+    ];
+    let rows: Vec<_> = recording.parts.iter().collect();
+    (!rows.is_empty()).then(|| Table::new(columns, 2, &[], &rows))
 }
 
 /// The parts on UARTs as JSON.
@@ -723,32 +633,33 @@ fn tracking_json(tracking: &Tracking) -> Value {
     })
 }
 
+/// A value of a signal: a number, or the name of a state.
+fn signal_value(track: &SignalTrack, value: Option<f64>) -> Entry {
+    match value {
+        Some(value) if !track.states.is_empty() => {
+            words(track.states.split(',').nth(value as usize).unwrap_or_default())
+        }
+        value if track.unit.is_empty() => number(value, 2, ""),
+        value => number(value, 2, &format!(" {}", track.unit)),
+    }
+}
+
 fn signal_table(recording: &Recording) -> Option<Table> {
-    let row = |track: &SignalTrack| {
-        let unit = if track.unit.is_empty() { String::new() } else { format!(" {}", track.unit) };
-        let state = |value: f64| track.states.split(',').nth(value as usize).unwrap_or_default();
-        let value = |value: Option<f64>| match value {
-            Some(value) if !track.states.is_empty() => words(state(value)),
-            value => number(value, 2, &unit),
-        };
-        let [lowest, mean, highest] = match track.range {
-            Some(range) => range.map(Some),
-            None => [None; 3],
-        };
-        let absent =
-            (track.absent > Micros::ZERO).then(|| crate::recording::sample::seconds(track.absent));
-        vec![
-            words(track.label),
-            value(track.last),
-            value(lowest),
-            value(mean.filter(|_| track.states.is_empty())),
-            value(highest),
-            number(absent, 3, " s"),
-        ]
-    };
-    let rows: Vec<Vec<Entry>> = recording.signals.iter().map(row).collect();
-    let head = vec!["signal", "at the end", "lowest", "mean", "highest", "without a value"];
-    (!rows.is_empty()).then_some(Table { head, words: 1, rows })
+    let columns: &[Column<&SignalTrack>] = &[
+        ("signal", |track| words(track.label)),
+        ("at the end", |track| signal_value(track, track.last)),
+        ("lowest", |track| signal_value(track, track.range.map(|range| range[0]))),
+        ("mean", |track| {
+            let range = track.range.filter(|_| track.states.is_empty());
+            signal_value(track, range.map(|range| range[1]))
+        }),
+        ("highest", |track| signal_value(track, track.range.map(|range| range[2]))),
+        ("without a value", |track| {
+            number(Some(seconds(track.absent)).filter(|time| *time > 0.0), 3, " s")
+        }),
+    ];
+    let rows: Vec<_> = recording.signals.iter().collect();
+    (!rows.is_empty()).then(|| Table::new(columns, 1, &[], &rows))
 }
 
 /// The signals as JSON.

@@ -16,14 +16,16 @@ use crate::files::write_file;
 use crate::judge::happened::happened;
 use crate::judge::path::{Apart, PathFigures, Paths};
 use crate::recording::problem::{Problem, Severity};
-use crate::recording::remote::RemoteTrack;
-use crate::recording::sample::RemoteSample;
-use crate::recording::sample::Source;
-use crate::recording::sample::{Cell, MotorSample, PathPoint, SAMPLE_PERIOD, seconds};
+use crate::recording::remote::{Loss, RemoteTrack};
+use crate::recording::sample::{
+    Cell, MotorSample, PathPoint, RemoteSample, SAMPLE_PERIOD, Source, is_angle, seconds,
+};
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, Recording};
 use crate::robot::motor::Place;
-use crate::show::figures::{Entry, Figures, Table, grouped, headline, optional, sentence};
+use crate::show::figures::{
+    Figures, Table, drive_name, grouped, headline, number, optional, sentence,
+};
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
@@ -226,23 +228,23 @@ fn remote_section(recording: &Recording) -> String {
     }
     html.push_str("</p>\n");
     if !losses.is_empty() {
-        let at = |time: Option<Micros>| cell(&optional(time.map(seconds), 4, " s"));
-        let rows = losses.iter().map(|loss| {
-            let millis = loss.reaction().map(|time| seconds(time) * 1e3);
+        let at = |time: Option<Micros>| number(time.map(seconds), 4, " s");
+        let row = |loss: &Loss| {
             vec![
-                format!("<td class=\"words\">{:.4} s</td>", seconds(loss.lost.from)),
+                at(Some(loss.lost.from)),
                 at(loss.lost.until),
                 at(loss.last_frame),
                 at(loss.coasting),
-                cell(&optional(millis, 1, " ms")),
+                number(loss.reaction().map(|time| seconds(time) * 1e3), 1, " ms"),
                 at(loss.disarmed),
                 at(loss.back),
                 at(loss.resumed),
             ]
-        });
+        };
         let head = "lost at | until | last good frame | all coast | after that frame | disarmed | \
                     good frames again | resumed";
-        html.push_str(&table_of(head.split(" | "), 1, rows));
+        let (head, rows) = (head.split(" | ").collect(), losses.iter().map(row).collect());
+        html.push_str(&table(&Table { head, words: 1, rows }));
     }
     html.push_str("</section>\n");
     html
@@ -259,44 +261,27 @@ fn signal_section(figures: &Figures, plots: &str) -> String {
 }
 
 fn table(table: &Table) -> String {
-    let row = |row: &Vec<Entry>| {
-        let cells = row.iter().enumerate().map(|(column, entry)| {
+    let mut html = "<div class=\"table\"><table>\n<thead><tr>".to_owned();
+    for (column, title) in table.head.iter().enumerate() {
+        let class = if column < table.words { " class=\"words\"" } else { "" };
+        let _ = write!(html, "<th scope=\"col\"{class}>{title}</th>");
+    }
+    html.push_str("</tr></thead>\n<tbody>\n");
+    for row in &table.rows {
+        html.push_str("<tr>");
+        for (column, entry) in row.iter().enumerate() {
             let class = match (column < table.words, entry.bad) {
                 (true, true) => " class=\"words bad\"",
                 (true, false) => " class=\"words\"",
                 (false, true) => " class=\"bad\"",
                 (false, false) => "",
             };
-            format!("<td{class}>{}</td>", escape(&entry.text))
-        });
-        cells.collect::<Vec<_>>()
-    };
-    table_of(table.head.iter().copied(), table.words, table.rows.iter().map(row))
-}
-
-/// A table whose first `left` columns are words, from HTML cells.
-fn table_of<'h>(
-    head: impl Iterator<Item = &'h str>,
-    left: usize,
-    rows: impl Iterator<Item = Vec<String>>,
-) -> String {
-    let mut html = "<div class=\"table\"><table>\n<thead><tr>".to_owned();
-    for (column, title) in head.enumerate() {
-        let class = if column < left { " class=\"words\"" } else { "" };
-        let _ = write!(html, "<th scope=\"col\"{class}>{title}</th>");
-    }
-    html.push_str("</tr></thead>\n<tbody>\n");
-    for row in rows {
-        html.push_str("<tr>");
-        html.extend(row);
+            let _ = write!(html, "<td{class}>{}</td>", escape(&entry.text));
+        }
         html.push_str("</tr>\n");
     }
     html.push_str("</tbody>\n</table></div>\n");
     html
-}
-
-fn cell(text: &str) -> String {
-    format!("<td>{}</td>", escape(text))
 }
 
 // ---- numbers -----------------------------------------------------------------------------------
@@ -314,17 +299,13 @@ struct Scale {
 impl Scale {
     /// The quantity of the first target; the speed without any target.
     fn of(track: &MotorTrack) -> Self {
-        let kind = track.samples.iter().find(|sample| sample.target.is_some());
-        match kind.map_or(TargetKind::Speed, |sample| sample.kind) {
-            kind @ TargetKind::Angle => Self { kind, noun: "angle", unit: "°", wraps: true },
-            kind @ (TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion) => {
-                Self { kind, noun: "angle", unit: "°", wraps: false }
-            }
-            kind @ TargetKind::SpeedMotion => {
-                Self { kind, noun: "speed", unit: "rpm", wraps: false }
-            }
-            _ => Self { kind: TargetKind::Speed, noun: "speed", unit: "rpm", wraps: false },
-        }
+        let followed = track.samples.iter().find(|sample| sample.target.is_some());
+        let kind = match followed.map_or(TargetKind::Speed, |sample| sample.kind) {
+            kind if is_angle(kind) || kind == TargetKind::SpeedMotion => kind,
+            _ => TargetKind::Speed,
+        };
+        let (noun, unit) = if is_angle(kind) { ("angle", "°") } else { ("speed", "rpm") };
+        Self { kind, noun, unit, wraps: kind == TargetKind::Angle }
     }
 
     /// The measurements since the last sample; empty during targets of another kind.
@@ -343,7 +324,7 @@ impl Scale {
 
 fn periods(count: usize) -> Value {
     let count = u64::try_from(count).unwrap_or(u64::MAX);
-    number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
+    rounded(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
 }
 
 /// The path of the base; empty without one.
@@ -358,19 +339,24 @@ fn stride(recording: &Recording) -> usize {
 }
 
 /// A JSON number of few digits; null if it is not finite.
-fn number(value: f64, digits: i32) -> Value {
+fn rounded(value: f64, digits: i32) -> Value {
     let power = 10_f64.powi(digits);
     // Adding zero turns -0 into 0.
     json!((value * power).round() / power + 0.0)
 }
 
-/// Means of a motor's samples with their ranges. `stride` samples are one.
-fn cells(samples: &[MotorSample], stride: usize, of: impl Fn(&MotorSample) -> Cell) -> Value {
-    ranges(&samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
+/// A curve of a motor's samples: `stride` of them are one point.
+fn cells(
+    name: &str,
+    samples: &[MotorSample],
+    stride: usize,
+    of: impl Fn(&MotorSample) -> Cell,
+) -> Value {
+    curve(name, &samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
 }
 
-/// Means, and the distances of lowest and highest values from them, in hundredths.
-fn ranges(merged: &[Cell]) -> Value {
+/// A curve: means, and the distances of lowest and highest values from them, in hundredths.
+fn curve(name: &str, merged: &[Cell]) -> Value {
     let hundredths = |span: f32| {
         let span = (span * 100.0).round();
         // Whole numbers are short.
@@ -380,6 +366,7 @@ fn ranges(merged: &[Cell]) -> Value {
         "measured": numbers(merged.iter().map(|cell| cell.mean.into()), 2),
         "below": merged.iter().map(|cell| hundredths(cell.mean - cell.min)).collect::<Value>(),
         "above": merged.iter().map(|cell| hundredths(cell.max - cell.mean)).collect::<Value>(),
+        "name": name,
     })
 }
 
@@ -403,7 +390,7 @@ fn joined(cells: impl Iterator<Item = Cell> + Clone) -> Cell {
 }
 
 fn numbers(values: impl Iterator<Item = f64>, digits: i32) -> Value {
-    values.map(|value| number(value, digits)).collect()
+    values.map(|value| rounded(value, digits)).collect()
 }
 
 /// Text that can stand anywhere in HTML.
@@ -455,12 +442,12 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
     let chart = |((word, scale), tracks): ((&str, Scale), Vec<&MotorTrack>)| {
         let series = tracks.iter().map(|track| {
             let targets = track.samples.iter().step_by(stride);
-            let mut series = cells(&track.samples, stride, |sample| scale.measured(sample));
-            series["name"] = split(track.motor.label).1.into();
+            let name = split(track.motor.label).1;
+            let mut curve = cells(name, &track.samples, stride, |sample| scale.measured(sample));
             if recording.source.is_told() {
-                series["target"] = numbers(targets.map(|sample| scale.target(sample)), 2);
+                curve["target"] = numbers(targets.map(|sample| scale.target(sample)), 2);
             }
-            series
+            curve
         });
         let mut body = curves(stride, scale.unit, 1, 2.0, series.collect());
         body["wraps"] = scale.wraps.into();
@@ -502,9 +489,7 @@ fn signal_charts(recording: &Recording) -> Vec<Chart> {
         let series = tracks.iter().map(|track| {
             let chunks = track.samples.chunks(stride);
             let merged = chunks.map(|chunk| joined(chunk.iter().copied().flatten()));
-            let mut series = ranges(&merged.collect::<Vec<_>>());
-            series["name"] = split(track.label).1.into();
-            series
+            curve(split(track.label).1, &merged.collect::<Vec<_>>())
         });
         let title = if let [track] = tracks.as_slice() { track.label } else { word };
         let body = curves(stride, unit, 2, 0.1, series.collect());
@@ -516,12 +501,9 @@ fn signal_charts(recording: &Recording) -> Vec<Chart> {
 fn current_charts(recording: &Recording) -> Vec<Chart> {
     let stride = stride(recording);
     let chart = |bus: &BusTrack| {
-        let tracks =
-            recording.motors.iter().filter(|track| track.motor.on == Place::Bus(bus.number));
-        let series = tracks.map(|track| {
-            let mut series = cells(&track.samples, stride, |sample| sample.current_cell);
-            series["name"] = track.motor.label.into();
-            series
+        let is_on = |track: &&MotorTrack| track.motor.on == Place::Bus(bus.number);
+        let series = recording.motors.iter().filter(is_on).map(|track| {
+            cells(track.motor.label, &track.samples, stride, |sample| sample.current_cell)
         });
         let body = curves(stride, "A", 2, 0.2, series.collect());
         let note = match recording.source {
@@ -572,13 +554,13 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
     let stride = stride(recording);
     let path =
         |of: fn(&PathPoint) -> f64| numbers(path(recording).iter().step_by(stride).map(of), 3);
+    let motor_lanes = recording.motors.iter().map(|track| motor_lane(track, recording.source));
     let data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
         "events": events.iter().map(|(at, label)| json!([seconds(*at), label])).collect::<Value>(),
-        "states": STATES,
-        "lanes": remote_lanes(recording).into_iter().chain(recording.motors.iter().map(|track| lane(track, recording.source)))
-            .collect::<Value>(),
+        "states": STATES.split(' ').collect::<Vec<_>>(),
+        "lanes": remote_lanes(recording).into_iter().chain(motor_lanes).collect::<Value>(),
         "stops": stops(recording),
         "charts": charts.map(|chart| &chart.body).collect::<Vec<_>>(),
         "path": {
@@ -616,61 +598,49 @@ fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
 }
 
 /// States of a motor, a robot, and a remote; `report.css` has a colour for each.
-const STATES: [&str; 13] = [
-    "run",
-    "hold",
-    "brake",
-    "coast",
-    "off",
-    "lost",
-    "unheard",
-    "armed",
-    "suspended",
-    "stopped",
-    "disarmed",
-    "heard",
-    "driven",
-];
+const STATES: &str = "run hold brake coast off lost unheard armed suspended stopped disarmed heard \
+                      driven";
 
-const fn state(sample: &MotorSample) -> u8 {
-    match (sample.link, sample.drive) {
-        (Link::NeverSeen, _) => 6,
-        (Link::Lost, _) => 5,
-        (Link::Online, DriveMode::Off) => 4,
-        (Link::Online, DriveMode::Coast) => 3,
-        (Link::Online, DriveMode::Brake) => 2,
-        (Link::Online, DriveMode::Hold) => 1,
-        (Link::Online, DriveMode::Run) => 0,
+const fn state(sample: &MotorSample) -> &'static str {
+    match sample.link {
+        Link::NeverSeen => "unheard",
+        Link::Lost => "lost",
+        Link::Online => drive_name(sample.drive),
     }
 }
 
-fn lane(track: &MotorTrack, source: Source) -> Value {
+/// A line of states over time.
+fn lane(name: &str, states: impl Iterator<Item = &'static str>) -> Value {
+    let index = |state| STATES.split(' ').position(|known| known == state);
+    json!({ "name": name, "runs": runs(states.map(index)) })
+}
+
+fn motor_lane(track: &MotorTrack, source: Source) -> Value {
     // An emulated chip shows whether a motor is driven, not why; a capture whether it is heard.
-    let seen = |sample| match (state(sample), source) {
-        (0, Source::Emulation) => 12,
-        (0..=4, Source::Capture) => 11,
+    let seen = |sample: &MotorSample| match (state(sample), source) {
+        ("run", Source::Emulation) => "driven",
+        (state @ ("unheard" | "lost"), _) => state,
+        (_, Source::Capture) => "heard",
         (state, _) => state,
     };
-    json!({ "name": track.motor.label, "runs": runs(track.samples.iter().map(seen)) })
+    lane(track.motor.label, track.samples.iter().map(seen))
 }
 
 /// Whether the remote was heard, and whether the robot was armed.
 fn remote_lanes(recording: &Recording) -> Vec<Value> {
     let Some(track) = &recording.remote else { return Vec::new() };
-    let heard = track.samples.iter().map(|sample| if sample.is_live { 11 } else { 5_u8 });
-    let mut lanes = vec![json!({ "name": "remote", "runs": runs(heard) })];
+    let heard = track.samples.iter().map(|sample| if sample.is_live { "heard" } else { "lost" });
     let arm = |sample: &RemoteSample| {
         Some(match sample.arm? {
-            ArmState::Armed => 7_u8,
-            ArmState::Suspended => 8,
-            ArmState::EStopped => 9,
-            ArmState::Disarmed => 10,
+            ArmState::Armed => "armed",
+            ArmState::Suspended => "suspended",
+            ArmState::EStopped => "stopped",
+            ArmState::Disarmed => "disarmed",
         })
     };
-    if let Some(arms) = track.samples.iter().map(arm).collect::<Option<Vec<u8>>>() {
-        lanes.push(json!({ "name": "robot", "runs": runs(arms.into_iter()) }));
-    }
-    lanes
+    let arms = track.samples.iter().map(arm).collect::<Option<Vec<_>>>();
+    let robot = arms.map(|arms| lane("robot", arms.into_iter()));
+    [lane("remote", heard)].into_iter().chain(robot).collect()
 }
 
 /// The times in which no wheel (without a base: no motor) follows its target, in a stop for
@@ -738,7 +708,6 @@ mod tests {
     use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::recording::remote::Loss;
     use crate::recording::{BaseTrack, PartTrack, Tracking};
     use crate::robot::remote::{Lost, Receiver};
     use crate::robot::script::Event;

@@ -18,14 +18,7 @@ pub struct Built {
     /// The base.
     pub chassis: Option<Chassis>,
     /// Changes to motors, by index into `motors`, made when they are plugged in.
-    changes: Vec<(usize, Change)>,
-}
-
-enum Change {
-    Gear(f64),
-    PolePairs(u8),
-    Id(u8),
-    Scale(Scale),
+    changes: Vec<(usize, Mistake)>,
 }
 
 impl Built {
@@ -47,10 +40,6 @@ impl Built {
 
     fn apply(&mut self, mistake: &Mistake, description: &Description) -> Result<()> {
         let find = |name: &str| motor_named(description, name);
-        let mut change = |name: &str, change: Change| -> Result<()> {
-            self.changes.push((find(name)?, change));
-            Ok(())
-        };
         match mistake {
             Mistake::Direction(name) => {
                 let direction = &mut self.motors[find(name)?].direction;
@@ -59,9 +48,9 @@ impl Built {
                     Direction::Reversed => Direction::Forward,
                 };
             }
-            Mistake::Gear(name, ratio) => change(name, Change::Gear(*ratio))?,
-            Mistake::PolePairs(name, pairs) => change(name, Change::PolePairs(*pairs))?,
-            Mistake::Id(name, id) => change(name, Change::Id(*id))?,
+            Mistake::Gear(name, _) | Mistake::PolePairs(name, _) | Mistake::Id(name, _) => {
+                self.changes.push((find(name)?, mistake.clone()));
+            }
             Mistake::Swap(first, second) => {
                 let [first, second] = [find(first)?, find(second)?];
                 ensure!(first != second, "that is one motor");
@@ -83,21 +72,16 @@ impl Built {
                 let mass = chassis.mass * factor;
                 self.chassis = Some(chassis.with_mass(mass));
             }
-            Mistake::Shaft(quantity, name, factor) => {
+            Mistake::Shaft(Quantity::Load, name, factor) => {
                 for at in motors_named(description, name)? {
-                    let scale = match quantity {
-                        Quantity::Inertia => Scale { inertia: *factor, ..Scale::default() },
-                        Quantity::Friction => Scale { friction: *factor, ..Scale::default() },
-                        Quantity::Torque => Scale { torque_constant: *factor, ..Scale::default() },
-                        Quantity::Load => {
-                            let plant = &mut self.motors[at].plant;
-                            plant.load *= factor;
-                            plant.nonlinear.gravity_torque *= factor;
-                            continue;
-                        }
-                    };
-                    self.changes.push((at, Change::Scale(scale)));
+                    let plant = &mut self.motors[at].plant;
+                    plant.load *= factor;
+                    plant.nonlinear.gravity_torque *= factor;
                 }
+            }
+            Mistake::Shaft(_, name, _) => {
+                let all = motors_named(description, name)?.into_iter();
+                self.changes.extend(all.map(|at| (at, mistake.clone())));
             }
             Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
                 let chassis =
@@ -120,7 +104,7 @@ impl Built {
         let model = motor.name().model;
         for (_, change) in self.changes.iter().filter(|(at, _)| *at == index) {
             match change {
-                Change::Gear(ratio) => {
+                Mistake::Gear(_, ratio) => {
                     // The others count at their output shaft, by a gear of their own.
                     let counts_rotor = matches!(motor.device, Device::Dji(_))
                         || twin.with(|_: &mut Vesc| ()).is_some()
@@ -129,14 +113,25 @@ impl Built {
                     ensure!(counts_rotor, "no gear of a {model} stands in a robot's table");
                     twin.set_gear(*ratio);
                 }
-                Change::PolePairs(pairs) => twin
+                Mistake::PolePairs(_, pairs) => twin
                     .with(|vesc: &mut Vesc| vesc.set_pole_pairs(*pairs))
                     .with_context(|| format!("no pole pairs of a {model} stand in the table"))?,
-                Change::Scale(by) => twin.set_plant(twin.plant().scaled(*by)),
-                Change::Id(id) => ensure!(
+                Mistake::Shaft(quantity, _, factor) => {
+                    let mut scale = Scale::default();
+                    match quantity {
+                        Quantity::Inertia => scale.inertia = *factor,
+                        Quantity::Friction => scale.friction = *factor,
+                        Quantity::Torque => scale.torque_constant = *factor,
+                        Quantity::Load => {}
+                    }
+                    twin.set_plant(twin.plant().scaled(scale));
+                }
+                Mistake::Id(_, id) => ensure!(
                     twin.set_id(*id),
                     "a simulated {model} cannot be set to the identifier {id}"
                 ),
+                // Made before.
+                _ => {}
             }
         }
         Ok(())

@@ -33,6 +33,7 @@ use crate::world::ports::Ports;
 const LOG_LINE: u64 = 47;
 
 /// A robot that is set up and has not begun: its description, its buses with motors, and its tasks.
+#[derive(Default)]
 pub struct Robot<'r> {
     description: Description,
     buses: Vec<MotorBus<'r>>,
@@ -61,30 +62,8 @@ fn boxed<'r, T>(name: TaskName, task: impl Future<Output = T> + 'r) -> Task<'r> 
 impl<'r> Robot<'r> {
     /// Creates a robot without buses and tasks.
     #[must_use]
-    pub const fn new(description: Description) -> Self {
-        let ports = Ports {
-            buses: Vec::new(),
-            lines: Vec::new(),
-            switch: None,
-            whole: None,
-            reception: None,
-            parts: Vec::new(),
-            signals: Vec::new(),
-            parameters: Vec::new(),
-            yaw: None,
-        };
-        Self {
-            description,
-            buses: Vec::new(),
-            lines: Vec::new(),
-            ports,
-            tasks: Vec::new(),
-            listen: None,
-            serials: Vec::new(),
-            contacts: None,
-            console: None,
-            is_forced: false,
-        }
+    pub fn new(description: Description) -> Self {
+        Self { description, ..Self::default() }
     }
 
     /// Creates a robot with the buses, lines and arm switch of its declaration, a console for a PC
@@ -441,20 +420,21 @@ impl<'r> Robot<'r> {
 
     /// Checks the motors on buses and lines against the description, whose names the figures have.
     fn check(&self) -> Result<()> {
-        let (buses, described) = (self.buses.len(), self.description.buses);
-        ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
-        let (lines, described) = (self.lines.len(), self.description.lines.len());
-        ensure!(lines == described, "{lines} lines, but {described} described");
+        let Description { buses, lines, serials, contacts, .. } = &self.description;
+        let read = self.contacts.as_ref().map_or(0, |(count, _)| *count);
+        for (is, described, what) in [
+            (self.buses.len(), usize::from(*buses), "buses"),
+            (self.lines.len(), lines.len(), "lines"),
+            (self.serials.len(), serials.len(), "parts on UARTs"),
+            (read, contacts.len(), "contacts are read"),
+        ] {
+            ensure!(is == described, "{is} {what}, but {described} described");
+        }
         match (&self.description.remote, &self.listen) {
             (None, Some(_)) => bail!("it listens to a remote, but none is described"),
             (Some(_), None) => bail!("a remote is described, but it listens to none"),
             _ => (),
         }
-        let (serials, described) = (self.serials.len(), self.description.serials.len());
-        ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
-        let read = self.contacts.as_ref().map_or(0, |(count, _)| *count);
-        let described = self.description.contacts.len();
-        ensure!(read == described, "{read} contacts are read, but {described} described");
         let signals = &self.ports.signals;
         for (index, Signal { label, .. }) in signals.iter().enumerate() {
             let is_new = signals[..index].iter().all(|other| other.label != *label);

@@ -48,8 +48,7 @@ pub struct EmuArgs {
     #[arg(long, value_name = "MHZ", value_parser = board::crystal)]
     pub crystal: Option<u64>,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its fields say it")]
-    pub injected: Injected,
+    pub(crate) injected: Injected,
     /// Folder for report.html, the bus logs and what the chip's UARTs said
     #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
     pub out: PathBuf,
@@ -96,10 +95,9 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let named = || path.display().to_string();
     let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
     make_folder(&args.out)?;
-    let record = match &args.record {
-        Some(path) => Some(RecordWriter::new(path, args.force, &emulation.heading())?),
-        None => None,
-    };
+    let record = args.record.as_ref();
+    let record =
+        record.map(|path| RecordWriter::new(path, args.force, &emulation.heading())).transpose()?;
     let (mut emulation, mut recording) =
         emulation.record_into(args.seconds, record).with_context(named)?;
     let took = started.elapsed();
@@ -119,7 +117,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     if args.json {
         writeln!(out, "{:#}", outcome.to_json())?;
     } else {
-        out.write_all(outcome.text(took).as_bytes())?;
+        outcome.write(out, took)?;
         print_files(&recording, &args.out, out)?;
         for text in &texts {
             writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;

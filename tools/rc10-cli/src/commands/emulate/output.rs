@@ -1,7 +1,6 @@
 //! The figures of a run on the emulated chip: text for people, JSON for programs.
 
-use std::fmt;
-use std::fmt::Write as _;
+use std::io::{self, Write};
 use std::time::Duration;
 
 use rc10_emu::fault::Fault;
@@ -152,15 +151,8 @@ impl<'a> Outcome<'a> {
         })
     }
 
-    /// The figures as text; `took` is how long the run took on this machine.
-    pub(super) fn text(&self, took: Duration) -> String {
-        let mut text = String::new();
-        // Writing to a string does not fail.
-        let _ = self.write(&mut text, took);
-        text
-    }
-
-    fn write(&self, text: &mut String, took: Duration) -> fmt::Result {
+    /// Writes the figures as text; `took` is how long the run took on this machine.
+    pub(super) fn write(&self, text: &mut dyn Write, took: Duration) -> io::Result<()> {
         for (at, line) in self.timeline() {
             writeln!(text, "{:>10.3} ms  {line}", micros(at) * 1e-3)?;
         }
@@ -185,7 +177,7 @@ impl<'a> Outcome<'a> {
         self.write_functions(text)
     }
 
-    fn write_buses(&self, text: &mut String) -> fmt::Result {
+    fn write_buses(&self, text: &mut dyn Write) -> io::Result<()> {
         writeln!(
             text,
             "{:<5} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>8} {:>8}  tick period us, min / mean / max",
@@ -208,7 +200,7 @@ impl<'a> Outcome<'a> {
         Ok(())
     }
 
-    fn write_figures(&self, text: &mut String) -> fmt::Result {
+    fn write_figures(&self, text: &mut dyn Write) -> io::Result<()> {
         let figures = &self.figures;
         let image = self.rig.machine.image();
         match figures.boot.map(micros) {
@@ -246,7 +238,7 @@ impl<'a> Outcome<'a> {
         instructions as f64 * 100.0 / self.figures.instructions.max(1) as f64
     }
 
-    fn write_exceptions(&self, text: &mut String) -> fmt::Result {
+    fn write_exceptions(&self, text: &mut dyn Write) -> io::Result<()> {
         writeln!(text, "{:>12} {:>6} {:>10}  exception", "instructions", "%", "entries")?;
         for cost in self.rig.machine.profile().by_exception() {
             let ExceptionCost { exception, entries, instructions, .. } = cost;
@@ -268,7 +260,7 @@ impl<'a> Outcome<'a> {
         machine.image().function_at(address).map_or("?", |(_, name)| name)
     }
 
-    fn write_functions(&self, text: &mut String) -> fmt::Result {
+    fn write_functions(&self, text: &mut dyn Write) -> io::Result<()> {
         writeln!(text, "\n{:>12} {:>6}  function", "instructions", "%")?;
         let machine = &self.rig.machine;
         let functions = machine.profile().by_function(machine.image());

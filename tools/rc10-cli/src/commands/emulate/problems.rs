@@ -7,7 +7,7 @@ use rc10_emu::{Figures, LogLine, Machine, Restart, Rig};
 
 use crate::recording::Recording;
 use crate::recording::excuse::is_excused;
-use crate::recording::problem::{About, Problem};
+use crate::recording::problem::{About, Problem, counted};
 use crate::robot::description::Description;
 use crate::robot::motor::Place;
 use crate::run::board;
@@ -95,20 +95,14 @@ pub(super) fn search(
             Problem::new(about, "not-read", text)
         });
     }
-    let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
     for (number, part) in (1..).zip(&description.lines) {
-        let garbled = rig.machine.garbled(part.uart);
-        if garbled > 0 {
-            let text = format!("{garbled} bytes of another baud rate or format");
-            problem(About::Line(number), "garbled", text);
-        }
-        if recording
-            .lines
-            .get(usize::from(number) - 1)
-            .is_some_and(|line| line.traffic.exchanges + line.traffic.timeouts == 0)
-        {
+        let (about, garbled) = (About::Line(number), rig.machine.garbled(part.uart));
+        let what = "bytes of another baud rate or format";
+        found.extend(counted(about, [(garbled, "garbled", what)]));
+        let line = recording.lines.get(usize::from(number) - 1);
+        if line.is_some_and(|line| line.traffic.exchanges + line.traffic.timeouts == 0) {
             let text = format!("no command from UART {}: is its driver enabled?", part.uart);
-            problem(About::Line(number), "silent", text);
+            found.push(Problem::new(about, "silent", text));
         }
     }
     for (number, bus) in (1..).zip(&figures.buses) {
@@ -117,12 +111,10 @@ pub(super) fn search(
             .faults
             .iter()
             .any(|fault| is_excused(&recording.faults, Place::Bus(number), fault.from.micros()));
-        for (count, kind, what) in
-            [(bus.lost, "rx-lost", "received frames lost"), (bus.bus_offs, "bus-off", "× bus-off")]
-        {
-            if count > 0 && !excused {
-                problem(About::Bus(number), kind, format!("{count} {what}"));
-            }
+        if !excused {
+            let lost = (bus.lost, "rx-lost", "received frames lost");
+            let offs = (bus.bus_offs, "bus-off", "× bus-off");
+            found.extend(counted(About::Bus(number), [lost, offs]));
         }
     }
 }

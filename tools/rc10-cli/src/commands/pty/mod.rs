@@ -14,8 +14,6 @@ mod args;
 #[cfg(unix)]
 pub(crate) mod console;
 #[cfg(unix)]
-pub(crate) mod scene;
-#[cfg(unix)]
 pub(crate) mod terminal;
 #[cfg(unix)]
 pub(crate) mod unix;
@@ -35,11 +33,7 @@ pub use crate::commands::pty::unix::serve;
 /// Runs until its time is over or Ctrl-C; fails as `serve` does.
 #[cfg(unix)]
 pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    let stop = std::sync::Arc::default();
-    for signal in [SIGHUP, SIGINT, SIGTERM] {
-        signal_hook::flag::register(signal, std::sync::Arc::clone(&stop))?;
-    }
+    let stop = crate::live::session::stop()?;
     if args.console {
         let place = SourceArgs {
             sim: args.emu.is_none(),

@@ -4,13 +4,14 @@ use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use rc10_can::Micros;
+use rc10_sim::Tasks;
 
-use crate::commands::pty::scene::Scene;
 use crate::commands::pty::terminal::Terminal;
 use crate::commands::pty::{PtyArgs, STEP};
 use crate::formats::slcan::adapter::{Adapter, Counts, Flow};
+use crate::world::environment::Environment;
 use crate::world::robot::Robot;
 
 /// Limit of unread bytes, 0.25 s of a full bus: then frames are lost, or lockstep waits.
@@ -35,11 +36,19 @@ pub fn serve(
     out: &mut dyn Write,
     stop: &AtomicBool,
 ) -> Result<()> {
-    let number = args.bus.unwrap_or_default();
+    let mut robot = robot;
+    if !args.alone {
+        robot.fit(args.force)?;
+    }
+    let number = args.bus.context("--bus says which")?;
     let on_bus = robot.description().on_bus(number).count();
-    let scene = Scene::new(args, robot)?;
+    let around = Environment::new(robot.description(), args.seed)?;
+    let buses = around.wires.len();
+    let bus = usize::from(number).checked_sub(1).filter(|&bus| bus < buses);
+    let bus = bus.with_context(|| format!("--bus {number}: the robot has buses 1 to {buses}"))?;
+    let tasks = if args.alone { Tasks::new() } else { robot.tasks(&around)? };
     let flow = if args.lockstep { Flow::Lossless } else { Flow::Lossy(ROOM) };
-    let adapter = Adapter::new(scene.wire().clone(), flow, args.alone);
+    let adapter = Adapter::new(around.wires[bus].clone(), flow, args.alone);
     let terminal = Terminal::new(args.link.as_deref())?;
     let path = terminal.path().display();
     writeln!(out, "pty {path}")?;
@@ -53,7 +62,7 @@ pub fn serve(
     )?;
     // A program that waits for the path shall not wait for the end.
     out.flush()?;
-    let mut session = Session { scene, adapter, terminal, complained: 0 };
+    let mut session = Session { around, tasks, bus, adapter, terminal, complained: 0 };
     let end = args.seconds.unwrap_or(Micros::new(u64::MAX));
     let behind = if args.lockstep {
         session.lockstep(end, stop)?;
@@ -62,13 +71,16 @@ pub fn serve(
         session.real_time(end, stop)?
     };
     session.let_read()?;
-    let now = session.scene.now();
+    let now = session.now();
     write!(out, "{}", summary(&session.adapter.counts(), now, behind))?;
     Ok(())
 }
 
 struct Session<'r> {
-    scene: Scene<'r>,
+    around: Environment,
+    tasks: Tasks<'r>,
+    /// The client's bus, 0 for the first.
+    bus: usize,
     adapter: Adapter,
     terminal: Terminal,
     /// Wrong bit rates that were reported.
@@ -76,16 +88,27 @@ struct Session<'r> {
 }
 
 impl Session<'_> {
+    fn now(&self) -> Micros {
+        self.around.world.now()
+    }
+
+    fn run(&mut self, until: Micros) {
+        self.around.run(&mut self.tasks, until);
+        // The traces of the other buses are not read.
+        let others = self.around.wires.iter().enumerate().filter(|(bus, _)| *bus != self.bus);
+        others.for_each(|(_, wire)| drop(wire.take_trace()));
+    }
+
     /// Runs in real time; returns the delay of the virtual time behind the clock at the end.
     fn real_time(&mut self, end: Micros, stop: &AtomicBool) -> Result<Micros> {
         let mut buffer = [0; 4096];
         let mut behind = Micros::ZERO;
         let start = Instant::now();
-        while self.scene.now() < end && !stop.load(Ordering::Relaxed) {
+        while self.now() < end && !stop.load(Ordering::Relaxed) {
             let clock = Micros::new(start.elapsed().as_micros() as u64);
-            let late = clock.since(behind).since(self.scene.now());
+            let late = clock.since(behind).since(self.now());
             behind += late.since(FURTHEST_BEHIND);
-            self.scene.run(clock.since(behind).min(end));
+            self.run(clock.since(behind).min(end));
             self.adapter.hear();
             self.terminal.write(self.adapter.out())?;
             self.terminal.wait(true, false, PACE)?;
@@ -99,7 +122,7 @@ impl Session<'_> {
 
     fn lockstep(&mut self, end: Micros, stop: &AtomicBool) -> Result<()> {
         let mut buffer = [0; 4096];
-        while self.scene.now() < end && !stop.load(Ordering::Relaxed) {
+        while self.now() < end && !stop.load(Ordering::Relaxed) {
             let unread = self.adapter.out().len();
             let has_room = unread < ROOM;
             self.terminal.wait(has_room, unread > 0, PATIENCE)?;
@@ -108,8 +131,8 @@ impl Session<'_> {
                 continue;
             }
             for command in self.adapter.take(self.terminal.read(&mut buffer)?) {
-                if self.adapter.answer(command) && self.scene.now() < end {
-                    self.scene.run((self.scene.now() + STEP).min(end));
+                if self.adapter.answer(command) && self.now() < end {
+                    self.run((self.now() + STEP).min(end));
                     self.adapter.hear();
                 }
             }

@@ -53,12 +53,9 @@ pub struct Node {
 
 impl From<&Motor> for Node {
     fn from(motor: &Motor) -> Self {
-        Self {
-            label: motor.label.to_owned(),
-            comment: motor.name().to_string(),
-            messages: motor.messages(),
-            not_in_dbc: motor.not_in_dbc(),
-        }
+        let (label, comment) = (motor.label.to_owned(), motor.name().to_string());
+        let (messages, not_in_dbc) = motor.frames();
+        Self { label, comment, messages, not_in_dbc }
     }
 }
 

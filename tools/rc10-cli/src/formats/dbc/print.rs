@@ -99,29 +99,26 @@ impl Dbc {
 
     /// The whole names of those that were cut.
     fn long_names(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let is_cut = |name: &Name| name.short != name.long;
-        let nodes: Vec<_> = self.nodes.iter().filter(|(name, _)| is_cut(name)).collect();
-        let frames: Vec<_> = self.frames.iter().filter(|frame| is_cut(&frame.name)).collect();
-        let signals: Vec<_> = self.signals().filter(|(_, signal)| is_cut(&signal.name)).collect();
-        for (any, object, attribute) in [
-            (!nodes.is_empty(), "BU_", "SystemNodeLongSymbol"),
-            (!frames.is_empty(), "BO_", "SystemMessageLongSymbol"),
-            (!signals.is_empty(), "SG_", "SystemSignalLongSymbol"),
-        ] {
-            if any {
-                writeln!(f, "BA_DEF_ {object}  \"{attribute}\" STRING ;")?;
-                writeln!(f, "BA_DEF_DEF_  \"{attribute}\" \"\";")?;
-            }
+        let cut = |Name { short, long }: &Name, whose: String| {
+            (short != long).then(|| format!("{whose} \"{long}\""))
+        };
+        let nodes = self.nodes.iter().filter_map(|(name, _)| cut(name, name.short.clone()));
+        let frames = self.frames.iter();
+        let frames = frames.filter_map(|frame| cut(&frame.name, number(frame.id).to_string()));
+        let signals = self
+            .signals()
+            .filter_map(|(id, NamedSignal { name, .. })| cut(name, format!("{id} {}", name.short)));
+        let all: [(&str, &str, Vec<String>); 3] = [
+            ("BU_", "SystemNodeLongSymbol", nodes.collect()),
+            ("BO_", "SystemMessageLongSymbol", frames.collect()),
+            ("SG_", "SystemSignalLongSymbol", signals.collect()),
+        ];
+        for (object, attribute, _) in all.iter().filter(|(.., names)| !names.is_empty()) {
+            writeln!(f, "BA_DEF_ {object}  \"{attribute}\" STRING ;")?;
+            writeln!(f, "BA_DEF_DEF_  \"{attribute}\" \"\";")?;
         }
-        for (Name { short, long }, _) in nodes {
-            writeln!(f, "BA_ \"SystemNodeLongSymbol\" BU_ {short} \"{long}\";")?;
-        }
-        for Frame { name, id, .. } in frames {
-            let id = number(*id);
-            writeln!(f, "BA_ \"SystemMessageLongSymbol\" BO_ {id} \"{}\";", name.long)?;
-        }
-        for (id, NamedSignal { name: Name { short, long }, .. }) in signals {
-            writeln!(f, "BA_ \"SystemSignalLongSymbol\" SG_ {id} {short} \"{long}\";")?;
+        for (object, attribute, names) in &all {
+            names.iter().try_for_each(|it| writeln!(f, "BA_ \"{attribute}\" {object} {it};"))?;
         }
         Ok(())
     }

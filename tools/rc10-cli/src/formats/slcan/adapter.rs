@@ -6,9 +6,9 @@ use rc10_sim::{Bus, Nanos, TraceEntry};
 use crate::formats::slcan::{BELL, DONE, Lines, Malformed, SlcanCommand, write_frame};
 
 /// `V`: hardware 01, software 01.
-const VERSION: &[u8] = b"V0101\r";
+const VERSION: &[u8] = b"V0101";
 /// `N`.
-const SERIAL_NUMBER: &[u8] = b"NRC10\r";
+const SERIAL_NUMBER: &[u8] = b"NRC10";
 /// `S8`: 1 Mbit/s, the rate of every simulated bus.
 const BUS_BIT_RATE: u8 = 8;
 /// Status flag of Lawicel's manual: transmit queue full.
@@ -108,51 +108,49 @@ impl Adapter {
     /// Executes a command. Returns whether the client has let time pass with it (lockstep): by a
     /// frame, or by an empty line while the channel is open.
     pub fn answer(&mut self, command: Result<SlcanCommand, Malformed>) -> bool {
-        let Ok(command) = command else {
-            self.counts.malformed += 1;
-            self.out.push(BELL);
-            return false;
+        let is_done = match command {
+            Ok(command) => self.execute(command),
+            Err(Malformed) => {
+                self.counts.malformed += 1;
+                false
+            }
         };
+        self.out.push(if is_done { DONE } else { BELL });
         match command {
-            SlcanCommand::Nothing => {
-                self.out.push(DONE);
-                return self.channel != Channel::Closed;
-            }
+            Ok(SlcanCommand::Nothing) => self.channel != Channel::Closed,
+            Ok(SlcanCommand::Send(_)) => is_done,
+            _ => false,
+        }
+    }
+
+    /// Executes a command, and writes what stands before the end of its answer; `false`: refused.
+    fn execute(&mut self, command: SlcanCommand) -> bool {
+        match command {
+            SlcanCommand::Nothing => {}
             SlcanCommand::Send(frame) => return self.send(frame),
-            SlcanCommand::Open => self.open(Channel::Open),
-            SlcanCommand::Listen => self.open(Channel::Listening),
-            SlcanCommand::Close => {
-                self.channel = Channel::Closed;
-                self.plug();
-                self.out.push(DONE);
-            }
-            SlcanCommand::BitRate(rate) => {
-                self.bit_rate = rate;
-                self.out.push(DONE);
-            }
+            SlcanCommand::Open => return self.switch(Channel::Open),
+            SlcanCommand::Listen => return self.switch(Channel::Listening),
+            SlcanCommand::Close => return self.switch(Channel::Closed),
+            SlcanCommand::BitRate(rate) => self.bit_rate = rate,
             SlcanCommand::Version => self.out.extend(VERSION),
             SlcanCommand::SerialNumber => self.out.extend(SERIAL_NUMBER),
             SlcanCommand::Status => {
                 let flags = std::mem::take(&mut self.status);
-                self.out.extend(format!("F{flags:02X}\r").into_bytes());
+                self.out.extend(format!("F{flags:02X}").into_bytes());
             }
-            SlcanCommand::Times(times) => {
-                self.times = times;
-                self.out.push(DONE);
-            }
+            SlcanCommand::Times(times) => self.times = times,
         }
-        false
+        true
     }
 
-    fn open(&mut self, channel: Channel) {
-        if self.bit_rate != BUS_BIT_RATE {
+    fn switch(&mut self, channel: Channel) -> bool {
+        if channel != Channel::Closed && self.bit_rate != BUS_BIT_RATE {
             self.counts.wrong_bit_rate += 1;
-            self.out.push(BELL);
-            return;
+            return false;
         }
         self.channel = channel;
         self.plug();
-        self.out.push(DONE);
+        true
     }
 
     fn plug(&self) {
@@ -162,21 +160,19 @@ impl Adapter {
     }
 
     fn send(&mut self, frame: CanFrame) -> bool {
-        let taken = if self.channel != Channel::Open {
+        if self.channel != Channel::Open {
             self.counts.not_open += 1;
-            false
-        } else if self.waiting.len() >= TRANSMIT_QUEUE {
+            return false;
+        }
+        if self.waiting.len() >= TRANSMIT_QUEUE {
             self.counts.queue_full += 1;
             self.status |= TRANSMIT_FULL;
-            false
-        } else {
-            self.wire.inject(&frame);
-            self.waiting.push_back(frame);
-            self.counts.from_client += 1;
-            true
-        };
-        self.out.push(if taken { DONE } else { BELL });
-        taken
+            return false;
+        }
+        self.wire.inject(&frame);
+        self.waiting.push_back(frame);
+        self.counts.from_client += 1;
+        true
     }
 
     /// Takes the wire's frames since the last call.

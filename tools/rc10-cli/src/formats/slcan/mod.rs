@@ -128,24 +128,21 @@ fn hex(digits: &[u8]) -> Option<u32> {
 /// Writes a frame as a line with its end, and with the time `millis` if given.
 pub fn write_frame(out: &mut Vec<u8>, frame: &CanFrame, millis: Option<u16>) {
     let letter = match (frame.is_extended_id(), frame.is_remote()) {
-        (false, false) => b't',
-        (true, false) => b'T',
-        (false, true) => b'r',
-        (true, true) => b'R',
+        (false, false) => 't',
+        (true, false) => 'T',
+        (false, true) => 'r',
+        (true, true) => 'R',
     };
-    out.push(letter);
-    write_hex(out, frame.raw_id(), if frame.is_extended_id() { 8 } else { 3 });
-    write_hex(out, frame.len() as u32, 1);
-    frame.bytes().iter().for_each(|&byte| write_hex(out, byte.into(), 2));
-    if let Some(millis) = millis {
-        write_hex(out, millis.into(), 4);
+    let (id, digits) = (frame.raw_id(), if frame.is_extended_id() { 8 } else { 3 });
+    let mut line = format!("{letter}{id:0digits$X}{:X}", frame.len());
+    for byte in frame.bytes() {
+        line += &format!("{byte:02X}");
     }
+    if let Some(millis) = millis {
+        line += &format!("{millis:04X}");
+    }
+    out.extend(line.into_bytes());
     out.push(DONE);
-}
-
-fn write_hex(out: &mut Vec<u8>, value: u32, digits: u32) {
-    const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
-    out.extend((0..digits).rev().map(|place| DIGITS[(value >> (4 * place) & 15) as usize]));
 }
 
 /// Cuts a stream of bytes into lines.
