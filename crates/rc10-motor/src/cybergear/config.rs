@@ -182,12 +182,6 @@ impl Config {
         Self { model: *model, address, direction, cascade }
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// The position range in rad, up to 15: a CyberGear has 12.5 or 4π, RS00 before 0.0.2.6 12.5.
     pub const fn with_position_range(mut self, range: f32) -> Self {
         self.model.limits.position = range;
@@ -195,9 +189,8 @@ impl Config {
     }
 
     /// With gains of your own, efforts in N m.
-    pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
-        self.cascade = cascade;
-        self
+    pub const fn with_cascade(self, cascade: Cascade) -> Self {
+        Self { cascade, ..self }
     }
 
     /// Model and identifier.
@@ -205,12 +198,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.address.motor as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        self.name().blamed(self.check())
-    }
-
-    const fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         let Address { motor, host } = self.address;
         let is_good = motor >= 1 && motor <= 127;
         ok!(ConfigError::check(is_good, "motor", motor as f32, "1 to 127"));

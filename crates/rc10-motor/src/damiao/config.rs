@@ -145,16 +145,9 @@ impl Config {
         Self { model, can_id, master_id, control, direction, verify }
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// Whether its [registers are verified](Self::verify).
-    pub const fn verify_limits(mut self, verify: bool) -> Self {
-        self.verify = verify;
-        self
+    pub const fn verify_limits(self, verify: bool) -> Self {
+        Self { verify, ..self }
     }
 
     /// Model and identifier.
@@ -162,12 +155,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.can_id }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        self.name().blamed(self.check())
-    }
-
-    const fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         let Self { can_id, master_id, ref model, ref control, .. } = *self;
         let is_good = DeviceId::new(can_id).is_some() && can_id & 0xFF != REGISTERS & 0xFF;
         let must_be = "at most 0x4FE, its low byte not 0xFF";
