@@ -365,7 +365,6 @@ impl Device for Axis {
 }
 
 /// D6374, 150 rpm/V, behind an 8 : 1 belt, 24 V, no load on the shaft.
-#[must_use]
 pub const fn d6374_8to1() -> Plant {
     Plant {
         // Vendor's motor guide: 150 rpm/V, so 8.27/150 N·m/A; 39 mΩ between phases. Inertia,

@@ -22,6 +22,7 @@ const CHIP: [u8; 7] = *b"RC10CYB";
 const LOOPS: f64 = 2.0;
 
 /// A simulated CyberGear or RobStride.
+#[must_use]
 pub struct CyberGear {
     model: Model,
     beyond: Beyond,
@@ -58,7 +59,6 @@ pub struct CyberGear {
 
 impl CyberGear {
     /// A model with an identifier, as it is sold otherwise.
-    #[must_use]
     pub const fn new(model: &Model, id: u8) -> Self {
         let [a, b, c, d, e, f, g] = CHIP;
         Self {
@@ -89,7 +89,6 @@ impl CyberGear {
     }
 
     /// The same with another behaviour beyond its range: no source tells.
-    #[must_use]
     pub const fn with_end(mut self, beyond: Beyond) -> Self {
         self.beyond = beyond;
         self
