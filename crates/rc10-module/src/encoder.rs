@@ -158,7 +158,6 @@ impl IncrementalEncoder {
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         let speed = config.max_speed.get();
         let is_good = (2..=1 << 32).contains(&config.modulus);
-        #[expect(clippy::cast_precision_loss, reason = "for a person")]
         ConfigError::check(is_good, "modulus", config.modulus as f32, "2 to 2^32")?;
         let is_good = speed.is_finite() && speed > 0.0;
         ConfigError::check(is_good, "max_speed", speed, "finite and positive")?;

@@ -270,7 +270,6 @@ impl RangedShaft {
     /// Microdegrees at a speed since the shaft was measured last.
     fn travelled(&self, rpm: f32, at: Micros) -> i64 {
         let micros = at.since(self.shaft.at()).get();
-        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
         return (rpm * PER_RPM_MICRO * micros as f32) as i64;
     }
@@ -481,7 +480,7 @@ mod tests {
     /// An angle as a field shows it, in rad: stopping at its end, or starting over.
     fn field(rad: f64, starts_over: bool) -> u16 {
         let rad = if starts_over { (rad + 12.5).rem_euclid(25.0) - 12.5 } else { rad };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         return ((rad + 12.5) * (65_535.0 / 25.0)).round() as u16;
     }
 

@@ -172,11 +172,7 @@ impl Dji {
         })
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "float casts saturate, as the ESC's own numbers do"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, as the ESC's own numbers do")]
     fn feedback(&self, shaft: &Shaft) -> CanFrame {
         let angle = ((shaft.rotor_angle() * 8192.0) as u16).min(8191);
         let rpm = shaft.rotor_rpm().round() as i16;
@@ -212,13 +208,7 @@ impl Device for Dji {
         self.rate.period()
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        _shaft: &Shaft,
-        _now: Micros,
-        _out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, _: &Shaft, _: Micros, _: &mut Outbox) -> Taken {
         if frame.is_remote() || frame.id() != self.command_id {
             return Taken::NotMine;
         }

@@ -160,11 +160,7 @@ impl Drive {
         self.settings.full_scale / MOST_STEPS as f64
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "float casts saturate, as the drive's own numbers do"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, as the drive's own numbers do")]
     fn state(&self, shaft: &Shaft) -> State {
         let counts = f64::from(1_u32 << self.settings.encoder_bits);
         State {

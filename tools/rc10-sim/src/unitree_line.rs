@@ -101,10 +101,7 @@ impl Command {
 impl Answer {
     /// The 16 bytes of an answer; what a field cannot hold is held at its end.
     #[must_use]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "float casts saturate, as the motor's own numbers do"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, as the motor's own numbers do")]
     pub fn write(&self) -> [u8; ANSWER] {
         let torque = (self.torque * 256.0).round() as i16;
         let speed = (self.speed / TAU * 256.0).round() as i16;

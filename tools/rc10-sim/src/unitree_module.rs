@@ -255,13 +255,7 @@ impl Device for UnitreeMotor {
         *self = Self { calibrations, ..Self::new(self.module.clone(), self.number) };
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        _shaft: &Shaft,
-        now: Micros,
-        _out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, _: &Shaft, now: Micros, _: &mut Outbox) -> Taken {
         let command = match Command::unpack(frame) {
             Ok(Some(command)) => command,
             Ok(None) => return Taken::NotMine,

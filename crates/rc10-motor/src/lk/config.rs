@@ -97,8 +97,7 @@ impl Model {
         if u32::from(motion.encoder) >= counts {
             return Err(FrameError::Encoder);
         }
-        #[expect(clippy::cast_precision_loss, reason = "a power of two")]
-        return Ok(Degrees::new(f32::from(motion.encoder) * (360.0 / counts as f32)));
+        Ok(Degrees::new(f32::from(motion.encoder) * (360.0 / counts as f32)))
     }
 }
 

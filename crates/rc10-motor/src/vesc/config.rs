@@ -232,7 +232,6 @@ impl Config {
         MotorName { model: "VESC", id: self.id as u16 }
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "for a message")]
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.vesc_id());
         ok!(self.status.check(self.encoder_on_shaft));

@@ -271,13 +271,7 @@ impl Device for Vesc {
         Micros::new(1_000_000 / u64::from(fastest))
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        _shaft: &Shaft,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, _: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         let order = match Order::parse(frame, self.config.id) {
             _ if self.is_off => return Taken::NotMine,
             Ok(order) => order,
