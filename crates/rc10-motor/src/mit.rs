@@ -34,16 +34,6 @@ pub struct Setpoint {
 impl Setpoint {
     /// No torque: all zero.
     pub const COAST: Self = Self { position: 0.0, velocity: 0.0, kp: 0.0, kd: 0.0, torque: 0.0 };
-
-    /// `Ok` if every number is finite. Packing takes any: it limits, and sends zero for NaN, which
-    /// for an angle with stiffness is a place to go to. Check before.
-    ///
-    /// # Errors
-    /// [`ConfigError`] with the first field that is not finite.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        let Self { position, velocity, kp, kd, torque } = *self;
-        check([position, velocity, torque, kp, kd], -f32::MAX, f32::MAX, "finite")
-    }
 }
 
 /// Physical values at the ends of number fields: settings of the device, which wrong scale all.
@@ -82,9 +72,16 @@ impl Limits {
     /// # Errors
     /// [`ConfigError`] with the first that is not above zero, or above a million.
     pub const fn validate(&self) -> Result<(), ConfigError> {
+        const FIELDS: [&str; 5] = ["position", "velocity", "torque", "kp", "kd"];
         let Self { position, velocity, torque, kp, kd } = *self;
-        let must_be = "above 0, and at most a million";
-        check([position, velocity, torque, kp, kd], f32::MIN_POSITIVE, LARGEST, must_be)
+        let (mut at, values) = (0, [position, velocity, torque, kp, kd]);
+        while at < FIELDS.len() {
+            let is_good = values[at] >= f32::MIN_POSITIVE && values[at] <= LARGEST;
+            let must_be = "above 0, and at most a million";
+            ok!(ConfigError::check(is_good, FIELDS[at], values[at], must_be));
+            at += 1;
+        }
+        Ok(())
     }
 
     /// Largest speed, rpm.
@@ -109,23 +106,6 @@ impl Limits {
         let springs = SpringRange { kp: self.kp, kd: self.kd, speed: Rpm::new(self.rpm()) };
         Servo::of(TargetKind::Torque, cascade).with_springs(springs)
     }
-}
-
-/// The first of the values that is not from `least` to `most`.
-const fn check(
-    values: [f32; 5],
-    least: f32,
-    most: f32,
-    must_be: &'static str,
-) -> Result<(), ConfigError> {
-    const FIELDS: [&str; 5] = ["position", "velocity", "torque", "kp", "kd"];
-    let mut at = 0;
-    while at < FIELDS.len() {
-        let value = values[at];
-        ok!(ConfigError::check(value >= least && value <= most, FIELDS[at], value, must_be));
-        at += 1;
-    }
-    Ok(())
 }
 
 pub(crate) const RPM_PER_RADIAN_PER_SECOND: f32 = 30.0 / core::f32::consts::PI;
@@ -472,9 +452,6 @@ mod tests {
         assert_eq!(gains.validate().unwrap_err().field, "kp");
         let position = Limits { position: f32::NAN, ..Limits::new(1.0, 1.0, 1.0) };
         assert_eq!(position.validate().unwrap_err().field, "position");
-        assert_eq!(Setpoint::COAST.validate(), Ok(()));
-        let bad = Setpoint { kd: f32::NAN, ..Setpoint::COAST };
-        assert_eq!(bad.validate().unwrap_err().field, "kd");
     }
 
     /// An angle as a field shows it, in rad: stopping at its end, or starting over.

@@ -147,11 +147,6 @@ impl Drive {
         self.errors
     }
 
-    /// The causes of the injected errors are gone; the errors stay until they are cleared.
-    pub const fn heal(&mut self) {
-        self.causes = 0;
-    }
-
     fn own_id(&self) -> u16 {
         0x140 + u16::from(self.settings.id)
     }

@@ -173,11 +173,6 @@ impl Axis {
         &self.controller
     }
 
-    /// The causes of the injected errors are gone; the errors stay until they are cleared.
-    pub const fn heal(&mut self) {
-        self.causes = 0;
-    }
-
     /// Falls idle by itself, without an error: as if it had been asked for.
     pub const fn fall_idle(&mut self) {
         self.state = State::Idle;
