@@ -159,15 +159,6 @@ impl<O> Kind<O> {
             Self::RemoteLost | Self::Part(..) | Self::Other(_) => None,
         }
     }
-
-    /// The bus it concerns, 0 for the first.
-    #[must_use]
-    pub const fn bus(&self) -> Option<usize> {
-        match self.wire() {
-            Some(Wire::Bus(bus)) => Some(bus),
-            _ => None,
-        }
-    }
 }
 
 impl<O: fmt::Display> fmt::Display for Kind<O> {

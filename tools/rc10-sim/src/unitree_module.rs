@@ -192,12 +192,6 @@ impl UnitreeMotor {
         self.gains
     }
 
-    /// The motor's `MError`; 0 without a fault.
-    #[must_use]
-    pub const fn error(&self) -> u8 {
-        self.error
-    }
-
     /// Number of times that it was told to calibrate itself.
     #[must_use]
     pub const fn calibrations(&self) -> u32 {

@@ -214,21 +214,17 @@ impl Config {
 
     /// The identifiers it occupies on its bus.
     pub const fn can_ids(&self) -> CanIds {
-        can_ids(self.address)
+        let motor = self.address.motor as u32;
+        let replies = IdPattern::extended(motor << 8 | self.address.host as u32).under(0xFFFF);
+        let motion = IdPattern::extended(MOTION | motor).under(0x1F00_00FF);
+        CanIds::new()
+            .receives(Frames::new(replies, 8, Rate::EveryTick))
+            .transmits(Frames::new(motion, 8, Rate::EveryTick))
+            .transmits(Frames::new(IdPattern::extended(motor).under(0xFF), 8, Rate::Rare))
     }
 }
 
 pub(super) const MOTION: u32 = 1 << 24;
-
-pub(super) const fn can_ids(address: Address) -> CanIds {
-    let motor = address.motor as u32;
-    let replies = IdPattern::extended(motor << 8 | address.host as u32).under(0xFFFF);
-    let motion = IdPattern::extended(MOTION | motor).under(0x1F00_00FF);
-    CanIds::new()
-        .receives(Frames::new(replies, 8, Rate::EveryTick))
-        .transmits(Frames::new(motion, 8, Rate::EveryTick))
-        .transmits(Frames::new(IdPattern::extended(motor).under(0xFF), 8, Rate::Rare))
-}
 
 #[cfg(test)]
 mod tests {

@@ -4,7 +4,7 @@ use embedded_can::ExtendedId;
 use rc10_app::{ConfigError, NewtonMetres};
 use rc10_can::{CanFrame, Micros};
 
-use super::config::{Config, MOTION, Model, can_ids};
+use super::config::{Config, MOTION, Model};
 use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
@@ -315,7 +315,7 @@ fn extended(raw: u32) -> ExtendedId {
 
 impl CanMotor for CyberGear {
     fn can_ids(&self) -> CanIds {
-        can_ids(self.address)
+        Config::new(&self.model, self.address).can_ids()
     }
 
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {

@@ -100,12 +100,6 @@ impl CyberGear {
         self.mode
     }
 
-    /// The identifier.
-    #[must_use]
-    pub const fn id(&self) -> u8 {
-        self.id
-    }
-
     /// The parameters that types 17 and 18 reach.
     #[must_use]
     pub const fn parameters(&self) -> &Parameters {
@@ -115,12 +109,6 @@ impl CyberGear {
     /// The same, to set up a device as another program has left it.
     pub const fn parameters_mut(&mut self) -> &mut Parameters {
         &mut self.parameters
-    }
-
-    /// The setpoint of motion control that it follows.
-    #[must_use]
-    pub const fn motion(&self) -> &Motion {
-        &self.motion
     }
 
     /// The six fault bits of its feedback, and those of its fault frame.
