@@ -4,6 +4,7 @@ use rc10_app::TotalAngle;
 
 use crate::goal::Goals;
 use crate::motor::Loops;
+use crate::pending::Outcome;
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
@@ -64,11 +65,7 @@ impl<D> Side<D> {
     }
 
     /// Carries out what a [`Servo`] can; for loops of the device only the zero.
-    pub(crate) fn request(
-        &mut self,
-        request: Request,
-        shaft: &mut Shaft,
-    ) -> Result<Response, RequestError> {
+    pub(crate) fn request(&mut self, request: Request, shaft: &mut Shaft) -> Outcome {
         match (self, request) {
             (Self::Here(servo), _) => servo.request(request, shaft),
             (Self::Device(..), Request::SetZero) if !shaft.is_known() => {

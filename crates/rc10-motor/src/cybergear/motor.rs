@@ -277,9 +277,7 @@ impl Motor for CyberGear {
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.pending.is_busy() {
-            return Err(RequestError::Busy);
-        }
+        self.pending.check_free()?;
         let question = match request {
             Request::ClearFault if self.fault.is_none() => return Ok(Response::Done),
             Request::ClearFault => Question::ClearFaults,

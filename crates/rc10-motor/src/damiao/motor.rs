@@ -382,9 +382,7 @@ impl Motor for Damiao {
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.cancel_check();
-        if self.pending.is_busy() {
-            return Err(RequestError::Busy);
-        }
+        self.pending.check_free()?;
         let register = |number: u16| {
             let error = ConfigError::new("register", number.into(), "255 or less");
             u8::try_from(number).map(Register).map_err(|_| error)

@@ -454,9 +454,7 @@ impl Motor for ODrive {
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.pending.is_busy() {
-            return Err(RequestError::Busy);
-        }
+        self.pending.check_free()?;
         match request {
             Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
             Request::ClearFault => {
