@@ -164,10 +164,6 @@ impl Rotor {
         let raw = |gear: Gear, ratio| {
             let (motion, impedance) = self.behind(ratio)?;
             let shaft = RotorScale::new(gear);
-            let numbers = ![self.tau, self.omega].iter().any(|x| x.is_nan());
-            same("a number", motion.check().is_ok() == numbers, &numbers, &!numbers)?;
-            let numbers = ![self.kp, self.kd].iter().any(|x| x.is_nan());
-            same("a number", impedance.check().is_ok() == numbers, &numbers, &!numbers)?;
             Ok::<_, String>((shaft.raw(&motion), shaft.raw_impedance(&impedance)))
         };
         Ok([raw(Gear::DIRECT, 1.0)?, raw(GEAR, 6.33)?])

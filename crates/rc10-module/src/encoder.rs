@@ -157,17 +157,10 @@ impl IncrementalEncoder {
     /// is zero where it is read first.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         let speed = config.max_speed.get();
-        let bad = if !(2..=1 << 32).contains(&config.modulus) {
-            #[expect(clippy::cast_precision_loss, reason = "for a person")]
-            Some(("modulus", config.modulus as f32, "2 to 2^32"))
-        } else if !(speed.is_finite() && speed > 0.0) {
-            Some(("max_speed", speed, "finite and positive"))
-        } else {
-            None
-        };
-        if let Some((field, value, must_be)) = bad {
-            return Err(ConfigError::new(field, value, must_be));
-        }
+        let is_good = (2..=1 << 32).contains(&config.modulus);
+        ConfigError::check(is_good, "modulus", config.modulus as f32, "2 to 2^32")?;
+        let is_good = speed.is_finite() && speed > 0.0;
+        ConfigError::check(is_good, "max_speed", speed, "finite and positive")?;
         Ok(Self {
             config,
             counter: Counter::new(config.modulus),

@@ -32,18 +32,23 @@ pub enum Range {
 }
 
 /// Why a measurement is not to be relied on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Doubt {
     /// Too little light comes back: a dark or slanting surface, a mirror, a dirty lens.
+    #[error("too little light comes back")]
     TooWeak,
     /// Too much of its own light comes back: a reflector.
+    #[error("too much light comes back")]
     TooStrong,
     /// Too much of other light: the sun, a spotlight.
+    #[error("too much light from elsewhere")]
     AmbientLight,
     /// Measurements contradict each other: an edge, vibration, a bad supply.
+    #[error("measurements contradict each other")]
     Unsteady,
     /// The device gives no reason.
+    #[error("the device does not say why")]
     Unexplained,
 }
 
@@ -77,18 +82,6 @@ impl fmt::Display for Range {
             Self::Unreliable(doubt) => write!(f, "unreliable: {doubt}"),
             Self::Fault(code) => write!(f, "fault {code}"),
         }
-    }
-}
-
-impl fmt::Display for Doubt {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::TooWeak => "too little light comes back",
-            Self::TooStrong => "too much light comes back",
-            Self::AmbientLight => "too much light from elsewhere",
-            Self::Unsteady => "measurements contradict each other",
-            Self::Unexplained => "the device does not say why",
-        })
     }
 }
 

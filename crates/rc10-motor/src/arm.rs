@@ -64,25 +64,18 @@ const CLOCK: u8 = 6;
 const CHIP: u8 = 7;
 
 /// Why a robot cannot be armed until it is started again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unfit {
     /// The motors of a bus need more than the bus has: frames would be lost.
+    #[error("the motors of a bus do not fit on it")]
     Overload,
     /// The crystal does not work, or is not the one that the program is for: bit rates and times are not exact.
+    #[error("the crystal does not work or is another")]
     Clock,
     /// The program is for another chip.
+    #[error("the program is for another chip")]
     Chip,
-}
-
-impl fmt::Display for Unfit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Overload => "the motors of a bus do not fit on it",
-            Self::Clock => "the crystal does not work or is another",
-            Self::Chip => "the program is for another chip",
-        })
-    }
 }
 
 /// Why [`ArmSwitch::arm`] was refused.

@@ -88,64 +88,9 @@ impl Feedback {
         Self { at, speed, angle, total_angle, ..Self::NEW }
     }
 
-    /// Torque-producing current, positive for positive torque.
-    pub fn current(&self) -> Option<Amps> {
-        self.current.get().map(Amps::new)
-    }
-
-    /// Torque, where the device tells it or its torque constant is known.
-    pub fn torque(&self) -> Option<NewtonMetres> {
-        self.torque.get().map(NewtonMetres::new)
-    }
-
-    /// Temperature of the motor, where the device tells it.
-    pub fn temperature(&self) -> Option<Celsius> {
-        self.temperature.get().map(Celsius::new)
-    }
-
-    /// Temperature of what drives the motor, where the device tells it.
-    pub fn controller_temperature(&self) -> Option<Celsius> {
-        self.controller_temperature.get().map(Celsius::new)
-    }
-
-    /// Voltage it is supplied with, where the device tells it.
-    pub fn supply(&self) -> Option<Volts> {
-        self.supply.get().map(Volts::new)
-    }
-
     /// The effort commanded last, in the unit of its [`Loops`](crate::Loops); `None` without loops.
     pub const fn effort(&self) -> Option<f32> {
         self.effort.get()
-    }
-
-    /// The same with a current. What is NaN counts as not told, here and below.
-    pub const fn with_current(mut self, current: Amps) -> Self {
-        self.current = Reading(current.get());
-        self
-    }
-
-    /// The same with a torque.
-    pub const fn with_torque(mut self, torque: NewtonMetres) -> Self {
-        self.torque = Reading(torque.get());
-        self
-    }
-
-    /// The same with a temperature of the motor.
-    pub const fn with_temperature(mut self, temperature: Celsius) -> Self {
-        self.temperature = Reading(temperature.get());
-        self
-    }
-
-    /// The same with a temperature of what drives the motor.
-    pub const fn with_controller_temperature(mut self, temperature: Celsius) -> Self {
-        self.controller_temperature = Reading(temperature.get());
-        self
-    }
-
-    /// The same with the voltage it is supplied with.
-    pub const fn with_supply(mut self, supply: Volts) -> Self {
-        self.supply = Reading(supply.get());
-        self
     }
 
     /// The same with the effort of its servo.
@@ -153,6 +98,37 @@ impl Feedback {
         self.effort = Reading(effort);
         self
     }
+}
+
+/// The readings with a unit, and how they are told.
+macro_rules! readings {
+    ($($(#[$meta:meta])* $reading:ident, $with:ident: $Unit:ident;)+) => {
+        impl Feedback {$(
+            $(#[$meta])*
+            pub fn $reading(&self) -> Option<$Unit> {
+                self.$reading.get().map($Unit::new)
+            }
+
+            /// The same with this reading; what is NaN counts as not told.
+            pub const fn $with(mut self, reading: $Unit) -> Self {
+                self.$reading = Reading(reading.get());
+                self
+            }
+        )+}
+    };
+}
+
+readings! {
+    /// Torque-producing current, positive for positive torque.
+    current, with_current: Amps;
+    /// Torque, where the device tells it or its torque constant is known.
+    torque, with_torque: NewtonMetres;
+    /// Temperature of the motor, where the device tells it.
+    temperature, with_temperature: Celsius;
+    /// Temperature of what drives the motor, where the device tells it.
+    controller_temperature, with_controller_temperature: Celsius;
+    /// Voltage it is supplied with, where the device tells it.
+    supply, with_supply: Volts;
 }
 
 /// An error that the device of a motor reports.

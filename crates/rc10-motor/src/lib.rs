@@ -76,6 +76,7 @@ pub mod pending;
 mod request;
 pub mod servo;
 pub mod shaft;
+mod side;
 pub mod signals;
 mod supervision;
 mod table;

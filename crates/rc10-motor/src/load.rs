@@ -103,7 +103,6 @@ impl LoadSum {
         false
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "a percentage for people")]
     const fn add_frames(&mut self, frames: &Frames) {
         let bounds = LengthBounds::of(frames.len as usize, frames.pattern.is_extended());
         let rate = frames.rate.per_second();

@@ -4,6 +4,7 @@
 //! truncated as the vendors do: zero is 0x7FFF of 16 bits and 0x7FF of 12. It divides by the
 //! range's width: a reciprocal would put round numbers one step lower.
 
+use rc10_app::angle::shortest_way;
 use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle, ok};
 use rc10_can::Micros;
 
@@ -33,16 +34,6 @@ pub struct Setpoint {
 impl Setpoint {
     /// No torque: all zero.
     pub const COAST: Self = Self { position: 0.0, velocity: 0.0, kp: 0.0, kd: 0.0, torque: 0.0 };
-
-    /// `Ok` if every number is finite. Packing takes any: it limits, and sends zero for NaN, which
-    /// for an angle with stiffness is a place to go to. Check before.
-    ///
-    /// # Errors
-    /// [`ConfigError`] with the first field that is not finite.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        let Self { position, velocity, kp, kd, torque } = *self;
-        check([position, velocity, torque, kp, kd], -f32::MAX, f32::MAX, "finite")
-    }
 }
 
 /// Physical values at the ends of number fields: settings of the device, which wrong scale all.
@@ -81,9 +72,16 @@ impl Limits {
     /// # Errors
     /// [`ConfigError`] with the first that is not above zero, or above a million.
     pub const fn validate(&self) -> Result<(), ConfigError> {
+        const FIELDS: [&str; 5] = ["position", "velocity", "torque", "kp", "kd"];
         let Self { position, velocity, torque, kp, kd } = *self;
-        let must_be = "above 0, and at most a million";
-        check([position, velocity, torque, kp, kd], f32::MIN_POSITIVE, LARGEST, must_be)
+        let (mut at, values) = (0, [position, velocity, torque, kp, kd]);
+        while at < FIELDS.len() {
+            let is_good = values[at] >= f32::MIN_POSITIVE && values[at] <= LARGEST;
+            let must_be = "above 0, and at most a million";
+            ok!(ConfigError::check(is_good, FIELDS[at], values[at], must_be));
+            at += 1;
+        }
+        Ok(())
     }
 
     /// Largest speed, rpm.
@@ -110,30 +108,15 @@ impl Limits {
     }
 }
 
-/// The first of the values that is not from `least` to `most`.
-const fn check(
-    values: [f32; 5],
-    least: f32,
-    most: f32,
-    must_be: &'static str,
-) -> Result<(), ConfigError> {
-    const FIELDS: [&str; 5] = ["position", "velocity", "torque", "kp", "kd"];
-    let mut at = 0;
-    while at < FIELDS.len() {
-        let value = values[at];
-        ok!(ConfigError::check(value >= least && value <= most, FIELDS[at], value, must_be));
-        at += 1;
-    }
-    Ok(())
-}
-
 pub(crate) const RPM_PER_RADIAN_PER_SECOND: f32 = 30.0 / core::f32::consts::PI;
+/// Microdegrees in a turn.
+const TURN: i32 = 360_000_000;
 /// Microdegrees per rad.
 const PER_RADIAN: f32 = 180e6 / core::f32::consts::PI;
 /// Microdegrees per rpm and microsecond.
 const PER_RPM_MICRO: f32 = 6.0;
 
-/// A position of 16 bits within ±[`Limits::position`], for a [`Shaft`] in microdegrees.
+/// A [`Shaft`] by a position of 16 bits within ±[`Limits::position`].
 ///
 /// No source says what such a device tells beyond its range. So this takes both possibilities:
 ///
@@ -143,7 +126,9 @@ const PER_RPM_MICRO: f32 = 6.0;
 ///
 /// Without power the turns are forgotten: a jump, or an odd reading after a silence, tells.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RangedPosition {
+pub(crate) struct RangedShaft {
+    /// In microdegrees of the device, from its own zero at first.
+    pub(crate) shaft: Shaft,
     /// Microdegrees in half a step of the field, times 2^16.
     half_step: i64,
     /// The end of the range, in microdegrees.
@@ -160,22 +145,19 @@ pub(crate) struct RangedPosition {
     beyond: i64,
 }
 
-/// Seconds of [`RangedPosition::fastest`]: twice a usual link timeout, for a load that turns it.
+/// Seconds of [`RangedShaft::fastest`]: twice a usual link timeout, for a load that turns it.
 const LONGEST_STEP: f32 = 0.020;
 /// A device whose reading after a silence is this near to what its speed makes has counted on. A
 /// restarted one that differs by less does little harm.
 #[expect(clippy::cast_possible_truncation, reason = "half a radian")]
 const NEAR: i64 = (0.5 * PER_RADIAN) as i64;
 
-impl RangedPosition {
-    pub(crate) const fn shaft(direction: Direction) -> Shaft {
-        Shaft::new(360_000_000, Gear::DIRECT, direction)
-    }
-
-    pub(crate) const fn new(limits: &Limits) -> Self {
+impl RangedShaft {
+    pub(crate) const fn new(limits: &Limits, direction: Direction) -> Self {
         let fastest = limits.velocity * PER_RADIAN * LONGEST_STEP;
         #[expect(clippy::cast_possible_truncation, reason = "up to a million rad and rad/s")]
-        let mut position = Self {
+        let mut ranged = Self {
+            shaft: Shaft::new(TURN.unsigned_abs(), Gear::DIRECT, direction),
             half_step: (limits.position * (PER_RADIAN * 65_536.0 / full(16) as f32)) as i64,
             end: 0,
             fastest: fastest as i64,
@@ -184,8 +166,8 @@ impl RangedPosition {
             ranges: 0,
             beyond: 0,
         };
-        position.end = position.microdegrees(u16::MAX);
-        position
+        ranged.end = ranged.microdegrees(u16::MAX);
+        ranged
     }
 
     /// A reading, from the middle of the range.
@@ -193,27 +175,24 @@ impl RangedPosition {
         (2 * field as i64 - full(16) as i64) * self.half_step / 65_536
     }
 
-    /// Moves the shaft to a reading that came at `at`, before its speed (`rpm`, in the direction of
-    /// the device) is [taken](Shaft::measure). If the device counts from elsewhere, the shaft stays,
-    /// and what the reading moved by is returned.
-    pub(crate) fn follow(
-        &mut self,
-        shaft: &mut Shaft,
-        field: u16,
-        rpm: f32,
-        at: Micros,
-        link: Link,
-    ) -> Option<i64> {
-        let reading = self.microdegrees(field);
+    /// Takes a reading that came at `at`, and the speed: `rpm`, in the direction of the device. If the
+    /// device counts from elsewhere, the shaft stays, and what the reading moved by is returned.
+    pub(crate) fn follow(&mut self, field: u16, rpm: f32, at: Micros, link: Link) -> Option<i64> {
+        let jump = self.move_to(self.microdegrees(field), rpm, at, link);
+        self.shaft.measure(rpm, at);
+        jump
+    }
+
+    fn move_to(&mut self, reading: i64, rpm: f32, at: Micros, link: Link) -> Option<i64> {
         let Some(last) = self.reading.replace(reading) else {
-            shaft.start(reading);
+            self.shaft.start(reading);
             return None;
         };
         let moved = reading - last;
         let ranges = if link == Link::Online && moved.abs() <= self.fastest.min(self.end) {
             Some(0)
         } else {
-            self.ranges_passed(shaft, moved, rpm, at, link)
+            self.ranges_passed(moved, rpm, at, link)
         };
         let Some(ranges) = ranges else {
             let jump = moved - self.ranges - self.beyond;
@@ -223,24 +202,17 @@ impl RangedPosition {
         self.ranges += ranges;
         let mut moved = moved + ranges;
         if reading.abs() == self.end || self.beyond != 0 {
-            moved += self.estimate(shaft, reading, reading == last, rpm, at);
+            moved += self.estimate(reading, reading == last, rpm, at);
         }
         match i32::try_from(moved) {
-            Ok(moved) => shaft.move_by(moved),
-            Err(_) => shaft.jump_by(moved),
+            Ok(moved) => self.shaft.move_by(moved),
+            Err(_) => self.shaft.jump_by(moved),
         }
         None
     }
 
     /// The steps to add to a movement where the field started over; `None` after a restart.
-    fn ranges_passed(
-        &self,
-        shaft: &mut Shaft,
-        moved: i64,
-        rpm: f32,
-        at: Micros,
-        link: Link,
-    ) -> Option<i64> {
+    fn ranges_passed(&mut self, moved: i64, rpm: f32, at: Micros, link: Link) -> Option<i64> {
         let range = 2 * self.end;
         if link == Link::Online {
             return match moved.abs() {
@@ -249,37 +221,37 @@ impl RangedPosition {
                 _ => Some(-moved.signum() * range),
             };
         }
-        let before = shaft.to_sensor(shaft.speed().get());
-        let expected = travelled(0.5 * (before + rpm), shaft, at);
+        let before = self.shaft.to_sensor(self.shaft.speed().get());
+        let expected = self.travelled(0.5 * (before + rpm), at);
         let near = NEAR + expected.saturating_abs() / 2;
         let is_near =
             |ranges: &i64| expected.saturating_sub(moved + ranges).saturating_abs() <= near;
         let ranges = [0, range, -range].into_iter().find(is_near)?;
-        shaft.count_gap();
+        self.shaft.count_gap();
         Some(ranges)
     }
 
     /// The change of the estimated part of the position. Each time that it begins is a gap.
-    fn estimate(
-        &mut self,
-        shaft: &mut Shaft,
-        reading: i64,
-        stands: bool,
-        rpm: f32,
-        at: Micros,
-    ) -> i64 {
+    fn estimate(&mut self, reading: i64, stands: bool, rpm: f32, at: Micros) -> i64 {
         let last = self.beyond;
         if reading.abs() != self.end {
             self.beyond = 0;
         } else if stands && rpm.abs() > self.standstill {
             let outwards = reading.signum();
-            let beyond = last.saturating_add(travelled(rpm, shaft, at));
+            let beyond = last.saturating_add(self.travelled(rpm, at));
             self.beyond = outwards * outwards.saturating_mul(beyond).max(0);
         }
         if last == 0 && self.beyond != 0 {
-            shaft.count_gap();
+            self.shaft.count_gap();
         }
         self.beyond.saturating_sub(last)
+    }
+
+    /// Microdegrees at a speed since the shaft was measured last.
+    fn travelled(&self, rpm: f32, at: Micros) -> i64 {
+        let micros = at.since(self.shaft.at()).get();
+        #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
+        return (rpm * PER_RPM_MICRO * micros as f32) as i64;
     }
 
     /// The next reading is the first: the device counts from a new zero.
@@ -293,38 +265,40 @@ impl RangedPosition {
     }
 
     /// An angle of the shaft as the device counts it, in microdegrees.
-    pub(crate) fn of_angle(&self, shaft: &Shaft, angle: TotalAngle) -> i64 {
-        let way = angle.minus(shaft.angle()).microdegrees();
-        let way = if shaft.sign() < 0.0 { way.saturating_neg() } else { way };
+    pub(crate) fn of_angle(&self, angle: TotalAngle) -> i64 {
+        let way = angle.minus(self.shaft.angle()).microdegrees();
+        let way = if self.shaft.sign() < 0.0 { way.saturating_neg() } else { way };
         (self.reading.unwrap_or(0) + self.ranges + self.beyond).saturating_add(way)
     }
 
-    pub(crate) fn reaches(&self, shaft: &Shaft, angle: TotalAngle) -> bool {
-        self.of_angle(shaft, angle).unsigned_abs() <= self.end.unsigned_abs()
+    pub(crate) fn reaches(&self, angle: TotalAngle) -> bool {
+        self.of_angle(angle).unsigned_abs() <= self.end.unsigned_abs()
     }
 
-    /// The nearest angle, whole turns away, to which the device can be told to go.
-    pub(crate) fn within_reach(&self, shaft: &Shaft, angle: TotalAngle) -> Option<TotalAngle> {
-        let position = self.of_angle(shaft, angle);
+    /// The nearest angle at a phase within the turn to which the device can be told to go.
+    pub(crate) fn nearest(&self, phase: i32) -> Option<TotalAngle> {
+        let way = shortest_way(self.shaft.phase(), phase, TURN);
+        let angle = self.shaft.angle().plus(TotalAngle::from_microdegrees(way.into()));
+        let position = self.of_angle(angle);
         let out = position.saturating_sub(position.clamp(-self.end, self.end));
         if out == 0 {
             return Some(angle);
         }
         let turn = TotalAngle::TURN.microdegrees();
         let turns = (out.saturating_abs() / turn).saturating_add(i64::from(out % turn != 0));
-        let way =
-            turns.saturating_mul(if (out < 0) == (shaft.sign() < 0.0) { -turn } else { turn });
+        let is_backwards = (out < 0) == (self.shaft.sign() < 0.0);
+        let way = turns.saturating_mul(if is_backwards { -turn } else { turn });
         let angle = angle.plus(TotalAngle::from_microdegrees(way));
-        self.reaches(shaft, angle).then_some(angle)
+        self.reaches(angle).then_some(angle)
     }
 
     /// The value for an angle of the shaft, in rad: at most the end of its range.
-    pub(crate) fn radians_of(&self, shaft: &Shaft, angle: TotalAngle) -> f32 {
-        radians(self.of_angle(shaft, angle).clamp(-self.end, self.end))
+    pub(crate) fn radians_of(&self, angle: TotalAngle) -> f32 {
+        radians(self.of_angle(angle).clamp(-self.end, self.end))
     }
 
     /// `Ok` unless a target's angle of many turns lies out of the device's range.
-    pub(crate) fn check(&self, shaft: &Shaft, target: &Target) -> Result<(), TargetError> {
+    pub(crate) fn check(&self, target: &Target) -> Result<(), TargetError> {
         let angle = match target {
             Target::TotalAngle(angle) | Target::Motion(Motion { angle: Some(angle), .. }) => {
                 Some(*angle)
@@ -333,21 +307,22 @@ impl RangedPosition {
             Target::Impedance(impedance) => TotalAngle::try_from_degrees(impedance.angle),
             _ => return Ok(()),
         };
-        let is_good = angle.is_some_and(|angle| self.reaches(shaft, angle));
+        let is_good = angle.is_some_and(|angle| self.reaches(angle));
         if is_good { Ok(()) } else { Err(TargetError::OutOfRange(target.kind())) }
     }
 
     /// The setpoint that does what a servo has decided.
-    pub(crate) fn setpoint_of(&self, servo: &Servo, shaft: &Shaft) -> Setpoint {
-        let sign = shaft.sign();
+    pub(crate) fn setpoint_of(&self, servo: &Servo) -> Setpoint {
+        let sign = self.shaft.sign();
         match servo.spring() {
-            Some(spring) => self.setpoint(spring, sign),
+            Some(spring) => self.setpoint(spring),
             None => Setpoint { torque: servo.effort() * sign, ..Setpoint::COAST },
         }
     }
 
-    /// The setpoint of a spring; coasting where its place has no number. `sign`: the direction's.
-    fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
+    /// The setpoint of a spring; coasting where its place has no number.
+    fn setpoint(&self, spring: &Spring) -> Setpoint {
+        let sign = self.shaft.sign();
         let now = radians(self.reading.unwrap_or(0));
         let position = now + (sign * spring.way.get()).to_radians();
         if self.is_beyond() || position.abs() > radians(self.end) {
@@ -367,16 +342,6 @@ impl RangedPosition {
 const fn radians(microdegrees: i64) -> f32 {
     #[expect(clippy::cast_precision_loss, reason = "finer than the field")]
     return microdegrees as f32 / PER_RADIAN;
-}
-
-/// Microdegrees at a speed since the shaft was measured last.
-fn travelled(rpm: f32, shaft: &Shaft, at: Micros) -> i64 {
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        reason = "an estimate"
-    )]
-    return (rpm * PER_RPM_MICRO * at.since(shaft.at()).get() as f32) as i64;
 }
 
 /// The signal of a field for -`limit` ..= `limit`.
@@ -487,45 +452,39 @@ mod tests {
         assert_eq!(gains.validate().unwrap_err().field, "kp");
         let position = Limits { position: f32::NAN, ..Limits::new(1.0, 1.0, 1.0) };
         assert_eq!(position.validate().unwrap_err().field, "position");
-        assert_eq!(Setpoint::COAST.validate(), Ok(()));
-        let bad = Setpoint { kd: f32::NAN, ..Setpoint::COAST };
-        assert_eq!(bad.validate().unwrap_err().field, "kd");
     }
 
     /// An angle as a field shows it, in rad: stopping at its end, or starting over.
     fn field(rad: f64, starts_over: bool) -> u16 {
         let rad = if starts_over { (rad + 12.5).rem_euclid(25.0) - 12.5 } else { rad };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         return ((rad + 12.5) * (65_535.0 / 25.0)).round() as u16;
     }
 
     struct Bench {
-        position: RangedPosition,
-        shaft: Shaft,
+        ranged: RangedShaft,
         now: u64,
     }
 
     impl Bench {
         fn new(direction: Direction) -> Self {
-            let position = RangedPosition::new(&Limits::new(12.5, 30.0, 10.0));
-            Self { position, shaft: RangedPosition::shaft(direction), now: 1 }
+            let ranged = RangedShaft::new(&Limits::new(12.5, 30.0, 10.0), direction);
+            Self { ranged, now: 1 }
         }
 
         fn hear(&mut self, field: u16, rad_s: f32, pause: u64) -> Option<i64> {
             self.now += pause;
             let (at, rpm) = (Micros::from_millis(self.now), rad_s * RPM_PER_RADIAN_PER_SECOND);
             let link = if pause > 10 { Link::Lost } else { Link::Online };
-            let jump = self.position.follow(&mut self.shaft, field, rpm, at, link);
-            self.shaft.measure(rpm, at);
-            jump
+            self.ranged.follow(field, rpm, at, link)
         }
 
         fn degrees(&self) -> f64 {
-            self.shaft.angle().microdegrees() as f64 * 1e-6
+            self.ranged.shaft.angle().microdegrees() as f64 * 1e-6
         }
 
         fn gaps(&self) -> u32 {
-            self.shaft.feedback().turn_gaps
+            self.ranged.shaft.feedback().turn_gaps
         }
     }
 
@@ -604,40 +563,38 @@ mod tests {
         for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
             let mut bench = Bench::new(direction);
             bench.hear(field(1.0, false), 0.0, 1);
-            bench.shaft.set_zero();
-            let setpoint = bench.position.setpoint(&spring, sign);
+            bench.ranged.shaft.set_zero();
+            let setpoint = bench.ranged.setpoint(&spring);
             assert!((setpoint.position - (1.0 + sign * 0.174_533)).abs() < 3e-4);
             assert!((setpoint.velocity - sign).abs() < 1e-3);
             let angle = |degrees: i32| {
                 TotalAngle::from_degrees(if sign > 0.0 { degrees } else { -degrees })
             };
-            let quarter = bench.position.radians_of(&bench.shaft, angle(90));
+            let quarter = bench.ranged.radians_of(angle(90));
             assert!((quarter - (1.0 + core::f32::consts::FRAC_PI_2)).abs() < 3e-4);
             // 1 rad is 57 degrees, the end at 716.
-            let is_reached = [658, 660, -773, -774]
-                .map(|degrees| bench.position.reaches(&bench.shaft, angle(degrees)));
+            let is_reached =
+                [658, 660, -773, -774].map(|degrees| bench.ranged.reaches(angle(degrees)));
             assert_eq!(is_reached, [true, false, true, false], "{direction:?}");
-            let furthest = bench.position.radians_of(&bench.shaft, angle(2000));
+            let furthest = bench.ranged.radians_of(angle(2000));
             assert!((furthest - 12.5).abs() < 1e-5, "{furthest}");
             bench.hear(field(12.45, false), 0.0, 100);
             let far = Spring { way: Degrees::new(sign * 3.0), ..spring };
-            assert_eq!(bench.position.setpoint(&far, sign), Setpoint::COAST);
+            assert_eq!(bench.ranged.setpoint(&far), Setpoint::COAST);
         }
     }
 
     #[test]
     fn nothing_overflows() {
         for limits in [Limits::new(1e6, 1e6, 1.0), Limits::new(1e-6, 1e-6, 1.0)] {
-            let mut position = RangedPosition::new(&limits);
-            let mut shaft = RangedPosition::shaft(Direction::Reversed);
+            let mut ranged = RangedShaft::new(&limits, Direction::Reversed);
             for at in [0, 1, u64::MAX / 2, u64::MAX, 7] {
                 for field in [0, u16::MAX, u16::MAX, 0, 0, 1, 0x8000] {
                     for (rpm, link) in [(f32::MAX, Link::Online), (f32::MIN, Link::Lost)] {
                         let at = Micros::new(at);
-                        position.follow(&mut shaft, field, rpm, at, link);
-                        shaft.measure(rpm, at);
+                        ranged.follow(field, rpm, at, link);
                         let far = TotalAngle::from_microdegrees(i64::MIN);
-                        assert!(position.radians_of(&shaft, far).is_finite());
+                        assert!(ranged.radians_of(far).is_finite());
                     }
                 }
             }

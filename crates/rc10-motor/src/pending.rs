@@ -66,11 +66,14 @@ impl<Q: Copy> Pending<Q> {
         self.asked.is_some() || self.outcome.is_some()
     }
 
+    /// `Ok` unless it is busy.
+    pub fn check_free(&self) -> Result<(), RequestError> {
+        if self.is_busy() { Err(RequestError::Busy) } else { Ok(()) }
+    }
+
     /// Takes a question unless one is in flight; its first try is due in the tick after its delay.
     pub fn ask(&mut self, question: Q, retry: Retry) -> Outcome {
-        if self.is_busy() {
-            return Err(RequestError::Busy);
-        }
+        self.check_free()?;
         if retry.only_while_off && !self.is_off {
             return Err(RequestError::NotWhileArmed);
         }

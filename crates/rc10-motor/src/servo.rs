@@ -37,6 +37,7 @@ use rc10_app::{
 
 use crate::goal::{Goal, Goals, Moment};
 use crate::motor::{DriveMode, Loops, Tick};
+use crate::pending::Outcome;
 use crate::request::{Gains, Request, RequestError, Response};
 use crate::shaft::Shaft;
 use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
@@ -304,11 +305,7 @@ impl Servo {
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed. [`RequestError::Unsupported`] for what the motor has to do.
-    pub fn request(
-        &mut self,
-        request: Request,
-        shaft: &mut Shaft,
-    ) -> Result<Response, RequestError> {
+    pub fn request(&mut self, request: Request, shaft: &mut Shaft) -> Outcome {
         match request {
             Request::SetZero if !shaft.is_known() => return Err(RequestError::NoFeedback),
             Request::SetZero => {

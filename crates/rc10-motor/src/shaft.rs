@@ -93,7 +93,7 @@ impl Shaft {
         let in_turn = TURN as i64 / (whole + 1);
         let in_32_bits = (i32::MAX as i64 - divisor) / (part + 1);
         let most = if in_turn < in_32_bits { in_turn } else { in_32_bits };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
+        #[expect(clippy::cast_possible_truncation, reason = "checked")]
         Self {
             whole: whole as i32 * sign as i32,
             part: part as i32 * sign as i32,
@@ -159,7 +159,6 @@ impl Shaft {
         let is_short = last != NEVER && silence <= LONG_SILENCE;
         let fastest = self.speed.get().abs().max(speed.get().abs());
         #[expect(clippy::cast_possible_truncation, reason = "asked for short ones only")]
-        #[expect(clippy::cast_precision_loss, reason = "up to 100 ms")]
         let turned = fastest * silence.get() as u32 as f32;
         if is_short && turned <= CERTAIN_RPM_MICROS * self.ratio.abs() {
             self.move_by(step);
@@ -175,9 +174,7 @@ impl Shaft {
     pub fn bridge(&mut self, step: i64, before: (Micros, Rpm)) {
         let (last, speed) = before;
         let mean = 0.5 * (speed.get() + self.speed.get()) / self.ratio;
-        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         let turns = mean * (self.at.since(last).get() as f32 * (1.0 / 60e6));
-        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
         let expected = (turns * self.steps_per_turn as f32) as i64;
         let turn = self.steps_per_turn.into();

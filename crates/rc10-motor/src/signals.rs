@@ -315,10 +315,7 @@ impl Signal {
         self.scale(self.raw_in(frame)?)
     }
 
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "no signal here has more than 53 bits that count"
-    )]
+    /// Exact: no signal here has more than 53 bits that count.
     fn scale(&self, raw: u64) -> Option<f64> {
         let unused = 64_u32.saturating_sub(self.bits.into());
         let number = match self.kind {

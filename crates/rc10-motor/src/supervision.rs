@@ -9,6 +9,7 @@ use rc10_can::Micros;
 use crate::arm::ArmState;
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Motor, SafeState};
+use crate::pending::Outcome;
 use crate::request::{Request, RequestError, Response};
 use crate::target::{Target, TargetError, TargetKind};
 
@@ -337,10 +338,7 @@ impl Supervision {
         Ok(response)
     }
 
-    pub(crate) fn response(
-        &mut self,
-        motor: &mut (impl Motor + ?Sized),
-    ) -> Option<Result<Response, RequestError>> {
+    pub(crate) fn response(&mut self, motor: &mut (impl Motor + ?Sized)) -> Option<Outcome> {
         let response = motor.response()?;
         if core::mem::take(&mut self.clearing) && response.is_ok() {
             self.faulted = false;

@@ -2,8 +2,6 @@
 
 use std::cell::Cell;
 use std::convert::Infallible;
-use std::error::Error;
-use std::fmt;
 use std::rc::Rc;
 
 use embedded_hal::digital::{ErrorType, InputPin};
@@ -100,23 +98,15 @@ impl InputPin for Contact {
 }
 
 /// A contact that would never be closed, or never open.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "closed from {} to {} degrees is no part of a turn: less than all of it, the lower angle first",
+    .closed[0], .closed[1]
+)]
 pub struct NoRange {
     /// Where it was to be closed.
     pub closed: [f64; 2],
 }
-
-impl fmt::Display for NoRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [from, to] = self.closed;
-        write!(
-            f,
-            "closed from {from} to {to} degrees is no part of a turn: less than all of it, the lower angle first"
-        )
-    }
-}
-
-impl Error for NoRange {}
 
 #[cfg(test)]
 mod tests {

@@ -161,11 +161,6 @@ impl Damiao {
         self.saves
     }
 
-    /// Removes the cause of its error, which stays until it is cleared.
-    pub const fn repair(&mut self) {
-        self.broken = None;
-    }
-
     fn can_id(&self) -> u16 {
         (self.registers.whole(number::DEVICE_ID) & 0x7FF) as u16
     }

@@ -1,7 +1,5 @@
 //! DJI ESCs from the device's side: what they take from the bus, what they put on it.
 
-use std::fmt;
-
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 
@@ -44,7 +42,6 @@ impl Model {
     }
 
     /// The motor that comes with it.
-    #[must_use]
     pub const fn plant(self) -> Plant {
         match self {
             Self::C620 => Plant::m3508(),
@@ -134,22 +131,14 @@ impl EscConfig {
 }
 
 /// An ESC cannot be set to this id.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{model:?} takes ids 1 to {}, not {id}", .model.last_id())]
 pub struct IdOutOfRange {
     /// The ESC.
     pub model: Model,
     /// The id asked for.
     pub id: u8,
 }
-
-impl fmt::Display for IdOutOfRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { model, id } = self;
-        write!(f, "{model:?} takes ids 1 to {}, not {id}", model.last_id())
-    }
-}
-
-impl std::error::Error for IdOutOfRange {}
 
 /// The electronics of one of them.
 pub(crate) struct Dji {
@@ -183,11 +172,7 @@ impl Dji {
         })
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "float casts saturate, as the ESC's own numbers do"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, as the ESC's own numbers do")]
     fn feedback(&self, shaft: &Shaft) -> CanFrame {
         let angle = ((shaft.rotor_angle() * 8192.0) as u16).min(8191);
         let rpm = shaft.rotor_rpm().round() as i16;
@@ -223,13 +208,7 @@ impl Device for Dji {
         self.rate.period()
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        _shaft: &Shaft,
-        _now: Micros,
-        _out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, _: &Shaft, _: Micros, _: &mut Outbox) -> Taken {
         if frame.is_remote() || frame.id() != self.command_id {
             return Taken::NotMine;
         }

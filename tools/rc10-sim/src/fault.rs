@@ -159,15 +159,6 @@ impl<O> Kind<O> {
             Self::RemoteLost | Self::Part(..) | Self::Other(_) => None,
         }
     }
-
-    /// The bus it concerns, 0 for the first.
-    #[must_use]
-    pub const fn bus(&self) -> Option<usize> {
-        match self.wire() {
-            Some(Wire::Bus(bus)) => Some(bus),
-            _ => None,
-        }
-    }
 }
 
 impl<O: fmt::Display> fmt::Display for Kind<O> {
@@ -218,16 +209,9 @@ impl<O: Others> fmt::Display for Fault<O> {
 }
 
 /// An error: why a text cannot be a fault, or a robot cannot have it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
 pub struct NoFault(pub(crate) String);
-
-impl fmt::Display for NoFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for NoFault {}
 
 impl<O: Others> FromStr for Fault<O> {
     type Err = NoFault;

@@ -254,7 +254,6 @@ impl Esc {
     }
 
     /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
-    #[must_use]
     pub fn plant(&self) -> Plant {
         *self.inner.borrow().units[self.index].motor.plant()
     }

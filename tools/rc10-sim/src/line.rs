@@ -355,7 +355,6 @@ impl Line {
     }
 
     /// The host's serial port; all of them share one buffer.
-    #[must_use]
     pub fn port(&self) -> UartPort {
         UartPort { inner: Rc::clone(&self.inner), medium: Medium::Line(self.index) }
     }

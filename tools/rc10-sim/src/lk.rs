@@ -42,6 +42,7 @@ pub mod error {
 
 /// Settings of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Settings {
     /// 1 ..= 32.
     pub id: u8,
@@ -61,7 +62,6 @@ pub struct Settings {
 
 impl Settings {
     /// An MG with a 16 bit encoder, as it is sold; off after power-on.
-    #[must_use]
     pub const fn mg(id: u8) -> Self {
         Self {
             id,
@@ -79,7 +79,6 @@ impl Settings {
     }
 
     /// An MF, else the same.
-    #[must_use]
     pub const fn mf(id: u8) -> Self {
         Self { full_scale: 16.5, ..Self::mg(id) }
     }
@@ -148,11 +147,6 @@ impl Drive {
         self.errors
     }
 
-    /// The causes of the injected errors are gone; the errors stay until they are cleared.
-    pub const fn heal(&mut self) {
-        self.causes = 0;
-    }
-
     fn own_id(&self) -> u16 {
         0x140 + u16::from(self.settings.id)
     }
@@ -161,11 +155,7 @@ impl Drive {
         self.settings.full_scale / MOST_STEPS as f64
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "float casts saturate, as the drive's own numbers do"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, as the drive's own numbers do")]
     fn state(&self, shaft: &Shaft) -> State {
         let counts = f64::from(1_u32 << self.settings.encoder_bits);
         State {
@@ -349,7 +339,6 @@ impl Device for Drive {
 }
 
 /// MG4010E-i10 on its drive, 24 V, no load on the shaft.
-#[must_use]
 pub const fn mg4010e_i10() -> Plant {
     Plant {
         // Data sheet: 10 : 1, 0.07 N·m/A at the rotor, 320 rpm without load, 0.6 Ω, 202 g·cm²,
@@ -370,7 +359,6 @@ pub const fn mg4010e_i10() -> Plant {
 }
 
 /// MF9025 V2 on its drive, 24 V, no load on the shaft.
-#[must_use]
 pub const fn mf9025() -> Plant {
     Plant {
         // Data sheet: no gearbox, 0.32 N·m/A, 0.05 V/rpm, 0.5 Ω. Inertia, friction and heating are

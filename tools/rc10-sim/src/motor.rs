@@ -61,7 +61,6 @@ impl Shaft {
     }
 
     /// The motor, gearbox and load.
-    #[must_use]
     pub const fn plant(&self) -> &Plant {
         &self.plant
     }

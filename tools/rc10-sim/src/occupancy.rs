@@ -44,7 +44,6 @@ impl Occupancy {
     }
 
     /// Per cent of each window that is over.
-    #[expect(clippy::cast_precision_loss, reason = "at most 1e8")]
     pub(crate) fn windows(&self, now: Nanos) -> Vec<f64> {
         (0..now.since(self.start).get() / WINDOW)
             .map(|index| {

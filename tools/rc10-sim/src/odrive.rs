@@ -173,11 +173,6 @@ impl Axis {
         &self.controller
     }
 
-    /// The causes of the injected errors are gone; the errors stay until they are cleared.
-    pub const fn heal(&mut self) {
-        self.causes = 0;
-    }
-
     /// Falls idle by itself, without an error: as if it had been asked for.
     pub const fn fall_idle(&mut self) {
         self.state = State::Idle;
@@ -365,7 +360,6 @@ impl Device for Axis {
 }
 
 /// D6374, 150 rpm/V, behind an 8 : 1 belt, 24 V, no load on the shaft.
-#[must_use]
 pub const fn d6374_8to1() -> Plant {
     Plant {
         // Vendor's motor guide: 150 rpm/V, so 8.27/150 N·m/A; 39 mΩ between phases. Inertia,

@@ -9,6 +9,7 @@ use std::f64::consts::TAU;
 /// inertias, friction and thermal figures are our estimates. A controller that only works with
 /// exactly these is too finely tuned: test it with [`Plant::scaled`] by ±30 %.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct Plant {
     /// Rotor turns per turn of the output shaft.
     pub gear_ratio: f64,
@@ -117,7 +118,6 @@ impl Plant {
     };
 
     /// M3508 with its gearbox on a C620, 24 V, no load on the shaft.
-    #[must_use]
     pub const fn m3508() -> Self {
         Self {
             // C620 / M3508 manual: 3591:187, 0.3 N·m/A, 482 rpm (9250 at the rotor) without load.
@@ -137,7 +137,6 @@ impl Plant {
     }
 
     /// M2006 with its gearbox on a C610, 24 V, no load on the shaft.
-    #[must_use]
     pub const fn m2006() -> Self {
         Self {
             // C610 / M2006 manual: 36:1, 0.18 N·m/A, 500 rpm (18000 at the rotor) without load.
@@ -157,7 +156,6 @@ impl Plant {
     }
 
     /// GM6020 in current mode, 24 V, no load on the shaft.
-    #[must_use]
     pub const fn gm6020() -> Self {
         Self {
             // GM6020 manual: no gearbox, 0.741 N·m/A, about 320 rpm without load. The back-EMF
@@ -178,7 +176,6 @@ impl Plant {
     }
 
     /// GM6020 in voltage mode: the current follows the winding's L/R, 5.7 mH / 1.8 Ω.
-    #[must_use]
     pub const fn gm6020_voltage() -> Self {
         let mut plant = Self::gm6020();
         plant.current_time_constant = 3.2e-3;
@@ -195,7 +192,6 @@ impl Plant {
     }
 
     /// The same with a load of this inertia at the output shaft, kg·m².
-    #[must_use]
     pub const fn with_load_inertia(mut self, inertia: f64) -> Self {
         self.load_inertia = inertia;
         self
@@ -203,7 +199,6 @@ impl Plant {
 
     /// The same with a weight on an arm: the torque is `-torque · cos(angle + offset)`, N·m, `offset` in
     /// degrees. An arm that hangs at power-on has an offset of -90, one that stands upright 90.
-    #[must_use]
     pub const fn with_gravity(mut self, torque: f64, offset: f64) -> Self {
         self.nonlinear.gravity_torque = torque;
         self.nonlinear.gravity_offset = offset;
@@ -212,7 +207,6 @@ impl Plant {
 
     /// The same with cogging: a torque of this amplitude at the output shaft, N·m, that goes up and down
     /// this many times per turn of the rotor. [`Nonlinear`] has numbers to begin with.
-    #[must_use]
     pub const fn with_cogging(mut self, torque: f64, periods: f64) -> Self {
         self.nonlinear.cogging_torque = torque;
         self.nonlinear.cogging_periods = periods;
@@ -221,7 +215,6 @@ impl Plant {
 
     /// The same with a play of this many degrees between gearbox and load, from one end to the other.
     /// The load begins in the middle of it. [`Nonlinear`] has numbers to begin with.
-    #[must_use]
     pub const fn with_backlash(mut self, degrees: f64) -> Self {
         self.nonlinear.backlash = degrees;
         self
@@ -230,7 +223,6 @@ impl Plant {
     /// The same motor behind another gearbox: `ratio` turns of the rotor per turn of the output
     /// shaft. Torque per ampere, cogging and back-EMF grow with it, dry friction too, viscous friction
     /// with its square.
-    #[must_use]
     pub const fn with_gear(mut self, ratio: f64) -> Self {
         let by = ratio / self.gear_ratio;
         self.gear_ratio = ratio;
@@ -250,7 +242,6 @@ impl Plant {
     /// let heavy = Plant::m3508().scaled(Scale { inertia: 1.3, ..Scale::default() });
     /// assert!(heavy.inertia() > 1.29 * Plant::m3508().inertia());
     /// ```
-    #[must_use]
     pub const fn scaled(mut self, by: Scale) -> Self {
         self.rotor_inertia *= by.inertia;
         self.load_inertia *= by.inertia;

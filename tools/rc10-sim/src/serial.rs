@@ -231,7 +231,6 @@ pub struct Serial {
 
 impl Serial {
     /// The host's port; all of them share one buffer.
-    #[must_use]
     pub fn port(&self) -> UartPort {
         UartPort { inner: Rc::clone(&self.inner), medium: Medium::Serial(self.index) }
     }

@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::fmt;
 use std::future::poll_fn;
 use std::rc::Rc;
 use std::task::{Poll, Waker};
@@ -23,17 +22,22 @@ pub trait SerialEnd {
 }
 
 /// Errors that a UART tells of a character.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum UartFault {
     /// The receive register was full.
+    #[error("overrun: bytes were not taken in time")]
     Overrun,
     /// No stop bit.
+    #[error("framing error: no stop bit")]
     Framing,
     /// The parity bit is wrong.
+    #[error("parity error")]
     Parity,
     /// The samples of a bit differ.
+    #[error("noise within a bit")]
     Noise,
     /// The line was low for longer than a character.
+    #[error("break: the line was held low")]
     Break,
 }
 
@@ -42,20 +46,6 @@ impl UartFault {
     pub const ALL: [Self; 5] =
         [Self::Overrun, Self::Framing, Self::Parity, Self::Noise, Self::Break];
 }
-
-impl fmt::Display for UartFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Overrun => "overrun: bytes were not taken in time",
-            Self::Framing => "framing error: no stop bit",
-            Self::Parity => "parity error",
-            Self::Noise => "noise within a bit",
-            Self::Break => "break: the line was held low",
-        })
-    }
-}
-
-impl std::error::Error for UartFault {}
 
 impl embedded_io_async::Error for UartFault {
     fn kind(&self) -> ErrorKind {
@@ -140,6 +130,7 @@ pub(crate) enum Medium {
 /// A read takes what is there, or waits for a byte; one that is dropped has taken nothing. Where
 /// characters were lost it fails once, and the next goes on behind them. Writes never wait.
 #[derive(Clone)]
+#[must_use]
 pub struct UartPort {
     pub(crate) inner: Rc<RefCell<Inner>>,
     pub(crate) medium: Medium,

@@ -101,10 +101,7 @@ impl Command {
 impl Answer {
     /// The 16 bytes of an answer; what a field cannot hold is held at its end.
     #[must_use]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "float casts saturate, as the motor's own numbers do"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, as the motor's own numbers do")]
     pub fn write(&self) -> [u8; ANSWER] {
         let torque = (self.torque * 256.0).round() as i16;
         let speed = (self.speed / TAU * 256.0).round() as i16;
@@ -131,7 +128,6 @@ impl Answer {
 /// N·m/A and 23.7 N·m at the output, 30 rad/s at 24 V). The rotor's inertia is the one that Unitree
 /// publishes in its robot descriptions of the Go1; resistance, friction and thermal figures are our
 /// estimates.
-#[must_use]
 pub const fn plant() -> Plant {
     Plant {
         gear_ratio: GEAR,
@@ -163,6 +159,7 @@ pub(crate) const fn error_of(fault: EscFault) -> Option<u8> {
 
 /// The motor's electronics.
 #[derive(Debug)]
+#[must_use]
 pub struct GoM8010 {
     id: u8,
     think: Nanos,
@@ -182,7 +179,6 @@ impl GoM8010 {
     ///
     /// # Panics
     /// With another id.
-    #[must_use]
     pub fn new(id: u8) -> Self {
         assert!(id < EVERYBODY, "a GO-M8010-6 takes ids 0 to 14, not {id}");
         Self {
@@ -198,7 +194,6 @@ impl GoM8010 {
     }
 
     /// The same, answering after another time.
-    #[must_use]
     pub const fn with_turnaround(mut self, turnaround: Nanos) -> Self {
         self.think = turnaround;
         self

@@ -19,7 +19,6 @@ mod codec;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
-use std::fmt;
 use std::rc::Rc;
 
 use rc10_can::{CanFrame, Micros};
@@ -39,7 +38,6 @@ const CALIBRATION_VOLTS: f64 = 1.0;
 
 /// Its motor on 24 V without load. Gear, torque constant, 23.7 N·m and 30 rad/s are the data
 /// manual's; resistance, inertia, friction and thermal figures are estimates.
-#[must_use]
 pub const fn plant() -> Plant {
     Plant {
         rotor_inertia: 6e-5,
@@ -54,7 +52,8 @@ pub const fn plant() -> Plant {
 }
 
 /// No module or no motor can be set to this number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a {of} has a number from 0 to {last}, not {asked}")]
 pub struct NoSuchNumber {
     /// "module" or "motor".
     pub of: &'static str,
@@ -63,14 +62,6 @@ pub struct NoSuchNumber {
     /// The largest there is; the smallest is 0.
     pub last: u8,
 }
-
-impl fmt::Display for NoSuchNumber {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a {} has a number from 0 to {}, not {}", self.of, self.last, self.asked)
-    }
-}
-
-impl std::error::Error for NoSuchNumber {}
 
 /// A module. Clones are the same module.
 #[derive(Clone, Debug)]
@@ -201,12 +192,6 @@ impl UnitreeMotor {
         self.gains
     }
 
-    /// The motor's `MError`; 0 without a fault.
-    #[must_use]
-    pub const fn error(&self) -> u8 {
-        self.error
-    }
-
     /// Number of times that it was told to calibrate itself.
     #[must_use]
     pub const fn calibrations(&self) -> u32 {
@@ -264,13 +249,7 @@ impl Device for UnitreeMotor {
         *self = Self { calibrations, ..Self::new(self.module.clone(), self.number) };
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        _shaft: &Shaft,
-        now: Micros,
-        _out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, _: &Shaft, now: Micros, _: &mut Outbox) -> Taken {
         let command = match Command::unpack(frame) {
             Ok(Some(command)) => command,
             Ok(None) => return Taken::NotMine,

@@ -124,6 +124,7 @@ fn later(event: Nanos, now: Nanos) -> Nanos {
 /// each other.
 ///
 /// Physics runs in steps of 100 µs; feedback reports the state of the last step.
+#[must_use]
 pub struct World {
     clock: Rc<Clock>,
     inner: Rc<RefCell<Inner>>,
@@ -135,13 +136,11 @@ pub struct World {
 impl World {
     /// An empty world at time zero. All chance in it comes from the seed: where rotors stand at
     /// first, and when within its period each ESC sends.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self::starting_at(Micros::ZERO, seed)
     }
 
     /// The same at a later time, before which nothing was: for clocks that wrap after hours or days.
-    #[must_use]
     pub fn starting_at(start: Micros, seed: u64) -> Self {
         let clock = Rc::<Clock>::default();
         clock.set(start.into());

@@ -69,7 +69,7 @@ impl Heater {
             self.power.preset(unseen);
         }
         let power = wanted.max(0.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= 1000")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 ..= 1000")]
         let share = (power / full * 1000.0) as u16;
         share.min(most)
     }

@@ -19,6 +19,8 @@ use crate::{Found, Protocol};
 
 const LEN: usize = 195;
 const HEAD: u8 = 0xAA;
+/// Bytes before the points.
+const HEADER: usize = 10;
 /// The other commands are answers to what this module never sends.
 const DISTANCES: u8 = 0x02;
 const POINTS: usize = 12;
@@ -103,25 +105,9 @@ impl Protocol for Stp23l {
     fn examine(&self, bytes: &[u8]) -> Found<Measurement> {
         let &[HEAD, ..] = bytes else { return Found::Nothing };
         let Some(frame) = bytes.first_chunk::<LEN>() else { return Found::More(LEN) };
-        let [
-            HEAD,
-            HEAD,
-            HEAD,
-            HEAD,
-            _,
-            DISTANCES,
-            0,
-            0,
-            184,
-            0,
-            points @ ..,
-            t0,
-            t1,
-            t2,
-            t3,
-            check,
-        ] = frame
-        else {
+        let [body @ .., t0, t1, t2, t3, check] = frame;
+        let (header, points) = body.split_at(HEADER);
+        let [HEAD, HEAD, HEAD, HEAD, _, DISTANCES, 0, 0, 184, 0] = header else {
             return Found::Nothing;
         };
         if sum(&frame[4..LEN - 1]) != *check {

@@ -121,28 +121,18 @@ impl Protocol for Crsf {
 impl LinkStatistics {
     /// TBS's CRSF document, frame 14: signal strengths are negative, and sent without their sign.
     fn unpack(payload: &[u8; 10]) -> Self {
-        let [
-            rssi1,
-            rssi2,
-            quality,
-            snr,
-            antenna,
-            rf_mode,
-            power,
-            down_rssi,
-            down_quality,
-            down_snr,
-        ] = *payload;
+        let [rssi_1, rssi_2, uplink_quality, uplink_snr, antenna, rf_mode, others @ ..] = *payload;
+        let [transmit_power, downlink_rssi, downlink_quality, downlink_snr] = others;
         Self {
-            uplink_rssi: [-i16::from(rssi1), -i16::from(rssi2)],
-            uplink_quality: quality,
-            uplink_snr: snr.cast_signed(),
+            uplink_rssi: [-i16::from(rssi_1), -i16::from(rssi_2)],
+            uplink_quality,
+            uplink_snr: uplink_snr.cast_signed(),
             antenna,
             rf_mode,
-            transmit_power: power,
-            downlink_rssi: -i16::from(down_rssi),
-            downlink_quality: down_quality,
-            downlink_snr: down_snr.cast_signed(),
+            transmit_power,
+            downlink_rssi: -i16::from(downlink_rssi),
+            downlink_quality,
+            downlink_snr: downlink_snr.cast_signed(),
         }
     }
 }

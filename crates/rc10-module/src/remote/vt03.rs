@@ -51,27 +51,15 @@ pub struct Vt03Frame {
 const HEADER: [u8; 2] = [0xA9, 0x53];
 const LENGTH: usize = 21;
 
-/// Half a byte's worth of the reflected CRC-16 with polynomial 8408.
-const CRC_TABLE: [u16; 16] = {
-    let mut table = [0; 16];
-    let mut half: u16 = 0;
-    while half < 16 {
-        let mut crc = half;
-        let mut bit = 0;
-        while bit < 4 {
-            crc = if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 };
-            bit += 1;
-        }
-        table[half as usize] = crc;
-        half += 1;
-    }
-    table
-};
-
 /// CRC-16/MCRF4XX: polynomial 1021, reflected, from FFFF.
+///
+/// Without a table: the taps of x¹⁶ + x¹² + x⁵ + 1 move a byte to three places.
 fn crc(bytes: &[u8]) -> u16 {
-    let half = |crc: u16| crc >> 4 ^ CRC_TABLE[usize::from(crc & 0xF)];
-    bytes.iter().fold(0xFFFF, |crc, &byte| half(half(crc ^ u16::from(byte))))
+    bytes.iter().fold(0xFFFF, |crc: u16, byte| {
+        let mixed = (crc ^ u16::from(*byte)) & 0xFF;
+        let fed = (mixed ^ mixed << 4) & 0xFF;
+        crc >> 8 ^ fed << 8 ^ fed << 3 ^ fed >> 4
+    })
 }
 
 impl Protocol for Vt03 {

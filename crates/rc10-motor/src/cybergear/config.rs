@@ -182,12 +182,6 @@ impl Config {
         Self { model: *model, address, direction, cascade }
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// The position range in rad, up to 15: a CyberGear has 12.5 or 4π, RS00 before 0.0.2.6 12.5.
     pub const fn with_position_range(mut self, range: f32) -> Self {
         self.model.limits.position = range;
@@ -195,9 +189,8 @@ impl Config {
     }
 
     /// With gains of your own, efforts in N m.
-    pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
-        self.cascade = cascade;
-        self
+    pub const fn with_cascade(self, cascade: Cascade) -> Self {
+        Self { cascade, ..self }
     }
 
     /// Model and identifier.
@@ -205,12 +198,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.address.motor as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        self.name().blamed(self.check())
-    }
-
-    const fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         let Address { motor, host } = self.address;
         let is_good = motor >= 1 && motor <= 127;
         ok!(ConfigError::check(is_good, "motor", motor as f32, "1 to 127"));
@@ -226,21 +214,17 @@ impl Config {
 
     /// The identifiers it occupies on its bus.
     pub const fn can_ids(&self) -> CanIds {
-        can_ids(self.address)
+        let motor = self.address.motor as u32;
+        let replies = IdPattern::extended(motor << 8 | self.address.host as u32).under(0xFFFF);
+        let motion = IdPattern::extended(MOTION | motor).under(0x1F00_00FF);
+        CanIds::new()
+            .receives(Frames::new(replies, 8, Rate::EveryTick))
+            .transmits(Frames::new(motion, 8, Rate::EveryTick))
+            .transmits(Frames::new(IdPattern::extended(motor).under(0xFF), 8, Rate::Rare))
     }
 }
 
 pub(super) const MOTION: u32 = 1 << 24;
-
-pub(super) const fn can_ids(address: Address) -> CanIds {
-    let motor = address.motor as u32;
-    let replies = IdPattern::extended(motor << 8 | address.host as u32).under(0xFFFF);
-    let motion = IdPattern::extended(MOTION | motor).under(0x1F00_00FF);
-    CanIds::new()
-        .receives(Frames::new(replies, 8, Rate::EveryTick))
-        .transmits(Frames::new(motion, 8, Rate::EveryTick))
-        .transmits(Frames::new(IdPattern::extended(motor).under(0xFF), 8, Rate::Rare))
-}
 
 #[cfg(test)]
 mod tests {

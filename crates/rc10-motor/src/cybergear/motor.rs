@@ -4,17 +4,16 @@ use embedded_can::ExtendedId;
 use rc10_app::{ConfigError, NewtonMetres};
 use rc10_can::{CanFrame, Micros};
 
-use super::config::{Config, MOTION, Model, can_ids};
+use super::config::{Config, MOTION, Model};
 use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
+use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedShaft, Setpoint};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
-use crate::shaft::Shaft;
 use crate::target::{Target, TargetError, TargetSet};
 
 /// One CyberGear or RobStride.
@@ -25,8 +24,7 @@ pub struct CyberGear {
     model: Model,
     address: Address,
     servo: Servo,
-    shaft: Shaft,
-    position: RangedPosition,
+    ranged: RangedShaft,
     step: Step,
     pending: Pending<Question>,
     /// A parameter that was written in the last tick, to be read back in this one.
@@ -91,8 +89,7 @@ impl CyberGear {
             model,
             address,
             servo: model.limits.servo(cascade),
-            shaft: RangedPosition::shaft(direction),
-            position: RangedPosition::new(&model.limits),
+            ranged: RangedShaft::new(&model.limits, direction),
             step: Step::Stopped,
             pending: Pending::new(),
             read_back: None,
@@ -134,8 +131,8 @@ impl CyberGear {
         let is_at_zero = reported.position.abs() < AT_ZERO && reported.mode != Mode::Run;
         match self.pending.sent() {
             Some(Question::Zero) if is_at_zero => {
-                self.servo.set_zero(self.shaft.set_zero());
-                self.position.start_over();
+                self.servo.set_zero(self.ranged.shaft.set_zero());
+                self.ranged.start_over();
                 // A zero that is not saved is gone with the power.
                 self.pending.replace(Question::Save, Question::Save.retry());
             }
@@ -156,12 +153,11 @@ impl CyberGear {
             self.answer(reported);
         }
         let rpm = reported.velocity * RPM_PER_RADIAN_PER_SECOND;
-        let jump = self.position.follow(&mut self.shaft, reported.steps, rpm, at, link);
+        let jump = self.ranged.follow(reported.steps, rpm, at, link);
         if jump.is_some() {
             // Of its turns and of its angle in them it knows nothing more: the shaft stays.
-            self.shaft.count_gap();
+            self.ranged.shaft.count_gap();
         }
-        self.shaft.measure(rpm, at);
         let runs = reported.mode == Mode::Run;
         self.step = match self.step {
             _ if jump.is_some() || link != Link::Online => Step::Stopped,
@@ -246,7 +242,7 @@ impl Motor for CyberGear {
             return self.servo.set_target(target);
         }
         self.supports().accepts(&target)?;
-        self.position.check(&self.shaft, &target)?;
+        self.ranged.check(&target)?;
         self.servo.set_target(target)
     }
 
@@ -255,10 +251,11 @@ impl Motor for CyberGear {
     }
 
     fn feedback(&self) -> Feedback {
-        let feedback = self.shaft.feedback();
+        let shaft = &self.ranged.shaft;
+        let feedback = shaft.feedback();
         let Some(reported) = &self.reported else { return feedback };
         feedback
-            .with_torque(NewtonMetres::new(reported.torque * self.shaft.sign()))
+            .with_torque(NewtonMetres::new(reported.torque * shaft.sign()))
             .with_temperature(reported.temperature)
             .with_effort(self.servo.effort())
     }
@@ -271,18 +268,16 @@ impl Motor for CyberGear {
         self.drive = tick.mode;
         self.advance(tick);
         if self.step == Step::Running {
-            self.servo.update(tick, &self.shaft);
+            self.servo.update(tick, &self.ranged.shaft);
         } else {
             self.servo.rest();
         }
-        self.setpoint = self.position.setpoint_of(&self.servo, &self.shaft);
+        self.setpoint = self.ranged.setpoint_of(&self.servo);
         self.pending.update(tick);
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.pending.is_busy() {
-            return Err(RequestError::Busy);
-        }
+        self.pending.check_free()?;
         let question = match request {
             Request::ClearFault if self.fault.is_none() => return Ok(Response::Done),
             Request::ClearFault => Question::ClearFaults,
@@ -293,7 +288,7 @@ impl Motor for CyberGear {
             // A CyberGear forgets its zero and knows no saving: its type 22 is another command.
             Request::StoreZero if self.model.saves => Question::Zero,
             Request::SaveRegisters if self.model.saves => Question::Save,
-            request => return self.servo.request(request, &mut self.shaft),
+            request => return self.servo.request(request, &mut self.ranged.shaft),
         };
         self.pending.ask(question, question.retry())
     }
@@ -318,7 +313,7 @@ fn extended(raw: u32) -> ExtendedId {
 
 impl CanMotor for CyberGear {
     fn can_ids(&self) -> CanIds {
-        can_ids(self.address)
+        Config::new(&self.model, self.address).can_ids()
     }
 
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {

@@ -1,14 +1,14 @@
 //! Models, identifiers, and how a motor is controlled.
 
-use rc10_app::{Cascade, ConfigError, Direction, Rpm, TotalAngle, ok};
+use rc10_app::{Cascade, ConfigError, Direction, Rpm, ok};
 use rc10_can::IdPattern;
 
 use super::wire::{DeviceId, Mode, REGISTERS};
 use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
-use crate::servo::Servo;
-use crate::target::{Target, TargetError, TargetKind, TargetSet, without_effort};
+use crate::side::Side;
+use crate::target::{TargetKind, TargetSet};
 
 /// A model and its factory limits, which are settings and have changed: compare registers 21 to 23.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,16 +145,9 @@ impl Config {
         Self { model, can_id, master_id, control, direction, verify }
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// Whether its [registers are verified](Self::verify).
-    pub const fn verify_limits(mut self, verify: bool) -> Self {
-        self.verify = verify;
-        self
+    pub const fn verify_limits(self, verify: bool) -> Self {
+        Self { verify, ..self }
     }
 
     /// Model and identifier.
@@ -162,12 +155,7 @@ impl Config {
         MotorName { model: self.model.name, id: self.can_id }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        self.name().blamed(self.check())
-    }
-
-    const fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         let Self { can_id, master_id, ref model, ref control, .. } = *self;
         let is_good = DeviceId::new(can_id).is_some() && can_id & 0xFF != REGISTERS & 0xFF;
         let must_be = "at most 0x4FE, its low byte not 0xFF";
@@ -221,76 +209,26 @@ const fn register(low: u8, len: u8) -> Frames {
 /// Largest velocity that a force-position frame carries, rad/s.
 const FASTEST_FORCE_POSITION: f32 = 100.0;
 
-#[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
-#[derive(Clone, Debug)]
-pub(super) enum Controller {
-    /// Our loops, and the device's spring.
-    Mit(Servo),
-    /// The device's own loops.
-    Own {
-        mode: Mode,
-        goals: Goals,
-        /// Largest velocity on the way to a position, rad/s.
-        velocity: f32,
-        torque_share: f32,
-    },
+/// The settings of the device's own position loop.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Own {
+    /// Largest velocity on the way to a position, rad/s.
+    pub(super) velocity: f32,
+    pub(super) torque_share: f32,
 }
 
-impl Controller {
-    pub(super) fn new(control: Control, limits: &Limits) -> Self {
-        use TargetKind::{Angle, Coast, Speed, SpeedMotion, TotalAngle};
-        let own = |kinds: &[TargetKind], speed: Rpm, torque_share| Self::Own {
-            mode: control.mode(),
-            goals: Goals::new(TargetSet::of(kinds)),
-            velocity: speed.get() / RPM_PER_RADIAN_PER_SECOND,
-            torque_share,
-        };
-        match control {
-            Control::Mit(cascade) => Self::Mit(limits.servo(cascade)),
-            Control::Velocity => own(&[Coast, Speed, SpeedMotion], Rpm::ZERO, 1.0),
-            Control::PositionVelocity { speed } => own(&[Coast, Angle, TotalAngle], speed, 1.0),
-            Control::ForcePosition { speed, torque_share } => {
-                own(&[Coast, Angle, TotalAngle], speed, torque_share)
-            }
-        }
-    }
-
-    pub(super) const fn mode(&self) -> Mode {
-        match self {
-            Self::Mit(_) => Mode::Mit,
-            Self::Own { mode, .. } => *mode,
-        }
-    }
-
-    pub(super) const fn goals(&self) -> &Goals {
-        match self {
-            Self::Mit(servo) => servo.goals(),
-            Self::Own { goals, .. } => goals,
-        }
-    }
-
-    pub(super) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        match self {
-            Self::Mit(servo) => servo.set_target(target),
-            Self::Own { goals, .. } => {
-                without_effort(goals.supports(), &target)?;
-                goals.set_target(target)
-            }
-        }
-    }
-
-    pub(super) fn set_zero(&mut self, zero: TotalAngle) {
-        match self {
-            Self::Mit(servo) => servo.set_zero(zero),
-            Self::Own { goals, .. } => goals.set_zero(zero),
-        }
-    }
-
-    /// Nothing drives; what comes next starts softly.
-    pub(super) fn rest(&mut self) {
-        match self {
-            Self::Mit(servo) => servo.rest(),
-            Self::Own { goals, .. } => goals.rest(),
+pub(super) fn side(control: Control, limits: &Limits) -> Side<Own> {
+    use TargetKind::{Angle, Coast, Speed, SpeedMotion, TotalAngle};
+    let own = |kinds: &[TargetKind], speed: Rpm, torque_share| {
+        let velocity = speed.get() / RPM_PER_RADIAN_PER_SECOND;
+        Side::Device(Goals::new(TargetSet::of(kinds)), Own { velocity, torque_share })
+    };
+    match control {
+        Control::Mit(cascade) => Side::Here(limits.servo(cascade)),
+        Control::Velocity => own(&[Coast, Speed, SpeedMotion], Rpm::ZERO, 1.0),
+        Control::PositionVelocity { speed } => own(&[Coast, Angle, TotalAngle], speed, 1.0),
+        Control::ForcePosition { speed, torque_share } => {
+            own(&[Coast, Angle, TotalAngle], speed, torque_share)
         }
     }
 }

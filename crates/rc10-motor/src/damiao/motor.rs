@@ -1,24 +1,23 @@
 //! The motor: when the device may move, and what it is told.
 
 use embedded_can::StandardId;
-use rc10_app::angle::shortest_way;
 use rc10_app::maths::within;
-use rc10_app::{ConfigError, NewtonMetres, TotalAngle};
+use rc10_app::{ConfigError, NewtonMetres};
 use rc10_can::{CanFrame, Micros};
 
-use super::config::{Config, Controller, Model, can_ids};
+use super::config::{Config, Model, Own, can_ids, side};
 use super::registers::{Access, CHECKED, NO_ANSWER, Register, Reply, check, reply_to};
 use super::wire::{self, DeviceId, Mode, Operation, State, operate, standard};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
-use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition};
+use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedShaft};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
-use crate::shaft::Shaft;
-use crate::target::{Target, TargetError, TargetSet};
+use crate::side::Side;
+use crate::target::{Target, TargetError, TargetSet, without_effort};
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
 #[derive(Clone, Debug)]
@@ -26,9 +25,9 @@ pub struct Damiao {
     model: Model,
     id: DeviceId,
     master: StandardId,
-    controller: Controller,
-    shaft: Shaft,
-    position: RangedPosition,
+    mode: Mode,
+    side: Side<Own>,
+    ranged: RangedShaft,
     /// Whether the [`CHECKED`] registers are, and the next of them.
     verify: bool,
     next_check: usize,
@@ -71,7 +70,6 @@ impl Question {
     }
 }
 
-const TURN: i32 = 360_000_000;
 /// Slower than this share of `VMAX` is standing still.
 const STANDSTILL: f32 = 0.005;
 /// Largest angle that counts as zero just after the zero was set, rad.
@@ -87,9 +85,9 @@ impl Damiao {
             model,
             id: id.ok_or(ConfigError::new("CAN_ID", can_id.into(), "at most 0x4FE"))?,
             master: standard(master_id),
-            controller: Controller::new(control, &model.limits),
-            shaft: RangedPosition::shaft(direction),
-            position: RangedPosition::new(&model.limits),
+            mode: control.mode(),
+            side: side(control, &model.limits),
+            ranged: RangedShaft::new(&model.limits, direction),
             verify,
             next_check: 0,
             pending: Pending::new(),
@@ -108,7 +106,7 @@ impl Damiao {
 
     /// The control mode of the device.
     pub const fn mode(&self) -> Mode {
-        self.controller.mode()
+        self.mode
     }
 
     /// Whether the device is enabled, or what is wrong; `None` before it was heard.
@@ -122,28 +120,26 @@ impl Damiao {
             DriveMode::Off | DriveMode::Coast => false,
             DriveMode::Brake | DriveMode::Hold => true,
             // Only in MIT mode can an enabled motor be told to give no torque.
-            DriveMode::Run => {
-                self.mode() == Mode::Mit || *self.controller.goals().goal() != Goal::Rest
-            }
+            DriveMode::Run => self.mode == Mode::Mit || *self.side.goals().goal() != Goal::Rest,
         }
     }
 
     fn drive(&mut self, tick: &Tick) -> CanFrame {
-        let Self { model: Model { limits, .. }, controller, shaft, position, .. } = self;
-        let runs = tick.mode == DriveMode::Run;
-        match controller {
-            Controller::Mit(servo) => {
+        let Self { model: Model { limits, .. }, side, ranged, .. } = self;
+        let (runs, shaft) = (tick.mode == DriveMode::Run, &ranged.shaft);
+        match side {
+            Side::Here(servo) => {
                 let near = match *servo.goals().goal() {
-                    Goal::Angle(phase) if runs => nearest(position, shaft, phase),
+                    Goal::Angle(phase) if runs => ranged.nearest(phase),
                     _ => None,
                 };
                 match near {
                     Some(angle) => servo.update_towards(tick, shaft, angle),
                     None => servo.update(tick, shaft),
                 }
-                wire::mit(self.id, &position.setpoint_of(servo, shaft), limits)
+                wire::mit(self.id, &ranged.setpoint_of(servo), limits)
             }
-            Controller::Own { mode: Mode::Velocity, goals, .. } => {
+            Side::Device(goals, _) if self.mode == Mode::Velocity => {
                 let rpm = match *goals.goal() {
                     Goal::Speed(rpm) if runs => rpm,
                     Goal::Motion if runs => {
@@ -153,11 +149,11 @@ impl Damiao {
                 };
                 wire::velocity(self.id, shaft.sign() * rpm / RPM_PER_RADIAN_PER_SECOND)
             }
-            Controller::Own { mode, goals, velocity, torque_share } => {
+            Side::Device(goals, Own { velocity, torque_share }) => {
                 let sought = match *goals.goal() {
                     // Since a restart it may lie where the device has no number for.
-                    Goal::Total(angle) if runs && position.reaches(shaft, angle) => Some(angle),
-                    Goal::Angle(phase) if runs => nearest(position, shaft, phase),
+                    Goal::Total(angle) if runs && ranged.reaches(angle) => Some(angle),
+                    Goal::Angle(phase) if runs => ranged.nearest(phase),
                     _ => None,
                 };
                 let angle = if let Some(angle) = sought {
@@ -172,8 +168,8 @@ impl Damiao {
                         _ => shaft.angle(),
                     }
                 };
-                let angle = position.radians_of(shaft, angle);
-                if *mode == Mode::ForcePosition {
+                let angle = ranged.radians_of(angle);
+                if self.mode == Mode::ForcePosition {
                     wire::force_position(self.id, angle, *velocity, *torque_share)
                 } else {
                     wire::position_velocity(self.id, angle, *velocity)
@@ -257,7 +253,7 @@ impl Damiao {
         if let (Some(Question::Check), Some(checked)) =
             (self.pending.question(), CHECKED.get(self.next_check))
         {
-            let fault = check(checked, held, self.mode(), &self.model.limits);
+            let fault = check(checked, held, self.mode, &self.model.limits);
             self.pending.cancel();
             self.next_check += usize::from(fault.is_none());
             self.fault = self.fault.or(fault);
@@ -283,15 +279,14 @@ impl Damiao {
 
     /// All angles count from here: those that are sought or held stay where they are.
     fn set_zero(&mut self) {
-        let zero = self.shaft.set_zero();
-        self.controller.set_zero(zero);
+        self.side.set_zero(self.ranged.shaft.set_zero());
     }
 
     /// The frame that is sent in this tick to the motor's own identifier.
     fn command_frame(&self) -> CanFrame {
         match self.command {
             Command::Operate(operation) => {
-                operate(self.id, if self.is_bare { Mode::Mit } else { self.mode() }, operation)
+                operate(self.id, if self.is_bare { Mode::Mit } else { self.mode }, operation)
             }
             Command::Drive(frame) => frame,
         }
@@ -299,24 +294,17 @@ impl Damiao {
 
     /// The stream of its commands: all of them, to each identifier, take each other's place.
     fn command_stream(&self) -> u32 {
-        CanFrame::key_of(self.id.command_id(self.mode()))
+        CanFrame::key_of(self.id.command_id(self.mode))
     }
 
     /// The stream of its register frames: an identifier with its low byte that it never uses.
     fn register_stream(&self) -> u32 {
-        let unused = match self.mode() {
+        let unused = match self.mode {
             Mode::ForcePosition => Mode::Velocity,
             Mode::Mit | Mode::PositionVelocity | Mode::Velocity => Mode::ForcePosition,
         };
         CanFrame::key_of(self.id.command_id(unused))
     }
-}
-
-/// The nearest angle at a phase within the turn that lies in the device's range.
-fn nearest(position: &RangedPosition, shaft: &Shaft, phase: i32) -> Option<TotalAngle> {
-    let way = shortest_way(shaft.phase(), phase, TURN);
-    let near = shaft.angle().plus(TotalAngle::from_microdegrees(way.into()));
-    position.within_reach(shaft, near)
 }
 
 impl Motor for Damiao {
@@ -325,50 +313,49 @@ impl Motor for Damiao {
     }
 
     fn supports(&self) -> TargetSet {
-        self.controller.goals().supports()
+        self.side.goals().supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         // The usual case is the same target again.
-        if target == self.controller.goals().target() {
-            return self.controller.set_target(target);
+        if target == self.target() {
+            return self.side.set_target(target);
         }
         self.supports().accepts(&target)?;
         let is_in_range = match Goal::of(target)? {
             // The device cannot tell of a higher speed either.
             Goal::Speed(rpm) => rpm.abs() <= self.model.limits.rpm(),
-            Goal::Angle(phase) => nearest(&self.position, &self.shaft, phase).is_some(),
+            Goal::Angle(phase) => self.ranged.nearest(phase).is_some(),
             _ => {
                 let rpm = match target {
                     Target::Motion(motion) => motion.speed.get(),
                     _ => 0.0,
                 };
-                rpm.abs() <= self.model.limits.rpm()
-                    && self.position.check(&self.shaft, &target).is_ok()
+                rpm.abs() <= self.model.limits.rpm() && self.ranged.check(&target).is_ok()
             }
         };
         if !is_in_range {
             return Err(TargetError::OutOfRange(target.kind()));
         }
-        self.controller.set_target(target)
+        if let Side::Device(goals, _) = &self.side {
+            without_effort(goals.supports(), &target)?;
+        }
+        self.side.set_target(target)
     }
 
     fn target(&self) -> Target {
-        self.controller.goals().target()
+        self.side.goals().target()
     }
 
     fn feedback(&self) -> Feedback {
-        let feedback = self.shaft.feedback();
+        let shaft = &self.ranged.shaft;
+        let feedback = shaft.feedback();
         let Some(reported) = &self.reported else { return feedback };
-        let effort = match &self.controller {
-            Controller::Mit(servo) => servo.effort(),
-            Controller::Own { .. } => f32::NAN,
-        };
         feedback
-            .with_torque(NewtonMetres::new(reported.torque * self.shaft.sign()))
+            .with_torque(NewtonMetres::new(reported.torque * shaft.sign()))
             .with_temperature(reported.motor_temperature)
             .with_controller_temperature(reported.driver_temperature)
-            .with_effort(effort)
+            .with_effort(self.side.effort())
     }
 
     fn fault(&self) -> Option<Fault> {
@@ -384,7 +371,7 @@ impl Motor for Damiao {
             self.command = Command::Drive(self.drive(tick));
             return;
         }
-        self.controller.rest();
+        self.side.rest();
         let usual = if is_driven { Operation::Enable } else { Operation::Disable };
         let operation = match self.pending.question() {
             Some(Question::Operate(asked)) => self.pending.take_due().map_or(usual, |_| asked),
@@ -395,20 +382,14 @@ impl Motor for Damiao {
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.cancel_check();
-        if self.pending.is_busy() {
-            return Err(RequestError::Busy);
-        }
+        self.pending.check_free()?;
         let register = |number: u16| {
             let error = ConfigError::new("register", number.into(), "255 or less");
             u8::try_from(number).map(Register).map_err(|_| error)
         };
         let question = match request {
-            Request::SetZero | Request::ClearFault if !self.shaft.is_known() => {
+            Request::ClearFault if !self.ranged.shaft.is_known() => {
                 return Err(RequestError::NoFeedback);
-            }
-            Request::SetZero => {
-                self.set_zero();
-                return Ok(Response::Done);
             }
             Request::ClearFault if matches!(self.state(), Some(State::Error(_))) => {
                 Question::Operate(Operation::ClearError)
@@ -426,10 +407,7 @@ impl Motor for Damiao {
                 Question::Access(access)
             }
             Request::SaveRegisters => Question::Access(Access::Save),
-            _ => match &mut self.controller {
-                Controller::Mit(servo) => return servo.request(request, &mut self.shaft),
-                Controller::Own { .. } => return Err(RequestError::Unsupported),
-            },
+            _ => return self.side.request(request, &mut self.ranged.shaft),
         };
         let retry = question.retry();
         if retry.only_while_off && self.state() == Some(State::Enabled) {
@@ -443,10 +421,7 @@ impl Motor for Damiao {
     }
 
     fn loops(&self) -> Option<Loops> {
-        match &self.controller {
-            Controller::Mit(servo) => Some(servo.loops()),
-            Controller::Own { .. } => None,
-        }
+        self.side.loops()
     }
 
     fn condition(&self) -> Condition {
@@ -458,7 +433,7 @@ impl Motor for Damiao {
 
 impl CanMotor for Damiao {
     fn can_ids(&self) -> CanIds {
-        can_ids(self.id.raw(), self.master.as_raw(), self.mode())
+        can_ids(self.id.raw(), self.master.as_raw(), self.mode)
     }
 
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
@@ -478,18 +453,18 @@ impl CanMotor for Damiao {
             && !matches!(self.command, Command::Operate(_));
         if self.pending.is_busy() && self.answer(&reported) {
             self.set_zero();
-            self.position.start_over();
+            self.ranged.start_over();
         }
-        let (rpm, before) = (reported.velocity * RPM_PER_RADIAN_PER_SECOND, self.shaft.before());
-        let jump = self.position.follow(&mut self.shaft, reported.steps, rpm, at, link);
-        self.shaft.measure(rpm, at);
+        let before = self.ranged.shaft.before();
+        let rpm = reported.velocity * RPM_PER_RADIAN_PER_SECOND;
+        let jump = self.ranged.follow(reported.steps, rpm, at, link);
         if let Some(jump) = jump {
             // It still knows its angle within the turn.
-            self.shaft.bridge(jump, before);
+            self.ranged.shaft.bridge(jump, before);
         }
         if has_restarted || jump.is_some() || link != Link::Online {
             self.check_again();
-            self.controller.rest();
+            self.side.rest();
         }
         self.reported = Some(reported);
         self.fault = reported.state.fault().or(self.fault);
@@ -506,8 +481,8 @@ impl CanMotor for Damiao {
     }
 
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        tx.push(operate(self.id, self.mode(), Operation::Disable))?;
-        if self.mode() == Mode::Mit {
+        tx.push(operate(self.id, self.mode, Operation::Disable))?;
+        if self.mode == Mode::Mit {
             return Ok(());
         }
         tx.push(operate(self.id, Mode::Mit, Operation::Disable))

@@ -1,6 +1,7 @@
 //! Commands and feedback as frames: rad, rad/s and N m at the output shaft.
 //!
-//! Packing limits first and never fails; NaN becomes zero: see [`Setpoint::validate`].
+//! Packing limits first and never fails; NaN becomes zero, which for an angle
+//! with stiffness is a place to go to: check before.
 
 use embedded_can::StandardId;
 use rc10_app::Celsius;

@@ -97,9 +97,20 @@ impl Device {
     }
 }
 
+/// The functions that the configurations of all vendors have in common.
 macro_rules! devices {
     ($($device:ident: $config:ty),+ $(,)?) => {$(
         impl $config {
+            /// The same, whose output shaft counts this way.
+            pub const fn with_direction(self, direction: Direction) -> Self {
+                Self { direction, ..self }
+            }
+
+            /// Checks every field; the error names the first that is wrong, and what it must be.
+            pub const fn validate(&self) -> Result<(), ConfigError> {
+                self.name().blamed(self.check())
+            }
+
             /// The same, as one of many vendors.
             pub const fn device(self) -> Device {
                 Device::$device(self)
@@ -117,5 +128,11 @@ devices! {
     ODrive: odrive::Config,
     GoModule: unitree::ModuleConfig,
     GoM8010: unitree::LineConfig,
-    Other: OtherDevice,
+}
+
+impl OtherDevice {
+    /// The same, as one of many vendors.
+    pub const fn device(self) -> Device {
+        Device::Other(self)
+    }
 }

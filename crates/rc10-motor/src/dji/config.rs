@@ -215,16 +215,9 @@ impl Config {
         self
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// With the feedback rate that is set in the controller.
-    pub const fn with_feedback_rate(mut self, rate: FeedbackRate) -> Self {
-        self.rate = rate;
-        self
+    pub const fn with_feedback_rate(self, rate: FeedbackRate) -> Self {
+        Self { rate, ..self }
     }
 
     /// With what is on its shaft: the effort that moving it takes. After [`with_gear`](Self::with_gear).
@@ -240,9 +233,8 @@ impl Config {
     }
 
     /// With gains of your own.
-    pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
-        self.cascade = cascade;
-        self
+    pub const fn with_cascade(self, cascade: Cascade) -> Self {
+        Self { cascade, ..self }
     }
 
     /// Model and identifier.
@@ -250,10 +242,9 @@ impl Config {
         MotorName { model: self.model.name, id: self.id as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.model.ids(self.id));
-        self.name().blamed(self.cascade.validate())
+        self.cascade.validate()
     }
 
     /// The identifiers on its bus, of a [valid](Self::validate) configuration; else no identifier.

@@ -9,6 +9,7 @@ use rc10_message::{CallError, Caller, Calls, Service};
 
 use crate::motor::{Motor, Tuning};
 use crate::motors::{MotorId, Motors};
+use crate::pending::Outcome;
 use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
 use crate::target::{Target, TargetError, TargetSet};
@@ -37,7 +38,6 @@ struct MotorCell {
 const CALLERS: usize = 4;
 
 type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
-type Outcome = Result<Response, RequestError>;
 /// The task that waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 

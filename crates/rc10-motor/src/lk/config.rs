@@ -97,8 +97,7 @@ impl Model {
         if u32::from(motion.encoder) >= counts {
             return Err(FrameError::Encoder);
         }
-        #[expect(clippy::cast_precision_loss, reason = "a power of two")]
-        return Ok(Degrees::new(f32::from(motion.encoder) * (360.0 / counts as f32)));
+        Ok(Degrees::new(f32::from(motion.encoder) * (360.0 / counts as f32)))
     }
 }
 
@@ -169,22 +168,12 @@ impl Config {
         Self { commands, ..self }
     }
 
-    /// Counting this way.
-    pub const fn with_direction(self, direction: Direction) -> Self {
-        Self { direction, ..self }
-    }
-
     /// Model and identifier.
     pub const fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.id as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        self.name().blamed(self.check())
-    }
-
-    const fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.lane());
         let Model { amps_per_count, gear, torque_constant, .. } = self.model;
         let must_be = "finite and above zero: an MS drive has no current loop";

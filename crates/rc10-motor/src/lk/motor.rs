@@ -236,9 +236,7 @@ impl Motor for Lk {
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.pending.is_busy() {
-            return Err(RequestError::Busy);
-        }
+        self.pending.check_free()?;
         match (request, self.model.torque_constant) {
             (Request::ClearFault, _) if self.commands == Commands::MultiMotor => {
                 Err(RequestError::Unsupported)

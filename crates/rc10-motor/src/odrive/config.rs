@@ -138,11 +138,6 @@ impl Config {
         Self { gear, ..self }
     }
 
-    /// Counting this way.
-    pub const fn with_direction(self, direction: Direction) -> Self {
-        Self { direction, ..self }
-    }
-
     /// Never exceeding these.
     pub const fn with_limits(self, limits: Limits) -> Self {
         Self { limits: Some(limits), ..self }
@@ -153,12 +148,7 @@ impl Config {
         MotorName { model: "ODrive", id: self.node as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        self.name().blamed(self.check())
-    }
-
-    const fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.checked_node());
         let ratio = self.gear.ratio();
         let must_be = "one turn or more for a turn of the output";

@@ -13,11 +13,12 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals, Moment};
-use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
+use crate::side::Side;
 use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// From here on an f32 does not tell one turn from the next.
@@ -58,14 +59,12 @@ enum Step {
     Running,
 }
 
-/// The side that closes the loops: this crate or the axis.
-#[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
-#[derive(Clone, Copy, Debug)]
-enum Loops {
-    /// This crate: the axis gets torques.
-    Here(Servo),
-    /// The axis: `input` is velocity (turns a second) or position (turns), with what is `beside`.
-    Axis { goals: Goals, input: f32, beside: Beside },
+/// The input of the loops of an axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Input {
+    /// Velocity (turns a second) or position (turns).
+    value: f32,
+    beside: Beside,
 }
 
 /// Numbers that the loops of an axis add to their own, of a motion that is known.
@@ -92,7 +91,8 @@ pub struct ODrive {
     /// Turns of the encoder's shaft per turn of the output, with the direction.
     ratio: f32,
     shaft: Shaft,
-    loops: Loops,
+    /// Loops here give the axis torques.
+    side: Side<Input>,
     estimates: Estimates,
     /// Amperes, volts and degrees Celsius; NaN until the axis has sent them.
     current: f32,
@@ -119,10 +119,7 @@ impl ODrive {
         use TargetKind::{Angle, Coast, Motion, Speed, SpeedMotion, TotalAngle};
         config.validate()?;
         let node = config.checked_node()?;
-        let in_axis = |kinds| {
-            let goals = Goals::new(TargetSet::of(kinds));
-            Loops::Axis { goals, input: 0.0, beside: Beside::default() }
-        };
+        let in_axis = |kinds| Side::Device(Goals::new(TargetSet::of(kinds)), Input::default());
         Ok(Self {
             node,
             firmware: config.firmware,
@@ -134,8 +131,8 @@ impl ODrive {
             torque_constant: config.torque_constant.unwrap_or(f32::NAN),
             ratio: config.gear.ratio() * f32::from(config.direction.sign()),
             shaft: Shaft::new(TURN.unsigned_abs(), config.gear, config.direction),
-            loops: match config.control {
-                Control::Torque(cascade) => Loops::Here(Servo::of(TargetKind::Torque, cascade)),
+            side: match config.control {
+                Control::Torque(cascade) => Side::Here(Servo::of(TargetKind::Torque, cascade)),
                 Control::Velocity(_) => in_axis(&[Coast, Speed, SpeedMotion]),
                 // The others make a motion of their own on the way.
                 Control::Position(InputMode::Passthrough) => {
@@ -239,7 +236,7 @@ impl ODrive {
 
     /// Whether the axis closes any of its loops.
     const fn is_in_axis(&self) -> bool {
-        matches!(self.loops, Loops::Axis { .. })
+        matches!(self.side, Side::Device(..))
     }
 
     /// The messages that an axis may send, with their rates in Hz.
@@ -293,19 +290,14 @@ impl ODrive {
 
     /// The input that was decided in this tick.
     fn input(&self) -> Command {
-        match (&self.loops, self.modes.0) {
-            (Loops::Here(servo), _) => {
-                Command::Torque(NewtonMetres::new(servo.effort() / self.ratio))
-            }
-            (&Loops::Axis { input, beside, .. }, ControlMode::Position) => {
-                let Beside { velocity, torque } = beside;
-                let torque = NewtonMetres::new(torque);
-                Command::Position { position: input, velocity, torque }
-            }
-            (&Loops::Axis { input, beside, .. }, _) => {
-                let torque = NewtonMetres::new(beside.torque);
-                Command::Velocity { velocity: input, torque }
-            }
+        let Side::Device(_, Input { value, beside: Beside { velocity, torque } }) = self.side
+        else {
+            return Command::Torque(NewtonMetres::new(self.side.effort() / self.ratio));
+        };
+        let torque = NewtonMetres::new(torque);
+        match self.modes.0 {
+            ControlMode::Position => Command::Position { position: value, velocity, torque },
+            _ => Command::Velocity { velocity: value, torque },
         }
     }
 
@@ -325,12 +317,12 @@ impl ODrive {
 
     /// Whether this is the way to coast: an axis that closes its own loops has to be idle for it.
     fn coasts_idle(&self, mode: DriveMode) -> bool {
-        match (&self.loops, mode) {
-            (Loops::Here(_), _) => false,
-            (Loops::Axis { .. }, DriveMode::Off | DriveMode::Coast) => true,
-            (Loops::Axis { goals, .. }, DriveMode::Run) => *goals.goal() == Goal::Rest,
-            (Loops::Axis { .. }, DriveMode::Brake | DriveMode::Hold) => false,
-        }
+        self.is_in_axis()
+            && match mode {
+                DriveMode::Off | DriveMode::Coast => true,
+                DriveMode::Run => *self.side.goals().goal() == Goal::Rest,
+                DriveMode::Brake | DriveMode::Hold => false,
+            }
     }
 }
 
@@ -350,38 +342,27 @@ impl Motor for ODrive {
     }
 
     fn supports(&self) -> TargetSet {
-        match &self.loops {
-            Loops::Here(servo) => servo.supports(),
-            Loops::Axis { goals, .. } => goals.supports(),
-        }
+        self.side.goals().supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        match &mut self.loops {
-            Loops::Here(servo) => servo.set_target(target),
-            Loops::Axis { goals, .. } => {
-                // A ramp of the axis's own leaves an effort out.
-                if self.modes.1 != InputMode::Passthrough {
-                    without_effort(goals.supports(), &target)?;
-                }
-                if let (ControlMode::Position, Target::Motion(motion)) = (self.modes.0, target) {
-                    goals.supports().accepts(&target)?;
-                    let velocity = motion.speed.get() * self.ratio / 60.0;
-                    let torque = (motion.effort + motion.inertia) / self.ratio;
-                    if velocity.abs().max(torque.abs()) > MAX_BESIDE {
-                        return Err(TargetError::OutOfRange(target.kind()));
-                    }
-                }
-                goals.set_target(target)
+        // A ramp of the axis's own leaves an effort out.
+        if self.is_in_axis() && self.modes.1 != InputMode::Passthrough {
+            without_effort(self.supports(), &target)?;
+        }
+        if let (ControlMode::Position, Target::Motion(motion)) = (self.modes.0, target) {
+            self.supports().accepts(&target)?;
+            let velocity = motion.speed.get() * self.ratio / 60.0;
+            let torque = (motion.effort + motion.inertia) / self.ratio;
+            if velocity.abs().max(torque.abs()) > MAX_BESIDE {
+                return Err(TargetError::OutOfRange(target.kind()));
             }
         }
+        self.side.set_target(target)
     }
 
     fn target(&self) -> Target {
-        match &self.loops {
-            Loops::Here(servo) => servo.target(),
-            Loops::Axis { goals, .. } => goals.target(),
-        }
+        self.side.goals().target()
     }
 
     fn feedback(&self) -> Feedback {
@@ -389,17 +370,13 @@ impl Motor for ODrive {
         if !self.shaft.is_known() {
             return feedback;
         }
-        let effort = match &self.loops {
-            Loops::Here(servo) => servo.effort(),
-            Loops::Axis { .. } => f32::NAN,
-        };
         feedback
             .with_current(Amps::new(self.current * self.shaft.sign()))
             .with_torque(NewtonMetres::new(self.current * self.torque_constant * self.ratio))
             .with_temperature(Celsius::new(self.temperature))
             .with_controller_temperature(Celsius::new(self.controller_temperature))
             .with_supply(Volts::new(self.supply))
-            .with_effort(effort)
+            .with_effort(self.side.effort())
     }
 
     fn fault(&self) -> Option<Fault> {
@@ -425,10 +402,10 @@ impl Motor for ODrive {
         let runs = self.step == Step::Running;
         let Estimates { position, velocity } = self.estimates;
         let shaft = &self.shaft;
-        match (&mut self.loops, self.modes.0) {
-            (Loops::Here(servo), _) if runs => servo.update(tick, shaft),
-            (Loops::Here(servo), _) => servo.rest(),
-            (Loops::Axis { goals, input, beside }, ControlMode::Position) if runs => {
+        match (&mut self.side, self.modes.0) {
+            (Side::Here(servo), _) if runs => servo.update(tick, shaft),
+            (Side::Here(servo), _) => servo.rest(),
+            (Side::Device(goals, Input { value, beside }), ControlMode::Position) if runs => {
                 *beside = Beside::default();
                 // To stand still is to hold.
                 let mode = if tick.mode == DriveMode::Run { tick.mode } else { DriveMode::Hold };
@@ -443,17 +420,17 @@ impl Motor for ODrive {
                 };
                 #[expect(clippy::cast_precision_loss, reason = "exact once it is short")]
                 let turns = error as f32 * (self.ratio / TURN as f32);
-                *input = position + turns;
+                *value = position + turns;
                 if let (DriveMode::Run, Goal::Motion) = (tick.mode, goals.goal()) {
                     let Moment { motion, gone } = goals.advance(tick.dt);
-                    *input += gone * (self.ratio / 360.0);
+                    *value += gone * (self.ratio / 360.0);
                     *beside = Beside {
                         velocity: motion.speed.get() * (self.ratio / 60.0),
                         torque: (motion.effort + motion.inertia) / self.ratio,
                     };
                 }
             }
-            (Loops::Axis { goals, input, beside }, _) if runs => {
+            (Side::Device(goals, Input { value, beside }), _) if runs => {
                 *beside = Beside::default();
                 // A velocity loop holds no angle.
                 let rpm = match goals.update(tick.mode, || None) {
@@ -465,37 +442,27 @@ impl Motor for ODrive {
                     }
                     _ => 0.0,
                 };
-                *input = rpm * self.ratio / 60.0;
+                *value = rpm * self.ratio / 60.0;
             }
             // While it starts: what changes nothing in how the shaft moves now.
-            (Loops::Axis { goals, input, beside }, control) => {
+            (Side::Device(goals, Input { value, beside }), control) => {
                 goals.rest();
                 *beside = Beside::default();
-                *input = if control == ControlMode::Position { position } else { velocity };
+                *value = if control == ControlMode::Position { position } else { velocity };
             }
         }
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.pending.is_busy() {
-            return Err(RequestError::Busy);
-        }
-        match (request, &mut self.loops) {
-            (Request::ClearFault, _) if self.fault.is_none() => Ok(Response::Done),
-            (Request::ClearFault, _) => {
+        self.pending.check_free()?;
+        match request {
+            Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
+            Request::ClearFault => {
                 let every = self.heartbeat_timeout / f32::from(CLEAR_TRIES);
                 self.pending.ask((), Retry::new(every, CLEAR_TRIES))
             }
-            (Request::SetZero, Loops::Axis { .. }) if !self.shaft.is_known() => {
-                Err(RequestError::NoFeedback)
-            }
-            (Request::SetZero, Loops::Axis { goals, .. }) => {
-                goals.set_zero(self.shaft.set_zero());
-                Ok(Response::Done)
-            }
-            (Request::CurrentLimit(limit), _) => self.limit_current(limit),
-            (_, Loops::Here(servo)) => servo.request(request, &mut self.shaft),
-            (_, Loops::Axis { .. }) => Err(RequestError::Unsupported),
+            Request::CurrentLimit(limit) => self.limit_current(limit),
+            _ => self.side.request(request, &mut self.shaft),
         }
     }
 
@@ -503,11 +470,8 @@ impl Motor for ODrive {
         self.pending.take_outcome()
     }
 
-    fn loops(&self) -> Option<motor::Loops> {
-        match &self.loops {
-            Loops::Here(servo) => Some(servo.loops()),
-            Loops::Axis { .. } => None,
-        }
+    fn loops(&self) -> Option<Loops> {
+        self.side.loops()
     }
 
     fn condition(&self) -> Condition {

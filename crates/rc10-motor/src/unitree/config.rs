@@ -63,16 +63,9 @@ impl LineConfig {
         Self { id, direction: Direction::Forward, cascade: CASCADE }
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// With gains of your own.
-    pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
-        self.cascade = cascade;
-        self
+    pub const fn with_cascade(self, cascade: Cascade) -> Self {
+        Self { cascade, ..self }
     }
 
     /// Model and identifier.
@@ -80,12 +73,9 @@ impl LineConfig {
         MotorName { model: "GO-M8010-6", id: self.id as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        match self.address() {
-            Ok(_) => self.name().blamed(check_cascade(&self.cascade)),
-            Err(error) => Err(error),
-        }
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
+        ok!(self.address());
+        check_cascade(&self.cascade)
     }
 
     /// The address on the line.
@@ -136,16 +126,9 @@ impl ModuleConfig {
         Self { module, motor, direction: Direction::Forward, cascade: CASCADE }
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// With gains of your own.
-    pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
-        self.cascade = cascade;
-        self
+    pub const fn with_cascade(self, cascade: Cascade) -> Self {
+        Self { cascade, ..self }
     }
 
     /// Model and identifier.
@@ -155,23 +138,18 @@ impl ModuleConfig {
         MotorName { model, id: self.motor as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        match self.devices() {
-            Ok(_) => self.name().blamed(check_cascade(&self.cascade)),
-            Err(error) => Err(error),
-        }
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
+        ok!(self.devices());
+        check_cascade(&self.cascade)
     }
 
     pub(super) const fn devices(&self) -> Result<(Module, Address), ConfigError> {
-        let error = match (Module::new(self.module), Address::new(self.motor)) {
-            (Some(module), Some(address)) => return Ok((module, address)),
-            (None, _) => ConfigError::new("module", self.module as f32, "0 to 3"),
-            (_, None) => {
-                ConfigError::new("motor", self.motor as f32, "0 to 14 (15 is every motor)")
-            }
-        };
-        Err(self.name().blame(error))
+        const ALL: &str = "0 to 14 (15 is every motor)";
+        match (Module::new(self.module), Address::new(self.motor)) {
+            (Some(module), Some(address)) => Ok((module, address)),
+            (None, _) => Err(ConfigError::new("module", self.module as f32, "0 to 3")),
+            (_, None) => Err(ConfigError::new("motor", self.motor as f32, ALL)),
+        }
     }
 
     /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate).

@@ -45,9 +45,8 @@ impl ElectricalScale {
 
     /// With the minimum that is set in the VESC ("Minimum ERPM" of its speed controller).
     #[must_use]
-    pub const fn with_minimum(mut self, minimum: ElectricalRpm) -> Self {
-        self.minimum = minimum;
-        self
+    pub const fn with_minimum(self, minimum: ElectricalRpm) -> Self {
+        Self { minimum, ..self }
     }
 
     pub(super) fn pole_pairs(&self) -> f32 {
@@ -223,16 +222,9 @@ impl Config {
         }
     }
 
-    /// Turning the given way.
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self
-    }
-
     /// With [angle loops on our side](Self::angle_loops).
-    pub const fn with_angle_loops(mut self, cascade: Cascade) -> Self {
-        self.angle_loops = Some(cascade);
-        self
+    pub const fn with_angle_loops(self, cascade: Cascade) -> Self {
+        Self { angle_loops: Some(cascade), ..self }
     }
 
     /// Model and identifier.
@@ -240,13 +232,7 @@ impl Config {
         MotorName { model: "VESC", id: self.id as u16 }
     }
 
-    /// Checks every field; the error names the first that is wrong, and what it must be.
-    pub const fn validate(&self) -> Result<(), ConfigError> {
-        self.name().blamed(self.check())
-    }
-
-    #[expect(clippy::cast_precision_loss, reason = "for a message")]
-    const fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.vesc_id());
         ok!(self.status.check(self.encoder_on_shaft));
         let commands = self.command_hz;

@@ -327,7 +327,6 @@ impl Vesc {
             return self.shaft.start(steps.into());
         };
         let moved = steps.wrapping_sub(last);
-        #[expect(clippy::cast_precision_loss, reason = "many are many")]
         let jumps = moved.unsigned_abs() as f32 > most;
         if !(after_silence || jumps) {
             return self.shaft.move_by(moved);

@@ -11,6 +11,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// assert_eq!(base.wheels.len(), 3);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
+#[must_use]
 pub struct Chassis {
     /// kg, all included.
     pub mass: f64,
@@ -109,7 +110,6 @@ impl Default for Chassis {
 
 impl Chassis {
     /// The body of [`Chassis::default`] on these wheels.
-    #[must_use]
     pub const fn on(wheels: Vec<Wheel>) -> Self {
         Self {
             mass: 20.0,
@@ -125,7 +125,6 @@ impl Chassis {
     /// On four mecanum wheels whose rollers form an X when seen from above: front left, front right,
     /// rear left, rear right. `half_length` and `half_width` are from the middle to an axle and to a
     /// wheel, m.
-    #[must_use]
     pub fn mecanum(radius: f64, half_length: f64, half_width: f64) -> Self {
         let slants = [-1.0, 1.0, 1.0, -1.0];
         let places = corners(half_length, half_width).into_iter().zip(slants);
@@ -139,7 +138,6 @@ impl Chassis {
     /// On `count` omni wheels, `distance` m from the middle, evenly around it: the first is half a step
     /// to the left of ahead, the others follow counter-clockwise. Turning forward, each of them turns
     /// the base counter-clockwise.
-    #[must_use]
     pub fn omni(count: u8, radius: f64, distance: f64) -> Self {
         let wheel = |index: u8| {
             let at = PI / f64::from(count) + TAU * f64::from(index) / f64::from(count);
@@ -153,7 +151,6 @@ impl Chassis {
     }
 
     /// On two plain wheels, left and right, `track` m apart, and two castors.
-    #[must_use]
     pub fn differential(radius: f64, track: f64) -> Self {
         let wheels = [0.5, -0.5].map(|side| Wheel::plain(0.0, side * track, radius));
         Self { castors: 2, ..Self::on(wheels.into()) }
@@ -161,7 +158,6 @@ impl Chassis {
 
     /// On four plain wheels, each steered by a second motor: front left, front right, rear left, rear
     /// right. They look ahead at first.
-    #[must_use]
     pub fn swerve(radius: f64, half_length: f64, half_width: f64, steering: Steering) -> Self {
         let wheel =
             |[x, y]: [f64; 2]| Wheel { steering: Some(steering), ..Wheel::plain(x, y, radius) };
@@ -169,7 +165,6 @@ impl Chassis {
     }
 
     /// The same with another mass, kg, which is spread as before: the yaw inertia grows with it.
-    #[must_use]
     pub fn with_mass(self, mass: f64) -> Self {
         Self { mass, yaw_inertia: self.yaw_inertia * mass / self.mass, ..self }
     }

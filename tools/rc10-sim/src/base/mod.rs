@@ -3,7 +3,6 @@
 mod chassis;
 
 use std::cell::Cell;
-use std::fmt;
 use std::rc::Rc;
 
 pub use self::chassis::{Chassis, Steering, Tread, Wheel};
@@ -51,31 +50,22 @@ impl<'e> From<(&'e Esc, Mounting)> for WheelMotors<'e> {
 }
 
 /// Why motors cannot carry a base.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WheelError {
     /// One is in another world.
+    #[error("a wheel's motor is in another world")]
     OtherWorld,
     /// One turns or steers a wheel already.
+    #[error("a wheel's motor carries a wheel already")]
     Taken,
     /// They are not as many as the wheels.
+    #[error("there are not as many motors as wheels")]
     Count,
     /// A wheel that is steered has no motor for it, or one that is not steered has.
+    #[error("a wheel is steered and has no motor for it, or the other way round")]
     Steering,
 }
-
-impl fmt::Display for WheelError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::OtherWorld => "a wheel's motor is in another world",
-            Self::Taken => "a wheel's motor carries a wheel already",
-            Self::Count => "there are not as many motors as wheels",
-            Self::Steering => "a wheel is steered and has no motor for it, or the other way round",
-        })
-    }
-}
-
-impl std::error::Error for WheelError {}
 
 /// Position and heading of a base, from where it started.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -22,6 +22,7 @@ const CHIP: [u8; 7] = *b"RC10CYB";
 const LOOPS: f64 = 2.0;
 
 /// A simulated CyberGear or RobStride.
+#[must_use]
 pub struct CyberGear {
     model: Model,
     beyond: Beyond,
@@ -58,7 +59,6 @@ pub struct CyberGear {
 
 impl CyberGear {
     /// A model with an identifier, as it is sold otherwise.
-    #[must_use]
     pub const fn new(model: &Model, id: u8) -> Self {
         let [a, b, c, d, e, f, g] = CHIP;
         Self {
@@ -89,7 +89,6 @@ impl CyberGear {
     }
 
     /// The same with another behaviour beyond its range: no source tells.
-    #[must_use]
     pub const fn with_end(mut self, beyond: Beyond) -> Self {
         self.beyond = beyond;
         self
@@ -101,12 +100,6 @@ impl CyberGear {
         self.mode
     }
 
-    /// The identifier.
-    #[must_use]
-    pub const fn id(&self) -> u8 {
-        self.id
-    }
-
     /// The parameters that types 17 and 18 reach.
     #[must_use]
     pub const fn parameters(&self) -> &Parameters {
@@ -116,12 +109,6 @@ impl CyberGear {
     /// The same, to set up a device as another program has left it.
     pub const fn parameters_mut(&mut self) -> &mut Parameters {
         &mut self.parameters
-    }
-
-    /// The setpoint of motion control that it follows.
-    #[must_use]
-    pub const fn motion(&self) -> &Motion {
-        &self.motion
     }
 
     /// The six fault bits of its feedback, and those of its fault frame.

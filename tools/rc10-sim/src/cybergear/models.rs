@@ -107,7 +107,6 @@ pub const ALL: [&Model; 8] = [&CYBERGEAR, &RS00, &RS01, &RS02, &RS03, &RS04, &RS
 impl Model {
     /// Its motor, with nothing on the shaft. Resistance, friction and thermal figures are
     /// estimates.
-    #[must_use]
     pub const fn plant(&self) -> Plant {
         Plant {
             gear_ratio: self.gear,

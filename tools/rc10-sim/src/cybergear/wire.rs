@@ -54,11 +54,7 @@ fn from_field(field: u16, low: f64, high: f64) -> f64 {
 }
 
 /// From `low` ..= `high` to 0 ..= 65535, cut off at the ends and truncated as vendor code does.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a float cast saturates"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn to_field(value: f64, low: f64, high: f64) -> u16 {
     ((value - low) * 65_535.0 / (high - low)) as u16
 }
@@ -158,11 +154,7 @@ pub fn feedback(unasked: bool, motor: u8, host: u8, report: &Report, model: &Mod
     frame(kind, u16::from_be_bytes([state, motor]), host, data)
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a float cast saturates"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn tenths(celsius: f64) -> u16 {
     (celsius * 10.0).round() as u16
 }

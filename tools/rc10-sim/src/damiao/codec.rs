@@ -239,7 +239,6 @@ impl Access {
 }
 
 fn unmap(raw: u64, bits: u32, low: f64, high: f64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "at most 16 bits")]
     let share = raw as f64 / ((1_u64 << bits) - 1) as f64;
     low + share * (high - low)
 }
@@ -247,12 +246,12 @@ fn unmap(raw: u64, bits: u32, low: f64, high: f64) -> f64 {
 /// Cuts off below the step, as the vendor's code does; what lies beyond the range goes to its end.
 fn map(value: f64, bits: u32, limit: f64) -> u64 {
     let most = ((1_u64 << bits) - 1) as f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= most")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 ..= most")]
     return ((value + limit) / (2.0 * limit) * most).clamp(0.0, most) as u64;
 }
 
 fn degrees(celsius: f64) -> u8 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= 255")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 ..= 255")]
     return celsius.round().clamp(0.0, 255.0) as u8;
 }
 

@@ -6,6 +6,7 @@ use crate::plant::Plant;
 
 /// A motor, to be put on a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct DamiaoConfig {
     /// Identifier of the frames that it takes, 0 ..= 0x7FF.
     pub can_id: u16,
@@ -33,21 +34,18 @@ pub struct DamiaoConfig {
 
 impl DamiaoConfig {
     /// A DM-J4310 on 24 V in MIT mode, as it is sold, nothing on its shaft.
-    #[must_use]
     pub const fn j4310(can_id: u16, master_id: u16) -> Self {
         let limits = Limits { position: 12.5, velocity: 30.0, torque: 10.0 };
         Self::new(can_id, master_id, limits, j4310())
     }
 
     /// A DM-J8009 on 48 V in MIT mode, as it is sold, nothing on its shaft.
-    #[must_use]
     pub const fn j8009(can_id: u16, master_id: u16) -> Self {
         let limits = Limits { position: 12.5, velocity: 45.0, torque: 54.0 };
         Self::new(can_id, master_id, limits, j8009())
     }
 
     /// Any other, in MIT mode.
-    #[must_use]
     pub const fn new(can_id: u16, master_id: u16, limits: Limits, plant: Plant) -> Self {
         Self {
             can_id,

@@ -92,7 +92,7 @@ pub const fn encode_state(command: u8, state: State) -> [u8; 8] {
 /// The answer to `9A` and `9B`.
 #[must_use]
 pub fn encode_health(command: u8, temperature: i8, volts: f64, errors: u8) -> [u8; 8] {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let [low, high] = ((volts * 10.0).round() as u16).to_le_bytes();
     let [temperature] = temperature.to_le_bytes();
     [command, temperature, 0, low, high, 0, 0, errors]

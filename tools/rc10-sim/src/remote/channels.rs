@@ -30,7 +30,7 @@ pub(super) const fn deflection(switch: Switch) -> f64 {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "172 ..= 1811")]
+#[expect(clippy::cast_possible_truncation, reason = "172 ..= 1811")]
 fn level(deflection: f64) -> u16 {
     (MIDDLE + REACH * deflection.clamp(-1.0, 1.0)).floor() as u16
 }

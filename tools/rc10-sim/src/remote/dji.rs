@@ -79,7 +79,7 @@ impl<const LENGTH: usize> Bits<LENGTH> {
 }
 
 /// A stick's axis: 364 ..= 1684, 1024 in the middle.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "364 ..= 1684")]
+#[expect(clippy::cast_possible_truncation, reason = "364 ..= 1684")]
 fn level(deflection: f64) -> u16 {
     (1024.0 + 660.0 * deflection.clamp(-1.0, 1.0)).round() as u16
 }

@@ -88,7 +88,7 @@ fn channels(controls: &Controls) -> [Nanos; CHANNELS] {
 }
 
 /// To the microsecond, as a receiver's timer counts.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1000 ..= 2000")]
+#[expect(clippy::cast_possible_truncation, reason = "1000 ..= 2000")]
 fn length(deflection: f64) -> Nanos {
     Nanos::new(1000 * (1500.0 + 500.0 * deflection.clamp(-1.0, 1.0)).round() as u64)
 }

@@ -25,6 +25,7 @@ pub enum Failsafe {
 /// A receiver that does not hear its remote repeats what it heard last, and sets the flag "frame
 /// lost"; after a while it sets the flag "failsafe" too.
 #[derive(Debug)]
+#[must_use]
 pub struct Sbus {
     remote: Remote,
     phase: Nanos,
@@ -45,7 +46,6 @@ impl Sbus {
     /// A receiver that sends every 14 ms, its first frame at `phase` after power-on. It holds the
     /// sticks when it loses the remote, and says "failsafe" with the 15th frame in a row that is
     /// lost.
-    #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
         Self {
             remote: remote.clone(),
@@ -60,14 +60,12 @@ impl Sbus {
     }
 
     /// The same, every 7 ms.
-    #[must_use]
     pub const fn fast(mut self) -> Self {
         self.period = Nanos::new(7_000_000);
         self
     }
 
     /// The same with another failsafe, told after `after` lost frames: 0 tells it with the first.
-    #[must_use]
     pub const fn with_failsafe(mut self, failsafe: Failsafe, after: u32) -> Self {
         (self.failsafe, self.failsafe_after) = (failsafe, after);
         self

@@ -154,8 +154,7 @@ impl Report {
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "float casts saturate, as the device's own numbers do"
+        reason = "saturates, as the device's own numbers do"
     )]
     pub fn pack(&self) -> CanFrame {
         let mut data = [0; 8];

@@ -11,8 +11,6 @@
 mod control;
 mod wire;
 
-use std::fmt;
-
 use rc10_can::{CanFrame, Micros};
 
 pub use control::Mode;
@@ -80,34 +78,22 @@ impl VescConfig {
 }
 
 /// A VESC cannot be set up like this.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VescError {
     /// Id 255 means all of them.
+    #[error("a VESC takes ids 0 to 254")]
     Id,
     /// There is no motor without poles.
+    #[error("a motor has one pole pair or more")]
     PolePairs,
     /// A VESC reports at most 1000 times a second.
+    #[error("a VESC reports at most 1000 times a second, not {0}")]
     StatusRate(u16),
 }
-
-impl fmt::Display for VescError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Id => f.write_str("a VESC takes ids 0 to 254"),
-            Self::PolePairs => f.write_str("a motor has one pole pair or more"),
-            Self::StatusRate(hz) => {
-                write!(f, "a VESC reports at most 1000 times a second, not {hz}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for VescError {}
 
 /// An outrunner of the size that robots drive wheels with, 270 rpm/V, on 24 V, no gearbox and no
 /// load. The torque constant follows from the speed constant; resistance, inertia, friction and
 /// thermal figures are estimates for such a motor.
-#[must_use]
 pub const fn outrunner_270_kv() -> Plant {
     // 60 / (2 π · 270)
     let torque_constant = 0.035_368;
@@ -285,13 +271,7 @@ impl Device for Vesc {
         Micros::new(1_000_000 / u64::from(fastest))
     }
 
-    fn receive(
-        &mut self,
-        frame: &CanFrame,
-        _shaft: &Shaft,
-        now: Micros,
-        out: &mut Outbox,
-    ) -> Taken {
+    fn receive(&mut self, frame: &CanFrame, _: &Shaft, now: Micros, out: &mut Outbox) -> Taken {
         let order = match Order::parse(frame, self.config.id) {
             _ if self.is_off => return Taken::NotMine,
             Ok(order) => order,

@@ -1,6 +1,6 @@
 //! The bytes of both links, and their numbers. Pure functions but for [`line::Parser`]'s buffer.
 //!
-//! To wire: clamped, nearest step, no wrapping, no panic. NaN becomes zero: see [`Motion::check`].
+//! To wire: clamped, nearest step, no wrapping, no panic. NaN becomes zero.
 
 pub mod line;
 pub mod module;

@@ -55,17 +55,6 @@ pub struct Motion {
     pub angle: TotalAngle,
 }
 
-impl Motion {
-    /// The name of the first value that is not a number, as an error: it is sent as zero.
-    pub const fn check(&self) -> Result<(), &'static str> {
-        match () {
-            () if self.torque.get().is_nan() => Err("torque"),
-            () if self.speed.get().is_nan() => Err("speed"),
-            () => Ok(()),
-        }
-    }
-}
-
 /// Stiffness and damping at a shaft: the reaction to a difference of motions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -74,17 +63,6 @@ pub struct Impedance {
     pub stiffness: f32,
     /// `k_spd` in N m s / rad, 0 ..= 1025.7 at the output shaft.
     pub damping: f32,
-}
-
-impl Impedance {
-    /// The name of the first value that is not a number, as an error: it is sent as zero.
-    pub const fn check(&self) -> Result<(), &'static str> {
-        match () {
-            () if self.stiffness.is_nan() => Err("stiffness"),
-            () if self.damping.is_nan() => Err("damping"),
-            () => Ok(()),
-        }
-    }
 }
 
 /// τ, ω and θ of the rotor as they stand in commands and replies of both links.
@@ -293,17 +271,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_is_zero_and_an_error() {
+    fn what_is_not_a_number_is_zero() {
         let nan = f32::NAN;
         let strange = motion(nan, nan, 1.0);
         assert_eq!((ROTOR.raw(&strange).torque, ROTOR.raw(&strange).speed), (0, 0));
-        assert_eq!(strange.check(), Err("torque"));
-        assert_eq!(motion(0.0, nan, 1.0).check(), Err("speed"));
-        assert_eq!(motion(f32::INFINITY, 0.0, 1.0).check(), Ok(()));
         let strange = Impedance { stiffness: nan, damping: nan };
         assert_eq!(ROTOR.raw_impedance(&strange), RawImpedance::default());
-        assert_eq!(strange.check(), Err("stiffness"));
-        let strange = Impedance { stiffness: 1.0, ..strange };
-        assert_eq!(strange.check(), Err("damping"));
     }
 }
