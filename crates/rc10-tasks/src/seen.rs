@@ -5,7 +5,7 @@
 //! makes a table.
 
 use rc10_app::angle::shortest_way_degrees;
-use rc10_app::{Amps, Celsius, NewtonMetres, Rpm, TotalAngle, Volts};
+use rc10_app::{Amps, Celsius, Degrees, NewtonMetres, Rpm, TotalAngle, Volts};
 use rc10_can::{ErrorState, Micros, Timing};
 use rc10_module::Counters;
 use rc10_module::remote::{Remote, RemoteLink};
@@ -201,19 +201,21 @@ fn target(status: &MotorStatus) -> Wanted {
     }
 }
 
-/// The measurement beside the target: next to it, also across the end of a turn.
+/// The angle next to the wanted one, also across the end of a turn.
+#[inline(never)] // The other numbers need no registers saved.
+fn near(wanted: Degrees, angle: Degrees) -> f32 {
+    let way = shortest_way_degrees(wanted, angle).get();
+    if way.is_finite() { wanted.get() + way } else { angle.get() }
+}
+
+/// The measurement beside the target.
 fn measured(status: &MotorStatus) -> Wanted {
     let feedback = &status.feedback;
     match status.target {
-        Target::Angle(wanted) => {
-            let way = shortest_way_degrees(wanted, feedback.angle).get();
-            let near = if way.is_finite() { wanted.get() + way } else { feedback.angle.get() };
-            Wanted::Number(near)
-        }
-        Target::TotalAngle(_) | Target::Motion(Motion { angle: Some(_), .. }) => {
-            Wanted::Angle(feedback.total_angle)
-        }
-        Target::Impedance(_) => Wanted::Number(feedback.total_angle.degrees().get()),
+        Target::Angle(wanted) => Wanted::Number(near(wanted, feedback.angle)),
+        Target::TotalAngle(_)
+        | Target::Motion(Motion { angle: Some(_), .. })
+        | Target::Impedance(_) => Wanted::Angle(feedback.total_angle),
         Target::Current(_) | Target::Brake(_) | Target::Handbrake(_) => {
             Wanted::Number(feedback.current().short())
         }
