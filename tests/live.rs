@@ -181,7 +181,7 @@ fn two_pcs_that_set_at_once_come_one_after_the_other_and_both_are_told() {
     let mut around = Environment::new(robot.description(), 1).unwrap().with_console(BAUD);
     let second = ConsoleLine::new(&mut around.world, BAUD);
     let mut tasks = robot.tasks(&around).unwrap();
-    let (port, seen) = (second.port(), live::Robot::new(&shared, &shared.live));
+    let (port, seen) = (second.port(), live::RobotView::new(&shared, &shared.live));
     tasks.add(async move {
         let link = live::Link::new(port.clone());
         link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;

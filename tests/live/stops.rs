@@ -429,7 +429,7 @@ fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
     around.operator = None;
     let line = around.console.clone().unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
-    let (port, seen) = (line.port(), live::Robot::new(&shared, &()));
+    let (port, seen) = (line.port(), live::RobotView::new(&shared, &()));
     tasks.add(async move {
         let link = live::Link::new(port.clone());
         link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;

@@ -3,7 +3,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_app::angle::{nearest_movement, shortest_way, shortest_way_degrees};
-use rc10_app::{Base, CountsPerTurn, Degrees, Field, Radians, Rpm, TotalAngle, Twist};
+use rc10_app::{Base, CountsPerTurn, Degrees, FieldFrame, Radians, Rpm, TotalAngle, Twist};
 use rc10_module::encoder::Counter;
 
 use super::any;
@@ -134,7 +134,7 @@ proptest! {
             prop_assert!(off <= 2e-6 * size + 1e-30, "{:?} is {} off", wheels, off);
         }
         prop_assert!(base.forward(wheels.speeds).twist.is_finite());
-        let there = Twist::<Field>::new(vx, vy, wz).into_frame(Radians::new(1.0));
+        let there = Twist::<FieldFrame>::new(vx, vy, wz).into_frame(Radians::new(1.0));
         prop_assert!(there.wz.to_bits() == wz.to_bits());
     }
 }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use rc10_cli::Receiver;
-use rc10_module::led::pattern::{State, colour};
+use rc10_module::led::pattern::{LampState, colour};
 use rc10_motor::ArmState;
 use rc10_robot::table::{LEDS, Name};
 use rc10_sim::remote::{Controls, Stick, Switch};
@@ -16,7 +16,7 @@ use super::{DOWN, Scene, millis, scene};
 const STOP: Controls = Controls { left_switch: Switch::Down, ..Controls::REST };
 
 impl Scene<'_> {
-    fn status_led(&self) -> State {
+    fn status_led(&self) -> LampState {
         status_led::state(self.shared)
     }
 
@@ -30,56 +30,56 @@ fn what_matters_most_is_shown() {
     scene(Receiver::Dr16, 4, |mut scene| {
         scene.transmitter(false);
         scene.run(millis(50));
-        assert_eq!(scene.status_led(), State::LinkLost, "nothing heard yet");
+        assert_eq!(scene.status_led(), LampState::LinkLost, "nothing heard yet");
         scene.transmitter(true);
         scene.hands(DOWN);
         scene.run(millis(200));
-        assert_eq!(scene.status_led(), State::Disarmed);
+        assert_eq!(scene.status_led(), LampState::Disarmed);
         scene.transmitter(false);
         scene.run(millis(200));
-        assert_eq!((scene.status_led(), scene.arm()), (State::Suspended, ArmState::Disarmed));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::Suspended, ArmState::Disarmed));
         scene.transmitter(true);
         scene.arm_by_hand();
-        assert_eq!(scene.status_led(), State::Armed);
+        assert_eq!(scene.status_led(), LampState::Armed);
 
         // A motor without power is a fault, armed or not; a remote that is missing is more.
         scene.power(Name::Pitch, false);
         scene.run(millis(300));
-        assert_eq!((scene.status_led(), scene.arm()), (State::Fault, ArmState::Armed));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::Fault, ArmState::Armed));
         scene.transmitter(false);
         scene.run(millis(200));
-        assert_eq!((scene.status_led(), scene.arm()), (State::Suspended, ArmState::Suspended));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::Suspended, ArmState::Suspended));
         scene.run(millis(1000));
-        assert_eq!((scene.status_led(), scene.arm()), (State::LinkLost, ArmState::Disarmed));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::LinkLost, ArmState::Disarmed));
         scene.transmitter(true);
         scene.hands(DOWN);
         scene.run(millis(200));
-        assert_eq!((scene.status_led(), scene.arm()), (State::Fault, ArmState::Disarmed));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::Fault, ArmState::Disarmed));
 
         // A stop is more than anything else, and stays when the remote is lost.
         scene.hands(STOP);
         scene.run(millis(100));
-        assert_eq!((scene.status_led(), scene.arm()), (State::Stopped, ArmState::EStopped));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::Stopped, ArmState::EStopped));
         scene.power(Name::Pitch, true);
         scene.transmitter(false);
         scene.run(millis(2000));
-        assert_eq!((scene.status_led(), scene.arm()), (State::Stopped, ArmState::EStopped));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::Stopped, ArmState::EStopped));
         scene.transmitter(true);
         scene.hands(Controls::REST);
         scene.run(millis(100));
-        assert_eq!(scene.status_led(), State::Stopped);
+        assert_eq!(scene.status_led(), LampState::Stopped);
         scene.hands(DOWN);
         scene.run(millis(100));
-        assert_eq!(scene.status_led(), State::Disarmed);
+        assert_eq!(scene.status_led(), LampState::Disarmed);
         // A stick that is held, and let go.
         let held = Controls { left: Stick { x: 0.0, y: -1.0 }, ..Controls::REST };
         scene.hands(held);
         scene.run(millis(100));
-        assert_eq!((scene.status_led(), scene.arm()), (State::NotAtRest, ArmState::Disarmed));
+        assert_eq!((scene.status_led(), scene.arm()), (LampState::NotAtRest, ArmState::Disarmed));
         let status = rc10_tasks::status::now(scene.shared).to_string();
         assert!(status.contains("not armed: left stick (up and down) is not at rest"), "{status}");
         scene.arm_by_hand();
-        assert_eq!(scene.status_led(), State::Armed);
+        assert_eq!(scene.status_led(), LampState::Armed);
     });
 }
 
@@ -132,7 +132,8 @@ fn the_strip_is_written_ten_times_a_second_whatever_it_says() {
             }
             let begun = scene.now().get() / 100_000 * 100_000;
             let at = rc10_can::Micros::new(begun);
-            let expected: Vec<_> = (0..LEDS).map(|led| colour(State::Stopped, at, led)).collect();
+            let expected: Vec<_> =
+                (0..LEDS).map(|led| colour(LampState::Stopped, at, led)).collect();
             assert_eq!(shown, expected, "{at}");
             if shown[0] == RGB8::default() { off += 1 } else { on += 1 }
         }

@@ -54,7 +54,7 @@ pub use profile::{AngleProfile, AngleSetpoint, Profile, ProfileLimits, Setpoint}
 pub use schedule::{GainSchedule, Gains};
 pub use swerve::{Steering, Swerve, SwerveState};
 pub use text::Text;
-pub use transform::{Field, Frame, Point, Pose, Robot};
+pub use transform::{FieldFrame, Frame, Point, Pose, RobotFrame};
 pub use twist::{Twist, TwistLimiter, TwistLimits, TwistNotFinite};
 pub use units::{
     Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, NewtonMetres, Radians, RotorRpm, Rpm,

@@ -11,7 +11,7 @@ use crate::base::{BaseError, BaseMotion};
 use crate::config::{ConfigError, positive};
 use crate::maths;
 use crate::ok;
-use crate::transform::{Point, Robot};
+use crate::transform::{Point, RobotFrame};
 use crate::twist::{Twist, TwistNotFinite};
 use crate::units::Rpm;
 
@@ -54,7 +54,7 @@ pub enum Steering {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swerve<const N: usize> {
-    places: [Point<Robot>; N],
+    places: [Point<RobotFrame>; N],
     radius: f32,
     max_wheel_speed: Rpm,
     steering: Steering,
@@ -62,7 +62,7 @@ pub struct Swerve<const N: usize> {
     rpm: f32,
     rim: f32,
     /// The modules' middle, and 1 / sum of squares of their distances from it.
-    middle: Point<Robot>,
+    middle: Point<RobotFrame>,
     inertia: f32,
 }
 
@@ -90,7 +90,7 @@ impl<const N: usize> Swerve<N> {
     /// # Errors
     /// A bad number; modules in one place; a range of steering below half a turn.
     pub const fn new(
-        places: [Point<Robot>; N],
+        places: [Point<RobotFrame>; N],
         radius: f32,
         max_wheel_speed: Rpm,
         steering: Steering,
@@ -130,7 +130,7 @@ impl<const N: usize> Swerve<N> {
     /// Like [`new`](Self::new), but panics: in a constant, an unsound base does not compile.
     #[must_use]
     pub const fn sound(
-        places: [Point<Robot>; N],
+        places: [Point<RobotFrame>; N],
         radius: f32,
         max_wheel_speed: Rpm,
         steering: Steering,
@@ -142,7 +142,7 @@ impl<const N: usize> Swerve<N> {
     }
 
     /// Where the modules stand.
-    pub const fn places(&self) -> &[Point<Robot>; N] {
+    pub const fn places(&self) -> &[Point<RobotFrame>; N] {
         &self.places
     }
 
@@ -317,6 +317,6 @@ fn direction(angle: TotalAngle) -> (f32, f32) {
 }
 
 /// Velocity of a place on the robot.
-fn at_place(twist: Twist, place: Point<Robot>) -> [f32; 2] {
+fn at_place(twist: Twist, place: Point<RobotFrame>) -> [f32; 2] {
     [twist.vx - twist.wz * place.y, twist.vy + twist.wz * place.x]
 }

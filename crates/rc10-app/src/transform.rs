@@ -6,37 +6,37 @@
 //! is not taken for a point that the robot sees. They cost nothing at run time.
 //!
 //! ```
-//! use rc10_app::{Frame, Point, Pose, Radians, Robot};
+//! use rc10_app::{Frame, Point, Pose, Radians, RobotFrame};
 //! /// A camera on the robot: a frame is a type with nothing in it.
 //! #[derive(Clone, Copy, Debug, Default, PartialEq)]
 //! struct Camera;
 //! impl Frame for Camera {}
 //!
 //! let robot: Pose = Pose::new(2.0, 1.0, Radians::new(0.0)); // of the robot in the field
-//! let camera: Pose<Camera, Robot> = Pose::new(0.3, 0.0, Radians::new(0.0));
+//! let camera: Pose<Camera, RobotFrame> = Pose::new(0.3, 0.0, Radians::new(0.0));
 //! let ball: Point<Camera> = Point::new(1.0, 0.0);
-//! let on_field = robot.compose(camera).apply(ball); // a Point<Field>
+//! let on_field = robot.compose(camera).apply(ball); // a Point<FieldFrame>
 //! assert!((on_field.x - 3.3).abs() < 1e-6);
 //! ```
 //!
 //! Composed the wrong way round, they do not compile:
 //!
 //! ```compile_fail,E0308
-//! # use rc10_app::{Frame, Pose, Radians, Robot};
+//! # use rc10_app::{Frame, Pose, Radians, RobotFrame};
 //! # #[derive(Clone, Copy, Debug, Default, PartialEq)]
 //! # struct Camera;
 //! # impl Frame for Camera {}
 //! let robot: Pose = Pose::new(2.0, 1.0, Radians::new(0.0));
-//! let camera: Pose<Camera, Robot> = Pose::new(0.3, 0.0, Radians::new(0.0));
+//! let camera: Pose<Camera, RobotFrame> = Pose::new(0.3, 0.0, Radians::new(0.0));
 //! camera.compose(robot);
 //! ```
 //!
 //! Nor does a point of the field where the robot's are wanted:
 //!
 //! ```compile_fail,E0308
-//! # use rc10_app::{Field, Point, Pose, Radians};
+//! # use rc10_app::{FieldFrame, Point, Pose, Radians};
 //! let robot: Pose = Pose::new(2.0, 1.0, Radians::new(0.0));
-//! let goal: Point<Field> = Point::new(5.0, 0.0);
+//! let goal: Point<FieldFrame> = Point::new(5.0, 0.0);
 //! robot.apply(goal);
 //! ```
 
@@ -54,19 +54,19 @@ pub trait Frame: Copy + fmt::Debug + Default + PartialEq {}
 
 /// The field's frame, which stands still.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Field;
+pub struct FieldFrame;
 
 /// The robot's frame: x is where it looks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Robot;
+pub struct RobotFrame;
 
-impl Frame for Field {}
-impl Frame for Robot {}
+impl Frame for FieldFrame {}
+impl Frame for RobotFrame {}
 
 /// A point in the coordinates of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[must_use]
-pub struct Point<F: Frame = Field> {
+pub struct Point<F: Frame = FieldFrame> {
     /// Along x, in metres.
     pub x: f32,
     /// Along y, in metres.
@@ -99,7 +99,7 @@ impl<F: Frame> Point<F> {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[must_use]
-pub struct Pose<Of: Frame = Robot, In: Frame = Field> {
+pub struct Pose<Of: Frame = RobotFrame, In: Frame = FieldFrame> {
     /// Position along x, in metres.
     pub x: f32,
     /// Position along y, in metres.
@@ -180,13 +180,13 @@ pub(crate) mod tests {
             size * (f32::from(top) / 32768.0 - 1.0)
         }
 
-        fn pose(&mut self) -> Pose<Field> {
+        fn pose(&mut self) -> Pose<FieldFrame> {
             Pose::new(self.within(12.0), self.within(12.0), Radians::new(self.within(PI)))
         }
     }
 
     #[track_caller]
-    fn near(actual: Pose<Field>, expected: Pose<Field>) {
+    fn near(actual: Pose<FieldFrame>, expected: Pose<FieldFrame>) {
         let angle = wrapped(actual.heading - expected.heading).get();
         let distance = maths::hypot(actual.x - expected.x, actual.y - expected.y);
         assert!(distance < 2e-5 && angle.abs() < 2e-6, "{actual:?} is not {expected:?}");
@@ -203,8 +203,8 @@ pub(crate) mod tests {
             assert_eq!(pose.between(pose), Pose::IDENTITY);
             assert_eq!(Pose::IDENTITY.apply(pose.origin()), pose.origin());
         }
-        assert_eq!(Pose::<Robot>::IDENTITY.inverse(), Pose::IDENTITY);
-        assert_eq!(Pose::<Robot>::default(), Pose::IDENTITY);
+        assert_eq!(Pose::<RobotFrame>::IDENTITY.inverse(), Pose::IDENTITY);
+        assert_eq!(Pose::<RobotFrame>::default(), Pose::IDENTITY);
     }
 
     #[test]
@@ -236,7 +236,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_quarter_turn_is_counter_clockwise() {
-        let robot = Pose::<Field>::new(1.0, 2.0, Radians::new(FRAC_PI_2));
+        let robot = Pose::<FieldFrame>::new(1.0, 2.0, Radians::new(FRAC_PI_2));
         let Point { x, y, .. } = robot.apply(Point::new(1.0, 0.0));
         assert!((x - 1.0).abs() < 1e-6 && (y - 3.0).abs() < 1e-6);
         // What is on the field at (0, 2) is 1 m to its left.
@@ -255,7 +255,7 @@ pub(crate) mod tests {
             assert!(pose.heading.get().abs() <= PI);
         }
         near(pose, Pose::IDENTITY);
-        let turned = |heading| Pose::<Field>::new(0.0, 0.0, Radians::new(heading));
+        let turned = |heading| Pose::<FieldFrame>::new(0.0, 0.0, Radians::new(heading));
         let (a, b) = (turned(-3.0), turned(3.0));
         near(a.between(b), Pose::new(0.0, 0.0, Radians::new(6.0 - 2.0 * PI)));
         assert!(a.between(b).heading.get().abs() <= PI);

@@ -9,7 +9,7 @@ use core::ops::{Add, Mul, Sub};
 use crate::config::{ConfigError, positive};
 use crate::maths;
 use crate::ok;
-use crate::transform::{Field, Frame, Robot, rotate};
+use crate::transform::{FieldFrame, Frame, RobotFrame, rotate};
 use crate::units::{Radians, Seconds};
 
 /// Motion of a base in the axes of the frame `F`: the robot's own, if nothing else is said.
@@ -17,13 +17,13 @@ use crate::units::{Radians, Seconds};
 /// A twist in the field's axes does not compile where one in the robot's is wanted:
 ///
 /// ```compile_fail,E0308
-/// use rc10_app::{Field, Twist};
-/// let away_from_the_driver: Twist<Field> = Twist::new(1.0, 0.0, 0.0);
+/// use rc10_app::{FieldFrame, Twist};
+/// let away_from_the_driver: Twist<FieldFrame> = Twist::new(1.0, 0.0, 0.0);
 /// let robot: Twist = away_from_the_driver; // without its heading?
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[must_use]
-pub struct Twist<F: Frame = Robot> {
+pub struct Twist<F: Frame = RobotFrame> {
     /// Speed along x, in m/s; the robot's x is forward.
     pub vx: f32,
     /// Speed along y, in m/s; the robot's y is to its left.
@@ -49,26 +49,26 @@ impl<F: Frame> Twist<F> {
     }
 }
 
-impl Twist<Field> {
+impl Twist<FieldFrame> {
     /// From the field's axes to a robot's with this heading: "away from me" becomes its own motion.
     ///
     /// ```
     /// use core::f32::consts::FRAC_PI_2;
-    /// use rc10_app::{Field, Radians, Twist};
+    /// use rc10_app::{FieldFrame, Radians, Twist};
     /// // A robot that looks to the driver's left has to move to its own right.
-    /// let wish: Twist<Field> = Twist::new(1.0, 0.0, 0.0);
+    /// let wish: Twist<FieldFrame> = Twist::new(1.0, 0.0, 0.0);
     /// let robot = wish.into_frame(Radians::new(FRAC_PI_2));
     /// assert!((robot.vy + 1.0).abs() < 1e-6 && robot.vx.abs() < 1e-6);
     /// ```
-    pub fn into_frame(self, heading: Radians) -> Twist<Robot> {
+    pub fn into_frame(self, heading: Radians) -> Twist<RobotFrame> {
         let (vx, vy) = rotate((self.vx, self.vy), -heading);
         Twist::new(vx, vy, self.wz)
     }
 }
 
-impl Twist<Robot> {
+impl Twist<RobotFrame> {
     /// From a robot's axes to the field's: the inverse of [`into_frame`](Twist::into_frame).
-    pub fn out_of_frame(self, heading: Radians) -> Twist<Field> {
+    pub fn out_of_frame(self, heading: Radians) -> Twist<FieldFrame> {
         let (vx, vy) = rotate((self.vx, self.vy), heading);
         Twist::new(vx, vy, self.wz)
     }
@@ -145,7 +145,7 @@ impl TwistLimits {
 /// # Ok::<(), rc10_app::TwistNotFinite>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TwistLimiter<F: Frame = Robot> {
+pub struct TwistLimiter<F: Frame = RobotFrame> {
     twist: Twist<F>,
 }
 
@@ -230,7 +230,7 @@ mod tests {
     fn field_and_robot_axes() {
         // The robot looks along the field's y axis: the field's x is to its right.
         let heading = Radians::new(FRAC_PI_2);
-        let field: Twist<Field> = Twist::new(1.0, 0.0, 0.7);
+        let field: Twist<FieldFrame> = Twist::new(1.0, 0.0, 0.7);
         near(field.into_frame(heading), Twist::new(0.0, -1.0, 0.7), 1e-6);
         let mut random = Random(12);
         for _ in 0..1000 {
@@ -243,7 +243,7 @@ mod tests {
     #[test]
     fn the_acceleration_is_never_exceeded_and_the_change_is_straight() {
         let limits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
-        let (mut random, mut limiter) = (Random(13), TwistLimiter::<Robot>::new());
+        let (mut random, mut limiter) = (Random(13), TwistLimiter::<RobotFrame>::new());
         let mut target = Twist::STOP;
         for step in 0..20_000 {
             if step % 500 == 0 {
@@ -264,7 +264,7 @@ mod tests {
     #[test]
     fn the_limiter_takes_the_shortest_time_and_arrives_exactly() {
         let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
-        let mut limiter = TwistLimiter::<Field>::new();
+        let mut limiter = TwistLimiter::<FieldFrame>::new();
         let target = Twist::new(3.0, -4.0, 2.0);
         let mut step = 0;
         while limiter.update(&limits, target, DT).unwrap() != target {
@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn a_bad_target_or_time_leaves_the_limiter_unchanged() {
         let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
-        let mut limiter = TwistLimiter::<Robot>::new();
+        let mut limiter = TwistLimiter::<RobotFrame>::new();
         let measured = Twist::new(1.0, 0.5, -1.0);
         limiter.reset(measured);
         assert_eq!(limiter.twist(), measured);

@@ -40,7 +40,7 @@ fn driven(has_gyro: bool, slips: impl Fn(u32) -> f32) -> (Odometry, f64, f64) {
         #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
         let (vx, vy) = (phase.cos() as f32, (2.0 * phase).cos() as f32);
         let wz = if step < 2000 { 0.8 } else { -0.8 };
-        let world = Twist::<rc10_app::Field>::new(vx, vy, wz);
+        let world = Twist::<rc10_app::FieldFrame>::new(vx, vy, wz);
         #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
         let twist = world.into_frame(Radians::new((real.heading + 0.5 * 0.8 * DT) as f32));
         let mut speeds = BASE.inverse(twist).unwrap().speeds;

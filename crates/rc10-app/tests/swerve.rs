@@ -3,10 +3,10 @@
 use crate::random::Random;
 use rc10_app::base::BaseError;
 use rc10_app::swerve::{Module, Steering, Swerve, SwerveState};
-use rc10_app::{Point, Robot, Rpm, TotalAngle, Twist};
+use rc10_app::{Point, RobotFrame, Rpm, TotalAngle, Twist};
 
 const LIMIT: Rpm = Rpm::new(450.0);
-const PLACES: [Point<Robot>; 4] =
+const PLACES: [Point<RobotFrame>; 4] =
     [Point::new(0.2, 0.2), Point::new(-0.2, 0.2), Point::new(-0.2, -0.2), Point::new(0.2, -0.2)];
 const ENDLESS: Swerve<4> = Swerve::sound(PLACES, 0.05, LIMIT, Steering::Endless);
 

@@ -1,4 +1,4 @@
-use rc10_app::mechanism::Command;
+use rc10_app::mechanism::MotorCommand;
 use rc10_app::{Amps, AngleSetpoint, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 
 /// A setpoint for one motor. All values are at the output shaft.
@@ -114,21 +114,21 @@ impl From<AngleSetpoint> for Motion {
 /// The command of a mechanism: an angle is a motion.
 ///
 /// ```
-/// use rc10_motor::rc10_app::mechanism::Command;
+/// use rc10_motor::rc10_app::mechanism::MotorCommand;
 /// use rc10_motor::rc10_app::{AngleSetpoint, Rpm, RpmPerSecond, TotalAngle};
 /// use rc10_motor::{Motion, Target};
 /// let (speed, acceleration) = (Rpm::new(60.0), RpmPerSecond::new(300.0));
 /// let angle = TotalAngle::from_degrees(90);
-/// let command = Command::Angle(AngleSetpoint { angle, speed, acceleration });
+/// let command = MotorCommand::Angle(AngleSetpoint { angle, speed, acceleration });
 /// let motion = Motion { angle: Some(angle), speed, acceleration, ..Motion::default() };
 /// assert_eq!(Target::from(command), Target::Motion(motion));
 /// ```
-impl From<Command> for Target {
-    fn from(command: Command) -> Self {
+impl From<MotorCommand> for Target {
+    fn from(command: MotorCommand) -> Self {
         match command {
-            Command::Coast => Self::Coast,
-            Command::Speed(speed) => Self::Speed(speed),
-            Command::Angle(setpoint) => Self::Motion(setpoint.into()),
+            MotorCommand::Coast => Self::Coast,
+            MotorCommand::Speed(speed) => Self::Speed(speed),
+            MotorCommand::Angle(setpoint) => Self::Motion(setpoint.into()),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The chassis task: from the motion of the base to the speeds of its wheels.
 
-use rc10_app::{Field, Frame, Seconds, Twist, TwistLimiter};
+use rc10_app::{FieldFrame, Frame, Seconds, Twist, TwistLimiter};
 use rc10_can::Micros;
 use rc10_message::{Overrun, periodic};
 use rc10_motor::ArmState;
@@ -17,7 +17,7 @@ const OLDEST_MOTION: Micros = Micros::from_millis(100);
 pub async fn run(shared: &Shared<'_>) -> ! {
     // While the base is driven in these axes.
     let mut robot_axes: Option<TwistLimiter> = None;
-    let mut world_axes: Option<TwistLimiter<Field>> = None;
+    let mut world_axes: Option<TwistLimiter<FieldFrame>> = None;
     let mut before: Option<Twist> = None;
     periodic(PERIOD, Overrun::Skip, &shared.chassis_timing, async |tick| {
         let heard = shared.heading.read().map(|heard| heard.value);

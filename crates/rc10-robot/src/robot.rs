@@ -1,6 +1,6 @@
 use core::ops::Deref;
 
-use rc10_app::{Field, Rpm, TotalAngle, Twist};
+use rc10_app::{FieldFrame, Rpm, TotalAngle, Twist};
 use rc10_message::{Latest, Statistics};
 use rc10_tasks::Common;
 
@@ -50,7 +50,7 @@ pub enum BaseCommand {
     /// In the robot's axes: forward is where it looks.
     Robot(Twist),
     /// In the world's: forward is where the robot looked when it was armed.
-    World(Twist<Field>),
+    World(Twist<FieldFrame>),
 }
 
 /// Setpoints of the mechanisms on the base.

@@ -16,7 +16,7 @@ use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPat
 
 use crate::layout::{REQUEST, decode, encode, filter};
 use crate::start::{connect, wait_briefly, wait_for};
-use crate::{BusOff, Ended, Errors, Hardware, Port, Shared, StartError};
+use crate::{BusOff, Ended, Errors, Hardware, Port, SharedDriver, StartError};
 
 /// Filter banks of a controller: half of the 28 that two share, or all that one has.
 const BANKS: usize = 14;
@@ -34,7 +34,7 @@ pub trait Bus: 'static {
     fn controller() -> BxCan;
 
     #[doc(hidden)]
-    fn shared() -> &'static Shared<BxCan>;
+    fn shared() -> &'static SharedDriver<BxCan>;
 }
 
 /// Declares a bus for [`start`](crate::bxcan::start) and its handler, and its driver's place.
@@ -62,8 +62,8 @@ macro_rules! bxcan_bus {
                 $crate::bxcan::BxCan::new(pac::$peripheral, pac::$owner, $first_bank)
             }
 
-            fn shared() -> &'static $crate::Shared<$crate::bxcan::BxCan> {
-                static SHARED: $crate::Shared<$crate::bxcan::BxCan> = $crate::Shared::new();
+            fn shared() -> &'static $crate::SharedDriver<$crate::bxcan::BxCan> {
+                static SHARED: $crate::SharedDriver<$crate::bxcan::BxCan> = $crate::SharedDriver::new();
                 &SHARED
             }
         }

@@ -15,7 +15,7 @@ use rc10_can::m_can::{EXTENDED_FILTER, decode, encode, filters};
 use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern, Micros};
 
 use crate::start::{connect, wait_briefly, wait_for};
-use crate::{Ended, Errors, Hardware, MAILBOXES, Port, Shared, StartError};
+use crate::{Ended, Errors, Hardware, MAILBOXES, Port, SharedDriver, StartError};
 
 // Filters of a controller (RM0440, "Message RAM").
 const STANDARD_FILTERS: usize = 28;
@@ -35,7 +35,7 @@ pub trait Bus: 'static {
     fn controller() -> Fdcan;
 
     #[doc(hidden)]
-    fn shared() -> &'static Shared<Fdcan>;
+    fn shared() -> &'static SharedDriver<Fdcan>;
 }
 
 /// Declares a bus: a type for [`start`](crate::fdcan::start) and
@@ -66,8 +66,8 @@ macro_rules! fdcan_bus {
                 $crate::fdcan::Fdcan::new(pac::$peripheral, pac::$memory)
             }
 
-            fn shared() -> &'static $crate::Shared<$crate::fdcan::Fdcan> {
-                static SHARED: $crate::Shared<$crate::fdcan::Fdcan> = $crate::Shared::new();
+            fn shared() -> &'static $crate::SharedDriver<$crate::fdcan::Fdcan> {
+                static SHARED: $crate::SharedDriver<$crate::fdcan::Fdcan> = $crate::SharedDriver::new();
                 &SHARED
             }
         }

@@ -3,7 +3,7 @@
 //! * [`Driver`]: mailboxes, replaced and lost frames, bus-off; without registers, on a PC.
 //! * [`Hardware`]: what a controller with three transmit mailboxes does for it.
 //! * [`BusOff`]: what bxCAN's registers tell of bus-off.
-//! * [`Shared`] and [`Port`]: a driver shared with its interrupt, as an [`rc10_can::CanPort`].
+//! * [`SharedDriver`] and [`Port`]: a driver shared with its interrupt, as an [`rc10_can::CanPort`].
 //! * [`layout`]: frames and filters in bxCAN's registers; those of FDCAN are in [`rc10_can::m_can`].
 //! * `bxcan`, with the feature of that name: F4, F7, F3, L4. `fdcan`: G4, H5, L5, U5.
 //!
@@ -44,6 +44,6 @@ pub use driver::{Driver, RECEIVE_QUEUE, TRANSMIT_QUEUE};
 #[doc(hidden)]
 pub use embassy_stm32;
 pub use hardware::{Ended, Errors, Hardware, MAILBOXES};
-pub use port::{Port, Shared};
+pub use port::{Port, SharedDriver};
 #[cfg(any(feature = "bxcan", feature = "fdcan"))]
 pub use start::StartError;

@@ -8,9 +8,9 @@ use rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
 use crate::{Driver, Hardware};
 
 /// A [`Driver`] of an interrupt and a task, in critical sections of a few microseconds.
-pub struct Shared<H>(Mutex<CriticalSectionRawMutex, RefCell<Option<Driver<H>>>>);
+pub struct SharedDriver<H>(Mutex<CriticalSectionRawMutex, RefCell<Option<Driver<H>>>>);
 
-impl<H: Hardware> Shared<H> {
+impl<H: Hardware> SharedDriver<H> {
     /// Without a controller yet.
     #[must_use]
     pub const fn new() -> Self {
@@ -34,15 +34,15 @@ impl<H: Hardware> Shared<H> {
     }
 }
 
-impl<H: Hardware> Default for Shared<H> {
+impl<H: Hardware> Default for SharedDriver<H> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<H> fmt::Debug for Shared<H> {
+impl<H> fmt::Debug for SharedDriver<H> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Shared").finish_non_exhaustive()
+        f.debug_struct("SharedDriver").finish_non_exhaustive()
     }
 }
 
@@ -57,7 +57,7 @@ impl<H> fmt::Debug for Shared<H> {
 /// * **After bus-off** what is unsent is taken back and counted ([`Health::transmit_lost`]), and new
 ///   frames are refused, until [`recover`](CanPort::recover).
 pub struct Port<H: 'static> {
-    shared: &'static Shared<H>,
+    shared: &'static SharedDriver<H>,
 }
 
 impl<H: Hardware> Port<H> {

@@ -53,7 +53,7 @@ type Frame = Writer<{ BODY + AROUND }>;
 const MOTORS: usize = SIGNALS / 32;
 
 /// A robot as a PC may see it, whatever its declaration.
-pub struct Robot<'r> {
+pub struct RobotView<'r> {
     slots: &'static [Slot],
     motors: Vec<MotorPort<'r>, MOTORS>,
     buses: &'r [BusPort],
@@ -69,7 +69,7 @@ pub struct Robot<'r> {
     declaration: Declaration,
 }
 
-impl<'r> Robot<'r> {
+impl<'r> RobotView<'r> {
     /// With signals and parameters of its own; `&()` has none.
     #[must_use]
     pub fn new<N: Names, const BUSES: usize, const LINES: usize>(
@@ -215,7 +215,7 @@ impl<W: Write> Link<W> {
 
     /// Serves the PC, for ever. Samples are taken on whole multiples of their period after `grid`: half
     /// way between two ticks of the buses none of these is delayed.
-    pub async fn serve(&self, robot: &Robot<'_>, reader: impl Read, grid: Instant) {
+    pub async fn serve(&self, robot: &RobotView<'_>, reader: impl Read, grid: Instant) {
         let Self { state, .. } = self;
         let send = async {
             let mut frame = Frame::new();
@@ -243,7 +243,7 @@ impl State {
 
     /// Takes what the PC asks. Stopping and disarming is done before anything else is sent.
     #[inline(never)]
-    fn hear(&self, ask: Ask, robot: &Robot<'_>, grid: Instant) {
+    fn hear(&self, ask: Ask, robot: &RobotView<'_>, grid: Instant) {
         let was_up = self.is_up();
         // Who stops or disarms is to be answered, too.
         if let Ask::Hello { .. } | Ask::Urge { .. } = ask {
@@ -286,7 +286,13 @@ impl State {
     }
 
     /// Returns the job of an action on a motor, if that is allowed.
-    fn job(&self, id: u16, heard: u64, action: Action, robot: &Robot<'_>) -> Result<Job, Refusal> {
+    fn job(
+        &self,
+        id: u16,
+        heard: u64,
+        action: Action,
+        robot: &RobotView<'_>,
+    ) -> Result<Job, Refusal> {
         Ok(match action {
             // The motor's bus sees to it again, in the tick that does it.
             Action::Zero(_) if robot.switch.state() != ArmState::Disarmed => {
@@ -343,7 +349,7 @@ impl State {
     }
 
     /// Does one after the other what takes its time.
-    async fn work(&self, robot: &Robot<'_>) {
+    async fn work(&self, robot: &RobotView<'_>) {
         loop {
             let (id, job) = self.jobs.receive().await;
             let outcome = match job {
@@ -377,7 +383,7 @@ impl State {
 
     /// The next frame that is to be sent now; whether there is one.
     #[inline(never)]
-    fn next(&self, frame: &mut Frame, robot: &Robot<'_>, grid: Instant) -> bool {
+    fn next(&self, frame: &mut Frame, robot: &RobotView<'_>, grid: Instant) -> bool {
         if !self.is_up() {
             return false;
         }
@@ -412,7 +418,7 @@ impl State {
     }
 
     /// The next thing that was asked for.
-    fn tell<'r>(&self, robot: &Robot<'r>) -> Option<Tell<'r>> {
+    fn tell<'r>(&self, robot: &RobotView<'r>) -> Option<Tell<'r>> {
         if self.is_greeted.take() {
             let counters = self.reception.read();
             let groups = self.groups.borrow();
@@ -448,7 +454,7 @@ impl State {
 const JOG_WAITS: Duration = Duration::from_millis(15);
 
 /// Asks something of a motor.
-async fn ask(robot: &Robot<'_>, motor: u8, request: Request) -> Result<Answer, Refusal> {
+async fn ask(robot: &RobotView<'_>, motor: u8, request: Request) -> Result<Answer, Refusal> {
     let port = robot.motor(motor.into()).ok_or(Refusal::NO_MOTOR)?;
     match port.request(request).await {
         Ok(Response::Register(value)) => Ok(Answer::Register(value)),
@@ -458,7 +464,7 @@ async fn ask(robot: &Robot<'_>, motor: u8, request: Request) -> Result<Answer, R
 }
 
 /// The speed at which a PC may turn a motor now, if it may.
-fn jog(robot: &Robot<'_>, motor: u8, tenths: i16) -> Result<Rpm, Refusal> {
+fn jog(robot: &RobotView<'_>, motor: u8, tenths: i16) -> Result<Rpm, Refusal> {
     let refused = |why| Err(Refusal::because(None, why));
     let Some(slot) = robot.slots.get(usize::from(motor)) else { return Err(Refusal::NO_MOTOR) };
     let Some(fastest) = slot.jog else {

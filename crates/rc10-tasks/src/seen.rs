@@ -31,7 +31,7 @@ impl Field {
     }
 
     /// Unit of the number, or the names of its values from 0 on, with commas between, if it is a state.
-    /// What it has not is empty.
+    /// Empty if it has no such text.
     #[inline(never)] // For its size.
     #[must_use]
     pub fn unit_and_states(&self) -> (&'static str, &'static str) {

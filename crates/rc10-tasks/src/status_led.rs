@@ -1,7 +1,7 @@
 //! The state of the robot on an LED strip.
 
 use embassy_time::{Duration, Ticker};
-use rc10_module::led::pattern::{State, colour};
+use rc10_module::led::pattern::{LampState, colour};
 use rc10_module::remote::RemoteLink;
 use rc10_motor::{ArmState, Link, MotorStatus, Names};
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
@@ -31,7 +31,7 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
 #[must_use]
 pub fn state<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
-) -> State {
+) -> LampState {
     let remote = shared.remote_link.read().map_or(RemoteLink::Lost, |link| link.value);
     let mut motors = N::ALL.iter().map(|name| shared.motor(*name).status());
     let now = rc10_message::now();
@@ -42,13 +42,13 @@ pub fn state<N: Names, const BUSES: usize, const LINES: usize>(
     let is_refused = shared.not_at_rest.read().is_some_and(|axis| axis.value.is_some());
     let is_low = supply.is_some_and(|supply| supply.is_low());
     match (shared.switch.state(), remote) {
-        (ArmState::EStopped, _) => State::Stopped,
-        (_, RemoteLink::Lost) => State::LinkLost,
-        (ArmState::Suspended, _) | (_, RemoteLink::Interrupted) => State::Suspended,
-        (ArmState::Disarmed, _) if is_refused => State::NotAtRest,
-        _ if !motors.all(is_well) => State::Fault,
-        _ if is_low => State::LowSupply,
-        (ArmState::Armed, _) => State::Armed,
-        (ArmState::Disarmed, _) => State::Disarmed,
+        (ArmState::EStopped, _) => LampState::Stopped,
+        (_, RemoteLink::Lost) => LampState::LinkLost,
+        (ArmState::Suspended, _) | (_, RemoteLink::Interrupted) => LampState::Suspended,
+        (ArmState::Disarmed, _) if is_refused => LampState::NotAtRest,
+        _ if !motors.all(is_well) => LampState::Fault,
+        _ if is_low => LampState::LowSupply,
+        (ArmState::Armed, _) => LampState::Armed,
+        (ArmState::Disarmed, _) => LampState::Disarmed,
     }
 }

@@ -292,7 +292,7 @@ pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
     (receiver, transmitter): (impl Read, impl Write),
     quiet: Instant,
 ) {
-    let (link, robot) = (Link::new(transmitter), live::Robot::new(shared, own));
+    let (link, robot) = (Link::new(transmitter), live::RobotView::new(shared, own));
     join(link.serve(&robot, receiver, quiet), lines(shared, own, &link, quiet)).await;
 }
 

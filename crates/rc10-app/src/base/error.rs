@@ -1,6 +1,6 @@
 use crate::config::ConfigError;
 use crate::text::Text;
-use crate::transform::{Point, Robot};
+use crate::transform::{Point, RobotFrame};
 
 /// Why a list of wheels is no base. Wheels are counted from 0, as in the list.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -28,7 +28,7 @@ pub enum BaseError {
     /// The wheels do not turn the base about this point, or hardly: no wheel has a lever.
     CannotTurn {
         /// The point about which it turns freely.
-        about: Point<Robot>,
+        about: Point<RobotFrame>,
     },
     /// No wheel moves the base along this direction, or holds it there.
     CannotMove {

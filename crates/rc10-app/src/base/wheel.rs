@@ -1,6 +1,6 @@
 //! One wheel of a base: where it stands, and how it touches the ground.
 
-use crate::transform::{Point, Robot};
+use crate::transform::{Point, RobotFrame};
 use crate::units::{Degrees, Direction};
 
 /// The part of a wheel that touches the ground.
@@ -37,7 +37,7 @@ impl Tread {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheel {
     /// The point of contact, in metres.
-    pub place: Point<Robot>,
+    pub place: Point<RobotFrame>,
     /// Where it rolls forward, counter-clockwise from the robot's x axis.
     pub direction: Degrees,
     /// How it touches the ground.

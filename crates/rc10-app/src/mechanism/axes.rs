@@ -1,6 +1,6 @@
 //! Axes of two or more motors that drive one thing.
 
-use super::{Command, Measured, Trouble, small_angle};
+use super::{Measured, MotorCommand, Trouble, small_angle};
 use crate::config::{ConfigError, not_negative, positive};
 use crate::maths::within;
 use crate::ok;
@@ -69,11 +69,11 @@ pub enum AxesFailure {
 
 /// State of `N` motors, two or more, that follow one setpoint.
 ///
-/// Angles are counted from each motor's zero ([`Measured::counted_from`], [`Command::shifted`]).
+/// Angles are counted from each motor's zero ([`Measured::counted_from`], [`MotorCommand::shifted`]).
 /// Let the setpoint's profile pass by [`pace`](Self::pace) of `dt`: it waits for the hindmost.
 ///
 /// ```
-/// use rc10_app::mechanism::{Axes, AxesConfig, Command, Measured};
+/// use rc10_app::mechanism::{Axes, AxesConfig, MotorCommand, Measured};
 /// use rc10_app::{AngleSetpoint, Degrees, Rpm, Seconds, TotalAngle};
 /// let config = AxesConfig {
 ///     wait: Degrees::new(10.0),
@@ -91,8 +91,8 @@ pub enum AxesFailure {
 /// let commands = lift.update(&config, &setpoint, &motors, Seconds::new(0.01));
 /// assert!((lift.pace() - 0.4).abs() < 1e-6);
 /// let slower = AngleSetpoint { speed: Rpm::new(50.0) * lift.pace(), ..setpoint };
-/// assert_eq!(commands[0], Command::Angle(AngleSetpoint { angle: degrees(98), ..slower }));
-/// assert_eq!(commands[1], Command::Angle(AngleSetpoint { angle: degrees(106), ..slower }));
+/// assert_eq!(commands[0], MotorCommand::Angle(AngleSetpoint { angle: degrees(98), ..slower }));
+/// assert_eq!(commands[1], MotorCommand::Angle(AngleSetpoint { angle: degrees(106), ..slower }));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes<const N: usize> {
@@ -101,7 +101,7 @@ pub struct Axes<const N: usize> {
     pace: f32,
     waiting: f32,
     failure: Option<AxesFailure>,
-    commands: [Command; N],
+    commands: [MotorCommand; N],
 }
 
 impl<const N: usize> Default for Axes<N> {
@@ -120,7 +120,7 @@ impl<const N: usize> Axes<N> {
             pace: 1.0,
             waiting: 0.0,
             failure: None,
-            commands: [Command::Coast; N],
+            commands: [MotorCommand::Coast; N],
         }
     }
 
@@ -153,13 +153,13 @@ impl<const N: usize> Axes<N> {
         setpoint: &AngleSetpoint,
         motors: &[Measured; N],
         dt: Seconds,
-    ) -> [Command; N] {
+    ) -> [MotorCommand; N] {
         if !(dt.is_step() && setpoint.is_finite()) {
             return self.commands;
         }
         let &AngleSetpoint { angle, speed, acceleration } = setpoint;
         if self.failure.is_some() {
-            self.commands = [Command::STOP; N];
+            self.commands = [MotorCommand::STOP; N];
             return self.commands;
         }
         let off = motors.map(|motor| motor.angle.minus(angle).degrees().get());
@@ -169,7 +169,7 @@ impl<const N: usize> Axes<N> {
         self.failure = self.fails(config, speed, motors, &off);
         if self.failure.is_some() {
             self.pace = 0.0;
-            self.commands = [Command::Coast; N];
+            self.commands = [MotorCommand::Coast; N];
             return self.commands;
         }
         #[expect(clippy::cast_precision_loss, reason = "a few motors")]
@@ -179,7 +179,7 @@ impl<const N: usize> Axes<N> {
         self.commands = off.map(|off| {
             let correction = within(config.coupling * (mean - off), config.correction.get());
             let angle = angle.plus(small_angle(correction));
-            Command::Angle(AngleSetpoint { angle, speed, acceleration })
+            MotorCommand::Angle(AngleSetpoint { angle, speed, acceleration })
         });
         self.commands
     }
@@ -240,11 +240,15 @@ mod tests {
         degrees.map(|at| Measured { angle: TotalAngle::from_degrees(at), ..Measured::default() })
     }
 
-    fn step<const N: usize>(axes: &mut Axes<N>, degrees: [i32; N]) -> [Command; N] {
+    fn step<const N: usize>(axes: &mut Axes<N>, degrees: [i32; N]) -> [MotorCommand; N] {
         step_at(20.0, axes, degrees)
     }
 
-    fn step_at<const N: usize>(rpm: f32, axes: &mut Axes<N>, degrees: [i32; N]) -> [Command; N] {
+    fn step_at<const N: usize>(
+        rpm: f32,
+        axes: &mut Axes<N>,
+        degrees: [i32; N],
+    ) -> [MotorCommand; N] {
         axes.update(&CONFIG, &setpoint(rpm), &motors(degrees), DT)
     }
 
@@ -260,7 +264,7 @@ mod tests {
             let commands = step(&mut axes, [100, 100, hindmost, 100]);
             assert!((axes.pace() - pace).abs() < 1e-6);
             for command in commands {
-                let Command::Angle(told) = command else { panic!("{command:?}") };
+                let MotorCommand::Angle(told) = command else { panic!("{command:?}") };
                 let correction = told.angle.minus(TotalAngle::from_degrees(100)).degrees().get();
                 assert!((told.speed.get() - 20.0 * pace).abs() < 1e-4 && correction.abs() <= 4.0);
                 assert!((told.acceleration.get() - 200.0 * pace * pace).abs() < 1e-3);
@@ -269,7 +273,7 @@ mod tests {
         assert_eq!(axes.failure(), None);
         // 4 degrees behind, the mean 1: the others give way by a half, it is hurried by one and a half.
         let moved = step(&mut axes, [100, 100, 96, 100]).map(|command| match command {
-            Command::Angle(told) => told.angle.microdegrees() - 100_000_000,
+            MotorCommand::Angle(told) => told.angle.microdegrees() - 100_000_000,
             _ => panic!("{command:?}"),
         });
         assert_eq!(moved, [-500_000, -500_000, 1_500_000, -500_000]);
@@ -284,22 +288,22 @@ mod tests {
             ([101, 131, 100, 101], 0.0, 1),
         ] {
             let mut axes = Axes::<4>::new();
-            assert_eq!(step_at(rpm, &mut axes, degrees), [Command::Coast; 4]);
+            assert_eq!(step_at(rpm, &mut axes, degrees), [MotorCommand::Coast; 4]);
             let Some(AxesFailure::Lags { motor: named, difference }) = axes.failure() else {
                 panic!("{axes:?}");
             };
             assert!(axes.pace().abs() < f32::EPSILON, "{axes:?}");
             assert_eq!((named, difference), (motor, Degrees::new(31.0)));
-            assert_eq!(step(&mut axes, [100; 4]), [Command::STOP; 4]);
+            assert_eq!(step(&mut axes, [100; 4]), [MotorCommand::STOP; 4]);
             axes.reset();
-            assert_eq!(step(&mut axes, [100; 4])[0], Command::Angle(setpoint(20.0)));
+            assert_eq!(step(&mut axes, [100; 4])[0], MotorCommand::Angle(setpoint(20.0)));
         }
     }
 
     #[test]
     fn waiting_ends() {
         let mut axes = Axes::<2>::new();
-        let waited = (1..).find(|_| step(&mut axes, [101, 80]) == [Command::Coast; 2]);
+        let waited = (1..).find(|_| step(&mut axes, [101, 80]) == [MotorCommand::Coast; 2]);
         assert_eq!(waited, Some(11));
         assert!(matches!(axes.failure(), Some(AxesFailure::Lags { motor: 1, .. })));
         // At half its pace it does not wait.

@@ -1,7 +1,9 @@
 //! Homing of motors that drive one thing: together.
 
 use super::axes::difference;
-use super::{Command, Homing, HomingConfig, HomingFailure, HomingStatus, Measured, Phase, way};
+use super::{
+    Homing, HomingConfig, HomingFailure, HomingStatus, Measured, MotorCommand, Phase, way,
+};
 use crate::TotalAngle;
 use crate::config::{ConfigError, positive};
 use crate::ok;
@@ -63,7 +65,7 @@ pub enum AxesHomingStatus<const N: usize> {
 ///
 /// ```
 /// use rc10_app::mechanism::{
-///     AxesHoming, AxesHomingConfig, Braking, Command, HomingConfig, Measured, Reference,
+///     AxesHoming, AxesHomingConfig, Braking, MotorCommand, HomingConfig, Measured, Reference,
 /// };
 /// use rc10_app::{Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle};
 /// let homing = HomingConfig {
@@ -83,16 +85,16 @@ pub enum AxesHomingStatus<const N: usize> {
 /// assert_eq!(config.validate(), Ok(()));
 /// let (mut lift, motors) = (AxesHoming::<2>::new(), [Measured::default(); 2]);
 /// let mut step = |closed| lift.update(&config, &motors, &closed, Seconds::new(0.02));
-/// assert_eq!(step([false, false]), [Command::Speed(Rpm::new(-60.0)); 2]);
+/// assert_eq!(step([false, false]), [MotorCommand::Speed(Rpm::new(-60.0)); 2]);
 /// step([true, false]); // the first has touched and lets go
-/// assert_eq!(step([true, false]), [Command::STOP, Command::Speed(Rpm::new(-60.0))]);
+/// assert_eq!(step([true, false]), [MotorCommand::STOP, MotorCommand::Speed(Rpm::new(-60.0))]);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxesHoming<const N: usize> {
     axes: [Homing; N],
     began: Option<[TotalAngle; N]>,
     status: AxesHomingStatus<N>,
-    commands: [Command; N],
+    commands: [MotorCommand; N],
 }
 
 impl<const N: usize> Default for AxesHoming<N> {
@@ -108,7 +110,7 @@ impl<const N: usize> AxesHoming<N> {
             axes: [Homing::new(); N],
             began: None,
             status: AxesHomingStatus::Running,
-            commands: [Command::Coast; N],
+            commands: [MotorCommand::Coast; N],
         }
     }
 
@@ -129,12 +131,12 @@ impl<const N: usize> AxesHoming<N> {
         motors: &[Measured; N],
         closed: &[bool; N],
         dt: Seconds,
-    ) -> [Command; N] {
+    ) -> [MotorCommand; N] {
         if !dt.is_step() {
             return self.commands;
         }
         if self.status != AxesHomingStatus::Running {
-            self.commands = [Command::STOP; N];
+            self.commands = [MotorCommand::STOP; N];
             return self.commands;
         }
         let slowest = self.axes.iter().map(reached).min().unwrap_or_default();
@@ -145,7 +147,7 @@ impl<const N: usize> AxesHoming<N> {
         }
         self.status = self.outcome(config, motors);
         if let AxesHomingStatus::Failed(_) = self.status {
-            self.commands = [Command::Coast; N];
+            self.commands = [MotorCommand::Coast; N];
         }
         self.commands
     }

@@ -1,7 +1,7 @@
 //! A feeder that counts its pieces by angle.
 
 use super::{
-    Braking, Command, DEGREES_PER_SECOND, Jam, JamConfig, JamStatus, Measured, small_angle,
+    Braking, DEGREES_PER_SECOND, Jam, JamConfig, JamStatus, Measured, MotorCommand, small_angle,
 };
 use crate::angle::{CountsPerTurn, TotalAngle};
 use crate::config::{ConfigError, not_negative, positive};
@@ -64,7 +64,7 @@ impl FeederConfig {
 /// Pieces are counted forward only: reversing out of a jam and going again count nothing.
 ///
 /// ```
-/// use rc10_app::mechanism::{Command, Feeder, FeederConfig, JamConfig, Measured, Stall};
+/// use rc10_app::mechanism::{MotorCommand, Feeder, FeederConfig, JamConfig, Measured, Stall};
 /// use rc10_app::{
 ///     AngleSetpoint, CountsPerTurn, Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle,
 /// };
@@ -89,7 +89,7 @@ impl FeederConfig {
 /// let mut motor = Measured::default();
 /// for _ in 0..100 {
 ///     // A motor that follows at once.
-///     if let Command::Angle(AngleSetpoint { angle, .. }) = feeder.update(&config, &motor, Seconds::new(0.01)) {
+///     if let MotorCommand::Angle(AngleSetpoint { angle, .. }) = feeder.update(&config, &motor, Seconds::new(0.01)) {
 ///         motor.angle = angle;
 ///     }
 /// }
@@ -106,7 +106,7 @@ pub struct Feeder {
     order: Order,
     fed: i64,
     jam: Jam,
-    command: Command,
+    command: MotorCommand,
 }
 
 /// An order to a feeder.
@@ -201,17 +201,22 @@ impl Feeder {
     /// One step.
     ///
     /// A bad `dt` repeats the last command. An unusable motor feeds nothing.
-    pub fn update(&mut self, config: &FeederConfig, measured: &Measured, dt: Seconds) -> Command {
+    pub fn update(
+        &mut self,
+        config: &FeederConfig,
+        measured: &Measured,
+        dt: Seconds,
+    ) -> MotorCommand {
         if dt.is_step() {
             self.command = match measured.usable() {
                 Ok(()) => self.step(config, measured, dt),
-                Err(_) => Command::Coast,
+                Err(_) => MotorCommand::Coast,
             };
         }
         self.command
     }
 
-    fn step(&mut self, config: &FeederConfig, measured: &Measured, dt: Seconds) -> Command {
+    fn step(&mut self, config: &FeederConfig, measured: &Measured, dt: Seconds) -> MotorCommand {
         let began = *self.began.get_or_insert(measured.angle);
         let at = forward(config.direction, measured.angle.minus(began));
         let tolerance = small_angle(config.tolerance.get());
@@ -235,7 +240,7 @@ impl Feeder {
         let sign = f32::from(config.direction.sign());
         let angle = began.plus(forward(config.direction, self.setpoint));
         let speed = self.speed * sign;
-        let wanted = Command::Angle(AngleSetpoint { speed, ..AngleSetpoint::at(angle) });
+        let wanted = MotorCommand::Angle(AngleSetpoint { speed, ..AngleSetpoint::at(angle) });
         self.jam.update(&config.jam, wanted, measured, dt)
     }
 
@@ -297,7 +302,7 @@ mod tests {
     impl Ideal {
         fn run(&mut self, steps: u32) {
             for _ in 0..steps {
-                if let Command::Angle(AngleSetpoint { angle, .. }) =
+                if let MotorCommand::Angle(AngleSetpoint { angle, .. }) =
                     self.0.update(&CONFIG, &self.1, DT)
                 {
                     self.1.angle = angle;
@@ -434,13 +439,13 @@ mod tests {
         let mut feeder = Feeder::new();
         feeder.run(10.0);
         let standing = Measured { gaps: 3, ..Measured::default() };
-        let mut command = Command::Coast;
+        let mut command = MotorCommand::Coast;
         for _ in 0..1000 {
             command = feeder.update(&CONFIG, &standing, DT);
         }
-        assert_eq!(command, Command::hold(CONFIG.piece().reversed()));
+        assert_eq!(command, MotorCommand::hold(CONFIG.piece().reversed()));
         let offline = Measured { health: super::super::Health::Offline, ..standing };
-        assert_eq!(feeder.update(&CONFIG, &offline, DT), Command::Coast);
+        assert_eq!(feeder.update(&CONFIG, &offline, DT), MotorCommand::Coast);
         let before = feeder;
         feeder.update(&CONFIG, &standing, Seconds::new(f32::NAN));
         assert_eq!(feeder, before);

@@ -1,7 +1,7 @@
 //! Homing: the zero of an axis, found by a hard stop, a switch or an index.
 
 use super::contact::Debounce;
-use super::{Braking, Command, Measured, Stall, StallTimer, Trouble, way};
+use super::{Braking, Measured, MotorCommand, Stall, StallTimer, Trouble, way};
 use crate::TotalAngle;
 use crate::config::{ConfigError, not_negative, positive};
 use crate::ok;
@@ -130,7 +130,7 @@ pub enum HomingStatus {
     /// Done.
     Done {
         /// The motor's angle at 0: [`Measured::counted_from`](super::Measured::counted_from),
-        /// [`Command::shifted`](super::Command::shifted).
+        /// [`MotorCommand::shifted`](super::MotorCommand::shifted).
         zero: TotalAngle,
     },
     /// Ended without a zero.
@@ -142,7 +142,7 @@ pub enum HomingStatus {
 /// A contact that is closed at the beginning counts as touched: the axis backs off until it opens.
 ///
 /// ```
-/// use rc10_app::mechanism::{Braking, Command, Homing, HomingConfig, Measured, Reference, Stall};
+/// use rc10_app::mechanism::{Braking, MotorCommand, Homing, HomingConfig, Measured, Reference, Stall};
 /// use rc10_app::{Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle};
 /// const LIFT: HomingConfig = HomingConfig {
 ///     reference: Reference::Stop(Stall {
@@ -164,7 +164,7 @@ pub enum HomingStatus {
 /// const _: () = assert!(LIFT.validate().is_ok());
 /// let mut homing = Homing::new();
 /// let command = homing.update(&LIFT, &Measured::default(), false, Seconds::new(0.01));
-/// assert_eq!(command, Command::Speed(Rpm::new(-60.0)));
+/// assert_eq!(command, MotorCommand::Speed(Rpm::new(-60.0)));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Homing {
@@ -177,7 +177,7 @@ pub struct Homing {
     first: Option<TotalAngle>,
     stall: StallTimer,
     contact: Debounce,
-    command: Command,
+    command: MotorCommand,
 }
 
 impl Default for Homing {
@@ -197,7 +197,7 @@ impl Homing {
             first: None,
             stall: StallTimer { time: 0.0, began: TotalAngle::ZERO },
             contact: Debounce::NEW,
-            command: Command::Coast,
+            command: MotorCommand::Coast,
         }
     }
 
@@ -219,7 +219,7 @@ impl Homing {
         measured: &Measured,
         closed: bool,
         dt: Seconds,
-    ) -> Command {
+    ) -> MotorCommand {
         self.step(config, measured, closed, true, dt)
     }
 
@@ -231,7 +231,7 @@ impl Homing {
         closed: bool,
         proceed: bool,
         dt: Seconds,
-    ) -> Command {
+    ) -> MotorCommand {
         if dt.is_step() {
             self.command = match self.status {
                 HomingStatus::Running(phase) => {
@@ -239,22 +239,22 @@ impl Homing {
                         Ok(command) => command,
                         Err(end) => {
                             self.status = end;
-                            Command::Coast
+                            MotorCommand::Coast
                         }
                     }
                 }
-                HomingStatus::Done { .. } | HomingStatus::Failed(_) => Command::STOP,
+                HomingStatus::Done { .. } | HomingStatus::Failed(_) => MotorCommand::STOP,
             };
         }
         self.command
     }
 
     /// Goes on to a phase. The loop of the motor lets go of what it has gathered.
-    const fn enter(&mut self, phase: Phase) -> Command {
+    const fn enter(&mut self, phase: Phase) -> MotorCommand {
         self.status = HomingStatus::Running(phase);
         self.phase_time = 0.0;
         self.stall = StallTimer { time: 0.0, began: TotalAngle::ZERO };
-        Command::Coast
+        MotorCommand::Coast
     }
 
     /// One step of a phase; `Err`: how it ends.
@@ -266,7 +266,7 @@ impl Homing {
         closed: bool,
         proceed: bool,
         dt: Seconds,
-    ) -> Result<Command, HomingStatus> {
+    ) -> Result<MotorCommand, HomingStatus> {
         let (start, gaps) = *self.began.get_or_insert((measured.angle, measured.gaps));
         let fail = |failure| Err(HomingStatus::Failed(failure));
         if let Err(trouble) = measured.reliable(gaps) {
@@ -284,7 +284,7 @@ impl Homing {
             return fail(if is_stuck { HomingFailure::NeverOpened } else { failure });
         }
 
-        let towards = |speed: Rpm| Command::Speed(speed * f32::from(config.direction.sign()));
+        let towards = |speed: Rpm| MotorCommand::Speed(speed * f32::from(config.direction.sign()));
         let touch = match &config.reference {
             Reference::Stop(stall) => {
                 self.stall.update(stall, measured, Some(config.direction), dt)
@@ -300,7 +300,7 @@ impl Homing {
             (Phase::First, None) => {
                 let unknown = self.contact.state.is_none();
                 if unknown && matches!(config.reference, Reference::Contact { .. }) {
-                    Command::STOP
+                    MotorCommand::STOP
                 } else {
                     towards(config.fast)
                 }
@@ -320,13 +320,13 @@ impl Homing {
                     towards(-config.fast)
                 }
             }
-            (Phase::Touched, _) => Command::STOP,
+            (Phase::Touched, _) => MotorCommand::STOP,
             (Phase::Clear, _) => {
                 if self.contact.is_steadily_closed() {
                     return fail(HomingFailure::NeverOpened);
                 }
                 if !proceed || self.contact.state == Some(true) {
-                    return Ok(Command::STOP);
+                    return Ok(MotorCommand::STOP);
                 }
                 self.enter(Phase::Second);
                 towards(config.slow)
@@ -393,7 +393,7 @@ mod tests {
     };
 
     /// Steps at these angles, until something is asked for that is not `command`.
-    fn while_asked(homing: &mut Homing, degrees: i32, closed: bool, command: Command) -> u32 {
+    fn while_asked(homing: &mut Homing, degrees: i32, closed: bool, command: MotorCommand) -> u32 {
         let angle = TotalAngle::from_degrees(degrees);
         let measured = Measured { angle, ..Measured::default() };
         let is_other = |_: &u32| homing.update(&CONFIG, &measured, closed, DT) != command;
@@ -403,8 +403,8 @@ mod tests {
     #[test]
     fn the_whole_has_a_time_out_too() {
         let mut homing = Homing::new();
-        let fast = Command::Speed(Rpm::new(60.0));
-        while_asked(&mut homing, 0, false, Command::STOP);
+        let fast = MotorCommand::Speed(Rpm::new(60.0));
+        while_asked(&mut homing, 0, false, MotorCommand::STOP);
         // 1.5 s, then the touch at 50; 1.5 s of backing off are too much together.
         for _ in 0..150 {
             let measured = Measured::default();
@@ -412,8 +412,8 @@ mod tests {
         }
         while_asked(&mut homing, 50, true, fast);
         assert_eq!(homing.status(), HomingStatus::Running(Phase::Touched));
-        let back = Command::Speed(Rpm::new(-60.0));
-        assert_eq!(while_asked(&mut homing, 50, true, Command::STOP), 0);
+        let back = MotorCommand::Speed(Rpm::new(-60.0));
+        assert_eq!(while_asked(&mut homing, 50, true, MotorCommand::STOP), 0);
         let steps = while_asked(&mut homing, 50, true, back);
         assert!((140..150).contains(&steps), "{steps}");
         // A contact that is still closed is why.
@@ -424,17 +424,17 @@ mod tests {
     #[test]
     fn bad_input_changes_nothing_or_ends_it() {
         let mut homing = Homing::new();
-        while_asked(&mut homing, 0, false, Command::STOP);
+        while_asked(&mut homing, 0, false, MotorCommand::STOP);
         let (before, measured) = (homing, Measured::default());
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
             let command = homing.update(&CONFIG, &measured, true, Seconds::new(bad));
-            assert_eq!((homing, command), (before, Command::Speed(CONFIG.fast)));
+            assert_eq!((homing, command), (before, MotorCommand::Speed(CONFIG.fast)));
         }
         let blind = Measured { speed: Rpm::new(f32::NAN), ..measured };
-        assert_eq!(homing.update(&CONFIG, &blind, false, DT), Command::Coast);
+        assert_eq!(homing.update(&CONFIG, &blind, false, DT), MotorCommand::Coast);
         let failure = HomingFailure::Motor(Trouble::NotFinite);
         assert_eq!(homing.status(), HomingStatus::Failed(failure));
-        assert_eq!(homing.update(&CONFIG, &measured, false, DT), Command::STOP);
+        assert_eq!(homing.update(&CONFIG, &measured, false, DT), MotorCommand::STOP);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Jams: detected, cleared by reversing, given up after some tries.
 
-use super::{Command, Measured, Stall, StallTimer, way};
+use super::{Measured, MotorCommand, Stall, StallTimer, way};
 use crate::TotalAngle;
 use crate::config::{ConfigError, not_negative, positive};
 use crate::ok;
@@ -35,11 +35,11 @@ impl JamConfig {
     }
 
     /// Where the motor is to turn, if it is to move.
-    fn towards(&self, wanted: Command, measured: &Measured) -> Option<Direction> {
+    fn towards(&self, wanted: MotorCommand, measured: &Measured) -> Option<Direction> {
         let (amount, least) = match wanted {
-            Command::Coast => return None,
-            Command::Speed(speed) => (speed.get(), 0.0),
-            Command::Angle(AngleSetpoint { angle, .. }) => {
+            MotorCommand::Coast => return None,
+            MotorCommand::Speed(speed) => (speed.get(), 0.0),
+            MotorCommand::Angle(AngleSetpoint { angle, .. }) => {
                 (angle.minus(measured.angle).degrees().get(), self.following_error.get())
             }
         };
@@ -64,7 +64,7 @@ pub enum JamStatus {
 /// State of the jam detection of one motor: commands go through it.
 ///
 /// ```
-/// use rc10_app::mechanism::{Command, Jam, JamConfig, JamStatus, Measured, Stall};
+/// use rc10_app::mechanism::{MotorCommand, Jam, JamConfig, JamStatus, Measured, Stall};
 /// use rc10_app::{Degrees, Rpm, Seconds};
 /// let time = Seconds::new(0.2);
 /// let config = JamConfig {
@@ -77,12 +77,12 @@ pub enum JamStatus {
 /// };
 /// assert_eq!(config.validate(), Ok(()));
 /// let mut jam = Jam::new();
-/// let (wanted, dt) = (Command::Speed(Rpm::new(120.0)), Seconds::new(0.01));
+/// let (wanted, dt) = (MotorCommand::Speed(Rpm::new(120.0)), Seconds::new(0.01));
 /// let stuck = Measured { effort: 10.0, ..Measured::default() };
 /// for _ in 0..19 {
 ///     assert_eq!(jam.update(&config, wanted, &stuck, dt), wanted);
 /// }
-/// assert_eq!(jam.update(&config, wanted, &stuck, dt), Command::Speed(Rpm::new(-60.0)));
+/// assert_eq!(jam.update(&config, wanted, &stuck, dt), MotorCommand::Speed(Rpm::new(-60.0)));
 /// assert_eq!((jam.status(), jam.count()), (JamStatus::Clearing, 1));
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -98,7 +98,7 @@ pub struct Jam {
     /// For how long it has been reversing.
     time: f32,
     count: u32,
-    command: Command,
+    command: MotorCommand,
 }
 
 impl Jam {
@@ -129,23 +129,23 @@ impl Jam {
     pub fn update(
         &mut self,
         config: &JamConfig,
-        wanted: Command,
+        wanted: MotorCommand,
         measured: &Measured,
         dt: Seconds,
-    ) -> Command {
+    ) -> MotorCommand {
         if !dt.is_step() {
             return self.command;
         }
         let usable = measured.usable().is_ok();
         self.command = match self.status {
-            JamStatus::GivenUp => Command::STOP,
+            JamStatus::GivenUp => MotorCommand::STOP,
             JamStatus::Free if usable => self.watch(config, wanted, measured, dt),
             JamStatus::Free => {
                 self.stall = StallTimer::default();
                 wanted
             }
             JamStatus::Clearing if usable => self.clear(config, wanted, measured, dt),
-            JamStatus::Clearing => Command::STOP,
+            JamStatus::Clearing => MotorCommand::STOP,
         };
         self.command
     }
@@ -153,10 +153,10 @@ impl Jam {
     fn watch(
         &mut self,
         config: &JamConfig,
-        wanted: Command,
+        wanted: MotorCommand,
         measured: &Measured,
         dt: Seconds,
-    ) -> Command {
+    ) -> MotorCommand {
         let is_past = |(at, towards)| way(at, measured.angle, towards) > config.reverse.get();
         if self.jam.is_some_and(is_past) {
             (self.jam, self.tries) = (None, 0);
@@ -173,7 +173,7 @@ impl Jam {
         self.stall = StallTimer::default();
         if self.tries >= config.tries {
             self.status = JamStatus::GivenUp;
-            return Command::Coast;
+            return MotorCommand::Coast;
         }
         self.jam = Some((measured.angle, towards));
         self.tries += 1;
@@ -185,10 +185,10 @@ impl Jam {
     fn clear(
         &mut self,
         config: &JamConfig,
-        wanted: Command,
+        wanted: MotorCommand,
         measured: &Measured,
         dt: Seconds,
-    ) -> Command {
+    ) -> MotorCommand {
         self.time += dt.get();
         let left = self.jam.filter(|(at, towards)| {
             let so_far = -way(*at, measured.angle, *towards);
@@ -202,8 +202,8 @@ impl Jam {
     }
 }
 
-fn reverse(config: &JamConfig, towards: Direction) -> Command {
-    Command::Speed(config.reverse_speed * -f32::from(towards.sign()))
+fn reverse(config: &JamConfig, towards: Direction) -> MotorCommand {
+    MotorCommand::Speed(config.reverse_speed * -f32::from(towards.sign()))
 }
 
 #[cfg(test)]
@@ -219,7 +219,7 @@ mod tests {
         reverse_time: Seconds::new(0.045),
         tries: 2,
     };
-    const BACK: Command = Command::Speed(Rpm::new(-60.0));
+    const BACK: MotorCommand = MotorCommand::Speed(Rpm::new(-60.0));
 
     fn at(degrees: i32, effort: f32) -> Measured {
         Measured { angle: TotalAngle::from_degrees(degrees), effort, ..Measured::default() }
@@ -228,12 +228,15 @@ mod tests {
     #[test]
     fn holding_a_load_is_no_jam_but_missing_an_angle_is() {
         let mut jam = Jam::new();
-        let hold = Command::hold(TotalAngle::from_degrees(2));
+        let hold = MotorCommand::hold(TotalAngle::from_degrees(2));
         for _ in 0..1000 {
             assert_eq!(jam.update(&CONFIG, hold, &at(0, 19.0), DT), hold);
-            assert_eq!(jam.update(&CONFIG, Command::STOP, &at(0, 19.0), DT), Command::STOP);
+            assert_eq!(
+                jam.update(&CONFIG, MotorCommand::STOP, &at(0, 19.0), DT),
+                MotorCommand::STOP
+            );
         }
-        let hold = Command::hold(TotalAngle::from_degrees(4));
+        let hold = MotorCommand::hold(TotalAngle::from_degrees(4));
         // Pushing the other way is a load that helps.
         for _ in 0..1000 {
             assert_eq!(jam.update(&CONFIG, hold, &at(0, -19.0), DT), hold);
@@ -245,17 +248,17 @@ mod tests {
     #[test]
     fn it_gives_up_after_its_tries_and_stands_until_reset() {
         let mut jam = Jam::new();
-        let wanted = Command::Speed(Rpm::new(100.0));
+        let wanted = MotorCommand::Speed(Rpm::new(100.0));
         let run = |jam: &mut Jam| {
             let commands = core::array::from_fn(|_| jam.update(&CONFIG, wanted, &at(0, 19.0), DT));
-            let commands: [Command; 100] = commands;
+            let commands: [MotorCommand; 100] = commands;
             commands.iter().filter(|command| **command == BACK).count()
         };
         // Blocked both ways: each try ends by its time, 5 steps.
         assert_eq!(run(&mut jam), 2 * 5);
         assert_eq!((jam.status(), jam.count()), (JamStatus::GivenUp, 3));
         assert_eq!(run(&mut jam), 0);
-        assert_eq!(jam.update(&CONFIG, wanted, &at(0, 0.0), DT), Command::STOP);
+        assert_eq!(jam.update(&CONFIG, wanted, &at(0, 0.0), DT), MotorCommand::STOP);
         jam.reset();
         assert_eq!(run(&mut jam), 2 * 5);
         assert_eq!(jam.count(), 6);
@@ -264,7 +267,7 @@ mod tests {
     #[test]
     fn tries_begin_anew_past_the_jam() {
         let mut jam = Jam::new();
-        let wanted = Command::Speed(Rpm::new(100.0));
+        let wanted = MotorCommand::Speed(Rpm::new(100.0));
         for place in 0..50 {
             // Each 31 degrees further; reversing is done in one step.
             for _ in 0..10 {
@@ -290,9 +293,9 @@ mod tests {
     fn a_motor_that_is_turned_to_and_fro_is_not_jammed() {
         let stall = Stall { effort: 0.0, ..CONFIG.stall };
         let (config, stuck) = (JamConfig { stall, ..CONFIG }, at(0, 0.0));
-        let [forward, back] = [100.0, -100.0].map(|rpm| Command::Speed(Rpm::new(rpm)));
-        let [to, fro] = [90, -90].map(|to| Command::hold(TotalAngle::from_degrees(to)));
-        for pair in [[forward, back], [back, forward], [to, fro], [forward, Command::STOP]] {
+        let [forward, back] = [100.0, -100.0].map(|rpm| MotorCommand::Speed(Rpm::new(rpm)));
+        let [to, fro] = [90, -90].map(|to| MotorCommand::hold(TotalAngle::from_degrees(to)));
+        for pair in [[forward, back], [back, forward], [to, fro], [forward, MotorCommand::STOP]] {
             let mut jam = Jam::new();
             for _ in 0..20 {
                 for wanted in pair {
@@ -311,16 +314,16 @@ mod tests {
     #[test]
     fn bad_input_changes_nothing() {
         let mut jam = Jam::new();
-        let wanted = Command::Speed(Rpm::new(100.0));
+        let wanted = MotorCommand::Speed(Rpm::new(100.0));
         jam.update(&CONFIG, wanted, &at(0, 19.0), DT);
         let before = jam;
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            jam.update(&CONFIG, Command::Coast, &at(0, 19.0), Seconds::new(bad));
+            jam.update(&CONFIG, MotorCommand::Coast, &at(0, 19.0), Seconds::new(bad));
         }
         assert_eq!(jam, before);
         for _ in 0..1000 {
             assert_eq!(jam.update(&CONFIG, wanted, &at(0, f32::NAN), DT), wanted);
-            let not_a_speed = Command::Speed(Rpm::new(f32::NAN));
+            let not_a_speed = MotorCommand::Speed(Rpm::new(f32::NAN));
             jam.update(&CONFIG, not_a_speed, &at(0, 19.0), DT);
         }
         assert_eq!(jam.status(), JamStatus::Free);

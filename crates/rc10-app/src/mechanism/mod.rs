@@ -1,6 +1,6 @@
 //! Mechanisms: homing, soft limits, jams, axes of several motors, feeders that count.
 //!
-//! Each is a state machine: measurements and time go in, a [`Command`] for the motor comes out. None
+//! Each is a state machine: measurements and time go in, a [`MotorCommand`] for the motor comes out. None
 //! knows a motor or a bus. Angles are [`TotalAngle`]s, exact over many turns. Efforts are in the
 //! motor's own unit: A, N m, or a share of the full voltage.
 //!
@@ -15,7 +15,7 @@
 //! Each tells its [`Stage`], in words for a log, a page and a report.
 //!
 //! A loop that has pushed against something keeps that effort while it sees no error. So every stop
-//! begins with one [`Command::Coast`], which resets the loop, then [`Command::STOP`].
+//! begins with one [`MotorCommand::Coast`], which resets the loop, then [`MotorCommand::STOP`].
 
 mod axes;
 mod axes_homing;
@@ -47,7 +47,7 @@ const DEGREES_PER_SECOND: f32 = 6.0;
 /// A command to one motor, at its output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Command {
+pub enum MotorCommand {
     /// No effort.
     #[default]
     Coast,
@@ -57,7 +57,7 @@ pub enum Command {
     Angle(AngleSetpoint),
 }
 
-impl Command {
+impl MotorCommand {
     /// Come to a stand and stay.
     pub const STOP: Self = Self::Speed(Rpm::ZERO);
 
@@ -70,10 +70,10 @@ impl Command {
     ///
     /// ```
     /// use rc10_app::TotalAngle;
-    /// use rc10_app::mechanism::Command;
+    /// use rc10_app::mechanism::MotorCommand;
     /// let degrees = TotalAngle::from_degrees;
-    /// let lift = Command::hold(degrees(90)); // counted from the bottom
-    /// assert_eq!(lift.shifted(degrees(1000)), Command::hold(degrees(1090)));
+    /// let lift = MotorCommand::hold(degrees(90)); // counted from the bottom
+    /// assert_eq!(lift.shifted(degrees(1000)), MotorCommand::hold(degrees(1090)));
     /// ```
     #[must_use]
     pub const fn shifted(self, zero: TotalAngle) -> Self {

@@ -1,6 +1,6 @@
 //! Soft limits: commands that stay within a range.
 
-use super::{Braking, Command};
+use super::{Braking, MotorCommand};
 use crate::TotalAngle;
 use crate::config::{ConfigError, not_negative};
 use crate::maths::within;
@@ -11,7 +11,7 @@ use crate::units::Rpm;
 /// The range of an axis.
 ///
 /// ```
-/// use rc10_app::mechanism::{Braking, Command, Limit, SoftLimits};
+/// use rc10_app::mechanism::{Braking, MotorCommand, Limit, SoftLimits};
 /// use rc10_app::{Rpm, RpmPerSecond, Seconds, TotalAngle};
 /// let degrees = TotalAngle::from_degrees;
 /// let range = SoftLimits {
@@ -21,15 +21,15 @@ use crate::units::Rpm;
 ///     not_homed: Rpm::new(10.0),
 /// };
 /// assert_eq!(range.validate(), Ok(()));
-/// let up = Command::Speed(Rpm::new(100.0));
+/// let up = MotorCommand::Speed(Rpm::new(100.0));
 /// assert_eq!(range.limit(up, Some(degrees(500))).command, up);
 /// let near_the_top = range.limit(up, Some(degrees(1051)));
 /// assert_eq!(near_the_top.by, Some(Limit::Upper)); // 60 rpm: it brakes within 29 degrees
-/// let beyond = range.limit(Command::hold(degrees(2000)), Some(degrees(500)));
-/// assert_eq!(beyond.command, Command::hold(degrees(1080)));
+/// let beyond = range.limit(MotorCommand::hold(degrees(2000)), Some(degrees(500)));
+/// assert_eq!(beyond.command, MotorCommand::hold(degrees(1080)));
 /// // Before homing: slowly, and to no angle.
-/// assert_eq!(range.limit(up, None).command, Command::Speed(Rpm::new(10.0)));
-/// assert_eq!(range.limit(Command::hold(degrees(500)), None).command, Command::STOP);
+/// assert_eq!(range.limit(up, None).command, MotorCommand::Speed(Rpm::new(10.0)));
+/// assert_eq!(range.limit(MotorCommand::hold(degrees(500)), None).command, MotorCommand::STOP);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoftLimits {
@@ -62,7 +62,7 @@ pub enum Limit {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limited {
     /// The command.
-    pub command: Command,
+    pub command: MotorCommand,
     /// Why it is not the one asked for; `None` if it is.
     pub by: Option<Limit>,
 }
@@ -81,33 +81,33 @@ impl SoftLimits {
     ///
     /// A speed is such that the axis can brake before the limit; an angle is held in the range.
     #[must_use]
-    pub fn limit(&self, wanted: Command, position: Option<TotalAngle>) -> Limited {
+    pub fn limit(&self, wanted: MotorCommand, position: Option<TotalAngle>) -> Limited {
         let (command, by) = match (wanted, position) {
-            (Command::Coast, _) => (wanted, None),
-            (Command::Speed(speed), _) if !speed.is_finite() => {
-                (Command::STOP, Some(Limit::NotFinite))
+            (MotorCommand::Coast, _) => (wanted, None),
+            (MotorCommand::Speed(speed), _) if !speed.is_finite() => {
+                (MotorCommand::STOP, Some(Limit::NotFinite))
             }
-            (Command::Angle(setpoint), _) if !setpoint.is_finite() => {
-                (Command::STOP, Some(Limit::NotFinite))
+            (MotorCommand::Angle(setpoint), _) if !setpoint.is_finite() => {
+                (MotorCommand::STOP, Some(Limit::NotFinite))
             }
-            (Command::Angle(_), None) => (Command::STOP, Some(Limit::NotHomed)),
-            (Command::Speed(speed), None) => {
+            (MotorCommand::Angle(_), None) => (MotorCommand::STOP, Some(Limit::NotHomed)),
+            (MotorCommand::Speed(speed), None) => {
                 let slow = Rpm::new(within(speed.get(), self.not_homed.get().max(0.0)));
-                (Command::Speed(slow), Some(Limit::NotHomed))
+                (MotorCommand::Speed(slow), Some(Limit::NotHomed))
             }
-            (Command::Angle(AngleSetpoint { angle, .. }), Some(_)) if angle < self.lower => {
-                (Command::hold(self.lower), Some(Limit::Lower))
+            (MotorCommand::Angle(AngleSetpoint { angle, .. }), Some(_)) if angle < self.lower => {
+                (MotorCommand::hold(self.lower), Some(Limit::Lower))
             }
-            (Command::Angle(AngleSetpoint { angle, .. }), Some(_)) if angle > self.upper => {
-                (Command::hold(self.upper), Some(Limit::Upper))
+            (MotorCommand::Angle(AngleSetpoint { angle, .. }), Some(_)) if angle > self.upper => {
+                (MotorCommand::hold(self.upper), Some(Limit::Upper))
             }
-            (Command::Angle(_), Some(_)) => (wanted, None),
-            (Command::Speed(speed), Some(position)) => {
+            (MotorCommand::Angle(_), Some(_)) => (wanted, None),
+            (MotorCommand::Speed(speed), Some(position)) => {
                 let up = self.braking.speed(self.upper.minus(position).degrees()).get();
                 let down = -self.braking.speed(position.minus(self.lower).degrees()).get();
                 let held = speed.get().min(up).max(down);
                 let by = if speed.get() > up { Limit::Upper } else { Limit::Lower };
-                (Command::Speed(Rpm::new(held)), Some(by))
+                (MotorCommand::Speed(Rpm::new(held)), Some(by))
             }
         };
         Limited { command, by: by.filter(|_| command != wanted) }
@@ -128,8 +128,8 @@ mod tests {
 
     fn limit(rpm: f32, degrees: i32) -> (f32, Option<Limit>) {
         let position = Some(TotalAngle::from_degrees(degrees));
-        let Limited { command: Command::Speed(speed), by } =
-            RANGE.limit(Command::Speed(Rpm::new(rpm)), position)
+        let Limited { command: MotorCommand::Speed(speed), by } =
+            RANGE.limit(MotorCommand::Speed(Rpm::new(rpm)), position)
         else {
             panic!("a speed stays a speed");
         };
@@ -162,19 +162,19 @@ mod tests {
         let at = Some(TotalAngle::ZERO);
         for bad in [f32::NAN, f32::INFINITY] {
             let still = AngleSetpoint::at(TotalAngle::ZERO);
-            let speed = Command::Angle(AngleSetpoint { speed: Rpm::new(bad), ..still });
+            let speed = MotorCommand::Angle(AngleSetpoint { speed: Rpm::new(bad), ..still });
             let acceleration = RpmPerSecond::new(bad);
-            let acceleration = Command::Angle(AngleSetpoint { acceleration, ..still });
-            for wanted in [Command::Speed(Rpm::new(bad)), speed, acceleration] {
+            let acceleration = MotorCommand::Angle(AngleSetpoint { acceleration, ..still });
+            for wanted in [MotorCommand::Speed(Rpm::new(bad)), speed, acceleration] {
                 let limited = RANGE.limit(wanted, at);
                 assert_eq!(limited.by, Some(Limit::NotFinite));
-                assert_eq!(limited.command, Command::STOP);
+                assert_eq!(limited.command, MotorCommand::STOP);
             }
         }
-        let limited = RANGE.limit(Command::Speed(Rpm::new(5.0)), None);
-        assert_eq!(limited, Limited { command: Command::STOP, by: Some(Limit::NotHomed) });
-        assert_eq!(RANGE.limit(Command::STOP, None).by, None);
-        assert_eq!(RANGE.limit(Command::Coast, None).by, None);
+        let limited = RANGE.limit(MotorCommand::Speed(Rpm::new(5.0)), None);
+        assert_eq!(limited, Limited { command: MotorCommand::STOP, by: Some(Limit::NotHomed) });
+        assert_eq!(RANGE.limit(MotorCommand::STOP, None).by, None);
+        assert_eq!(RANGE.limit(MotorCommand::Coast, None).by, None);
     }
 
     #[test]

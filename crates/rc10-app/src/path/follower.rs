@@ -5,7 +5,7 @@ use crate::angle::shortest_way_f32;
 use crate::config::{ConfigError, not_negative, positive};
 use crate::maths;
 use crate::ok;
-use crate::transform::{Field, Pose};
+use crate::transform::{FieldFrame, Pose};
 use crate::twist::{Twist, TwistLimits};
 use crate::units::{Radians, Seconds};
 use core::f32::consts::TAU;
@@ -213,7 +213,7 @@ impl Follower {
         &mut self,
         config: &FollowerConfig,
         limits: &TwistLimits,
-        twist: Twist<Field>,
+        twist: Twist<FieldFrame>,
         along: f32,
         dt: f32,
     ) {
@@ -240,6 +240,6 @@ impl Follower {
 }
 
 /// Like [`Twist::into_frame`], where the sine and cosine of the heading are known.
-fn into_robot(twist: Twist<Field>, sin: f32, cos: f32) -> Twist {
+fn into_robot(twist: Twist<FieldFrame>, sin: f32, cos: f32) -> Twist {
     Twist::new(twist.vx * cos + twist.vy * sin, twist.vy * cos - twist.vx * sin, twist.wz)
 }

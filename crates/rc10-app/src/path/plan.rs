@@ -11,7 +11,7 @@ use crate::base::Base;
 use crate::config::{ConfigError, not_negative, positive, positive_or_unlimited};
 use crate::maths;
 use crate::ok;
-use crate::transform::{Field, Pose};
+use crate::transform::{FieldFrame, Pose};
 use crate::twist::{Twist, TwistLimits};
 use crate::units::{Radians, Seconds};
 
@@ -58,9 +58,9 @@ pub struct PlannedMotion {
     /// Where the base shall be.
     pub pose: Pose,
     /// How it shall move.
-    pub twist: Twist<Field>,
+    pub twist: Twist<FieldFrame>,
     /// How that changes in a second, in m/s² and rad/s².
-    pub acceleration: Twist<Field>,
+    pub acceleration: Twist<FieldFrame>,
 }
 
 impl<const N: usize> Plan<N> {

@@ -1,6 +1,6 @@
 //! A simulated motor with its loops, on an axis. Degrees, seconds; efforts in A.
 
-use rc10_app::mechanism::{Braking, Command, Health, Measured};
+use rc10_app::mechanism::{Braking, Health, Measured, MotorCommand};
 use rc10_app::{AngleSetpoint, Rpm, RpmPerSecond, Seconds, TotalAngle};
 
 /// A repeatable generator (`SplitMix64`).
@@ -76,7 +76,7 @@ pub struct Axis {
     pub jumped: f64,
     pub not_finite: bool,
     pub effort: f64,
-    command: Command,
+    command: MotorCommand,
     reference: f64,
     integral: f64,
     measured: Measured,
@@ -112,7 +112,7 @@ impl Axis {
             jumped: 0.0,
             not_finite: false,
             effort: 0.0,
-            command: Command::Coast,
+            command: MotorCommand::Coast,
             reference: 0.0,
             integral: 0.0,
             measured: Measured::default(),
@@ -130,7 +130,7 @@ impl Axis {
         self.angle + self.jumped
     }
 
-    pub fn command(&mut self, command: Command) {
+    pub fn command(&mut self, command: MotorCommand) {
         if self.health == Health::Ready {
             self.command = command;
         }
@@ -158,12 +158,12 @@ impl Axis {
     /// that does not wind up beyond its limit.
     fn drive(&mut self) {
         let asked = match self.command {
-            Command::Coast => {
+            MotorCommand::Coast => {
                 (self.reference, self.integral, self.effort) = (self.speed, 0.0, 0.0);
                 return;
             }
-            Command::Speed(speed) => f64::from(speed.get()) * 6.0,
-            Command::Angle(AngleSetpoint { angle, speed, .. }) => {
+            MotorCommand::Speed(speed) => f64::from(speed.get()) * 6.0,
+            MotorCommand::Angle(AngleSetpoint { angle, speed, .. }) => {
                 let way = angle.microdegrees() as f64 * 1e-6 - self.counted();
                 let brakes = (ACCELERATION * way.abs()).sqrt();
                 f64::from(speed.get()) * 6.0 + (12.0 * way).clamp(-brakes, brakes)

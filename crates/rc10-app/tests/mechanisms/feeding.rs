@@ -1,7 +1,7 @@
 //! Jams of a simulated motor, and a feeder that counts through them.
 
 use rc10_app::mechanism::{
-    Command, Feeder, FeederConfig, Health, Jam, JamConfig, JamStatus, SoftLimits, Stall,
+    Feeder, FeederConfig, Health, Jam, JamConfig, JamStatus, MotorCommand, SoftLimits, Stall,
 };
 use rc10_app::{CountsPerTurn, Degrees, Direction, Rpm, Seconds, TotalAngle};
 
@@ -31,11 +31,11 @@ fn a_heavy_start_is_no_jam() {
         let mut axis = Axis::random(&mut random, 0.0);
         // From rest to the speed of a standstill, 30 deg/s, in at most 0.13 s: below the time of a jam.
         axis.gain = random.between(15.0, 100.0);
-        let (mut jam, mut wanted) = (Jam::new(), Command::STOP);
+        let (mut jam, mut wanted) = (Jam::new(), MotorCommand::STOP);
         let mut pushed = 0;
         for ms in 0..4000 {
             if ms % 1000 == 0 {
-                wanted = Command::Speed(Rpm::new(random.between(-200.0, 200.0) as f32));
+                wanted = MotorCommand::Speed(Rpm::new(random.between(-200.0, 200.0) as f32));
             }
             if ms % period == 0 {
                 axis.command(jam.update(&JAM, wanted, &axis.measured(), dt));
@@ -56,7 +56,7 @@ fn a_jam_is_found_within_its_time() {
         let mut axis = Axis::random(&mut random, 0.0);
         let direction = if random.chance(0.5) { 1.0 } else { -1.0 };
         let speed = direction * random.between(30.0, 150.0);
-        let wanted = Command::Speed(Rpm::new(speed as f32));
+        let wanted = MotorCommand::Speed(Rpm::new(speed as f32));
         let jams_at = random.between(500.0, 1500.0) as u32;
         let mut jam = Jam::new();
         let (mut pushing, mut found) = (0.0, None);
@@ -238,11 +238,11 @@ fn a_speed_within_soft_limits_never_leaves_them() {
             braking: BRAKING,
             not_homed: Rpm::ZERO,
         };
-        let mut wanted = Command::STOP;
+        let mut wanted = MotorCommand::STOP;
         let (mut least, mut most) = (0.0_f64, 0.0_f64);
         for ms in 0..5000 {
             if random.chance(0.002) {
-                wanted = Command::Speed(Rpm::new(random.between(-150.0, 150.0) as f32));
+                wanted = MotorCommand::Speed(Rpm::new(random.between(-150.0, 150.0) as f32));
             }
             if ms % period == 0 {
                 axis.command(limits.limit(wanted, Some(axis.measured().angle)).command);

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use rc10_app::mechanism::{
-    Command, Health, Homing, HomingConfig, HomingFailure, HomingStatus, Reference, Stall, Trouble,
+    Health, Homing, HomingConfig, HomingFailure, HomingStatus, MotorCommand, Reference, Stall,
+    Trouble,
 };
 use rc10_app::{Degrees, Direction, Rpm, Seconds, TotalAngle};
 
@@ -191,12 +192,12 @@ fn run(seed: u64, fault: Fault, by_contact: bool) -> &'static str {
             let command = homing.update(&config, &axis.measured(), closed, dt);
             let is_running = matches!(homing.status(), HomingStatus::Running(_));
             if ended.is_some() {
-                assert_eq!(command, Command::STOP);
+                assert_eq!(command, MotorCommand::STOP);
             } else if !is_running {
                 ended = Some(ms);
                 // What has happened since this measurement was made does not count.
                 jumped = axis.measured().angle.microdegrees() as f64 * 1e-6 - before_step;
-                assert_eq!(command, Command::Coast);
+                assert_eq!(command, MotorCommand::Coast);
             }
             axis.command(command);
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rc10_app::mechanism::{
     Axes, AxesConfig, AxesFailure, AxesHoming, AxesHomingConfig, AxesHomingFailure,
-    AxesHomingStatus, Command, Health, HomingConfig, HomingFailure, Reference, Stall, Trouble,
+    AxesHomingStatus, Health, HomingConfig, HomingFailure, MotorCommand, Reference, Stall, Trouble,
 };
 use rc10_app::{AngleSetpoint, Degrees, Direction, Rpm, Seconds, TotalAngle};
 
@@ -141,9 +141,9 @@ fn ride<const N: usize>(random: &mut Random, fault: Fault, bad: usize) -> Ride {
             if ride.failure.is_none() && axes.failure().is_some() {
                 ride.failure = axes.failure();
                 ride.after = f64::from(ms.saturating_sub(fails_at)) * 1e-3;
-                assert_eq!(commands, [Command::Coast; N]);
+                assert_eq!(commands, [MotorCommand::Coast; N]);
             } else if ride.failure.is_some() {
-                assert_eq!(commands, [Command::STOP; N]);
+                assert_eq!(commands, [MotorCommand::STOP; N]);
             }
             ride.slowed |= axes.pace() < 1.0;
         }
@@ -250,7 +250,7 @@ fn home<const N: usize>(
             let measured = std::array::from_fn(|motor: usize| motors[motor].measured());
             let commands = homing.update(&HOMING, &measured, &[false; N], dt);
             if ended {
-                assert_eq!(commands, [Command::STOP; N]);
+                assert_eq!(commands, [MotorCommand::STOP; N]);
             }
             ended = homing.status() != AxesHomingStatus::Running;
             for (motor, command) in motors.iter_mut().zip(commands) {

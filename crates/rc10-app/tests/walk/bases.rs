@@ -4,8 +4,8 @@
 use rc10_app::base::{Base, BaseMotion, Body, Tread, Wheel};
 use rc10_app::swerve::{Module, Steering, Swerve, SwerveState};
 use rc10_app::{
-    Degrees, Direction, Field, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig,
-    OdometryInput, Point, Pose, Radians, Robot, Rpm, Seconds, TotalAngle, Twist, TwistLimiter,
+    Degrees, Direction, FieldFrame, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig,
+    OdometryInput, Point, Pose, Radians, RobotFrame, Rpm, Seconds, TotalAngle, Twist, TwistLimiter,
     TwistLimits, maths,
 };
 
@@ -102,8 +102,8 @@ fn put_pose<Of: rc10_app::Frame, In: rc10_app::Frame>(
 
 fn poses(random: &mut Random, put: &mut dyn FnMut(f32)) {
     for _ in 0..STEPS {
-        let (robot, other): (Pose, Pose<Field>) = (random.pose(), random.pose());
-        let on_robot: Pose<Robot, Robot> = random.pose();
+        let (robot, other): (Pose, Pose<FieldFrame>) = (random.pose(), random.pose());
+        let on_robot: Pose<RobotFrame, RobotFrame> = random.pose();
         put_pose(robot.compose(on_robot), put);
         put_pose(robot.inverse(), put);
         put_pose(robot.between(other), put);
@@ -157,7 +157,7 @@ fn lists(random: &mut Random, put: &mut dyn FnMut(f32)) {
 }
 
 fn limiters(random: &mut Random, put: &mut dyn FnMut(f32)) {
-    let mut limiter: TwistLimiter<Field> = TwistLimiter::new();
+    let mut limiter: TwistLimiter<FieldFrame> = TwistLimiter::new();
     let mut hold = HeadingHold::new();
     let mut target = Twist::STOP;
     let mut heading = 0.0;

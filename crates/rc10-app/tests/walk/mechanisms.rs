@@ -2,9 +2,9 @@
 //! for bit.
 
 use rc10_app::mechanism::{
-    Axes, AxesConfig, AxesHoming, AxesHomingConfig, AxesHomingStatus, Braking, Command, Feeder,
+    Axes, AxesConfig, AxesHoming, AxesHomingConfig, AxesHomingStatus, Braking, Feeder,
     FeederConfig, Health, Homing, HomingConfig, HomingStatus, Jam, JamConfig, Limited, Measured,
-    Reference, SoftLimits, Stall,
+    MotorCommand, Reference, SoftLimits, Stall,
 };
 use rc10_app::{
     AngleSetpoint, CountsPerTurn, Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle,
@@ -74,12 +74,12 @@ impl Motor {
         Self { measured: Measured { angle, ..Measured::default() }, stop }
     }
 
-    fn follow(&mut self, command: Command) {
+    fn follow(&mut self, command: MotorCommand) {
         let Measured { angle, speed, .. } = self.measured;
         let asked = match command {
-            Command::Coast => 0.0,
-            Command::Speed(speed) => speed.get(),
-            Command::Angle(AngleSetpoint { angle: to, speed, .. }) => {
+            MotorCommand::Coast => 0.0,
+            MotorCommand::Speed(speed) => speed.get(),
+            MotorCommand::Angle(AngleSetpoint { angle: to, speed, .. }) => {
                 speed.get() + (to.minus(angle).degrees().get() * 2.0).clamp(-80.0, 80.0)
             }
         };
@@ -101,11 +101,11 @@ fn put_angle(put: &mut dyn FnMut(f32), angle: TotalAngle) {
     put((bits >> 30) as f32);
 }
 
-fn put_command(put: &mut dyn FnMut(f32), command: Command) {
+fn put_command(put: &mut dyn FnMut(f32), command: MotorCommand) {
     match command {
-        Command::Coast => put(-1.0),
-        Command::Speed(speed) => put(speed.get()),
-        Command::Angle(AngleSetpoint { angle, speed, acceleration }) => {
+        MotorCommand::Coast => put(-1.0),
+        MotorCommand::Speed(speed) => put(speed.get()),
+        MotorCommand::Angle(AngleSetpoint { angle, speed, acceleration }) => {
             put_angle(put, angle);
             put(speed.get());
             put(acceleration.get());
@@ -201,10 +201,10 @@ fn walk_jams(put: &mut dyn FnMut(f32), random: &mut Random) {
     };
     let (mut feeder, mut fed_by) = (Feeder::new(), Motor::new(-30, 100_000));
     let (mut jam, mut turned_by) = (Jam::new(), Motor::new(0, 100_000));
-    let mut wanted = Command::STOP;
+    let mut wanted = MotorCommand::STOP;
     for _ in 0..4000 {
         if random.one_in(150) {
-            wanted = Command::Speed(Rpm::new(random.within(100.0)));
+            wanted = MotorCommand::Speed(Rpm::new(random.within(100.0)));
             match random.bits() % 4 {
                 0 => feeder.run(2.0 + random.within(2.5)),
                 1 => feeder.stop(),

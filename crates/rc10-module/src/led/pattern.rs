@@ -5,14 +5,14 @@
 //!
 //! | state | colour | rhythm of an LED, one mark is 100 ms | |
 //! |---|---|---|---|
-//! | [`Disarmed`](State::Disarmed) | blue | `##########..........` | slow: one second on, one off |
-//! | [`Armed`](State::Armed) | green | `####################` | steady |
-//! | [`Suspended`](State::Suspended) | amber | `#.#.......#.#.......` | two short flashes a second |
-//! | [`Stopped`](State::Stopped) | red | `##..##..##..##..##..` | even and fast |
-//! | [`LinkLost`](State::LinkLost) | magenta | `#...#...#...#...#...` | points that run along the strip |
-//! | [`Fault`](State::Fault) | white | `#.#.#...............` | three short flashes, a pause |
-//! | [`LowSupply`](State::LowSupply) | yellow | `#...................` | one short flash every two seconds |
-//! | [`NotAtRest`](State::NotAtRest) | blue | `###.###.............` | two long flashes, a pause |
+//! | [`Disarmed`](LampState::Disarmed) | blue | `##########..........` | slow: one second on, one off |
+//! | [`Armed`](LampState::Armed) | green | `####################` | steady |
+//! | [`Suspended`](LampState::Suspended) | amber | `#.#.......#.#.......` | two short flashes a second |
+//! | [`Stopped`](LampState::Stopped) | red | `##..##..##..##..##..` | even and fast |
+//! | [`LinkLost`](LampState::LinkLost) | magenta | `#...#...#...#...#...` | points that run along the strip |
+//! | [`Fault`](LampState::Fault) | white | `#.#.#...............` | three short flashes, a pause |
+//! | [`LowSupply`](LampState::LowSupply) | yellow | `#...................` | one short flash every two seconds |
+//! | [`NotAtRest`](LampState::NotAtRest) | blue | `###.###.............` | two long flashes, a pause |
 
 use rc10_can::Micros;
 use smart_leds_trait::RGB8;
@@ -20,7 +20,7 @@ use smart_leds_trait::RGB8;
 /// A state of a robot that a strip can show. Which state matters most is the robot's to decide.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum State {
+pub enum LampState {
     /// No torque.
     #[default]
     Disarmed,
@@ -40,7 +40,7 @@ pub enum State {
     NotAtRest,
 }
 
-impl State {
+impl LampState {
     /// All of them.
     pub const ALL: [Self; 8] = [
         Self::Disarmed,
@@ -68,32 +68,32 @@ struct Look {
     runs: bool,
 }
 
-const fn look(state: State) -> Look {
+const fn look(state: LampState) -> Look {
     let (colour, rhythm) = match state {
-        State::Disarmed => ([0, 0, 255], b"##########.........."),
-        State::Armed => ([0, 255, 0], b"####################"),
-        State::Suspended => ([255, 110, 0], b"#.#.......#.#......."),
-        State::Stopped => ([255, 0, 0], b"##..##..##..##..##.."),
-        State::LinkLost => ([255, 0, 180], b"#...#...#...#...#..."),
-        State::Fault => ([255, 255, 255], b"#.#.#..............."),
-        State::LowSupply => ([255, 220, 0], b"#..................."),
-        State::NotAtRest => ([0, 0, 255], b"###.###............."),
+        LampState::Disarmed => ([0, 0, 255], b"##########.........."),
+        LampState::Armed => ([0, 255, 0], b"####################"),
+        LampState::Suspended => ([255, 110, 0], b"#.#.......#.#......."),
+        LampState::Stopped => ([255, 0, 0], b"##..##..##..##..##.."),
+        LampState::LinkLost => ([255, 0, 180], b"#...#...#...#...#..."),
+        LampState::Fault => ([255, 255, 255], b"#.#.#..............."),
+        LampState::LowSupply => ([255, 220, 0], b"#..................."),
+        LampState::NotAtRest => ([0, 0, 255], b"###.###............."),
     };
     let [r, g, b] = colour;
-    Look { colour: RGB8 { r, g, b }, rhythm, runs: matches!(state, State::LinkLost) }
+    Look { colour: RGB8 { r, g, b }, rhythm, runs: matches!(state, LampState::LinkLost) }
 }
 
 /// The colour of LED `index` at `now` in this state, at full brightness.
 ///
 /// ```
 /// use rc10_can::Micros;
-/// use rc10_module::led::pattern::{State, colour};
-/// let dark = |millis| colour(State::Stopped, Micros::from_millis(millis), 0).g == 0
-///     && colour(State::Stopped, Micros::from_millis(millis), 0).r == 0;
+/// use rc10_module::led::pattern::{LampState, colour};
+/// let dark = |millis| colour(LampState::Stopped, Micros::from_millis(millis), 0).g == 0
+///     && colour(LampState::Stopped, Micros::from_millis(millis), 0).r == 0;
 /// assert!(!dark(100) && dark(300) && !dark(400));
 /// ```
 #[must_use]
-pub fn colour(state: State, now: Micros, index: usize) -> RGB8 {
+pub fn colour(state: LampState, now: Micros, index: usize) -> RGB8 {
     let look = look(state);
     let rhythm = BEATS as usize;
     #[expect(clippy::cast_possible_truncation, reason = "below 20")]
@@ -110,15 +110,15 @@ mod tests {
     use super::*;
 
     /// The signs of an LED for an eye that sees no colours.
-    fn seen(state: State, index: usize) -> Vec<bool> {
+    fn seen(state: LampState, index: usize) -> Vec<bool> {
         let at = |beat| Micros::new(1_000_000_000_000 + beat * BEAT.get() + 99_999);
         (0..20).map(|beat| colour(state, at(beat), index) != RGB8::default()).collect()
     }
 
     #[test]
     fn rhythm_alone_tells_every_state_from_every_other() {
-        for (first, a) in State::ALL.into_iter().enumerate() {
-            for b in State::ALL.into_iter().skip(first + 1) {
+        for (first, a) in LampState::ALL.into_iter().enumerate() {
+            for b in LampState::ALL.into_iter().skip(first + 1) {
                 for index in 0..30 {
                     let (a_seen, mut b_seen) = (seen(a, index), seen(b, 0));
                     for _ in 0..20 {
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn nothing_flashes_more_than_three_times_a_second() {
-        for state in State::ALL {
+        for state in LampState::ALL {
             let twice: Vec<_> = seen(state, 0).repeat(2);
             for second in twice.windows(10) {
                 let flashes = second.windows(2).filter(|pair| !pair[0] && pair[1]).count();
@@ -143,11 +143,11 @@ mod tests {
 
     #[test]
     fn all_leds_blink_together_but_those_that_run() {
-        for state in State::ALL {
+        for state in LampState::ALL {
             let same = (1..40).all(|index| seen(state, index) == seen(state, 0));
-            assert_eq!(same, state != State::LinkLost, "{state:?}");
+            assert_eq!(same, state != LampState::LinkLost, "{state:?}");
         }
-        let (first, mut second) = (seen(State::LinkLost, 0), seen(State::LinkLost, 1));
+        let (first, mut second) = (seen(LampState::LinkLost, 0), seen(LampState::LinkLost, 1));
         second.rotate_left(1);
         assert_eq!(first, second);
     }
@@ -155,7 +155,7 @@ mod tests {
     #[test]
     fn the_table_of_the_documentation_is_the_one_that_is_shown() {
         let source = include_str!("pattern.rs");
-        for state in State::ALL {
+        for state in LampState::ALL {
             let name = std::format!("//! | [`{state:?}`]");
             let row = source.lines().find(|line| line.starts_with(&name)).unwrap();
             let rhythm = core::str::from_utf8(look(state).rhythm).unwrap();
@@ -165,13 +165,16 @@ mod tests {
 
     #[test]
     fn any_time_and_any_led_has_a_colour() {
-        for state in State::ALL {
+        for state in LampState::ALL {
             for now in [0, 1, u64::MAX / 2, u64::MAX] {
                 for index in [0, 1, 1000, usize::MAX] {
                     let _ = colour(state, Micros::new(now), index);
                 }
             }
         }
-        assert_eq!(colour(State::Armed, Micros::new(u64::MAX), usize::MAX), RGB8::new(0, 255, 0));
+        assert_eq!(
+            colour(LampState::Armed, Micros::new(u64::MAX), usize::MAX),
+            RGB8::new(0, 255, 0)
+        );
     }
 }

@@ -9,7 +9,7 @@ use rc10_can::{BusError, CanFrame, ErrorState, IdPattern, Micros};
 use rc10_sim::{
     Activity, Bus, BusConfig, Controller, EscConfig, Model, Nanos, Outcome, TraceEntry, World,
 };
-use rc10_stm32_can::{BusOff, Ended, Errors, Hardware, MAILBOXES, Port, Shared};
+use rc10_stm32_can::{BusOff, Ended, Errors, Hardware, MAILBOXES, Port, SharedDriver};
 
 /// Places for received frames, of both.
 const FIFO: usize = 3;
@@ -257,7 +257,7 @@ impl Hardware for Wired {
 /// A chip: its controller and its processor, which comes to the interrupt late.
 pub struct Chip {
     registers: Arc<Mutex<Registers>>,
-    shared: &'static Shared<Wired>,
+    shared: &'static SharedDriver<Wired>,
     /// From an event to the interrupt's handler; `None`: it is never called.
     latency: Option<Nanos>,
     handler: Option<Nanos>,
@@ -412,7 +412,7 @@ impl Bench {
         bus.add_esc(EscConfig::new(Model::C620, 1)).unwrap();
         let registers = Arc::new(Mutex::new(Registers::new(kind)));
         // As the static that it is on a chip.
-        let shared: &'static Shared<Wired> = Box::leak(Box::new(Shared::new()));
+        let shared: &'static SharedDriver<Wired> = Box::leak(Box::new(SharedDriver::new()));
         let port =
             shared.start(Wired { registers: Arc::clone(&registers), bus_off: BusOff::new() });
         let latency = Some(Nanos::new(2_000));

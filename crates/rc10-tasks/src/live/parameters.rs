@@ -6,7 +6,7 @@ use rc10_app::{Amps, ConfigError, NewtonMetres};
 use rc10_link::{Change as One, Tell, Topic};
 use rc10_motor::{Request, RequestError, Response, TargetKind, Tuning};
 
-use super::Robot;
+use super::RobotView;
 use super::own::{count, nth};
 use super::signals::short;
 
@@ -125,18 +125,18 @@ impl Part {
 }
 
 /// The number of parameters, those included that a motor has not.
-pub(super) fn parameters(robot: &Robot<'_>) -> u16 {
+pub(super) fn parameters(robot: &RobotView<'_>) -> u16 {
     short(robot.motors.len()) * EACH + count(|see| robot.own.parameters(see))
 }
 
 /// The motor's parameter with this number.
-fn of_motor(index: u16, robot: &Robot<'_>) -> Option<(usize, &'static Field)> {
+fn of_motor(index: u16, robot: &RobotView<'_>) -> Option<(usize, &'static Field)> {
     let motor = usize::from(index / EACH);
     (motor < robot.motors.len()).then_some((motor, MOTOR.get(usize::from(index % EACH))?))
 }
 
 /// The gains of a motor, as declared and now.
-fn tuning(motor: usize, robot: &Robot<'_>) -> Option<[Tuning; 2]> {
+fn tuning(motor: usize, robot: &RobotView<'_>) -> Option<[Tuning; 2]> {
     robot.motor(motor)?.tuning()
 }
 
@@ -169,7 +169,7 @@ fn range(field: &Field, mut declared: Tuning, most_gain: f32) -> [f32; 2] {
 
 /// A parameter in words; one without a name if the motor has none with this number, `None` behind the
 /// last.
-pub(super) fn parameter<'r>(index: u16, robot: &Robot<'r>) -> Option<Tell<'r>> {
+pub(super) fn parameter<'r>(index: u16, robot: &RobotView<'r>) -> Option<Tell<'r>> {
     let nothing = Topic { folder: "", label: "" };
     let none = Tell::Parameter {
         index,
@@ -219,7 +219,7 @@ struct Step {
 
 /// Changes parameters: all of them or none. What concerns motors of one bus takes effect in one tick of
 /// it.
-pub(super) async fn set(change: &Change, robot: &Robot<'_>) -> Result<(), Refusal> {
+pub(super) async fn set(change: &Change, robot: &RobotView<'_>) -> Result<(), Refusal> {
     let _turn = robot.changes.turn.lock().await;
     // The whole is checked before anything is done.
     for (at, one) in change.iter().enumerate() {
@@ -274,7 +274,7 @@ pub(super) async fn set(change: &Change, robot: &Robot<'_>) -> Result<(), Refusa
 /// Asks up to four motors at once.
 async fn ask(
     steps: &[Step],
-    robot: &Robot<'_>,
+    robot: &RobotView<'_>,
     which: impl Fn(&Step) -> Request,
 ) -> [Result<Response, RequestError>; 4] {
     let ask = async |at: usize| match steps.get(at) {
@@ -288,7 +288,7 @@ async fn ask(
 }
 
 /// Whether a parameter may have a value.
-fn check(one: &One, robot: &Robot<'_>) -> Result<(), Refusal> {
+fn check(one: &One, robot: &RobotView<'_>) -> Result<(), Refusal> {
     let refused = |why| Err(Refusal::because(Some(one.parameter), why));
     match parameter(one.parameter, robot) {
         Some(Tell::Parameter { name, range: [least, most], .. }) if !name.is_empty() => {

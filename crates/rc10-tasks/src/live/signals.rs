@@ -4,7 +4,7 @@ use rc10_link::{Bits, Tell, Topic};
 use rc10_motor::embassy::{BusStatus, MotorPort, Rs485Status};
 use rc10_motor::{MotorStatus, TargetKind};
 
-use super::Robot;
+use super::RobotView;
 use super::own::{count as count_of, nth};
 use crate::seen::{Field, Seen, Whole};
 
@@ -22,12 +22,12 @@ const _: () = {
 };
 
 /// A number of motors, or of their parameters.
-#[expect(clippy::cast_possible_truncation, reason = "there are fewer: `Robot::new` asserts it")]
+#[expect(clippy::cast_possible_truncation, reason = "there are fewer: `RobotView::new` asserts it")]
 pub(super) const fn short(count: usize) -> u16 {
     count as u16
 }
 
-impl Robot<'_> {
+impl RobotView<'_> {
     /// The number of the first signal of its own.
     fn own_signals(&self) -> u16 {
         EACH * short(self.motors.len() + self.buses.len() + self.lines.len() + 1)
@@ -40,12 +40,12 @@ pub(super) const fn signals_of(motors: usize, buses: usize, lines: usize) -> usi
 }
 
 /// The number of its signals, those included that are not there.
-pub(super) fn signals(robot: &Robot<'_>) -> u16 {
+pub(super) fn signals(robot: &RobotView<'_>) -> u16 {
     robot.own_signals() + count_of(|see| robot.own.signals(see))
 }
 
 /// A signal in words; without a name if no signal has this number.
-pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
+pub(super) fn signal<'r>(index: u16, robot: &RobotView<'r>) -> Tell<'r> {
     let nothing = Topic { folder: "", label: "" };
     let none = Tell::Signal { index, topic: nothing, name: "", unit: "", states: "" };
     let told = |folder, label, table: &[Field]| match table.get(usize::from(index % EACH)) {
@@ -82,7 +82,7 @@ pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
 }
 
 /// The unit of a motor's effort, as its loops have it; none where no loops run here.
-fn unit_of_effort(motor: usize, robot: &Robot<'_>) -> &'static str {
+fn unit_of_effort(motor: usize, robot: &RobotView<'_>) -> &'static str {
     match robot.motors.get(motor).and_then(MotorPort::tuning).map(|[it, _]| it.effort) {
         Some(TargetKind::Current) => "A",
         Some(TargetKind::Torque) => "N m",
@@ -114,7 +114,7 @@ fn take(wanted: u32, room: &mut Room<'_>, seen: &impl Seen) {
 }
 
 /// Writes the values of these signals now; returns how many.
-pub(super) fn sample(wanted: &Bits, robot: &Robot<'_>, room: &mut [[u8; 4]]) -> usize {
+pub(super) fn sample(wanted: &Bits, robot: &RobotView<'_>, room: &mut [[u8; 4]]) -> usize {
     let whole = room.len();
     let room = &mut room.iter_mut();
     let mut words = (0..).map(|at| wanted.word(at));
@@ -148,7 +148,7 @@ pub(super) fn sample(wanted: &Bits, robot: &Robot<'_>, room: &mut [[u8; 4]]) -> 
     whole - room.len()
 }
 
-impl Robot<'_> {
+impl RobotView<'_> {
     /// Looks at the robot as a whole, now.
     pub fn whole(&self) -> Whole {
         let refused = |motor: &MotorPort<'_>| motor.status().counters.refused.total();

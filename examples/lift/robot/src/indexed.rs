@@ -1,4 +1,4 @@
-use rc10_app::mechanism::{Command, Feeder, Homing, HomingStatus, Measured, Phase, Stage};
+use rc10_app::mechanism::{Feeder, Homing, HomingStatus, Measured, MotorCommand, Phase, Stage};
 use rc10_app::{Seconds, TotalAngle};
 
 use crate::table::{FEEDER, INDEXING, INDEXING_FORWARD};
@@ -42,14 +42,14 @@ impl IndexedFeeder {
     }
 
     /// One step: the command of its motor. `closed`: the index is at the marker.
-    pub fn step(&mut self, motor: &Measured, closed: bool, dt: Seconds) -> Command {
+    pub fn step(&mut self, motor: &Measured, closed: bool, dt: Seconds) -> MotorCommand {
         if self.is_ready(motor) {
             return self.feeder.update(&FEEDER, motor, dt);
         }
         if let State::Ready(_) = self.state {
             self.state = State::Homing(Homing::new(), motor.angle);
         }
-        let State::Homing(homing, from) = &mut self.state else { return Command::Coast };
+        let State::Homing(homing, from) = &mut self.state else { return MotorCommand::Coast };
         let command = homing.update(&INDEXING, motor, closed, dt);
         // A contact that stays closed, as that of a pinched wire, must not feed a turn of pieces.
         let feeds = motor.angle.minus(*from) > INDEXING_FORWARD;
@@ -68,7 +68,7 @@ impl IndexedFeeder {
                 let stage = homing.stage();
                 let why = if stage.gave_up() { stage } else { Stage::NeverOpened };
                 self.state = State::Failed(why);
-                Command::Coast
+                MotorCommand::Coast
             }
         }
     }

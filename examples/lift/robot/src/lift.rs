@@ -1,7 +1,8 @@
 use core::array::from_fn;
 
 use rc10_app::mechanism::{
-    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Command, Measured, Stage,
+    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Measured, MotorCommand,
+    Stage,
 };
 use rc10_app::{
     AngleProfile, AngleSetpoint, ConfigError, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
@@ -76,9 +77,9 @@ impl Lift {
     }
 
     /// One step: the commands of both motors.
-    pub fn step(&mut self, goal: Goal, motors: &[Measured; 2], dt: Seconds) -> [Command; 2] {
+    pub fn step(&mut self, goal: Goal, motors: &[Measured; 2], dt: Seconds) -> [MotorCommand; 2] {
         match &mut self.0 {
-            State::Idle => [Command::Coast; 2],
+            State::Idle => [MotorCommand::Coast; 2],
             State::Homing(homing) => {
                 let commands = homing.update(&HOMING, motors, &[false; 2], dt);
                 if let AxesHomingStatus::Done { zeros } = homing.status() {

@@ -8,8 +8,8 @@
 use rc10_app::maths::hypot;
 use rc10_app::path::{Follower, PathStatus, Plan, Planner};
 use rc10_app::{
-    Field, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig, OdometryInput, Pose, Seconds,
-    Twist, TwistLimiter,
+    FieldFrame, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig, OdometryInput, Pose,
+    Seconds, Twist, TwistLimiter,
 };
 use rc10_module::remote::{Remote, Switch};
 
@@ -83,7 +83,7 @@ struct Along {
     plan: Plan<{ PATH.waypoints().len() }>,
     follower: Follower,
     /// Where its axes are in those of the odometry: where the robot stood.
-    start: Pose<Field>,
+    start: Pose<FieldFrame>,
     /// How much later it may still become.
     patience: f32,
 }

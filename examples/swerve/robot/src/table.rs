@@ -1,7 +1,7 @@
 //! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
 use rc10_app::{
-    Body, Cascade, FeedForward, Gravity, HeadingHoldConfig, PidConfig, Point, Robot, Rpm,
+    Body, Cascade, FeedForward, Gravity, HeadingHoldConfig, PidConfig, Point, RobotFrame, Rpm,
     RpmPerSecond, Steering, Swerve, TotalAngle, Twist, TwistLimits,
 };
 use rc10_module::remote::Receiver;
@@ -79,7 +79,7 @@ const STEERING: Cascade = Cascade {
 pub const BASE: Swerve<4> = Swerve::sound(PLACES, 0.06, Rpm::new(450.0), Steering::Endless);
 
 /// Front left, front right, rear left, rear right.
-const PLACES: [Point<Robot>; 4] =
+const PLACES: [Point<RobotFrame>; 4] =
     [Point::new(0.2, 0.2), Point::new(0.2, -0.2), Point::new(-0.2, 0.2), Point::new(-0.2, -0.2)];
 
 /// The robot with all that is on it, wheels included; our estimate.

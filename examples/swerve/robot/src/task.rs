@@ -15,7 +15,7 @@ use core::f32::consts::PI;
 use embassy_time::{Duration, Ticker};
 use rc10_app::swerve::Module;
 use rc10_app::{
-    BaseMotion, HeadingHold, Odometry, OdometryConfig, OdometryInput, Point, Pose, Robot, Rpm,
+    BaseMotion, HeadingHold, Odometry, OdometryConfig, OdometryInput, Point, Pose, RobotFrame, Rpm,
     RpmPerSecond, Seconds, SwerveState, TotalAngle, Twist, TwistLimiter, maths,
 };
 use rc10_module::remote::Remote;
@@ -133,7 +133,7 @@ impl Drive {
 
 /// Acceleration and effort of the wheel at `place` that looks to `angle`, while the base has this twist,
 /// and that changes by `change` a second. A wheel has to do only with what is along it.
-fn rolling(place: Point<Robot>, twist: Twist, change: Twist, angle: TotalAngle) -> Motion {
+fn rolling(place: Point<RobotFrame>, twist: Twist, change: Twist, angle: TotalAngle) -> Motion {
     let (sin, cos) = maths::sin_cos(angle.within_turn().get().to_radians());
     let [x, y] = at_place(change, place);
     let [push_x, push_y] = at_place(push(twist, change), place);
@@ -146,7 +146,7 @@ fn rolling(place: Point<Robot>, twist: Twist, change: Twist, angle: TotalAngle) 
 }
 
 /// How fast the velocity of the module at `place` changes its direction: by what is added across it.
-fn turning(place: Point<Robot>, twist: Twist, change: Twist) -> Rpm {
+fn turning(place: Point<RobotFrame>, twist: Twist, change: Twist) -> Rpm {
     let [x, y] = at_place(twist, place);
     let [add_x, add_y] = at_place(change, place);
     let square = x * x + y * y;
@@ -178,6 +178,6 @@ const SQUARES: f32 = {
 const DRIVE_TORQUE: f32 = Config::new(&M3508, 1).torque_constant();
 
 /// Velocity of a place on the robot, m/s.
-fn at_place(twist: Twist, place: Point<Robot>) -> [f32; 2] {
+fn at_place(twist: Twist, place: Point<RobotFrame>) -> [f32; 2] {
     [twist.vx - twist.wz * place.y, twist.vy + twist.wz * place.x]
 }

@@ -215,7 +215,7 @@ impl<'r> Robot<'r> {
         own: &'r dyn Live,
     ) -> Self {
         let mut robot = self;
-        let seen = Rc::new(live::Robot::new(shared, own));
+        let seen = Rc::new(live::RobotView::new(shared, own));
         let served = Rc::clone(&seen);
         robot.ports.whole = Some(Rc::new(move || seen.whole()));
         own.signals(&mut |signal| {
