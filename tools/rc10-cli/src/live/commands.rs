@@ -105,7 +105,7 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
     bail!("the robot has not answered: it may not be stopped")
 }
 
-/// A session with a robot that has described itself; fails if there is none.
+/// A session with a robot that has described itself; fails if it has not.
 fn meet<'r>(source: &SourceArgs, robot: Robot<'r>) -> Result<Session<'r>> {
     let mut session = Session::new(source.open(robot, false)?);
     session.meet()?;
