@@ -12,7 +12,7 @@ use crate::units::{Degrees, Direction, Rpm, Seconds};
 pub enum Reference {
     /// A hard stop: it is touched where the motor begins to stall.
     Stop(Stall),
-    /// A limit switch at the end, or a marker that is passed: touched at the edge from open to closed.
+    /// A limit switch at the end, or an index that is passed: touched at the edge from open to closed.
     Contact {
         /// Longer than it bounces, 0 or more: a contact is closed or open after this time, and the
         /// edge is where it began. A marker is wider than the way in this time.
