@@ -9,8 +9,9 @@ use rc10_cli::run::simulate::simulate;
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{Description, RemoteControl, Robot, team};
 use rc10_motor::{Names, Started, Target, TargetKind};
-use rc10_robot::table::{DRIVEN, FULL_STICK, LIFT, Name, RECEIVER, WHEELS};
+use rc10_robot::table::{BASE, LIFT, Name, RECEIVER};
 use rc10_sim::remote::{Controls, Stick, Switch};
+use rc10_tasks::Drive as _;
 
 /// A run with these mistakes; with the operator's own script unless there is another.
 fn run(
@@ -92,7 +93,7 @@ fn gimbal_lift_and_wheels_follow_though_everything_is_off_by_30_percent() {
         let most = |names: [Name; 4], kind| {
             names.into_iter().map(|it| rms(track(&run, it), kind)).fold(0.0, f64::max)
         };
-        let wheels = most(WHEELS, TargetKind::SpeedMotion);
+        let wheels = most(BASE.wheels, TargetKind::SpeedMotion);
         // Until it is armed it coasts and sinks: how far, the hand at the switch decides.
         let lift =
             LIFT.map(|it| rms_within(track(&run, it), 1000, 8600)).into_iter().fold(0.0, f64::max);
@@ -136,8 +137,8 @@ const fn at(millis: u64, controls: Controls) -> ScriptLine {
 }
 
 const fn drive(forward: f64, left: f64, turn: f64) -> Controls {
-    let stick = Stick { x: -left / FULL_STICK.vy as f64, y: forward / FULL_STICK.vx as f64 };
-    let right = Stick { x: -turn / FULL_STICK.wz as f64, y: 0.0 };
+    let stick = Stick { x: -left / BASE.full_stick.vy as f64, y: forward / BASE.full_stick.vx as f64 };
+    let right = Stick { x: -turn / BASE.full_stick.wz as f64, y: 0.0 };
     Controls { left: stick, right, ..Controls::REST }
 }
 
@@ -147,7 +148,7 @@ fn wheels_of_robots_of_6_to_30_kg_hardly_overshoot_or_roll_back() {
     for kilograms in [6.0, 10.0, 15.0, 20.0, 25.0, 30.0] {
         let run = run(&[format!("mass:x{}", kilograms / 20.0)], Some(&STARTS), 1, 9500);
         let (mut over, mut back) = (0.0_f64, 0.0_f64);
-        for name in WHEELS {
+        for name in BASE.wheels {
             let samples = &track(&run, name).samples;
             for start in [500, 3500, 6500] {
                 // In the steady half second at the end of each drive.
@@ -176,7 +177,7 @@ fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
     let mut motors = rc10_robot::Motors::new();
     let started = Started { buses: motors.start(&shared.switch).unwrap().buses, lines: [] };
     let description = Description { serials: Vec::new(), ..team::description() };
-    let robot = Robot::of(description, started, &shared.common);
+    let robot = Robot::of(description, started, &shared);
     let mut around = Environment::new(robot.description(), 1).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     let ahead = 20.0 * 0.076 / 4.0 / 0.3;
@@ -187,9 +188,9 @@ fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
         (Twist::new(0.0, 1.0, 0.0), [-ahead, ahead, ahead, -ahead]),
         (Twist::new(0.0, 0.0, 3.0), [-3.0 * round, 3.0 * round, -3.0 * round, 3.0 * round]),
     ] {
-        DRIVEN.drive(&shared.common, Twist::new(0.0, 0.0, 0.0), change);
+        BASE.command(&mut (), &shared, [Twist::STOP, change]);
         around.run(&mut tasks, around.world.now() + Micros::from_millis(3));
-        for (name, effort) in WHEELS.into_iter().zip(effort) {
+        for (name, effort) in BASE.wheels.into_iter().zip(effort) {
             let target = shared.motor(name).status().target;
             let Target::Motion(motion) = target else { panic!("{target:?}") };
             let off = motion.inertia - effort;

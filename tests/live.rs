@@ -17,7 +17,7 @@ use rc10_cli::world::console::ConsoleLine;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::{ArmState, DriveMode, Motion, Names, Target};
-use rc10_robot::table::{Name, WHEELS};
+use rc10_robot::table::{BASE, Name};
 use rc10_robot::{Motors, Ports, Shared};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Switch};
@@ -90,16 +90,16 @@ fn a_teams_own_values_are_shown_and_changed() {
         assert_eq!((feeder.value, feeder.range), (300.0, [0.0, 450.0]));
         let id = scene.client.set(&[(feeder.index, 120.0)]).unwrap();
         assert_eq!(scene.ask(id), Answer::Done);
-        assert_eq!(shared.live.feeder.get(), 120.0);
+        assert_eq!(shared.own.feeder.get(), 120.0);
         let id = scene.client.set(&[(feeder.index, 451.0)]).unwrap();
         assert!(matches!(scene.ask(id), Answer::Refused(_)));
-        assert_eq!(shared.live.feeder.get(), 120.0);
+        assert_eq!(shared.own.feeder.get(), 120.0);
         let tilt = scene.signal("lift tilt", "value");
         scene.client.watch(0, 10, [tilt].into_iter());
         scene.run(100);
         let sample = scene.client.take_samples().pop().unwrap();
         assert_eq!(sample.values.len(), 1);
-        assert!((sample.values[0].1 - shared.live.tilt.get()).abs() < 1.0);
+        assert!((sample.values[0].1 - shared.own.tilt.get()).abs() < 1.0);
     });
 }
 
@@ -139,7 +139,7 @@ fn own_steps() -> f64 {
 fn a_thousand_changes_of_gains_never_kick_a_wheel() {
     with_scene(BAUD, |scene, shared| {
         scene.run(400);
-        let wheels = WHEELS.map(Name::label);
+        let wheels = BASE.wheels.map(Name::label);
         let gains: Vec<_> = wheels
             .iter()
             .flat_map(|label| ["speed_kp", "speed_ki"].map(|name| scene.parameter(label, name)))
@@ -181,7 +181,7 @@ fn two_pcs_that_set_at_once_come_one_after_the_other_and_both_are_told() {
     let mut around = Environment::new(robot.description(), 1).unwrap().with_console(BAUD);
     let second = ConsoleLine::new(&mut around.world, BAUD);
     let mut tasks = robot.tasks(&around).unwrap();
-    let (port, seen) = (second.port(), live::RobotView::new(&shared, &shared.live));
+    let (port, seen) = (second.port(), live::RobotView::new(&shared));
     tasks.add(async move {
         let link = live::Link::new(port.clone());
         link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;
@@ -337,7 +337,7 @@ fn refused(answer: Answer, why: &str) {
 fn a_motor_turns_while_its_button_is_held_and_no_other_one() {
     with_scene(BAUD, |scene, shared| {
         disarmed(scene, shared);
-        let rpm = |wheel: usize| shared.motor(WHEELS[wheel]).status().feedback.speed.get();
+        let rpm = |wheel: usize| shared.motor(BASE.wheels[wheel]).status().feedback.speed.get();
         assert_eq!(hold(scene, 0, 100, 1000), Answer::Done);
         assert!((rpm(0) - 10.0).abs() < 1.5, "{}", rpm(0));
         let efforts_now = efforts(scene);
@@ -381,7 +381,7 @@ fn what_must_not_turn_is_refused() {
         scene.run(200);
         assert_eq!(hold(scene, 1, 50, 100), Answer::Done);
         // A task of the robot commands it: that ends the jog, and the next one is refused.
-        shared.command(WHEELS[1], Target::Speed(Rpm::new(300.0)));
+        shared.command(BASE.wheels[1], Target::Speed(Rpm::new(300.0)));
         refused(hold(scene, 1, 50, 25), "carried out");
         efforts(scene);
         scene.run(60);
@@ -410,7 +410,7 @@ fn arming_ends_a_jog_and_follows_nothing_of_it() {
         refused(hold(scene, 0, 100, 200), "disarmed");
         assert_eq!(shared.switch.state(), ArmState::Armed);
         // What it follows is its task: the sticks are in the middle.
-        let status = shared.motor(WHEELS[0]).status();
+        let status = shared.motor(BASE.wheels[0]).status();
         assert_eq!(
             (status.drive, status.target),
             (DriveMode::Run, Target::Motion(Motion::default()))

@@ -13,7 +13,7 @@ use rc10_cli::robot::remote::ReceiverWire;
 use rc10_cli::team;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::{ArmState, DriveMode, Link, Target};
-use rc10_robot::table::{FULL_STICK, LIFT, Name, WHEELS};
+use rc10_robot::table::{BASE, LIFT, Name};
 use rc10_robot::{BaseCommand, Motors, Shared};
 use rc10_sim::remote::{Controls, Failsafe, Sbus, Stick, Switch};
 use rc10_sim::{Nanos, SerialCounters, Tasks, TraceEntry, UartFault};
@@ -154,7 +154,7 @@ fn every_motor_coasts_within_120_ms_of_the_last_good_frame() {
                     assert!(reaction >= millis(75), "{what}");
                     (soonest, latest) = (soonest.min(reaction), latest.max(reaction));
                     assert_eq!(scene.arm(), ArmState::Suspended, "{what}");
-                    for name in WHEELS.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder]) {
+                    for name in BASE.wheels.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder]) {
                         assert_eq!(
                             (scene.drive(name), scene.is_driven(name)),
                             (DriveMode::Coast, false)
@@ -175,7 +175,7 @@ fn every_motor_coasts_within_120_ms_of_the_last_good_frame() {
 
 /// Full speed of a wheel with the stick at its end, rpm.
 fn full_speed() -> f64 {
-    f64::from(FULL_STICK.vx) / 0.076 / std::f64::consts::TAU * 60.0
+    f64::from(BASE.full_stick.vx) / 0.076 / std::f64::consts::TAU * 60.0
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
                 let mut before: Option<[(f64, f64); 4]> = None;
                 for _ in 0..80 {
                     scene.run(millis(10));
-                    let now = WHEELS.map(|name| {
+                    let now = BASE.wheels.map(|name| {
                         let status = scene.shared.motor(name).status();
                         let target = match (status.drive, status.target) {
                             (DriveMode::Run, Target::Speed(speed)) => f64::from(speed.get()),
@@ -245,7 +245,7 @@ fn after_a_second_it_is_disarmed_and_only_a_hand_arms_it() {
                 scene.run(millis(2000));
                 assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}: it was not armed");
                 assert_eq!(scene.last_current(), None, "{receiver}");
-                for name in WHEELS.into_iter().chain(LIFT) {
+                for name in BASE.wheels.into_iter().chain(LIFT) {
                     assert_eq!((scene.drive(name), scene.is_driven(name)), (DriveMode::Off, false));
                 }
                 assert!(scene.rpm(Name::FrontLeft).abs() < 1.0);
@@ -416,7 +416,7 @@ fn wheels_begin_at_rest_whatever_was_wished_for_while_disarmed() {
         let wish = |scene: &mut Scene<'_>, ms: u32| {
             for _ in 0..ms {
                 let motion = BaseCommand::Robot(Twist::new(1.0, 0.0, 0.0));
-                scene.shared.motion.set(motion, scene.now());
+                scene.shared.own.motion.set(motion, scene.now());
                 scene.run(millis(1));
             }
         };

@@ -12,6 +12,5 @@ rc10_board::robot! {
     console: table::CONSOLE;
     // The switched 5 V feed nothing of this robot.
     outputs: [First, Second];
-    live: |shared| &shared.live;
     tasks: |shared| join3(chassis::run(shared), mechanisms::run(shared), driver::run(shared));
 }

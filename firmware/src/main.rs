@@ -84,7 +84,7 @@ async fn main(spawner: Spawner) {
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
-    shared.common.bus_cycles = Some(&TICKS);
+    shared.bus_cycles = Some(&TICKS);
     let shared = &*shared;
     robot::check_chip(&shared.switch);
     let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);

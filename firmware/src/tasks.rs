@@ -46,7 +46,7 @@ async fn show(shared: &Shared<'_>, mut output: PulseOutput) -> ! {
 /// The console.
 #[embassy_executor::task]
 pub async fn console(shared: &'static Shared<'static>, port: Serial, quiet: Instant) {
-    robot::console(shared, &shared.live, port.split(), quiet).await;
+    robot::console(shared, port.split(), quiet).await;
 }
 
 /// Listens to the remote control's receiver.

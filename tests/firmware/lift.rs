@@ -102,7 +102,7 @@ fn more_contacts_than_the_board_has_inputs_are_refused() {
     let mut description = simulation::description();
     description.contacts = vec![ContactPart::new(Name::Feeder, plant::INDEX); 3];
     let started = motors.start(&shared.switch).unwrap();
-    let robot = Robot::of(description, started, &shared.common).contacts(|[_, _, _]| async {});
+    let robot = Robot::of(description, started, &shared).contacts(|[_, _, _]| async {});
     let error = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).err().unwrap();
     assert_eq!(error.to_string(), "h723zg has 2 inputs for switches, the robot 3 contacts");
 }

@@ -77,7 +77,7 @@ pub(super) fn drives(name: &str, board: Board) {
         let rpm =
             |name: Name, millis: usize| recording.motors[name.index()].samples[millis / 10 - 1].rpm;
         // 1 m/s forward: cos 45 degrees of that at each wheel of 76 mm.
-        for (name, way) in omni::table::WHEELS.into_iter().zip([-1.0, -1.0, 1.0, 1.0]) {
+        for (name, way) in omni::table::BASE.wheels.into_iter().zip([-1.0, -1.0, 1.0, 1.0]) {
             let speed = rpm(name, 950);
             assert!((speed - way * 88.85).abs() < 4.0, "{name:?}: {speed}");
         }

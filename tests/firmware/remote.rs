@@ -8,7 +8,7 @@ use rc10_cli::recording::remote::Loss;
 use rc10_cli::robot::remote::ReceiverWire;
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
-use rc10_robot::table::{BASE, FULL_STICK, LED_BRIGHTNESS, LEDS, WHEELS};
+use rc10_robot::table::{BASE, LEDS, LED_BRIGHTNESS};
 use rc10_sim::{Nanos, UartFault};
 
 use crate::{give, is_clean, keeps_its_period, log, millis, run, setup};
@@ -37,7 +37,7 @@ fn lose_with(setup: &Setup, length: u64, judge: impl FnOnce(Loss, Recording, Str
 
 /// The fastest wheel in some milliseconds, rpm.
 fn fastest(recording: &Recording, millis: std::ops::Range<usize>) -> f64 {
-    let wheels = WHEELS.map(|name| &recording.motors[name as usize].samples);
+    let wheels = BASE.wheels.map(|name| &recording.motors[name as usize].samples);
     let speeds = wheels.iter().flat_map(|samples| &samples[millis.start / 10..millis.end / 10]);
     speeds.map(|sample| sample.measured.abs()).fold(0.0, f64::max)
 }
@@ -53,8 +53,8 @@ pub(super) fn is_lost_and_comes_back(setup: &Setup) {
         assert_eq!(loss.disarmed, None);
         let resumed = loss.resumed.unwrap().since(loss.back.unwrap());
         assert!(resumed <= Micros::from_millis(30), "{resumed}");
-        let full = f64::from(FULL_STICK.vx / BASE.wheels()[0].radius) * 30.0 / std::f64::consts::PI;
-        for name in WHEELS {
+        let full = f64::from(BASE.full_stick.vx / BASE.geometry.wheels()[0].radius) * 30.0 / std::f64::consts::PI;
+        for name in BASE.wheels {
             for pair in recording.motors[name as usize].samples.windows(2) {
                 let [before, after] = [&pair[0], &pair[1]].map(|sample| sample.measured);
                 assert!((after - before).abs() <= 0.1 * full, "{name:?}: {before} to {after}");
@@ -75,7 +75,7 @@ fn a_remote_that_stays_away_disarms() {
         assert!(disarmed <= Micros::from_millis(1030), "{disarmed}");
         assert_eq!(loss.resumed, None);
         // The base may still roll.
-        let currents = WHEELS.map(|name| &recording.motors[name as usize].samples[170..]);
+        let currents = BASE.wheels.map(|name| &recording.motors[name as usize].samples[170..]);
         assert!(
             currents.iter().all(|samples| samples.iter().all(|sample| sample.current.abs() < 0.01))
         );

@@ -18,7 +18,7 @@ fn on_blocks(scene: &mut Scene<'_>, shared: &Shared<'_>) {
 }
 
 fn wheel_rpm(shared: &Shared<'_>) -> f32 {
-    shared.motor(WHEELS[0]).status().feedback.speed.get().abs()
+    shared.motor(BASE.wheels[0]).status().feedback.speed.get().abs()
 }
 
 /// The bytes of a request that no client makes.
@@ -255,7 +255,7 @@ fn a_jog_is_gentle_and_ends_when_it_is_too_fast() {
         for (kp, ki) in [(0.0, 1000.0), (40.0, 0.0), (100.0, 1000.0), (0.0, 5.0)] {
             on_blocks(scene, shared);
             let gains = rc10_motor::Gains { kp, ki, kd: 0.0 };
-            let port = shared.motor(WHEELS[0]);
+            let port = shared.motor(BASE.wheels[0]);
             scene.tasks.add(async move {
                 let _ = port.request(Request::SpeedGains(gains)).await;
             });
@@ -429,7 +429,7 @@ fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
     around.operator = None;
     let line = around.console.clone().unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
-    let (port, seen) = (line.port(), live::RobotView::new(&shared, &()));
+    let (port, seen) = (line.port(), live::RobotView::new(&shared));
     tasks.add(async move {
         let link = live::Link::new(port.clone());
         link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;

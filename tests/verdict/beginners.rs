@@ -40,7 +40,7 @@ rc10_motor::motors! {
 }
 
 rc10_tasks::live! {
-    struct Live {
+    struct Own {
         mechanisms {
             arm: "arm homing";
         }
@@ -105,7 +105,7 @@ const GOOD: Beginner = Beginner {
 };
 
 impl Beginner {
-    async fn work(self, shared: &Common<'_, Name, 1>, live: &Live, contact: Contact) {
+    async fn work(self, shared: &Common<'_, Name, 1, 0, Own>, contact: Contact) {
         let mut arming = Arming::new(ArmingConfig::DEFAULT);
         let mut ticker = Ticker::every(Span::from_millis(10));
         let mut homing = Homing::new();
@@ -123,13 +123,13 @@ impl Beginner {
                 _ => {}
             }
             if self.has_heading {
-                live.heading.set(0.0);
+                shared.own.heading.set(0.0);
             }
-            live.arm.tell(homing.stage());
+            shared.own.arm.tell(homing.stage());
             if shared.obey(&mut arming).is_none() {
                 continue;
             }
-            let rpm = if self.reads_parameter { live.speed.get() } else { 10.0 };
+            let rpm = if self.reads_parameter { shared.own.speed.get() } else { 10.0 };
             let measured = shared.motor(Name::Arm).status().measured();
             if !self.homes {
                 shared.command(Name::Arm, Target::TotalAngle(TotalAngle::from_degrees(30)));
@@ -175,15 +175,14 @@ impl Beginner {
             })
         };
         let ports = Ports::<Name, 1>::new();
-        let (shared, live) = (Common::new(&ports), Live::new());
+        let shared = Common::<_, 1, 0, Own>::new(&ports);
         let mut motor = Dji::new(config(self.weight, self.gain)).unwrap();
         let mut bus = MotorBus::new(&shared.switch);
         bus.attach(&mut motor, Safety::HOLD).unwrap();
         let started = Started { buses: [bus], lines: [] };
         let robot = Robot::of(description, started, &shared)
-            .contacts(|[contact]: [Contact; 1]| self.work(&shared, &live, contact))
-            .live(&shared, &live)
-            .yaw("heading", |_| Some(f64::from(live.heading.get())).filter(|it| !it.is_nan()));
+            .contacts(|[contact]: [Contact; 1]| self.work(&shared, contact))
+            .yaw("heading", |_| Some(f64::from(shared.own.heading.get())).filter(|it| !it.is_nan()));
         let folder = Scratch::new(std::thread::current().name().unwrap_or("run"));
         let out = folder.to_str().unwrap();
         let line = ["own", "run", "--strict", "--seconds", "4", "--out", out];

@@ -7,18 +7,22 @@
 use core::f32::consts::PI;
 
 use crate::angle::TotalAngle;
-use crate::base::{BaseError, BaseMotion};
+use crate::base::{BaseError, BaseMotion, Body};
 use crate::config::{ConfigError, positive};
 use crate::maths;
 use crate::ok;
 use crate::transform::{Point, RobotFrame};
 use crate::twist::{Twist, TwistNotFinite};
-use crate::units::Rpm;
+use crate::units::{NewtonMetres, Rpm, RpmPerSecond};
 
 /// Radians per second in one revolution per minute.
 const RADIANS_PER_SECOND: f64 = core::f64::consts::PI / 30.0;
 /// Millionths of a degree in a radian.
 const MICRODEGREES: f32 = 180e6 / PI;
+/// Revolutions per minute in 1 rad/s.
+const RPM: f32 = 30.0 / PI;
+/// Below this speed over the floor, m/s, the rate of its direction is not a module's to follow.
+const SLOW: f32 = 0.3;
 /// A slower rim, in m/s, stands and does not steer: a stick at rest gives less.
 const STANDING: f32 = 1e-3;
 const HALF_TURN: i64 = 180_000_000;
@@ -82,6 +86,19 @@ pub struct Modules<const N: usize> {
     pub modules: [Module; N],
     /// The share of the twist once all are steered: 1 unless a wheel had to be limited.
     pub scale: f32,
+}
+
+/// The motion that one module shall have now, from [`SwerveState::motions`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModuleMotion {
+    /// Its speed and angle.
+    pub module: Module,
+    /// Rate of its steering angle.
+    pub turning: Rpm,
+    /// Acceleration of its wheel.
+    pub acceleration: RpmPerSecond,
+    /// Torque of its wheel that accelerates the robot's body.
+    pub torque: NewtonMetres,
 }
 
 impl<const N: usize> Swerve<N> {
@@ -180,6 +197,26 @@ impl<const N: usize> Swerve<N> {
         }
         BaseMotion { twist, residual }
     }
+
+    /// The force, N, of a module at a place on a body whose twist changes: by least squares, no module pushes
+    /// against another.
+    fn forces(
+        &self,
+        body: &Body,
+        twist: Twist,
+        change: Twist,
+    ) -> impl Fn(Point<RobotFrame>) -> [f32; 2] {
+        #[expect(clippy::cast_precision_loss, reason = "a handful")]
+        let share = body.mass / N as f32;
+        // The axes turn with the robot.
+        let (x, y) = (change.vx - twist.wz * twist.vy, change.vy + twist.wz * twist.vx);
+        let Point { x: middle_x, y: middle_y, .. } = self.middle;
+        let moment = body.yaw_inertia * change.wz - body.mass * (middle_x * y - middle_y * x);
+        let turn = moment * self.inertia;
+        move |place| {
+            [share * x - turn * (place.y - middle_y), share * y + turn * (place.x - middle_x)]
+        }
+    }
 }
 
 const fn check(radius: f32, max_wheel_speed: Rpm, steering: Steering) -> Result<(), ConfigError> {
@@ -243,6 +280,42 @@ impl<const N: usize> SwerveState<N> {
             modules[at] = steered(base, velocities[at], measured[at], &mut self.steered[at], scale);
         }
         Ok(Modules { modules, scale })
+    }
+
+    /// The motion of each module while the robot's `twist`, in its own axes, changes by `change` a second,
+    /// from the measured steering angles. A wheel has to do only with what is along it; what is across turns
+    /// its module.
+    ///
+    /// # Errors
+    /// As [`update`](Self::update).
+    pub fn motions(
+        &mut self,
+        base: &Swerve<N>,
+        body: &Body,
+        [twist, change]: [Twist; 2],
+        measured: [TotalAngle; N],
+    ) -> Result<[ModuleMotion; N], TwistNotFinite> {
+        let modules = self.update(base, twist, measured)?.modules;
+        let force = base.forces(body, twist, change);
+        let mut motions = modules.map(|module| ModuleMotion {
+            module,
+            turning: Rpm::ZERO,
+            acceleration: RpmPerSecond::ZERO,
+            torque: NewtonMetres::ZERO,
+        });
+        for (at, motion) in motions.iter_mut().enumerate() {
+            let (sin, cos) = direction(measured[at]);
+            let [x, y] = at_place(twist, base.places[at]);
+            let [add_x, add_y] = at_place(change, base.places[at]);
+            let [push_x, push_y] = force(base.places[at]);
+            let square = x * x + y * y;
+            if square > SLOW * SLOW {
+                motion.turning = Rpm::new((x * add_y - y * add_x) / square * RPM);
+            }
+            motion.acceleration = RpmPerSecond::new((add_x * cos + add_y * sin) * base.rpm);
+            motion.torque = NewtonMetres::new((push_x * cos + push_y * sin) * base.radius);
+        }
+        Ok(motions)
     }
 }
 

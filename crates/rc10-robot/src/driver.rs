@@ -20,11 +20,11 @@ use rc10_app::{Rpm, TotalAngle, Twist};
 use rc10_can::Micros;
 use rc10_module::remote::{Remote, Switch};
 use rc10_motor::ArmState;
-use rc10_tasks::Arming;
+use rc10_tasks::{Arming, Drive as _};
 
 use crate::robot::{BaseCommand, Goal, MechanismCommand, Shared};
 use crate::table::{
-    ARMING, FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP, Name,
+    ARMING, BASE, FEEDER, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP, Name,
 };
 
 /// Period of the driver task.
@@ -43,8 +43,8 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             let angle = |motor| shared.motor(motor).status().feedback.total_angle;
             driver.begin([angle(Name::Yaw), angle(Name::Pitch)], lift_height(shared));
         }
-        shared.motion.set(motion, now);
-        shared.mechanisms.set(driver.mechanisms, now);
+        shared.own.motion.set(motion, now);
+        shared.own.mechanisms.set(driver.mechanisms, now);
     }
 }
 
@@ -101,19 +101,13 @@ impl Driver {
     }
 
     fn follow_sticks(&mut self, remote: &Remote) -> BaseCommand {
-        let command = |[vx, vy, wz]: [f32; 3]| match remote.right_switch {
-            Switch::Up => BaseCommand::World(Twist::new(vx, vy, wz)),
-            _ => BaseCommand::Robot(Twist::new(vx, vy, wz)),
+        let command = |wish: Twist| match remote.right_switch {
+            Switch::Up => BaseCommand::World(Twist::new(wish.vx, wish.vy, wish.wz)),
+            _ => BaseCommand::Robot(wish),
         };
         if remote.left_switch != Switch::Up {
             self.rest();
-            let full = FULL_STICK;
-            // Sticks count to the right, the robot to the left.
-            return command([
-                remote.left.y * full.vx,
-                -remote.left.x * full.vy,
-                -remote.right.x * full.wz,
-            ]);
+            return command(BASE.sticks(remote));
         }
         // Degrees a second and microseconds make microdegrees.
         #[expect(clippy::cast_possible_truncation, reason = "a few degrees")]
@@ -130,7 +124,7 @@ impl Driver {
         let lift = moved(self.mechanisms.lift, remote.left.x, LIFT_RATE);
         let within = lift.angle.clamp(TotalAngle::ZERO, TotalAngle::from_degrees(LIFT_TOP));
         self.mechanisms.lift = if within == lift.angle { lift } else { stands(within) };
-        command([0.0; 3])
+        command(Twist::STOP)
     }
 }
 
@@ -185,7 +179,7 @@ mod tests {
         let mut scene = Scene { driver: Driver::new(), remote: Remote::default() };
         scene.remote.left = Stick { x: 0.5, y: 1.0 };
         scene.remote.right = Stick { x: -1.0, y: 0.0 };
-        let (vx, vy, wz) = (FULL_STICK.vx, -0.5 * FULL_STICK.vy, FULL_STICK.wz);
+        let (vx, vy, wz) = (BASE.full_stick.vx, -0.5 * BASE.full_stick.vy, BASE.full_stick.wz);
         assert_eq!(scene.step(1), Some(BaseCommand::Robot(Twist::new(vx, vy, wz))));
         scene.remote.right_switch = Switch::Up;
         assert_eq!(scene.step(1), Some(BaseCommand::World(Twist::new(vx, vy, wz))));

@@ -21,5 +21,5 @@ pub mod mechanisms;
 mod robot;
 pub mod table;
 
-pub use robot::{BaseCommand, Goal, MechanismCommand, Ports, Shared};
+pub use robot::{BaseCommand, Goal, MechanismCommand, Own, Ports, Shared};
 pub use table::{Motors, Name};

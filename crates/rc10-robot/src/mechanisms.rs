@@ -32,8 +32,8 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             let is_online = port.status().link == Link::Online;
             *zeroed = is_online && port.request(Request::SetZeroOfDriven).await.is_ok();
         }
-        shared.live.tilt.set(tilt(shared).unwrap_or(f32::NAN));
-        let Some(wish) = shared.mechanisms.newer_than(OLDEST_COMMAND, tick.now) else {
+        shared.own.tilt.set(tilt(shared).unwrap_or(f32::NAN));
+        let Some(wish) = shared.own.mechanisms.newer_than(OLDEST_COMMAND, tick.now) else {
             (yaw, pitch, lift) = (None, None, None);
             return;
         };
@@ -45,7 +45,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             shared.command(motor, Target::Motion(setpoint.into()));
         }
         // At its fastest as a PC has set it.
-        let feeder = wish.feeder.get() / FEEDER.get() * shared.live.feeder.get();
+        let feeder = wish.feeder.get() / FEEDER.get() * shared.own.feeder.get();
         shared.command(Name::Feeder, Target::Speed(Rpm::new(feeder)));
         let setpoint = follow(&mut lift, shared, &LIFT, &LIFT_LIMITS, wish.lift, dt);
         for (motor, zeroed) in LIFT.into_iter().zip(zeroed) {

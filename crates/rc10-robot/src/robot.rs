@@ -1,5 +1,3 @@
-use core::ops::Deref;
-
 use rc10_app::{FieldFrame, Rpm, TotalAngle, Twist};
 use rc10_message::{Latest, Statistics};
 use rc10_tasks::Common;
@@ -9,23 +7,12 @@ use crate::table::{BUSES, FEEDER, Name};
 /// The robot's buses as its tasks see them, and its motors by name.
 pub type Ports = rc10_motor::embassy::Ports<Name, BUSES>;
 
-/// Everything that the tasks share: what every robot has, and topics of this one.
-pub struct Shared<'p> {
-    /// The switch, the ports, the remote and the status.
-    pub common: Common<'p, Name, BUSES>,
-    /// Commanded motion of the base.
-    pub motion: Latest<BaseCommand, 1>,
-    /// Setpoints of the mechanisms: angles of the gimbal, speed of the feeder, height of the lift.
-    pub mechanisms: Latest<MechanismCommand, 1>,
-    /// Timing of the chassis task.
-    pub chassis_timing: Statistics,
-    /// Signals and parameters for a PC beside the motors' own.
-    pub live: Live,
-}
+/// Everything that the tasks share.
+pub type Shared<'p> = Common<'p, Name, BUSES, 0, Own>;
 
 rc10_tasks::live! {
-    /// Signals and parameters for a PC beside the motors' own.
-    pub struct Live {
+    /// Signals and parameters for a PC beside the motors' own, and the commands of its tasks.
+    pub struct Own {
         signals {
             tilt: "lift tilt", "deg";
             heading: "heading", "deg";
@@ -33,14 +20,14 @@ rc10_tasks::live! {
         parameters {
             feeder: "feeder speed", "rpm", FEEDER.get(), [0.0, 450.0];
         }
-    }
-}
-
-impl<'p> Deref for Shared<'p> {
-    type Target = Common<'p, Name, BUSES>;
-
-    fn deref(&self) -> &Self::Target {
-        &self.common
+        fields {
+            /// Commanded motion of the base.
+            motion: Latest<BaseCommand, 1>;
+            /// Setpoints of the mechanisms: angles of the gimbal, speed of the feeder, height of the lift.
+            mechanisms: Latest<MechanismCommand, 1>;
+            /// Timing of the chassis task.
+            chassis_timing: Statistics;
+        }
     }
 }
 
@@ -73,20 +60,4 @@ pub struct Goal {
     pub angle: TotalAngle,
     /// Speed of the motor; zero as soon as the stick is let go.
     pub speed: Rpm,
-}
-
-impl<'p> Shared<'p> {
-    /// The shared state of a robot that has not begun, and its ports.
-    // Always inlined, so that it is made where it stays and does not pass over the stack.
-    #[inline(always)]
-    #[must_use]
-    pub const fn new(ports: &'p Ports) -> Self {
-        Self {
-            common: Common::new(ports),
-            motion: Latest::new(),
-            mechanisms: Latest::new(),
-            chassis_timing: Statistics::new(),
-            live: Live::new(),
-        }
-    }
 }

@@ -41,7 +41,7 @@ const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
 const LOADED: Cascade = Cascade { speed: PidConfig::new(0.4, 4.0, 0.0, 20.0), ..M3508.cascade };
 
 /// The current that a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and
-/// rotor are 0.0052 kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
+/// rotor are 0.0052 kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is in [`BASE`].
 const ROLLING: FeedForward =
     FeedForward { friction: 0.5, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
@@ -94,26 +94,22 @@ const PITCH: Config = Config::new(&GM6020_VOLTAGE, 2).with_cascade(Cascade {
 /// The buses of the board.
 pub const BUSES: usize = 3;
 
-/// The wheels, in the order of [`Base::mecanum`].
-pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight];
-
 /// The lift's motors.
 pub const LIFT: [Name; 4] =
     [Name::LiftFrontLeft, Name::LiftFrontRight, Name::LiftRearLeft, Name::LiftRearRight];
 
-/// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
-/// an M3508 reaches unloaded.
-pub const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0));
-
-/// The robot with everything on it.
-pub const BODY: Body = Body { mass: 20.0, yaw_inertia: 1.2 };
-
-/// The base with its motors.
-pub const DRIVEN: DrivenBase<Name, 4> = DrivenBase {
-    wheels: WHEELS,
-    base: BASE,
-    body: BODY,
+/// The base: wheels of 76 mm radius, 400 mm by 440 mm apart, in the order of [`Base::mecanum`]. They stay
+/// below the 480 rpm that an M3508 reaches unloaded.
+pub const BASE: DrivenBase<Name, 4> = DrivenBase {
+    wheels: [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight],
+    geometry: Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0)),
+    // With everything on it.
+    body: Body { mass: 20.0, yaw_inertia: 1.2 },
     torque_constant: Config::new(&M3508, 1).torque_constant(),
+    // At which its wheels do not slip: m/s² and rad/s².
+    limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+    // m/s and rad/s.
+    full_stick: Twist::new(2.0, 2.0, 6.0),
 };
 
 /// The receiver of the remote control that is plugged in.
@@ -132,9 +128,6 @@ pub const LEDS: usize = 8;
 /// Brightness, of 255. An LED takes up to 60 mA at full white: the 5 V of a board are soon
 /// too weak for that.
 pub const LED_BRIGHTNESS: u8 = 60;
-
-/// Speed of the base with the sticks at their ends.
-pub const FULL_STICK: Twist = Twist::new(2.0, 2.0, 6.0);
 
 /// Speed of the gimbal with the sticks at their ends, degrees per second: yaw and pitch.
 pub const GIMBAL_RATES: [f32; 2] = [240.0, 120.0];
@@ -158,7 +151,3 @@ pub const LIFT_RATE: f32 = 800.0;
 
 /// The lift's shafts turn so far from the bottom to the top, degrees.
 pub const LIFT_TOP: i32 = 1080;
-
-/// Largest accelerations of the base at which its wheels do not slip: m/s² and rad/s².
-pub const BASE_LIMITS: TwistLimits =
-    TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };

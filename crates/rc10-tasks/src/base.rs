@@ -1,14 +1,20 @@
-//! A base that drives: its wheels, and the motors that turn them.
+//! A base that drives: its wheels, the motors that turn them, and the motion that they are commanded.
 
-use rc10_app::{Base, BaseMotion, Body, Rpm, Twist};
+use rc10_app::swerve::Module;
+use rc10_app::{
+    Base, BaseMotion, Body, FieldFrame, Radians, Rpm, Seconds, Swerve, SwerveState, TotalAngle,
+    Twist, TwistLimiter, TwistLimits,
+};
+use rc10_module::remote::Remote;
 use rc10_motor::{Motion, Names, Target};
 
 use crate::common::Common;
+use crate::live::Live;
 
-/// A base with the motors of its wheels: a constant in a robot's table.
+/// A base with the motors of its wheels: a constant in a robot's table, for a [`BaseDriver`].
 ///
 /// ```
-/// # use rc10_app::{Base, Body, Rpm};
+/// # use rc10_app::{Base, Body, Rpm, Twist, TwistLimits};
 /// # use rc10_motor::{Entry, Place::Bus, dji::{Config, Dji, M3508}, motors};
 /// # motors! {
 /// #     pub enum Name;
@@ -22,9 +28,11 @@ use crate::common::Common;
 /// const WHEEL: Config = Config::new(&M3508, 1);
 /// const BASE: DrivenBase<Name, 2> = DrivenBase {
 ///     wheels: [Name::Left, Name::Right],
-///     base: Base::differential(0.05, 0.2, Rpm::new(400.0)),
+///     geometry: Base::differential(0.05, 0.2, Rpm::new(400.0)),
 ///     body: Body { mass: 8.0, yaw_inertia: 0.2 },
 ///     torque_constant: WHEEL.torque_constant(),
+///     limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+///     full_stick: Twist::new(1.5, 0.0, 4.0),
 /// };
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -32,12 +40,16 @@ pub struct DrivenBase<N, const WHEELS: usize> {
     /// The motors of the wheels, in the order of the base.
     pub wheels: [N; WHEELS],
     /// Where the wheels are.
-    pub base: Base<WHEELS>,
+    pub geometry: Base<WHEELS>,
     /// The body on the wheels.
     pub body: Body,
     /// Torque of a wheel's motor, at its output shaft, per unit of its effort: N m/A, or 1 where that
     /// is N m.
     pub torque_constant: f32,
+    /// Largest accelerations at which its wheels do not slip.
+    pub limits: TwistLimits,
+    /// Its twist with the sticks at their ends.
+    pub full_stick: Twist,
 }
 
 impl<N: Names, const WHEELS: usize> DrivenBase<N, WHEELS> {
@@ -45,33 +57,270 @@ impl<N: Names, const WHEELS: usize> DrivenBase<N, WHEELS> {
     #[must_use]
     pub fn measured<const BUSES: usize, const LINES: usize>(
         &self,
-        shared: &Common<'_, N, BUSES, LINES>,
+        shared: &Common<'_, N, BUSES, LINES, impl Live>,
     ) -> BaseMotion<WHEELS> {
-        self.base.forward(self.wheels.map(|name| shared.motor(name).status().feedback.speed))
+        self.geometry.forward(self.wheels.map(|name| shared.motor(name).status().feedback.speed))
+    }
+}
+
+/// A swerve base with its motors: a constant in a robot's table, for a [`BaseDriver`].
+#[derive(Clone, Copy, Debug)]
+pub struct DrivenSwerve<N, const MODULES: usize> {
+    /// The motors of the wheels, in the order of the base.
+    pub drives: [N; MODULES],
+    /// The motors that steer them.
+    pub steers: [N; MODULES],
+    /// The angles at which those stand while the wheels look ahead.
+    pub ahead: [TotalAngle; MODULES],
+    /// Where the modules are.
+    pub geometry: Swerve<MODULES>,
+    /// The body on the wheels.
+    pub body: Body,
+    /// Torque of a wheel's motor, as of a [`DrivenBase`].
+    pub torque_constant: f32,
+    /// Largest accelerations at which its wheels do not slip.
+    pub limits: TwistLimits,
+    /// Its twist with the sticks at their ends.
+    pub full_stick: Twist,
+}
+
+impl<N: Names, const MODULES: usize> DrivenSwerve<N, MODULES> {
+    fn modules<const BUSES: usize, const LINES: usize>(
+        &self,
+        shared: &Common<'_, N, BUSES, LINES, impl Live>,
+    ) -> [Module; MODULES] {
+        core::array::from_fn(|at| {
+            let speed = shared.motor(self.drives[at]).status().feedback.speed;
+            let angle = shared.motor(self.steers[at]).status().feedback.total_angle;
+            Module { speed, angle: angle.minus(self.ahead[at]) }
+        })
     }
 
-    /// Commands its wheels: the base has this `twist` now, in its own axes, which changes by `change`
-    /// a second. The wheels get speed, acceleration, and the effort that the body takes, and go on with
-    /// that until the next command. Where a number is not finite they refuse it, and that is counted.
-    pub fn drive<const BUSES: usize, const LINES: usize>(
+    /// Returns the motion of the base as its modules measure it.
+    #[must_use]
+    pub fn measured<const BUSES: usize, const LINES: usize>(
         &self,
-        shared: &Common<'_, N, BUSES, LINES>,
-        twist: Twist,
-        change: Twist,
+        shared: &Common<'_, N, BUSES, LINES, impl Live>,
+    ) -> BaseMotion<MODULES> {
+        self.geometry.forward(self.modules(shared))
+    }
+}
+
+/// A base that a [`BaseDriver`] drives.
+pub trait Drive {
+    /// Names of the robot's motors.
+    type Name: Names;
+    /// What it keeps from one command to the next.
+    type State: Default;
+
+    /// Largest accelerations, and the twist with the sticks at their ends.
+    fn limits(&self) -> (&TwistLimits, Twist);
+
+    /// Returns the twist of the sticks: the left one moves the base, the right one turns it.
+    fn sticks(&self, remote: &Remote) -> Twist {
+        let (_, full) = self.limits();
+        // Sticks count to the right, the robot to the left.
+        let [x, y, turn] = [-remote.left.x, remote.left.y, -remote.right.x];
+        Twist::new(y * full.vx, x * full.vy, turn * full.wz)
+    }
+
+    /// Returns its twist as its wheels measure it.
+    fn twist<const BUSES: usize, const LINES: usize>(
+        &self,
+        shared: &Common<'_, Self::Name, BUSES, LINES, impl Live>,
+    ) -> Twist;
+
+    /// Commands its wheels: the base has this twist now, in its own axes, which changes by this much a
+    /// second. The wheels get speed, acceleration, and the effort that the body takes, and go on with
+    /// that until the next command. Where a number is not finite they refuse it, and that is counted.
+    fn command<const BUSES: usize, const LINES: usize>(
+        &self,
+        state: &mut Self::State,
+        shared: &Common<'_, Self::Name, BUSES, LINES, impl Live>,
+        motion: [Twist; 2],
+    );
+}
+
+impl<N: Names, const WHEELS: usize> Drive for DrivenBase<N, WHEELS> {
+    type Name = N;
+    type State = ();
+
+    fn limits(&self) -> (&TwistLimits, Twist) {
+        (&self.limits, self.full_stick)
+    }
+
+    fn twist<const BUSES: usize, const LINES: usize>(
+        &self,
+        shared: &Common<'_, N, BUSES, LINES, impl Live>,
+    ) -> Twist {
+        self.measured(shared).twist
+    }
+
+    fn command<const BUSES: usize, const LINES: usize>(
+        &self,
+        (): &mut (),
+        shared: &Common<'_, N, BUSES, LINES, impl Live>,
+        [twist, change]: [Twist; 2],
     ) {
-        let wheels = self.base.inverse(twist);
-        let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS], |wheels| wheels.speeds);
-        let accelerations = self.base.accelerations(change);
-        let torques = self.base.torques(&self.body, twist, change);
+        let wheels = self.geometry.inverse(twist);
+        let speeds = wheels.map_or([REFUSED; WHEELS], |wheels| wheels.speeds);
+        let accelerations = self.geometry.accelerations(change);
+        let torques = self.geometry.torques(&self.body, twist, change);
         for (at, name) in self.wheels.into_iter().enumerate() {
             let motion = Motion {
-                angle: None,
                 speed: speeds[at],
                 acceleration: accelerations[at],
                 inertia: torques[at].get() / self.torque_constant,
-                effort: 0.0,
+                ..Motion::default()
             };
             shared.command(name, Target::Motion(motion));
         }
     }
+}
+
+impl<N: Names, const MODULES: usize> Drive for DrivenSwerve<N, MODULES> {
+    type Name = N;
+    type State = SwerveState<MODULES>;
+
+    fn limits(&self) -> (&TwistLimits, Twist) {
+        (&self.limits, self.full_stick)
+    }
+
+    fn twist<const BUSES: usize, const LINES: usize>(
+        &self,
+        shared: &Common<'_, N, BUSES, LINES, impl Live>,
+    ) -> Twist {
+        self.measured(shared).twist
+    }
+
+    fn command<const BUSES: usize, const LINES: usize>(
+        &self,
+        state: &mut SwerveState<MODULES>,
+        shared: &Common<'_, N, BUSES, LINES, impl Live>,
+        motion: [Twist; 2],
+    ) {
+        let angles = self.modules(shared).map(|module| module.angle);
+        let Ok(motions) = state.motions(&self.geometry, &self.body, motion, angles) else {
+            for name in self.drives {
+                shared.command(name, Target::Speed(REFUSED));
+            }
+            return;
+        };
+        for (at, motion) in motions.into_iter().enumerate() {
+            let drive = Motion {
+                speed: motion.module.speed,
+                acceleration: motion.acceleration,
+                inertia: motion.torque.get() / self.torque_constant,
+                ..Motion::default()
+            };
+            let angle = Some(motion.module.angle.plus(self.ahead[at]));
+            let steer = Motion { angle, speed: motion.turning, ..Motion::default() };
+            shared.command(self.drives[at], Target::Motion(drive));
+            shared.command(self.steers[at], Target::Motion(steer));
+        }
+    }
+}
+
+/// A speed that every motor refuses and counts.
+const REFUSED: Rpm = Rpm::new(f32::NAN);
+
+/// A driver of a base: from the twist that is wished for to its wheels' commands, as fast as they grip.
+///
+/// It takes over the motion that the wheels have when it begins, for the robot may be rolling. A twist that is
+/// not finite is refused by the wheels' motors, and counted there.
+pub struct BaseDriver<'b, B: Drive> {
+    base: &'b B,
+    state: B::State,
+    /// The twist that the wheels are brought to, once it drives.
+    commanded: Option<Twist>,
+    /// The same in the field's axes, while it is driven in those.
+    in_field: Option<TwistLimiter<FieldFrame>>,
+}
+
+impl<'b, B: Drive> BaseDriver<'b, B> {
+    /// Creates the driver of a base that rests.
+    #[must_use]
+    pub fn new(base: &'b B) -> Self {
+        Self { base, state: B::State::default(), commanded: None, in_field: None }
+    }
+
+    /// Lets it rest: without commands its bus makes the wheels safe. Call it while the robot does not
+    /// [obey](Common::obey).
+    pub fn rest(&mut self) {
+        *self = Self::new(self.base);
+    }
+
+    /// Returns the twist that it has been commanded; a standstill while it rests.
+    #[must_use]
+    pub fn commanded(&self) -> Twist {
+        self.commanded.unwrap_or(Twist::STOP)
+    }
+
+    /// Drives towards a twist in the robot's axes, for the coming `dt`.
+    pub fn drive<const BUSES: usize, const LINES: usize>(
+        &mut self,
+        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+        wish: Twist,
+        dt: Seconds,
+    ) {
+        let from = self.begin(shared);
+        self.in_field = None;
+        let to = begun(from).update(self.base.limits().0, wish, dt).ok();
+        self.go(shared, from, to, dt);
+    }
+
+    /// Drives towards a twist in the field's axes, in which the robot looks to `heading`.
+    pub fn drive_in_field<const BUSES: usize, const LINES: usize>(
+        &mut self,
+        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+        wish: Twist<FieldFrame>,
+        heading: Radians,
+        dt: Seconds,
+    ) {
+        let from = self.begin(shared);
+        let limiter = self.in_field.get_or_insert_with(|| begun(from.out_of_frame(heading)));
+        let to = limiter.update(self.base.limits().0, wish, dt).ok();
+        self.go(shared, from, to.map(|twist| twist.into_frame(heading)), dt);
+    }
+
+    /// Follows a motion that keeps the limits by itself, such as a path's: its mean twist in the coming `dt`, and
+    /// how that changes a second.
+    pub fn follow<const BUSES: usize, const LINES: usize>(
+        &mut self,
+        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+        [twist, change]: [Twist; 2],
+        dt: Seconds,
+    ) {
+        let half = change * (0.5 * dt.get());
+        self.commanded = Some(twist + half).filter(|twist| twist.is_finite()).or(self.commanded);
+        self.in_field = None;
+        self.base.command(&mut self.state, shared, [twist - half, change]);
+    }
+
+    fn begin<const BUSES: usize, const LINES: usize>(
+        &self,
+        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+    ) -> Twist {
+        self.commanded.unwrap_or_else(|| self.base.twist(shared))
+    }
+
+    fn go<const BUSES: usize, const LINES: usize>(
+        &mut self,
+        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+        from: Twist,
+        to: Option<Twist>,
+        dt: Seconds,
+    ) {
+        self.commanded = Some(to.unwrap_or(from));
+        let nothing = Twist::new(REFUSED.get(), 0.0, 0.0);
+        let motion = to.map_or([nothing; 2], |to| [from, (to - from) * (1.0 / dt.get())]);
+        self.base.command(&mut self.state, shared, motion);
+    }
+}
+
+/// A limiter that goes on from this twist.
+fn begun<F: rc10_app::Frame>(twist: Twist<F>) -> TwistLimiter<F> {
+    let mut limiter = TwistLimiter::new();
+    limiter.reset(twist);
+    limiter
 }

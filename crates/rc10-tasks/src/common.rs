@@ -16,11 +16,10 @@ use crate::arming::{Arming, Axis};
 use crate::status::RobotStatus;
 use crate::supply::Supply;
 
-/// The state that tasks of every robot share: what a robot has beside it is fields of its own type,
-/// with this among them.
+/// The state that a robot's tasks share: what every robot has, and what this one has of its [`own`](Self::own).
 ///
 /// `N` are the names of its declaration, which has this many buses and lines.
-pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
+pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0, OWN = ()> {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// The ports of its buses, lines and motors.
@@ -54,6 +53,9 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     pub supply: Latest<Supply, 1>,
     /// Until then motors that have not been heard yet are not missing: their supply has just been switched on.
     pub settled: Latest<Micros, 1>,
+    /// The robot's own: signals and parameters for a PC, and topics of its tasks, as
+    /// [`live!`](crate::live!) declares them; `()` has none.
+    pub own: OWN,
 }
 
 /// Counts the changes of parameters, and keeps those of two PCs from mixing.
@@ -105,12 +107,14 @@ impl Changes {
     }
 }
 
-impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, LINES> {
+impl<'p, N: Names, const BUSES: usize, const LINES: usize, OWN: Default>
+    Common<'p, N, BUSES, LINES, OWN>
+{
     /// Creates the state of a robot that has not begun.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
     #[inline(always)]
     #[must_use]
-    pub const fn new(ports: &'p Ports<N, BUSES, LINES>) -> Self {
+    pub fn new(ports: &'p Ports<N, BUSES, LINES>) -> Self {
         Self {
             switch: ArmSwitch::new(),
             ports,
@@ -128,9 +132,12 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
             imu_reception: Reception::new(),
             supply: Latest::new(),
             settled: Latest::new(),
+            own: OWN::default(),
         }
     }
+}
 
+impl<N: Names, const BUSES: usize, const LINES: usize, OWN> Common<'_, N, BUSES, LINES, OWN> {
     /// Lets the remote arm, disarm and stop the robot, at least every 20 ms, and tells the status how well
     /// it is heard. The remote, if the robot is armed and is to do what its sticks say.
     pub fn obey(&self, arming: &mut Arming) -> Option<Remote> {

@@ -22,6 +22,7 @@ use rc10_module::{Reception, listen};
 use rc10_motor::{ArmState, ArmSwitch, Names};
 
 use crate::common::Common;
+use crate::live::Live;
 
 /// A heading that is zero where the robot looked when it was armed.
 #[derive(Default)]
@@ -78,7 +79,7 @@ pub async fn listen_to_wit(
 
 /// Listens to an HWT101 or WT901 on a serial port, for ever: the heading that all tasks share.
 pub async fn listen_for<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     port: impl Read,
 ) -> ! {
     shared.has_imu.store(true, Ordering::Relaxed);

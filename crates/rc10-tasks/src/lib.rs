@@ -3,7 +3,7 @@
 //!
 //! * [`Common`]: what they share.
 //! * [`arming`]: the switches of a remote control arm, disarm and stop; its failsafe in two steps.
-//! * [`DrivenBase`]: a base, its wheels, and the motors that turn them.
+//! * [`BaseDriver`]: drives a [`DrivenBase`] or a [`DrivenSwerve`] by sticks, by a twist, or along a path.
 //! * [`heading`]: which way the robot looks, counted from where it was armed.
 //! * [`mod@live`]: shows the robot to a PC, and lets it change gains.
 //! * [`remote`]: what the remote's receiver says.
@@ -25,7 +25,7 @@ pub mod status_led;
 pub mod supply;
 
 pub use arming::{Arming, ArmingConfig, ArmingError, Axis, SwitchAt, SwitchName};
-pub use base::DrivenBase;
+pub use base::{BaseDriver, Drive, DrivenBase, DrivenSwerve};
 pub use common::{Changes, Common};
 pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};
 pub use supply::Supply;

@@ -70,12 +70,12 @@ pub struct RobotView<'r> {
 }
 
 impl<'r> RobotView<'r> {
-    /// With signals and parameters of its own; `&()` has none.
+    /// With the signals and parameters of its own.
     #[must_use]
     pub fn new<N: Names, const BUSES: usize, const LINES: usize>(
-        shared: &'r Common<'_, N, BUSES, LINES>,
-        own: &'r dyn Live,
+        shared: &'r Common<'_, N, BUSES, LINES, impl Live>,
     ) -> Self {
+        let own: &dyn Live = &shared.own;
         const {
             let signals = signals_of(N::ALL.len(), BUSES, LINES);
             assert!(signals <= SIGNALS, "the robot has more signals than a link can tell apart");

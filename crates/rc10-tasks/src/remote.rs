@@ -6,10 +6,11 @@ use rc10_module::remote::{self, Receiver};
 use rc10_motor::Names;
 
 use crate::common::Common;
+use crate::live::Live;
 
 /// Listens to a receiver on a serial port that is set as the receiver needs.
 pub async fn listen<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     receiver: Receiver,
     port: impl Read,
 ) -> ! {
@@ -22,7 +23,7 @@ pub async fn listen<N: Names, const BUSES: usize, const LINES: usize>(
 
 /// Listens to a receiver of pulses; `edges` waits for the next rising edge and says when it was.
 pub async fn listen_pulses<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     edges: impl AsyncFnMut() -> Micros,
 ) -> ! {
     remote::listen_pulses(edges, &shared.remote_reception, |remote, at| {

@@ -14,6 +14,7 @@ use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
 
 use crate::arming::Axis;
 use crate::common::Common;
+use crate::live::Live;
 use crate::supply::{OLDEST_SUPPLY, Supply};
 
 /// Status of a robot.
@@ -113,7 +114,7 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
 
 /// The status task: tells it ten times a second.
 pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
 ) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(100));
     loop {
@@ -125,7 +126,7 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
 /// The status of the robot now.
 #[must_use]
 pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
 ) -> RobotStatus<N, BUSES, LINES> {
     let (mut online, mut refused) = (0, 0_u32);
     for name in N::ALL {
@@ -159,7 +160,7 @@ const OLDEST_HEADING: Micros = Micros::from_millis(200);
 const HEADING_BY: Micros = Micros::from_millis(1000);
 
 fn imu_trouble<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     at: Micros,
 ) -> Option<&'static str> {
     let told = shared.imu_trouble.read().and_then(|trouble| trouble.value);

@@ -7,6 +7,7 @@ use rc10_motor::{ArmState, Link, MotorStatus, Names};
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 
 use crate::common::Common;
+use crate::live::Live;
 use crate::supply::OLDEST_SUPPLY;
 
 /// Period in which the strip is written: a beat of its rhythms.
@@ -14,7 +15,7 @@ const PERIOD: Duration = Duration::from_millis(100);
 
 /// The status LED's task: shows the [`state`] on a strip with this number of LEDs, for ever.
 pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     mut strip: impl SmartLedsWriteAsync<Color = RGB8>,
     leds: usize,
 ) -> ! {
@@ -30,7 +31,7 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
 /// The most important state that a strip can show.
 #[must_use]
 pub fn state<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
 ) -> LampState {
     let remote = shared.remote_link.read().map_or(RemoteLink::Lost, |link| link.value);
     let mut motors = N::ALL.iter().map(|name| shared.motor(*name).status());

@@ -24,8 +24,8 @@ pub fn description() -> Description {
 /// # Errors
 /// None that this declaration has.
 pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
-    let robot = Robot::of(description(), motors.start(&shared.switch)?, &shared.common);
+    let robot = Robot::of(description(), motors.start(&shared.switch)?, shared);
     let robot = robot.contacts(|[index]| task::run(shared, index));
-    let robot = robot.task(status::run(&shared.common));
-    Ok(robot.live(&shared.common, &shared.live))
+    let robot = robot.task(status::run(shared));
+    Ok(robot)
 }

@@ -8,7 +8,7 @@ use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Base, Nanos, Nonlinear, Serial, World};
 
-use crate::table::{FULL_STICK, Name};
+use crate::table::{BASE, Name};
 
 /// Mass of the robot, kg; our estimate.
 pub const MASS: f64 = 12.0;
@@ -77,6 +77,6 @@ pub const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptL
 /// A stick: to the side and away: m/s for the left stick; rad/s and degrees per second for the right one.
 #[must_use]
 pub const fn stick(side: f64, away: f64) -> Stick {
-    let full = if away.abs() > 2.0 { [FULL_STICK.wz as f64, 90.0] } else { [1.5, 1.5] };
+    let full = if away.abs() > 2.0 { [BASE.full_stick.wz as f64, 90.0] } else { [1.5, 1.5] };
     Stick { x: side / full[0], y: away / full[1] }
 }

@@ -70,7 +70,7 @@ fn apart(one: PathPoint, other: PathPoint) -> [f64; 2] {
 
 /// Highest speed of a wheel in some milliseconds, rpm.
 fn fastest_wheel(run: &Recording, millis: std::ops::Range<usize>) -> f64 {
-    let wheels = omni::table::WHEELS.map(|name| &run.motors[name.index()].samples);
+    let wheels = omni::table::BASE.wheels.map(|name| &run.motors[name.index()].samples);
     let samples = wheels.iter().flat_map(|wheel| &wheel[millis.start / 10..millis.end / 10]);
     samples.map(|sample| sample.rpm.abs()).fold(0.0, f64::max)
 }
@@ -82,7 +82,7 @@ fn it_does_what_the_sticks_say() {
     #[expect(clippy::cast_possible_truncation, reason = "a speed")]
     let motion = |millis| {
         let rpm = |name| rc10_motor::rc10_app::Rpm::new(sample(name, millis).rpm as f32);
-        omni::table::BASE.forward(omni::table::WHEELS.map(rpm)).twist
+        omni::table::BASE.geometry.forward(omni::table::BASE.wheels.map(rpm)).twist
     };
     for (millis, [forward, left, turn]) in
         [(950, [1.0, 0.0, 0.0]), (1750, [0.0, 1.0, 0.0]), (2550, [0.0, 0.0, 2.0])]
@@ -251,7 +251,8 @@ fn a_remote_that_is_lost_on_the_path_ends_it() {
     let run = run_in(operated(&PATH), 1, Some("remote-lost@2s..2.6s"), 5000);
     assert!(does(&run, 1950, Activity::Following));
     assert_eq!(activity(&run, 2400), None);
-    let currents = omni::table::WHEELS.map(|name| run.motors[name.index()].samples[240].current);
+    let currents =
+        omni::table::BASE.wheels.map(|name| run.motors[name.index()].samples[240].current);
     assert!(currents.iter().all(|current| current.abs() < 0.05), "{currents:?}");
     // The switch is where it was: that starts nothing.
     assert!(does(&run, 3000, Activity::ByHand) && does(&run, 5000, Activity::ByHand));

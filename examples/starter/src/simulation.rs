@@ -8,14 +8,14 @@ use rc10_cli::{Description, Plant, RemoteControl, Robot};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::status;
 
-use crate::table::{BASE, Name, RECEIVER, WHEELS};
+use crate::table::{BASE, Name, RECEIVER};
 use crate::{Motors, Shared, task};
 
 /// The description of the robot.
 #[must_use]
 pub fn description() -> Description {
     Description {
-        base: Some(Base::of(WHEELS, &BASE)),
+        base: Some(Base::of(BASE.wheels, &BASE.geometry)),
         remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(Micros::from_millis(5000)))),
         firmware: Some(|board| build_firmware_in(env!("CARGO_MANIFEST_DIR"), board)),
         ..Description::of(plant)

@@ -6,7 +6,7 @@ use rc10_cli::{Base, Plant};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Chassis, Steering, Wheel};
 
-use crate::table::{AHEAD, BASE, BODY, DRIVES, FULL_STICK, Name, STEERS};
+use crate::table::{AHEAD, BASE, DRIVES, Name, STEERS};
 
 /// Drives and steering get theirs from the base. The encoders of the steering say zero at power-on: so
 /// each wheel looks another way then.
@@ -19,13 +19,13 @@ pub fn plant(name: Name) -> Plant {
 #[must_use]
 pub fn base() -> Base {
     let steering = Some(Steering::default());
-    let wheels = BASE.places().iter().zip(AHEAD).map(|(place, ahead)| {
-        let [x, y, radius] = [place.x, place.y, BASE.radius()].map(f64::from);
+    let wheels = BASE.geometry.places().iter().zip(AHEAD).map(|(place, ahead)| {
+        let [x, y, radius] = [place.x, place.y, BASE.geometry.radius()].map(f64::from);
         // Where it looks while its encoder says zero.
         let direction = -f64::from(ahead.degrees().get()).to_radians();
         Wheel { direction, steering, ..Wheel::plain(x, y, radius) }
     });
-    let [mass, yaw_inertia] = [BODY.mass, BODY.yaw_inertia].map(f64::from);
+    let [mass, yaw_inertia] = [BASE.body.mass, BASE.body.yaw_inertia].map(f64::from);
     let chassis = Chassis { mass, yaw_inertia, ..Chassis::on(wheels.collect()) };
     Base::new(DRIVES, chassis).with_steering(STEERS)
 }
@@ -51,7 +51,7 @@ const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine 
 
 /// Forward and to the left, m/s; counter-clockwise, rad/s.
 const fn moves(forward: f64, left: f64, turn: f64) -> Controls {
-    let full = FULL_STICK;
+    let full = BASE.full_stick;
     let stick = Stick { x: -left / full.vy as f64, y: forward / full.vx as f64 };
     Controls { left: stick, right: Stick { x: -turn / full.wz as f64, y: 0.0 }, ..ARMED }
 }

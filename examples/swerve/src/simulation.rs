@@ -25,8 +25,10 @@ pub fn description() -> Description {
 /// # Errors
 /// None that this declaration has.
 pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
-    let robot = Robot::of(description(), motors.start(&shared.switch)?, &shared.common)
-        .live(&shared.common, &shared.live)
-        .estimate(["odometry x", "odometry y", "odometry heading"]);
+    let robot = Robot::of(description(), motors.start(&shared.switch)?, shared).estimate([
+        "odometry x",
+        "odometry y",
+        "odometry heading",
+    ]);
     Ok(robot.task(task::run(shared)).task(status::run(shared)))
 }

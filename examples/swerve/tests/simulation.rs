@@ -11,7 +11,7 @@ use rc10_cli::recording::sample::BaseMeasurement;
 use rc10_cli::run::simulate::simulate;
 use rc10_module::remote::DEAD_BAND;
 use rc10_motor::Link;
-use swerve::table::FULL_STICK;
+use swerve::table::BASE;
 use swerve::{Motors, Ports, Shared, simulation};
 
 /// When a stick is moved in the script, and the motion that it asks for: m/s and rad/s.
@@ -51,7 +51,7 @@ fn twist(run: &Recording, samples: Range<usize>) -> [f64; 3] {
 
 /// What is left of an asked motion: the sticks have a dead band.
 fn felt(asked: [f64; 3]) -> [f64; 3] {
-    let full = [FULL_STICK.vx, FULL_STICK.vy, FULL_STICK.wz].map(f64::from);
+    let full = [BASE.full_stick.vx, BASE.full_stick.vy, BASE.full_stick.wz].map(f64::from);
     let band = f64::from(DEAD_BAND);
     let felt =
         |(asked, full): (f64, f64)| (asked / full - band.copysign(asked)) / (1.0 - band) * full;

@@ -37,7 +37,7 @@ pub struct Soldered;
 
 /// Serves what is soldered on.
 pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
-    _shared: &Common<'_, N, BUSES, LINES>,
+    _shared: &Common<'_, N, BUSES, LINES, impl Live>,
     _soldered: Soldered,
     _outputs: &[Output],
 ) {

@@ -8,7 +8,6 @@
 ///     buses: three_buses(bus_1, bus_2, bus_3);      // or: two_buses(bus_1, bus_2)
 ///     console: 921_600;                             // baud
 ///     imu: wit;                                     // an HWT101 or WT901 on a serial port: may be left out
-///     live: |shared| &shared.live;                  // of a robot with signals of its own: may be left out
 ///     tasks: |shared| task::run(shared);            // a future: several of them by `join`
 /// }
 /// ```
@@ -23,7 +22,7 @@
 /// An RS-485 line, the board's part `rs485`, stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
 ///
 /// The robot's crate has `Ports`, `Motors` and `table::{BUSES, RECEIVER}`, as `rc10_motor::motors!` and its
-/// table make them, and `Shared`, which is [`rc10_tasks::Common`] or dereferences to it.
+/// table make them, and `Shared`, which is a [`rc10_tasks::Common`].
 ///
 /// Tasks that run, most urgent first:
 ///
@@ -46,7 +45,6 @@ macro_rules! robot {
         console: $console:expr;
         $(imu: $imu:ident;)?
         $(outputs: [$($output:ident),*];)?
-        $(live: |$of:ident| $live:expr;)?
         tasks: |$shared:ident $(, $switch:ident)*| $tasks:expr;
     ) => {
         $crate::rc10_bsp::crash_handlers!();
@@ -57,7 +55,7 @@ macro_rules! robot {
             use $crate::rc10_bsp::serial::{self, Serial, SerialReceiver};
             use $crate::rc10_bsp::{can::Bus, supervisor};
             use $crate::rc10_motor::MotorBus;
-            use $crate::rc10_tasks::{live::Live, remote};
+            use $crate::rc10_tasks::remote;
             use $crate::robot::Unstartable;
             use $crate::static_cell::{ConstStaticCell, StaticCell};
             use ::embassy_executor::Spawner;
@@ -143,8 +141,7 @@ macro_rules! robot {
                 soldered: Soldered,
                 switches: SwitchParts,
             ) {
-                let own: &dyn Live = $crate::own!($shared $(, |$of| $live)?);
-                let tend = $crate::robot::tend($shared, own, watchdog, text, quiet);
+                let tend = $crate::robot::tend($shared, watchdog, text, quiet);
                 let outputs = $crate::outputs!($([$($output),*])?);
                 let serve = $crate::board::serve($shared, soldered, outputs);
                 $crate::switches!(switches $(, $switch)*);
@@ -266,17 +263,4 @@ macro_rules! switches {
     ($parts:ident, $($more:ident),+) => {
         compile_error!("the boards have two inputs for switches");
     };
-}
-
-/// A robot's own signals and parameters, or none.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! own {
-    ($shared:ident) => {
-        &()
-    };
-    ($shared:ident, |$of:ident| $live:expr) => {{
-        let $of = $shared;
-        $live
-    }};
 }

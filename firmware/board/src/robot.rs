@@ -273,32 +273,29 @@ pub async fn watch<N: Names, const BUSES: usize, const LINES: usize>(
 
 /// Everything beside its own tasks: feeds the watchdog, tells its status, serves its console.
 pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
-    own: &dyn Live,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     watchdog: Peri<'static, IWDG1>,
     text: Serial,
     quiet: Instant,
 ) {
     let (watch, tell) = (watch(watchdog, shared.ports), status::run(shared));
-    join3(watch, tell, console(shared, own, text.split(), quiet)).await;
+    join3(watch, tell, console(shared, text.split(), quiet)).await;
 }
 
 /// Writes the status as a line, ten times a second: to the console, unless a PC speaks there as
 /// [`rc10_link`](mod@rc10_tasks::live) does, and to the probe's buffer. That blocks interrupts: so
 /// no faster, of text made before, and whole milliseconds after `quiet`, when no bus sends.
 pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
-    own: &dyn Live,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     (receiver, transmitter): (impl Read, impl Write),
     quiet: Instant,
 ) {
-    let (link, robot) = (Link::new(transmitter), live::RobotView::new(shared, own));
-    join(link.serve(&robot, receiver, quiet), lines(shared, own, &link, quiet)).await;
+    let (link, robot) = (Link::new(transmitter), live::RobotView::new(shared));
+    join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
 }
 
 async fn lines<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES>,
-    own: &dyn Live,
+    shared: &Common<'_, N, BUSES, LINES, impl Live>,
     link: &Link<impl Write>,
     quiet: Instant,
 ) {
@@ -315,7 +312,7 @@ async fn lines<N: Names, const BUSES: usize, const LINES: usize>(
         line.clear();
         // The part that does not fit is cut off; the line still ends.
         let _ = write!(line, "{}", message.value);
-        own.signals(&mut |signal| {
+        shared.own.signals(&mut |signal| {
             if let Some(stage) = signal.failure() {
                 let _ = write!(line, "; {} gave up: {}", signal.label, stage.name());
                 defmt::warn!("{=str} gave up: {=str}", signal.label, stage.name());

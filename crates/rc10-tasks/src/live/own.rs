@@ -166,12 +166,13 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
     found
 }
 
-/// Declares the signals and parameters of a robot's own: a field for each.
+/// Declares what a robot has of its [own](crate::Common::own), a field for each: signals and parameters for a PC,
+/// and topics of its tasks.
 ///
 /// ```
 /// rc10_tasks::live! {
 ///     /// What can be watched and tuned.
-///     pub struct Tuning {
+///     pub struct Own {
 ///         mechanisms {
 ///             arm: "arm"; // its stage: may be left out
 ///         }
@@ -181,14 +182,18 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 ///         parameters {
 ///             shooting: "shooting speed", "rpm", 1500.0, [0.0, 6000.0];
 ///         }
+///         fields {
+///             /// The height that the arm shall have: what its tasks share. May be left out.
+///             height: rc10_message::Latest<f32, 1>;
+///         }
 ///     }
 /// }
 ///
-/// let tuning = Tuning::new();
-/// tuning.tilt.set(0.3);
+/// let own = Own::default();
+/// own.tilt.set(0.3);
 /// # let homing = rc10_app::mechanism::Homing::new();
-/// tuning.arm.tell(homing.stage());
-/// assert_eq!((tuning.tilt.get(), tuning.shooting.get()), (0.3, 1500.0));
+/// own.arm.tell(homing.stage());
+/// assert_eq!((own.tilt.get(), own.shooting.get()), (0.3, 1500.0));
 /// ```
 ///
 /// A value that is not in its range does not compile where the struct is made in a `const` or `static`.
@@ -199,6 +204,7 @@ macro_rules! live {
             $(mechanisms { $($mechanism:ident: $mechanism_label:literal;)* })?
             signals { $($signal:ident: $signal_label:literal, $signal_unit:literal;)* }
             parameters { $($parameter:ident: $label:literal, $unit:literal, $initial:expr, $range:expr;)* }
+            $(fields { $($(#[$of:meta])* $field:ident: $Type:ty;)* })?
         }
     ) => {
         $(#[$meta])*
@@ -206,23 +212,19 @@ macro_rules! live {
             $($(#[doc = $mechanism_label] pub $mechanism: $crate::live::Mechanism,)*)?
             $(#[doc = $signal_label] pub $signal: $crate::live::Signal,)*
             $(#[doc = $label] pub $parameter: $crate::live::Parameter,)*
+            $($($(#[$of])* pub $field: $Type,)*)?
         }
 
-        impl $Name {
-            /// Signals without a value, parameters with their first.
-            #[must_use]
-            pub const fn new() -> Self {
+        impl Default for $Name {
+            // Always inlined, so that it is made where it stays and does not pass over the stack.
+            #[inline(always)]
+            fn default() -> Self {
                 Self {
                     $($($mechanism: $crate::live::Mechanism::new($mechanism_label),)*)?
                     $($signal: $crate::live::Signal::new($signal_label, $signal_unit),)*
                     $($parameter: const { $crate::live::Parameter::new($label, $unit, $initial, $range) },)*
+                    $($($field: <$Type>::default(),)*)?
                 }
-            }
-        }
-
-        impl Default for $Name {
-            fn default() -> Self {
-                Self::new()
             }
         }
 

@@ -9,6 +9,5 @@ rc10_board::robot! {
     robot: lift_robot;
     buses: two_buses(bus_1, bus_2);
     console: 921_600;
-    live: |shared| &shared.live;
     tasks: |shared, index| task::run(shared, index);
 }

@@ -13,26 +13,18 @@ mod lift;
 pub mod table;
 pub mod task;
 
-use core::ops::Deref;
-
 pub use lift::{Goal, Lift};
-use rc10_tasks::Common;
 pub use table::{Motors, Name};
 
 /// The robot's buses as its tasks see them, and its motors by name.
 pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
 
-/// Everything that the tasks share: what every robot has, and this one's own signals.
-pub struct Shared<'p> {
-    /// The switch, the ports, the remote and the status.
-    pub common: Common<'p, Name, { table::BUSES }>,
-    /// Signals and mechanisms for a PC beside the motors' own.
-    pub live: Live,
-}
+/// Everything that its tasks share.
+pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
 
 rc10_tasks::live! {
-    /// Signals and mechanisms for a PC beside the motors' own.
-    pub struct Live {
+    /// Signals and mechanisms for a PC.
+    pub struct Own {
         mechanisms {
             lift: "lift";
             feeder: "feeder";
@@ -45,23 +37,5 @@ rc10_tasks::live! {
             jams: "feeder jams", "";
         }
         parameters {}
-    }
-}
-
-impl<'p> Deref for Shared<'p> {
-    type Target = Common<'p, Name, { table::BUSES }>;
-
-    fn deref(&self) -> &Self::Target {
-        &self.common
-    }
-}
-
-impl<'p> Shared<'p> {
-    /// The shared state of a robot that has not begun, and its ports.
-    // Always inlined, so that it is made where it stays and does not pass over the stack.
-    #[inline(always)]
-    #[must_use]
-    pub const fn new(ports: &'p Ports) -> Self {
-        Self { common: Common::new(ports), live: Live::new() }
     }
 }

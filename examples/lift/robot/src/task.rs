@@ -22,7 +22,7 @@ use rc10_tasks::Arming;
 use crate::indexed::IndexedFeeder;
 use crate::lift::{Goal, Lift};
 use crate::table::{ARMING, HEIGHTS, LIFT, Name};
-use crate::{Live, Shared};
+use crate::{Own, Shared};
 
 /// Period of the task, ms.
 pub const PERIOD: u64 = 5;
@@ -55,7 +55,7 @@ pub async fn run(shared: &Shared<'_>, mut index: impl InputPin) -> ! {
             let command = machine.feeder.step(&feeder, closed, DT);
             shared.command(Name::Feeder, Target::from(command));
         }
-        machine.tell(&motors, &shared.live);
+        machine.tell(&motors, &shared.own);
     }
 }
 
@@ -91,16 +91,16 @@ impl Machine {
         self.feeds = feeds;
     }
 
-    fn tell(&self, motors: &[Measured; 2], live: &Live) {
-        live.lift.tell(self.lift.stage());
+    fn tell(&self, motors: &[Measured; 2], own: &Own) {
+        own.lift.tell(self.lift.stage());
         // Counted from 1, as in the table.
-        live.blamed.set(self.lift.blamed().map_or(0.0, |motor| motor as f32 + 1.0));
+        own.blamed.set(self.lift.blamed().map_or(0.0, |motor| motor as f32 + 1.0));
         let [height, tilt] = self.lift.place(motors).unwrap_or([f32::NAN; 2]);
-        live.height.set(height);
-        live.tilt.set(tilt);
-        live.feeder.tell(self.feeder.stage());
-        live.fed.set(self.feeder.feeder.fed() as f32);
-        live.jams.set(self.feeder.feeder.jam().count() as f32);
+        own.height.set(height);
+        own.tilt.set(tilt);
+        own.feeder.tell(self.feeder.stage());
+        own.fed.set(self.feeder.feeder.fed() as f32);
+        own.jams.set(self.feeder.feeder.jam().count() as f32);
     }
 }
 

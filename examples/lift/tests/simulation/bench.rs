@@ -154,32 +154,32 @@ impl Bench<'_> {
 
     /// Height and tilt by the robot's own signals.
     pub fn believed(&self) -> [f64; 2] {
-        let live = &self.shared.live;
+        let live = &self.shared.own;
         let (height, tilt) = (f64::from(live.height.get()), f64::from(live.tilt.get()));
         [height + tilt / 2.0, height - tilt / 2.0]
     }
 
     /// The stage of the lift.
     pub fn stage(&self) -> Stage {
-        stage(&self.shared.live.lift)
+        stage(&self.shared.own.lift)
     }
 
     /// The same of the feeder.
     pub fn feeder(&self) -> Stage {
-        stage(&self.shared.live.feeder)
+        stage(&self.shared.own.feeder)
     }
 
     /// The motor of the lift that it blames, if it does.
     pub fn blamed(&self) -> Option<usize> {
-        usize::try_from(number(&self.shared.live.blamed)).unwrap().checked_sub(1)
+        usize::try_from(number(&self.shared.own.blamed)).unwrap().checked_sub(1)
     }
 
     pub fn fed(&self) -> u64 {
-        number(&self.shared.live.fed)
+        number(&self.shared.own.fed)
     }
 
     pub fn jams(&self) -> u64 {
-        number(&self.shared.live.jams)
+        number(&self.shared.own.jams)
     }
 
     /// Above the bottom.

@@ -201,10 +201,10 @@ fn an_input_that_cannot_be_read_is_an_open_contact() {
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let description = Description { contacts: Vec::new(), ..simulation::description() };
     let mut around = Environment::new(&description, 1).unwrap();
-    let robot = Robot::of(description, motors.start(&shared.switch).unwrap(), &shared.common);
+    let robot = Robot::of(description, motors.start(&shared.switch).unwrap(), &shared);
     let mut tasks = robot.task(task::run(&shared, Broken)).tasks(&around).unwrap();
     around.run(&mut tasks, Micros::from_millis(5000));
-    assert_eq!(stage(&shared.live.feeder), Stage::Failed);
+    assert_eq!(stage(&shared.own.feeder), Stage::Failed);
     // It has looked all round, backwards.
     let turned = around.motors[Name::Feeder.index()].state().load_degrees;
     assert!(turned < -360.0, "{turned}");

@@ -10,6 +10,5 @@ rc10_board::robot! {
     buses: three_buses(bus_1, bus_2, bus_3);
     console: 921_600;
     imu: wit;
-    live: |shared| &shared.live;
     tasks: |shared| task::run(shared);
 }

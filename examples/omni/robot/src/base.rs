@@ -9,15 +9,13 @@ use rc10_app::maths::hypot;
 use rc10_app::path::{Follower, PathStatus, Plan, Planner};
 use rc10_app::{
     FieldFrame, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig, OdometryInput, Pose,
-    Seconds, Twist, TwistLimiter,
+    Seconds, Twist,
 };
 use rc10_module::remote::{Remote, Switch};
+use rc10_tasks::{BaseDriver, Drive as _, DrivenBase};
 
-use crate::Shared;
-use crate::table::{
-    BASE, BASE_LIMITS, DRIVEN, FOLLOWER, FULL_STICK, HOLD, HOLD_GAINS, PATH, PATH_LIMITS, PATIENCE,
-    TAKES_OVER,
-};
+use crate::table::{BASE, FOLLOWER, HOLD, HOLD_GAINS, PATH, PATH_LIMITS, PATIENCE, TAKES_OVER};
+use crate::{Name, Shared};
 
 /// The activity of the base: the value of the signal "activity". It has no value unless the robot
 /// is armed and its remote is heard.
@@ -45,24 +43,24 @@ impl Navigation {
     /// A step further, in every tick. The heading is zeroed when the robot is armed: before, it does not
     /// count.
     pub fn step(&mut self, shared: &Shared<'_>, is_armed: bool, dt: Seconds) -> Pose {
-        let motion = DRIVEN.measured(shared);
+        let motion = BASE.measured(shared);
         let heard = shared.heading.read();
         let heading = heard.and_then(|heading| heading.value.total(rc10_message::now()));
-        shared.live.heading.set(heading.map_or(f32::NAN, |heading| heading.degrees().get()));
+        shared.own.heading.set(heading.map_or(f32::NAN, |heading| heading.degrees().get()));
         let heading = heading.filter(|_| is_armed);
         let input = OdometryInput { twist: motion.twist, slip: motion.slip(), heading };
         self.0.update(&OdometryConfig::DEFAULT, input, dt);
         let pose = self.0.pose();
-        shared.live.x.set(pose.x);
-        shared.live.y.set(pose.y);
-        shared.live.yaw.set(pose.heading.get());
+        shared.own.x.set(pose.x);
+        shared.own.y.set(pose.y);
+        shared.own.yaw.set(pose.heading.get());
         pose
     }
 }
 
 /// A base that is driven, while the robot is armed.
 pub struct Driver {
-    limiter: TwistLimiter,
+    base: BaseDriver<'static, DrivenBase<Name, 4>>,
     hold: HeadingHold,
     course: Course,
 }
@@ -91,18 +89,16 @@ struct Along {
 impl Driver {
     /// Goes on from how the base moves.
     #[must_use]
-    pub fn new(shared: &Shared<'_>) -> Self {
-        let mut limiter = TwistLimiter::new();
-        limiter.reset(DRIVEN.measured(shared).twist);
+    pub fn new() -> Self {
         // A switch that was left there starts nothing by itself.
-        Self { limiter, hold: HeadingHold::new(), course: Course::ByHand { is_ready: false } }
+        let course = Course::ByHand { is_ready: false };
+        Self { base: BaseDriver::new(&BASE), hold: HeadingHold::new(), course }
     }
 
     /// Drives for the coming `dt`, from this pose.
     pub fn step(&mut self, shared: &Shared<'_>, remote: &Remote, pose: Pose, dt: Seconds) {
         self.choose(remote);
-        let (activity, target, [twist, change]) = self.go_on(shared, remote, pose, dt);
-        DRIVEN.drive(shared, twist, change);
+        let (activity, target) = self.go_on(shared, remote, pose, dt);
         tell(shared, Some(activity), target);
     }
 
@@ -115,66 +111,53 @@ impl Driver {
         } else if !is_by_hand && sticks.iter().any(|stick| stick.abs() > TAKES_OVER) {
             self.course = Course::ByHand { is_ready: false };
         } else if matches!(self.course, Course::ByHand { is_ready: true }) {
-            let planner = Planner::new(&PATH, &BASE, &PATH_LIMITS, 0.0);
+            let planner = Planner::new(&PATH, &BASE.geometry, &PATH_LIMITS, 0.0);
             self.course = planner.map_or(Course::GaveUp, Course::Planning);
             self.hold.release();
         }
     }
 
-    /// What it does, where it is to be, how it moves now, and how that changes in a second.
+    /// Moves; returns what it does, and where it is to be.
     fn go_on(
         &mut self,
         shared: &Shared<'_>,
         remote: &Remote,
         pose: Pose,
         dt: Seconds,
-    ) -> (Activity, Option<Pose>, [Twist; 2]) {
-        match &mut self.course {
+    ) -> (Activity, Option<Pose>) {
+        let (activity, wish) = match &mut self.course {
             Course::ByHand { .. } => {
-                // Sticks count to the right, the robot to the left.
-                let turn = -remote.right.x * FULL_STICK.wz;
-                let measured = DRIVEN.measured(shared).twist;
+                let mut wish = BASE.sticks(remote);
+                let measured = BASE.measured(shared).twist;
                 let gains = HOLD_GAINS.at(hypot(measured.vx, measured.vy));
                 let hold = HeadingHoldConfig { kp: gains.kp, kd: gains.kd, ..HOLD };
-                let twist = Twist::new(
-                    remote.left.y * FULL_STICK.vx,
-                    -remote.left.x * FULL_STICK.vy,
-                    self.hold.update(&hold, turn, pose.heading, measured.wz),
-                );
-                (Activity::ByHand, None, self.towards(twist, dt))
+                wish.wz = self.hold.update(&hold, wish.wz, pose.heading, measured.wz);
+                (Activity::ByHand, wish)
             }
             Course::Planning(planner) => {
-                if self.limiter.twist() == Twist::STOP {
+                if self.base.commanded() == Twist::STOP {
                     match planner.step() {
                         Ok(None) => {}
                         Ok(Some(plan)) => self.course = Course::Along(Along::new(plan, pose)),
                         Err(_) => self.course = Course::GaveUp,
                     }
                 }
-                (Activity::Planning, None, self.towards(Twist::STOP, dt))
+                (Activity::Planning, Twist::STOP)
             }
             Course::Along(along) => match along.step(pose, dt) {
                 (Activity::GaveUp, _, _) => {
                     self.course = Course::GaveUp;
-                    (Activity::GaveUp, None, self.towards(Twist::STOP, dt))
+                    (Activity::GaveUp, Twist::STOP)
                 }
-                (activity, target, [twist, change]) => {
-                    let half = change * (0.5 * dt.get());
-                    self.limiter.reset(twist + half);
-                    (activity, Some(target), [twist - half, change])
+                (activity, target, motion) => {
+                    self.base.follow(shared, motion, dt);
+                    return (activity, Some(target));
                 }
             },
-            Course::GaveUp => (Activity::GaveUp, None, self.towards(Twist::STOP, dt)),
-        }
-    }
-
-    /// Towards a twist, as fast as the wheels grip.
-    fn towards(&mut self, twist: Twist, dt: Seconds) -> [Twist; 2] {
-        let from = self.limiter.twist();
-        let to = self.limiter.update(&BASE_LIMITS, twist, dt);
-        // Without a twist there is no motion either: the wheels refuse it.
-        let to = to.unwrap_or(Twist::new(f32::NAN, f32::NAN, f32::NAN));
-        [from, (to - from) * (1.0 / dt.get())]
+            Course::GaveUp => (Activity::GaveUp, Twist::STOP),
+        };
+        self.base.drive(shared, wish, dt);
+        (activity, None)
     }
 }
 
@@ -207,11 +190,11 @@ impl Along {
 
 /// Says what the base does, and where it is to be.
 pub fn tell(shared: &Shared<'_>, activity: Option<Activity>, target: Option<Pose>) {
-    let live = &shared.live;
-    live.activity.set(activity.map_or(f32::NAN, |activity| f32::from(activity as u8)));
+    let own = &shared.own;
+    own.activity.set(activity.map_or(f32::NAN, |activity| f32::from(activity as u8)));
     let [x, y, heading] =
         target.map_or([f32::NAN; 3], |target| [target.x, target.y, target.heading.get()]);
-    live.path_x.set(x);
-    live.path_y.set(y);
-    live.path_yaw.set(heading);
+    own.path_x.set(x);
+    own.path_y.set(y);
+    own.path_yaw.set(heading);
 }

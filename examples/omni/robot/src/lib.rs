@@ -12,24 +12,17 @@ pub mod mechanisms;
 pub mod table;
 pub mod task;
 
-use core::ops::Deref;
-
 pub use table::{Motors, Name};
 
 /// The robot's buses as its tasks see them, and its motors by name.
 pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
 
-/// Everything that its tasks share: what every robot has, and what a PC may watch of this one.
-pub struct Shared<'p> {
-    /// The switch, the ports, the remote and the status.
-    pub common: rc10_tasks::Common<'p, Name, { table::BUSES }>,
-    /// Where it believes to be, where it is to be, and what it does.
-    pub live: Live,
-}
+/// Everything that its tasks share.
+pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
 
 rc10_tasks::live! {
-    /// Signals for a PC beside the motors' own.
-    pub struct Live {
+    /// Where it believes to be, where it is to be, and what it does: for a PC.
+    pub struct Own {
         signals {
             x: "odometry x", "m";
             y: "odometry y", "m";
@@ -41,23 +34,5 @@ rc10_tasks::live! {
             activity: "activity", "";
         }
         parameters {}
-    }
-}
-
-impl<'p> Shared<'p> {
-    /// Creates the state of a robot that has not begun.
-    // Always inlined, so that it is made where it stays and does not pass over the stack.
-    #[inline(always)]
-    #[must_use]
-    pub const fn new(ports: &'p Ports) -> Self {
-        Self { common: rc10_tasks::Common::new(ports), live: Live::new() }
-    }
-}
-
-impl<'p> Deref for Shared<'p> {
-    type Target = rc10_tasks::Common<'p, Name, { table::BUSES }>;
-
-    fn deref(&self) -> &Self::Target {
-        &self.common
     }
 }

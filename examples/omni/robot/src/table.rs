@@ -36,15 +36,12 @@ rc10_motor::motors! {
 /// The buses of the board.
 pub const BUSES: usize = 3;
 
-/// The wheels, in the order of [`Base::omni_4`].
-pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::RearLeft, Name::RearRight, Name::FrontRight];
-
 const fn wheel(label: &'static str, id: u8) -> Entry<dji::Config> {
     Entry::new(label, Bus(1), dji::Config::new(&M3508, id).with_feed_forward(ROLLING))
 }
 
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
-/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
+/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is in [`BASE`].
 const ROLLING: FeedForward =
     FeedForward { friction: 0.4, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
@@ -80,26 +77,19 @@ pub const RECEIVER: Receiver = Receiver::Dr16;
 /// Right switch down disarms, left switch down stops.
 pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
-/// The base: omni wheels of 76 mm radius, 250 mm from the middle. The wheels stay below the 480 rpm
-/// that an M3508 reaches unloaded.
-pub const BASE: Base<4> = Base::omni_4(0.076, 0.25, Rpm::new(400.0));
-
-/// The robot with everything on it.
-pub const BODY: Body = Body { mass: 12.0, yaw_inertia: 0.7 };
-
-/// The base with its motors.
-pub const DRIVEN: DrivenBase<Name, 4> = DrivenBase {
-    wheels: WHEELS,
-    base: BASE,
-    body: BODY,
+/// The base: omni wheels of 76 mm radius, 250 mm from the middle, in the order of [`Base::omni_4`]. They stay
+/// below the 480 rpm that an M3508 reaches unloaded.
+pub const BASE: DrivenBase<Name, 4> = DrivenBase {
+    wheels: [Name::FrontLeft, Name::RearLeft, Name::RearRight, Name::FrontRight],
+    geometry: Base::omni_4(0.076, 0.25, Rpm::new(400.0)),
+    // With everything on it.
+    body: Body { mass: 12.0, yaw_inertia: 0.7 },
     torque_constant: dji::Config::new(&M3508, 1).torque_constant(),
+    // At which its wheels do not slip.
+    limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+    full_stick: Twist::new(1.5, 1.5, 4.0),
 };
 
-/// Speed of the base with the sticks at their ends.
-pub const FULL_STICK: Twist = Twist::new(1.5, 1.5, 4.0);
-/// Largest accelerations of the base at which its wheels do not slip.
-pub const BASE_LIMITS: TwistLimits =
-    TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
 /// How firmly it keeps its heading, by its speed in m/s: gently while it stands, so that it does not hunt
 /// on its rollers.
 pub const HOLD_GAINS: GainSchedule<2> = GainSchedule::checked([
@@ -112,7 +102,7 @@ pub const HOLD: HeadingHoldConfig = HeadingHoldConfig {
     kp: HOLD_GAINS.at(0.0).kp,
     kd: 0.0,
     max_rate: 2.0,
-    deceleration: BASE_LIMITS.angular_acceleration,
+    deceleration: BASE.limits.angular_acceleration,
     deadband: 0.05,
 };
 

@@ -1,12 +1,12 @@
 //! The motor table: bus, identifier, gains and safe state of each motor; and the robot's measures.
 
-use rc10_app::{Base, Rpm, Twist, TwistLimits};
+use rc10_app::{Base, Body, Rpm, Twist, TwistLimits};
 use rc10_module::remote::Receiver;
 use rc10_motor::Entry;
 use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, M2006, M3508};
 use rc10_motor::rc10_app::Direction;
-use rc10_tasks::ArmingConfig;
+use rc10_tasks::{ArmingConfig, DrivenBase};
 
 rc10_motor::motors! {
     /// Names of the motors.
@@ -35,12 +35,19 @@ const fn mirrored(id: u8) -> Config {
 /// The buses that are used, of the three that the board has.
 pub const BUSES: usize = 2;
 
-/// The wheels, in the order of [`Base::mecanum`].
-pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight];
-
-/// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
-/// an M3508 reaches unloaded.
-pub const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0));
+/// The base: wheels of 76 mm radius, 400 mm by 440 mm apart, in the order of [`Base::mecanum`]. They stay
+/// below the 480 rpm that an M3508 reaches unloaded.
+pub const BASE: DrivenBase<Name, 4> = DrivenBase {
+    wheels: [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight],
+    geometry: Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0)),
+    // With everything on it: an estimate, in kg and kg m².
+    body: Body { mass: 20.0, yaw_inertia: 1.2 },
+    torque_constant: mirrored(1).torque_constant(),
+    // At which its wheels do not slip: m/s² and rad/s².
+    limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+    // m/s and rad/s.
+    full_stick: Twist::new(1.5, 1.5, 4.0),
+};
 
 /// The receiver of the remote control.
 pub const RECEIVER: Receiver = Receiver::Dr16;
@@ -49,13 +56,6 @@ pub const RECEIVER: Receiver = Receiver::Dr16;
 /// One that moves nothing may be left out, such as a throttle that stays where it is left:
 /// `ArmingConfig { at_rest: &[Axis::LeftX, Axis::RightX], ..ArmingConfig::DEFAULT }.checked(RECEIVER)`.
 pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
-
-/// Speed of the base with the sticks at their ends: m/s and rad/s.
-pub const FULL_STICK: Twist = Twist::new(1.5, 1.5, 4.0);
-
-/// Largest accelerations of the base at which its wheels do not slip: m/s² and rad/s².
-pub const BASE_LIMITS: TwistLimits =
-    TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
 
 /// Speed of the feeder while it is switched on.
 pub const FEEDING: Rpm = Rpm::new(200.0);

@@ -9,6 +9,5 @@ rc10_board::robot! {
     robot: swerve_robot;
     buses: two_buses(bus_1, bus_2);
     console: 921_600;
-    live: |shared| &shared.live;
     tasks: |shared| task::run(shared);
 }

@@ -6,8 +6,6 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-use core::ops::Deref;
-
 pub mod table;
 pub mod task;
 
@@ -16,19 +14,12 @@ pub use table::{Motors, Name};
 /// The robot's buses as its tasks see them, and its motors by name.
 pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
 
-type Common<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }>;
-
 /// Everything that its tasks share.
-pub struct Shared<'p> {
-    /// The state that every robot has.
-    pub common: Common<'p>,
-    /// Where it is by its wheels.
-    pub live: Live,
-}
+pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
 
 rc10_tasks::live! {
-    /// Signals for a PC beside the motors' own.
-    pub struct Live {
+    /// Where it is by its wheels: signals for a PC.
+    pub struct Own {
         signals {
             x: "odometry x", "m";
             y: "odometry y", "m";
@@ -36,23 +27,5 @@ rc10_tasks::live! {
             slip: "wheels slip", "m/s";
         }
         parameters {}
-    }
-}
-
-impl<'p> Deref for Shared<'p> {
-    type Target = Common<'p>;
-
-    fn deref(&self) -> &Self::Target {
-        &self.common
-    }
-}
-
-impl<'p> Shared<'p> {
-    /// Creates the state of a robot that has not begun.
-    // Always inlined, so that it is made where it stays and does not pass over the stack.
-    #[inline(always)]
-    #[must_use]
-    pub const fn new(ports: &'p Ports) -> Self {
-        Self { common: Common::new(ports), live: Live::new() }
     }
 }

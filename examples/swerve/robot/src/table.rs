@@ -8,7 +8,7 @@ use rc10_module::remote::Receiver;
 use rc10_motor::Entry;
 use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, M3508};
-use rc10_tasks::ArmingConfig;
+use rc10_tasks::{ArmingConfig, DrivenSwerve};
 
 rc10_motor::motors! {
     /// Names of the motors.
@@ -56,7 +56,7 @@ const fn drive(label: &'static str, id: u8) -> Entry<Config> {
 }
 
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
-/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
+/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is in [`BASE`].
 const ROLLING: FeedForward =
     FeedForward { friction: 0.4, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
@@ -76,14 +76,24 @@ const STEERING: Cascade = Cascade {
 
 /// The base: wheels of 60 mm radius in a square of 400 mm, that are steered through any number of
 /// turns. The wheels stay below the 480 rpm that an M3508 reaches unloaded.
-pub const BASE: Swerve<4> = Swerve::sound(PLACES, 0.06, Rpm::new(450.0), Steering::Endless);
+pub const BASE: DrivenSwerve<Name, 4> = DrivenSwerve {
+    drives: DRIVES,
+    steers: STEERS,
+    ahead: AHEAD,
+    geometry: Swerve::sound(PLACES, 0.06, Rpm::new(450.0), Steering::Endless),
+    // With all that is on it, wheels included; our estimate.
+    body: Body { mass: 20.0, yaw_inertia: 1.2 },
+    torque_constant: Config::new(&M3508, 1).torque_constant(),
+    // 5 m/s² of a wheel with both, below what it slips at and below the 6.3 m/s² to which the loops of its
+    // motor keep it.
+    limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 7.0 },
+    // 430 rpm of the fastest wheel with all of them.
+    full_stick: Twist::new(1.3, 1.3, 3.0),
+};
 
 /// Front left, front right, rear left, rear right.
 const PLACES: [Point<RobotFrame>; 4] =
     [Point::new(0.2, 0.2), Point::new(0.2, -0.2), Point::new(-0.2, 0.2), Point::new(-0.2, -0.2)];
-
-/// The robot with all that is on it, wheels included; our estimate.
-pub const BODY: Body = Body { mass: 20.0, yaw_inertia: 1.2 };
 
 /// The receiver of the remote control.
 pub const RECEIVER: Receiver = Receiver::Dr16;
@@ -91,16 +101,8 @@ pub const RECEIVER: Receiver = Receiver::Dr16;
 /// Right switch down disarms, left switch down stops.
 pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
-/// Speed of the base with the sticks at their ends: 430 rpm of the fastest wheel with all of them.
-pub const FULL_STICK: Twist = Twist::new(1.3, 1.3, 3.0);
-
-/// Largest accelerations of the base: 5 m/s² of a wheel with both, below what it slips at and below the
-/// 6.3 m/s² to which the loops of its motor keep it.
-pub const BASE_LIMITS: TwistLimits =
-    TwistLimits { linear_acceleration: 3.0, angular_acceleration: 7.0 };
-
 /// It keeps looking where it looks by its wheels: the robot has no IMU.
 pub const HEADING_HOLD: HeadingHoldConfig =
     HeadingHoldConfig { kp: 5.0, kd: 0.1, max_rate: 2.0, deceleration: 6.0, deadband: 0.05 };
 
-const _: () = assert!(BASE_LIMITS.validate().is_ok() && HEADING_HOLD.validate().is_ok());
+const _: () = assert!(BASE.limits.validate().is_ok() && HEADING_HOLD.validate().is_ok());

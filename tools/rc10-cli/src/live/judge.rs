@@ -165,7 +165,7 @@ impl<'k> Judge<'k> {
 #[cfg(test)]
 mod tests {
     use rc10_motor::ArmState;
-    use rc10_tasks::live::{Live, Mechanism};
+    use rc10_tasks::Common;
 
     use super::*;
     use crate::live::client::Signal;
@@ -179,8 +179,8 @@ mod tests {
         let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
         let buses = motors.start(&shared.switch).unwrap().buses;
         let robot = crate::team::robot(&shared, buses);
-        let crane = Crane(Mechanism::new("crane"));
-        let kit = Kit::of(&robot.live(&shared.common, &crane));
+        let crane = Common::<_, 3, 0, Crane>::new(&ports);
+        let kit = Kit::of(&robot.live(&crane));
         let motors = kit.description().motors.iter().map(|motor| motor.label);
         let mut topics: Vec<_> = motors.map(|label| made("motors", label, 1, "link")).collect();
         let health = topics.iter().map(|it| Topic {
@@ -195,14 +195,15 @@ mod tests {
         test(&mut Judge::new(&kit), topics);
     }
 
-    /// The parts of a test robot that differ from the team's.
-    struct Crane(Mechanism);
-
-    impl Live for Crane {
-        fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l rc10_tasks::live::Signal)) {
-            see(self.0.signal());
+    rc10_tasks::live! {
+        /// The parts of a test robot that differ from the team's.
+        struct Crane {
+            mechanisms {
+                crane: "crane";
+            }
+            signals {}
+            parameters {}
         }
-        fn parameters<'l>(&'l self, _: &mut dyn FnMut(&'l rc10_tasks::live::Parameter)) {}
     }
 
     fn made(folder: &str, label: &str, group: usize, name: &str) -> Topic {

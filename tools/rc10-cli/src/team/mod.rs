@@ -4,7 +4,7 @@ pub(crate) mod operator;
 
 use anyhow::{Context, Result};
 use rc10_motor::{MotorBus, Started};
-use rc10_robot::table::{BASE, BUSES, CONSOLE, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
+use rc10_robot::table::{BASE, BUSES, CONSOLE, LIFT, LIFT_TOP, Name, RECEIVER};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Nanos, Serial, World};
@@ -24,7 +24,7 @@ const IMU_UART: u8 = 7;
 #[must_use]
 pub fn description() -> Description {
     Description {
-        base: Some(Base::of(WHEELS, &BASE)),
+        base: Some(Base::of(BASE.wheels, &BASE.geometry)),
         remote: Some(RemoteControl::new(
             RECEIVER,
             &operator::SCRIPT,
@@ -73,13 +73,12 @@ pub fn robot_of<'r>(
     io: &'r Shared<'_>,
     buses: [MotorBus<'r>; BUSES],
 ) -> Robot<'r> {
-    Robot::of(description, Started { buses, lines: [] }, &io.common)
+    Robot::of(description, Started { buses, lines: [] }, io)
         .task(chassis::run(io))
         .task(mechanisms::run(io))
         .task(driver::run(io))
         .task(status::run(io))
         .serial(&io.imu_reception, async |port| imu::run(io, port).await)
-        .live(&io.common, &io.live)
         .yaw("heading", |now| {
             let heading = io.heading.read()?.value.total(now)?;
             Some(heading.microdegrees() as f64 * 1e-6)

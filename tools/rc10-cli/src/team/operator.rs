@@ -2,7 +2,7 @@
 //! `rc10_robot::driver`.
 
 use rc10_can::Micros;
-use rc10_robot::table::{FEEDER, FULL_STICK, GIMBAL_RATES, LIFT_RATE};
+use rc10_robot::table::{BASE, FEEDER, GIMBAL_RATES, LIFT_RATE};
 use rc10_sim::remote::{Controls, Stick, Switch};
 
 use crate::robot::remote::ScriptLine;
@@ -51,8 +51,8 @@ const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine 
 
 /// Moves the base: m/s forward, m/s left, rad/s counter-clockwise.
 const fn drive(forward: f64, left: f64, turn: f64) -> Controls {
-    let stick = Stick { x: -left / FULL_STICK.vy as f64, y: forward / FULL_STICK.vx as f64 };
-    let right = Stick { x: -turn / FULL_STICK.wz as f64, y: 0.0 };
+    let stick = Stick { x: -left / BASE.full_stick.vy as f64, y: forward / BASE.full_stick.vx as f64 };
+    let right = Stick { x: -turn / BASE.full_stick.wz as f64, y: 0.0 };
     Controls { left: stick, right, ..ARMED }
 }
 

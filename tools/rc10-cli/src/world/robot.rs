@@ -72,11 +72,11 @@ impl<'r> Robot<'r> {
     pub fn of<N: Names, const BUSES: usize, const LINES: usize>(
         description: Description,
         started: Started<'r, BUSES, LINES>,
-        shared: &'r Common<'_, N, BUSES, LINES>,
+        shared: &'r Common<'_, N, BUSES, LINES, impl Live>,
     ) -> Self {
         let (Started { buses, lines }, ports) = (started, shared.ports);
         let has_remote = description.remote.is_some();
-        let robot = Self::new(description).switch(&shared.switch).live(shared, &());
+        let robot = Self::new(description).switch(&shared.switch).live(shared);
         let robot = zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
         let robot =
             zip(lines, &ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
@@ -206,16 +206,14 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds own signals and parameters for a PC at the console; a run records the signals.
-    #[must_use]
-    #[track_caller]
-    pub fn live<N: Names, const BUSES: usize, const LINES: usize>(
+    /// Adds the console for a PC, and the robot's own signals and parameters; a run records the signals.
+    pub(crate) fn live<N: Names, const BUSES: usize, const LINES: usize>(
         self,
-        shared: &'r Common<'_, N, BUSES, LINES>,
-        own: &'r dyn Live,
+        shared: &'r Common<'_, N, BUSES, LINES, impl Live>,
     ) -> Self {
         let mut robot = self;
-        let seen = Rc::new(live::RobotView::new(shared, own));
+        let own: &dyn Live = &shared.own;
+        let seen = Rc::new(live::RobotView::new(shared));
         let served = Rc::clone(&seen);
         robot.ports.whole = Some(Rc::new(move || seen.whole()));
         own.signals(&mut |signal| {
