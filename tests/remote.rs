@@ -154,7 +154,9 @@ fn every_motor_coasts_within_120_ms_of_the_last_good_frame() {
                     assert!(reaction >= millis(75), "{what}");
                     (soonest, latest) = (soonest.min(reaction), latest.max(reaction));
                     assert_eq!(scene.arm(), ArmState::Suspended, "{what}");
-                    for name in BASE.wheels.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder]) {
+                    for name in
+                        BASE.wheels.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder])
+                    {
                         assert_eq!(
                             (scene.drive(name), scene.is_driven(name)),
                             (DriveMode::Coast, false)

@@ -8,7 +8,7 @@ use rc10_cli::recording::remote::Loss;
 use rc10_cli::robot::remote::ReceiverWire;
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
-use rc10_robot::table::{BASE, LEDS, LED_BRIGHTNESS};
+use rc10_robot::table::{BASE, LED_BRIGHTNESS, LEDS};
 use rc10_sim::{Nanos, UartFault};
 
 use crate::{give, is_clean, keeps_its_period, log, millis, run, setup};
@@ -53,7 +53,8 @@ pub(super) fn is_lost_and_comes_back(setup: &Setup) {
         assert_eq!(loss.disarmed, None);
         let resumed = loss.resumed.unwrap().since(loss.back.unwrap());
         assert!(resumed <= Micros::from_millis(30), "{resumed}");
-        let full = f64::from(BASE.full_stick.vx / BASE.geometry.wheels()[0].radius) * 30.0 / std::f64::consts::PI;
+        let full = f64::from(BASE.full_stick.vx / BASE.geometry.wheels()[0].radius) * 30.0
+            / std::f64::consts::PI;
         for name in BASE.wheels {
             for pair in recording.motors[name as usize].samples.windows(2) {
                 let [before, after] = [&pair[0], &pair[1]].map(|sample| sample.measured);

@@ -182,7 +182,9 @@ impl Beginner {
         let started = Started { buses: [bus], lines: [] };
         let robot = Robot::of(description, started, &shared)
             .contacts(|[contact]: [Contact; 1]| self.work(&shared, contact))
-            .yaw("heading", |_| Some(f64::from(shared.own.heading.get())).filter(|it| !it.is_nan()));
+            .yaw("heading", |_| {
+                Some(f64::from(shared.own.heading.get())).filter(|it| !it.is_nan())
+            });
         let folder = Scratch::new(std::thread::current().name().unwrap_or("run"));
         let out = folder.to_str().unwrap();
         let line = ["own", "run", "--strict", "--seconds", "4", "--out", out];

@@ -17,6 +17,7 @@ use rc10_bsp::can::BusParts;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
 use rc10_motor::Names;
 use rc10_tasks::Common;
+use rc10_tasks::live::Live;
 
 use crate::{Output, UsbParts};
 

@@ -51,7 +51,8 @@ const fn at(millis: u64, label: &'static str, controls: Controls) -> ScriptLine 
 
 /// Moves the base: m/s forward, m/s left, rad/s counter-clockwise.
 const fn drive(forward: f64, left: f64, turn: f64) -> Controls {
-    let stick = Stick { x: -left / BASE.full_stick.vy as f64, y: forward / BASE.full_stick.vx as f64 };
+    let stick =
+        Stick { x: -left / BASE.full_stick.vy as f64, y: forward / BASE.full_stick.vx as f64 };
     let right = Stick { x: -turn / BASE.full_stick.wz as f64, y: 0.0 };
     Controls { left: stick, right, ..ARMED }
 }
