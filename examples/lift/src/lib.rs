@@ -1,8 +1,46 @@
-//! The lift in simulation: `cargo run --release`. What the simulator must know of it beyond the
-//! [robot](lift_robot) itself stands in [`simulation`].
+//! A lift on two motors that finds its bottom and does not tilt, and a feeder that finds its index and
+//! counts, driven by a DR16. The same on a PC and on the chip.
+//!
+//! * [`table`]: its motors, and its measures.
+//! * [`Lift`]: homes both motors together, and then moves them together.
+//! * `indexed`: a feeder whose pockets stand where its index says.
+//! * [`task`]: what the remote control makes of it.
+//! * `simulation`: the robot for the tools on a PC, with an operator's script.
+#![cfg_attr(not(feature = "sim"), no_std)]
 #![forbid(unsafe_code)]
 
+mod indexed;
+mod lift;
+pub mod table;
+pub mod task;
+#[cfg(feature = "sim")]
 pub mod plant;
+#[cfg(feature = "sim")]
 pub mod simulation;
 
-pub use lift_robot::{Lift, Motors, Name, Ports, Shared, table, task};
+pub use lift::{Goal, Lift};
+pub use table::{Motors, Name};
+
+/// The robot's buses as its tasks see them, and its motors by name.
+pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
+
+/// Everything that its tasks share.
+pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
+
+rc10_tasks::live! {
+    /// Signals and mechanisms for a PC.
+    pub struct Own {
+        mechanisms {
+            lift: "lift";
+            feeder: "feeder";
+        }
+        signals {
+            blamed: "lift blames motor", "";
+            height: "lift height", "deg";
+            tilt: "lift tilt", "deg";
+            fed: "pieces fed", "";
+            jams: "feeder jams", "";
+        }
+        parameters {}
+    }
+}

@@ -1,8 +1,43 @@
-//! The omni robot in simulation: `cargo run --release`. What the simulator must know of it beyond the
-//! [robot](omni_robot) itself stands in [`simulation`].
+//! A robot of three vendors: a base on four omni wheels that can follow a path, an arm of Damiao's, a
+//! turret, and a flywheel on a VESC, driven by a DR16. The same on a PC and on the chip.
+//!
+//! * [`table`]: its motors, its measures, and its path.
+//! * [`task`]: what the remote control makes of it.
+//! * [`base`]: the base, by hand and along the path; [`mechanisms`]: what is on it.
+//! * `simulation`: the robot for the tools on a PC, with an operator's script.
+#![cfg_attr(not(feature = "sim"), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod base;
+pub mod mechanisms;
+pub mod table;
+pub mod task;
+#[cfg(feature = "sim")]
 pub mod plant;
+#[cfg(feature = "sim")]
 pub mod simulation;
 
-pub use omni_robot::{Motors, Name, Ports, Shared, base, table, task};
+pub use table::{Motors, Name};
+
+/// The robot's buses as its tasks see them, and its motors by name.
+pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
+
+/// Everything that its tasks share.
+pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
+
+rc10_tasks::live! {
+    /// Where it believes to be, where it is to be, and what it does: for a PC.
+    pub struct Own {
+        signals {
+            x: "odometry x", "m";
+            y: "odometry y", "m";
+            yaw: "odometry heading", "rad";
+            path_x: "path x", "m";
+            path_y: "path y", "m";
+            path_yaw: "path heading", "rad";
+            heading: "heading", "deg";
+            activity: "activity", "";
+        }
+        parameters {}
+    }
+}

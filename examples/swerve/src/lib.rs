@@ -1,8 +1,36 @@
-//! The swerve robot in simulation: `cargo run --release`. What the simulator must know of it beyond the
-//! [robot](swerve_robot) itself stands in [`simulation`].
+//! A robot on four wheels, each steered by a motor of its own, driven by a DR16. The same on a PC and on
+//! the chip.
+//!
+//! * [`table`]: its motors, and its measures.
+//! * [`task`]: what the remote control makes of it, and where it is by its wheels.
+//! * `simulation`: the robot for the tools on a PC, with an operator's script.
+#![cfg_attr(not(feature = "sim"), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod table;
+pub mod task;
+#[cfg(feature = "sim")]
 pub mod plant;
+#[cfg(feature = "sim")]
 pub mod simulation;
 
-pub use swerve_robot::{Motors, Name, Ports, Shared, table, task};
+pub use table::{Motors, Name};
+
+/// The robot's buses as its tasks see them, and its motors by name.
+pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
+
+/// Everything that its tasks share.
+pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
+
+rc10_tasks::live! {
+    /// Where it is by its wheels: signals for a PC.
+    pub struct Own {
+        signals {
+            x: "odometry x", "m";
+            y: "odometry y", "m";
+            heading: "odometry heading", "rad";
+            slip: "wheels slip", "m/s";
+        }
+        parameters {}
+    }
+}

@@ -3,10 +3,10 @@
 #![no_main]
 
 use defmt_rtt as _;
-use lift_robot::task;
+use lift::task;
 
 rc10_board::robot! {
-    robot: lift_robot;
+    robot: lift;
     buses: two_buses(bus_1, bus_2);
     console: 921_600;
     tasks: |shared, index| task::run(shared, index);

@@ -5,10 +5,10 @@
 #![no_main]
 
 use defmt_rtt as _;
-use mixed_robot::{table::REPLY, task};
+use mixed::{table::REPLY, task};
 
 rc10_board::robot! {
-    robot: mixed_robot;
+    robot: mixed;
     buses: two_buses(bus_1, bus_2);
     line: rs485 at 4_000_000, replies in REPLY;
     console: 921_600;

@@ -3,10 +3,10 @@
 #![no_main]
 
 use defmt_rtt as _;
-use omni_robot::task;
+use omni::task;
 
 rc10_board::robot! {
-    robot: omni_robot;
+    robot: omni;
     buses: three_buses(bus_1, bus_2, bus_3);
     console: 921_600;
     imu: wit;

@@ -3,10 +3,10 @@
 #![no_main]
 
 use defmt_rtt as _;
-use starter_robot::task;
+use starter::task;
 
 rc10_board::robot! {
-    robot: starter_robot;
+    robot: starter;
     buses: two_buses(bus_1, bus_2);
     console: 921_600;
     tasks: |shared| task::run(shared);

@@ -3,10 +3,10 @@
 #![no_main]
 
 use defmt_rtt as _;
-use swerve_robot::task;
+use swerve::task;
 
 rc10_board::robot! {
-    robot: swerve_robot;
+    robot: swerve;
     buses: two_buses(bus_1, bus_2);
     console: 921_600;
     tasks: |shared| task::run(shared);

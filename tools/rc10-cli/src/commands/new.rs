@@ -30,16 +30,14 @@ pub struct NewArgs {
 }
 
 /// Files that are copied unchanged, but for the name.
-const FILES: [&str; 11] = [
+const FILES: [&str; 9] = [
     "README.md",
     "src/lib.rs",
     "src/main.rs",
     "src/simulation.rs",
+    "src/table.rs",
+    "src/task.rs",
     "tests/drive.rs",
-    "robot/Cargo.toml",
-    "robot/src/lib.rs",
-    "robot/src/table.rs",
-    "robot/src/task.rs",
     "firmware/src/main.rs",
     "firmware/.cargo/config.toml",
 ];
@@ -99,7 +97,7 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
          cargo run --release               ten seconds in the simulator, and its report\n  \
          cargo test                        the robot does what hands tell it\n  \
          cargo run --release -- emu        the firmware itself, on the emulated chip\n  \
-         robot/src/table.rs                its motors: a line each",
+         src/table.rs                      its motors: a line each",
         args.board.name, args.board.chip
     )?;
     Ok(())
@@ -116,7 +114,7 @@ fn check_name(name: &str, locked: &str) -> Result<()> {
     );
     let is_reserved = RESERVED.split_whitespace().any(|word| word == name);
     ensure!(!is_reserved, "`{name}` means something else to Rust or its tools: another name");
-    for package in [name.to_owned(), format!("{name}-robot"), format!("{name}-firmware")] {
+    for package in [name.to_owned(), format!("{name}-firmware")] {
         let is_taken = locked.contains(&format!("\nname = \"{package}\"\n"));
         ensure!(!is_taken, "`{name}`: there is a package {package} that robots use: another name");
     }
@@ -146,8 +144,7 @@ impl Checkout {
             let text = self.read(&format!("examples/starter/{file}"))?;
             files.push((file.to_owned(), renamed(file, &text)));
         }
-        let robot = self.read("examples/starter/robot/Cargo.toml")?;
-        let simulation = self.read("examples/starter/Cargo.toml")?;
+        let robot = self.read("examples/starter/Cargo.toml")?;
         let firmware = self.read("examples/starter/firmware/Cargo.toml")?;
         // In the checkout it is a member of the workspace of all programs for the chip.
         let mut own: Vec<_> = firmware.lines().collect();
@@ -158,10 +155,10 @@ impl Checkout {
         let default = format!("default = [{:?}]", self.board.name);
         let own = replaced(&own, "default = [\"h723zg\"]", &default)?;
 
-        let heading = self.workspace("Cargo.toml", "", &[&robot, &simulation])?;
-        let head = "[workspace]\nmembers = [\"robot\"]\n# It has another target, and another set of features.\n\
+        let heading = self.workspace("Cargo.toml", "", &[&robot])?;
+        let head = "[workspace]\n# It has another target, and another set of features.\n\
                     exclude = [\"firmware\"]\nresolver = \"3\"\n\n";
-        let manifest = renamed("Cargo.toml", &(head.to_owned() + &heading + &simulation));
+        let manifest = renamed("Cargo.toml", &(head.to_owned() + &heading + &robot));
         files.push(("Cargo.toml".into(), manifest));
         let heading = self.workspace("firmware/Cargo.toml", "firmware", &[&firmware])?;
         let head = "[workspace]\nresolver = \"3\"\n\n";
