@@ -15,14 +15,13 @@ use std::sync::OnceLock;
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::run::emulation::{Emulation, Setup, content_hash};
-use rc10_cli::team;
 use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Board, Figures, Image, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
-use rc10_robot::table::Name;
-use rc10_robot::{Motors, Shared};
 use rc10_sim::{BusConfig, EscConfig, Model, Nanos, TraceEntry, World};
 use serde_json::Value;
+use team::table::Name;
+use team::{Motors, Shared};
 
 #[path = "firmware/budgets.rs"]
 mod budgets;
@@ -83,7 +82,7 @@ fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
 
 /// The same, for a scenario that needs it as a whole.
 fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
-    let ports = rc10_robot::Ports::new();
+    let ports = team::Ports::new();
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
     let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
@@ -599,7 +598,7 @@ fn a_hung_control_task_makes_every_bus_safe() {
 }
 
 /// A function of the team's robot that a task calls every 10 ms.
-const OF_A_TASK: &str = "rc10_robot::mechanisms::follow";
+const OF_A_TASK: &str = "team::mechanisms::follow";
 /// `B` to itself.
 const LOOP: [u8; 2] = [0xFE, 0xE7];
 
@@ -878,7 +877,7 @@ fn the_chip_drives_as_the_simulator_does() {
     let end = 1050_u64;
     let wheel = Name::FrontLeft as usize;
     let simulated: Vec<(f64, f64)> = {
-        let ports = rc10_robot::Ports::new();
+        let ports = team::Ports::new();
         let shared = Shared::new(&ports);
         let mut motors = Motors::new();
         let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);

@@ -7,11 +7,11 @@ use rc10_cli::recording::{MotorTrack, Recording};
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::simulate::simulate;
 use rc10_cli::world::environment::Environment;
-use rc10_cli::{Description, RemoteControl, Robot, team};
+use rc10_cli::{Description, RemoteControl, Robot};
 use rc10_motor::{Names, Started, Target, TargetKind};
-use rc10_robot::table::{BASE, LIFT, Name, RECEIVER};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::Drive as _;
+use team::table::{BASE, LIFT, Name, RECEIVER};
 
 /// A run with these mistakes; with the operator's own script unless there is another.
 fn run(
@@ -20,9 +20,9 @@ fn run(
     seed: u64,
     millis: u64,
 ) -> Recording {
-    let ports = rc10_robot::Ports::new();
-    let io = &rc10_robot::Shared::new(&ports);
-    let mut motors = rc10_robot::Motors::new();
+    let ports = team::Ports::new();
+    let io = &team::Shared::new(&ports);
+    let mut motors = team::Motors::new();
     let buses = motors.start(&io.switch).unwrap().buses;
     let mut description = team::description();
     if let Some(script) = script {
@@ -173,9 +173,9 @@ fn wheels_of_robots_of_6_to_30_kg_hardly_overshoot_or_roll_back() {
 /// 20 kg and 1.2 kg m² on wheels of 76 mm radius, 0.2 m ahead and 0.22 m aside; an M3508 makes 0.3 N m/A.
 #[test]
 fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
-    let ports = rc10_robot::Ports::new();
-    let shared = &rc10_robot::Shared::new(&ports);
-    let mut motors = rc10_robot::Motors::new();
+    let ports = team::Ports::new();
+    let shared = &team::Shared::new(&ports);
+    let mut motors = team::Motors::new();
     let started = Started { buses: motors.start(&shared.switch).unwrap().buses, lines: [] };
     let description = Description { serials: Vec::new(), ..team::description() };
     let robot = Robot::of(description, started, &shared);

@@ -12,16 +12,15 @@ use rc10_cli::live::{
 };
 use rc10_cli::record::{Kit, replay};
 use rc10_cli::recording::problem::Severity;
-use rc10_cli::team;
 use rc10_cli::world::console::ConsoleLine;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::{ArmState, DriveMode, Motion, Names, Target};
-use rc10_robot::table::{BASE, Name};
-use rc10_robot::{Motors, Ports, Shared};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Switch};
 use rc10_tasks::live;
+use team::table::{BASE, Name};
+use team::{Motors, Ports, Shared};
 
 const BAUD: u32 = 921_600;
 

@@ -8,15 +8,14 @@ use std::path::Path;
 use embassy_time::Timer;
 use rc10_app::Rpm;
 use rc10_can::Micros;
-use rc10_cli::team;
 use rc10_cli::world::environment::Environment;
 use rc10_message::{Latest, Service, Topic, now};
 use rc10_module::ranging::Range;
 use rc10_motor::{Request, Target};
-use rc10_robot::{Motors, Name, Shared};
+use team::{Motors, Name, Shared};
 
 const PAGE: &str = include_str!("../docs/messages.md");
-const ROBOT: &str = include_str!("../crates/rc10-robot/src/robot.rs");
+const ROBOT: &str = include_str!("../examples/team/src/robot.rs");
 const COMMON: &str = include_str!("../crates/rc10-tasks/src/common.rs");
 
 /// Strength of each bump, in g. Four wait for the slowest of two readers.
@@ -75,7 +74,7 @@ async fn turn_a_wheel(shared: &Shared<'_>) -> Result<(), rc10_motor::TargetError
 
 #[test]
 fn the_code_of_the_page_runs() {
-    let (ports, ended) = (rc10_robot::Ports::new(), Cell::new(false));
+    let (ports, ended) = (team::Ports::new(), Cell::new(false));
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
     let robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);
@@ -162,7 +161,7 @@ fn the_table_is_that_of_the_robot() {
         "the fields of `Common`, and of its own, in their order, with their types"
     );
 
-    let mut tasks = sources("crates/rc10-robot/src");
+    let mut tasks = sources("examples/team/src");
     tasks.extend(sources("crates/rc10-tasks/src"));
     for no_task in ["lib", "robot", "table", "common"] {
         tasks.remove(no_task).unwrap();
@@ -202,7 +201,7 @@ fn the_table_is_that_of_the_robot() {
 #[test]
 fn ages_are_those_of_the_code() {
     let folders = [
-        "crates/rc10-robot/src",
+        "examples/team/src",
         "crates/rc10-tasks/src",
         "crates/rc10-module/src/remote",
         "crates/rc10-module/src/imu",

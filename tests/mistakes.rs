@@ -7,9 +7,8 @@ use crate::common::scratch::Scratch;
 use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::run::simulate::simulate;
-use rc10_cli::team;
 use rc10_motor::Link;
-use rc10_robot::table::Name;
+use team::table::Name;
 
 /// Exit code, and what it says on both ways out.
 fn rc10(arguments: &[&str]) -> (Option<i32>, String) {
@@ -144,9 +143,9 @@ fn a_wrong_mistake_ends_with_2_and_a_reason() {
 }
 
 fn run(mistake: &str, millis: u64) -> Recording {
-    let ports = rc10_robot::Ports::new();
-    let shared = &rc10_robot::Shared::new(&ports);
-    let mut motors = rc10_robot::Motors::new();
+    let ports = team::Ports::new();
+    let shared = &team::Shared::new(&ports);
+    let mut motors = team::Motors::new();
     let buses = motors.start(&shared.switch).unwrap().buses;
     let mut robot = team::robot(shared, buses);
     if !mistake.is_empty() {

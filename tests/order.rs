@@ -96,11 +96,11 @@ fn nothing_else_changes<N: Names, const MOTORS: usize>() {
 
 #[test]
 fn places_models_and_loads_are_those_of_the_label() {
-    nothing_else_changes::<rc10_robot::Name, 11>();
+    nothing_else_changes::<team::Name, 11>();
     nothing_else_changes::<mixed::Name, 14>();
 }
 
-type Team = rc10_robot::Name;
+type Team = team::Name;
 const MOTORS: usize = 11;
 
 /// The team's motors, each told a speed of its own, by label.

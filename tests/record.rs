@@ -16,14 +16,14 @@ use rc10_cli::run::simulate::{heading, simulate_into};
 use rc10_cli::show::figures::{Figures, to_json};
 use rc10_cli::show::report::report;
 use rc10_cli::world::robot::Robot;
-use rc10_cli::{CommandLine, Motor, Place, Recording, team};
+use rc10_cli::{CommandLine, Motor, Place, Recording};
 use rc10_motor::dji::{Config, M3508};
 use rc10_sim::Random;
 
 /// Hands the team's robot over.
 fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
-    let ports = rc10_robot::Ports::new();
-    let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+    let ports = team::Ports::new();
+    let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
     let buses = motors.start(&shared.switch).unwrap().buses;
     take(team::robot(&shared, buses))
 }

@@ -10,13 +10,12 @@ use rc10_app::Twist;
 use rc10_can::Micros;
 use rc10_cli::Receiver;
 use rc10_cli::robot::remote::ReceiverWire;
-use rc10_cli::team;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::{ArmState, DriveMode, Link, Target};
-use rc10_robot::table::{BASE, LIFT, Name};
-use rc10_robot::{BaseCommand, Motors, Shared};
 use rc10_sim::remote::{Controls, Failsafe, Sbus, Stick, Switch};
 use rc10_sim::{Nanos, SerialCounters, Tasks, TraceEntry, UartFault};
+use team::table::{BASE, LIFT, Name};
+use team::{BaseCommand, Motors, Shared};
 
 const fn millis(millis: u64) -> Micros {
     Micros::from_millis(millis)
@@ -43,7 +42,7 @@ fn scene_with<T>(
     change: impl FnOnce(&mut Environment),
     play: impl FnOnce(Scene<'_>) -> T,
 ) -> T {
-    let ports = rc10_robot::Ports::new();
+    let ports = team::Ports::new();
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
     let buses = motors.start(&shared.switch).unwrap().buses;
@@ -348,7 +347,7 @@ fn every_receiver_drives_the_script() {
     use rc10_cli::run::simulate::simulate;
     for receiver in Receiver::ALL {
         let run = |seed| {
-            let ports = rc10_robot::Ports::new();
+            let ports = team::Ports::new();
             let shared = &Shared::new(&ports);
             let mut motors = Motors::new();
             let mut robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);

@@ -55,12 +55,11 @@ fn ten_seconds_lose_nothing_and_leave_the_files() {
 #[test]
 fn the_robot_does_what_its_script_says() {
     use rc10_cli::run::simulate::simulate;
-    use rc10_cli::team;
     use rc10_motor::DriveMode;
-    use rc10_robot::table::Name;
-    let ports = rc10_robot::Ports::new();
-    let io = &rc10_robot::Shared::new(&ports);
-    let mut motors = rc10_robot::Motors::new();
+    use team::table::Name;
+    let ports = team::Ports::new();
+    let io = &team::Shared::new(&ports);
+    let mut motors = team::Motors::new();
     let buses = motors.start(&io.switch).unwrap().buses;
     let length = rc10_can::Micros::from_millis(10_000);
     let recording = simulate(team::robot(io, buses), 3, length).unwrap();
@@ -163,7 +162,7 @@ fn tables_name_every_motor_and_bus() {
     let output = rc10(&["run", "--seconds", "0.5", "--out", folder.to_str().unwrap()]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    for name in <rc10_robot::Name as rc10_motor::Names>::ALL {
+    for name in <team::Name as rc10_motor::Names>::ALL {
         assert!(text.contains(rc10_motor::Names::label(*name)), "{text}");
     }
     assert!(text.contains("planned load") && text.contains("report.html"));
@@ -290,11 +289,10 @@ fn run_does_the_faults_of_wires() {
 fn faults_of_parts_have_their_effects_and_no_others() {
     use rc10_cli::run::simulate::simulate;
     use rc10_cli::show::figures::Figures;
-    use rc10_cli::team;
     let run = |fault: &str| {
-        let ports = rc10_robot::Ports::new();
-        let io = &rc10_robot::Shared::new(&ports);
-        let mut motors = rc10_robot::Motors::new();
+        let ports = team::Ports::new();
+        let io = &team::Shared::new(&ports);
+        let mut motors = team::Motors::new();
         let mut robot = team::robot(io, motors.start(&io.switch).unwrap().buses);
         let faults = [fault.parse().unwrap()];
         robot.set_faults(&faults).unwrap();

@@ -3,12 +3,11 @@
 use crate::common::{Bench, motor, twin};
 use rc10_app::{Amps, Rpm, TotalAngle};
 use rc10_can::Micros;
-use rc10_cli::team;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::dji::{self, Dji, FeedbackRate, Model};
 use rc10_motor::{ArmSwitch, DriveMode, Link, Names, Safety, Target};
-use rc10_robot::table::{LIFT, Name};
-use rc10_robot::{Motors, Shared};
+use team::table::{LIFT, Name};
+use team::{Motors, Shared};
 
 const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
 
@@ -170,7 +169,7 @@ fn nothing_moves_before_the_robot_is_armed() {
 /// The whole robot at full activity, and an emergency stop.
 #[test]
 fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
-    let ports = rc10_robot::Ports::new();
+    let ports = team::Ports::new();
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
     let buses = motors.start(&shared.switch).unwrap().buses;

@@ -1,4 +1,4 @@
-//! The chip binary of `rc10-robot`: pins, interrupts, executors; the rest runs on a PC, too.
+//! The chip binary of the team's robot: pins, interrupts, executors; the rest runs on a PC, too.
 //!
 //! Priorities, most urgent first: time (P0); the supervisor, for hung buses (P3); the buses'
 //! executor (P6); UARTs and timers (P7); everything else, in thread mode. So no log, maths or
@@ -25,8 +25,8 @@ use rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
 use rc10_message::Cycles;
 use rc10_module::led::ws2812::BITS;
 use rc10_motor::MotorBus;
-use rc10_robot::table::{BUSES, CONSOLE, LEDS, RECEIVER};
-use rc10_robot::{Motors, Ports, Shared};
+use team::table::{BUSES, CONSOLE, LEDS, RECEIVER};
+use team::{Motors, Ports, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
 
 rc10_bsp::crash_handlers!();

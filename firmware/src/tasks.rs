@@ -9,8 +9,8 @@ use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{Serial, SerialReceiver};
 use rc10_module::led::ws2812::{Pulses, Strip};
-use rc10_robot::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
-use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
+use team::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
+use team::{Shared, chassis, driver, imu, mechanisms};
 use rc10_tasks::{remote, status, status_led};
 
 /// The base.

@@ -15,7 +15,7 @@ use rc10_cli::live::Client;
 use rc10_cli::record::{RecordWriter, replay};
 use rc10_cli::run::simulate::simulate_into;
 use rc10_cli::world::environment::Environment;
-use rc10_cli::{Robot, team};
+use rc10_cli::Robot;
 use rc10_link::frame::{AROUND, BODY, Writer, crc};
 use rc10_module::imu::bmi088::{Bmi088, Config};
 
@@ -40,8 +40,8 @@ fn pieces(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 
 /// Hands the team's robot over.
 fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
-    let ports = rc10_robot::Ports::new();
-    let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+    let ports = team::Ports::new();
+    let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
     let buses = motors.start(&shared.switch).unwrap().buses;
     take(team::robot(&shared, buses))
 }

@@ -6,8 +6,8 @@ use rc10_cli::live::{Action, Answer, Client, Sample, Urgent};
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
 use rc10_motor::Names;
-use rc10_robot::table::Name;
 use rc10_sim::{Nanos, UartFault};
+use team::table::Name;
 
 use super::{commands, is_clean, keeps_its_period, log, run, setup};
 

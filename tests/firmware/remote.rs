@@ -8,8 +8,8 @@ use rc10_cli::recording::remote::Loss;
 use rc10_cli::robot::remote::ReceiverWire;
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
-use rc10_robot::table::{BASE, LED_BRIGHTNESS, LEDS};
 use rc10_sim::{Nanos, UartFault};
+use team::table::{BASE, LED_BRIGHTNESS, LEDS};
 
 use crate::{give, is_clean, keeps_its_period, log, millis, run, setup};
 use rc10_emu::strip::pictures;

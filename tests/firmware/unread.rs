@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use rc10_cli::robot::description::SerialPart;
-use rc10_cli::{CommandLine, team};
+use rc10_cli::CommandLine;
 use rc10_module::Reception;
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Nanos, SerialDevice};
@@ -31,7 +31,7 @@ fn emulated(name: &str, parts: &[SerialPart]) -> (u8, String) {
     let file = std::env::var("RC10_FIRMWARE").unwrap();
     let out = scratch.to_str().unwrap();
     let line = ["rc10", "emu", "--strict", "--seconds", "1.3", "--out", out, &file];
-    let (ports, unread) = (rc10_robot::Ports::new(), Reception::new());
+    let (ports, unread) = (team::Ports::new(), Reception::new());
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let buses = motors.start(&shared.switch).unwrap().buses;
     let robot = team::robot_of(description, &shared, buses);

@@ -7,7 +7,6 @@ use std::process::Command;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_cli::formats::dbc::{Dbc, Frame, NamedSignal};
 use rc10_cli::formats::dbc::{Node, of_bus};
-use rc10_cli::team;
 use rc10_motor::signals::{ByteOrder, Kind, Message, Presence, Signal};
 use serde_json::{Map, Value, json};
 

@@ -6,9 +6,8 @@ use rc10_can::Micros;
 use rc10_cli::record::RecordWriter;
 use rc10_cli::recording::Recording;
 use rc10_cli::run::simulate::{heading, simulate_into};
-use rc10_cli::team;
-use rc10_robot::{Motors, Ports, Shared};
 use serde_json::Value;
+use team::{Motors, Ports, Shared};
 
 use super::scratch::Scratch;
 use super::{must_succeed, python, script};

@@ -6,10 +6,10 @@ use std::rc::Rc;
 use rc10_cli::Receiver;
 use rc10_module::led::pattern::{LampState, colour};
 use rc10_motor::ArmState;
-use rc10_robot::table::{LEDS, Name};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::status_led;
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
+use team::table::{LEDS, Name};
 
 use super::{DOWN, Scene, millis, scene};
 

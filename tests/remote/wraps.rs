@@ -99,7 +99,7 @@ async fn jog(motor: MotorPort<'_>) {
 
 /// The life of the team's robot.
 fn team(start: Micros) -> Vec<Look> {
-    let ports = rc10_robot::Ports::new();
+    let ports = team::Ports::new();
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
     let robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);

@@ -9,7 +9,6 @@ use std::thread;
 use rc10_cli::Receiver;
 use rc10_cli::robot::mistake::{Mistake, Quantity};
 use rc10_cli::run::simulate::simulate;
-use rc10_cli::team;
 use rc10_cli::world::robot::Robot;
 
 use super::*;
@@ -33,8 +32,8 @@ fn with_robot<T>(package: &str, work: impl FnOnce(Robot<'_>) -> T) -> T {
         "starter" => shipped!(starter),
         "swerve" => shipped!(swerve),
         _ => {
-            let ports = rc10_robot::Ports::new();
-            let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+            let ports = team::Ports::new();
+            let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
             work(team::robot(&shared, motors.start(&shared.switch).unwrap().buses))
         }
     }

@@ -2,7 +2,6 @@
 
 use mixed::simulation;
 use rc10_cli::run::simulate::simulate;
-use rc10_cli::team;
 use rc10_cli::world::robot::Robot;
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{MotorBus, Names, Started};
@@ -27,9 +26,9 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
     let run = |robot: Robot<'_>| simulate(robot, seed, length).unwrap();
     match which {
         Which::Team => {
-            let ports = rc10_robot::Ports::new();
-            let shared = &rc10_robot::Shared::new(&ports);
-            let mut all = motors::<rc10_robot::Name>(change);
+            let ports = team::Ports::new();
+            let shared = &team::Shared::new(&ports);
+            let mut all = motors::<team::Name>(change);
             let mut buses = [(); 3].map(|()| MotorBus::new(&shared.switch));
             attach(&mut all, &mut buses.each_mut(), &mut []);
             run(team::robot(shared, buses))

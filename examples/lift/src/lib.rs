@@ -11,12 +11,12 @@
 
 mod indexed;
 mod lift;
-pub mod table;
-pub mod task;
 #[cfg(feature = "sim")]
 pub mod plant;
 #[cfg(feature = "sim")]
 pub mod simulation;
+pub mod table;
+pub mod task;
 
 pub use lift::{Goal, Lift};
 pub use table::{Motors, Name};

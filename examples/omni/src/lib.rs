@@ -10,12 +10,12 @@
 
 pub mod base;
 pub mod mechanisms;
-pub mod table;
-pub mod task;
 #[cfg(feature = "sim")]
 pub mod plant;
 #[cfg(feature = "sim")]
 pub mod simulation;
+pub mod table;
+pub mod task;
 
 pub use table::{Motors, Name};
 

@@ -6,10 +6,10 @@
 #![cfg_attr(not(feature = "sim"), no_std)]
 #![forbid(unsafe_code)]
 
-pub mod table;
-pub mod task;
 #[cfg(feature = "sim")]
 pub mod simulation;
+pub mod table;
+pub mod task;
 
 pub use table::{Motors, Name};
 

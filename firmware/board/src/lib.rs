@@ -7,7 +7,7 @@
 //!
 //! * [`robot!`]: the whole program, of a robot and its tasks.
 //! * [`board`](mod@board): pins, crystal, soldered parts. [`robot`](mod@robot): every robot's work
-//!   on them, for programs that need more than [`robot!`], as that of `rc10-robot`.
+//!   on them, for programs that need more than [`robot!`], as that of the team's robot.
 //!
 //! The memory map comes with this crate; the rest is in a program's `.cargo/config.toml`.
 #![no_std]

@@ -15,7 +15,7 @@ use embassy_time::Instant;
 use rc10_board::board::Board;
 use rc10_board::robot;
 use rc10_bsp::usb::{self, UsbConfig, UsbDevice, UsbMemory};
-use rc10_robot::{Ports, Shared};
+use team::{Ports, Shared};
 use rc10_tasks::status;
 use static_cell::StaticCell;
 

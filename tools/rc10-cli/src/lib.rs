@@ -5,7 +5,7 @@
 //! A robot crate needs no copy of this one: it hands a [`Robot`], which is a [`Description`] with
 //! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
 //!
-//! * [`robot`]: a robot as plain data: motors, base, remote, script. [`team`]: that of `rc10-robot`.
+//! * [`robot`]: a robot as plain data: motors, base, remote, script.
 //! * [`world`]: the simulated environment of a robot, and a robot with its tasks, ready to run.
 //! * [`run`]: runs in the simulator and on the emulated chip.
 //! * [`record`]: takes looks at a robot, and keeps them in a file. [`recording`]: a whole run.
@@ -28,8 +28,9 @@ pub mod recording;
 pub mod robot;
 pub mod run;
 pub mod show;
-pub mod team;
 mod terminal;
+#[cfg(test)]
+mod tests;
 pub mod world;
 
 use std::ffi::OsString;
@@ -220,17 +221,6 @@ pub fn main_for(
             ExitCode::from(2)
         }
     }
-}
-
-/// The `rc10` command: [`main_for`] the robot of `rc10-robot`.
-#[must_use]
-pub fn main() -> ExitCode {
-    main_for(&team::description(), |command| {
-        let ports = rc10_robot::Ports::new();
-        let io = rc10_robot::Shared::new(&ports);
-        let mut motors = rc10_robot::Motors::new();
-        command.run(team::robot(&io, motors.start(&io.switch)?.buses))
-    })
 }
 
 /// The robot in this folder, if it is another one than this program's.

@@ -149,11 +149,11 @@ mod tests {
         out: &mut dyn Write,
         err: &mut dyn Write,
     ) -> anyhow::Result<bool> {
-        let ports = rc10_robot::Ports::new();
-        let io = rc10_robot::Shared::new(&ports);
-        let mut motors = rc10_robot::Motors::new();
+        let ports = team::Ports::new();
+        let io = team::Shared::new(&ports);
+        let mut motors = team::Motors::new();
         let buses = motors.start(&io.switch)?.buses;
-        decode_log(log, args, crate::team::robot(&io, buses), out, err)
+        decode_log(log, args, crate::tests::robot(&io, buses), out, err)
     }
 
     fn frames(log: &str) -> Vec<Value> {

@@ -175,10 +175,10 @@ mod tests {
     /// Hands over a judge of the team's robot, and topics with which that tells of its motors' links and
     /// of its arming.
     fn with_judge(test: impl FnOnce(&mut Judge<'_>, Vec<Topic>)) {
-        let ports = rc10_robot::Ports::new();
-        let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+        let ports = team::Ports::new();
+        let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
         let buses = motors.start(&shared.switch).unwrap().buses;
-        let robot = crate::team::robot(&shared, buses);
+        let robot = crate::tests::robot(&shared, buses);
         let crane = Common::<_, 3, 0, Crane>::new(&ports);
         let kit = Kit::of(&robot.live(&crane));
         let motors = kit.description().motors.iter().map(|motor| motor.label);

@@ -173,9 +173,9 @@ mod tests {
         };
         assert_ne!([of(true), of(true), of(true), of(true)], [1; 4]);
         assert_eq!([of(false), of(false)], [1; 2]);
-        let ports = rc10_robot::Ports::new();
-        let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
-        let robot = crate::team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+        let ports = team::Ports::new();
+        let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
+        let robot = crate::tests::robot(&shared, motors.start(&shared.switch).unwrap().buses);
         let simulated = SourceArgs { sim: true, ..SourceArgs::default() };
         assert_eq!(first(simulated.open(robot, false).unwrap()), 1);
     }

@@ -508,10 +508,10 @@ mod tests {
     /// The recording of what the team's robot tells of a motor and of itself: the names of the motor's
     /// numbers, then its numbers, or none for the robot, by milliseconds.
     fn recorded(names: &[&str], told: &[(u64, Option<&[f64]>)]) -> Recording {
-        let ports = rc10_robot::Ports::new();
-        let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+        let ports = team::Ports::new();
+        let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
         let buses = motors.start(&shared.switch).unwrap().buses;
-        let kit = Kit::of(&crate::team::robot(&shared, buses));
+        let kit = Kit::of(&crate::tests::robot(&shared, buses));
         let mut replay = Replay::new(&kit, 1, Source::Robot).unwrap();
         let names = names.iter().map(|name| (*name).to_owned());
         replay.channel(0, "/motors/wheel_front_left", names.collect());

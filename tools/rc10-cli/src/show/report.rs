@@ -711,12 +711,12 @@ mod tests {
     use crate::recording::{BaseTrack, PartTrack, Tracking};
     use crate::robot::remote::{Lost, Receiver};
     use crate::robot::script::Event;
-    use crate::team;
+    use crate::tests;
 
     /// All motors follow a target exactly; nothing is wrong.
     fn recording(length: Micros) -> Recording {
         let samples = usize::try_from(length.get() / SAMPLE_PERIOD.get()).unwrap();
-        let motors = team::description().motors.into_iter().map(|motor| {
+        let motors = tests::description().motors.into_iter().map(|motor| {
             let kind = match motor.label.split_once(' ') {
                 Some(("gimbal", _)) => TargetKind::Angle,
                 Some(("lift", _)) => TargetKind::TotalAngle,
@@ -810,7 +810,7 @@ mod tests {
     #[test]
     fn shows_every_motor_bus_and_event() {
         let page = page_of(&two_seconds());
-        for motor in team::description().motors {
+        for motor in tests::description().motors {
             assert!(page.contains(&format!("<td class=\"words\">{}</td>", motor.label)));
         }
         for text in ["bus 1", "bus 3", "seed 42", "<b>2</b> s of", "arm <time>0.10 s", "59.0 %"] {

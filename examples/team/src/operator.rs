@@ -1,11 +1,11 @@
 //! The script of the team's remote: ten seconds that show everything. Controls:
-//! `rc10_robot::driver`.
+//! `crate::driver`.
 
 use rc10_can::Micros;
-use rc10_robot::table::{BASE, FEEDER, GIMBAL_RATES, LIFT_RATE};
+use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::remote::{Controls, Stick, Switch};
 
-use crate::robot::remote::ScriptLine;
+use crate::table::{BASE, FEEDER, GIMBAL_RATES, LIFT_RATE};
 
 /// Period of the script.
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);

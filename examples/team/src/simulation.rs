@@ -1,21 +1,17 @@
-//! The robot of `rc10-robot`, which is that of the `rc10` command, for the tools.
+//! The robot for the tools on a PC, and the `rc10` command, which knows it.
 
-pub(crate) mod operator;
+use std::process::ExitCode;
 
+use crate::table::{BASE, BUSES, CONSOLE, LIFT, LIFT_TOP, Name, RECEIVER};
+use crate::{Motors, Ports, Shared, chassis, driver, imu, mechanisms, operator};
 use anyhow::{Context, Result};
 use rc10_motor::{MotorBus, Started};
-use rc10_robot::table::{BASE, BUSES, CONSOLE, LIFT, LIFT_TOP, Name, RECEIVER};
-use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Nanos, Serial, World};
 use rc10_tasks::status;
 
-use crate::robot::base::Base;
-use crate::robot::description::{Description, SerialPart};
-use crate::robot::motor::Plant;
-use crate::robot::remote::RemoteControl;
-use crate::run::build::build_firmware_of;
-use crate::world::robot::Robot;
+use rc10_cli::run::build::build_firmware_of;
+use rc10_cli::{Base, Description, Plant, RemoteControl, Robot, SerialPart};
 
 /// UART of the IMU, as in `firmware/board/src/h723zg.rs`.
 const IMU_UART: u8 = 7;
@@ -83,4 +79,14 @@ pub fn robot_of<'r>(
             let heading = io.heading.read()?.value.total(now)?;
             Some(heading.microdegrees() as f64 * 1e-6)
         })
+}
+
+/// The `rc10` command: [`main_for`](rc10_cli::main_for) this robot.
+#[must_use]
+pub fn main() -> ExitCode {
+    rc10_cli::main_for(&description(), |command| {
+        let ports = Ports::new();
+        let (io, mut motors) = (Shared::new(&ports), Motors::new());
+        command.run(robot(&io, motors.start(&io.switch)?.buses))
+    })
 }

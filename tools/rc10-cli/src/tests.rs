@@ -1,0 +1,16 @@
+//! The team's robot for unit tests. That crate's own description is made with another build of this one.
+
+use rc10_motor::{MotorBus, Started};
+use team::Shared;
+use team::table::{BASE, BUSES, Name};
+
+use crate::{Base, Description, Plant, Robot};
+
+pub fn description() -> Description {
+    let base = Some(Base::of(BASE.wheels, &BASE.geometry));
+    Description { base, ..Description::of(|_: Name| Plant::inertia(0.01)) }
+}
+
+pub fn robot<'r>(shared: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> {
+    Robot::of(description(), Started { buses, lines: [] }, shared)
+}
