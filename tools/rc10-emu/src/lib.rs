@@ -16,6 +16,7 @@ pub mod peripherals;
 pub mod profile;
 mod rig;
 pub mod strip;
+mod time;
 
 pub use board::{Board, Heater, ImuWiring, Package, SupplySense};
 pub use figures::{BusFigures, Figures, Spread};

@@ -26,6 +26,7 @@ const CROSSING: u64 = 16;
 /// Without a clock nothing crosses.
 const NEVER: Nanos = Nanos::new(u64::MAX);
 
+#[derive(Default)]
 pub(super) struct Controller {
     pub(super) registers: Registers,
     /// IR.
@@ -51,38 +52,13 @@ pub(super) struct Controller {
 }
 
 impl Controller {
-    pub fn new() -> Self {
-        Self {
-            registers: Registers::new(),
-            flags: 0,
-            kernel_hz: 0,
-            is_clock_valid: false,
-            init_told: Nanos::ZERO,
-            pins: (false, false),
-            timestamp: Timestamp::new(),
-            link: Link::new(),
-            errors: Errors::new(),
-            receive: Receive::default(),
-            transmit: Transmit::default(),
-            sent_last: false,
-            suspended_until: Nanos::ZERO,
-            now: Nanos::ZERO,
-            counters: Counters::default(),
-        }
-    }
-
     /// The block's reset: everything outside of it (clock, pins, wire) stays.
     pub fn reset(&mut self) {
-        self.registers = Registers::new();
-        self.flags = 0;
-        self.timestamp = Timestamp::new();
+        let old = std::mem::take(self);
+        (self.kernel_hz, self.is_clock_valid) = (old.kernel_hz, old.is_clock_valid);
+        (self.pins, self.link) = (old.pins, old.link);
+        (self.now, self.counters) = (old.now, old.counters);
         self.link.stop();
-        self.errors = Errors::new();
-        self.receive = Receive::default();
-        self.transmit = Transmit::default();
-        self.sent_last = false;
-        self.suspended_until = Nanos::ZERO;
-        self.init_told = Nanos::ZERO;
     }
 
     pub fn set_kernel_clock(&mut self, hz: u64, valid: bool) {
@@ -313,10 +289,10 @@ impl Controller {
             return None;
         };
         if register.access != Access::Active {
-            return Some(self.registers.at(offset));
+            return Some(self.registers.at(register));
         }
         let lost = |flag| u32::from(self.flags & flag != 0) << 25;
-        Some(match offset {
+        Some(match register {
             at::TSCV => self.stamp(self.now),
             // The timeout counter does not count.
             at::TOCV => self.registers.field(at::TOCC, 16, 16),
@@ -335,8 +311,8 @@ impl Controller {
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
             at::TXEFS => self.event_status() | lost(ir::TEFL),
-            at::CCCR => self.registers.at(offset) & !cccr::INIT | u32::from(self.told_init()),
-            at::TEST => self.registers.at(offset),
+            at::CCCR => self.registers.at(register) & !cccr::INIT | u32::from(self.told_init()),
+            at::TEST => self.registers.at(register),
             // Acknowledge and request registers read as zero.
             _ => 0,
         })
@@ -363,13 +339,13 @@ impl Controller {
             Access::Constant => (),
             Access::Open => drop(self.registers.store(register, value)),
             Access::Protected => self.configure(register, value),
-            Access::Active => self.act(offset, value),
+            Access::Active => self.act(register, value),
         }
         self.settle(now);
         true
     }
 
-    fn configure(&mut self, register: &Register, value: u32) {
+    fn configure(&mut self, register: Register, value: u32) {
         if !self.may_configure() {
             self.refuse_if(self.registers.would_change(register, value));
         } else if self.registers.store(register, value) {
@@ -381,8 +357,8 @@ impl Controller {
         self.counters.protected_writes += u64::from(changes);
     }
 
-    fn act(&mut self, offset: u32, value: u32) {
-        let is_there = match offset {
+    fn act(&mut self, register: Register, value: u32) {
+        let is_there = match register {
             at::CCCR => return self.write_cccr(value),
             at::TEST => return self.write_test(value),
             at::TSCV => return self.timestamp.restart(self.now),
@@ -428,11 +404,10 @@ impl Controller {
 
     /// TEST needs CCCR.TEST as well.
     fn write_test(&mut self, value: u32) {
-        let Some(register) = find(at::TEST) else { return };
         if self.may_configure() && self.is(cccr::TEST) {
-            self.registers.store(register, value);
+            self.registers.store(at::TEST, value);
         } else {
-            self.refuse_if(self.registers.would_change(register, value));
+            self.refuse_if(self.registers.would_change(at::TEST, value));
         }
     }
 

@@ -40,11 +40,13 @@ pub(super) struct Errors {
     last: u32,
 }
 
-impl Errors {
-    pub const fn new() -> Self {
+impl Default for Errors {
+    fn default() -> Self {
         Self { transmit: 0, receive: 0, bus_off: false, logged: 0, last: NO_CHANGE }
     }
+}
 
+impl Errors {
     pub const fn is_bus_off(&self) -> bool {
         self.bus_off
     }

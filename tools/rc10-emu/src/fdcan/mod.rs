@@ -50,9 +50,12 @@ impl Fdcans {
     /// FDCANs after power-on: no kernel clock, no pins, noise in the message RAM by the seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        let controllers = [(); 3].map(|()| controller::Controller::new());
-        let calibration = calibration::Calibration::new();
-        Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new(seed) }
+        Self {
+            controllers: Default::default(),
+            calibration: calibration::Calibration::new(),
+            kernel_hz: 0,
+            ram: MessageRam::new(seed),
+        }
     }
 
     /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
@@ -116,19 +119,13 @@ impl Fdcans {
         self.apply_clock();
     }
 
-    /// The kernel clock behind the calibration unit's divider, hertz.
-    #[must_use]
-    pub fn time_quantum_hz(&self) -> u64 {
-        self.time_quantum_of(self.kernel_hz)
-    }
-
-    /// The same, if the kernel clock had another frequency.
+    /// A kernel clock behind the calibration unit's divider, hertz.
     pub(crate) fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
         kernel_hz / self.calibration.divider()
     }
 
     fn apply_clock(&mut self) {
-        let (hz, valid) = (self.time_quantum_hz(), self.calibration.is_valid());
+        let (hz, valid) = (self.time_quantum_of(self.kernel_hz), self.calibration.is_valid());
         self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 

@@ -5,11 +5,11 @@ use rc10_can::CanFrame;
 use super::controller::Controller;
 use super::filters::{self, Destination};
 use super::ram::{self, MessageRam};
-use super::registers::{at, ir};
+use super::registers::{Register, at, ir};
 use super::ring::{Put, Ring, Shape};
 
 /// Configuration registers of FIFO 0, FIFO 1.
-const FIFOS: [u32; 2] = [at::RXF0C, at::RXF1C];
+const FIFOS: [Register; 2] = [at::RXF0C, at::RXF1C];
 /// Elements of a receive FIFO at most.
 const LARGEST_FIFO: u32 = 64;
 

@@ -14,8 +14,9 @@ use std::fmt;
 use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
-use super::clocks::{Clocks, Limit, PRESCALERS, TooFast, field};
-use super::registers::{Register, Registers, fixed, masked, plain};
+use super::clocks::{Clocks, Limit, PRESCALERS, TooFast};
+use super::registers::{Register, Registers, field, fixed, masked, plain};
+use crate::time::time_of;
 
 /// Number of its interrupt, and DMAMUX1's of its request. Source: stm32-metapac.
 const INTERRUPT: usize = 18;
@@ -227,8 +228,7 @@ impl Adc {
     fn after(&self, half_clocks: u64, now: Nanos) -> Result<Nanos, AccessKind> {
         let hz = self.half_clocks_hz();
         AccessKind::Adc(AdcFault::NoClock).when(hz == 0)?;
-        let nanos = (u128::from(half_clocks) * 1_000_000_000).div_ceil(u128::from(hz));
-        Ok(now + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX)))
+        Ok(now + time_of(half_clocks, hz))
     }
 
     fn is_regulated(&self, now: Nanos) -> bool {

@@ -110,11 +110,7 @@ impl Stream {
     }
 
     const fn width(&self) -> Width {
-        match self.control >> 11 & 3 {
-            0 => Width::Byte,
-            1 => Width::Half,
-            _ => Width::Word,
-        }
+        Width::of(1 << (self.control >> 11 & 3))
     }
 
     pub(super) const fn is_enabled(&self) -> bool {

@@ -9,6 +9,7 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
 use super::facts::{Facts, I2CS};
+use crate::time::time_of;
 
 /// A device on an I2C bus.
 pub trait I2cDevice: Send {
@@ -171,8 +172,7 @@ impl I2c {
     /// Duration of a number of clocks: SCLL and SCLH in periods of the prescaled kernel clock.
     fn clocks(&self, clocks: u64) -> Nanos {
         let field = |shift: u32, mask: u32| u64::from(self.timing >> shift & mask) + 1;
-        let periods = clocks * (field(0, 0xFF) + field(8, 0xFF)) * field(28, 0xF);
-        Nanos::new((periods * 1_000_000_000).div_ceil(self.hz.max(1)))
+        time_of(clocks * (field(0, 0xFF) + field(8, 0xFF)) * field(28, 0xF), self.hz)
     }
 
     fn stretched(&self) -> Option<Nanos> {

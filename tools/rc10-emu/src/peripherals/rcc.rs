@@ -17,10 +17,10 @@ use rc10_sim::Nanos;
 use super::access::{AccessKind, Write};
 use super::clocks::{
     self, CFGR, CSI_HZ, Clocks, D1CCIPR, D1CFGR, D2CCIP1R, D2CCIP2R, D2CFGR, D3CCIPR, HSI_HZ,
-    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones, field,
+    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones,
 };
 use super::map::Switch;
-use super::registers::{Register, Registers, masked, plain};
+use super::registers::{Register, Registers, field, masked, plain};
 use crate::machine::Options;
 
 /// Cause of a reset.

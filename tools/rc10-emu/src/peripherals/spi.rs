@@ -16,6 +16,7 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Width, Write};
 use super::facts::{Facts, SPIS};
+use crate::time::time_of;
 
 /// A device on an SPI bus.
 pub trait SpiDevice: Send {
@@ -215,8 +216,7 @@ impl Spi {
                 None => return,
             },
         };
-        let nanos = u64::from(self.frame_bits()) * 1_000_000_000;
-        self.frame = Some((value, now + Nanos::new(nanos.div_ceil(self.clock_hz()))));
+        self.frame = Some((value, now + time_of(self.frame_bits(), self.clock_hz())));
     }
 
     fn exchange(&mut self, value: u16, at: Nanos) -> u16 {

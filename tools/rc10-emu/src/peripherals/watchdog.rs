@@ -7,6 +7,7 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
 use super::clocks::LSI_HZ;
+use crate::time::{periods_in, time_of};
 
 const KEY_START: u32 = 0xCCCC;
 const KEY_FEED: u32 = 0xAAAA;
@@ -30,7 +31,7 @@ impl Late {
 
     fn write(&mut self, value: u32, now: Nanos) {
         self.written = value;
-        self.updated_at = Some(now + lsi_periods(UPDATE));
+        self.updated_at = Some(now + time_of(UPDATE, LSI_HZ));
     }
 
     fn advance(&mut self, now: Nanos) {
@@ -39,11 +40,6 @@ impl Late {
             self.updated_at = None;
         }
     }
-}
-
-/// The time of a number of LSI periods, rounded up to a nanosecond.
-const fn lsi_periods(periods: u64) -> Nanos {
-    Nanos::new((periods * 1_000_000_000).div_ceil(LSI_HZ))
 }
 
 #[derive(Debug)]
@@ -78,13 +74,12 @@ impl Watchdog {
 
     fn bite_at(&self) -> Option<Nanos> {
         let periods = (u64::from(self.counter) + 1) * self.period();
-        self.counting_from.map(|start| start + lsi_periods(periods))
+        self.counting_from.map(|start| start + time_of(periods, LSI_HZ))
     }
 
     fn count(&self, now: Nanos) -> u32 {
         let from = self.counting_from.unwrap_or(now);
-        let periods = u128::from(now.since(from).get()) * u128::from(LSI_HZ) / 1_000_000_000;
-        let ticks = periods / u128::from(self.period());
+        let ticks = periods_in(now.since(from), LSI_HZ) / self.period();
         self.counter.saturating_sub(u32::try_from(ticks).unwrap_or(u32::MAX))
     }
 
