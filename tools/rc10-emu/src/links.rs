@@ -1,32 +1,25 @@
 //! The chip's serial ports and pins on the lines of a world.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::rc::Rc;
 
 use rc10_sim::{Contact, Line, Nanos, PulseEnd, Serial, SerialEnd, UartFault};
 
-use crate::peripherals::{Character, Format, Outgoing, Sampling, Soc, Wire};
+use crate::peripherals::{Character, Format, Outgoing, Sampled, Sampling, Soc, Wire};
 
 const FEMTOS_OF_SECOND: u64 = 1_000_000_000_000_000;
 
-/// Data from the world, until the chip has caught up with it.
-#[derive(Clone, Copy, Debug)]
-enum Coming {
-    Character { byte: u8, start: Nanos },
-    Fault { fault: UartFault, at: Nanos },
-}
-
+/// Bytes and faults from the world, until the chip has caught up with them.
 #[derive(Default)]
-struct Ear(VecDeque<Coming>);
+struct Ear(Vec<(Nanos, Result<u8, UartFault>)>);
 
 impl SerialEnd for Ear {
     fn hear(&mut self, byte: u8, start: Nanos, _end: Nanos) {
-        self.0.push_back(Coming::Character { byte, start });
+        self.0.push((start, Ok(byte)));
     }
 
     fn disturb(&mut self, fault: UartFault, at: Nanos) {
-        self.0.push_back(Coming::Fault { fault, at });
+        self.0.push((at, Err(fault)));
     }
 }
 
@@ -40,87 +33,72 @@ struct SerialLink {
     far: Far,
     ear: Rc<RefCell<Ear>>,
     /// Settings of the far end.
-    format: Format,
-    bit_fs: u64,
-    inverted: bool,
+    how: Sampling,
     garbled: u64,
 }
 
 impl SerialLink {
-    fn new(uart: u8, far: Far, format: Format, baud: u32) -> Self {
+    fn new(uart: u8, far: Far, format: Format, baud: u32, inverted: bool) -> Self {
         let bit_fs = FEMTOS_OF_SECOND / u64::from(baud.max(1));
-        Self { uart, far, ear: Rc::default(), format, bit_fs, inverted: false, garbled: 0 }
+        let how = Sampling { format, bit_fs, inverted, by_8: false, one_sample: false };
+        Self { uart, far, ear: Rc::default(), how, garbled: 0 }
+    }
+
+    /// Whether it is a line that the chip drives now.
+    fn is_driven(&self, soc: &Soc) -> bool {
+        matches!(self.far, Far::Line(_)) && soc.driver_enable(self.uart) == Some(true)
     }
 
     fn hear(&self, soc: &mut Soc) {
-        let Self { uart, format, bit_fs, inverted, .. } = *self;
-        let mut ear = self.ear.borrow_mut();
-        for coming in ear.0.drain(..) {
-            let character = |value: u8, start| {
-                let value = value.into();
-                Character { value, format, start, bit_fs, inverted, fault: None }
-            };
-            match coming {
-                // A transceiver that sends does not listen.
-                Coming::Character { .. } | Coming::Fault { .. }
-                    if matches!(self.far, Far::Line(_))
-                        && soc.driver_enable(uart) == Some(true) => {}
-                Coming::Character { byte, start } => {
-                    soc.feed_character(uart, character(byte, start));
-                }
-                Coming::Fault { fault, at } => {
-                    soc.disturb_serial(uart, fault, at, character(0, at));
-                }
+        let (uart, Sampling { format, bit_fs, inverted, .. }) = (self.uart, self.how);
+        for (start, coming) in self.ear.borrow_mut().0.drain(..) {
+            // A transceiver that sends does not listen.
+            if self.is_driven(soc) {
+                continue;
             }
+            let value = coming.unwrap_or(0).into();
+            let character = Character { value, format, start, bit_fs, inverted, fault: None };
+            match coming {
+                Ok(_) => soc.feed_character(uart, character),
+                Err(fault) => soc.disturb_serial(uart, fault, start, character),
+            };
         }
     }
 
     fn speak(&mut self, soc: &mut Soc) {
-        for outgoing in soc.take_outgoing(self.uart) {
-            let Outgoing { character, end, has_ended } = outgoing;
+        for Outgoing { character, end, has_ended } in soc.take_outgoing(self.uart) {
             let begins_on_line = matches!(self.far, Far::Line(_));
-            if has_ended == begins_on_line {
+            // No node drives the line unless the chip does.
+            if has_ended == begins_on_line || begins_on_line && !self.is_driven(soc) {
                 continue;
             }
-            let is_driven = !begins_on_line || soc.driver_enable(self.uart) == Some(true);
-            match self.understood(character) {
-                // No node drives the line.
-                _ if !is_driven => {}
-                None => self.garbled += 1,
-                Some(byte) => match &self.far {
-                    Far::Serial(serial) => serial.deliver(byte, end),
-                    Far::Line(line) => line.deliver(byte, character.start),
-                },
+            match (self.understood(character), &self.far) {
+                (None, _) => self.garbled += 1,
+                (Some(byte), Far::Serial(serial)) => serial.deliver(byte, end),
+                (Some(byte), Far::Line(line)) => line.deliver(byte, character.start),
             }
         }
     }
 
     /// A character as the far end samples it; `None` if it finds no character there.
     fn understood(&self, character: Character) -> Option<u8> {
-        if character.inverted != self.inverted {
+        if character.inverted != self.how.inverted {
             return None;
         }
         let mut wire = Wire::default();
-        wire.set_idle(!self.inverted);
+        wire.set_idle(!self.how.inverted);
         wire.draw(character);
-        let how = Sampling {
-            format: self.format,
-            bit_fs: self.bit_fs,
-            inverted: self.inverted,
-            by_8: false,
-            one_sample: false,
-        };
-        let sampled = wire.sample(character.start, &how).filter(|sampled| sampled.is_good())?;
+        let sampled = wire.sample(character.start, &self.how).filter(Sampled::is_good)?;
         u8::try_from(sampled.word & 0xFF).ok()
     }
 }
 
 #[derive(Default)]
-struct PulseEar(VecDeque<(bool, Nanos)>);
+struct PulseEar(Vec<(bool, Nanos)>);
 
 impl PulseEnd for PulseEar {
     fn level(&mut self, high: bool, at: Nanos) {
-        self.0.push_back((high, at));
+        self.0.push((high, at));
     }
 }
 
@@ -157,13 +135,15 @@ impl Links {
     ) -> bool {
         let config = serial.config();
         let Some(format) = Format::of_length(config.bits.into()) else { return false };
-        let link = SerialLink::new(uart, Far::Serial(serial.clone()), format, config.baud);
-        self.connect(soc, SerialLink { inverted, ..link }, |ear| serial.attach(ear))
+        let far = Far::Serial(serial.clone());
+        let link = SerialLink::new(uart, far, format, config.baud, inverted);
+        self.connect(soc, link, |ear| serial.attach(ear))
     }
 
     /// Puts a UART with driver enable on a line. `false`: there is no such UART.
     pub fn connect_line(&mut self, soc: &mut Soc, uart: u8, line: &Line) -> bool {
-        let link = SerialLink::new(uart, Far::Line(line.clone()), Format::EIGHT_N_1, line.baud());
+        let far = Far::Line(line.clone());
+        let link = SerialLink::new(uart, far, Format::EIGHT_N_1, line.baud(), false);
         self.connect(soc, link, |ear| line.attach(ear))
     }
 
@@ -176,7 +156,7 @@ impl Links {
         if !soc.link_serial(link.uart) {
             return false;
         }
-        soc.set_serial_idle(link.uart, !link.inverted);
+        soc.set_serial_idle(link.uart, !link.how.inverted);
         attach(Rc::clone(&link.ear));
         self.serials.push(link);
         true

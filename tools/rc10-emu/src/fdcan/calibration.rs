@@ -11,7 +11,7 @@
 //! calibrating.
 
 use crate::peripherals::registers::{Register, Registers, fixed, masked};
-use crate::peripherals::{Width, Write};
+use crate::peripherals::{AccessKind, Width, Write};
 
 /// Configuration and watchdog.
 const CCFG: u32 = 0x04;
@@ -57,15 +57,13 @@ impl Calibration {
         }
     }
 
-    pub fn read(&self, offset: u32) -> Option<u32> {
-        self.registers.read(offset).ok()
+    pub fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+        self.registers.read(offset)
     }
 
-    /// `unlocked`: FDCAN1 has INIT and CCE. `None`: there is no such register; `false`: locked.
-    pub fn write(&mut self, offset: u32, value: u32, unlocked: bool) -> Option<bool> {
-        if matches!(offset, CCFG | CWD) && !unlocked {
-            return Some(false);
-        }
-        self.registers.write(Write::new(offset, Width::Word, value)).ok().map(|()| true)
+    /// `unlocked`: FDCAN1 has INIT and CCE.
+    pub fn write(&mut self, offset: u32, value: u32, unlocked: bool) -> Result<(), AccessKind> {
+        AccessKind::Protected.when(matches!(offset, CCFG | CWD) && !unlocked)?;
+        self.registers.write(Write::new(offset, Width::Word, value))
     }
 }

@@ -11,6 +11,7 @@ use super::receive::Receive;
 use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
 use super::timing::{Period, Timestamp};
 use super::transmit::Transmit;
+use crate::peripherals::AccessKind;
 
 /// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
 /// PSR.BO; ISO 11898-1).
@@ -282,17 +283,17 @@ impl Controller {
 
     // Registers.
 
-    pub fn read(&mut self, offset: u32, now: Nanos) -> Option<u32> {
+    pub fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;
-            return None;
+            return Err(AccessKind::Unmodelled);
         };
         if register.access != Access::Active {
-            return Some(self.registers.at(register));
+            return Ok(self.registers.at(register));
         }
         let lost = |flag| u32::from(self.flags & flag != 0) << 25;
-        Some(match register {
+        Ok(match register {
             at::TSCV => self.stamp(self.now),
             // The timeout counter does not count.
             at::TOCV => self.registers.field(at::TOCC, 16, 16),
@@ -329,11 +330,11 @@ impl Controller {
         }
     }
 
-    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> bool {
+    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> Result<(), AccessKind> {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;
-            return false;
+            return Err(AccessKind::Unmodelled);
         };
         match register.access {
             Access::Constant => (),
@@ -342,7 +343,7 @@ impl Controller {
             Access::Active => self.act(register, value),
         }
         self.settle(now);
-        true
+        Ok(())
     }
 
     fn configure(&mut self, register: Register, value: u32) {

@@ -34,7 +34,7 @@ use std::sync::{Arc, Mutex};
 use rc10_can::{BusError, CanFrame};
 use rc10_sim::{Activity, Controller, Nanos, Outcome};
 
-use crate::peripherals::lock;
+use crate::peripherals::{AccessKind, lock};
 pub use counters::{Counters, TickPeriod};
 use ram::MessageRam;
 
@@ -65,29 +65,45 @@ impl Fdcans {
         self.apply_clock();
     }
 
-    /// Reads a register at an offset in bytes from the controller's base. `None`: no such register.
-    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Option<u32> {
-        self.controllers.get_mut(index)?.read(offset, now)
+    /// Reads a register at an offset in bytes from the controller's base.
+    ///
+    /// # Errors
+    /// If there is no such register.
+    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+        self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.read(offset, now)
     }
 
-    /// Writes a register; read-only and protected bits stay. `false`: no such register.
-    pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> bool {
-        self.controllers.get_mut(index).is_some_and(|one| one.write(offset, value, now))
+    /// Writes a register; read-only and protected bits stay.
+    ///
+    /// # Errors
+    /// If there is no such register.
+    pub fn write(
+        &mut self,
+        index: usize,
+        offset: u32,
+        value: u32,
+        now: Nanos,
+    ) -> Result<(), AccessKind> {
+        self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.write(offset, value, now)
     }
 
-    /// Reads a register of the clock calibration unit. `None`: no such register.
-    #[must_use]
-    pub fn read_calibration(&self, offset: u32) -> Option<u32> {
+    /// Reads a register of the clock calibration unit.
+    ///
+    /// # Errors
+    /// If there is no such register.
+    pub fn read_calibration(&self, offset: u32) -> Result<u32, AccessKind> {
         self.calibration.read(offset)
     }
 
-    /// Writes a register of the clock calibration unit. `None`: no such register; `false`: it is
-    /// locked, because FDCAN1 has not both INIT and CCE.
-    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Option<bool> {
+    /// Writes a register of the clock calibration unit.
+    ///
+    /// # Errors
+    /// If there is no such register, or it is locked: FDCAN1 has not both INIT and CCE.
+    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Result<(), AccessKind> {
         let unlocked = self.controllers[0].may_configure();
-        let written = self.calibration.write(offset, value, unlocked)?;
+        self.calibration.write(offset, value, unlocked)?;
         self.apply_clock();
-        Some(written)
+        Ok(())
     }
 
     /// Sets whether the clock calibration unit has to be bypassed before a controller may send.

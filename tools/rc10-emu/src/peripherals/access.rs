@@ -66,7 +66,7 @@ pub enum AccessKind {
 
 impl AccessKind {
     /// Refuses an access for this reason, if it is so.
-    pub(super) fn when(self, is_so: bool) -> Result<(), Self> {
+    pub(crate) fn when(self, is_so: bool) -> Result<(), Self> {
         if is_so { Err(self) } else { Ok(()) }
     }
 }

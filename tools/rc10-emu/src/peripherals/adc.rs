@@ -138,7 +138,7 @@ enum Work {
     Converts(usize),
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Adc {
     registers: Registers,
     flags: u32,
@@ -159,19 +159,7 @@ pub(super) struct Adc {
 
 impl Adc {
     pub(super) fn new() -> Self {
-        Self {
-            registers: Registers::new(TABLE),
-            flags: 0,
-            control: DEEPPWD,
-            data: 0,
-            common: 0,
-            regulated_at: None,
-            work: None,
-            bus_hz: 0,
-            kernel_hz: 0,
-            inputs: [0; INPUTS.len()],
-            fails: false,
-        }
+        Self { registers: Registers::new(TABLE), control: DEEPPWD, ..Self::default() }
     }
 
     /// The voltages outside stay, and a defect.

@@ -451,22 +451,20 @@ impl Rcc {
     }
 
     pub(super) fn tones(&self) -> Tones {
-        let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
         let config = self.registers.value(CFGR);
-        let hse = if_ready(HSE as usize, self.crystal_hz);
+        let Sources { hsi, hse, lse, plls, .. } = self.sources(self.hsi_hz);
         // RM0468, RCC_CFGR.RTCPRE: 0 and 1 are no clock.
         let for_rtc = field(config, 8, 6);
-        let lse = if_ready(LSE, LSE_HZ);
         // MCO1, MCO1PRE: 0 is no clock.
         let output = match field(config, 22, 3) {
-            0 => if_ready(HSI as usize, self.hsi_hz >> self.hsi_shift()),
+            0 => hsi,
             1 => lse,
             2 => hse,
-            3 => self.pll_outputs(0, self.hsi_hz)[1],
-            4 => if_ready(HSI48 as usize, HSI48_HZ),
+            3 => plls[0][1],
+            4 => self.if_ready(HSI48 as usize, HSI48_HZ),
             _ => 0,
         };
-        let lsi = Tone::new(if_ready(LSI, LSI_HZ), 1);
+        let lsi = Tone::new(self.if_ready(LSI, LSI_HZ), 1);
         let hse = Tone::new(hse, for_rtc).filter(|_| for_rtc > 1);
         [lsi, Tone::new(lse, 1), hse, Tone::new(output, field(config, 18, 4)), None]
     }
@@ -474,8 +472,7 @@ impl Rcc {
     /// P, Q and R of a PLL, as far as it runs.
     fn pll_outputs(&self, pll: u32, hsi_hz: u64) -> [u64; 3] {
         let outputs = clocks::pll(self.pll_input(hsi_hz), &self.pll(pll)).unwrap_or_default();
-        let runs = self.is_ready((PLL + 2 * pll) as usize);
-        outputs.map(|hz| if runs { hz } else { 0 })
+        outputs.map(|hz| self.if_ready((PLL + 2 * pll) as usize, hz))
     }
 
     pub(super) fn clocks(&self) -> Clocks {
@@ -488,15 +485,21 @@ impl Rcc {
     }
 
     fn clocks_with(&self, hsi_hz: u64) -> Clocks {
-        let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
-        let sources = Sources {
-            hsi: if_ready(HSI as usize, hsi_hz >> self.hsi_shift()),
-            csi: if_ready(CSI as usize, CSI_HZ),
-            hse: if_ready(HSE as usize, self.crystal_hz),
-            lse: if_ready(LSE, LSE_HZ),
+        Clocks::new(&self.sources(hsi_hz), self.source, |at| self.registers.value(at))
+    }
+
+    fn if_ready(&self, index: usize, hz: u64) -> u64 {
+        if self.is_ready(index) { hz } else { 0 }
+    }
+
+    fn sources(&self, hsi_hz: u64) -> Sources {
+        Sources {
+            hsi: self.if_ready(HSI as usize, hsi_hz >> self.hsi_shift()),
+            csi: self.if_ready(CSI as usize, CSI_HZ),
+            hse: self.if_ready(HSE as usize, self.crystal_hz),
+            lse: self.if_ready(LSE, LSE_HZ),
             plls: [0, 1, 2].map(|pll| self.pll_outputs(pll, hsi_hz)),
-        };
-        Clocks::new(&sources, self.source, |at| self.registers.value(at))
+        }
     }
 }
 

@@ -31,7 +31,7 @@ pub(crate) const fn field(word: u32, low: u32, width: u32) -> u32 {
 }
 
 /// The registers of one block, and their values by offset; others are not modelled.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Registers {
     table: &'static [Register],
     values: Vec<u32>,

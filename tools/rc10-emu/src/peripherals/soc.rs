@@ -20,9 +20,9 @@ use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
-use super::spi::{self, Spi};
+use super::spi::Spi;
 use super::timer::{TIMERS, Timer};
-use super::usart::{self, Usart};
+use super::usart::Usart;
 use super::watchdog::Watchdog;
 use crate::board::Board;
 use crate::core::INTERRUPT_WORDS;
@@ -476,15 +476,11 @@ impl Soc {
             Block::AdcCommon => self.adc.read_common(offset),
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
-            Block::Fdcan(index) => {
-                self.fdcans().read(index, offset, now).ok_or(AccessKind::Unmodelled)
-            }
+            Block::Fdcan(index) => self.fdcans().read(index, offset, now),
             Block::FdcanRam => {
                 self.fdcans().read_ram(offset as usize / 4).ok_or(AccessKind::Unmodelled)
             }
-            Block::FdcanCalibration => {
-                self.fdcans().read_calibration(offset).ok_or(AccessKind::Unmodelled)
-            }
+            Block::FdcanCalibration => self.fdcans().read_calibration(offset),
             Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
@@ -527,10 +523,7 @@ impl Soc {
             Block::Dma(dma) => self.dmas[dma].write(write),
             Block::DmaMux => self.mux.write(write),
             // Registers are words: a part of one writes zeros to the rest.
-            Block::Fdcan(index) => {
-                let known = self.fdcans().write(index, write.offset, write.ones(), now);
-                if known { Ok(()) } else { Err(AccessKind::Unmodelled) }
-            }
+            Block::Fdcan(index) => self.fdcans().write(index, write.offset, write.ones(), now),
             Block::FdcanRam => {
                 let word = write.offset as usize / 4;
                 let mut fdcans = self.fdcans();
@@ -538,13 +531,7 @@ impl Soc {
                 fdcans.write_ram(word, write.over(old));
                 Ok(())
             }
-            Block::FdcanCalibration => {
-                let written = self.fdcans().write_calibration(write.offset, write.ones());
-                match written.ok_or(AccessKind::Unmodelled)? {
-                    true => Ok(()),
-                    false => Err(AccessKind::Protected),
-                }
-            }
+            Block::FdcanCalibration => self.fdcans().write_calibration(write.offset, write.ones()),
             Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
@@ -634,27 +621,22 @@ impl Soc {
         self.find_signals();
         let ports = &self.ports;
         let connected = |signal| is_connected(ports, signal);
-        let can = [0, 1, 2].map(|index| {
-            (connected(Signal::CanReceive(index)), connected(Signal::CanTransmit(index)))
-        });
         for (index, usart) in self.usarts.iter_mut().enumerate() {
-            let receive = connected(Signal::SerialReceive(index));
-            let transmit = connected(Signal::SerialTransmit(index));
-            usart.set_pins(usart::Pins { receive, transmit }, now);
+            let pins = [Signal::SerialReceive(index), Signal::SerialTransmit(index)];
+            usart.set_pins(pins.map(connected), now);
         }
         for (index, spi) in self.spis.iter_mut().enumerate() {
-            spi.pins = spi::Pins {
-                clock: connected(Signal::SpiClock(index)),
-                input: connected(Signal::SpiIn(index)),
-                output: connected(Signal::SpiOut(index)),
-            };
+            let pins = [Signal::SpiClock(index), Signal::SpiIn(index), Signal::SpiOut(index)];
+            spi.pins = pins.map(connected);
         }
         for (index, i2c) in self.i2cs.iter_mut().enumerate() {
-            let (clock, data) = (Signal::I2cClock(index), Signal::I2cData(index));
-            i2c.connected = connected(clock) && connected(data);
+            let pins = [Signal::I2cClock(index), Signal::I2cData(index)];
+            i2c.connected = pins.into_iter().all(connected);
         }
-        let mut fdcans = self.fdcans();
-        for (index, (receive, transmit)) in can.into_iter().enumerate() {
+        let mut fdcans = lock(&self.fdcan);
+        for index in 0..3 {
+            let pins = [Signal::CanReceive(index), Signal::CanTransmit(index)];
+            let [receive, transmit] = pins.map(connected);
             fdcans.set_pins(index, receive, transmit);
         }
     }

@@ -17,7 +17,7 @@ const COUNTER_MASK: u32 = 0xFFF;
 /// Periods of LSI that an update takes.
 const UPDATE: u64 = 5;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Late {
     written: u32,
     in_force: u32,
@@ -25,10 +25,6 @@ struct Late {
 }
 
 impl Late {
-    const fn new(value: u32) -> Self {
-        Self { written: value, in_force: value, updated_at: None }
-    }
-
     fn write(&mut self, value: u32, now: Nanos) {
         self.written = value;
         self.updated_at = Some(now + time_of(UPDATE, LSI_HZ));
@@ -42,7 +38,7 @@ impl Late {
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Watchdog {
     unlocked: bool,
     /// PR: the counter's period is 4 << PR periods of LSI.
@@ -56,16 +52,9 @@ pub(super) struct Watchdog {
 }
 
 impl Watchdog {
-    pub(super) const fn new() -> Self {
-        Self {
-            unlocked: false,
-            prescaler: Late::new(0),
-            reload: Late::new(COUNTER_MASK),
-            window: Late::new(COUNTER_MASK),
-            counting_from: None,
-            counter: COUNTER_MASK,
-            bites: false,
-        }
+    pub(super) fn new() -> Self {
+        let largest = Late { written: COUNTER_MASK, in_force: COUNTER_MASK, updated_at: None };
+        Self { reload: largest, window: largest, counter: COUNTER_MASK, ..Self::default() }
     }
 
     fn period(&self) -> u64 {

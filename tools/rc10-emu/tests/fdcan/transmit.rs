@@ -345,7 +345,7 @@ fn ticks_are_told_from_the_requests_within_them() {
     let bench = Bench::sending(4, 0, false);
     let request_at = |micros: u64, buffer: usize| {
         let now = Nanos::new(micros * 1000);
-        assert!(bench.fdcans().write(0, TXBAR, 1 << buffer, now));
+        assert_eq!(bench.fdcans().write(0, TXBAR, 1 << buffer, now), Ok(()));
     };
     for tick in 1..=4_u64 {
         let start = 1000 * tick + if tick == 3 { 7 } else { 0 };

@@ -24,7 +24,7 @@ use receiver::{Heard, Receiver};
 pub(crate) use transmitter::Outgoing;
 use transmitter::{Sending, Transmitter};
 pub use wire::{Character, Format, Parity};
-pub(crate) use wire::{Sampling, Wire};
+pub(crate) use wire::{Sampled, Sampling, Wire};
 
 /// A byte that has left at a transmit pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,16 +112,11 @@ pub(super) struct Usart {
     received: VecDeque<u16>,
     /// The character received last, good or not: it stays in RDR until the next one.
     latest: u16,
-    pins: Pins,
+    /// Whether its receive and its transmit pin lead outside.
+    pins: [bool; 2],
     pub(super) sent: Vec<SentByte>,
     /// For the far end of the transmit pin.
     pub(super) outgoing: Vec<Outgoing>,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Pins {
-    pub receive: bool,
-    pub transmit: bool,
 }
 
 impl Usart {
@@ -150,7 +145,7 @@ impl Usart {
         }
     }
 
-    pub(super) fn set_pins(&mut self, pins: Pins, now: Nanos) {
+    pub(super) fn set_pins(&mut self, pins: [bool; 2], now: Nanos) {
         if self.pins != pins {
             self.pins = pins;
             self.listen(now);
@@ -228,13 +223,14 @@ impl Usart {
         }
     }
 
-    const fn pins_in_use(&self) -> (bool, bool) {
-        let Pins { receive, transmit } = self.pins;
-        if self.is(2, SWAP) { (transmit, receive) } else { (receive, transmit) }
+    /// The same of those that it uses.
+    const fn pins_in_use(&self) -> [bool; 2] {
+        let [receive, transmit] = self.pins;
+        if self.is(2, SWAP) { [transmit, receive] } else { self.pins }
     }
 
     fn listen(&mut self, now: Nanos) {
-        let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use().0;
+        let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use()[0];
         let sampling = self.bit_fs().filter(|_| on).map(|bit_fs| Sampling {
             format: self.format(),
             bit_fs,
@@ -302,7 +298,7 @@ impl Usart {
         if outgoing.has_ended && self.transmitter.sending.is_none() {
             self.flags |= COMPLETE;
         }
-        if !self.pins_in_use().1 {
+        if !self.pins_in_use()[1] {
             return;
         }
         let Outgoing { character, end, has_ended } = outgoing;
