@@ -49,15 +49,13 @@ pub enum Injection {
     Panic,
     /// An undefined instruction, which is a `HardFault` unless usage faults have a handler.
     HardFault,
-    /// The handler of this exception hangs before its first instruction when it is called next.
+    /// The handler of this exception hangs before its first instruction when it is called next, or
+    /// hangs no longer.
     Hang {
         /// Number of the exception; external interrupts start at 16.
         exception: u16,
-    },
-    /// The handler of this exception hangs no longer, or will not hang.
-    EndHang {
-        /// Number of the exception.
-        exception: u16,
+        /// Whether it hangs from now on.
+        hangs: bool,
     },
     /// The program does nothing but mask interrupts from now on, or goes on again. If it masks them
     /// itself, that begins when it no longer does.
@@ -476,11 +474,11 @@ impl Machine {
                 // Whichever of its arguments the compiler has left: it is the location.
                 self.jumps.push_back((address, [LOCATION; 3]));
             }
-            Injection::Hang { exception } => {
+            Injection::Hang { exception, hangs: true } => {
                 self.memory.write(stand_in(exception), &BRANCH_TO_SELF)?;
                 self.hangs.insert(exception);
             }
-            Injection::EndHang { exception } => {
+            Injection::Hang { exception, hangs: false } => {
                 if !self.hangs.remove(&exception) {
                     // Nothing of the handler has run yet.
                     let handler = self.memory.word(FLASH + 4 * u32::from(exception))?;

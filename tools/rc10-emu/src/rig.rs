@@ -142,11 +142,7 @@ impl Rig {
             ChipFault::HardFault => self.machine.inject(Injection::HardFault)?,
             ChipFault::Hang(handler) => {
                 let exception = exception_of(&self.machine, handler)?;
-                self.machine.inject(if begins {
-                    Injection::Hang { exception }
-                } else {
-                    Injection::EndHang { exception }
-                })?;
+                self.machine.inject(Injection::Hang { exception, hangs: begins })?;
             }
             ChipFault::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
             ChipFault::CrystalStops => self.machine.set_crystal(!begins),

@@ -92,9 +92,8 @@ pub(super) mod ir {
     pub const TC: u32 = 1 << 9;
     pub const TCF: u32 = 1 << 10;
     pub const TFE: u32 = 1 << 11;
+    /// The first of the event FIFO's, which are in the same order.
     pub const TEFN: u32 = 1 << 12;
-    pub const TEFW: u32 = 1 << 13;
-    pub const TEFF: u32 = 1 << 14;
     pub const TEFL: u32 = 1 << 15;
     pub const TSW: u32 = 1 << 16;
     pub const DRX: u32 = 1 << 19;
