@@ -24,4 +24,4 @@ pub use image::{Image, MadeFor, Static};
 pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};
-pub use rig::{BusLog, Rig};
+pub use rig::Rig;

@@ -15,8 +15,8 @@ use crate::image::Image;
 use crate::links::Links;
 use crate::log::Log;
 use crate::memory::{FLASH, Memory};
-use crate::parts::{Imu, Parts, Thermal};
-use crate::peripherals::{Edge, PinTime, ResetCause, Soc, lock};
+use crate::parts::Parts;
+use crate::peripherals::{PinTime, ResetCause, Soc, lock};
 use crate::profile::Profile;
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
@@ -156,14 +156,18 @@ pub struct Machine {
     fdcan: Arc<Mutex<Fdcans>>,
     /// Buses with the index of their FDCAN, until a wrong bit rate is told.
     buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
-    parts: Parts,
+    /// The parts beside the chip.
+    pub parts: Parts,
     links: Links,
-    memory: Memory,
-    image: Image,
+    /// The memories.
+    pub memory: Memory,
+    /// The program.
+    pub image: Image,
     log: Log,
     lines: Vec<LogLine>,
     next_log: Nanos,
-    profile: Profile,
+    /// Profile of the instructions.
+    pub profile: Profile,
     now: u64,
     /// Time of the instructions so far beyond `now`, in 1/rate of a nanosecond.
     fraction: u64,
@@ -182,10 +186,14 @@ pub struct Machine {
     /// Whether something is in `jumps`, or a mask is due.
     is_fault_due: bool,
     is_locked_up: bool,
-    struck: Option<Nanos>,
-    ready: Option<Nanos>,
-    reports: Vec<Report>,
-    restarts: Vec<Restart>,
+    /// Time at which the last injected fault struck: the program has to execute something first.
+    pub struck: Option<Nanos>,
+    /// Time at which the chip ran on its final clock for the first time.
+    pub ready: Option<Nanos>,
+    /// The first accesses to what does not exist or has no clock.
+    pub reports: Vec<Report>,
+    /// The chip's restarts.
+    pub restarts: Vec<Restart>,
 }
 
 impl Machine {
@@ -331,17 +339,6 @@ impl Machine {
         Ok(())
     }
 
-    /// The edges of a recorded pin since the last call.
-    pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
-        lock(&self.soc).take_edges(port, pin)
-    }
-
-    /// Whether the receiver of a UART is on now.
-    #[must_use]
-    pub fn listens(&self, uart: u8) -> bool {
-        lock(&self.soc).listens(uart)
-    }
-
     /// Characters that a UART has sent and its far end could not read.
     #[must_use]
     pub fn garbled(&self, uart: u8) -> u64 {
@@ -374,35 +371,12 @@ impl Machine {
         lock(&self.soc).board()
     }
 
-    /// The program.
-    #[must_use]
-    pub const fn image(&self) -> &Image {
-        &self.image
-    }
-
     /// The function that an address lies in; of a [hung](Injection::Hang) handler that handler.
     #[must_use]
     pub fn function_at(&self, address: u32) -> Option<&str> {
         let handler = |exception| self.memory.word(FLASH + 4 * exception).ok();
         let address = stood_in(address).map_or(Some(address), handler)?;
         Some(self.image.function_at(address)?.1)
-    }
-
-    /// The memories.
-    #[must_use]
-    pub const fn memory(&self) -> &Memory {
-        &self.memory
-    }
-
-    /// Profile of the instructions.
-    #[must_use]
-    pub const fn profile(&self) -> &Profile {
-        &self.profile
-    }
-
-    /// Starts counting instructions from zero.
-    pub fn restart_profile(&mut self) {
-        self.profile.restart();
     }
 
     /// The peripherals but the FDCANs.
@@ -420,33 +394,9 @@ impl Machine {
         std::mem::take(&mut self.lines)
     }
 
-    /// Time at which the chip ran on its final clock for the first time.
-    #[must_use]
-    pub const fn ready(&self) -> Option<Nanos> {
-        self.ready
-    }
-
-    /// Time at which the last injected fault struck: the program has to execute something first.
-    #[must_use]
-    pub const fn struck(&self) -> Option<Nanos> {
-        self.struck
-    }
-
     #[cfg(test)]
     pub(crate) const fn core(&self) -> &Core {
         &self.core
-    }
-
-    /// The first accesses to what does not exist or has no clock.
-    #[must_use]
-    pub fn reports(&self) -> &[Report] {
-        &self.reports
-    }
-
-    /// The chip's restarts.
-    #[must_use]
-    pub fn restarts(&self) -> &[Restart] {
-        &self.restarts
     }
 
     /// Puts a fault into the program, now.
@@ -536,22 +486,6 @@ impl Machine {
         self.parts.advance(&mut soc, now);
         self.parts.supply = millivolts;
         Ok(())
-    }
-
-    /// The board's BMI088; `None`: it has none.
-    #[must_use]
-    pub const fn imu(&self) -> Option<&Imu> {
-        self.parts.imu.as_ref()
-    }
-
-    /// The board's IMU is in the middle of a base from now on, level.
-    pub fn mount_on(&mut self, base: &rc10_sim::Base) {
-        self.parts.base = Some(base.clone());
-    }
-
-    /// How the board's heater warms its IMU, from now on.
-    pub const fn set_thermal(&mut self, thermal: Thermal) {
-        self.parts.thermal = thermal;
     }
 
     /// Presses the board's key, or lets go of it.
