@@ -124,7 +124,7 @@ fn is_zero(entry: &TraceEntry) -> bool {
 fn keeps_its_period(figures: &Figures) {
     for (number, bus) in (1..).zip(&figures.buses) {
         let period = bus.tick_period.unwrap();
-        let [min, mean, max] = [period.min, period.mean, period.max].map(micros);
+        let [min, mean, max] = [period.min, period.mean(), period.max].map(micros);
         println!("bus {number}: tick period {min:.2} / {mean:.2} / {max:.2} us");
         let missed = if bus.bus_offs > 0 { (max / 1000.0).round() - 1.0 } else { 0.0 };
         let max = max - 1000.0 * missed;

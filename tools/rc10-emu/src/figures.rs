@@ -2,6 +2,7 @@
 
 use rc10_sim::{Nanos, TraceEntry};
 
+use crate::fdcan::Spread;
 use crate::peripherals::AccessKind;
 use crate::rig::Rig;
 
@@ -45,19 +46,6 @@ pub struct BusFigures {
     pub load: f64,
     /// Time from one tick to the next: from request to request for a first frame after a pause.
     pub tick_period: Option<Spread>,
-}
-
-/// Least, mean and largest of a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Spread {
-    /// Number of measurements.
-    pub count: u64,
-    /// The shortest.
-    pub min: Nanos,
-    /// Their mean.
-    pub mean: Nanos,
-    /// The longest.
-    pub max: Nanos,
 }
 
 impl Figures {
@@ -114,7 +102,6 @@ impl BusFigures {
         let sent = frames.iter().filter(|entry| entry.from_controller).count();
         let fdcan = rig.machine.fdcan();
         let counters = fdcan.counters(index);
-        let period = counters.tick_period;
         let [claimed, foreign] = counters.received;
         Self {
             frames: frames.len() as u64,
@@ -125,12 +112,7 @@ impl BusFigures {
             failed: counters.failed,
             bus_offs: counters.bus_offs,
             load: rig.buses[index].load(),
-            tick_period: period.mean_ns().map(|mean| Spread {
-                count: period.count,
-                min: Nanos::new(period.min_ns),
-                mean: Nanos::new(mean),
-                max: Nanos::new(period.max_ns),
-            }),
+            tick_period: Some(counters.tick_period).filter(|period| period.count > 0),
         }
     }
 }

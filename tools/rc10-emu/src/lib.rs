@@ -19,7 +19,8 @@ pub mod strip;
 mod time;
 
 pub use board::{Board, Heater, ImuWiring, Package, SupplySense};
-pub use figures::{BusFigures, Figures, Spread};
+pub use fdcan::Spread;
+pub use figures::{BusFigures, Figures};
 pub use image::{Image, MadeFor, Static};
 pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;

@@ -145,6 +145,19 @@ impl Pace {
     }
 }
 
+/// Injected faults that have not struck yet.
+#[derive(Default)]
+struct Faults {
+    /// Address and arguments at which the program goes on when it next executes anything.
+    jumps: VecDeque<(u32, [u32; 3])>,
+    /// The exceptions whose handlers are to hang when they are called next.
+    hangs: BTreeSet<u16>,
+    /// Whether interrupts are to be masked as soon as they are not.
+    is_mask_due: bool,
+    /// Whether something is in `jumps`, or a mask is due.
+    is_due: bool,
+}
+
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
@@ -177,14 +190,7 @@ pub struct Machine {
     part: u64,
     /// Rate that `fraction` is of.
     rate: u64,
-    /// Address and arguments at which the program goes on when it next executes anything.
-    jumps: VecDeque<(u32, [u32; 3])>,
-    /// The exceptions whose handlers are to hang when they are called next.
-    hangs: BTreeSet<u16>,
-    /// Whether interrupts are to be masked as soon as they are not.
-    is_mask_due: bool,
-    /// Whether something is in `jumps`, or a mask is due.
-    is_fault_due: bool,
+    faults: Faults,
     is_locked_up: bool,
     /// Time at which the last injected fault struck: the program has to execute something first.
     pub struck: Option<Nanos>,
@@ -250,10 +256,7 @@ impl Machine {
             speed: None,
             part: 0,
             rate: 1,
-            jumps: VecDeque::new(),
-            hangs: BTreeSet::new(),
-            is_mask_due: false,
-            is_fault_due: false,
+            faults: Faults::default(),
             is_locked_up: false,
             struck: None,
             ready: None,
@@ -404,11 +407,11 @@ impl Machine {
     /// # Errors
     /// If the program has nothing that could panic.
     pub fn inject(&mut self, fault: Injection) -> Result<()> {
-        self.is_fault_due = true;
+        self.faults.is_due = true;
         match fault {
             Injection::HardFault => {
                 self.memory.write(UNDEFINED, &UDF)?;
-                self.jumps.push_back((UNDEFINED, [0; 3]));
+                self.faults.jumps.push_back((UNDEFINED, [0; 3]));
             }
             Injection::Panic => {
                 let panic = "core::panicking::panic_fmt";
@@ -422,14 +425,14 @@ impl Machine {
                 self.memory.write(LOCATION, location.as_flattened())?;
                 self.memory.write(FILE_NAME, PANIC_FILE.as_bytes())?;
                 // Whichever of its arguments the compiler has left: it is the location.
-                self.jumps.push_back((address, [LOCATION; 3]));
+                self.faults.jumps.push_back((address, [LOCATION; 3]));
             }
             Injection::Hang { exception, hangs: true } => {
                 self.memory.write(stand_in(exception), &BRANCH_TO_SELF)?;
-                self.hangs.insert(exception);
+                self.faults.hangs.insert(exception);
             }
             Injection::Hang { exception, hangs: false } => {
-                if !self.hangs.remove(&exception) {
+                if !self.faults.hangs.remove(&exception) {
                     // Nothing of the handler has run yet.
                     let handler = self.memory.word(FLASH + 4 * u32::from(exception))?;
                     let stand_in = stand_in(exception);
@@ -439,10 +442,10 @@ impl Machine {
             }
             Injection::MaskInterrupts(true) => {
                 self.memory.write(MASKED, &BRANCH_TO_SELF)?;
-                self.is_mask_due = !self.core.hold(MASKED);
+                self.faults.is_mask_due = !self.core.hold(MASKED);
             }
             Injection::MaskInterrupts(false) => {
-                if !std::mem::take(&mut self.is_mask_due) {
+                if !std::mem::take(&mut self.faults.is_mask_due) {
                     self.core.release();
                 }
             }
@@ -551,7 +554,7 @@ impl Machine {
 
     /// Runs the core up to a time, or until it has touched a peripheral.
     fn execute(&mut self, horizon: u64) {
-        let clock = lock(&self.soc).core_clock_hz();
+        let clock = lock(&self.soc).clocks().core;
         self.core.bus.touched = false;
         if clock == 0 {
             // Nothing is executed, and no interrupt taken.
@@ -575,13 +578,13 @@ impl Machine {
         match step {
             Step::Instruction => {
                 self.profile.instruction(address, exception, self.core.stack_pointer());
-                if self.is_fault_due {
+                if self.faults.is_due {
                     self.fail();
                 }
             }
             Step::Entry(exception) => {
                 self.profile.entry(exception, self.core.stack_pointer());
-                if self.hangs.remove(&exception) {
+                if self.faults.hangs.remove(&exception) {
                     self.core.call(stand_in(exception), [0; 3]);
                     self.struck = Some(self.now());
                 }
@@ -616,13 +619,13 @@ impl Machine {
 
     #[cold]
     fn fail(&mut self) {
-        if let Some((address, arguments)) = self.jumps.pop_front() {
+        if let Some((address, arguments)) = self.faults.jumps.pop_front() {
             self.core.call(address, arguments);
             self.struck = Some(self.now());
-        } else if self.is_mask_due {
-            self.is_mask_due = !self.core.hold(MASKED);
+        } else if self.faults.is_mask_due {
+            self.faults.is_mask_due = !self.core.hold(MASKED);
         }
-        self.is_fault_due = self.is_mask_due || !self.jumps.is_empty();
+        self.faults.is_due = self.faults.is_mask_due || !self.faults.jumps.is_empty();
     }
 
     /// The core sleeps until a time, or until its own timer ends: for how many clocks. Some of them
@@ -692,9 +695,7 @@ impl Machine {
         lock(&self.soc).reset(cause, now);
         self.core.reset();
         self.log.reset();
-        self.jumps.clear();
-        self.hangs.clear();
-        (self.is_mask_due, self.is_locked_up) = (false, false);
+        (self.faults, self.is_locked_up) = (Faults::default(), false);
     }
 
     /// Tells, once for each bus, that a controller's bits have another length than its bus's.

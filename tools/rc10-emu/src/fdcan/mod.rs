@@ -35,7 +35,7 @@ use rc10_can::{BusError, CanFrame};
 use rc10_sim::{Activity, Controller, Nanos, Outcome};
 
 use crate::peripherals::{AccessKind, lock};
-pub use counters::{Counters, TickPeriod};
+pub use counters::{Counters, Spread};
 use ram::MessageRam;
 
 /// FDCAN1, FDCAN2, FDCAN3 and their message RAM. Controllers are counted from 0.

@@ -356,13 +356,11 @@ impl Adc {
 
     fn check_preselection(&self) -> Result<(), AccessKind> {
         let mut channels = (0..self.length()).map(|rank| self.channel(rank));
-        match channels.find(|channel| self.registers.value(PCSEL) >> channel & 1 == 0) {
-            Some(channel) => {
-                let channel = u8::try_from(channel).unwrap_or(u8::MAX);
-                Err(AccessKind::Adc(AdcFault::NotPreselected(channel)))
-            }
-            None => Ok(()),
-        }
+        let open = channels.find(|channel| self.registers.value(PCSEL) >> channel & 1 == 0);
+        open.map_or(Ok(()), |channel| {
+            let channel = u8::try_from(channel).unwrap_or(u8::MAX);
+            Err(AccessKind::Adc(AdcFault::NotPreselected(channel)))
+        })
     }
 
     fn bits(&self) -> u32 {

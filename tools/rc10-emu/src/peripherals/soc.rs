@@ -273,13 +273,7 @@ impl Soc {
         self.settle(now);
     }
 
-    /// The core's clock now, in hertz: 64 MHz after a reset; 0 if its source stands still.
-    #[must_use]
-    pub const fn core_clock_hz(&self) -> u64 {
-        self.clocks.core
-    }
-
-    /// All clocks now.
+    /// All clocks now; the core has 64 MHz after a reset.
     #[must_use]
     pub const fn clocks(&self) -> Clocks {
         self.clocks
@@ -311,12 +305,6 @@ impl Soc {
     #[must_use]
     pub fn memories_run(&self) -> [bool; 2] {
         self.rcc.memories_run()
-    }
-
-    /// Whether the supply is configured (`PWR_CSR1.ACTVOSRDY`).
-    #[must_use]
-    pub fn is_supplied(&self) -> bool {
-        self.power.is_supplied()
     }
 
     /// Sets the chip's identity, `DBGMCU_IDC`, if not that of an STM32H723.
@@ -353,7 +341,7 @@ impl Soc {
 
     /// Whether the core is kept from writing RAM.
     pub(crate) fn guards_ram(&self) -> bool {
-        self.options.reports_early_ram && !self.is_supplied()
+        self.options.reports_early_ram && !self.power.is_supplied()
     }
 
     /// Does a write to a RAM that the core is kept from, and reports the first. `false`: there is

@@ -257,7 +257,7 @@ fn use_crystal(machine: &mut Machine, world: &mut World) {
     write(machine, 0, 1 << 16 | 1);
     write(machine, 0x10, 2);
     machine.run(world, micros(3000)).unwrap();
-    assert_eq!(machine.soc().core_clock_hz(), rc10_emu::Board::H723ZG.crystal_hz);
+    assert_eq!(machine.soc().clocks().core, rc10_emu::Board::H723ZG.crystal_hz);
 }
 
 /// The core takes the NMI at once, and does so again and again until the flag is cleared.
@@ -276,7 +276,7 @@ fn clock_security_interrupts_the_core() {
     let costs = machine.profile.by_exception();
     let nmi = costs.iter().find(|cost| cost.exception == 2).unwrap();
     assert!(nmi.entries == 1 && nmi.instructions > 10, "{costs:?}");
-    assert_eq!(machine.soc().core_clock_hz(), 64_000_000);
+    assert_eq!(machine.soc().clocks().core, 64_000_000);
 }
 
 /// Nothing is executed, and only what LSI drives is left: the watchdog.

@@ -39,18 +39,18 @@ fn seconds(time: Nanos) -> f64 {
 fn over_all(buses: &[BusFigures]) -> Option<Spread> {
     let periods = || buses.iter().filter_map(|bus| bus.tick_period);
     let count: u64 = periods().map(|period| period.count).sum();
-    let sum: u64 = periods().map(|period| period.mean.get() * period.count).sum();
+    let sum: u64 = periods().map(|period| period.mean().get() * period.count).sum();
     Some(Spread {
         count,
         min: periods().map(|period| period.min).min()?,
-        mean: Nanos::new(sum.checked_div(count)?),
         max: periods().map(|period| period.max).max()?,
+        sum: Nanos::new(sum),
     })
 }
 
 fn spread(period: Spread) -> Value {
-    let Spread { min, mean, max, .. } = period;
-    json!({ "min": micros(min), "mean": micros(mean), "max": micros(max) })
+    let Spread { min, max, .. } = period;
+    json!({ "min": micros(min), "mean": micros(period.mean()), "max": micros(max) })
 }
 
 impl<'a> Outcome<'a> {
@@ -188,7 +188,7 @@ impl<'a> Outcome<'a> {
                 load, frames, sent, received, lost, foreign, failed, bus_offs, ..
             } = bus;
             let period = bus.tick_period.map_or("-".into(), |period| {
-                let [min, mean, max] = [period.min, period.mean, period.max].map(micros);
+                let [min, mean, max] = [period.min, period.mean(), period.max].map(micros);
                 format!("{min:.2} / {mean:.2} / {max:.2}")
             });
             writeln!(
