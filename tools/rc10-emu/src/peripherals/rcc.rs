@@ -145,13 +145,11 @@ pub(super) struct Rcc {
     registers: Registers,
     /// Time at which each source becomes ready, by its bit in CR.
     ready: [Option<Nanos>; 34],
-    /// Frequency of the board's crystal, and HSI's, hertz.
-    crystal_hz: u64,
+    options: Options,
+    /// HSI's frequency, hertz.
     hsi_hz: u64,
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
-    /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
-    removal_stays: bool,
     /// SWS.
     source: u32,
     /// Until when changes that need no access are taken into account.
@@ -160,14 +158,9 @@ pub(super) struct Rcc {
 }
 
 impl Rcc {
-    pub(super) fn new(options: &Options) -> Self {
+    pub(super) fn new(options: Options) -> Self {
         let ppm = i64::from(options.hsi_deviation_ppm);
         let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * ppm;
-        let (crystal_hz, hsi_hz) = (options.board.crystal_hz, HSI_HZ.saturating_add_signed(off));
-        Self::of(crystal_hz, hsi_hz, options.removal_stays)
-    }
-
-    fn of(crystal_hz: u64, hsi_hz: u64, removal_stays: bool) -> Self {
         let mut ready = [None; 34];
         ready[HSI as usize] = Some(Nanos::ZERO);
         let mut registers = Registers::new(TABLE);
@@ -175,10 +168,9 @@ impl Rcc {
         Self {
             registers,
             ready,
-            crystal_hz,
-            hsi_hz,
+            options,
+            hsi_hz: HSI_HZ.saturating_add_signed(off),
             crystal: true,
-            removal_stays,
             source: 0,
             settled: Nanos::ZERO,
             system_ready_at: None,
@@ -189,8 +181,7 @@ impl Rcc {
     pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
-        let fresh = Self::of(self.crystal_hz, self.hsi_hz, self.removal_stays);
-        *self = Self { crystal: self.crystal, settled: now, ..fresh };
+        *self = Self { crystal: self.crystal, settled: now, ..Self::new(self.options) };
         if cause != ResetCause::PowerOn {
             let held = flags & REMOVE != 0;
             self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
@@ -352,7 +343,7 @@ impl Rcc {
                 }
             }
             RSR if write.ones() & REMOVE != 0 => {
-                self.registers.set(RSR, if self.removal_stays { REMOVE } else { 0 });
+                self.registers.set(RSR, if self.options.removal_stays { REMOVE } else { 0 });
             }
             RSR if write.zeros() & REMOVE != 0 => {
                 self.registers.set(RSR, self.registers.value(RSR) & !REMOVE);
@@ -402,7 +393,7 @@ impl Rcc {
         match self.pll_source() {
             0 => [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift()),
             1 => [CSI_HZ; 2],
-            2 => [self.crystal_hz; 2],
+            2 => [self.options.board.crystal_hz; 2],
             _ => [0; 2],
         }
     }
@@ -496,7 +487,7 @@ impl Rcc {
         Sources {
             hsi: self.if_ready(HSI as usize, hsi_hz >> self.hsi_shift()),
             csi: self.if_ready(CSI as usize, CSI_HZ),
-            hse: self.if_ready(HSE as usize, self.crystal_hz),
+            hse: self.if_ready(HSE as usize, self.options.board.crystal_hz),
             lse: self.if_ready(LSE, LSE_HZ),
             plls: [0, 1, 2].map(|pll| self.pll_outputs(pll, hsi_hz)),
         }

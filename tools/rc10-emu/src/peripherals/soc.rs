@@ -93,7 +93,7 @@ impl Soc {
             fdcan,
             memory,
             options,
-            rcc: Rcc::new(&options),
+            rcc: Rcc::new(options),
             power: Power::new(),
             flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),

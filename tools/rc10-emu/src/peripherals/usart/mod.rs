@@ -164,8 +164,8 @@ impl Usart {
         if self.is(1, FIFOS) { FIFO_DEPTH } else { 1 }
     }
 
-    /// Kernel clocks of one bit, times two; `None` if the baud rate is not set.
-    fn clocks_of_two_bits(&self) -> Option<u64> {
+    /// Length of a bit, femtoseconds; `None` if the baud rate is not set.
+    fn bit_fs(&self) -> Option<u64> {
         let prescaler = PRESCALERS.get(self.prescaler as usize)?;
         let divisor = u64::from(self.divisor);
         let (divider, twice) = if self.is(1, OVERSAMPLE_8) {
@@ -173,12 +173,11 @@ impl Usart {
         } else {
             (divisor, 2)
         };
-        (divider >= 16 && self.hz != 0).then_some(divider * prescaler * twice)
-    }
-
-    /// Length of a bit, femtoseconds.
-    fn bit_fs(&self) -> Option<u64> {
-        let femtos = u128::from(self.clocks_of_two_bits()?) * 1_000_000_000_000_000;
+        if divider < 16 || self.hz == 0 {
+            return None;
+        }
+        // Kernel clocks of two bits.
+        let femtos = u128::from(divider * prescaler * twice) * 1_000_000_000_000_000;
         u64::try_from(femtos / u128::from(2 * self.hz)).ok()
     }
 
