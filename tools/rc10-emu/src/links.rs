@@ -3,8 +3,10 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rc10_sim::{Contact, Line, Nanos, PulseEnd, Serial, SerialEnd, UartFault};
+use anyhow::{Result, ensure};
+use rc10_sim::{Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, UartFault};
 
+use crate::machine::Machine;
 use crate::peripherals::{Character, Format, Outgoing, Sampled, Sampling, Soc, Wire};
 
 const FEMTOS_OF_SECOND: u64 = 1_000_000_000_000_000;
@@ -125,76 +127,6 @@ impl Links {
         self.serials.is_empty() && self.pulses.is_empty() && self.contacts.is_empty()
     }
 
-    /// Puts a UART on a serial link. `false`: no such UART, or no characters of the link's length.
-    pub fn connect_serial(
-        &mut self,
-        soc: &mut Soc,
-        uart: u8,
-        serial: &Serial,
-        inverted: bool,
-    ) -> bool {
-        let config = serial.config();
-        let Some(format) = Format::of_length(config.bits.into()) else { return false };
-        let far = Far::Serial(serial.clone());
-        let link = SerialLink::new(uart, far, format, config.baud, inverted);
-        self.connect(soc, link, |ear| serial.attach(ear))
-    }
-
-    /// Puts a UART with driver enable on a line. `false`: there is no such UART.
-    pub fn connect_line(&mut self, soc: &mut Soc, uart: u8, line: &Line) -> bool {
-        let far = Far::Line(line.clone());
-        let link = SerialLink::new(uart, far, Format::EIGHT_N_1, line.baud(), false);
-        self.connect(soc, link, |ear| line.attach(ear))
-    }
-
-    fn connect(
-        &mut self,
-        soc: &mut Soc,
-        link: SerialLink,
-        attach: impl FnOnce(Rc<RefCell<Ear>>),
-    ) -> bool {
-        if !soc.link_serial(link.uart) {
-            return false;
-        }
-        soc.set_serial_idle(link.uart, !link.how.inverted);
-        attach(Rc::clone(&link.ear));
-        self.serials.push(link);
-        true
-    }
-
-    /// Puts a pin on a line of pulses. `false`: there is no such pin.
-    pub fn connect_pulses(
-        &mut self,
-        soc: &mut Soc,
-        pin: (char, usize),
-        pulses: &rc10_sim::Pulses,
-        now: Nanos,
-    ) -> bool {
-        if !soc.drive_pin(pin.0, pin.1, Some(false), now) {
-            return false;
-        }
-        let ear = Rc::<RefCell<PulseEar>>::default();
-        pulses.attach(Rc::clone(&ear) as Rc<RefCell<dyn PulseEnd>>);
-        self.pulses.push(PulseLink { pin, ear });
-        true
-    }
-
-    /// Puts a pin at a contact to ground. `false`: there is no such pin.
-    pub fn connect_contact(
-        &mut self,
-        soc: &mut Soc,
-        pin: (char, usize),
-        contact: &Contact,
-        now: Nanos,
-    ) -> bool {
-        let was_closed = contact.is_closed();
-        let connected = soc.drive_pin(pin.0, pin.1, was_closed.then_some(false), now);
-        if connected {
-            self.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
-        }
-        connected
-    }
-
     /// Moves data of the world, which is at `now`, to the chip, which is not later.
     pub fn hear(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter().for_each(|link| link.hear(soc));
@@ -214,8 +146,80 @@ impl Links {
     pub fn speak(&mut self, soc: &mut Soc) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
     }
+}
 
+impl Machine {
+    /// Puts a UART (1 for USART1 ..= 10) on a serial link: levels of the link's rate, with
+    /// characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2. `inverted`: the line idles low, as
+    /// for SBUS.
+    ///
+    /// # Errors
+    /// If the chip has no such UART, or the link's characters have another length.
+    pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
+        let config = link.config();
+        let connected = Format::of_length(config.bits.into()).is_some_and(|format| {
+            let far = Far::Serial(link.clone());
+            let own = SerialLink::new(uart, far, format, config.baud, inverted);
+            self.connect_uart(own, |ear| link.attach(ear))
+        });
+        let bits = config.bits;
+        ensure!(connected, "there is no UART {uart} (1 to 10), or characters of {bits} bits");
+        Ok(())
+    }
+
+    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`):
+    /// only then nodes hear it, and meanwhile it hears no node.
+    ///
+    /// # Errors
+    /// If the chip has no such UART.
+    pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
+        let far = Far::Line(line.clone());
+        let own = SerialLink::new(uart, far, Format::EIGHT_N_1, line.baud(), false);
+        let connected = self.connect_uart(own, |ear| line.attach(ear));
+        ensure!(connected, "there is no UART {uart}; they are 1 to 10");
+        Ok(())
+    }
+
+    fn connect_uart(&mut self, link: SerialLink, attach: impl FnOnce(Rc<RefCell<Ear>>)) -> bool {
+        let is_there = self.soc().link_serial(link.uart);
+        if is_there {
+            self.soc().set_serial_idle(link.uart, !link.how.inverted);
+            attach(Rc::clone(&link.ear));
+            self.links.serials.push(link);
+        }
+        is_there
+    }
+
+    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
+    ///
+    /// # Errors
+    /// If the chip has no such pin.
+    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
+        let is_there = self.soc().drive_pin(pin.0, pin.1, Some(false), self.now());
+        ensure!(is_there, "there is no pin P{}{}", pin.0, pin.1);
+        let ear = Rc::<RefCell<PulseEar>>::default();
+        pulses.attach(Rc::clone(&ear) as Rc<RefCell<dyn PulseEnd>>);
+        self.links.pulses.push(PulseLink { pin, ear });
+        Ok(())
+    }
+
+    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
+    ///
+    /// # Errors
+    /// If the pin does not lead outside.
+    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
+        let was_closed = contact.is_closed();
+        let leads_outside = self.board().package.bonds(pin.0, pin.1);
+        ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);
+        self.soc().drive_pin(pin.0, pin.1, was_closed.then_some(false), self.now());
+        self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
+        Ok(())
+    }
+
+    /// Characters that a UART has sent and its far end could not read.
+    #[must_use]
     pub fn garbled(&self, uart: u8) -> u64 {
-        self.serials.iter().filter(|link| link.uart == uart).map(|link| link.garbled).sum()
+        let links = self.links.serials.iter().filter(|link| link.uart == uart);
+        links.map(|link| link.garbled).sum()
     }
 }

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use anyhow::{Context, Result, ensure};
-use rc10_sim::{Contact, Line, Nanos, Pulses, Serial, World};
+use rc10_sim::{Nanos, World};
 
 use crate::board::Board;
 use crate::core::{Core, Step};
@@ -171,7 +171,7 @@ pub struct Machine {
     buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
     /// The parts beside the chip.
     pub parts: Parts,
-    links: Links,
+    pub(crate) links: Links,
     /// The memories.
     pub memory: Memory,
     /// The program.
@@ -271,54 +271,6 @@ impl Machine {
         self.buses.borrow_mut().push((index, bus.clone()));
     }
 
-    /// Puts a UART (1 for USART1 ..= 10) on a serial link: levels of the link's rate, with
-    /// characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2. `inverted`: the line idles low, as
-    /// for SBUS.
-    ///
-    /// # Errors
-    /// If the chip has no such UART, or the link's characters have another length.
-    pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
-        let connected = self.links.connect_serial(&mut lock(&self.soc), uart, link, inverted);
-        let bits = link.config().bits;
-        ensure!(connected, "there is no UART {uart} (1 to 10), or characters of {bits} bits");
-        Ok(())
-    }
-
-    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`):
-    /// only then nodes hear it, and meanwhile it hears no node.
-    ///
-    /// # Errors
-    /// If the chip has no such UART.
-    pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
-        let connected = self.links.connect_line(&mut lock(&self.soc), uart, line);
-        ensure!(connected, "there is no UART {uart}; they are 1 to 10");
-        Ok(())
-    }
-
-    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
-    ///
-    /// # Errors
-    /// If the chip has no such pin.
-    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
-        let now = self.now();
-        let connected = self.links.connect_pulses(&mut lock(&self.soc), pin, pulses, now);
-        ensure!(connected, "there is no pin P{}{}", pin.0, pin.1);
-        Ok(())
-    }
-
-    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
-    ///
-    /// # Errors
-    /// If the pin does not lead outside.
-    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
-        let now = self.now();
-        let mut soc = lock(&self.soc);
-        let connected = soc.board().package.bonds(pin.0, pin.1)
-            && self.links.connect_contact(&mut soc, pin, contact, now);
-        ensure!(connected, "no pin P{}{} leads outside", pin.0, pin.1);
-        Ok(())
-    }
-
     /// Sums up from now on how long the chip holds a pin (port 'A' ..= 'K', 0 ..= 15) high.
     ///
     /// # Errors
@@ -340,12 +292,6 @@ impl Machine {
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
         ensure!(lock(&self.soc).record_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
-    }
-
-    /// Characters that a UART has sent and its far end could not read.
-    #[must_use]
-    pub fn garbled(&self, uart: u8) -> u64 {
-        self.links.garbled(uart)
     }
 
     /// The priority of an external interrupt now: 0, the most urgent, to 15.
