@@ -149,12 +149,6 @@ impl System {
         self.words[SYST_CSR] & 1 != 0 && self.words[SYST_RVR] != 0
     }
 
-    pub(super) fn clocks_until_timer(&self) -> Option<u64> {
-        let (value, reload) = (self.words[SYST_CVR], self.words[SYST_RVR]);
-        // It reloads in the clock after zero.
-        self.timer_runs().then(|| u64::from(if value == 0 { reload + 1 } else { value }))
-    }
-
     /// Lets the timer count; whether its exception became pending.
     pub(super) fn count(&mut self, clocks: u64) -> bool {
         let (mut left, mut has_ended) = (clocks, false);
@@ -178,11 +172,6 @@ impl System {
         if self.counts_cycles {
             self.cycles = self.cycles.wrapping_add(clocks as u32);
         }
-    }
-
-    /// The levels of the external interrupts; whether one changed.
-    pub(super) fn set_levels(&mut self, levels: [u32; INTERRUPT_WORDS]) -> bool {
-        std::mem::replace(&mut self.levels, levels) != levels
     }
 
     /// An interrupt whose level is high is pending, unless it is being handled.
@@ -297,6 +286,14 @@ impl System {
 }
 
 impl Core {
+    /// Clocks until the core's own timer (`SysTick`) would end its sleep, if it runs.
+    #[must_use]
+    pub fn clocks_until_timer(&self) -> Option<u64> {
+        let [value, reload] = [SYST_CVR, SYST_RVR].map(|word| self.system.word(word));
+        // It reloads in the clock after zero.
+        self.system.timer_runs().then(|| u64::from(if value == 0 { reload + 1 } else { value }))
+    }
+
     pub(super) fn read_system(&mut self, address: u32, has_effect: bool) -> u32 {
         match address {
             // DWT: CTRL says that there are no comparators, no traces and no profiling counters.

@@ -31,7 +31,7 @@ const TABLE: &[Register] = &[
 /// CCFG.BCC: the kernel clock is used as it is, but for the divider.
 const BYPASS: u32 = 1 << 6;
 pub(super) struct Calibration {
-    registers: Registers,
+    pub registers: Registers,
     /// Whether the controllers need it to be bypassed or calibrated at all.
     pub is_needed: bool,
 }
@@ -39,10 +39,6 @@ pub(super) struct Calibration {
 impl Calibration {
     pub fn new() -> Self {
         Self { registers: Registers::new(TABLE), is_needed: true }
-    }
-
-    pub fn reset(&mut self) {
-        self.registers.reset();
     }
 
     pub fn is_valid(&self) -> bool {
@@ -55,10 +51,6 @@ impl Calibration {
             0 => 1,
             half => 2 * u64::from(half),
         }
-    }
-
-    pub fn read(&self, offset: u32) -> Result<u32, AccessKind> {
-        self.registers.read(offset)
     }
 
     /// `unlocked`: FDCAN1 has INIT and CCE.

@@ -146,7 +146,7 @@ impl Controller {
         self.now = self.now.max(now);
         if let Some(bit) = self.bit() {
             let seen = self.link.settle(self.now, bit);
-            if seen > 0 && self.errors.is_bus_off() {
+            if seen > 0 && self.errors.bus_off {
                 self.errors.recovering(seen);
                 if self.link.is_joined() {
                     self.flags |= self.errors.recovered();
@@ -176,7 +176,7 @@ impl Controller {
         if self.kernel_hz == 0 {
             return;
         }
-        if self.errors.is_bus_off() {
+        if self.errors.bus_off {
             self.errors.start_recovery();
             self.link.start(TO_RECOVER, self.now);
         } else {
@@ -193,7 +193,7 @@ impl Controller {
 
     /// Clock stop request: granted as soon as nothing is pending and the wire is idle.
     fn stop_clock_if_asked(&mut self) {
-        let is_quiet = !self.link.is_joined() || !self.link.is_busy();
+        let is_quiet = !self.link.is_joined() || !self.link.busy;
         let idle = self.transmit.pending == 0 && !self.transmit.is_sending() && is_quiet;
         if self.is(cccr::CSR) && !self.is(cccr::CSA) && idle {
             let value = self.registers.at(at::CCCR) | cccr::INIT | cccr::CSA;
@@ -212,7 +212,7 @@ impl Controller {
 
     /// Its nominal bit, once it takes part, or did until it went bus-off.
     pub fn bit_in_use(&self) -> Option<Period> {
-        let takes_part = !self.is(cccr::INIT) || self.errors.is_bus_off();
+        let takes_part = !self.is(cccr::INIT) || self.errors.bus_off;
         self.bit().filter(|_| takes_part && self.is_connected() && !self.loops_back())
     }
 
@@ -247,7 +247,7 @@ impl Controller {
         };
         self.failed();
         self.flags |= self.errors.transmission_failed(error);
-        if self.errors.is_bus_off() {
+        if self.errors.bus_off {
             self.counters.bus_offs += 1;
             self.registers.set(at::CCCR, self.registers.at(at::CCCR) | cccr::INIT);
             self.stop();
@@ -326,7 +326,7 @@ impl Controller {
         } else if self.transmit.is_sending() {
             3
         } else {
-            1 + u32::from(self.link.is_busy())
+            1 + u32::from(self.link.busy)
         }
     }
 

@@ -34,7 +34,7 @@ const fn code(error: BusError) -> Option<u32> {
 pub(super) struct Errors {
     transmit: u8,
     receive: u8,
-    bus_off: bool,
+    pub bus_off: bool,
     /// ECR.CEL.
     logged: u8,
     last: u32,
@@ -47,10 +47,6 @@ impl Default for Errors {
 }
 
 impl Errors {
-    pub const fn is_bus_off(&self) -> bool {
-        self.bus_off
-    }
-
     pub const fn is_passive(&self) -> bool {
         self.bus_off || self.transmit >= ERROR_PASSIVE || self.receive >= ERROR_PASSIVE
     }

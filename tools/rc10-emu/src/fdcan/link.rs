@@ -24,7 +24,7 @@ enum State {
 #[derive(Default)]
 pub(super) struct Link {
     state: State,
-    busy: bool,
+    pub busy: bool,
     busy_since: Nanos,
 }
 
@@ -39,10 +39,6 @@ impl Link {
 
     pub fn is_joined(&self) -> bool {
         self.state == State::Joined
-    }
-
-    pub const fn is_busy(&self) -> bool {
-        self.busy
     }
 
     /// The wire has changed; settled up to `at`.

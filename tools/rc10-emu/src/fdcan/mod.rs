@@ -61,7 +61,7 @@ impl Fdcans {
     /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
     pub fn reset(&mut self) {
         self.controllers.iter_mut().for_each(controller::Controller::reset);
-        self.calibration.reset();
+        self.calibration.registers.reset();
         self.apply_clock();
     }
 
@@ -92,7 +92,7 @@ impl Fdcans {
     /// # Errors
     /// If there is no such register.
     pub fn read_calibration(&self, offset: u32) -> Result<u32, AccessKind> {
-        self.calibration.read(offset)
+        self.calibration.registers.read(offset)
     }
 
     /// Writes a register of the clock calibration unit.

@@ -292,10 +292,6 @@ impl Dma {
         Self { index, streams: std::array::from_fn(|_| Stream::new()) }
     }
 
-    pub(super) fn reset(&mut self) {
-        *self = Self::new(self.index);
-    }
-
     pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
         if let 0x00 | 0x04 = offset {
             let half = self.streams.iter().skip(offset as usize).take(4);

@@ -107,8 +107,9 @@ pub(super) struct I2c {
     held: bool,
     /// A start condition was seen, and no stop condition since.
     held_busy: bool,
-    /// Bytes to come in which BERR is raised for nothing.
-    disturbed: u32,
+    /// Bytes to come in which BERR is raised for nothing (ST's errata, "spurious bus error
+    /// detection").
+    pub(super) disturbed: u32,
     /// Whether both pins lead outside.
     pub(super) connected: bool,
     pub(super) devices: Vec<Box<dyn I2cDevice>>,
@@ -143,11 +144,6 @@ impl I2c {
         if !held {
             self.try_start(now);
         }
-    }
-
-    /// Adds bytes that raise BERR for nothing (ST's errata, "spurious bus error detection").
-    pub(super) const fn disturb(&mut self, bytes: u32) {
-        self.disturbed += bytes;
     }
 
     fn leave(&mut self, now: Nanos) {

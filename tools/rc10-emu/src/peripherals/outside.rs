@@ -426,7 +426,7 @@ impl Soc {
 
     /// Lets an I2C see a false bus error in the next bytes it sends. `false`: no such I2C.
     pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
-        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].disturb(bytes)).is_some()
+        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].disturbed += bytes).is_some()
     }
 
     /// Lets a device hold an I2C's data line low until it has seen some clocks from the clock pin

@@ -154,7 +154,7 @@ pub(super) struct Rcc {
     source: u32,
     /// Until when changes that need no access are taken into account.
     settled: Nanos,
-    system_ready_at: Option<Nanos>,
+    pub(super) system_ready_at: Option<Nanos>,
 }
 
 impl Rcc {
@@ -238,10 +238,6 @@ impl Rcc {
     /// Whether clock security raises its NMI: until the program clears the flag.
     pub(super) fn raises_nmi(&self) -> bool {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
-    }
-
-    pub(super) const fn system_ready_at(&self) -> Option<Nanos> {
-        self.system_ready_at
     }
 
     fn is_ready(&self, index: usize) -> bool {

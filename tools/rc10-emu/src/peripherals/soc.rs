@@ -282,7 +282,7 @@ impl Soc {
     /// Time at which the system clock was switched to PLL1; `None` if not yet since the last reset.
     #[must_use]
     pub const fn system_ready_at(&self) -> Option<Nanos> {
-        self.rcc.system_ready_at()
+        self.rcc.system_ready_at
     }
 
     /// The reset that a peripheral asks for; forgets it. [`reset`](Self::reset) does it.
@@ -545,13 +545,13 @@ impl Soc {
     fn reset_block(&mut self, row: &Row, now: Nanos) {
         match row.block {
             Block::Syscfg => self.reset_syscfg(),
-            Block::Gpio(port) => self.ports[port].reset(),
+            Block::Gpio(port) => self.ports[port].registers.reset(),
             Block::Timer(timer) => self.timers[timer].reset(now),
             Block::Usart(usart) => self.usarts[usart].reset(now),
             Block::Spi(spi) => self.spis[spi].reset(),
             Block::I2c(i2c) => self.i2cs[i2c].reset(now),
             Block::Adc => self.adc.reset(),
-            Block::Dma(dma) => self.dmas[dma].reset(),
+            Block::Dma(dma) => self.dmas[dma] = Dma::new(dma),
             // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
             // The others have no reset of their own, or nothing to reset.
@@ -715,7 +715,7 @@ impl Soc {
             }
         }
         self.record(now);
-        self.wants_reset |= self.watchdog.take_bite();
+        self.wants_reset |= std::mem::take(&mut self.watchdog.bites);
         let mut levels = [0; INTERRUPT_WORDS];
         let timers = self.timers.iter().flat_map(Timer::interrupts);
         let usarts = self.usarts.iter().filter_map(Usart::interrupt);

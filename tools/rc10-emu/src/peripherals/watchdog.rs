@@ -48,7 +48,7 @@ pub(super) struct Watchdog {
     /// Time at which it was running last at `counter`; `None` if it was never started.
     counting_from: Option<Nanos>,
     counter: u32,
-    bites: bool,
+    pub(super) bites: bool,
 }
 
 impl Watchdog {
@@ -75,14 +75,6 @@ impl Watchdog {
     fn restart(&mut self, counter: u32, now: Nanos) {
         self.counter = counter;
         self.counting_from = self.counting_from.map(|_| now);
-    }
-
-    pub(super) fn take_bite(&mut self) -> bool {
-        std::mem::take(&mut self.bites)
-    }
-
-    fn is_running(&self) -> bool {
-        self.counting_from.is_some()
     }
 
     pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
@@ -129,7 +121,7 @@ impl Watchdog {
 
     fn feed(&mut self, now: Nanos) {
         // Too early is as bad as too late.
-        if self.is_running() && self.count(now) > self.window.in_force {
+        if self.counting_from.is_some() && self.count(now) > self.window.in_force {
             self.bites = true;
         }
         self.restart(self.reload.in_force, now);
