@@ -93,6 +93,19 @@ impl<'a> Case<'a> {
         self.with(&mut self.motor(), Safety::new(state), scenario)
     }
 
+    /// Runs a scenario with one motor alone that has got going, and goes to this state when it must
+    /// stop.
+    pub(crate) fn going(
+        &self,
+        state: SafeState,
+        scenario: impl FnOnce(&mut Rig<'_>) -> Outcome,
+    ) -> Outcome {
+        self.alone(state, |rig| {
+            rig.get_going()?;
+            scenario(rig)
+        })
+    }
+
     pub(crate) fn with(
         &self,
         motor: &mut Subject,

@@ -1,6 +1,6 @@
 use crate::declaration::{Claim, Declaration};
 use crate::harness::Harness;
-use crate::outcome::{Halt, Outcome, broken};
+use crate::outcome::{Halt, Outcome, broken, must};
 use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::{
@@ -61,6 +61,11 @@ impl<'m> Rig<'m> {
 
     pub(crate) fn now(&self) -> Micros {
         self.bench.now()
+    }
+
+    /// The rule is broken, now, if it is not so.
+    pub(crate) fn must(&self, is_so: bool, what: impl FnOnce() -> String) -> Outcome {
+        must(self.now(), is_so, what)
     }
 
     pub(crate) fn status(&self) -> MotorStatus {
@@ -129,13 +134,9 @@ impl<'m> Rig<'m> {
         let full = f64::from(self.declared.full_torque.get());
         let most = self.declared.softness * full;
         let (steepest, at) = self.steepest;
-        if steepest <= most {
-            return Ok(());
-        }
-        broken(
-            at,
-            format!("{when} its torque grew by {steepest:.3} N m in 1 ms, at most {most:.3}"),
-        )
+        must(at, steepest <= most, || {
+            format!("{when} its torque grew by {steepest:.3} N m in 1 ms, at most {most:.3}")
+        })
     }
 
     /// The torque at the shaft, if there is any that should not be.
@@ -173,10 +174,10 @@ impl<'m> Rig<'m> {
     /// Its bridge is open, if it has a way to open it; or shorts the winding, if that is its way.
     pub(crate) fn is_disabled(&self, when: &str) -> Outcome {
         let state = self.esc.state();
-        if state.open || self.declared.drags(&state) || self.declared.disables != Claim::Does {
-            return Ok(());
-        }
-        broken(self.now(), format!("its device is enabled {when}"))
+        self.must(
+            state.open || self.declared.drags(&state) || self.declared.disables != Claim::Does,
+            || format!("its device is enabled {when}"),
+        )
     }
 
     /// The usual case of it: it had to stop just now.
@@ -208,10 +209,9 @@ impl<'m> Rig<'m> {
 
     /// Whether its link is lost.
     pub(crate) fn is_lost(&self, when: &str) -> Outcome {
-        if self.status().link == Link::Lost {
-            return Ok(());
-        }
-        broken(self.now(), format!("{when} its link is {:?}", self.status().link))
+        self.must(self.status().link == Link::Lost, || {
+            format!("{when} its link is {:?}", self.status().link)
+        })
     }
 
     /// Waits until its device was heard: for some, that is a matter of tenths of a second.

@@ -95,7 +95,8 @@ pub struct Damiao {
     forgotten: Option<f64>,
     heard_at: Micros,
     saved_at: Option<Micros>,
-    saves: u32,
+    /// The number of times that it has saved its registers.
+    pub saves: u32,
 }
 
 impl Damiao {
@@ -153,12 +154,6 @@ impl Damiao {
     #[must_use]
     pub fn register(&self, register: u8) -> Option<u32> {
         self.registers.read(register).map(u32::from_le_bytes)
-    }
-
-    /// Number of times that it has saved its registers.
-    #[must_use]
-    pub const fn saves(&self) -> u32 {
-        self.saves
     }
 
     fn can_id(&self) -> u16 {
@@ -230,10 +225,10 @@ impl Damiao {
             id: self.can_id(),
             code: self.code(),
             position,
-            velocity: shaft.speed(),
+            velocity: shaft.speed,
             torque: shaft.torque(),
-            bridge_temperature: shaft.temperature(),
-            winding_temperature: shaft.temperature(),
+            bridge_temperature: shaft.temperature,
+            winding_temperature: shaft.temperature,
         };
         self.answer(report.encode(&limits))
     }
@@ -289,8 +284,8 @@ impl Damiao {
         #[expect(clippy::cast_possible_truncation, reason = "registers are single precision")]
         for (register, value) in [
             (number::SUPPLY, shaft.plant().supply),
-            (number::BRIDGE_TEMPERATURE, shaft.temperature()),
-            (number::WINDING_TEMPERATURE, shaft.temperature()),
+            (number::BRIDGE_TEMPERATURE, shaft.temperature),
+            (number::WINDING_TEMPERATURE, shaft.temperature),
             (number::MOTOR_POSITION, position),
             (number::OUTPUT_POSITION, position),
         ] {
@@ -305,7 +300,7 @@ impl Damiao {
         let timeout = u64::from(self.registers.whole(number::TIMEOUT)) * TIMEOUT_STEP;
         let wrong = if let Some(code) = self.broken {
             Some(code)
-        } else if shaft.temperature() > self.registers.real(number::OVER_TEMPERATURE) {
+        } else if shaft.temperature > self.registers.real(number::OVER_TEMPERATURE) {
             Some(error::WINDING_HOT)
         } else if supply < self.registers.real(number::UNDER_VOLTAGE) {
             Some(error::UNDER_VOLTAGE)
@@ -384,7 +379,7 @@ impl Device for Damiao {
                 let plant = shaft.plant();
                 let conditions = Conditions {
                     position: self.position(shaft),
-                    velocity: shaft.speed(),
+                    velocity: shaft.speed,
                     inertia: plant.inertia(),
                     limits: self.registers.limits(),
                     acceleration: self.registers.real(number::ACCELERATION),

@@ -176,11 +176,11 @@ impl Dji {
     fn feedback(&self, shaft: &Shaft) -> CanFrame {
         let angle = ((shaft.rotor_angle() * 8192.0) as u16).min(8191);
         let rpm = shaft.rotor_rpm().round() as i16;
-        let current = (shaft.current() * self.model.scale().1).round() as i16;
+        let current = (shaft.current * self.model.scale().1).round() as i16;
         let temperature = match self.model {
             // C610 manual: this byte is null.
             Model::C610 => 0,
-            _ => shaft.temperature().round() as u8,
+            _ => shaft.temperature.round() as u8,
         };
         let [a, b] = angle.to_be_bytes();
         let [c, d] = rpm.to_be_bytes();

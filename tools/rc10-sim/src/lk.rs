@@ -101,10 +101,13 @@ pub enum Goal {
 #[derive(Debug)]
 pub struct Drive {
     settings: Settings,
-    is_on: bool,
-    goal: Goal,
+    /// Whether it carries commands out.
+    pub is_on: bool,
+    /// The setpoint.
+    pub goal: Goal,
     late: Option<Order>,
-    errors: u8,
+    /// The error bits.
+    pub errors: u8,
     causes: u8,
     last_command: Micros,
     /// Integral of the speed loop, A.
@@ -129,24 +132,6 @@ impl Drive {
         })
     }
 
-    /// Whether it carries commands out.
-    #[must_use]
-    pub const fn is_on(&self) -> bool {
-        self.is_on
-    }
-
-    /// The setpoint.
-    #[must_use]
-    pub const fn goal(&self) -> Goal {
-        self.goal
-    }
-
-    /// The error bits.
-    #[must_use]
-    pub const fn errors(&self) -> u8 {
-        self.errors
-    }
-
     fn own_id(&self) -> u16 {
         0x140 + u16::from(self.settings.id)
     }
@@ -159,8 +144,8 @@ impl Drive {
     fn state(&self, shaft: &Shaft) -> State {
         let counts = f64::from(1_u32 << self.settings.encoder_bits);
         State {
-            temperature: shaft.temperature().round() as i8,
-            current: (shaft.current() / self.amps_per_step()).round() as i16,
+            temperature: shaft.temperature.round() as i8,
+            current: (shaft.current / self.amps_per_step()).round() as i16,
             speed: (shaft.rotor_rpm() * 6.0).round() as i16,
             encoder: (shaft.rotor_angle() * counts).min(counts - 1.0) as u16,
         }
@@ -176,7 +161,7 @@ impl Drive {
             }
             Order::ReadPhases => {
                 // A standing vector: all of it in phase A.
-                let amps = (shaft.current() * 64.0).round() as i16;
+                let amps = (shaft.current * 64.0).round() as i16;
                 codec::encode_phases(state.temperature, [amps, -amps / 2, -amps / 2])
             }
             Order::ReadManyTurns => {
@@ -236,7 +221,7 @@ impl Drive {
 
     fn protect(&mut self, shaft: &Shaft, now: Micros) {
         let mut found = self.causes;
-        if shaft.temperature() > TOO_HOT {
+        if shaft.temperature > TOO_HOT {
             found |= error::OVER_TEMPERATURE;
         }
         if shaft.plant().supply < TOO_LOW {

@@ -15,17 +15,17 @@ pub struct Shaft {
     /// The share of a difference that is left after one step: exact exponentials.
     current_decay: f64,
     thermal_decay: f64,
-    /// A.
-    pub(crate) current: f64,
-    /// Output shaft, rad/s.
-    pub(crate) speed: f64,
+    /// Current in the winding, A.
+    pub current: f64,
+    /// Speed of the output shaft, rad/s.
+    pub speed: f64,
     /// Rotor turns since the start: whole ones, and the rest in 0 .. 1. Exact after any time.
     turns: i64,
     fraction: f64,
     /// The angle of the rotor in its turn at the start, 0 .. 1.
     offset: f64,
-    /// °C.
-    pub(crate) temperature: f64,
+    /// Temperature of the motor, °C.
+    pub temperature: f64,
     /// How far the output shaft is ahead of the load in its play, rad, and the load's speed, rad/s. Of
     /// no use without backlash.
     lead: f64,
@@ -71,28 +71,10 @@ impl Shaft {
         self.output_degrees().to_radians()
     }
 
-    /// Speed of the output shaft, rad/s.
-    #[must_use]
-    pub const fn speed(&self) -> f64 {
-        self.speed
-    }
-
-    /// Current in the winding, A.
-    #[must_use]
-    pub const fn current(&self) -> f64 {
-        self.current
-    }
-
     /// Torque of the winding at the output shaft, N·m.
     #[must_use]
     pub const fn torque(&self) -> f64 {
         self.plant.torque_constant * self.current
-    }
-
-    /// Temperature of the motor, °C.
-    #[must_use]
-    pub const fn temperature(&self) -> f64 {
-        self.temperature
     }
 
     pub(crate) fn set_plant(&mut self, plant: Plant) {

@@ -123,9 +123,12 @@ const TOO_HOT: f64 = 120.0;
 #[derive(Debug)]
 pub struct Axis {
     settings: Settings,
-    state: State,
-    controller: Controller,
-    errors: u32,
+    /// The state.
+    pub state: State,
+    /// The controller: modes, inputs, limits.
+    pub controller: Controller,
+    /// The error word.
+    pub errors: u32,
     causes: u32,
     /// Turns of the shaft when the encoder began to count.
     origin: Option<f64>,
@@ -155,29 +158,6 @@ impl Axis {
         })
     }
 
-    /// The state.
-    #[must_use]
-    pub const fn state(&self) -> State {
-        self.state
-    }
-
-    /// The error word.
-    #[must_use]
-    pub const fn errors(&self) -> u32 {
-        self.errors
-    }
-
-    /// The controller: modes, inputs, limits.
-    #[must_use]
-    pub const fn controller(&self) -> &Controller {
-        &self.controller
-    }
-
-    /// Falls idle by itself, without an error: as if it had been asked for.
-    pub const fn fall_idle(&mut self) {
-        self.state = State::Idle;
-    }
-
     /// Turns as the encoder counts them.
     fn position(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
@@ -200,7 +180,7 @@ impl Axis {
         if self.is_starting(now) {
             self.errors |= starting;
         }
-        if shaft.temperature() > TOO_HOT {
+        if shaft.temperature > TOO_HOT {
             self.find(Cause::OverTemperature);
         }
         if self.settings.watchdog.is_some_and(|most| now.since(self.fed_at) > most) {
@@ -249,13 +229,13 @@ impl Axis {
     }
 
     fn currents(&self, shaft: &Shaft) -> CanFrame {
-        encode_currents(self.settings.node, self.controller.amps(), shaft.current())
+        encode_currents(self.settings.node, self.controller.amps(), shaft.current)
     }
 
     fn supply(&self, shaft: &Shaft) -> CanFrame {
         let volts = shaft.plant().supply;
-        let watts = shaft.plant().resistance * shaft.current() * shaft.current()
-            + shaft.torque() * shaft.speed();
+        let watts =
+            shaft.plant().resistance * shaft.current * shaft.current + shaft.torque() * shaft.speed;
         encode_supply(self.settings.node, volts, watts / volts)
     }
 
@@ -330,7 +310,7 @@ impl Device for Axis {
             if version == Version::V0_6 {
                 out.send(self.currents(shaft));
                 // No thermistor on the power stage of this one.
-                out.send(encode_temperatures(node, f64::NAN, shaft.temperature()));
+                out.send(encode_temperatures(node, f64::NAN, shaft.temperature));
                 out.send(self.supply(shaft));
             }
         }

@@ -162,10 +162,12 @@ pub(crate) const fn error_of(fault: EscFault) -> Option<u8> {
 #[must_use]
 pub struct GoM8010 {
     id: u8,
-    think: Nanos,
+    /// The time from a command to its answer.
+    pub think: Nanos,
     /// The beginning of what may be a command.
     heard: Vec<u8>,
-    command: Command,
+    /// The command it obeys: the newest, or lock with nothing else when it has waited too long.
+    pub command: Command,
     commanded_at: Nanos,
     /// Rotor turns that it does not count.
     uncounted: f64,
@@ -193,18 +195,6 @@ impl GoM8010 {
         }
     }
 
-    /// The same, answering after another time.
-    pub const fn with_turnaround(mut self, turnaround: Nanos) -> Self {
-        self.think = turnaround;
-        self
-    }
-
-    /// The command it obeys: the newest, or lock with nothing else when it has waited too long.
-    #[must_use]
-    pub const fn command(&self) -> Command {
-        self.command
-    }
-
     /// Whether it turns by itself.
     #[must_use]
     pub const fn is_calibrating(&self) -> bool {
@@ -219,12 +209,12 @@ impl GoM8010 {
 
     fn answer(&self, shaft: &Shaft) -> Answer {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let temperature = shaft.temperature().round() as i8;
+        let temperature = shaft.temperature.round() as i8;
         Answer {
             id: self.id,
             status: self.command.status,
             torque: shaft.torque() / GEAR,
-            speed: shaft.speed() * GEAR,
+            speed: shaft.speed * GEAR,
             angle: self.angle(shaft),
             temperature,
             error: self.error,
@@ -281,7 +271,7 @@ impl Device for GoM8010 {
         if self.calibrating_until.is_some_and(|until| now >= until) {
             (self.calibrating_until, self.command) = (None, Command::default());
         }
-        if shaft.temperature() >= TOO_HOT {
+        if shaft.temperature >= TOO_HOT {
             self.error = 1;
         }
         if self.error != 0 {
@@ -301,7 +291,7 @@ impl Device for GoM8010 {
         }
         let torque = torque
             + stiffness * (angle - self.angle(shaft))
-            + damping * (speed - shaft.speed() * GEAR);
+            + damping * (speed - shaft.speed * GEAR);
         Winding::Current(torque * GEAR / shaft.plant().torque_constant)
     }
 

@@ -136,13 +136,17 @@ pub enum Mode {
 pub struct UnitreeMotor {
     module: UnitreeModule,
     number: u8,
-    mode: Mode,
-    command: Motion,
-    gains: Gains,
+    /// The mode.
+    pub mode: Mode,
+    /// The motion it was commanded last, at the rotor.
+    pub command: Motion,
+    /// The stiffness and damping it follows with, at the rotor.
+    pub gains: Gains,
     error: u8,
     unplugged: bool,
     calibrated_at: Micros,
-    calibrations: u32,
+    /// The number of times that it was told to calibrate itself.
+    pub calibrations: u32,
     /// Whole rotor turns that had been made when it got power.
     zero: Option<f64>,
     due: VecDeque<(Micros, Answer)>,
@@ -174,30 +178,6 @@ impl UnitreeMotor {
         }
     }
 
-    /// The mode.
-    #[must_use]
-    pub const fn mode(&self) -> Mode {
-        self.mode
-    }
-
-    /// The motion it was commanded last, at the rotor.
-    #[must_use]
-    pub const fn commanded(&self) -> Motion {
-        self.command
-    }
-
-    /// The stiffness and damping it follows with, at the rotor.
-    #[must_use]
-    pub const fn gains(&self) -> Gains {
-        self.gains
-    }
-
-    /// Number of times that it was told to calibrate itself.
-    #[must_use]
-    pub const fn calibrations(&self) -> u32 {
-        self.calibrations
-    }
-
     /// Turns of the rotor as it counts them.
     fn turns(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
@@ -206,8 +186,8 @@ impl UnitreeMotor {
 
     fn motion(&mut self, shaft: &Shaft) -> Motion {
         Motion {
-            torque: shaft.current() * TORQUE_CONSTANT / GEAR,
-            speed: shaft.speed() * GEAR,
+            torque: shaft.current * TORQUE_CONSTANT / GEAR,
+            speed: shaft.speed * GEAR,
             angle: self.turns(shaft) * TAU,
         }
     }
@@ -235,7 +215,7 @@ impl UnitreeMotor {
             Answer::State(status) => Told::State {
                 status,
                 motion: self.motion(shaft),
-                temperature: shaft.temperature(),
+                temperature: shaft.temperature,
                 air_pressure: 0,
             },
         };
@@ -301,7 +281,7 @@ impl Device for UnitreeMotor {
 
     fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         let has = self.motion(shaft);
-        if shaft.temperature() >= TOO_HOT {
+        if shaft.temperature >= TOO_HOT {
             self.error = 1;
         }
         if self.mode == Mode::Calibrating && now.since(self.calibrated_at) >= CALIBRATION {

@@ -4,7 +4,7 @@ use rc10_motor::{CanIds, Frames, Ownership, SafeState};
 
 use crate::case::Case;
 use crate::harness::Sent;
-use crate::outcome::{Findings, Outcome, broken};
+use crate::outcome::{Findings, Outcome, broken, must};
 use crate::recorder::name_and_ids;
 use crate::rig::Rig;
 
@@ -115,8 +115,7 @@ pub(super) fn few_frames_a_tick(case: &Case<'_>, found: &mut Findings) {
 
 pub(super) fn load_is_as_declared(case: &Case<'_>, found: &mut Findings) {
     let Some(ids) = case.can_ids() else { return };
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         let _ = rig.bench.take_traffic();
         count(rig, &ids)
     }));
@@ -124,8 +123,7 @@ pub(super) fn load_is_as_declared(case: &Case<'_>, found: &mut Findings) {
 
 /// Counts frames for a second.
 fn count(rig: &mut Rig<'_>, ids: &CanIds) -> Outcome {
-    let cruise = rig.cruise();
-    rig.wait(Some(cruise), 1000);
+    rig.wait(Some(rig.cruise()), 1000);
     let at = rig.now();
     let (mut sent, mut received) = (0_u32, 0_u32);
     for traffic in rig.bench.take_traffic() {
@@ -150,11 +148,11 @@ fn count(rig: &mut Rig<'_>, ids: &CanIds) -> Outcome {
     let fastest = rates().max().unwrap_or(0);
     let commands: u32 = ids.transmitted().iter().map(|t| t.rate.per_second()).sum();
     // A tenth for what is rare.
-    if received > most + most / 10 || received < fastest - fastest / 5 {
-        return broken(at, format!("{received} frames came in a second, {most} are declared"));
-    }
-    if sent > commands + commands / 10 {
-        return broken(at, format!("{sent} frames were sent in a second, {commands} are declared"));
-    }
+    must(at, received <= most + most / 10 && received >= fastest - fastest / 5, || {
+        format!("{received} frames came in a second, {most} are declared")
+    })?;
+    must(at, sent <= commands + commands / 10, || {
+        format!("{sent} frames were sent in a second, {commands} are declared")
+    })?;
     Ok(())
 }

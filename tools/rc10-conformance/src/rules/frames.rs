@@ -4,7 +4,7 @@ use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Frames, Link, Request,
 use rc10_sim::Random;
 
 use crate::case::Case;
-use crate::outcome::{Findings, Outcome, broken};
+use crate::outcome::{Findings, Outcome, broken, must};
 use crate::recorder::{Call, Told, not_finite, replay};
 
 /// Eight bytes; in every fourth case such as make infinities and NaN of any float.
@@ -76,9 +76,9 @@ fn change_nothing(
             Err(error) if is_right(&frame, error) => (),
             answer => return broken(at, format!("{frame} ({} bytes): {answer:?}", frame.len())),
         }
-        if Told::of(&*motor) != told {
-            return broken(at, format!("{frame} changed what the motor says of itself"));
-        }
+        must(at, Told::of(&*motor) == told, || {
+            format!("{frame} changed what the motor says of itself")
+        })?;
     }
     let few = &after[..after.len().min(100)];
     if replay(&mut *motor, few) == replay(&mut *twin, few) {
@@ -196,18 +196,18 @@ fn content(case: &Case<'_>, receive: &Frames) -> Outcome {
         let told = Told::of(&*motor);
         let heard = motor.unpack_feedback(&frame, at, Link::Online);
         let now = Told::of(&*motor);
-        if heard.is_err() && now != told {
-            return broken(at, format!("{frame} was refused and changed something"));
-        }
+        must(at, heard.is_ok() || now == told, || {
+            format!("{frame} was refused and changed something")
+        })?;
         if let Some(name) = not_finite(&now.feedback) {
             return broken(at, format!("{frame} makes the {name} infinite or NaN"));
         }
         // That it lies within a turn is another rule.
         let (angle, total) = (now.feedback.angle.get(), now.feedback.total_angle);
         let apart = (total.within_turn().get() - angle).rem_euclid(360.0);
-        if apart.min(360.0 - apart) > 1e-3 {
-            return broken(at, format!("{frame} makes its angle {angle}, and {total:?} in all"));
-        }
+        must(at, apart.min(360.0 - apart) <= 1e-3, || {
+            format!("{frame} makes its angle {angle}, and {total:?} in all")
+        })?;
         let drive = DRIVES[usize::from(random.bits().to_le_bytes()[0]) % DRIVES.len()];
         let trials = &case.declared.trials;
         if !trials.is_empty() {

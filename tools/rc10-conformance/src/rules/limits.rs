@@ -52,10 +52,7 @@ pub(super) fn limits_bound_efforts(case: &Case<'_>, found: &mut Findings) {
             })
         });
         found.note(tried.and_then(|()| is_same(&beyond, &within, trial.target, limit)));
-        found.note(case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
-            gives_no_more_than_all(rig, trial.target)
-        }));
+        found.note(case.going(SafeState::Coast, |rig| gives_no_more_than_all(rig, trial.target)));
     }
 }
 
@@ -70,9 +67,9 @@ fn gives_no_more_than_all(rig: &mut Rig<'_>, target: Target) -> Outcome {
     for _ in 0..100 {
         rig.tick(Some(most));
         let torque = rig.esc.state().torque;
-        if torque.abs() > 1.05 * full {
-            return broken(rig.now(), format!("with {most:?}, {torque:.3} N m of {full:.3}"));
-        }
+        rig.must(torque.abs() <= 1.05 * full, || {
+            format!("with {most:?}, {torque:.3} N m of {full:.3}")
+        })?;
     }
     Ok(())
 }

@@ -21,8 +21,7 @@ pub(super) fn set_zero(case: &Case<'_>, found: &mut Findings) {
     if early != Err(RequestError::NoFeedback) {
         found.add(None, format!("before any feedback: {early:?}, not NoFeedback"));
     }
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         rig.esc.set_load(0.0);
         rig.wait(None, 50);
         // However long it turns on: it is stopped.
@@ -68,9 +67,7 @@ fn zero_moves_nothing(rig: &mut Rig<'_>, most: f64) -> Outcome {
         rig.tick(None);
         let feedback = rig.status().feedback;
         let moved = rig.esc.state().output_degrees - start;
-        if moved.abs() > most {
-            return broken(rig.now(), format!("it moves {moved:.1} degrees"));
-        }
+        rig.must(moved.abs() <= most, || format!("it moves {moved:.1} degrees"))?;
         if !is_zero(&feedback) {
             let (angle, total) = (feedback.angle, feedback.total_angle.degrees());
             return broken(rig.now(), format!("angle {angle:?}, total angle {total:?}"));
@@ -93,9 +90,7 @@ pub(super) fn requests_are_checked(case: &Case<'_>, found: &mut Findings) {
                 let answer = rig.bench.request(rig.motor, request);
                 let right =
                     matches!(answer, Err(RequestError::Config(_) | RequestError::Unsupported));
-                if !right {
-                    return broken(rig.now(), format!("{request:?}: {answer:?}"));
-                }
+                rig.must(right, || format!("{request:?}: {answer:?}"))?;
             }
         }
         Ok(())
@@ -105,8 +100,7 @@ pub(super) fn requests_are_checked(case: &Case<'_>, found: &mut Findings) {
 pub(super) fn set_up_while_disarmed(case: &Case<'_>, found: &mut Findings) {
     for request in [Request::StoreZero, Request::WriteRegister(u16::MAX, 0), Request::SaveRegisters]
     {
-        found.note(case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
+        found.note(case.going(SafeState::Coast, |rig| {
             let answer = rig.bench.request(rig.motor, request);
             match answer {
                 Err(RequestError::NotWhileArmed | RequestError::Unsupported) => Ok(()),
@@ -169,15 +163,12 @@ pub(super) fn clear_fault_moves_nothing(case: &Case<'_>, found: &mut Findings) {
     found.note(case.alone(SafeState::Coast, |rig| {
         rig.is_heard().map_err(|_| Halt::Stuck)?;
         clear(rig)?;
-        let cruise = rig.cruise();
-        rig.rests(Some(cruise), (0, 200), "after ClearFault while disarmed")
+        rig.rests(Some(rig.cruise()), (0, 200), "after ClearFault while disarmed")
     }));
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         rig.watch();
         clear(rig)?;
-        let cruise = rig.cruise();
-        rig.goes_again(cruise, "after ClearFault")?;
+        rig.goes_again(rig.cruise(), "after ClearFault")?;
         rig.was_soft("after ClearFault")
     }));
 }

@@ -79,10 +79,9 @@ pub(super) fn gets_going(case: &Case<'_>, found: &mut Findings) {
             return broken(rig.now(), format!("turning, it says that it is {condition:?}"));
         }
         let torque = rig.esc.state().torque;
-        if torque > 0.5 * rig.load() {
-            return Ok(());
-        }
-        broken(rig.now(), format!("{torque:.3} N m do not carry the load of {}", rig.load()))
+        rig.must(torque > 0.5 * rig.load(), || {
+            format!("{torque:.3} N m do not carry the load of {}", rig.load())
+        })
     }));
 }
 
@@ -131,19 +130,14 @@ pub(super) fn follows_motions(case: &Case<'_>, found: &mut Findings) {
             }
         }
         let wanted = f64::from(speed.get());
-        if (slowest - wanted).abs().max((fastest - wanted).abs()) > 0.1 * wanted {
-            let what =
-                format!("a motion at {wanted:.1} rpm turns it at {slowest:.1} to {fastest:.1}");
-            return broken(rig.now(), what);
-        }
+        rig.must((slowest - wanted).abs().max((fastest - wanted).abs()) <= 0.1 * wanted, || {
+            format!("a motion at {wanted:.1} rpm turns it at {slowest:.1} to {fastest:.1}")
+        })?;
         let off = rig.status().feedback.total_angle.minus(gone(settle + 499)).degrees().get();
         // As far as it turns in 20 ms.
-        if f64::from(off.abs()) > wanted * 0.12 + 1.0 {
-            return broken(
-                rig.now(),
-                format!("it is {off:.1} degrees off a motion at {wanted:.1} rpm"),
-            );
-        }
+        rig.must(f64::from(off.abs()) <= wanted * 0.12 + 1.0, || {
+            format!("it is {off:.1} degrees off a motion at {wanted:.1} rpm")
+        })?;
         Ok(())
     }));
 }
@@ -238,11 +232,9 @@ fn off_by(rig: &Rig<'_>, trial: &Trial) -> f64 {
 }
 
 pub(super) fn feedback_is_true(case: &Case<'_>, found: &mut Findings) {
-    let driven = case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
-        let cruise = rig.cruise();
-        rig.wait(Some(cruise), 300);
-        tells_the_truth(case, rig, Some(cruise), "")
+    let driven = case.going(SafeState::Coast, |rig| {
+        rig.wait(Some(rig.cruise()), 300);
+        tells_the_truth(case, rig, Some(rig.cruise()), "")
     });
     // Wrong feedback is a reason not to get going.
     found.note(match driven {
@@ -319,8 +311,7 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
             }
         }
     }
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         let cruise = rig.cruise();
         rig.wait(Some(cruise), 300);
         rig.watch();
@@ -342,8 +333,7 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
 pub(super) fn deterministic(case: &Case<'_>, found: &mut Findings) {
     let trace = || {
         let mut traffic = Vec::new();
-        let outcome = case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
+        let outcome = case.going(SafeState::Coast, |rig| {
             traffic = rig.bench.take_traffic();
             Ok(())
         });

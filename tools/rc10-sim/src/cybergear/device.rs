@@ -25,21 +25,24 @@ const LOOPS: f64 = 2.0;
 #[must_use]
 pub struct CyberGear {
     model: Model,
-    beyond: Beyond,
+    /// The behaviour of reports beyond their range: no source tells.
+    pub beyond: Beyond,
     id: u8,
     chip: [u8; 8],
     /// The host that spoke to it last.
     host: u8,
-    mode: Mode,
+    /// Whether it moves its motor.
+    pub mode: Mode,
     motion: Motion,
-    parameters: Parameters,
+    /// The parameters that types 17 and 18 reach.
+    pub parameters: Parameters,
     saved: Parameters,
     /// Six bits of feedback.
     faults: u8,
     /// Bits of a fault frame.
     details: u32,
-    /// Whether its faults stay when they are cleared.
-    lasting: bool,
+    /// Whether faults stay when they are cleared, because their cause is still there.
+    pub lasting: bool,
     /// A fault frame is due.
     tells: bool,
     /// The shaft's angle that counts as zero, rad of [`Shaft::radians`].
@@ -54,7 +57,8 @@ pub struct CyberGear {
     /// A CyberGear whose bit rate was changed: 1 is 1 Mbit/s. Takes effect at power-on.
     bit_rate: u8,
     deaf: bool,
-    saves: u32,
+    /// The number of times that its flash was written.
+    pub saves: u32,
 }
 
 impl CyberGear {
@@ -88,44 +92,10 @@ impl CyberGear {
         }
     }
 
-    /// The same with another behaviour beyond its range: no source tells.
-    pub const fn with_end(mut self, beyond: Beyond) -> Self {
-        self.beyond = beyond;
-        self
-    }
-
-    /// Whether it moves its motor.
-    #[must_use]
-    pub const fn mode(&self) -> Mode {
-        self.mode
-    }
-
-    /// The parameters that types 17 and 18 reach.
-    #[must_use]
-    pub const fn parameters(&self) -> &Parameters {
-        &self.parameters
-    }
-
-    /// The same, to set up a device as another program has left it.
-    pub const fn parameters_mut(&mut self) -> &mut Parameters {
-        &mut self.parameters
-    }
-
     /// The six fault bits of its feedback, and those of its fault frame.
     #[must_use]
     pub const fn faults(&self) -> (u8, u32) {
         (self.faults, self.details)
-    }
-
-    /// Number of times that its flash was written.
-    #[must_use]
-    pub const fn saves(&self) -> u32 {
-        self.saves
-    }
-
-    /// Whether faults stay when they are cleared, because their cause is still there.
-    pub const fn set_lasting(&mut self, lasting: bool) {
-        self.lasting = lasting;
     }
 
     /// Position of its shaft as it counts it, rad, all turns included.
@@ -164,9 +134,9 @@ impl CyberGear {
             mode: if self.mode == Mode::Run { 2 } else { 0 },
             faults: self.faults,
             position,
-            velocity: shaft.speed(),
+            velocity: shaft.speed,
             torque: shaft.torque(),
-            temperature: shaft.temperature(),
+            temperature: shaft.temperature,
         }
     }
 
@@ -177,8 +147,8 @@ impl CyberGear {
     fn measured(&self, shaft: &Shaft) -> Measured {
         Measured {
             position: self.position(shaft),
-            current: shaft.current(),
-            velocity: shaft.speed(),
+            current: shaft.current,
+            velocity: shaft.speed,
             supply: shaft.plant().supply,
             rotor_turns: self.position(shaft) * shaft.plant().gear_ratio / std::f64::consts::TAU,
         }
@@ -264,8 +234,8 @@ impl CyberGear {
     /// The current it drives, A, by its run mode.
     fn current(&mut self, shaft: &Shaft) -> f64 {
         let Self { parameters, motion, model, .. } = *self;
-        let constant = model.torque_constant();
-        let (position, velocity) = (self.position(shaft), shaft.speed());
+        let constant = model.torque_constant;
+        let (position, velocity) = (self.position(shaft), shaft.speed);
         let most = f64::from(parameters.torque_limit) / constant;
         let toward = |place: f64| {
             let speed = f64::from(parameters.position_gain) * (place - position);
@@ -356,7 +326,7 @@ impl Device for CyberGear {
 
     fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if std::mem::take(&mut self.tells) && !self.deaf {
-            let warnings = u32::from(shaft.temperature() >= self.model.hot);
+            let warnings = u32::from(shaft.temperature >= self.model.hot);
             out.send(wire::faults(self.id, self.host, self.details, warnings));
         }
         if let Some(due) = self.next_report
@@ -371,7 +341,7 @@ impl Device for CyberGear {
         if !self.placed {
             self.place(shaft);
         }
-        if shaft.temperature() >= self.model.too_hot && self.faults & TOO_HOT == 0 {
+        if shaft.temperature >= self.model.too_hot && self.faults & TOO_HOT == 0 {
             self.fail(TOO_HOT, 1);
         }
         // A RobStride's time-out: back to mode reset (*assumed*; its unit is in the manual).

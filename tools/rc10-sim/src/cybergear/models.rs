@@ -24,7 +24,7 @@ pub struct Model {
     /// A RobStride: saves parameters, reports by itself, knows a time-out.
     pub robstride: bool,
     /// Torque per ampere at the output, N m / A.
-    torque_constant: f64,
+    pub torque_constant: f64,
     /// Rotor turns per turn of the output.
     gear: f64,
     /// Speed of the output without load at full supply, rpm.
@@ -125,11 +125,5 @@ impl Model {
             ..Plant::BARE
         }
         .with_no_load_speed(self.no_load_rpm * self.gear)
-    }
-
-    /// Torque per ampere at the output, N m / A.
-    #[must_use]
-    pub const fn torque_constant(&self) -> f64 {
-        self.torque_constant
     }
 }

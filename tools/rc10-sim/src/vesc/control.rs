@@ -31,7 +31,7 @@ const LEAST_CURRENT: f64 = 0.05;
 const DUTY_RAMP: f64 = 20.0;
 
 pub(super) struct Control {
-    mode: Mode,
+    pub(super) mode: Mode,
     /// Speed on its ramp, electrical rpm, once it is known where it starts.
     ramp: Option<f64>,
     /// Whether the speed controller has begun to drive.
@@ -52,10 +52,6 @@ impl Control {
             duty: None,
             last_position: None,
         }
-    }
-
-    pub(super) const fn mode(&self) -> Mode {
-        self.mode
     }
 
     pub(super) fn take(&mut self, order: &Order, (min, max): (f64, f64)) {
@@ -97,7 +93,7 @@ impl Control {
         position: f64,
     ) -> Winding {
         let plant = shaft.plant();
-        let own_volts = plant.back_emf * shaft.speed();
+        let own_volts = plant.back_emf * shaft.speed;
         match self.mode {
             Mode::Released => Winding::Open,
             Mode::Duty(wanted) => {
@@ -113,7 +109,7 @@ impl Control {
             Mode::Current(amps) => Winding::Current(limited(amps, limits, shaft)),
             Mode::Brake(amps) => {
                 let shorted = (own_volts / plant.resistance).abs();
-                Winding::Current(-shaft.speed().signum() * amps.min(-limits.0).min(shorted))
+                Winding::Current(-shaft.speed.signum() * amps.min(-limits.0).min(shorted))
             }
             Mode::Speed(erpm) => self.speed(erpm, config, limits, shaft),
             Mode::Position(wanted) => {
@@ -160,6 +156,6 @@ impl Control {
 
 /// A current held to the limits: one for driving, one for braking.
 fn limited(amps: f64, (min, max): (f64, f64), shaft: &Shaft) -> f64 {
-    let most = if amps * shaft.speed() < 0.0 { -min } else { max };
+    let most = if amps * shaft.speed < 0.0 { -min } else { max };
     amps.clamp(-most, most)
 }
