@@ -60,7 +60,7 @@ pub async fn listen_pulses(
     reception: &Reception,
     mut hear: impl FnMut(Remote, Micros),
 ) -> ! {
-    let mut ppm = Ppm::new();
+    let mut ppm = Ppm::default();
     loop {
         let at = edges().await;
         if let Some(channels) = ppm.edge(at) {
