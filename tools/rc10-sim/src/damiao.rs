@@ -252,11 +252,11 @@ impl Damiao {
         out: &mut Outbox,
     ) -> Taken {
         match access {
-            Access::Report => out.send(self.report(shaft)),
+            Access::Report => out.push(self.report(shaft)),
             Access::Read(register) => {
                 self.measure(shaft);
                 let Some(value) = self.registers.read(register) else { return Taken::Malformed };
-                out.send(self.about_register(0x33, register, value));
+                out.push(self.about_register(0x33, register, value));
             }
             Access::Write(register, value) => {
                 let before = self.mode();
@@ -269,7 +269,7 @@ impl Damiao {
                         *setpoint = None;
                     }
                 }
-                out.send(self.about_register(self.config.acknowledges_with, register, held));
+                out.push(self.about_register(self.config.acknowledges_with, register, held));
             }
             Access::Save if self.state == State::Disabled => self.saved_at = Some(now + SAVING),
             // Not while it moves, says the manual, and not what it answers.
@@ -354,7 +354,7 @@ impl Device for Damiao {
         let taken = self.take_command(offset, frame.bytes(), shaft);
         if taken == Taken::Yes {
             self.heard_at = now;
-            out.send(self.report(shaft));
+            out.push(self.report(shaft));
         }
         taken
     }
@@ -368,7 +368,7 @@ impl Device for Damiao {
             self.saved_at = None;
             self.flash = self.registers;
             self.saves += 1;
-            out.send(self.about_register(0xAA, 0x01, [0; 4]));
+            out.push(self.about_register(0xAA, 0x01, [0; 4]));
         }
     }
 

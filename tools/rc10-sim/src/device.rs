@@ -137,23 +137,9 @@ impl Winding {
     }
 }
 
-/// Frames that a device wants on the bus, in order.
-#[derive(Debug, Default)]
-pub struct Outbox {
-    frames: Vec<CanFrame>,
-}
-
-impl Outbox {
-    /// Sends a frame as soon as the bus is free; it takes the place of one of the same identifier
-    /// that still waits.
-    pub fn send(&mut self, frame: CanFrame) {
-        self.frames.push(frame);
-    }
-
-    pub(crate) fn drain(&mut self) -> impl Iterator<Item = CanFrame> {
-        self.frames.drain(..)
-    }
-}
+/// Frames that a device wants on the bus, in order: each as soon as the bus is free, in the place of
+/// one of the same identifier that still waits.
+pub type Outbox = Vec<CanFrame>;
 
 /// The place of a device: a node of a bus, or a station of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -196,7 +182,7 @@ impl Unit {
             commands: 0,
             last_command_at: None,
             malformed: 0,
-            out: Outbox::default(),
+            out: Outbox::new(),
         }
     }
 
@@ -281,7 +267,7 @@ impl Unit {
     /// The frames that it has to send.
     pub(crate) fn take_frames(&mut self) -> impl Iterator<Item = CanFrame> {
         let is_heard = !self.muted && !self.cut;
-        self.out.drain().filter(move |_| is_heard)
+        self.out.drain(..).filter(move |_| is_heard)
     }
 
     pub(crate) fn step(&mut self, now: Nanos) {

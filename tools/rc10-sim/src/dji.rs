@@ -226,7 +226,7 @@ impl Device for Dji {
     fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if now >= self.next_feedback {
             self.next_feedback += self.rate.period();
-            out.send(self.feedback(shaft));
+            out.push(self.feedback(shaft));
         }
     }
 

@@ -277,7 +277,7 @@ impl Device for Drive {
         };
         self.take(order, shaft, now);
         if let Some(id) = StandardId::new(self.own_id()) {
-            out.send(CanFrame::eight_bytes(id, self.answer(byte, order, shaft)));
+            out.push(CanFrame::eight_bytes(id, self.answer(byte, order, shaft)));
         }
         Taken::Yes
     }
@@ -325,40 +325,22 @@ impl Device for Drive {
 
 /// MG4010E-i10 on its drive, 24 V, no load on the shaft.
 pub const fn mg4010e_i10() -> Plant {
-    Plant {
-        // Data sheet: 10 : 1, 0.07 N·m/A at the rotor, 320 rpm without load, 0.6 Ω, 202 g·cm²,
-        // 7 A at stall. Friction and heating are our estimates.
-        gear_ratio: 10.0,
-        torque_constant: 0.7,
-        resistance: 0.6,
-        current_limit: 7.0,
-        rotor_inertia: 2.02e-5,
-        viscous_friction: 3e-3,
-        coulomb_friction: 0.08,
-        static_friction: 0.1,
-        thermal_resistance: 4.0,
-        thermal_time_constant: 250.0,
-        ..Plant::BARE
-    }
-    .with_no_load_speed(3200.0)
+    // Data sheet: 10 : 1, 0.07 N·m/A at the rotor, 320 rpm without load, 0.6 Ω, 202 g·cm²,
+    // 7 A at stall. Friction and heating are our estimates.
+    Plant::motor(10.0, 0.7, 0.6, 7.0, 2.02e-5)
+        .with_friction(3e-3, 0.08, 0.1)
+        .with_heating(4.0, 250.0)
+        .with_no_load_speed(3200.0)
 }
 
 /// MF9025 V2 on its drive, 24 V, no load on the shaft.
 pub const fn mf9025() -> Plant {
+    // Data sheet: no gearbox, 0.32 N·m/A, 0.05 V/rpm, 0.5 Ω. Inertia, friction and heating are
+    // our estimates.
     Plant {
-        // Data sheet: no gearbox, 0.32 N·m/A, 0.05 V/rpm, 0.5 Ω. Inertia, friction and heating are
-        // our estimates.
-        gear_ratio: 1.0,
-        torque_constant: 0.32,
         back_emf: 0.477,
-        resistance: 0.5,
-        current_limit: 13.0,
-        rotor_inertia: 2.6e-4,
-        viscous_friction: 5e-4,
-        coulomb_friction: 0.03,
-        static_friction: 0.04,
-        thermal_resistance: 2.0,
-        thermal_time_constant: 400.0,
-        ..Plant::BARE
+        ..Plant::motor(1.0, 0.32, 0.5, 13.0, 2.6e-4)
+            .with_friction(5e-4, 0.03, 0.04)
+            .with_heating(2.0, 400.0)
     }
 }

@@ -242,7 +242,7 @@ impl Axis {
     /// Answers a remote frame, as firmware 0.5 does for what it does not send by itself.
     fn answer(&mut self, message: u8, shaft: &Shaft, out: &mut Outbox) -> Taken {
         let node = self.settings.node;
-        out.send(match message {
+        out.push(match message {
             0x01 => self.heartbeat(),
             0x09 => encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0),
             0x14 => self.currents(shaft),
@@ -296,11 +296,11 @@ impl Device for Axis {
             self.settings;
         if now >= self.due[0] {
             self.due[0] += heartbeat_every;
-            out.send(self.heartbeat());
+            out.push(self.heartbeat());
         }
         if now >= self.due[1] {
             self.due[1] += estimates_every;
-            out.send(encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0));
+            out.push(encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0));
         }
         if let Some(every) = others_every
             && now >= self.due[2]
@@ -308,10 +308,10 @@ impl Device for Axis {
             self.due[2] += every;
             // Firmware 0.5 sends nothing else by itself.
             if version == Version::V0_6 {
-                out.send(self.currents(shaft));
+                out.push(self.currents(shaft));
                 // No thermistor on the power stage of this one.
-                out.send(encode_temperatures(node, f64::NAN, shaft.temperature));
-                out.send(self.supply(shaft));
+                out.push(encode_temperatures(node, f64::NAN, shaft.temperature));
+                out.push(self.supply(shaft));
             }
         }
     }
@@ -341,20 +341,10 @@ impl Device for Axis {
 
 /// D6374, 150 rpm/V, behind an 8 : 1 belt, 24 V, no load on the shaft.
 pub const fn d6374_8to1() -> Plant {
-    Plant {
-        // Vendor's motor guide: 150 rpm/V, so 8.27/150 N·m/A; 39 mΩ between phases. Inertia,
-        // friction and heating are our estimates.
-        gear_ratio: 8.0,
-        torque_constant: 8.0 * 8.27 / 150.0,
-        resistance: 0.039,
-        current_limit: 40.0,
-        rotor_inertia: 1.3e-4,
-        viscous_friction: 5e-3,
-        coulomb_friction: 0.15,
-        static_friction: 0.2,
-        thermal_resistance: 1.5,
-        thermal_time_constant: 500.0,
-        ..Plant::BARE
-    }
-    .with_no_load_speed(3500.0)
+    // Vendor's motor guide: 150 rpm/V, so 8.27/150 N·m/A; 39 mΩ between phases. Inertia,
+    // friction and heating are our estimates.
+    Plant::motor(8.0, 8.0 * 8.27 / 150.0, 0.039, 40.0, 1.3e-4)
+        .with_friction(5e-3, 0.15, 0.2)
+        .with_heating(1.5, 500.0)
+        .with_no_load_speed(3500.0)
 }

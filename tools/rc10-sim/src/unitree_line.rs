@@ -130,18 +130,10 @@ impl Answer {
 /// estimates.
 pub const fn plant() -> Plant {
     Plant {
-        gear_ratio: GEAR,
-        torque_constant: TORQUE_CONSTANT,
-        resistance: 0.2,
-        current_limit: 23.7 / TORQUE_CONSTANT,
         current_time_constant: 0.5e-3,
-        rotor_inertia: 1.12e-4,
-        viscous_friction: 5e-3,
-        coulomb_friction: 0.08,
-        static_friction: 0.10,
-        thermal_resistance: 1.0,
-        thermal_time_constant: 200.0,
-        ..Plant::BARE
+        ..Plant::motor(GEAR, TORQUE_CONSTANT, 0.2, 23.7 / TORQUE_CONSTANT, 1.12e-4)
+            .with_friction(5e-3, 0.08, 0.10)
+            .with_heating(1.0, 200.0)
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }

@@ -39,16 +39,10 @@ const CALIBRATION_VOLTS: f64 = 1.0;
 /// Its motor on 24 V without load. Gear, torque constant, 23.7 N·m and 30 rad/s are the data
 /// manual's; resistance, inertia, friction and thermal figures are estimates.
 pub const fn plant() -> Plant {
-    Plant {
-        rotor_inertia: 6e-5,
-        viscous_friction: 0.01,
-        coulomb_friction: 0.10,
-        static_friction: 0.13,
-        thermal_resistance: 1.5,
-        thermal_time_constant: 300.0,
-        ..unitree_line::plant()
-    }
-    .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
+    Plant { rotor_inertia: 6e-5, ..unitree_line::plant() }
+        .with_friction(0.01, 0.10, 0.13)
+        .with_heating(1.5, 300.0)
+        .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }
 
 /// No module or no motor can be set to this number.
@@ -274,7 +268,7 @@ impl Device for UnitreeMotor {
         {
             let frame = self.report(answer, shaft);
             if self.module.inner.borrow().powered {
-                frame.into_iter().for_each(|frame| out.send(frame));
+                frame.into_iter().for_each(|frame| out.push(frame));
             }
         }
     }

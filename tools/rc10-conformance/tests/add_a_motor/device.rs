@@ -81,7 +81,7 @@ impl Device for FinchDrive {
     fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if now >= self.next_report {
             self.next_report += PERIOD;
-            out.send(self.report(shaft));
+            out.push(self.report(shaft));
         }
     }
 

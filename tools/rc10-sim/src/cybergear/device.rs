@@ -315,7 +315,7 @@ impl Device for CyberGear {
             self.host = host;
         }
         if let Some(answer) = self.obey(command, host, shaft) {
-            out.send(answer);
+            out.push(answer);
         }
         Taken::Yes
     }
@@ -327,13 +327,13 @@ impl Device for CyberGear {
     fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if std::mem::take(&mut self.tells) && !self.deaf {
             let warnings = u32::from(shaft.temperature >= self.model.hot);
-            out.send(wire::faults(self.id, self.host, self.details, warnings));
+            out.push(wire::faults(self.id, self.host, self.details, warnings));
         }
         if let Some(due) = self.next_report
             && now >= due
         {
             self.next_report = Some(due + self.report_period());
-            out.send(self.feedback(true, shaft));
+            out.push(self.feedback(true, shaft));
         }
     }
 

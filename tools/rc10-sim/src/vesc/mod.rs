@@ -97,20 +97,9 @@ pub enum VescError {
 pub const fn outrunner_270_kv() -> Plant {
     // 60 / (2 π · 270)
     let torque_constant = 0.035_368;
-    Plant {
-        gear_ratio: 1.0,
-        torque_constant,
-        back_emf: torque_constant,
-        resistance: 0.06,
-        current_limit: 80.0,
-        rotor_inertia: 1.2e-4,
-        viscous_friction: 5e-5,
-        coulomb_friction: 0.02,
-        static_friction: 0.025,
-        thermal_resistance: 1.5,
-        thermal_time_constant: 200.0,
-        ..Plant::BARE
-    }
+    Plant::motor(1.0, torque_constant, 0.06, 80.0, 1.2e-4)
+        .with_friction(5e-5, 0.02, 0.025)
+        .with_heating(1.5, 200.0)
 }
 
 /// The electronics of a VESC.
@@ -268,7 +257,7 @@ impl Device for Vesc {
             Err(taken) => return taken,
         };
         match order {
-            Order::Ping(asker) => out.send(Report::Pong(asker).frame(self.config.id)),
+            Order::Ping(asker) => out.push(Report::Pong(asker).frame(self.config.id)),
             Order::CurrentLimits { min, max, is_stored } => {
                 self.current_limits = (min.min(0.0), max.max(0.0));
                 if is_stored {
@@ -296,7 +285,7 @@ impl Device for Vesc {
             self.next_reports[index] = Some(due + Micros::new(period));
             let report = self.report(index, shaft);
             if !self.is_off {
-                out.send(report.frame(self.config.id));
+                out.push(report.frame(self.config.id));
             }
         }
     }
