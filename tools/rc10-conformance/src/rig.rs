@@ -23,7 +23,8 @@ pub(crate) struct Rig<'m> {
     steepest: (f64, Micros),
     /// Which targets it took at first.
     supports: TargetSet,
-    other_targets: Option<(Micros, DriveMode)>,
+    /// When it took other targets than at first, and in which drive.
+    pub(crate) other_targets: Option<(Micros, DriveMode)>,
 }
 
 /// Times that everything must be over in, ms.
@@ -52,11 +53,6 @@ impl<'m> Rig<'m> {
             supports,
             other_targets: None,
         }
-    }
-
-    /// When it took other targets than at first, and in which drive.
-    pub(crate) const fn other_targets(&self) -> Option<(Micros, DriveMode)> {
-        self.other_targets
     }
 
     pub(crate) fn now(&self) -> Micros {

@@ -283,7 +283,7 @@ impl Damiao {
         let position = self.position(shaft);
         #[expect(clippy::cast_possible_truncation, reason = "registers are single precision")]
         for (register, value) in [
-            (number::SUPPLY, shaft.plant().supply),
+            (number::SUPPLY, shaft.plant.supply),
             (number::BRIDGE_TEMPERATURE, shaft.temperature),
             (number::WINDING_TEMPERATURE, shaft.temperature),
             (number::MOTOR_POSITION, position),
@@ -295,7 +295,7 @@ impl Damiao {
 
     /// Looks after itself; what it finds wrong stops it.
     fn protect(&mut self, shaft: &Shaft, now: Micros) {
-        let supply = shaft.plant().supply;
+        let supply = shaft.plant.supply;
         let silence = now.since(self.heard_at).get();
         let timeout = u64::from(self.registers.whole(number::TIMEOUT)) * TIMEOUT_STEP;
         let wrong = if let Some(code) = self.broken {
@@ -376,7 +376,7 @@ impl Device for Damiao {
         self.protect(shaft, now);
         match self.state {
             State::Enabled(Some(setpoint)) => {
-                let plant = shaft.plant();
+                let plant = &shaft.plant;
                 let conditions = Conditions {
                     position: self.position(shaft),
                     velocity: shaft.speed,

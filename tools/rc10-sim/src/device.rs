@@ -160,7 +160,8 @@ pub(crate) struct Unit {
     cut: bool,
     /// The state of the winding in the last step.
     winding: Winding,
-    muted: bool,
+    /// Silent: it goes on driving.
+    pub(crate) muted: bool,
     commands: u64,
     last_command_at: Option<Micros>,
     malformed: u64,
@@ -206,11 +207,6 @@ impl Unit {
     /// Whether it has power and is plugged in.
     pub(crate) const fn is_present(&self) -> bool {
         self.powered && !self.cut
-    }
-
-    /// Muted or not: it goes on driving.
-    pub(crate) const fn set_muted(&mut self, muted: bool) {
-        self.muted = muted;
     }
 
     /// Whether that changed anything.

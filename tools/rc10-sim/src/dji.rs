@@ -231,7 +231,7 @@ impl Device for Dji {
     }
 
     fn drive(&mut self, shaft: &Shaft, _now: Micros) -> Winding {
-        self.model.drive(self.command, shaft.plant())
+        self.model.drive(self.command, &shaft.plant)
     }
 
     fn command(&self) -> i16 {

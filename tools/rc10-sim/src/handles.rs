@@ -180,7 +180,7 @@ pub struct SimPort {
 
 impl CanPort for SimPort {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        self.host.borrow_mut().receive()
+        self.host.borrow_mut().received.pop_front()
     }
 
     fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
@@ -192,7 +192,7 @@ impl CanPort for SimPort {
     }
 
     fn health(&self) -> Health {
-        self.host.borrow().health()
+        self.host.borrow().health
     }
 
     fn recover(&mut self) {
@@ -255,7 +255,7 @@ impl Esc {
 
     /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
     pub fn plant(&self) -> Plant {
-        *self.inner.borrow().units[self.index].motor.plant()
+        self.inner.borrow().units[self.index].motor.plant
     }
 
     /// Switches its power. Without it there is no current, no feedback, no acknowledge; the rotor
@@ -287,7 +287,7 @@ impl Esc {
 
     /// Silences its feedback, or lets it speak again; it goes on driving.
     pub fn set_feedback(&self, enabled: bool) {
-        self.inner.borrow_mut().units[self.index].set_muted(!enabled);
+        self.inner.borrow_mut().units[self.index].muted = !enabled;
     }
 
     /// Has it find something wrong with itself, until power-off. `false`: such a device knows no
@@ -310,7 +310,7 @@ impl Esc {
 
     /// Puts another motor, gearbox or load in the place of its own; what turned turns on, and the load
     /// begins in the middle of its play. With backlash, cogging and a weight, for example:
-    /// `esc.set_plant(esc.plant().with_backlash(0.5))`. Of a wheel, [`plant`](Self::plant) has its
+    /// `esc.set_plant(Plant { nonlinear, ..esc.plant() })`. Of a wheel, [`plant`](Self::plant) has its
     /// inertia.
     pub fn set_plant(&self, plant: Plant) {
         self.inner.borrow_mut().units[self.index].motor.set_plant(plant);

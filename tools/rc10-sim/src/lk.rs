@@ -157,7 +157,7 @@ impl Drive {
         match order {
             Order::Off | Order::Stop | Order::Run => encode_echo(byte),
             Order::ReadHealth | Order::ClearErrors => {
-                encode_health(byte, state.temperature, shaft.plant().supply, self.errors)
+                encode_health(byte, state.temperature, shaft.plant.supply, self.errors)
             }
             Order::ReadPhases => {
                 // A standing vector: all of it in phase A.
@@ -224,7 +224,7 @@ impl Drive {
         if shaft.temperature > TOO_HOT {
             found |= error::OVER_TEMPERATURE;
         }
-        if shaft.plant().supply < TOO_LOW {
+        if shaft.plant.supply < TOO_LOW {
             found |= error::UNDER_VOLTAGE;
         }
         let silence = now.since(self.last_command);
@@ -239,7 +239,7 @@ impl Drive {
 
     /// A speed loop with gains that fit its own motor: amperes for degrees/s of the rotor.
     fn seek_speed(&mut self, wanted: f64, shaft: &Shaft) -> f64 {
-        let plant = shaft.plant();
+        let plant = &shaft.plant;
         // In 10 ms, at the rotor.
         let per_degree = plant.inertia() / plant.gear_ratio / plant.torque_constant;
         let gain = per_degree.to_radians() / 0.01;

@@ -11,7 +11,8 @@ pub(crate) const STEP: f64 = 100e-6;
 /// The shaft of a motor with its gearbox and load. A device sees it through its sensors: exact, and as
 /// of the last physics step.
 pub struct Shaft {
-    plant: Plant,
+    /// Its motor, gearbox and load.
+    pub plant: Plant,
     /// The share of a difference that is left after one step: exact exponentials.
     current_decay: f64,
     thermal_decay: f64,
@@ -58,11 +59,6 @@ impl Shaft {
             reaction: 0.0,
             rolling_friction: 0.0,
         }
-    }
-
-    /// The motor, gearbox and load.
-    pub const fn plant(&self) -> &Plant {
-        &self.plant
     }
 
     /// Angle of the output shaft since the world's start, rad.

@@ -229,13 +229,13 @@ impl Axis {
     }
 
     fn currents(&self, shaft: &Shaft) -> CanFrame {
-        encode_currents(self.settings.node, self.controller.amps(), shaft.current)
+        encode_currents(self.settings.node, self.controller.amps, shaft.current)
     }
 
     fn supply(&self, shaft: &Shaft) -> CanFrame {
-        let volts = shaft.plant().supply;
+        let volts = shaft.plant.supply;
         let watts =
-            shaft.plant().resistance * shaft.current * shaft.current + shaft.torque() * shaft.speed;
+            shaft.plant.resistance * shaft.current * shaft.current + shaft.torque() * shaft.speed;
         encode_supply(self.settings.node, volts, watts / volts)
     }
 
@@ -322,7 +322,7 @@ impl Device for Axis {
         if self.state == State::Idle {
             return Winding::Open;
         }
-        Winding::Current(self.controller.step(position, shaft.rotor_rpm() / 60.0, shaft.plant()))
+        Winding::Current(self.controller.step(position, shaft.rotor_rpm() / 60.0, &shaft.plant))
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {

@@ -192,29 +192,6 @@ impl Plant {
         self
     }
 
-    /// The same with a weight on an arm: the torque is `-torque · cos(angle + offset)`, N·m, `offset` in
-    /// degrees. An arm that hangs at power-on has an offset of -90, one that stands upright 90.
-    pub const fn with_gravity(mut self, torque: f64, offset: f64) -> Self {
-        self.nonlinear.gravity_torque = torque;
-        self.nonlinear.gravity_offset = offset;
-        self
-    }
-
-    /// The same with cogging: a torque of this amplitude at the output shaft, N·m, that goes up and down
-    /// this many times per turn of the rotor. [`Nonlinear`] has numbers to begin with.
-    pub const fn with_cogging(mut self, torque: f64, periods: f64) -> Self {
-        self.nonlinear.cogging_torque = torque;
-        self.nonlinear.cogging_periods = periods;
-        self
-    }
-
-    /// The same with a play of this many degrees between gearbox and load, from one end to the other.
-    /// The load begins in the middle of it. [`Nonlinear`] has numbers to begin with.
-    pub const fn with_backlash(mut self, degrees: f64) -> Self {
-        self.nonlinear.backlash = degrees;
-        self
-    }
-
     /// The same motor behind another gearbox: `ratio` turns of the rotor per turn of the output
     /// shaft. Torque per ampere, cogging and back-EMF grow with it, dry friction too, viscous friction
     /// with its square.

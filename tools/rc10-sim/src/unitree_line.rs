@@ -284,7 +284,7 @@ impl Device for GoM8010 {
         let torque = torque
             + stiffness * (angle - self.angle(shaft))
             + damping * (speed - shaft.speed * GEAR);
-        Winding::Current(torque * GEAR / shaft.plant().torque_constant)
+        Winding::Current(torque * GEAR / shaft.plant.torque_constant)
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {

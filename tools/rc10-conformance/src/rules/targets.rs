@@ -331,14 +331,7 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
 }
 
 pub(super) fn deterministic(case: &Case<'_>, found: &mut Findings) {
-    let trace = || {
-        let mut traffic = Vec::new();
-        let outcome = case.going(SafeState::Coast, |rig| {
-            traffic = rig.bench.take_traffic();
-            Ok(())
-        });
-        outcome.map(|()| traffic)
-    };
+    let trace = || case.going(SafeState::Coast, |rig| Ok(rig.bench.take_traffic()));
     match (trace(), trace()) {
         (Ok(once), Ok(twice)) => {
             let mut both = once.iter().zip(&twice);

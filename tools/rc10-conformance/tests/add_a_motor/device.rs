@@ -90,7 +90,7 @@ impl Device for FinchDrive {
             self.disable();
         }
         if self.enabled {
-            Winding::Current(self.torque / shaft.plant().torque_constant)
+            Winding::Current(self.torque / shaft.plant.torque_constant)
         } else {
             Winding::Open
         }

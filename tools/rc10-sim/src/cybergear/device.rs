@@ -149,8 +149,8 @@ impl CyberGear {
             position: self.position(shaft),
             current: shaft.current,
             velocity: shaft.speed,
-            supply: shaft.plant().supply,
-            rotor_turns: self.position(shaft) * shaft.plant().gear_ratio / std::f64::consts::TAU,
+            supply: shaft.plant.supply,
+            rotor_turns: self.position(shaft) * shaft.plant.gear_ratio / std::f64::consts::TAU,
         }
     }
 
@@ -161,7 +161,7 @@ impl CyberGear {
         let (turn, zero) = if self.model.robstride {
             (std::f64::consts::TAU, self.saved_zero)
         } else {
-            (std::f64::consts::TAU / shaft.plant().gear_ratio, 0.0)
+            (std::f64::consts::TAU / shaft.plant.gear_ratio, 0.0)
         };
         let within = (shaft.radians() - zero + turn / 2.0).rem_euclid(turn) - turn / 2.0;
         self.zero = shaft.radians() - within;

@@ -92,7 +92,7 @@ impl Control {
         shaft: &Shaft,
         position: f64,
     ) -> Winding {
-        let plant = shaft.plant();
+        let plant = &shaft.plant;
         let own_volts = plant.back_emf * shaft.speed;
         match self.mode {
             Mode::Released => Winding::Open,

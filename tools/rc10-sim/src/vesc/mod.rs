@@ -210,13 +210,13 @@ impl Vesc {
                 transistors: match self.fault {
                     // Where the firmware drives no current any more (`l_temp_fet_end`), and above.
                     Some(EscFault::OverTemperature) => 105.0,
-                    _ => shaft.plant().ambient + 0.2 * shaft.current.abs(),
+                    _ => shaft.plant.ambient + 0.2 * shaft.current.abs(),
                 },
                 motor: shaft.temperature,
                 input: self.input_current,
                 position: self.position(shaft),
             },
-            4 => Report::Status5 { steps: self.steps(shaft), supply: shaft.plant().supply },
+            4 => Report::Status5 { steps: self.steps(shaft), supply: shaft.plant.supply },
             _ => Report::Status6([0.0; 4]),
         }
     }
@@ -302,7 +302,7 @@ impl Device for Vesc {
         }
         let position = self.position(shaft);
         let winding = self.control.drive(&self.config, self.current_limits, shaft, position);
-        let plant = shaft.plant();
+        let plant = &shaft.plant;
         // What the terminals see; undriven, the firmware follows the motor's own voltage.
         let volts = plant.back_emf * shaft.speed + plant.resistance * shaft.current;
         self.duty = (volts / plant.supply).clamp(-1.0, 1.0);
