@@ -190,7 +190,7 @@ impl<'m> Harness<'m> {
 
     /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
     pub(crate) fn tick(&mut self, dt: Seconds) {
-        on_either!(&mut self.wired, bench => bench.tick_with(dt))
+        on_either!(&mut self.wired, bench => bench.tick_with(dt));
     }
 
     /// A tick of a motor that is not attached, so that no bus supervises it, and a millisecond.
@@ -231,12 +231,12 @@ impl<'m> Harness<'m> {
     /// A millisecond without a tick.
     pub(crate) fn pass(&mut self) {
         let next = self.now() + Micros::from_millis(1);
-        on_either!(&mut self.wired, bench => bench.world.advance(next))
+        on_either!(&mut self.wired, bench => bench.world.advance(next));
     }
 
     /// Cuts our side off the wire, or connects it again.
     pub(crate) fn set_cut(&mut self, cut: bool) {
-        on_either!(&self.wired, bench => bench.wire.set_cut(cut))
+        on_either!(&self.wired, bench => bench.wire.set_cut(cut));
     }
 
     /// Takes the traffic since the last time.

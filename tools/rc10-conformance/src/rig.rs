@@ -120,6 +120,26 @@ impl<'m> Rig<'m> {
         (0..millis).for_each(|_| self.tick(target));
     }
 
+    /// Waits until it is so, for so many milliseconds at most; whether it is.
+    pub(crate) fn until(
+        &mut self,
+        target: Option<Target>,
+        millis: u32,
+        is_so: impl Fn(&Self) -> bool,
+    ) -> bool {
+        (0..millis).any(|_| {
+            self.tick(target);
+            is_so(self)
+        })
+    }
+
+    /// Takes the device's power away for so long.
+    pub(crate) fn restart(&mut self, target: Target, millis: u32) {
+        self.esc.set_power(false);
+        self.wait(Some(target), millis);
+        self.esc.set_power(true);
+    }
+
     /// Forgets how steep the torque was.
     pub(crate) const fn watch(&mut self) {
         self.steepest = (0.0, Micros::ZERO);
@@ -193,14 +213,10 @@ impl<'m> Rig<'m> {
 
     /// Waits until it turns.
     pub(crate) fn goes_again(&mut self, target: Target, when: &str) -> Outcome {
-        for _ in 0..self.declared.enables_within + SPIN_UP {
-            self.tick(Some(target));
-            if self.goes(target) {
-                return Ok(());
-            }
-        }
+        let most = self.declared.enables_within + SPIN_UP;
+        let goes = self.until(Some(target), most, |rig| rig.goes(target));
         let rpm = self.esc.state().output_rpm;
-        broken(self.now(), format!("{when} it makes {rpm:.1} rpm, not {}", self.cruise_rpm()))
+        self.must(goes, || format!("{when} it makes {rpm:.1} rpm, not {}", self.cruise_rpm()))
     }
 
     /// Whether its link is lost.
@@ -213,13 +229,9 @@ impl<'m> Rig<'m> {
     /// Waits until its device was heard: for some, that is a matter of tenths of a second.
     pub(crate) fn is_heard(&mut self) -> Outcome {
         self.wait(None, 20);
-        for _ in 0..LONGEST_SILENCE {
-            if self.status().link == Link::Online {
-                return Ok(());
-            }
-            self.tick(None);
-        }
-        broken(self.now(), format!("disarmed, its link is {:?}", self.status().link))
+        let is_heard = self.status().link == Link::Online
+            || self.until(None, LONGEST_SILENCE, |rig| rig.status().link == Link::Online);
+        self.must(is_heard, || format!("disarmed, its link is {:?}", self.status().link))
     }
 
     /// Armed and heard, or another rule says why not.
@@ -243,14 +255,10 @@ impl<'m> Rig<'m> {
     /// Turns its shaft while it is disarmed, onward and about as fast as it cruises; then lets go.
     pub(crate) fn turn_by_hand(&mut self) -> Outcome {
         self.esc.set_load(self.load());
-        for _ in 0..SPIN_UP {
-            self.tick(None);
-            if self.esc.state().output_rpm >= self.cruise_rpm() {
-                self.esc.set_load(0.0);
-                return Ok(());
-            }
-        }
-        Err(Halt::Stuck)
+        let is_fast = |rig: &Self| rig.esc.state().output_rpm >= rig.cruise_rpm();
+        let turns = self.until(None, SPIN_UP, is_fast);
+        self.esc.set_load(0.0);
+        if turns { Ok(()) } else { Err(Halt::Stuck) }
     }
 
     /// Asks for something, and waits for the answer without commanding.

@@ -150,7 +150,7 @@ pub(crate) enum Place {
 
 /// An ESC with its motor, at its place.
 pub(crate) struct Unit {
-    device: Box<dyn Device>,
+    pub(crate) device: Box<dyn Device>,
     pub(crate) motor: Shaft,
     pub(crate) place: Place,
     /// Turns or steers a wheel of a base.
@@ -212,10 +212,6 @@ impl Unit {
     /// Whether that changed anything.
     pub(crate) const fn set_cut(&mut self, cut: bool) -> bool {
         core::mem::replace(&mut self.cut, cut) != cut
-    }
-
-    pub(crate) fn device(&mut self) -> &mut dyn Device {
-        &mut *self.device
     }
 
     pub(crate) fn next_event(&self) -> Option<Micros> {

@@ -34,7 +34,7 @@ impl Bus {
     /// # Errors
     /// [`IdOutOfRange`] if the model has no such id.
     pub fn add_esc(&self, config: EscConfig) -> Result<Esc, IdOutOfRange> {
-        Ok(self.add(Dji::new(&config)?, config.plant))
+        Ok(self.add(Dji::new(config)?, config.plant))
     }
 
     /// Puts any device with its motor on the bus, powered, at rest: DJI's own
@@ -293,19 +293,20 @@ impl Esc {
     /// Has it find something wrong with itself, until power-off. `false`: such a device knows no
     /// such fault, and nothing happened.
     pub fn inject(&self, fault: EscFault) -> bool {
-        self.inner.borrow_mut().units[self.index].device().inject(fault)
+        self.inner.borrow_mut().units[self.index].device.inject(fault)
     }
 
     /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
     /// nothing happened.
     pub fn set_id(&self, id: u8) -> bool {
-        self.inner.borrow_mut().units[self.index].device().set_id(id)
+        self.inner.borrow_mut().units[self.index].device.set_id(id)
     }
 
     /// Puts its motor behind another gearbox: `ratio` turns of the rotor per turn of the output
     /// shaft, above 0. Torque, speed and friction follow ([`Plant::with_gear`]).
     pub fn set_gear(&self, ratio: f64) {
-        self.inner.borrow_mut().units[self.index].motor.set_gear(ratio);
+        let motor = &mut self.inner.borrow_mut().units[self.index].motor;
+        motor.plant = motor.plant.with_gear(ratio);
     }
 
     /// Puts another motor, gearbox or load in the place of its own; what turned turns on, and the load
@@ -325,7 +326,7 @@ impl Esc {
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: Any, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
         let inner = &mut *self.inner.borrow_mut();
-        let device: &mut dyn Any = inner.units[self.index].device();
+        let device: &mut dyn Any = &mut *inner.units[self.index].device;
         device.downcast_mut().map(look)
     }
 

@@ -193,13 +193,8 @@ impl Drive {
                 let way = if is_backwards { way - 360.0 } else { way };
                 self.steer(Goal::Angle(here + way, limit(most)));
             }
-            // Without a current loop only.
-            Order::OpenLoop(_) => (),
-            Order::ReadHealth
-            | Order::ReadState
-            | Order::ReadPhases
-            | Order::ReadManyTurns
-            | Order::ReadOneTurn => (),
+            // What only reads; and an open loop, for drives without a current loop.
+            _ => (),
         }
     }
 

@@ -80,17 +80,9 @@ impl Shaft {
         self.thermal_decay = decay(plant.thermal_time_constant);
     }
 
-    pub(crate) const fn set_gear(&mut self, ratio: f64) {
-        self.plant = self.plant.with_gear(ratio);
-    }
-
     /// Turns of the rotor, of which the whole ones do not matter.
     pub(crate) fn set_rotor_angle(&mut self, turns: f64) {
         self.offset = (turns - self.fraction).rem_euclid(1.0);
-    }
-
-    pub(crate) const fn add_load_inertia(&mut self, inertia: f64) {
-        self.plant.load_inertia += inertia;
     }
 
     /// What a force on the load meets at least, kg·m²: behind a play the load alone.

@@ -172,9 +172,7 @@ impl Plant {
 
     /// GM6020 in voltage mode: the current follows the winding's L/R, 5.7 mH / 1.8 Ω.
     pub const fn gm6020_voltage() -> Self {
-        let mut plant = Self::gm6020();
-        plant.current_time_constant = 3.2e-3;
-        plant
+        Self { current_time_constant: 3.2e-3, ..Self::gm6020() }
     }
 
     /// The back-EMF that makes the unloaded rotor reach `rotor_rpm` at full supply.

@@ -101,11 +101,6 @@ impl UnitreeModule {
         *inner = Inner { powered, gains: [Gains::default(); 16] };
     }
 
-    /// Restarts it, in no time: it has forgotten stiffness and damping.
-    pub fn restart(&self) {
-        self.set_power(true);
-    }
-
     /// Gains that it has for a motor.
     #[must_use]
     pub fn gains(&self, motor: u8) -> Gains {

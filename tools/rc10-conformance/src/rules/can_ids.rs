@@ -1,5 +1,5 @@
 use rc10_can::CanFrame;
-use rc10_can::embedded_can::Id;
+use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_motor::{CanIds, Frames, Ownership, SafeState};
 
 use crate::case::Case;
@@ -73,22 +73,14 @@ pub(super) fn frames_are_declared(case: &Case<'_>, found: &mut Findings) {
 
 /// Whether a key is that of an identifier which the motor occupies.
 fn occupies(ids: &CanIds, key: u32) -> bool {
+    let standard = u16::try_from(key).ok().and_then(StandardId::new).map(Id::from);
+    let extended = ExtendedId::new(key & 0x3FFF_FFFF).map(Id::from);
+    let has_key = |id: &Id| CanFrame::key_of(*id) == key;
+    let Some(id) = standard.into_iter().chain(extended).find(has_key) else { return false };
     let sent = ids.transmitted().iter().map(|transmit| transmit.pattern);
     let received = ids.received().iter().map(|receive| receive.pattern);
     let listens = ids.listened_to().iter().copied();
-    sent.chain(received).chain(listens).any(|pattern| {
-        // An identifier of the pattern that has this key, if there is one.
-        let id = match pattern.id() {
-            Id::Standard(_) => rc10_can::embedded_can::StandardId::new(
-                u16::try_from(key & 0x3FFF_FFFF).unwrap_or(u16::MAX),
-            )
-            .map(Id::from),
-            Id::Extended(_) => {
-                rc10_can::embedded_can::ExtendedId::new(key & 0x3FFF_FFFF).map(Id::from)
-            }
-        };
-        id.is_some_and(|id| CanFrame::key_of(id) == key && pattern.contains(id))
-    })
+    sent.chain(received).chain(listens).any(|pattern| pattern.contains(id))
 }
 
 pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {

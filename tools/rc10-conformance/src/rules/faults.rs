@@ -34,13 +34,8 @@ fn for_each_fault(
 }
 
 fn is_told(rig: &mut Rig<'_>, fault: EscFault) -> Outcome {
-    for _ in 0..TOLD_WITHIN {
-        rig.tick(Some(rig.cruise()));
-        if rig.status().fault.is_some() {
-            return Ok(());
-        }
-    }
-    broken(rig.now(), format!("{fault:?} is not told in {TOLD_WITHIN} ms"))
+    let is_told = rig.until(Some(rig.cruise()), TOLD_WITHIN, |rig| rig.status().fault.is_some());
+    rig.must(is_told, || format!("{fault:?} is not told in {TOLD_WITHIN} ms"))
 }
 
 pub(super) fn fault_is_told(case: &Case<'_>, found: &mut Findings) {
@@ -66,7 +61,8 @@ pub(super) fn fault_waits(case: &Case<'_>, found: &mut Findings) {
         rig.wait(Some(cruise), rig.declared.stops_within);
         rig.rests(Some(cruise), (0, 300), &format!("of commands after {fault:?}"))?;
         rig.is_disabled(&format!("after {fault:?}"))?;
-        restart(rig);
+        rig.restart(cruise, 100);
+        rig.wait(Some(cruise), 1);
         rig.rests(Some(cruise), (0, 300), &format!("after a restart, with {fault:?} not cleared"))?;
         rig.is_disabled(&format!("after a restart, with {fault:?} not cleared"))?;
         let answer = rig.ask(Request::ClearFault);
@@ -91,11 +87,4 @@ pub(super) fn fault_waits(case: &Case<'_>, found: &mut Findings) {
         }
         rig.rests(Some(cruise), (0, 200), &format!("while {fault:?} is still there"))
     });
-}
-
-fn restart(rig: &mut Rig<'_>) {
-    rig.esc.set_power(false);
-    rig.wait(Some(rig.cruise()), 100);
-    rig.esc.set_power(true);
-    rig.wait(Some(rig.cruise()), 1);
 }

@@ -19,20 +19,16 @@ const fn bytes(random: &mut Random) -> [u8; 8] {
 /// An identifier of a pattern.
 fn id_of(pattern: &IdPattern, random: &mut Random) -> Id {
     let free = random.bits() & !u64::from(pattern.mask());
-    match pattern.id() {
-        Id::Standard(id) => standard(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
-        Id::Extended(id) => extended(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
+    id(pattern.is_extended(), u64::from(pattern.raw() & pattern.mask()) | free)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
+fn id(is_extended: bool, bits: u64) -> Id {
+    if is_extended {
+        ExtendedId::new(bits as u32 & 0x1FFF_FFFF).unwrap_or(ExtendedId::ZERO).into()
+    } else {
+        StandardId::new(bits as u16 & 0x7FF).unwrap_or(StandardId::ZERO).into()
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
-fn standard(bits: u64) -> Id {
-    StandardId::new(bits as u16 & 0x7FF).unwrap_or(StandardId::ZERO).into()
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
-fn extended(bits: u64) -> Id {
-    ExtendedId::new(bits as u32 & 0x1FFF_FFFF).unwrap_or(ExtendedId::ZERO).into()
 }
 
 fn frame(id: Id, bytes: &[u8]) -> CanFrame {
@@ -91,31 +87,19 @@ pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
     let Some(ids) = case.can_ids() else { return };
     let mut random = Random::new(1);
     // Neighbours first: the identifiers that differ from its own by a bit.
-    let near: Vec<Id> = ids
-        .received()
-        .iter()
-        .flat_map(|Frames { pattern, .. }| match pattern.id() {
-            Id::Standard(id) => {
-                let raw = u64::from(id.as_raw());
-                (0..11).map(|bit| standard(raw ^ 1 << bit)).chain([extended(raw)]).collect()
-            }
-            Id::Extended(id) => {
-                let raw = u64::from(id.as_raw());
-                let other = (0..29).map(|bit| extended(raw ^ 1 << bit));
-                other.chain([standard(raw)]).collect::<Vec<_>>()
-            }
-        })
-        .collect();
+    let near = ids.received().iter().flat_map(|Frames { pattern, .. }| {
+        let (is_extended, raw) = (pattern.is_extended(), u64::from(pattern.raw()));
+        let neighbours =
+            (0..if is_extended { 29 } else { 11 }).map(move |bit| id(is_extended, raw ^ 1 << bit));
+        neighbours.chain([id(!is_extended, raw)])
+    });
     let commands = ids.transmitted().iter().map(|transmit| transmit.pattern.id());
-    let others: Vec<Id> = near
-        .into_iter()
-        .chain(commands)
-        .chain((0..5000).map(|_| {
-            let bits = random.bits();
-            if bits & 1 == 0 { standard(bits >> 1) } else { extended(bits >> 1) }
-        }))
-        .filter(|id| !is_own(&ids, *id))
-        .collect();
+    let any = (0..5000).map(|_| {
+        let bits = random.bits();
+        id(bits & 1 == 1, bits >> 1)
+    });
+    let is_foreign = |id: &Id| !is_own(&ids, *id);
+    let others: Vec<Id> = near.chain(commands).chain(any).filter(is_foreign).collect();
     let foreign = others.into_iter().map(|id| {
         let len = random.bits() % 9;
         let bytes = bytes(&mut random);

@@ -26,12 +26,7 @@ pub(super) fn set_zero(case: &Case<'_>, found: &mut Findings) {
         rig.wait(None, 50);
         // However long it turns on: it is stopped.
         rig.switch.disarm();
-        for _ in 0..20_000 {
-            rig.tick(None);
-            if rig.esc.state().output_rpm.abs() < 0.01 {
-                break;
-            }
-        }
+        let _ = rig.until(None, 20_000, |rig| rig.esc.state().output_rpm.abs() < 0.01);
         rig.wait(None, 50);
         match rig.bench.request(rig.motor, Request::SetZero) {
             Ok(Response::Done) => zero_moves_nothing(rig, 0.5),

@@ -59,9 +59,7 @@ pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
         found.note(case.going(SafeState::Coast, |rig| {
             rig.esc.set_load(0.0);
             let cruise = rig.cruise();
-            rig.esc.set_power(false);
-            rig.wait(Some(cruise), millis);
-            rig.esc.set_power(true);
+            rig.restart(cruise, millis);
             rig.watch();
             let when = format!("restarted after {millis} ms");
             // It turns on for a while without torque.
@@ -79,9 +77,7 @@ pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
         }
     }
     for_each_effort(case, found, |rig, effort| {
-        rig.esc.set_power(false);
-        rig.wait(Some(effort), 300);
-        rig.esc.set_power(true);
+        rig.restart(effort, 300);
         rig.watch();
         rig.wait(Some(effort), rig.declared.enables_within + 100);
         rig.was_soft(&format!("restarted, with {effort:?},"))
@@ -97,9 +93,7 @@ fn counts_on(rig: &mut Rig<'_>, millis: u32, is_backward: bool) -> Outcome {
     rig.goes_again(target, "").map_err(|_| Halt::Stuck)?;
     rig.wait(Some(target), 100);
     let (start, told) = (rig.esc.state().output_degrees, rig.status().feedback.total_angle);
-    rig.esc.set_power(false);
-    rig.wait(Some(target), millis);
-    rig.esc.set_power(true);
+    rig.restart(target, millis);
     rig.wait(Some(target), rig.declared.enables_within + 500);
     rig.goes_again(target, &format!("restarted after {millis} ms while it turned,"))?;
     rig.wait(Some(target), 100);

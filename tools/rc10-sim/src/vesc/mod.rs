@@ -168,18 +168,13 @@ impl Vesc {
     }
 
     /// Switches status frames on or off, as VESC Tool does; they come at once.
-    pub const fn set_status_hz(&mut self, status_hz: [u16; 6], now: Micros) {
+    pub fn set_status_hz(&mut self, status_hz: [u16; 6], now: Micros) {
         self.config.status_hz = status_hz;
         self.schedule(now);
     }
 
-    const fn schedule(&mut self, first: Micros) {
-        let mut index = 0;
-        while index < 6 {
-            self.next_reports[index] =
-                if self.config.status_hz[index] > 0 { Some(first) } else { None };
-            index += 1;
-        }
+    fn schedule(&mut self, first: Micros) {
+        self.next_reports = self.config.status_hz.map(|hz| (hz > 0).then_some(first));
     }
 
     fn pole_pairs(&self) -> f64 {

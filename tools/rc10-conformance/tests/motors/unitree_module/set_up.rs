@@ -95,7 +95,7 @@ fn a_module_that_does_not_keep_its_gains_never_drives() {
     let mut one = one.armed();
     for _ in 0..200 {
         // It restarts in every millisecond: what it tells is never what it was told.
-        module.restart();
+        module.set_power(true);
         one.hold(Target::Impedance(SPRING), 1);
         let status = one.bench.status(one.motor);
         assert_eq!((status.condition, status.link), (Condition::Starting, Link::Online));
@@ -112,7 +112,7 @@ fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
     let mut one = one.armed();
     one.hold(Target::Impedance(SPRING), 500);
     let held = one.told();
-    module.restart();
+    module.set_power(true);
     let mut soft = 0;
     for _ in 0..200 {
         one.hold(Target::Impedance(SPRING), 1);
