@@ -4,8 +4,8 @@ use crate::outcome::{Halt, Outcome, broken, must};
 use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::{
-    ArmSwitch, Condition, DriveMode, Link, MotorId, MotorStatus, Request, RequestError, Response,
-    Target, TargetSet,
+    ArmSwitch, DriveMode, Link, MotorId, MotorStatus, Request, RequestError, Response, Target,
+    TargetSet,
 };
 use rc10_sim::Esc;
 
@@ -85,6 +85,10 @@ impl<'m> Rig<'m> {
         self.declared.no_torque.get().into()
     }
 
+    pub(crate) fn full_torque(&self) -> f64 {
+        self.declared.full_torque.get().into()
+    }
+
     /// A millisecond, commanded or not.
     pub(crate) fn tick(&mut self, target: Option<Target>) {
         if let Some(target) = target {
@@ -147,8 +151,7 @@ impl<'m> Rig<'m> {
 
     /// The torque has not grown faster since than it is declared to.
     pub(crate) fn was_soft(&self, when: &str) -> Outcome {
-        let full = f64::from(self.declared.full_torque.get());
-        let most = self.declared.softness * full;
+        let most = self.declared.softness * self.full_torque();
         let (steepest, at) = self.steepest;
         must(at, steepest <= most, || {
             format!("{when} its torque grew by {steepest:.3} N m in 1 ms, at most {most:.3}")
@@ -276,9 +279,5 @@ impl<'m> Rig<'m> {
             self.tick(None);
             self.bench.response(self.motor)
         })
-    }
-
-    pub(crate) fn is_starting(&self) -> bool {
-        self.status().condition == Condition::Starting
     }
 }

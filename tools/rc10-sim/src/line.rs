@@ -125,6 +125,7 @@ const HOST: usize = 0;
 const NOISE: usize = 1;
 
 /// One line and everything on it.
+#[derive(Default)]
 pub(crate) struct LineWire {
     config: LineConfig,
     byte_ns: u64,
@@ -145,11 +146,8 @@ impl LineWire {
         Self {
             config,
             byte_ns,
-            host: HostEnd::default(),
             senders: vec![Sender::default(), Sender::default()],
-            damage: [0; 2],
-            trace: None,
-            counters: LineCounters::default(),
+            ..Self::default()
         }
     }
 

@@ -4,7 +4,7 @@ use rc10_motor::{CanIds, Frames, Ownership, SafeState};
 
 use crate::case::Case;
 use crate::harness::Sent;
-use crate::outcome::{Findings, Outcome, broken, must};
+use crate::outcome::{Findings, Outcome, must};
 use crate::recorder::name_and_ids;
 use crate::rig::Rig;
 
@@ -131,9 +131,7 @@ fn count(rig: &mut Rig<'_>, ids: &CanIds) -> Outcome {
             .received()
             .iter()
             .any(|receive| receive.contains(frame) && frame.len() == usize::from(receive.len));
-        if !is_declared {
-            return broken(traffic.at, format!("{frame} comes from the device"));
-        }
+        must(traffic.at, is_declared, || format!("{frame} comes from the device"))?;
     }
     let rates = || ids.received().iter().map(|receive| receive.rate.per_second());
     let most: u32 = rates().sum();

@@ -65,8 +65,7 @@ pub(super) fn fault_waits(case: &Case<'_>, found: &mut Findings) {
         rig.wait(Some(cruise), 1);
         rig.rests(Some(cruise), (0, 300), &format!("after a restart, with {fault:?} not cleared"))?;
         rig.is_disabled(&format!("after a restart, with {fault:?} not cleared"))?;
-        let answer = rig.ask(Request::ClearFault);
-        if let Err(error) = answer {
+        if let Err(error) = rig.ask(Request::ClearFault) {
             return broken(rig.now(), format!("clearing {fault:?}: {error}"));
         }
         rig.wait(Some(cruise), 100);

@@ -77,10 +77,9 @@ fn change_nothing(
         })?;
     }
     let few = &after[..after.len().min(100)];
-    if replay(&mut *motor, few) == replay(&mut *twin, few) {
-        return Ok(());
-    }
-    broken(at, "after them it sends other frames than without")
+    must(at, replay(&mut *motor, few) == replay(&mut *twin, few), || {
+        "after them it sends other frames than without".to_owned()
+    })
 }
 
 pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {

@@ -35,10 +35,6 @@ impl Law {
     }
 }
 
-fn full(rig: &Rig<'_>) -> f64 {
-    rig.declared.full_torque.get().into()
-}
-
 /// Terms of a law, as shares of the largest torque: of the spring where the shaft is, of the damper
 /// where it stands, and on top.
 fn law(rig: &Rig<'_>, [spring, damper, torque]: [f32; 3]) -> Result<Law, Halt> {
@@ -84,7 +80,7 @@ pub(super) fn obeys_the_law(case: &Case<'_>, found: &mut Findings) {
             for _ in 0..300 {
                 rig.tick(Some(target));
                 let (is, should) = (rig.esc.state().torque, law.torque(rig));
-                rig.must((is - should).abs() <= NEAR * full(rig), || {
+                rig.must((is - should).abs() <= NEAR * rig.full_torque(), || {
                     format!("{is:.3} N m, not {should:.3}, with {:?}", law.asked)
                 })?;
             }
@@ -150,10 +146,10 @@ fn grows(rig: &mut Rig<'_>, before: Before) -> Outcome {
             rig.esc.set_load(-should);
         }
         // A millisecond for the first one, and one for the frame's delay.
-        let most = f64::from(driven + 2) / f64::from(SOFT_TIME) * full(rig);
+        let most = f64::from(driven + 2) / f64::from(SOFT_TIME) * rig.full_torque();
         rig.must(is.abs() <= most, || format!("{before:?} before, {is:.3} N m after {driven} ms"))?;
         let is_late = driven > SOFT_TIME + ON_ITS_WAY;
-        rig.must(!is_late || (is - should).abs() <= NEAR * full(rig), || {
+        rig.must(!is_late || (is - should).abs() <= NEAR * rig.full_torque(), || {
             format!("{before:?} before, {is:.3} N m, not {should:.3}, {driven} ms on")
         })?;
     }
@@ -167,7 +163,7 @@ fn keeps_its_equilibrium(rig: &mut Rig<'_>, before: Before) -> Outcome {
     for past in 0..rig.declared.enables_within + 150 {
         rig.tick(Some(target));
         let torque = rig.esc.state().torque;
-        rig.must(torque.abs() <= NEAR * full(rig), || {
+        rig.must(torque.abs() <= NEAR * rig.full_torque(), || {
             format!("{before:?} before, {torque:.3} N m where its law has none, {past} ms on")
         })?;
     }

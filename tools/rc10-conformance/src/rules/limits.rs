@@ -46,7 +46,7 @@ fn gives_no_more_than_all(rig: &mut Rig<'_>, target: Target) -> Outcome {
         Target::Torque(_) => Target::Torque(NewtonMetres::new(f32::MAX)),
         _ => return Ok(()),
     };
-    let full = f64::from(rig.declared.full_torque.get());
+    let full = rig.full_torque();
     for _ in 0..100 {
         rig.tick(Some(most));
         let torque = rig.esc.state().torque;

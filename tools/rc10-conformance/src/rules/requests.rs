@@ -28,10 +28,9 @@ pub(super) fn set_zero(case: &Case<'_>, found: &mut Findings) {
         rig.switch.disarm();
         let _ = rig.until(None, 20_000, |rig| rig.esc.state().output_rpm.abs() < 0.01);
         rig.wait(None, 50);
-        match rig.bench.request(rig.motor, Request::SetZero) {
-            Ok(Response::Done) => zero_moves_nothing(rig, 0.5),
-            answer => broken(rig.now(), format!("SetZero: {answer:?}")),
-        }
+        let answer = rig.bench.request(rig.motor, Request::SetZero);
+        rig.must(answer == Ok(Response::Done), || format!("SetZero: {answer:?}"))?;
+        zero_moves_nothing(rig, 0.5)
     }));
     if case.motor().supports().contains(TargetKind::TotalAngle) {
         let patient = Safety { command_expiry: Safety::LONGEST_EXPIRY, ..Safety::COAST };
@@ -63,10 +62,8 @@ fn zero_moves_nothing(rig: &mut Rig<'_>, most: f64) -> Outcome {
         let feedback = rig.status().feedback;
         let moved = rig.esc.state().output_degrees - start;
         rig.must(moved.abs() <= most, || format!("it moves {moved:.1} degrees"))?;
-        if !is_zero(&feedback) {
-            let (angle, total) = (feedback.angle, feedback.total_angle.degrees());
-            return broken(rig.now(), format!("angle {angle:?}, total angle {total:?}"));
-        }
+        let (angle, total) = (feedback.angle, feedback.total_angle.degrees());
+        rig.must(is_zero(&feedback), || format!("angle {angle:?}, total angle {total:?}"))?;
     }
     Ok(())
 }
@@ -132,9 +129,9 @@ fn is_answered(rig: &mut Rig<'_>, request: Request, is_silent: bool) -> Outcome 
         return Ok(());
     }
     let second = rig.bench.request(rig.motor, request);
-    if second != Err(RequestError::Busy) {
-        return broken(rig.now(), format!("{request:?} is pending; the same again: {second:?}"));
-    }
+    rig.must(second == Err(RequestError::Busy), || {
+        format!("{request:?} is pending; the same again: {second:?}")
+    })?;
     match rig.response() {
         None => return broken(rig.now(), format!("{request:?} is pending for ever")),
         Some(Err(RequestError::Timeout)) => (),

@@ -67,17 +67,17 @@ pub(super) fn gets_going(case: &Case<'_>, found: &mut Findings) {
             return Err(Halt::Stuck);
         }
         rig.wait(Some(cruise), rig.declared.enables_within);
-        if rig.is_starting() {
-            let after = rig.declared.enables_within;
-            return broken(rig.now(), format!("it is still starting after {after} ms"));
-        }
+        let (condition, after) = (rig.status().condition, rig.declared.enables_within);
+        rig.must(condition != Condition::Starting, || {
+            format!("it is still starting after {after} ms")
+        })?;
         rig.goes_again(cruise, "armed and commanded")?;
         rig.esc.set_load(-rig.load());
         rig.wait(Some(cruise), 100);
-        if rig.status().condition != Condition::Ready {
-            let condition = rig.status().condition;
-            return broken(rig.now(), format!("turning, it says that it is {condition:?}"));
-        }
+        let condition = rig.status().condition;
+        rig.must(condition == Condition::Ready, || {
+            format!("turning, it says that it is {condition:?}")
+        })?;
         let torque = rig.esc.state().torque;
         rig.must(torque > 0.5 * rig.load(), || {
             format!("{torque:.3} N m do not carry the load of {}", rig.load())
@@ -321,10 +321,8 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
                 rig.bench.tick(if is_strange { dt } else { Seconds::new(0.001) });
                 rig.look();
             }
-            if !rig.goes(cruise) {
-                let rpm = rig.esc.state().output_rpm;
-                return broken(rig.now(), format!("{dt:?} takes it from its speed to {rpm:.1}"));
-            }
+            let rpm = rig.esc.state().output_rpm;
+            rig.must(rig.goes(cruise), || format!("{dt:?} takes it from its speed to {rpm:.1}"))?;
         }
         rig.was_soft("after strange steps")
     }));

@@ -6,7 +6,7 @@ use rc10_motor::{
 use super::impedance::spring_of;
 use crate::case::Case;
 use crate::declaration::Claim;
-use crate::outcome::{Findings, Halt, Outcome, broken};
+use crate::outcome::{Findings, Halt, Outcome};
 use crate::rig::Rig;
 
 /// State of the motor when its zero is set.
@@ -28,25 +28,16 @@ const FAR: f32 = 45.0;
 const AHEAD: i32 = 20;
 
 fn doings(case: &Case<'_>) -> Vec<Doing> {
-    let takes = case.motor().supports();
-    let mut doings = vec![Doing::Turning];
-    for (kind, doing) in [
-        (TargetKind::TotalAngle, Doing::Seeking),
-        (TargetKind::Impedance, Doing::Springing),
-        (TargetKind::Motion, Doing::Moving),
-    ] {
-        if takes.contains(kind) {
-            doings.push(doing);
-        }
-    }
-    for (claim, doing) in
-        [(case.declared.holds, Doing::Holding), (case.declared.brakes, Doing::Braking)]
-    {
-        if claim == Claim::Does {
-            doings.push(doing);
-        }
-    }
-    doings
+    let supports = case.motor().supports();
+    let doings = [
+        (true, Doing::Turning),
+        (supports.contains(TargetKind::TotalAngle), Doing::Seeking),
+        (supports.contains(TargetKind::Impedance), Doing::Springing),
+        (supports.contains(TargetKind::Motion), Doing::Moving),
+        (case.declared.holds == Claim::Does, Doing::Holding),
+        (case.declared.brakes == Claim::Does, Doing::Braking),
+    ];
+    doings.into_iter().filter_map(|(can, doing)| can.then_some(doing)).collect()
 }
 
 fn scenario(case: &Case<'_>, doing: Doing, run: impl FnOnce(&mut Rig<'_>) -> Outcome) -> Outcome {
@@ -90,10 +81,8 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
 
 /// Sets the zero of a driven motor, on purpose.
 pub(super) fn set_zero(rig: &mut Rig<'_>) -> Outcome {
-    match rig.bench.request(rig.motor, Request::SetZeroOfDriven) {
-        Ok(Response::Done) => Ok(()),
-        answer => broken(rig.now(), format!("SetZeroOfDriven: {answer:?}")),
-    }
+    let answer = rig.bench.request(rig.motor, Request::SetZeroOfDriven);
+    rig.must(answer == Ok(Response::Done), || format!("SetZeroOfDriven: {answer:?}"))
 }
 
 pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {

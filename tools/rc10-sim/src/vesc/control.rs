@@ -7,9 +7,10 @@ use crate::device::Winding;
 use crate::motor::{STEP, Shaft};
 
 /// Control mode of a VESC.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Mode {
     /// Nothing: the bridge is open.
+    #[default]
     Released,
     /// This share of the supply voltage.
     Duty(f64),
@@ -30,6 +31,7 @@ const LEAST_CURRENT: f64 = 0.05;
 /// Most change of the duty in a second (`m_duty_ramp_step`, 0.02 in a millisecond).
 const DUTY_RAMP: f64 = 20.0;
 
+#[derive(Default)]
 pub(super) struct Control {
     pub(super) mode: Mode,
     /// Speed on its ramp, electrical rpm, once it is known where it starts.
@@ -43,17 +45,6 @@ pub(super) struct Control {
 }
 
 impl Control {
-    pub(super) const fn new() -> Self {
-        Self {
-            mode: Mode::Released,
-            ramp: None,
-            running: false,
-            integral: 0.0,
-            duty: None,
-            last_position: None,
-        }
-    }
-
     pub(super) fn take(&mut self, order: &Order, (min, max): (f64, f64)) {
         let share = |share: f64| share.clamp(-1.0, 1.0);
         let mode = match *order {
@@ -79,7 +70,7 @@ impl Control {
             mode => mode,
         };
         if std::mem::discriminant(&mode) != std::mem::discriminant(&self.mode) {
-            *self = Self::new();
+            *self = Self::default();
         }
         self.mode = mode;
     }

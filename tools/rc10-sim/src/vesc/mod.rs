@@ -141,7 +141,7 @@ impl Vesc {
             return Err(VescError::StatusRate(hz));
         }
         Ok(Self {
-            control: Control::new(),
+            control: Control::default(),
             last_order: None,
             current_limits: (-config.brake_max, config.current_max),
             fault: None,
@@ -230,7 +230,7 @@ impl Device for Vesc {
     }
 
     fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
-        self.control = Control::new();
+        self.control = Control::default();
         self.last_order = None;
         self.current_limits = (-self.config.brake_max, self.config.current_max);
         (self.fault, self.is_off) = (None, false);
@@ -293,7 +293,7 @@ impl Device for Vesc {
             self.control.take(&Order::Brake(self.config.timeout_brake), self.current_limits);
         }
         if self.fault.is_some() || self.is_off {
-            self.control = Control::new();
+            self.control = Control::default();
         }
         let position = self.position(shaft);
         let winding = self.control.drive(&self.config, self.current_limits, shaft, position);
