@@ -48,7 +48,7 @@ use crate::motor::Shaft;
 
 pub use codec::{Access, Limits, Mode, Operation, Report, Setpoint};
 pub use config::DamiaoConfig;
-use loops::{Conditions, Loops};
+use loops::Loops;
 use registers::{Registers, number};
 
 /// Identifier of register frames.
@@ -376,17 +376,9 @@ impl Device for Damiao {
         self.protect(shaft, now);
         match self.state {
             State::Enabled(Some(setpoint)) => {
-                let plant = &shaft.plant;
-                let conditions = Conditions {
-                    position: self.position(shaft),
-                    velocity: shaft.speed,
-                    inertia: plant.inertia(),
-                    limits: self.registers.limits(),
-                    acceleration: self.registers.real(number::ACCELERATION),
-                    deceleration: -self.registers.real(number::DECELERATION),
-                };
-                let torque = self.loops.torque(setpoint, &conditions);
-                Winding::Current(torque / plant.torque_constant)
+                let here = self.position(shaft);
+                let torque = self.loops.torque(setpoint, here, shaft, &self.registers);
+                Winding::Current(torque / shaft.plant.torque_constant)
             }
             State::Disabled if self.config.brakes_while_disabled => Winding::Voltage(0.0),
             _ => Winding::Open,

@@ -1,6 +1,6 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Frames, Link, Request, Tick, TxBatch};
+use rc10_motor::{CanIds, DriveMode, FrameError, Frames, Link, Request, Tick, TxBatch};
 use rc10_sim::Random;
 
 use crate::case::Case;
@@ -162,7 +162,11 @@ fn content(case: &Case<'_>, receive: &Frames) -> Outcome {
     let Some(mut motor) = case.can_motor() else { return Ok(()) };
     replay(&mut *motor, before);
     let mut at = motor.feedback().at;
-    let real: Vec<CanFrame> = before.iter().filter_map(|call| frame_of(call, receive)).collect();
+    let own = |call: &Call| match call {
+        Call::Frame(frame, ..) if receive.pattern.matches(frame) => Some(*frame),
+        _ => None,
+    };
+    let real: Vec<CanFrame> = before.iter().filter_map(own).collect();
     for turn in 0..4000_usize {
         at += Micros::new(random.bits() % 3000);
         let mut bytes = bytes(&mut random);
@@ -196,27 +200,14 @@ fn content(case: &Case<'_>, receive: &Frames) -> Outcome {
         if !trials.is_empty() {
             let _ = motor.set_target(trials[turn % trials.len()].target);
         }
-        drive_on(&mut *motor, drive);
+        let _ = motor.request(Request::ClearFault);
+        let _ = motor.response();
+        motor.update(&Tick::new(drive));
+        let _ = motor.pack_command(&mut TxBatch::new());
     }
     // And it takes real ones still.
     replay(&mut *motor, &after[..after.len().min(100)]);
     Ok(())
-}
-
-/// A frame that the motor really got.
-fn frame_of(call: &Call, receive: &Frames) -> Option<CanFrame> {
-    match call {
-        Call::Frame(frame, ..) if receive.pattern.matches(frame) => Some(*frame),
-        _ => None,
-    }
-}
-
-/// A tick of a motor that has just heard nonsense.
-fn drive_on(motor: &mut dyn CanMotor, drive: DriveMode) {
-    let _ = motor.request(Request::ClearFault);
-    let _ = motor.response();
-    motor.update(&Tick::new(drive));
-    let _ = motor.pack_command(&mut TxBatch::new());
 }
 
 pub(super) fn feedback_at(case: &Case<'_>, found: &mut Findings) {

@@ -4,7 +4,6 @@ use rc10_motor::{Condition, DriveMode, Motion, SafeState, Target, TargetError, T
 use super::declared::every_kind;
 use crate::case::Case;
 use crate::declaration::Trial;
-use crate::harness::Sent;
 use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::recorder::not_finite;
 use crate::rig::Rig;
@@ -334,15 +333,14 @@ pub(super) fn deterministic(case: &Case<'_>, found: &mut Findings) {
         (Ok(once), Ok(twice)) => {
             let mut both = once.iter().zip(&twice);
             if let Some((one, other)) = both.find(|(one, other)| one != other) {
-                found.add(Some(one.at), differs(&one.what, &other.what));
+                let (sent, other) = (&one.what, &other.what);
+                let what =
+                    format!("{sent:?} was on the wire, and {other:?} when the same happened again");
+                found.add(Some(one.at), what);
             } else if once.len() != twice.len() {
                 found.add(None, "the same run again has more or less traffic".to_owned());
             }
         }
         _ => found.note(Err(Halt::Stuck)),
     }
-}
-
-fn differs(sent: &Sent, other: &Sent) -> String {
-    format!("{sent:?} was on the wire, and {other:?} when the same happened again")
 }

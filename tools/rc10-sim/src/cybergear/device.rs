@@ -1,7 +1,7 @@
 use rc10_can::{CanFrame, Micros};
 
 use super::Model;
-use super::parameters::{Measured, Parameters};
+use super::parameters::Parameters;
 use super::wire::{self, Command, Motion, Report};
 use crate::device::{Beyond, Device, EscFault, Outbox, Taken, Winding};
 use crate::motor::Shaft;
@@ -144,16 +144,6 @@ impl CyberGear {
         wire::feedback(unasked, self.id, self.host, &self.report(shaft), &self.model)
     }
 
-    fn measured(&self, shaft: &Shaft) -> Measured {
-        Measured {
-            position: self.position(shaft),
-            current: shaft.current,
-            velocity: shaft.speed,
-            supply: shaft.plant.supply,
-            rotor_turns: self.position(shaft) * shaft.plant.gear_ratio / std::f64::consts::TAU,
-        }
-    }
-
     /// Sets the angle of the shaft when power comes: nothing but the rotor's angle within its turn
     /// is known to a CyberGear; a RobStride knows the output's, from its saved zero (*assumed*,
     /// both).
@@ -193,12 +183,12 @@ impl CyberGear {
                 return Some(wire::identity(self.id, self.chip));
             }
             Command::Read(index) => {
-                let value = self.parameters.read(index, &self.model, &self.measured(shaft));
-                return Some(wire::parameter(self.id, host, index, value.ok()));
+                let value = self.parameters.read(index, &self.model, self.position(shaft), shaft);
+                return Some(wire::parameter(self.id, host, index, value));
             }
             Command::Write(index, value) => {
                 // Feedback tells nothing of a parameter that there is not.
-                if self.parameters.write(index, value, &self.model) == Ok(())
+                if self.parameters.write(index, value, &self.model) == Some(())
                     && (index, value[0]) == (0x7005, 7)
                 {
                     let field = f64::from(u16::from_be_bytes([value[2], value[3]]));
