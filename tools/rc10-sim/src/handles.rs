@@ -14,7 +14,7 @@ use crate::host::Host;
 use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::time::Clock;
-use crate::wire::{BusCounters, TraceEntry, Wire};
+use crate::wire::{BusCounters, ESC_TOLERANCE, TraceEntry, Wire};
 use crate::world::Inner;
 use crate::{Controller, Nanos};
 
@@ -147,7 +147,7 @@ impl Bus {
     /// per cent off they do.
     #[must_use]
     pub fn follows(&self, bit_time_ns: u32) -> bool {
-        self.with_wire(|wire, _| wire.follows(bit_time_ns))
+        self.with_wire(|wire, _| wire.is_within(bit_time_ns, ESC_TOLERANCE))
     }
 
     /// Counters since the world began.

@@ -79,39 +79,28 @@ impl Settings {
     }
 }
 
-/// A cause of an error of an axis, whatever its firmware calls it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Cause {
-    Starting,
-    StateNotPossible,
-    UnderVoltage,
-    OverVoltage,
-    OverCurrent,
-    OverTemperature,
-    Encoder,
-    Watchdog,
-    EStop,
+/// Causes of errors of an axis, and their bits: `ODrive.Axis.Error` in firmware 0.5, `ODrive.Error` in
+/// 0.6; 0 where there is no such bit.
+mod cause {
+    pub const STARTING: (u32, u32) = (0, 0x1);
+    /// Firmware 0.6 refuses without an error.
+    pub const STATE_NOT_POSSIBLE: (u32, u32) = (0x1, 0);
+    pub const UNDER_VOLTAGE: (u32, u32) = (0x2, 0x200);
+    pub const OVER_VOLTAGE: (u32, u32) = (0x4, 0x100);
+    /// 0.5 tells in another message what is wrong with the motor.
+    pub const OVER_CURRENT: (u32, u32) = (0x40, 0x1000);
+    pub const OVER_TEMPERATURE: (u32, u32) = (0x4_0000, 0x2000);
+    pub const ENCODER: (u32, u32) = (0x100, 0x8);
+    pub const WATCHDOG: (u32, u32) = (0x800, 0x100_0000);
+    pub const E_STOP: (u32, u32) = (0x4000, 0x200_0000);
 }
 
-impl Cause {
-    /// Its bit: `ODrive.Axis.Error` in 0.5, `ODrive.Error` in 0.6; 0 where there is no such bit.
-    const fn bit(self, version: Version) -> u32 {
-        let (v0_5, v0_6) = match self {
-            Self::Starting => (0, 0x1),
-            // Firmware 0.6 refuses without an error.
-            Self::StateNotPossible => (0x1, 0),
-            Self::UnderVoltage => (0x2, 0x200),
-            Self::OverVoltage => (0x4, 0x100),
-            // 0.5 tells in another message what is wrong with the motor.
-            Self::OverCurrent => (0x40, 0x1000),
-            Self::OverTemperature => (0x4_0000, 0x2000),
-            Self::Encoder => (0x100, 0x8),
-            Self::Watchdog => (0x800, 0x100_0000),
-            Self::EStop => (0x4000, 0x200_0000),
-        };
-        match version {
-            Version::V0_5 => v0_5,
-            Version::V0_6 => v0_6,
+impl Version {
+    /// The bit of a [`cause`].
+    const fn bit(self, (v0_5, v0_6): (u32, u32)) -> u32 {
+        match self {
+            Self::V0_5 => v0_5,
+            Self::V0_6 => v0_6,
         }
     }
 }
@@ -169,22 +158,22 @@ impl Axis {
         now.since(self.started_at) < self.settings.starts_for
     }
 
-    fn find(&mut self, cause: Cause) {
-        self.errors |= cause.bit(self.settings.version);
+    fn find(&mut self, cause: (u32, u32)) {
+        self.errors |= self.settings.version.bit(cause);
     }
 
     fn protect(&mut self, shaft: &Shaft, now: Micros) {
         self.errors |= self.causes;
-        let starting = Cause::Starting.bit(self.settings.version);
+        let starting = self.settings.version.bit(cause::STARTING);
         self.errors &= !starting;
         if self.is_starting(now) {
             self.errors |= starting;
         }
         if shaft.temperature > TOO_HOT {
-            self.find(Cause::OverTemperature);
+            self.find(cause::OVER_TEMPERATURE);
         }
         if self.settings.watchdog.is_some_and(|most| now.since(self.fed_at) > most) {
-            self.find(Cause::Watchdog);
+            self.find(cause::WATCHDOG);
         }
         if self.errors != 0 {
             self.state = State::Idle;
@@ -200,7 +189,7 @@ impl Axis {
                 }
                 self.state = State::ClosedLoop;
             }
-            _ => self.find(Cause::StateNotPossible),
+            _ => self.find(cause::STATE_NOT_POSSIBLE),
         }
     }
 
@@ -209,7 +198,7 @@ impl Axis {
             Order::State(state) => self.enter(state, position, now),
             Order::ClearErrors => self.errors &= self.causes,
             Order::EStop => {
-                self.find(Cause::EStop);
+                self.find(cause::E_STOP);
                 self.state = State::Idle;
             }
             other => self.controller.take(other),
@@ -327,14 +316,14 @@ impl Device for Axis {
 
     fn inject(&mut self, fault: EscFault) -> bool {
         let cause = match fault {
-            EscFault::OverTemperature => Cause::OverTemperature,
-            EscFault::CommunicationLost => Cause::Watchdog,
-            EscFault::OverCurrent => Cause::OverCurrent,
-            EscFault::OverVoltage => Cause::OverVoltage,
-            EscFault::UnderVoltage => Cause::UnderVoltage,
-            EscFault::Encoder => Cause::Encoder,
+            EscFault::OverTemperature => cause::OVER_TEMPERATURE,
+            EscFault::CommunicationLost => cause::WATCHDOG,
+            EscFault::OverCurrent => cause::OVER_CURRENT,
+            EscFault::OverVoltage => cause::OVER_VOLTAGE,
+            EscFault::UnderVoltage => cause::UNDER_VOLTAGE,
+            EscFault::Encoder => cause::ENCODER,
         };
-        self.causes |= cause.bit(self.settings.version);
+        self.causes |= self.settings.version.bit(cause);
         true
     }
 }

@@ -210,6 +210,11 @@ impl UnitreeMotor {
         };
         Some(Report { module: self.module.number, motor: self.number, told }.pack())
     }
+
+    /// A frame for this motor behind this module, or for every motor.
+    const fn is_meant(&self, module: u8, motor: u8) -> bool {
+        module == self.module.number && (motor == self.number || motor == 15)
+    }
 }
 
 impl Device for UnitreeMotor {
@@ -297,12 +302,5 @@ impl Device for UnitreeMotor {
             _ => self.error = error_of(fault).unwrap_or(self.error),
         }
         fault != EscFault::UnderVoltage
-    }
-}
-
-impl UnitreeMotor {
-    /// A frame for this motor behind this module, or for every motor.
-    const fn is_meant(&self, module: u8, motor: u8) -> bool {
-        module == self.module.number && (motor == self.number || motor == 15)
     }
 }

@@ -131,19 +131,18 @@ pub(super) fn coast_frames_stop(case: &Case<'_>, found: &mut Findings) {
     for doing in [Waiting, Enabling, Running, Holding, Faulted] {
         found.note(case.alone(SafeState::Hold, |rig| {
             let cruise = rig.cruise();
+            if matches!(doing, Running | Holding | Faulted) {
+                rig.get_going()?;
+            }
             match doing {
                 Waiting => rig.wait(None, 50),
                 Enabling => {
                     rig.wake()?;
                     rig.wait(Some(cruise), rig.declared.enables_within / 2 + 1);
                 }
-                Running => rig.get_going()?,
-                Holding => {
-                    rig.get_going()?;
-                    rig.wait(None, 500);
-                }
+                Running => (),
+                Holding => rig.wait(None, 500),
                 Faulted => {
-                    rig.get_going()?;
                     rig.esc.inject(EscFault::OverTemperature);
                     rig.wait(Some(cruise), 50);
                     let _ = rig.bench.request(rig.motor, Request::ClearFault);

@@ -62,9 +62,7 @@ pub(super) fn gets_going(case: &Case<'_>, found: &mut Findings) {
     found.note(case.alone(SafeState::Coast, |rig| {
         let cruise = rig.cruise();
         rig.is_heard()?;
-        if rig.switch.arm().is_err() {
-            return Err(Halt::Stuck);
-        }
+        rig.switch.arm().map_err(|_| Halt::Stuck)?;
         rig.wait(Some(cruise), rig.declared.enables_within);
         let (condition, after) = (rig.status().condition, rig.declared.enables_within);
         rig.must(condition != Condition::Starting, || {

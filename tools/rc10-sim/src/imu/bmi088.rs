@@ -198,13 +198,9 @@ impl Bmi088 {
         let chip = &mut self.accelerometer;
         chip.registers = [0; 128];
         // Reset values of the register map, 5.2: 100 Hz, 6 g, suspended.
-        for (register, value) in [
-            (accelerometer::CONFIG, 0xA8),
-            (accelerometer::RANGE, 0x01),
-            (accelerometer::POWER_CONFIG, 0x03),
-        ] {
-            chip.set(register, &[value]);
-        }
+        chip.set(accelerometer::CONFIG, &[0xA8]);
+        chip.set(accelerometer::RANGE, &[0x01]);
+        chip.set(accelerometer::POWER_CONFIG, &[0x03]);
         (chip.ready, chip.awake, chip.written) = (now + ACCELEROMETER_STARTS, None, None);
         (chip.measured, chip.warmth) = (None, None);
     }
