@@ -96,7 +96,8 @@ fn frames(emulation: &mut Emulation<'_>) -> Vec<Frame> {
 /// Has each leg think for a time of its own, ns, before it replies.
 fn think(emulation: &Emulation<'_>, time: impl Fn(u64) -> u64) {
     for (id, esc) in (0..).zip(&emulation.motors[OTHERS..]) {
-        let device = GoM8010::new(id).with_turnaround(Nanos::new(time(id.into())));
+        let mut device = GoM8010::new(id);
+        device.think = Nanos::new(time(id.into()));
         esc.with(|motor: &mut GoM8010| *motor = device).unwrap();
     }
 }
