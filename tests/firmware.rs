@@ -110,7 +110,7 @@ fn log(emulation: &mut Emulation<'_>) -> String {
 
 /// The chip's frames on a bus, from a time on.
 fn commands(rig: &Rig, bus: usize, from: Nanos) -> impl Iterator<Item = &TraceEntry> {
-    let frames = rig.logs()[bus].frames.iter();
+    let frames = rig.logs[bus].iter();
     frames.filter(move |entry| entry.from_controller && entry.start >= from)
 }
 
@@ -123,7 +123,7 @@ fn is_zero(entry: &TraceEntry) -> bool {
 fn keeps_its_period(figures: &Figures) {
     for (number, bus) in (1..).zip(&figures.buses) {
         let period = bus.tick_period.unwrap();
-        let [min, mean, max] = [period.min, period.mean, period.max].map(micros);
+        let [min, mean, max] = [period.min, period.mean(), period.max].map(micros);
         println!("bus {number}: tick period {min:.2} / {mean:.2} / {max:.2} us");
         let missed = if bus.bus_offs > 0 { (max / 1000.0).round() - 1.0 } else { 0.0 };
         let max = max - 1000.0 * missed;
@@ -133,10 +133,10 @@ fn keeps_its_period(figures: &Figures) {
 
 /// Nothing was touched that must not be, and nothing lost.
 fn is_clean(rig: &Rig, figures: &Figures) {
-    let reports = rig.machine.reports();
+    let reports = &rig.machine.reports;
     assert_eq!((figures.unowned_accesses, figures.gated_accesses), (0, 0), "{reports:?}");
     assert!(reports.is_empty(), "{reports:?}");
-    assert!(rig.machine.restarts().is_empty(), "{:?}", rig.machine.restarts());
+    assert!(rig.machine.restarts.is_empty(), "{:?}", rig.machine.restarts);
     let fdcan = rig.machine.fdcan();
     assert_eq!(fdcan.ram_misses(), 0);
     for (index, bus) in figures.buses.iter().enumerate() {
@@ -144,7 +144,7 @@ fn is_clean(rig: &Rig, figures: &Figures) {
         assert_eq!((counters.protected_writes, counters.bad_acknowledges), (0, 0));
         assert_eq!((bus.lost, bus.foreign), (0, 0), "bus {}", index + 1);
         // Some were on the wires before the controller was.
-        let frames = rig.logs()[index].frames.iter();
+        let frames = rig.logs[index].iter();
         let early = frames.take_while(|entry| !entry.from_controller).count() as u64;
         let missed = bus.frames - bus.sent - bus.received;
         assert!(missed <= early, "bus {}: {missed} of {early} early: {bus:?}", index + 1);
@@ -185,7 +185,7 @@ fn loses_nothing(speed: Option<u64>, faults: &[&str]) {
     let setup = Setup { speed, ..setup(&[&load[..], faults].concat()) };
     run(&setup, |emulation| {
         emulation.run(millis(200)).unwrap();
-        let busy = |rig: &Rig| rig.buses().iter().map(|bus| bus.load()).collect::<Vec<_>>();
+        let busy = |rig: &Rig| rig.buses.iter().map(|bus| bus.load()).collect::<Vec<_>>();
         let before = busy(&emulation.rig);
         emulation.run(millis(1200)).unwrap();
         let figures = Figures::of(&emulation.rig);
@@ -253,7 +253,7 @@ fn feedback_waits(faults: &[&str]) -> u64 {
         // The shafts stand where they were.
         let angles = [0, 1, 2].map(|bus| {
             let id = Id::Standard(StandardId::new(motors[bus].1).unwrap());
-            let frames = &emulation.rig.logs()[bus].frames;
+            let frames = &emulation.rig.logs[bus];
             let newest = frames.iter().rfind(|entry| entry.frame.id() == id).unwrap();
             [newest.frame.bytes()[0], newest.frame.bytes()[1]]
         });
@@ -262,13 +262,13 @@ fn feedback_waits(faults: &[&str]) -> u64 {
                 let [high, low] = (if tick % 2 == 0 { rpm } else { -rpm }).to_be_bytes();
                 let ([a, b], id) = (angles[bus], StandardId::new(id).unwrap());
                 let frame = CanFrame::eight_bytes(id, [a, b, high, low, 0, 0, 25, 0]);
-                emulation.rig.buses()[bus].inject(&frame);
+                emulation.rig.buses[bus].inject(&frame);
             }
             // The phases of a millisecond, one after the other.
             emulation.run(emulation.rig.machine.now() + Nanos::new(997_000)).unwrap();
         }
         for (bus, (_, feedback, command, place, _)) in motors.into_iter().enumerate() {
-            let frames = &emulation.rig.logs()[bus].frames;
+            let frames = &emulation.rig.logs[bus];
             let is = |entry: &&TraceEntry, id| {
                 entry.frame.id() == Id::Standard(StandardId::new(id).unwrap())
                     && entry.start > millis(420)
@@ -338,7 +338,7 @@ fn ticks_take_the_cycles_that_the_log_says() {
         while now < millis(1500) {
             now = now + STEP;
             emulation.run(now).unwrap();
-            let costs = emulation.rig.machine.profile().by_exception();
+            let costs = emulation.rig.machine.profile.by_exception();
             let cost = costs.iter().find(|cost| cost.exception == priorities::BUSES_EXCEPTION);
             let before = std::mem::replace(&mut clocks, cost.map_or(0, |cost| cost.clocks));
             if clocks == before {
@@ -374,7 +374,7 @@ fn ticks_take_the_cycles_that_the_log_says() {
 
 /// Time at which the first of bus 2's motors is heard again.
 fn online_again(rig: &Rig, healed: Nanos) -> Nanos {
-    let mut frames = rig.logs()[1].frames.iter();
+    let mut frames = rig.logs[1].iter();
     frames.find(|entry| !entry.from_controller && entry.end > healed).unwrap().end
 }
 
@@ -446,7 +446,7 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
         println!("bus 2: {} transmissions failed, {} times bus-off", bus.failed, bus.bus_offs);
         assert!(bus.bus_offs > 1 && bus.failed > 32);
         assert_eq!((figures.buses[0].bus_offs, figures.buses[2].bus_offs), (0, 0));
-        assert!(rig.machine.restarts().is_empty());
+        assert!(rig.machine.restarts.is_empty());
         // The firmware tells the same story.
         let log = log(emulation);
         let at = |time: &str| log.lines().find(|line| line.starts_with(time)).unwrap();
@@ -466,7 +466,7 @@ fn memory_waits_for_the_supply() {
         let options = Options { reports_early_ram: true, ..Options::default() };
         let mut machine = Machine::with(file, options).unwrap();
         machine.run(&mut World::new(1), millis(3)).unwrap();
-        format!("{:?}", machine.reports())
+        format!("{:?}", machine.reports)
     };
     assert_eq!(reports(firmware()), "[]");
     assert_ne!(reports(&program("superloop-embassy")), "[]");
@@ -542,8 +542,8 @@ fn crashes_safely_on(board: Board, fault: &str, within: Nanos, cause: ResetCause
         emulation.run(millis(700)).unwrap();
         let rig = &emulation.rig;
         // A fault that needs no instruction to be executed strikes when it is due: see the callers.
-        let struck = rig.machine.struck().unwrap_or(millis(400));
-        let restarts = rig.machine.restarts();
+        let struck = rig.machine.struck.unwrap_or(millis(400));
+        let restarts = &rig.machine.restarts;
         assert_eq!(restarts.len(), 1, "{restarts:?}");
         assert_eq!(restarts[0].cause, cause);
         // The script arms the robot 100 ms after its start.
@@ -661,21 +661,21 @@ fn what_hangs_is_named_at_every_phase_of_the_supervisor() {
         run(&setup(&[]), |emulation| {
             emulation.run(millis(150)).unwrap();
             let machine = &emulation.rig.machine;
-            let functions = &machine.image().functions;
+            let functions = &machine.image.functions;
             let (&start, _) = functions.iter().find(|(_, name)| *name == OF_A_TASK).unwrap();
             let mut whole = [0; 2];
-            machine.memory().read(start, &mut whole).unwrap();
-            machine.memory().write(start, &LOOP).unwrap();
+            machine.memory.read(start, &mut whole).unwrap();
+            machine.memory.write(start, &LOOP).unwrap();
             let mut soc = machine.soc();
             let period = soc.read(TIM7 + 0x2C, Width::Word, machine.now()).unwrap();
             let count = period / 4000 * 24 * phase;
             soc.write(TIM7 + 0x24, Width::Word, count, machine.now()).unwrap();
             drop(soc);
-            while emulation.rig.machine.restarts().is_empty() {
+            while emulation.rig.machine.restarts.is_empty() {
                 let next = emulation.rig.machine.now() + millis(1);
                 emulation.run(next).unwrap();
             }
-            emulation.rig.machine.memory().write(start, &whole).unwrap();
+            emulation.rig.machine.memory.write(start, &whole).unwrap();
             let soon = emulation.rig.machine.now() + millis(10);
             emulation.run(soon).unwrap();
             let log = log(emulation);
@@ -691,10 +691,10 @@ fn what_hangs_is_named_at_every_phase_of_the_supervisor() {
 fn what_was_only_late_is_forgotten() {
     run(&setup(&["hang@0.3s..0.365s"]), |emulation| {
         emulation.run(millis(500)).unwrap();
-        assert!(emulation.rig.machine.restarts().is_empty());
+        assert!(emulation.rig.machine.restarts.is_empty());
         emulation.rig.machine.inject(rc10_emu::Injection::MaskInterrupts(true)).unwrap();
         emulation.run(millis(700)).unwrap();
-        assert_eq!(emulation.rig.machine.restarts()[0].cause, ResetCause::Watchdog);
+        assert_eq!(emulation.rig.machine.restarts[0].cause, ResetCause::Watchdog);
         let log = log(emulation);
         assert!(log.contains("crash: Watchdog\n"), "{log}");
     });
@@ -707,17 +707,17 @@ fn system_flash_is_out_of_bounds() {
     run(&setup(&[]), |emulation| {
         emulation.run(millis(300)).unwrap();
         let machine = &emulation.rig.machine;
-        let functions = &machine.image().functions;
+        let functions = &machine.image.functions;
         let (&start, _) = functions.iter().find(|(_, name)| *name == OF_A_TASK).unwrap();
         // MOVW R0, #0xE800; MOVT R0, #0x1FF1; LDR R0, [R0]: the chip's unique number.
         let code = [0xF64E_u16, 0x0000, 0xF6C1, 0x70F1, 0x6800].map(u16::to_le_bytes);
         let mut whole = [0; 10];
-        machine.memory().read(start, &mut whole).unwrap();
-        machine.memory().write(start, code.as_flattened()).unwrap();
+        machine.memory.read(start, &mut whole).unwrap();
+        machine.memory.write(start, code.as_flattened()).unwrap();
         emulation.run(millis(315)).unwrap();
         let machine = &emulation.rig.machine;
-        assert_eq!(machine.restarts().len(), 1, "{:?}", machine.restarts());
-        machine.memory().write(start, &whole).unwrap();
+        assert_eq!(machine.restarts.len(), 1, "{:?}", machine.restarts);
+        machine.memory.write(start, &whole).unwrap();
         emulation.run(millis(350)).unwrap();
         let log = log(emulation);
         // MMFSR: MMARVALID, DACCVIOL.
@@ -738,7 +738,7 @@ fn a_coast_image_that_is_being_cancelled_is_sent_all_the_same() {
         run(&setup, |emulation| {
             emulation.run(millis(500)).unwrap();
             let rig = &emulation.rig;
-            let restart = rig.machine.restarts()[0].at;
+            let restart = rig.machine.restarts[0].at;
             let coast = commands(rig, 0, Nanos::new(420_700_000));
             let coast = coast.filter(|entry| entry.end < restart).count();
             println!("{panic}: {coast} coast frames on bus 1, restart at {restart}");
@@ -754,8 +754,8 @@ fn a_stall_is_survived_without_a_restart() {
     run(&setup(&["hang@0.4s..0.42s"]), |emulation| {
         emulation.run(millis(800)).unwrap();
         let rig = &emulation.rig;
-        let (struck, ended) = (rig.machine.struck().unwrap(), millis(420));
-        assert!(rig.machine.restarts().is_empty(), "{:?}", rig.machine.restarts());
+        let (struck, ended) = (rig.machine.struck.unwrap(), millis(420));
+        assert!(rig.machine.restarts.is_empty(), "{:?}", rig.machine.restarts);
         let coast = coasts(rig, struck, ended).since(struck);
         println!("20 ms without the buses: all coast after {:.2} ms", micros(coast) * 1e-3);
         assert!(coast <= millis(10), "{coast}");
@@ -968,9 +968,9 @@ fn drives_with(name: &str) {
     println!("{name}: {} sent, {} received, {} lost", bus.sent, bus.received, bus.lost);
     assert!(bus.sent > 1000 && bus.received > 1000, "{bus:?}");
     assert_eq!((figures.unowned_accesses, figures.gated_accesses), (0, 0));
-    assert!(rig.machine.restarts().is_empty());
+    assert!(rig.machine.restarts.is_empty());
     // It asks its M3508 for 60 rpm.
-    let rpm = rig.motors()[0].1.state().output_rpm;
+    let rpm = rig.motors[0].1.state().output_rpm;
     assert!((rpm - 60.0).abs() < 6.0, "{rpm} rpm");
 }
 

@@ -265,9 +265,9 @@ fn a_failsafe_flag_stops_at_once() {
     for (failsafe, fast) in [(Failsafe::Hold, false), (Failsafe::Centre, true)] {
         let impatient = |around: &mut Environment| {
             let link = around.remote.as_mut().unwrap();
-            let receiver =
-                Sbus::new(&link.remote, Nanos::new(3_100_000)).with_failsafe(failsafe, 0);
-            let receiver = if fast { receiver.fast() } else { receiver };
+            let mut receiver = Sbus::new(&link.remote, Nanos::new(3_100_000));
+            (receiver.failsafe, receiver.failsafe_after) = (failsafe, 0);
+            receiver.period = if fast { Nanos::new(7_000_000) } else { receiver.period };
             link.wire = ReceiverWire::Serial(around.world.add_serial(Sbus::SERIAL, receiver));
         };
         for moment in MOMENTS {

@@ -69,7 +69,7 @@ pub fn ppm(bytes: &[u8]) {
     let intervals: Vec<u64> = bytes.as_chunks().0.iter().map(interval).collect();
     let (is_channel, is_end) =
         (|us: &u64| (950..=2050).contains(us), |us| (2100..=100_000).contains(&us));
-    let (mut ppm, mut at, mut frames) = (Ppm::new(), Micros::ZERO, 0);
+    let (mut ppm, mut at, mut frames) = (Ppm::default(), Micros::ZERO, 0);
     assert_eq!(ppm.edge(at), None);
     for (count, interval) in intervals.iter().enumerate() {
         at += Micros::new(*interval);

@@ -21,7 +21,7 @@ fn starts_and_cannot_be_armed(setup: &Setup, soon: Nanos, words: &[&str]) {
             let torque = commands(rig, bus, Nanos::ZERO).find(|entry| !is_zero(entry));
             assert!(torque.is_none(), "bus {}: {torque:?}", bus + 1);
         }
-        assert!(rig.machine.restarts().is_empty(), "{:?}", rig.machine.restarts());
+        assert!(rig.machine.restarts.is_empty(), "{:?}", rig.machine.restarts);
         let log = log(emulation);
         for said in words {
             assert!(log.contains(said), "{said} is not in:\n{log}");
@@ -95,7 +95,7 @@ fn the_oscillator_that_stands_in_is_as_exact_as_it_was_measured() {
         let struck = rig.machine.now();
         rig.machine.set_crystal(false);
         rig.run(millis(310)).unwrap();
-        let restart = rig.machine.restarts()[0].at;
+        let restart = rig.machine.restarts[0].at;
         for bus in 0..3 {
             let coast = commands(&rig, bus, struck).filter(|entry| entry.end < restart);
             assert!(coast.count() > 0, "bus {}, {deviation} ppm", bus + 1);
@@ -193,7 +193,7 @@ fn a_program_that_does_not_measure_is_told_by_its_bit_rate() {
     let options = Options { board, calibration_needed: false, ..Options::default() };
     let mut rig = interop_on(options, "superloop-embassy", &[]);
     rig.run(millis(100)).unwrap();
-    let told: Vec<_> = rig.machine.reports().iter().map(|report| report.text.as_str()).collect();
+    let told: Vec<_> = rig.machine.reports.iter().map(|report| report.text.as_str()).collect();
     assert_eq!(told, ["FDCAN1 runs at 960 kbit/s, its bus at 1000 kbit/s"]);
     assert_eq!(Figures::of(&rig).buses[0].received, 0);
 }

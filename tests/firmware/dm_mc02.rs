@@ -61,7 +61,7 @@ fn it_drives_by_its_own_imu() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn an_imu_that_does_not_answer_is_told() {
     on_board(&[], |emulation| {
-        emulation.rig.machine.imu().unwrap().with(|imu| imu.gyroscope.id = 0);
+        emulation.rig.machine.parts.imu.as_ref().unwrap().with(|imu| imu.gyroscope.id = 0);
         emulation.run(millis(800)).unwrap();
         let figures = Figures::of(&emulation.rig);
         keeps_its_period(&figures);
@@ -69,7 +69,7 @@ fn an_imu_that_does_not_answer_is_told() {
         let text = log(emulation);
         let words = "armed, 11 of 11 motors online, IMU does not answer, 24.0 V, IMU: ";
         assert!(text.lines().last().unwrap().contains(words), "{text}");
-        emulation.rig.machine.imu().unwrap().with(|imu| imu.gyroscope.id = 0x0F);
+        emulation.rig.machine.parts.imu.as_ref().unwrap().with(|imu| imu.gyroscope.id = 0x0F);
         // It is set up, and then selected once a millisecond: none of those missed is made up for.
         emulation.run(millis(1000)).unwrap();
         emulation.rig.machine.watch_pin('C', 3).unwrap();
@@ -121,15 +121,15 @@ fn outputs_come_on_last() {
         }
         emulation.run(millis(700)).unwrap();
         // The program says that the switched 5 V stay off.
-        assert!(emulation.rig.machine.take_edges('C', 15).is_empty());
-        let struck = emulation.rig.machine.struck().unwrap();
-        let restart = emulation.rig.machine.restarts()[0].at;
+        assert!(emulation.rig.machine.soc().take_edges('C', 15).is_empty());
+        let struck = emulation.rig.machine.struck.unwrap();
+        let restart = emulation.rig.machine.restarts[0].at;
         for (port, pin, later) in pins {
-            let edges = emulation.rig.machine.take_edges(port, pin);
+            let edges = emulation.rig.machine.soc().take_edges(port, pin);
             let [on, off, again] = edges[..] else { panic!("P{port}{pin}: {edges:?}") };
             assert!(on.high && !off.high && again.high, "{edges:?}");
-            for log in emulation.rig.logs() {
-                let first = log.frames.iter().find(|entry| entry.from_controller).unwrap();
+            for log in &emulation.rig.logs {
+                let first = log.iter().find(|entry| entry.from_controller).unwrap();
                 assert!(on.at > first.start, "on after {}, before a bus", on.at);
             }
             assert_eq!(off.at, restart, "struck at {struck}");
@@ -139,11 +139,7 @@ fn outputs_come_on_last() {
             assert!(without < later + millis(20), "{without}");
         }
         // Its pins alone are no reason to say anything.
-        assert!(
-            emulation.rig.machine.reports().is_empty(),
-            "{:?}",
-            emulation.rig.machine.reports()
-        );
+        assert!(emulation.rig.machine.reports.is_empty(), "{:?}", emulation.rig.machine.reports);
     });
 }
 
@@ -165,7 +161,7 @@ fn the_heater_keeps_its_bounds() {
     on_board(&[], |emulation| {
         // A die that gets warm a hundred times as fast as a real one.
         let thermal = Thermal { ambient: 30.0, kelvin_per_watt: 12.0, time_constant: 0.3 };
-        emulation.rig.machine.set_thermal(thermal);
+        emulation.rig.machine.parts.thermal = thermal;
         emulation.rig.machine.watch_pin('B', 1).unwrap();
         let shares = heated(emulation, 30);
         let most = shares.iter().copied().fold(0.0, f64::max);
@@ -174,9 +170,9 @@ fn the_heater_keeps_its_bounds() {
         assert!(shares[0] < 1.0 && most > 200.0 && most <= 250.5, "{shares:?}");
         assert!(shares.iter().skip(10).any(|share| *share < 50.0), "{shares:?}");
         // 30 V: less than a quarter, by the bound of the power.
-        emulation.rig.machine.imu().unwrap().with(|imu| imu.celsius = 20.0);
+        emulation.rig.machine.parts.imu.as_ref().unwrap().with(|imu| imu.celsius = 20.0);
         let cold = Thermal { ambient: 10.0, kelvin_per_watt: 0.1, time_constant: 0.3 };
-        emulation.rig.machine.set_thermal(cold);
+        emulation.rig.machine.parts.thermal = cold;
         emulation.rig.machine.set_supply(30_000).unwrap();
         let shares = heated(emulation, 16);
         println!("heater at 30 V: {shares:.0?}");
@@ -188,7 +184,7 @@ fn the_heater_keeps_its_bounds() {
         emulation.rig.machine.set_supply(24_000).unwrap();
         assert!(heated(emulation, 3).last().unwrap() > &200.0);
         // The IMU falls silent: off within 0.7 s.
-        emulation.rig.machine.imu().unwrap().with(|imu| imu.accelerometer.id = 0);
+        emulation.rig.machine.parts.imu.as_ref().unwrap().with(|imu| imu.accelerometer.id = 0);
         let shares = heated(emulation, 8);
         println!("heater without IMU: {shares:.0?}");
         assert!(shares[7] < 0.1, "{shares:?}");
@@ -243,7 +239,7 @@ fn it_drives_without_what_is_no_motor() {
         }
         emulation.run(millis(900)).unwrap();
         keeps_its_period(&Figures::of(&emulation.rig));
-        assert!(emulation.rig.machine.restarts().is_empty());
+        assert!(emulation.rig.machine.restarts.is_empty());
         let log = log(emulation);
         assert!(log.contains("the crystal could not be measured"), "{log}");
         let last = log.lines().last().unwrap();
@@ -273,7 +269,7 @@ fn a_hang_does_not_heat_more() {
         let shares = heated(emulation, 8);
         println!("heater, hung at 0.5 s: {shares:.0?}");
         assert!(shares[4] > 200.0 && shares.iter().all(|share| *share <= 250.5), "{shares:?}");
-        assert_eq!(emulation.rig.machine.restarts().len(), 1);
+        assert_eq!(emulation.rig.machine.restarts.len(), 1);
     });
 }
 
@@ -309,7 +305,7 @@ fn the_lamp_shows_the_state() {
                 emulation.rig.machine.set_supply(20_000).unwrap();
             }
             emulation.run(millis(60 + 100 * number)).unwrap();
-            let edges = emulation.rig.machine.take_edges('A', 7);
+            let edges = emulation.rig.machine.soc().take_edges('A', 7);
             for picture in pictures(&edges).unwrap() {
                 assert_eq!(picture.len(), 1);
                 assert!(picture[0].iter().all(|channel| *channel <= 24), "{picture:?}");
@@ -338,7 +334,7 @@ fn a_motor_that_starts_slowly_is_no_fault_at_first() {
         // It flashes in the first half of every second second.
         for tenth in 1..=43 {
             emulation.run(millis(100 * tenth)).unwrap();
-            let edges = emulation.rig.machine.take_edges('A', 7);
+            let edges = emulation.rig.machine.soc().take_edges('A', 7);
             let is_white = |picture: &Vec<[u8; 3]>| picture[0].iter().all(|channel| *channel > 0);
             if white_at.is_none() && pictures(&edges).unwrap().iter().any(is_white) {
                 white_at = Some(tenth);

@@ -96,7 +96,8 @@ fn frames(emulation: &mut Emulation<'_>) -> Vec<Frame> {
 /// Has each leg think for a time of its own, ns, before it replies.
 fn think(emulation: &Emulation<'_>, time: impl Fn(u64) -> u64) {
     for (id, esc) in (0..).zip(&emulation.motors[OTHERS..]) {
-        let device = GoM8010::new(id).with_turnaround(Nanos::new(time(id.into())));
+        let mut device = GoM8010::new(id);
+        device.think = Nanos::new(time(id.into()));
         esc.with(|motor: &mut GoM8010| *motor = device).unwrap();
     }
 }
@@ -130,7 +131,7 @@ fn buses_are_punctual(emulation: &Emulation<'_>) {
     keeps_its_period(&figures);
     is_clean(&emulation.rig, &figures);
     for bus in &figures.buses {
-        let mean = bus.tick_period.unwrap().mean;
+        let mean = bus.tick_period.unwrap().mean();
         assert!(mean.get().abs_diff(1_000_000) < 50, "{mean}");
     }
 }
@@ -166,7 +167,7 @@ fn eight_motors_are_polled_every_millisecond() {
             assert!(frames.iter().all(whole));
             let replies = frames.iter().filter(|frame| !frame.from_chip).count();
             assert!((frames.len() - replies).abs_diff(replies) <= 1);
-            let counters = emulation.rig.lines()[0].counters();
+            let counters = emulation.rig.lines[0].counters();
             assert_eq!((counters.collided, emulation.rig.machine.garbled(2)), (0, 0));
             buses_are_punctual(emulation);
             let log = log(emulation);
@@ -183,9 +184,9 @@ fn eight_motors_are_polled_every_millisecond() {
 fn an_exchange_stays_within_its_budget() {
     run(&setup(&[]), |emulation| {
         emulation.run(STEADY).unwrap();
-        emulation.rig.machine.restart_profile();
+        emulation.rig.machine.profile.restart();
         emulation.run(millis(650)).unwrap();
-        let profile = emulation.rig.machine.profile();
+        let profile = &emulation.rig.machine.profile;
         let costs = profile.by_exception();
         let of_line = costs.iter().filter(|cost| {
             cost.exception.checked_sub(16).is_some_and(|number| INTERRUPTS.contains(&number))
@@ -203,11 +204,7 @@ fn an_exchange_stays_within_its_budget() {
         );
         assert!(instructions / exchanges <= BUDGET);
         let figures = Figures::of(&emulation.rig);
-        println!(
-            "stack {} bytes, static {}",
-            figures.stack_bytes,
-            emulation.rig.machine.image().ram
-        );
+        println!("stack {} bytes, static {}", figures.stack_bytes, emulation.rig.machine.image.ram);
         // Of 32 KiB.
         assert!(figures.stack_bytes < 26 * 1024, "{}", figures.stack_bytes);
     });
@@ -373,7 +370,7 @@ fn the_line_has_a_priority_of_its_own() {
 fn a_panic_and_a_cut_bus_are_survived() {
     give(&setup(&["cut:1@0.3s..0.35s", "panic@0.5s"]), |emulation| {
         let (mut emulation, recording) = emulation.record(Micros::from_millis(1500)).unwrap();
-        assert_eq!(emulation.rig.machine.restarts().len(), 1);
+        assert_eq!(emulation.rig.machine.restarts.len(), 1);
         let log = log(&mut emulation);
         assert!(log.contains("the last run ended in a crash: Panic"), "{log}");
         assert!(log.lines().last().unwrap().contains("disarmed, 14 of 14 motors online"), "{log}");
@@ -397,8 +394,8 @@ fn a_panic_and_a_cut_bus_are_survived() {
 fn a_lost_remote_makes_every_motor_safe_and_disarms() {
     give(&setup(&["remote-lost@0.6s"]), |emulation| {
         let (mut emulation, recording) = emulation.record(Micros::from_millis(2000)).unwrap();
-        assert!(emulation.rig.machine.reports().is_empty());
-        assert!(emulation.rig.machine.restarts().is_empty());
+        assert!(emulation.rig.machine.reports.is_empty());
+        assert!(emulation.rig.machine.restarts.is_empty());
         let driven = |track: &MotorTrack, samples: std::ops::Range<usize>| {
             track.samples[samples].iter().any(|sample| sample.current.abs() > 0.05)
         };

@@ -174,7 +174,7 @@ fn a_bus_that_is_cut_costs_its_motors_only_and_they_return() {
 fn a_panic_leaves_every_motor_without_torque_until_it_is_armed_again() {
     // While all turn.
     record(&["panic@3s"], 3600, |emulation, recording| {
-        let restarts = emulation.rig.machine.restarts();
+        let restarts = &emulation.rig.machine.restarts;
         assert_eq!(restarts.len(), 1, "{restarts:?}");
         for name in Name::ALL {
             assert!(current(&recording, *name, 2700..3000) > 0.01, "{name:?} is driven before");

@@ -88,8 +88,8 @@ fn crash(emulation: &mut Emulation<'_>, phase: u64, length: u64) -> [f64; 2] {
     emulation.run(until).unwrap();
     let rig = &emulation.rig;
     // A fault that needs no instruction to be executed strikes when it is due.
-    let struck = rig.machine.struck().unwrap_or(strikes(phase));
-    let reset = rig.machine.restarts().first().expect("a restart").at;
+    let struck = rig.machine.struck.unwrap_or(strikes(phase));
+    let reset = rig.machine.restarts.first().expect("a restart").at;
     [since(coast(rig, &[0, 1, 2], struck), struck), since(reset, struck)]
 }
 
@@ -148,11 +148,11 @@ fn of_a_lost_motor() {
     at_every_phase("", name, [(9.0, 12.5)], |emulation, phase| {
         emulation.run(strikes(phase)).unwrap();
         // The first wheel, M3508 with id 1; the others acknowledge.
-        emulation.rig.motors()[0].1.set_power(false);
+        emulation.rig.motors[0].1.set_power(false);
         emulation.run(strikes(phase) + millis(20)).unwrap();
         let key = |id| move |entry: &&TraceEntry| entry.frame.key() == CanFrame::key_of(id);
         let [feedback, command] = [0x201, 0x200].map(|id| StandardId::new(id).unwrap());
-        let mut frames = emulation.rig.logs()[0].frames.iter();
+        let mut frames = emulation.rig.logs[0].iter();
         let last = frames.rfind(key(feedback)).unwrap().end;
         let zero = commands(&emulation.rig, 0, last)
             .filter(key(command))

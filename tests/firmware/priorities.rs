@@ -22,9 +22,9 @@ const PULSES: u16 = 44;
 
 /// Every interrupt that has a handler, and its priority now.
 pub fn of(machine: &Machine) -> Vec<(u16, u8)> {
-    let unhandled = machine.image().symbol("DefaultHandler").unwrap();
+    let unhandled = machine.image.symbol("DefaultHandler").unwrap();
     // 16 exceptions of the core come before.
-    let handler = |interrupt| machine.memory().word(FLASH + 4 * (16 + u32::from(interrupt)));
+    let handler = |interrupt| machine.memory.word(FLASH + 4 * (16 + u32::from(interrupt)));
     (0..INTERRUPTS)
         .filter(|&interrupt| ![0, unhandled].contains(&handler(interrupt).unwrap()))
         .map(|interrupt| (interrupt, machine.priority(interrupt)))

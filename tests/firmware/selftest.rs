@@ -290,12 +290,12 @@ impl Bench {
 
     /// No access was refused, and no device met a byte that it could not read.
     fn is_clean(&self) {
-        let reports = self.machine.reports();
+        let reports = &self.machine.reports;
         assert!(reports.is_empty(), "{reports:?}");
         let soc = self.machine.soc();
         let refused = [AccessKind::Unowned, AccessKind::Gated].map(|kind| soc.count(kind));
         assert_eq!(refused, [0, 0]);
-        assert!(self.machine.restarts().is_empty(), "{:?}", self.machine.restarts());
+        assert!(self.machine.restarts.is_empty(), "{:?}", self.machine.restarts);
         for uart in 1..=10 {
             assert_eq!(self.machine.garbled(uart), 0, "UART {uart}");
         }

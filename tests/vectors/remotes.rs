@@ -2,8 +2,7 @@
 
 use rc10_can::Micros;
 use rc10_module::remote::{
-    Crsf, CrsfFrame, Dbus, DbusFrame, Mode, Ppm, Sbus, SbusFrame, Switch, Vt03, Vt03Frame,
-    pulse_width,
+    Crsf, CrsfFrame, Dbus, DbusFrame, Ppm, Sbus, SbusFrame, Switch, Vt03, Vt03Frame, pulse_width,
 };
 use serde_json::Value;
 
@@ -43,7 +42,7 @@ pub fn ppm(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
         return understood(false, kind);
     }
     let mut inputs = vector.object("inputs")?;
-    let (mut ppm, mut at, mut heard) = (Ppm::new(), 0, Vec::new());
+    let (mut ppm, mut at, mut heard) = (Ppm::default(), 0, Vec::new());
     ppm.edge(Micros::ZERO);
     for interval in inputs.list("edge_intervals_us")? {
         at += narrow::<u64>(&interval)?;
@@ -191,9 +190,9 @@ fn vt03_values(frame: &Vt03Frame, expected: &Value, tolerance: &mut Tolerance) -
                 continue;
             }
             "mode" => match frame.mode {
-                Mode::C => 0,
-                Mode::N => 1,
-                Mode::S => 2,
+                Switch::Down => 0,
+                Switch::Middle => 1,
+                Switch::Up => 2,
             },
             "pause" => frame.pause.into(),
             "fn1" => frame.left_button.into(),

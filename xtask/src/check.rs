@@ -224,12 +224,7 @@ pub fn run(is_whole: bool) -> Result<()> {
     });
     report.rare("two wheels", || two_wheels().into());
     report.rare("new robot", || new_robot(rustc.is_ok()).into());
-    report.rare("package", || {
-        let packages = PUBLISHED.map(|name| format!(" --package {name}")).concat();
-        // Their dependencies are here by now: a registry out of reach fails nothing.
-        let packages = format!("package --offline --allow-dirty --quiet{packages}");
-        run_command(&mut free(&packages)).into()
-    });
+    report.rare("package", || package().into());
     report.rare("scaffold", || scaffold::run().into());
     report.step("docs", || {
         run_command(
@@ -262,6 +257,27 @@ pub fn run(is_whole: bool) -> Result<()> {
         with_chip(&rustc, |rustc| count::run(&build_with("count", None, rustc)?))
     });
     report.conclude()
+}
+
+/// Makes the packages that are published, and builds each from nothing but them. Cargo takes a
+/// package of an earlier check for the same one while its version stands still: what is left of
+/// earlier checks is removed.
+fn package() -> Result<()> {
+    let target = root().join("target/publish");
+    let home = env::home_dir().context("there is no home folder")?.join(".cargo");
+    let home = env::var_os("CARGO_HOME").map_or(home, PathBuf::from);
+    let copies = fs::read_dir(home.join("registry/src")).into_iter().flatten().flatten();
+    // A registry without a host: a folder.
+    let copies = copies.filter(|copy| copy.file_name().to_string_lossy().starts_with('-'));
+    for folder in copies.map(|copy| copy.path()).chain([target.clone()]) {
+        if folder.exists() {
+            fs::remove_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        }
+    }
+    let packages = PUBLISHED.map(|name| format!(" --package {name}")).concat();
+    // Their dependencies are here by now: a registry out of reach fails nothing.
+    let mut command = free(&format!("package --offline --allow-dirty --quiet{packages}"));
+    run_command(command.arg("--target-dir").arg(target))
 }
 
 /// Builds it with its own lock file, runs its test, and itself.

@@ -117,16 +117,13 @@ impl LimitSwitch {
     }
 
     fn settle(&mut self, is_pressed: bool, rested: Micros, now: Micros) {
-        if rested >= self.time_to_rest(is_pressed) {
+        let time_to_rest = if is_pressed { self.config.press } else { self.config.release };
+        if rested >= time_to_rest {
             self.position = if is_pressed { Position::Pressed } else { Position::Released };
             self.disturbed = now;
         } else if now.since(self.disturbed) >= CHATTERS_AFTER {
             self.position = Position::Chattering;
         }
-    }
-
-    const fn time_to_rest(&self, is_pressed: bool) -> Micros {
-        if is_pressed { self.config.press } else { self.config.release }
     }
 
     /// The pin's level is what the position says: nothing happens before it changes.

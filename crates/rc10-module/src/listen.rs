@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::Read;
 use rc10_can::Micros;
 
-use crate::{Counters, Pause, Protocol, Stream};
+use crate::{Counters, Protocol, Stream};
 
 /// Counters of a loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses)).
 pub struct Reception(Mutex<CriticalSectionRawMutex, Cell<Counters>>);
@@ -69,8 +69,8 @@ pub async fn listen<P: Protocol>(
         let result = {
             let mut read = pin!(port.read(&mut received));
             // The same read goes on after a pause: dropping one might lose bytes.
-            match P::PAUSE.map(Pause::length) {
-                Some(pause) => match with_timeout(duration(pause), read.as_mut()).await {
+            match P::PAUSE.map(|pause| Duration::from_micros(pause.length().get())) {
+                Some(pause) => match with_timeout(pause, read.as_mut()).await {
                     Ok(result) => result,
                     Err(_) => {
                         stream.receive(&[], now(), |message| hear(message, at));
@@ -101,8 +101,4 @@ pub async fn listen<P: Protocol>(
 
 fn now() -> Micros {
     Micros::new(Instant::now().as_micros())
-}
-
-const fn duration(time: Micros) -> Duration {
-    Duration::from_micros(time.get())
 }

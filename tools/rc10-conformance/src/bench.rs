@@ -16,8 +16,10 @@ pub struct Bench<'m> {
     /// The bus.
     pub bus: MotorBus<'m>,
     port: SimPort,
-    tx: TxBatch,
-    refused: u32,
+    /// The frames of the last tick.
+    pub sent: TxBatch,
+    /// Frames that found no room so far.
+    pub refused: u32,
 }
 
 impl<'m> Bench<'m> {
@@ -28,7 +30,7 @@ impl<'m> Bench<'m> {
         let wire = world.add_bus(BusConfig::default());
         let port = wire.port();
         let bus = MotorBus::new(switch);
-        Self { world, wire, bus, port, tx: TxBatch::new(), refused: 0 }
+        Self { world, wire, bus, port, sent: TxBatch::new(), refused: 0 }
     }
 
     /// Puts a motor of ours on the bus.
@@ -55,10 +57,10 @@ impl<'m> Bench<'m> {
         while let Some((frame, at)) = self.port.receive() {
             self.bus.on_frame(&frame, at);
         }
-        self.tx.clear();
-        let full = self.bus.tick(now, dt, &mut self.tx).is_err();
+        self.sent.clear();
+        let full = self.bus.tick(now, dt, &mut self.sent).is_err();
         self.refused += u32::from(full);
-        for (frame, stream) in self.tx.entries() {
+        for (frame, stream) in self.sent.entries() {
             self.refused += u32::from(self.port.submit_as(frame, stream) == Submitted::Refused);
         }
     }
@@ -90,17 +92,5 @@ impl<'m> Bench<'m> {
     #[must_use]
     pub fn status(&self, motor: MotorId) -> MotorStatus {
         self.bus.status(motor, self.world.now()).unwrap_or(MotorStatus::NEW)
-    }
-
-    /// The frames of the last tick.
-    #[must_use]
-    pub const fn sent(&self) -> &TxBatch {
-        &self.tx
-    }
-
-    /// Frames that found no room so far.
-    #[must_use]
-    pub const fn refused(&self) -> u32 {
-        self.refused
     }
 }

@@ -8,7 +8,7 @@ use rc10_sim::EscFault;
 use crate::declaration::Declaration;
 use crate::harness::{Connection, Harness, Subject};
 use crate::mirror::Mirror;
-use crate::outcome::{Halt, Outcome};
+use crate::outcome::Halt;
 use crate::recorder::{Call, Log, Moment, recorded};
 use crate::rig::Rig;
 
@@ -85,20 +85,33 @@ impl<'a> Case<'a> {
     }
 
     /// A motor and its device on a wire of their own.
-    pub(crate) fn alone(
+    pub(crate) fn alone<T>(
         &self,
         state: SafeState,
-        scenario: impl FnOnce(&mut Rig<'_>) -> Outcome,
-    ) -> Outcome {
+        scenario: impl FnOnce(&mut Rig<'_>) -> Result<T, Halt>,
+    ) -> Result<T, Halt> {
         self.with(&mut self.motor(), Safety::new(state), scenario)
     }
 
-    pub(crate) fn with(
+    /// Runs a scenario with one motor alone that has got going, and goes to this state when it must
+    /// stop.
+    pub(crate) fn going<T>(
+        &self,
+        state: SafeState,
+        scenario: impl FnOnce(&mut Rig<'_>) -> Result<T, Halt>,
+    ) -> Result<T, Halt> {
+        self.alone(state, |rig| {
+            rig.get_going()?;
+            scenario(rig)
+        })
+    }
+
+    pub(crate) fn with<T>(
         &self,
         motor: &mut Subject,
         safety: Safety,
-        scenario: impl FnOnce(&mut Rig<'_>) -> Outcome,
-    ) -> Outcome {
+        scenario: impl FnOnce(&mut Rig<'_>) -> Result<T, Halt>,
+    ) -> Result<T, Halt> {
         let switch = ArmSwitch::new();
         let mut bench = self.bench(&switch);
         let esc = bench.device(self.declared.ids[0]);
@@ -118,7 +131,7 @@ impl<'a> Case<'a> {
                     rig.get_going()?;
                     going = shared.log().calls.len();
                     live(rig);
-                    other_targets = rig.other_targets();
+                    other_targets = rig.other_targets;
                     Ok(())
                 })
             }));

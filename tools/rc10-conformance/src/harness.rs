@@ -126,6 +126,16 @@ enum Wired<'m> {
     Line(LineBench<'m>, &'m dyn Fn(&Line, u8) -> Esc),
 }
 
+/// The same of both benches.
+macro_rules! on_either {
+    ($wired:expr, $bench:ident => $result:expr) => {
+        match $wired {
+            Wired::Bus($bench, _) => $result,
+            Wired::Line($bench, _) => $result,
+        }
+    };
+}
+
 impl<'m> Harness<'m> {
     /// Puts a motor of ours on the wire; the text says why it does not go.
     pub(crate) fn attach(
@@ -135,7 +145,7 @@ impl<'m> Harness<'m> {
     ) -> Result<MotorId, String> {
         let attached = match (&mut self.wired, motor) {
             (Wired::Bus(bench, _), Subject::OnBus(motor)) => bench.attach(&mut **motor, safety),
-            (Wired::Line(bench, _), Subject::OnLine(motor)) => bench.line.attach(motor, safety),
+            (Wired::Line(bench, _), Subject::OnLine(motor)) => bench.bus.attach(motor, safety),
             _ => return Err("it belongs on another wire".to_owned()),
         };
         attached.map_err(|error| error.to_string())
@@ -150,18 +160,12 @@ impl<'m> Harness<'m> {
     }
 
     pub(crate) fn now(&self) -> Micros {
-        match &self.wired {
-            Wired::Bus(bench, _) => bench.world.now(),
-            Wired::Line(bench, _) => bench.world.now(),
-        }
+        on_either!(&self.wired, bench => bench.world.now())
     }
 
     pub(crate) fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
         let (target, now) = (self.mirror.target(target), self.now());
-        match &mut self.wired {
-            Wired::Bus(bench, _) => bench.bus.command(motor, target, now),
-            Wired::Line(bench, _) => bench.line.command(motor, target, now),
-        }
+        on_either!(&mut self.wired, bench => bench.bus.command(motor, target, now))
     }
 
     pub(crate) fn request(
@@ -169,39 +173,24 @@ impl<'m> Harness<'m> {
         motor: MotorId,
         request: Request,
     ) -> Result<Response, RequestError> {
-        match &mut self.wired {
-            Wired::Bus(bench, _) => bench.bus.request(motor, request),
-            Wired::Line(bench, _) => bench.line.request(motor, request),
-        }
+        on_either!(&mut self.wired, bench => bench.bus.request(motor, request))
     }
 
     pub(crate) fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
-        match &mut self.wired {
-            Wired::Bus(bench, _) => bench.bus.response(motor),
-            Wired::Line(bench, _) => bench.line.response(motor),
-        }
+        on_either!(&mut self.wired, bench => bench.bus.response(motor))
     }
 
     pub(crate) fn supports(&self, motor: MotorId) -> TargetSet {
-        match &self.wired {
-            Wired::Bus(bench, _) => bench.bus.supports(motor),
-            Wired::Line(bench, _) => bench.line.supports(motor),
-        }
+        on_either!(&self.wired, bench => bench.bus.supports(motor))
     }
 
     pub(crate) fn status(&self, motor: MotorId) -> MotorStatus {
-        self.mirror.status(match &self.wired {
-            Wired::Bus(bench, _) => bench.status(motor),
-            Wired::Line(bench, _) => bench.status(motor),
-        })
+        self.mirror.status(on_either!(&self.wired, bench => bench.status(motor)))
     }
 
     /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
     pub(crate) fn tick(&mut self, dt: Seconds) {
-        match &mut self.wired {
-            Wired::Bus(bench, _) => bench.tick_with(dt),
-            Wired::Line(bench, _) => bench.tick_with(dt),
-        }
+        on_either!(&mut self.wired, bench => bench.tick_with(dt));
     }
 
     /// A tick of a motor that is not attached, so that no bus supervises it, and a millisecond.
@@ -242,18 +231,12 @@ impl<'m> Harness<'m> {
     /// A millisecond without a tick.
     pub(crate) fn pass(&mut self) {
         let next = self.now() + Micros::from_millis(1);
-        match &mut self.wired {
-            Wired::Bus(bench, _) => bench.world.advance(next),
-            Wired::Line(bench, _) => bench.world.advance(next),
-        }
+        on_either!(&mut self.wired, bench => bench.world.advance(next));
     }
 
     /// Cuts our side off the wire, or connects it again.
     pub(crate) fn set_cut(&mut self, cut: bool) {
-        match &self.wired {
-            Wired::Bus(bench, _) => bench.wire.set_cut(cut),
-            Wired::Line(bench, _) => bench.wire.set_cut(cut),
-        }
+        on_either!(&self.wired, bench => bench.wire.set_cut(cut));
     }
 
     /// Takes the traffic since the last time.

@@ -12,7 +12,7 @@ pub struct LineBench<'m> {
     /// The wire.
     pub wire: Line,
     /// The line.
-    pub line: Rs485Bus<'m>,
+    pub bus: Rs485Bus<'m>,
     /// What went over the wire: when it was handed over or taken, whether it is ours, the bytes.
     pub traffic: Vec<(Micros, bool, Vec<u8>)>,
     port: UartPort,
@@ -24,8 +24,8 @@ impl<'m> LineBench<'m> {
     pub fn new(seed: u64, switch: &'m ArmSwitch) -> Self {
         let mut world = World::new(seed);
         let wire = world.add_line(LineConfig::default());
-        let (line, port) = (Rs485Bus::new(switch), wire.port());
-        Self { world, wire, line, traffic: Vec::new(), port }
+        let (bus, port) = (Rs485Bus::new(switch), wire.port());
+        Self { world, wire, bus, traffic: Vec::new(), port }
     }
 
     /// All that is to be done on the line in the next millisecond, and then a tick.
@@ -39,14 +39,14 @@ impl<'m> LineBench<'m> {
         loop {
             let now = self.world.now();
             let received = self.port.take_received();
-            self.line.on_bytes(&received, now);
+            self.bus.on_bytes(&received, now);
             if !received.is_empty() {
                 self.traffic.push((now, false, received));
             }
             if now >= tick {
                 break;
             }
-            match self.line.poll(now) {
+            match self.bus.poll(now) {
                 Step::Send(bytes) => {
                     self.port.send(&bytes);
                     self.traffic.push((now, true, bytes.to_vec()));
@@ -57,7 +57,7 @@ impl<'m> LineBench<'m> {
                 }
             }
         }
-        self.line.tick(tick, dt);
+        self.bus.tick(tick, dt);
     }
 
     /// `millis` ticks without a new command.
@@ -77,7 +77,7 @@ impl<'m> LineBench<'m> {
     ) -> Result<(), CommandError> {
         for _ in 0..millis {
             let now = self.world.now();
-            self.line.command(motor, target, now)?;
+            self.bus.command(motor, target, now)?;
             self.tick();
         }
         Ok(())
@@ -86,6 +86,6 @@ impl<'m> LineBench<'m> {
     /// Status of a motor; that of a motor never heard if there is no such motor.
     #[must_use]
     pub fn status(&self, motor: MotorId) -> MotorStatus {
-        self.line.status(motor, self.world.now()).unwrap_or(MotorStatus::NEW)
+        self.bus.status(motor, self.world.now()).unwrap_or(MotorStatus::NEW)
     }
 }

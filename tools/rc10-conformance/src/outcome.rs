@@ -16,6 +16,15 @@ pub(crate) fn broken<T>(at: impl Into<Option<Micros>>, what: impl Into<String>) 
     Err(Halt::Broken(at.into(), what.into()))
 }
 
+/// The rule is broken if it is not so.
+pub(crate) fn must(
+    at: impl Into<Option<Micros>>,
+    is_so: bool,
+    what: impl FnOnce() -> String,
+) -> Outcome {
+    if is_so { Ok(()) } else { broken(at, what()) }
+}
+
 /// What one rule found. A fault that shows in every tick is told a few times only.
 #[derive(Default)]
 pub(crate) struct Findings {

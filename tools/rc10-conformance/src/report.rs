@@ -28,31 +28,21 @@ impl fmt::Display for Breach {
 pub struct Report {
     pub(crate) motor: MotorName,
     pub(crate) direction: Direction,
-    pub(crate) breaches: Vec<Breach>,
-    pub(crate) unchecked: Vec<&'static str>,
+    /// All that was found: first wrong numbers and panics, from which others follow, then the others,
+    /// both in the order of the [rules](crate::RULES).
+    pub breaches: Vec<Breach>,
+    /// The rules that could not be tried to the end, because the motor did not do what it takes
+    /// (turn, above all).
+    pub unchecked: Vec<&'static str>,
 }
 
 impl Report {
-    /// All that was found: first wrong numbers and panics, from which others follow, then the others,
-    /// both in the order of the [rules](crate::RULES).
-    #[must_use]
-    pub fn breaches(&self) -> &[Breach] {
-        &self.breaches
-    }
-
     /// The names of the rules that are broken, each once.
     pub fn broken(&self) -> impl Iterator<Item = &'static str> {
         let rules = self.breaches.iter().map(|breach| breach.rule).enumerate();
         let is_first =
             |&(index, rule): &(usize, _)| self.breaches[..index].iter().all(|it| it.rule != rule);
         rules.filter(is_first).map(|(_, rule)| rule)
-    }
-
-    /// The rules that could not be tried to the end, because the motor did not do what it takes
-    /// (turn, above all).
-    #[must_use]
-    pub fn unchecked(&self) -> &[&'static str] {
-        &self.unchecked
     }
 }
 

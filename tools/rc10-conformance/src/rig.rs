@@ -1,11 +1,11 @@
 use crate::declaration::{Claim, Declaration};
 use crate::harness::Harness;
-use crate::outcome::{Halt, Outcome, broken};
+use crate::outcome::{Halt, Outcome, broken, must};
 use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::{
-    ArmSwitch, Condition, DriveMode, Link, MotorId, MotorStatus, Request, RequestError, Response,
-    Target, TargetSet,
+    ArmSwitch, DriveMode, Link, MotorId, MotorStatus, Request, RequestError, Response, Target,
+    TargetSet,
 };
 use rc10_sim::Esc;
 
@@ -23,7 +23,8 @@ pub(crate) struct Rig<'m> {
     steepest: (f64, Micros),
     /// Which targets it took at first.
     supports: TargetSet,
-    other_targets: Option<(Micros, DriveMode)>,
+    /// When it took other targets than at first, and in which drive.
+    pub(crate) other_targets: Option<(Micros, DriveMode)>,
 }
 
 /// Times that everything must be over in, ms.
@@ -54,13 +55,13 @@ impl<'m> Rig<'m> {
         }
     }
 
-    /// When it took other targets than at first, and in which drive.
-    pub(crate) const fn other_targets(&self) -> Option<(Micros, DriveMode)> {
-        self.other_targets
-    }
-
     pub(crate) fn now(&self) -> Micros {
         self.bench.now()
+    }
+
+    /// The rule is broken, now, if it is not so.
+    pub(crate) fn must(&self, is_so: bool, what: impl FnOnce() -> String) -> Outcome {
+        must(self.now(), is_so, what)
     }
 
     pub(crate) fn status(&self) -> MotorStatus {
@@ -82,6 +83,10 @@ impl<'m> Rig<'m> {
 
     pub(crate) fn no_torque(&self) -> f64 {
         self.declared.no_torque.get().into()
+    }
+
+    pub(crate) fn full_torque(&self) -> f64 {
+        self.declared.full_torque.get().into()
     }
 
     /// A millisecond, commanded or not.
@@ -119,6 +124,26 @@ impl<'m> Rig<'m> {
         (0..millis).for_each(|_| self.tick(target));
     }
 
+    /// Waits until it is so, for so many milliseconds at most; whether it is.
+    pub(crate) fn until(
+        &mut self,
+        target: Option<Target>,
+        millis: u32,
+        is_so: impl Fn(&Self) -> bool,
+    ) -> bool {
+        (0..millis).any(|_| {
+            self.tick(target);
+            is_so(self)
+        })
+    }
+
+    /// Takes the device's power away for so long.
+    pub(crate) fn restart(&mut self, target: Target, millis: u32) {
+        self.esc.set_power(false);
+        self.wait(Some(target), millis);
+        self.esc.set_power(true);
+    }
+
     /// Forgets how steep the torque was.
     pub(crate) const fn watch(&mut self) {
         self.steepest = (0.0, Micros::ZERO);
@@ -126,16 +151,11 @@ impl<'m> Rig<'m> {
 
     /// The torque has not grown faster since than it is declared to.
     pub(crate) fn was_soft(&self, when: &str) -> Outcome {
-        let full = f64::from(self.declared.full_torque.get());
-        let most = self.declared.softness * full;
+        let most = self.declared.softness * self.full_torque();
         let (steepest, at) = self.steepest;
-        if steepest <= most {
-            return Ok(());
-        }
-        broken(
-            at,
-            format!("{when} its torque grew by {steepest:.3} N m in 1 ms, at most {most:.3}"),
-        )
+        must(at, steepest <= most, || {
+            format!("{when} its torque grew by {steepest:.3} N m in 1 ms, at most {most:.3}")
+        })
     }
 
     /// The torque at the shaft, if there is any that should not be.
@@ -173,10 +193,10 @@ impl<'m> Rig<'m> {
     /// Its bridge is open, if it has a way to open it; or shorts the winding, if that is its way.
     pub(crate) fn is_disabled(&self, when: &str) -> Outcome {
         let state = self.esc.state();
-        if state.open || self.declared.drags(&state) || self.declared.disables != Claim::Does {
-            return Ok(());
-        }
-        broken(self.now(), format!("its device is enabled {when}"))
+        self.must(
+            state.open || self.declared.drags(&state) || self.declared.disables != Claim::Does,
+            || format!("its device is enabled {when}"),
+        )
     }
 
     /// The usual case of it: it had to stop just now.
@@ -196,34 +216,25 @@ impl<'m> Rig<'m> {
 
     /// Waits until it turns.
     pub(crate) fn goes_again(&mut self, target: Target, when: &str) -> Outcome {
-        for _ in 0..self.declared.enables_within + SPIN_UP {
-            self.tick(Some(target));
-            if self.goes(target) {
-                return Ok(());
-            }
-        }
+        let most = self.declared.enables_within + SPIN_UP;
+        let goes = self.until(Some(target), most, |rig| rig.goes(target));
         let rpm = self.esc.state().output_rpm;
-        broken(self.now(), format!("{when} it makes {rpm:.1} rpm, not {}", self.cruise_rpm()))
+        self.must(goes, || format!("{when} it makes {rpm:.1} rpm, not {}", self.cruise_rpm()))
     }
 
     /// Whether its link is lost.
     pub(crate) fn is_lost(&self, when: &str) -> Outcome {
-        if self.status().link == Link::Lost {
-            return Ok(());
-        }
-        broken(self.now(), format!("{when} its link is {:?}", self.status().link))
+        self.must(self.status().link == Link::Lost, || {
+            format!("{when} its link is {:?}", self.status().link)
+        })
     }
 
     /// Waits until its device was heard: for some, that is a matter of tenths of a second.
     pub(crate) fn is_heard(&mut self) -> Outcome {
         self.wait(None, 20);
-        for _ in 0..LONGEST_SILENCE {
-            if self.status().link == Link::Online {
-                return Ok(());
-            }
-            self.tick(None);
-        }
-        broken(self.now(), format!("disarmed, its link is {:?}", self.status().link))
+        let is_heard = self.status().link == Link::Online
+            || self.until(None, LONGEST_SILENCE, |rig| rig.status().link == Link::Online);
+        self.must(is_heard, || format!("disarmed, its link is {:?}", self.status().link))
     }
 
     /// Armed and heard, or another rule says why not.
@@ -247,14 +258,10 @@ impl<'m> Rig<'m> {
     /// Turns its shaft while it is disarmed, onward and about as fast as it cruises; then lets go.
     pub(crate) fn turn_by_hand(&mut self) -> Outcome {
         self.esc.set_load(self.load());
-        for _ in 0..SPIN_UP {
-            self.tick(None);
-            if self.esc.state().output_rpm >= self.cruise_rpm() {
-                self.esc.set_load(0.0);
-                return Ok(());
-            }
-        }
-        Err(Halt::Stuck)
+        let is_fast = |rig: &Self| rig.esc.state().output_rpm >= rig.cruise_rpm();
+        let turns = self.until(None, SPIN_UP, is_fast);
+        self.esc.set_load(0.0);
+        if turns { Ok(()) } else { Err(Halt::Stuck) }
     }
 
     /// Asks for something, and waits for the answer without commanding.
@@ -272,9 +279,5 @@ impl<'m> Rig<'m> {
             self.tick(None);
             self.bench.response(self.motor)
         })
-    }
-
-    pub(crate) fn is_starting(&self) -> bool {
-        self.status().condition == Condition::Starting
     }
 }

@@ -31,17 +31,23 @@ pub enum ChipFault {
 /// The handler that runs the buses of RC10's firmware.
 const CONTROL_EXECUTOR: &str = "UART9";
 
+/// Names of the faults without an argument.
+const NAMES: [(&str, ChipFault); 5] = [
+    ("panic", ChipFault::Panic),
+    ("hardfault", ChipFault::HardFault),
+    ("mask", ChipFault::Mask),
+    ("crystal-dead", ChipFault::CrystalDead),
+    ("crystal-stops", ChipFault::CrystalStops),
+];
+
 impl fmt::Display for ChipFault {
     /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Panic => "panic",
-            Self::HardFault => "hardfault",
-            Self::Hang(handler) => return write!(f, "hang:{handler}"),
-            Self::Mask => "mask",
-            Self::CrystalDead => "crystal-dead",
-            Self::CrystalStops => "crystal-stops",
-        })
+        if let Self::Hang(handler) = self {
+            return write!(f, "hang:{handler}");
+        }
+        let mut names = NAMES.iter().filter(|(_, fault)| fault == self);
+        names.try_for_each(|(name, _)| f.write_str(name))
     }
 }
 
@@ -49,18 +55,13 @@ impl Others for ChipFault {
     const NAMES: &str = " panic hardfault hang[:HANDLER] mask crystal-dead crystal-stops";
 
     fn read(name: &str, argument: Option<&str>) -> Option<Result<Self, String>> {
-        let fault = match name {
-            "panic" => Self::Panic,
-            "hardfault" => Self::HardFault,
-            "mask" => Self::Mask,
-            "crystal-dead" => Self::CrystalDead,
-            "crystal-stops" => Self::CrystalStops,
-            "hang" if argument == Some("") => {
-                return Some(Err("name a handler: hang:TIM2; or none: hang".into()));
-            }
-            "hang" => return Some(Ok(Self::Hang(argument.unwrap_or(CONTROL_EXECUTOR).into()))),
-            _ => return None,
-        };
+        if name == "hang" {
+            return Some(match argument.unwrap_or(CONTROL_EXECUTOR) {
+                "" => Err("name a handler: hang:TIM2; or none: hang".into()),
+                handler => Ok(Self::Hang(handler.into())),
+            });
+        }
+        let (_, fault) = NAMES.into_iter().find(|(other, _)| *other == name)?;
         Some(alone(name, argument).map(|()| fault))
     }
 

@@ -1,7 +1,8 @@
 //! Figures of a scenario.
 
-use rc10_sim::Nanos;
+use rc10_sim::{Nanos, TraceEntry};
 
+use crate::fdcan::Spread;
 use crate::peripherals::AccessKind;
 use crate::rig::Rig;
 
@@ -47,41 +48,28 @@ pub struct BusFigures {
     pub tick_period: Option<Spread>,
 }
 
-/// Least, mean and largest of a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Spread {
-    /// Number of measurements.
-    pub count: u64,
-    /// The shortest.
-    pub min: Nanos,
-    /// Their mean.
-    pub mean: Nanos,
-    /// The longest.
-    pub max: Nanos,
-}
-
 impl Figures {
     /// Figures of a scenario so far.
     #[must_use]
     pub fn of(rig: &Rig) -> Self {
         let machine = &rig.machine;
         let soc = machine.soc();
-        let ready = machine.ready();
-        let first = |log: &crate::BusLog| {
-            log.frames.iter().find(|entry| entry.from_controller).map(|entry| entry.start)
+        let ready = machine.ready;
+        let first = |log: &Vec<TraceEntry>| {
+            log.iter().find(|entry| entry.from_controller).map(|entry| entry.start)
         };
         let last_first = rig
-            .logs()
+            .logs
             .iter()
             .map(first)
             .try_fold(Nanos::ZERO, |latest, first| Some(latest.max(first?)));
-        let stack_top = machine.image().stack().map_or(0, |stack| stack.end);
-        let lowest = machine.profile().lowest_stack().unwrap_or(stack_top);
+        let stack_top = machine.image.stack().map_or(0, |stack| stack.end);
+        let lowest = machine.profile.lowest_stack().unwrap_or(stack_top);
         Self {
             length: machine.now(),
             boot: ready.zip(last_first).map(|(ready, first)| first.since(ready)),
-            buses: (0..rig.buses().len()).map(|index| BusFigures::of(rig, index)).collect(),
-            instructions: machine.profile().total(),
+            buses: (0..rig.buses.len()).map(|index| BusFigures::of(rig, index)).collect(),
+            instructions: machine.profile.total(),
             stack_bytes: stack_top.saturating_sub(lowest),
             unowned_accesses: soc.count(AccessKind::Unowned),
             gated_accesses: soc.count(AccessKind::Gated),
@@ -110,11 +98,10 @@ impl Figures {
 
 impl BusFigures {
     fn of(rig: &Rig, index: usize) -> Self {
-        let frames = &rig.logs()[index].frames;
+        let frames = &rig.logs[index];
         let sent = frames.iter().filter(|entry| entry.from_controller).count();
         let fdcan = rig.machine.fdcan();
         let counters = fdcan.counters(index);
-        let period = counters.tick_period;
         let [claimed, foreign] = counters.received;
         Self {
             frames: frames.len() as u64,
@@ -124,13 +111,8 @@ impl BusFigures {
             foreign: foreign + counters.rejected,
             failed: counters.failed,
             bus_offs: counters.bus_offs,
-            load: rig.buses()[index].load(),
-            tick_period: period.mean_ns().map(|mean| Spread {
-                count: period.count,
-                min: Nanos::new(period.min_ns),
-                mean: Nanos::new(mean),
-                max: Nanos::new(period.max_ns),
-            }),
+            load: rig.buses[index].load(),
+            tick_period: Some(counters.tick_period).filter(|period| period.count > 0),
         }
     }
 }

@@ -16,11 +16,13 @@ pub mod peripherals;
 pub mod profile;
 mod rig;
 pub mod strip;
+mod time;
 
 pub use board::{Board, Heater, ImuWiring, Package, SupplySense};
-pub use figures::{BusFigures, Figures, Spread};
+pub use fdcan::Spread;
+pub use figures::{BusFigures, Figures};
 pub use image::{Image, MadeFor, Static};
 pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};
-pub use rig::{BusLog, Rig};
+pub use rig::Rig;

@@ -1,32 +1,27 @@
 //! The chip's serial ports and pins on the lines of a world.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::rc::Rc;
 
-use rc10_sim::{Contact, Line, Nanos, PulseEnd, Serial, SerialEnd, UartFault};
+use anyhow::{Result, ensure};
+use rc10_sim::{Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, UartFault};
 
-use crate::peripherals::{Character, Format, Outgoing, Sampling, Soc, Wire};
+use crate::machine::Machine;
+use crate::peripherals::{Character, Format, Outgoing, Sampled, Sampling, Soc, Wire};
 
 const FEMTOS_OF_SECOND: u64 = 1_000_000_000_000_000;
 
-/// Data from the world, until the chip has caught up with it.
-#[derive(Clone, Copy, Debug)]
-enum Coming {
-    Character { byte: u8, start: Nanos },
-    Fault { fault: UartFault, at: Nanos },
-}
-
+/// Bytes and faults from the world, until the chip has caught up with them.
 #[derive(Default)]
-struct Ear(VecDeque<Coming>);
+struct Ear(Vec<(Nanos, Result<u8, UartFault>)>);
 
 impl SerialEnd for Ear {
     fn hear(&mut self, byte: u8, start: Nanos, _end: Nanos) {
-        self.0.push_back(Coming::Character { byte, start });
+        self.0.push((start, Ok(byte)));
     }
 
     fn disturb(&mut self, fault: UartFault, at: Nanos) {
-        self.0.push_back(Coming::Fault { fault, at });
+        self.0.push((at, Err(fault)));
     }
 }
 
@@ -40,87 +35,72 @@ struct SerialLink {
     far: Far,
     ear: Rc<RefCell<Ear>>,
     /// Settings of the far end.
-    format: Format,
-    bit_fs: u64,
-    inverted: bool,
+    how: Sampling,
     garbled: u64,
 }
 
 impl SerialLink {
-    fn new(uart: u8, far: Far, format: Format, baud: u32) -> Self {
+    fn new(uart: u8, far: Far, format: Format, baud: u32, inverted: bool) -> Self {
         let bit_fs = FEMTOS_OF_SECOND / u64::from(baud.max(1));
-        Self { uart, far, ear: Rc::default(), format, bit_fs, inverted: false, garbled: 0 }
+        let how = Sampling { format, bit_fs, inverted, by_8: false, one_sample: false };
+        Self { uart, far, ear: Rc::default(), how, garbled: 0 }
+    }
+
+    /// Whether it is a line that the chip drives now.
+    fn is_driven(&self, soc: &Soc) -> bool {
+        matches!(self.far, Far::Line(_)) && soc.driver_enable(self.uart) == Some(true)
     }
 
     fn hear(&self, soc: &mut Soc) {
-        let Self { uart, format, bit_fs, inverted, .. } = *self;
-        let mut ear = self.ear.borrow_mut();
-        for coming in ear.0.drain(..) {
-            let character = |value: u8, start| {
-                let value = value.into();
-                Character { value, format, start, bit_fs, inverted, fault: None }
-            };
-            match coming {
-                // A transceiver that sends does not listen.
-                Coming::Character { .. } | Coming::Fault { .. }
-                    if matches!(self.far, Far::Line(_))
-                        && soc.driver_enable(uart) == Some(true) => {}
-                Coming::Character { byte, start } => {
-                    soc.feed_character(uart, character(byte, start));
-                }
-                Coming::Fault { fault, at } => {
-                    soc.disturb_serial(uart, fault, at, character(0, at));
-                }
+        let (uart, Sampling { format, bit_fs, inverted, .. }) = (self.uart, self.how);
+        for (start, coming) in self.ear.borrow_mut().0.drain(..) {
+            // A transceiver that sends does not listen.
+            if self.is_driven(soc) {
+                continue;
             }
+            let value = coming.unwrap_or(0).into();
+            let character = Character { value, format, start, bit_fs, inverted, fault: None };
+            match coming {
+                Ok(_) => soc.feed_character(uart, character),
+                Err(fault) => soc.disturb_serial(uart, fault, start, character),
+            };
         }
     }
 
     fn speak(&mut self, soc: &mut Soc) {
-        for outgoing in soc.take_outgoing(self.uart) {
-            let Outgoing { character, end, has_ended } = outgoing;
+        for Outgoing { character, end, has_ended } in soc.take_outgoing(self.uart) {
             let begins_on_line = matches!(self.far, Far::Line(_));
-            if has_ended == begins_on_line {
+            // No node drives the line unless the chip does.
+            if has_ended == begins_on_line || begins_on_line && !self.is_driven(soc) {
                 continue;
             }
-            let is_driven = !begins_on_line || soc.driver_enable(self.uart) == Some(true);
-            match self.understood(character) {
-                // No node drives the line.
-                _ if !is_driven => {}
-                None => self.garbled += 1,
-                Some(byte) => match &self.far {
-                    Far::Serial(serial) => serial.deliver(byte, end),
-                    Far::Line(line) => line.deliver(byte, character.start),
-                },
+            match (self.understood(character), &self.far) {
+                (None, _) => self.garbled += 1,
+                (Some(byte), Far::Serial(serial)) => serial.deliver(byte, end),
+                (Some(byte), Far::Line(line)) => line.deliver(byte, character.start),
             }
         }
     }
 
     /// A character as the far end samples it; `None` if it finds no character there.
     fn understood(&self, character: Character) -> Option<u8> {
-        if character.inverted != self.inverted {
+        if character.inverted != self.how.inverted {
             return None;
         }
         let mut wire = Wire::default();
-        wire.set_idle(!self.inverted);
+        wire.set_idle(!self.how.inverted);
         wire.draw(character);
-        let how = Sampling {
-            format: self.format,
-            bit_fs: self.bit_fs,
-            inverted: self.inverted,
-            by_8: false,
-            one_sample: false,
-        };
-        let sampled = wire.sample(character.start, &how).filter(|sampled| sampled.is_good())?;
+        let sampled = wire.sample(character.start, &self.how).filter(Sampled::is_good)?;
         u8::try_from(sampled.word & 0xFF).ok()
     }
 }
 
 #[derive(Default)]
-struct PulseEar(VecDeque<(bool, Nanos)>);
+struct PulseEar(Vec<(bool, Nanos)>);
 
 impl PulseEnd for PulseEar {
     fn level(&mut self, high: bool, at: Nanos) {
-        self.0.push_back((high, at));
+        self.0.push((high, at));
     }
 }
 
@@ -147,74 +127,6 @@ impl Links {
         self.serials.is_empty() && self.pulses.is_empty() && self.contacts.is_empty()
     }
 
-    /// Puts a UART on a serial link. `false`: no such UART, or no characters of the link's length.
-    pub fn connect_serial(
-        &mut self,
-        soc: &mut Soc,
-        uart: u8,
-        serial: &Serial,
-        inverted: bool,
-    ) -> bool {
-        let config = serial.config();
-        let Some(format) = Format::of_length(config.bits.into()) else { return false };
-        let link = SerialLink::new(uart, Far::Serial(serial.clone()), format, config.baud);
-        self.connect(soc, SerialLink { inverted, ..link }, |ear| serial.attach(ear))
-    }
-
-    /// Puts a UART with driver enable on a line. `false`: there is no such UART.
-    pub fn connect_line(&mut self, soc: &mut Soc, uart: u8, line: &Line) -> bool {
-        let link = SerialLink::new(uart, Far::Line(line.clone()), Format::EIGHT_N_1, line.baud());
-        self.connect(soc, link, |ear| line.attach(ear))
-    }
-
-    fn connect(
-        &mut self,
-        soc: &mut Soc,
-        link: SerialLink,
-        attach: impl FnOnce(Rc<RefCell<Ear>>),
-    ) -> bool {
-        if !soc.link_serial(link.uart) {
-            return false;
-        }
-        soc.set_serial_idle(link.uart, !link.inverted);
-        attach(Rc::clone(&link.ear));
-        self.serials.push(link);
-        true
-    }
-
-    /// Puts a pin on a line of pulses. `false`: there is no such pin.
-    pub fn connect_pulses(
-        &mut self,
-        soc: &mut Soc,
-        pin: (char, usize),
-        pulses: &rc10_sim::Pulses,
-        now: Nanos,
-    ) -> bool {
-        if !soc.drive_pin(pin.0, pin.1, Some(false), now) {
-            return false;
-        }
-        let ear = Rc::<RefCell<PulseEar>>::default();
-        pulses.attach(Rc::clone(&ear) as Rc<RefCell<dyn PulseEnd>>);
-        self.pulses.push(PulseLink { pin, ear });
-        true
-    }
-
-    /// Puts a pin at a contact to ground. `false`: there is no such pin.
-    pub fn connect_contact(
-        &mut self,
-        soc: &mut Soc,
-        pin: (char, usize),
-        contact: &Contact,
-        now: Nanos,
-    ) -> bool {
-        let was_closed = contact.is_closed();
-        let connected = soc.drive_pin(pin.0, pin.1, was_closed.then_some(false), now);
-        if connected {
-            self.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
-        }
-        connected
-    }
-
     /// Moves data of the world, which is at `now`, to the chip, which is not later.
     pub fn hear(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter().for_each(|link| link.hear(soc));
@@ -234,8 +146,80 @@ impl Links {
     pub fn speak(&mut self, soc: &mut Soc) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
     }
+}
 
+impl Machine {
+    /// Puts a UART (1 for USART1 ..= 10) on a serial link: levels of the link's rate, with
+    /// characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2. `inverted`: the line idles low, as
+    /// for SBUS.
+    ///
+    /// # Errors
+    /// If the chip has no such UART, or the link's characters have another length.
+    pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
+        let config = link.config();
+        let connected = Format::of_length(config.bits.into()).is_some_and(|format| {
+            let far = Far::Serial(link.clone());
+            let own = SerialLink::new(uart, far, format, config.baud, inverted);
+            self.connect_uart(own, |ear| link.attach(ear))
+        });
+        let bits = config.bits;
+        ensure!(connected, "there is no UART {uart} (1 to 10), or characters of {bits} bits");
+        Ok(())
+    }
+
+    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`):
+    /// only then nodes hear it, and meanwhile it hears no node.
+    ///
+    /// # Errors
+    /// If the chip has no such UART.
+    pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
+        let far = Far::Line(line.clone());
+        let own = SerialLink::new(uart, far, Format::EIGHT_N_1, line.baud(), false);
+        let connected = self.connect_uart(own, |ear| line.attach(ear));
+        ensure!(connected, "there is no UART {uart}; they are 1 to 10");
+        Ok(())
+    }
+
+    fn connect_uart(&mut self, link: SerialLink, attach: impl FnOnce(Rc<RefCell<Ear>>)) -> bool {
+        let is_there = self.soc().link_serial(link.uart);
+        if is_there {
+            self.soc().set_serial_idle(link.uart, !link.how.inverted);
+            attach(Rc::clone(&link.ear));
+            self.links.serials.push(link);
+        }
+        is_there
+    }
+
+    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
+    ///
+    /// # Errors
+    /// If the chip has no such pin.
+    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
+        let is_there = self.soc().drive_pin(pin.0, pin.1, Some(false), self.now());
+        ensure!(is_there, "there is no pin P{}{}", pin.0, pin.1);
+        let ear = Rc::<RefCell<PulseEar>>::default();
+        pulses.attach(Rc::clone(&ear) as Rc<RefCell<dyn PulseEnd>>);
+        self.links.pulses.push(PulseLink { pin, ear });
+        Ok(())
+    }
+
+    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
+    ///
+    /// # Errors
+    /// If the pin does not lead outside.
+    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
+        let was_closed = contact.is_closed();
+        let leads_outside = self.board().package.bonds(pin.0, pin.1);
+        ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);
+        self.soc().drive_pin(pin.0, pin.1, was_closed.then_some(false), self.now());
+        self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
+        Ok(())
+    }
+
+    /// Characters that a UART has sent and its far end could not read.
+    #[must_use]
     pub fn garbled(&self, uart: u8) -> u64 {
-        self.serials.iter().filter(|link| link.uart == uart).map(|link| link.garbled).sum()
+        let links = self.links.serials.iter().filter(|link| link.uart == uart);
+        links.map(|link| link.garbled).sum()
     }
 }

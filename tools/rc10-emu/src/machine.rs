@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use anyhow::{Context, Result, ensure};
-use rc10_sim::{Contact, Line, Nanos, Pulses, Serial, World};
+use rc10_sim::{Nanos, World};
 
 use crate::board::Board;
 use crate::core::{Core, Step};
@@ -15,8 +15,8 @@ use crate::image::Image;
 use crate::links::Links;
 use crate::log::Log;
 use crate::memory::{FLASH, Memory};
-use crate::parts::{Imu, Parts, Thermal};
-use crate::peripherals::{Edge, PinTime, ResetCause, Soc, lock};
+use crate::parts::Parts;
+use crate::peripherals::{PinTime, ResetCause, Soc, lock};
 use crate::profile::Profile;
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
@@ -49,15 +49,13 @@ pub enum Injection {
     Panic,
     /// An undefined instruction, which is a `HardFault` unless usage faults have a handler.
     HardFault,
-    /// The handler of this exception hangs before its first instruction when it is called next.
+    /// The handler of this exception hangs before its first instruction when it is called next, or
+    /// hangs no longer.
     Hang {
         /// Number of the exception; external interrupts start at 16.
         exception: u16,
-    },
-    /// The handler of this exception hangs no longer, or will not hang.
-    EndHang {
-        /// Number of the exception.
-        exception: u16,
+        /// Whether it hangs from now on.
+        hangs: bool,
     },
     /// The program does nothing but mask interrupts from now on, or goes on again. If it masks them
     /// itself, that begins when it no longer does.
@@ -147,6 +145,19 @@ impl Pace {
     }
 }
 
+/// Injected faults that have not struck yet.
+#[derive(Default)]
+struct Faults {
+    /// Address and arguments at which the program goes on when it next executes anything.
+    jumps: VecDeque<(u32, [u32; 3])>,
+    /// The exceptions whose handlers are to hang when they are called next.
+    hangs: BTreeSet<u16>,
+    /// Whether interrupts are to be masked as soon as they are not.
+    is_mask_due: bool,
+    /// Whether something is in `jumps`, or a mask is due.
+    is_due: bool,
+}
+
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
@@ -158,14 +169,18 @@ pub struct Machine {
     fdcan: Arc<Mutex<Fdcans>>,
     /// Buses with the index of their FDCAN, until a wrong bit rate is told.
     buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
-    parts: Parts,
-    links: Links,
-    memory: Memory,
-    image: Image,
+    /// The parts beside the chip.
+    pub parts: Parts,
+    pub(crate) links: Links,
+    /// The memories.
+    pub memory: Memory,
+    /// The program.
+    pub image: Image,
     log: Log,
     lines: Vec<LogLine>,
     next_log: Nanos,
-    profile: Profile,
+    /// Profile of the instructions.
+    pub profile: Profile,
     now: u64,
     /// Time of the instructions so far beyond `now`, in 1/rate of a nanosecond.
     fraction: u64,
@@ -175,19 +190,16 @@ pub struct Machine {
     part: u64,
     /// Rate that `fraction` is of.
     rate: u64,
-    /// Address and arguments at which the program goes on when it next executes anything.
-    jumps: VecDeque<(u32, [u32; 3])>,
-    /// The exceptions whose handlers are to hang when they are called next.
-    hangs: BTreeSet<u16>,
-    /// Whether interrupts are to be masked as soon as they are not.
-    is_mask_due: bool,
-    /// Whether something is in `jumps`, or a mask is due.
-    is_fault_due: bool,
+    faults: Faults,
     is_locked_up: bool,
-    struck: Option<Nanos>,
-    ready: Option<Nanos>,
-    reports: Vec<Report>,
-    restarts: Vec<Restart>,
+    /// Time at which the last injected fault struck: the program has to execute something first.
+    pub struck: Option<Nanos>,
+    /// Time at which the chip ran on its final clock for the first time.
+    pub ready: Option<Nanos>,
+    /// The first accesses to what does not exist or has no clock.
+    pub reports: Vec<Report>,
+    /// The chip's restarts.
+    pub restarts: Vec<Restart>,
 }
 
 impl Machine {
@@ -244,10 +256,7 @@ impl Machine {
             speed: None,
             part: 0,
             rate: 1,
-            jumps: VecDeque::new(),
-            hangs: BTreeSet::new(),
-            is_mask_due: false,
-            is_fault_due: false,
+            faults: Faults::default(),
             is_locked_up: false,
             struck: None,
             ready: None,
@@ -260,54 +269,6 @@ impl Machine {
     pub fn connect(&self, index: usize, bus: &rc10_sim::Bus) {
         bus.attach(Rc::new(RefCell::new(Node::new(Arc::clone(&self.fdcan), index))));
         self.buses.borrow_mut().push((index, bus.clone()));
-    }
-
-    /// Puts a UART (1 for USART1 ..= 10) on a serial link: levels of the link's rate, with
-    /// characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2. `inverted`: the line idles low, as
-    /// for SBUS.
-    ///
-    /// # Errors
-    /// If the chip has no such UART, or the link's characters have another length.
-    pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
-        let connected = self.links.connect_serial(&mut lock(&self.soc), uart, link, inverted);
-        let bits = link.config().bits;
-        ensure!(connected, "there is no UART {uart} (1 to 10), or characters of {bits} bits");
-        Ok(())
-    }
-
-    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`):
-    /// only then nodes hear it, and meanwhile it hears no node.
-    ///
-    /// # Errors
-    /// If the chip has no such UART.
-    pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
-        let connected = self.links.connect_line(&mut lock(&self.soc), uart, line);
-        ensure!(connected, "there is no UART {uart}; they are 1 to 10");
-        Ok(())
-    }
-
-    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
-    ///
-    /// # Errors
-    /// If the chip has no such pin.
-    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
-        let now = self.now();
-        let connected = self.links.connect_pulses(&mut lock(&self.soc), pin, pulses, now);
-        ensure!(connected, "there is no pin P{}{}", pin.0, pin.1);
-        Ok(())
-    }
-
-    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
-    ///
-    /// # Errors
-    /// If the pin does not lead outside.
-    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
-        let now = self.now();
-        let mut soc = lock(&self.soc);
-        let connected = soc.board().package.bonds(pin.0, pin.1)
-            && self.links.connect_contact(&mut soc, pin, contact, now);
-        ensure!(connected, "no pin P{}{} leads outside", pin.0, pin.1);
-        Ok(())
     }
 
     /// Sums up from now on how long the chip holds a pin (port 'A' ..= 'K', 0 ..= 15) high.
@@ -331,23 +292,6 @@ impl Machine {
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
         ensure!(lock(&self.soc).record_pin(port, pin, self.now()), "there is no pin P{port}{pin}");
         Ok(())
-    }
-
-    /// The edges of a recorded pin since the last call.
-    pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
-        lock(&self.soc).take_edges(port, pin)
-    }
-
-    /// Whether the receiver of a UART is on now.
-    #[must_use]
-    pub fn listens(&self, uart: u8) -> bool {
-        lock(&self.soc).listens(uart)
-    }
-
-    /// Characters that a UART has sent and its far end could not read.
-    #[must_use]
-    pub fn garbled(&self, uart: u8) -> u64 {
-        self.links.garbled(uart)
     }
 
     /// The priority of an external interrupt now: 0, the most urgent, to 15.
@@ -376,35 +320,12 @@ impl Machine {
         lock(&self.soc).board()
     }
 
-    /// The program.
-    #[must_use]
-    pub const fn image(&self) -> &Image {
-        &self.image
-    }
-
     /// The function that an address lies in; of a [hung](Injection::Hang) handler that handler.
     #[must_use]
     pub fn function_at(&self, address: u32) -> Option<&str> {
         let handler = |exception| self.memory.word(FLASH + 4 * exception).ok();
         let address = stood_in(address).map_or(Some(address), handler)?;
         Some(self.image.function_at(address)?.1)
-    }
-
-    /// The memories.
-    #[must_use]
-    pub const fn memory(&self) -> &Memory {
-        &self.memory
-    }
-
-    /// Profile of the instructions.
-    #[must_use]
-    pub const fn profile(&self) -> &Profile {
-        &self.profile
-    }
-
-    /// Starts counting instructions from zero.
-    pub fn restart_profile(&mut self) {
-        self.profile.restart();
     }
 
     /// The peripherals but the FDCANs.
@@ -422,33 +343,9 @@ impl Machine {
         std::mem::take(&mut self.lines)
     }
 
-    /// Time at which the chip ran on its final clock for the first time.
-    #[must_use]
-    pub const fn ready(&self) -> Option<Nanos> {
-        self.ready
-    }
-
-    /// Time at which the last injected fault struck: the program has to execute something first.
-    #[must_use]
-    pub const fn struck(&self) -> Option<Nanos> {
-        self.struck
-    }
-
     #[cfg(test)]
     pub(crate) const fn core(&self) -> &Core {
         &self.core
-    }
-
-    /// The first accesses to what does not exist or has no clock.
-    #[must_use]
-    pub fn reports(&self) -> &[Report] {
-        &self.reports
-    }
-
-    /// The chip's restarts.
-    #[must_use]
-    pub fn restarts(&self) -> &[Restart] {
-        &self.restarts
     }
 
     /// Puts a fault into the program, now.
@@ -456,11 +353,11 @@ impl Machine {
     /// # Errors
     /// If the program has nothing that could panic.
     pub fn inject(&mut self, fault: Injection) -> Result<()> {
-        self.is_fault_due = true;
+        self.faults.is_due = true;
         match fault {
             Injection::HardFault => {
                 self.memory.write(UNDEFINED, &UDF)?;
-                self.jumps.push_back((UNDEFINED, [0; 3]));
+                self.faults.jumps.push_back((UNDEFINED, [0; 3]));
             }
             Injection::Panic => {
                 let panic = "core::panicking::panic_fmt";
@@ -474,14 +371,14 @@ impl Machine {
                 self.memory.write(LOCATION, location.as_flattened())?;
                 self.memory.write(FILE_NAME, PANIC_FILE.as_bytes())?;
                 // Whichever of its arguments the compiler has left: it is the location.
-                self.jumps.push_back((address, [LOCATION; 3]));
+                self.faults.jumps.push_back((address, [LOCATION; 3]));
             }
-            Injection::Hang { exception } => {
+            Injection::Hang { exception, hangs: true } => {
                 self.memory.write(stand_in(exception), &BRANCH_TO_SELF)?;
-                self.hangs.insert(exception);
+                self.faults.hangs.insert(exception);
             }
-            Injection::EndHang { exception } => {
-                if !self.hangs.remove(&exception) {
+            Injection::Hang { exception, hangs: false } => {
+                if !self.faults.hangs.remove(&exception) {
                     // Nothing of the handler has run yet.
                     let handler = self.memory.word(FLASH + 4 * u32::from(exception))?;
                     let stand_in = stand_in(exception);
@@ -491,10 +388,10 @@ impl Machine {
             }
             Injection::MaskInterrupts(true) => {
                 self.memory.write(MASKED, &BRANCH_TO_SELF)?;
-                self.is_mask_due = !self.core.hold(MASKED);
+                self.faults.is_mask_due = !self.core.hold(MASKED);
             }
             Injection::MaskInterrupts(false) => {
-                if !std::mem::take(&mut self.is_mask_due) {
+                if !std::mem::take(&mut self.faults.is_mask_due) {
                     self.core.release();
                 }
             }
@@ -538,22 +435,6 @@ impl Machine {
         self.parts.advance(&mut soc, now);
         self.parts.supply = millivolts;
         Ok(())
-    }
-
-    /// The board's BMI088; `None`: it has none.
-    #[must_use]
-    pub const fn imu(&self) -> Option<&Imu> {
-        self.parts.imu.as_ref()
-    }
-
-    /// The board's IMU is in the middle of a base from now on, level.
-    pub fn mount_on(&mut self, base: &rc10_sim::Base) {
-        self.parts.base = Some(base.clone());
-    }
-
-    /// How the board's heater warms its IMU, from now on.
-    pub const fn set_thermal(&mut self, thermal: Thermal) {
-        self.parts.thermal = thermal;
     }
 
     /// Presses the board's key, or lets go of it.
@@ -619,7 +500,7 @@ impl Machine {
 
     /// Runs the core up to a time, or until it has touched a peripheral.
     fn execute(&mut self, horizon: u64) {
-        let clock = lock(&self.soc).core_clock_hz();
+        let clock = lock(&self.soc).clocks().core;
         self.core.bus.touched = false;
         if clock == 0 {
             // Nothing is executed, and no interrupt taken.
@@ -643,13 +524,13 @@ impl Machine {
         match step {
             Step::Instruction => {
                 self.profile.instruction(address, exception, self.core.stack_pointer());
-                if self.is_fault_due {
+                if self.faults.is_due {
                     self.fail();
                 }
             }
             Step::Entry(exception) => {
                 self.profile.entry(exception, self.core.stack_pointer());
-                if self.hangs.remove(&exception) {
+                if self.faults.hangs.remove(&exception) {
                     self.core.call(stand_in(exception), [0; 3]);
                     self.struck = Some(self.now());
                 }
@@ -684,13 +565,13 @@ impl Machine {
 
     #[cold]
     fn fail(&mut self) {
-        if let Some((address, arguments)) = self.jumps.pop_front() {
+        if let Some((address, arguments)) = self.faults.jumps.pop_front() {
             self.core.call(address, arguments);
             self.struck = Some(self.now());
-        } else if self.is_mask_due {
-            self.is_mask_due = !self.core.hold(MASKED);
+        } else if self.faults.is_mask_due {
+            self.faults.is_mask_due = !self.core.hold(MASKED);
         }
-        self.is_fault_due = self.is_mask_due || !self.jumps.is_empty();
+        self.faults.is_due = self.faults.is_mask_due || !self.faults.jumps.is_empty();
     }
 
     /// The core sleeps until a time, or until its own timer ends: for how many clocks. Some of them
@@ -760,9 +641,7 @@ impl Machine {
         lock(&self.soc).reset(cause, now);
         self.core.reset();
         self.log.reset();
-        self.jumps.clear();
-        self.hangs.clear();
-        (self.is_mask_due, self.is_locked_up) = (false, false);
+        (self.faults, self.is_locked_up) = (Faults::default(), false);
     }
 
     /// Tells, once for each bus, that a controller's bits have another length than its bus's.

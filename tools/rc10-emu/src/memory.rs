@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use anyhow::{Context, Result, anyhow};
+use rc10_sim::Random;
 
 use crate::image::Image;
 
@@ -57,13 +58,8 @@ const BLOCK: u32 = 256;
 
 /// Contents of a RAM at power-on: random, and the same for the same seed.
 pub(crate) fn noise(seed: u64) -> impl Iterator<Item = u64> {
-    // SplitMix64 (Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators).
-    (1_u64..).map(move |count| {
-        let state = seed.wrapping_add(count.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-        let mixed = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ mixed >> 31
-    })
+    let mut random = Random::new(seed);
+    std::iter::repeat_with(move || random.bits())
 }
 
 /// All memories; a reset leaves them as they are. A clone is the same memories: what a DMA sees.

@@ -86,13 +86,16 @@ impl Thermal {
     }
 }
 
-pub(crate) struct Parts {
+/// The parts beside a chip.
+pub struct Parts {
+    /// The board's BMI088.
     pub imu: Option<Imu>,
     heater: Option<Heater>,
+    /// How the heater warms the IMU.
     pub thermal: Thermal,
     /// Millivolts.
-    pub supply: u32,
-    /// The base that the IMU is mounted on.
+    pub(crate) supply: u32,
+    /// The base that the IMU is in the middle of, level.
     pub base: Option<Base>,
     /// How long the heater was on, at the time of the last look.
     heated: (Nanos, Nanos),
@@ -100,7 +103,7 @@ pub(crate) struct Parts {
 
 impl Parts {
     /// Puts a board's parts on its chip's pins.
-    pub fn new(board: &Board, soc: &mut Soc) -> Self {
+    pub(crate) fn new(board: &Board, soc: &mut Soc) -> Self {
         let imu = board.imu.map(|wiring| {
             let imu = Imu::new();
             for (part, select) in [
@@ -124,7 +127,7 @@ impl Parts {
     }
 
     /// Motion and temperature of the IMU now: called once a millisecond.
-    pub fn advance(&mut self, soc: &mut Soc, now: Nanos) {
+    pub(crate) fn advance(&mut self, soc: &mut Soc, now: Nanos) {
         let Some(imu) = &self.imu else { return };
         if let Some(base) = &self.base {
             let motion = Motion::of(base);

@@ -7,8 +7,8 @@ use crate::memory::FLASH;
 
 /// Halfwords of flash that are counted one by one.
 const PLACES: usize = (1 << 20) / 2;
-/// Exceptions of an Armv7-M core.
-const EXCEPTIONS: usize = 256;
+/// Exceptions of an Armv7-M core: its number of the present one has nine bits.
+const EXCEPTIONS: usize = 512;
 
 /// Executed instructions since the start, or since [`restart`](Self::restart).
 #[derive(Clone)]
@@ -51,31 +51,30 @@ impl Profile {
     }
 
     #[inline]
+    const fn cost(&mut self, exception: u16) -> &mut ExceptionCost {
+        &mut self.exceptions[exception as usize % EXCEPTIONS]
+    }
+
+    #[inline]
     pub(crate) fn instruction(&mut self, address: u32, exception: u16, stack: u32) {
         let place = (address.wrapping_sub(FLASH) / 2) as usize;
         match self.places.get_mut(place) {
             Some(count) => *count += 1,
             None => self.elsewhere += 1,
         }
-        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
-            cost.instructions += 1;
-        }
+        self.cost(exception).instructions += 1;
         self.total += 1;
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
     pub(crate) fn entry(&mut self, exception: u16, stack: u32) {
-        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
-            cost.entries += 1;
-        }
+        self.cost(exception).entries += 1;
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
     #[inline]
     pub(crate) fn time(&mut self, exception: u16, clocks: u64) {
-        if let Some(cost) = self.exceptions.get_mut(usize::from(exception)) {
-            cost.clocks += clocks;
-        }
+        self.cost(exception).clocks += clocks;
     }
 
     /// All instructions.

@@ -10,23 +10,20 @@ use crate::memory::FLASH;
 /// The steps of a scenario; faults begin and end at their exact times between them.
 const STEP: Nanos = Nanos::new(1_000_000);
 
-/// Log of one bus.
-#[derive(Default)]
-pub struct BusLog {
-    /// Frames, in the order of the wire.
-    pub frames: Vec<TraceEntry>,
-}
-
 /// One scenario: a machine in a world.
 pub struct Rig {
     /// The chip.
     pub machine: Machine,
     /// The world around the chip.
     pub world: World,
-    buses: Vec<Bus>,
-    lines: Vec<Line>,
-    motors: Vec<(usize, Esc)>,
-    logs: Vec<BusLog>,
+    /// The buses.
+    pub buses: Vec<Bus>,
+    /// The RS-485 lines.
+    pub lines: Vec<Line>,
+    /// The motors, and the bus that each is on, 0 for the first.
+    pub motors: Vec<(usize, Esc)>,
+    /// The frames on each bus so far, in the order of the wire.
+    pub logs: Vec<Vec<TraceEntry>>,
     line_bytes: Vec<Vec<LineEntry>>,
     faults: Faults<ChipFault>,
     next_step: Nanos,
@@ -65,7 +62,7 @@ impl Rig {
         Ok(Self {
             machine,
             world,
-            logs: buses.iter().map(|_| BusLog::default()).collect(),
+            logs: vec![Vec::new(); buses.len()],
             line_bytes: vec![Vec::new(); lines.len()],
             faults: Faults::new(&buses, &lines, faults)?,
             buses,
@@ -83,30 +80,6 @@ impl Rig {
         contacts: Vec<(String, Contact)>,
     ) {
         self.faults.set_parts(serials, contacts);
-    }
-
-    /// The buses.
-    #[must_use]
-    pub fn buses(&self) -> &[Bus] {
-        &self.buses
-    }
-
-    /// The motors, and the bus that each is on, 0 for the first.
-    #[must_use]
-    pub fn motors(&self) -> &[(usize, Esc)] {
-        &self.motors
-    }
-
-    /// The logs of the buses so far.
-    #[must_use]
-    pub fn logs(&self) -> &[BusLog] {
-        &self.logs
-    }
-
-    /// The RS-485 lines.
-    #[must_use]
-    pub fn lines(&self) -> &[Line] {
-        &self.lines
     }
 
     /// The bytes on each line since the last call, in the order of their ends.
@@ -142,11 +115,7 @@ impl Rig {
             ChipFault::HardFault => self.machine.inject(Injection::HardFault)?,
             ChipFault::Hang(handler) => {
                 let exception = exception_of(&self.machine, handler)?;
-                self.machine.inject(if begins {
-                    Injection::Hang { exception }
-                } else {
-                    Injection::EndHang { exception }
-                })?;
+                self.machine.inject(Injection::Hang { exception, hangs: begins })?;
             }
             ChipFault::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
             ChipFault::CrystalStops => self.machine.set_crystal(!begins),
@@ -160,7 +129,7 @@ impl Rig {
         for (index, (bus, log)) in self.buses.iter().zip(&mut self.logs).enumerate() {
             let new = bus.take_trace();
             self.faults.heard(index, &new);
-            log.frames.extend(new);
+            log.extend(new);
         }
         for (line, bytes) in self.lines.iter().zip(&mut self.line_bytes) {
             bytes.extend(line.take_trace());
@@ -169,10 +138,10 @@ impl Rig {
 }
 
 fn exception_of(machine: &Machine, handler: &str) -> Result<u16> {
-    let address = machine.image().symbol(handler)?;
+    let address = machine.image.symbol(handler)?;
     // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).
     for number in 1_u16..16 + 163 {
-        if machine.memory().word(FLASH + 4 * u32::from(number))? == address {
+        if machine.memory.word(FLASH + 4 * u32::from(number))? == address {
             return Ok(number);
         }
     }

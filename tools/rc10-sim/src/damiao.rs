@@ -48,7 +48,7 @@ use crate::motor::Shaft;
 
 pub use codec::{Access, Limits, Mode, Operation, Report, Setpoint};
 pub use config::DamiaoConfig;
-use loops::{Conditions, Loops};
+use loops::Loops;
 use registers::{Registers, number};
 
 /// Identifier of register frames.
@@ -95,7 +95,8 @@ pub struct Damiao {
     forgotten: Option<f64>,
     heard_at: Micros,
     saved_at: Option<Micros>,
-    saves: u32,
+    /// The number of times that it has saved its registers.
+    pub saves: u32,
 }
 
 impl Damiao {
@@ -153,12 +154,6 @@ impl Damiao {
     #[must_use]
     pub fn register(&self, register: u8) -> Option<u32> {
         self.registers.read(register).map(u32::from_le_bytes)
-    }
-
-    /// Number of times that it has saved its registers.
-    #[must_use]
-    pub const fn saves(&self) -> u32 {
-        self.saves
     }
 
     fn can_id(&self) -> u16 {
@@ -230,10 +225,10 @@ impl Damiao {
             id: self.can_id(),
             code: self.code(),
             position,
-            velocity: shaft.speed(),
+            velocity: shaft.speed,
             torque: shaft.torque(),
-            bridge_temperature: shaft.temperature(),
-            winding_temperature: shaft.temperature(),
+            bridge_temperature: shaft.temperature,
+            winding_temperature: shaft.temperature,
         };
         self.answer(report.encode(&limits))
     }
@@ -257,11 +252,11 @@ impl Damiao {
         out: &mut Outbox,
     ) -> Taken {
         match access {
-            Access::Report => out.send(self.report(shaft)),
+            Access::Report => out.push(self.report(shaft)),
             Access::Read(register) => {
                 self.measure(shaft);
                 let Some(value) = self.registers.read(register) else { return Taken::Malformed };
-                out.send(self.about_register(0x33, register, value));
+                out.push(self.about_register(0x33, register, value));
             }
             Access::Write(register, value) => {
                 let before = self.mode();
@@ -274,7 +269,7 @@ impl Damiao {
                         *setpoint = None;
                     }
                 }
-                out.send(self.about_register(self.config.acknowledges_with, register, held));
+                out.push(self.about_register(self.config.acknowledges_with, register, held));
             }
             Access::Save if self.state == State::Disabled => self.saved_at = Some(now + SAVING),
             // Not while it moves, says the manual, and not what it answers.
@@ -288,9 +283,9 @@ impl Damiao {
         let position = self.position(shaft);
         #[expect(clippy::cast_possible_truncation, reason = "registers are single precision")]
         for (register, value) in [
-            (number::SUPPLY, shaft.plant().supply),
-            (number::BRIDGE_TEMPERATURE, shaft.temperature()),
-            (number::WINDING_TEMPERATURE, shaft.temperature()),
+            (number::SUPPLY, shaft.plant.supply),
+            (number::BRIDGE_TEMPERATURE, shaft.temperature),
+            (number::WINDING_TEMPERATURE, shaft.temperature),
             (number::MOTOR_POSITION, position),
             (number::OUTPUT_POSITION, position),
         ] {
@@ -300,12 +295,12 @@ impl Damiao {
 
     /// Looks after itself; what it finds wrong stops it.
     fn protect(&mut self, shaft: &Shaft, now: Micros) {
-        let supply = shaft.plant().supply;
+        let supply = shaft.plant.supply;
         let silence = now.since(self.heard_at).get();
         let timeout = u64::from(self.registers.whole(number::TIMEOUT)) * TIMEOUT_STEP;
         let wrong = if let Some(code) = self.broken {
             Some(code)
-        } else if shaft.temperature() > self.registers.real(number::OVER_TEMPERATURE) {
+        } else if shaft.temperature > self.registers.real(number::OVER_TEMPERATURE) {
             Some(error::WINDING_HOT)
         } else if supply < self.registers.real(number::UNDER_VOLTAGE) {
             Some(error::UNDER_VOLTAGE)
@@ -359,7 +354,7 @@ impl Device for Damiao {
         let taken = self.take_command(offset, frame.bytes(), shaft);
         if taken == Taken::Yes {
             self.heard_at = now;
-            out.send(self.report(shaft));
+            out.push(self.report(shaft));
         }
         taken
     }
@@ -373,7 +368,7 @@ impl Device for Damiao {
             self.saved_at = None;
             self.flash = self.registers;
             self.saves += 1;
-            out.send(self.about_register(0xAA, 0x01, [0; 4]));
+            out.push(self.about_register(0xAA, 0x01, [0; 4]));
         }
     }
 
@@ -381,17 +376,9 @@ impl Device for Damiao {
         self.protect(shaft, now);
         match self.state {
             State::Enabled(Some(setpoint)) => {
-                let plant = shaft.plant();
-                let conditions = Conditions {
-                    position: self.position(shaft),
-                    velocity: shaft.speed(),
-                    inertia: plant.inertia(),
-                    limits: self.registers.limits(),
-                    acceleration: self.registers.real(number::ACCELERATION),
-                    deceleration: -self.registers.real(number::DECELERATION),
-                };
-                let torque = self.loops.torque(setpoint, &conditions);
-                Winding::Current(torque / plant.torque_constant)
+                let here = self.position(shaft);
+                let torque = self.loops.torque(setpoint, here, shaft, &self.registers);
+                Winding::Current(torque / shaft.plant.torque_constant)
             }
             State::Disabled if self.config.brakes_while_disabled => Winding::Voltage(0.0),
             _ => Winding::Open,

@@ -137,23 +137,9 @@ impl Winding {
     }
 }
 
-/// Frames that a device wants on the bus, in order.
-#[derive(Debug, Default)]
-pub struct Outbox {
-    frames: Vec<CanFrame>,
-}
-
-impl Outbox {
-    /// Sends a frame as soon as the bus is free; it takes the place of one of the same identifier
-    /// that still waits.
-    pub fn send(&mut self, frame: CanFrame) {
-        self.frames.push(frame);
-    }
-
-    pub(crate) fn drain(&mut self) -> impl Iterator<Item = CanFrame> {
-        self.frames.drain(..)
-    }
-}
+/// Frames that a device wants on the bus, in order: each as soon as the bus is free, in the place of
+/// one of the same identifier that still waits.
+pub type Outbox = Vec<CanFrame>;
 
 /// The place of a device: a node of a bus, or a station of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,7 +150,7 @@ pub(crate) enum Place {
 
 /// An ESC with its motor, at its place.
 pub(crate) struct Unit {
-    device: Box<dyn Device>,
+    pub(crate) device: Box<dyn Device>,
     pub(crate) motor: Shaft,
     pub(crate) place: Place,
     /// Turns or steers a wheel of a base.
@@ -174,7 +160,8 @@ pub(crate) struct Unit {
     cut: bool,
     /// The state of the winding in the last step.
     winding: Winding,
-    muted: bool,
+    /// Silent: it goes on driving.
+    pub(crate) muted: bool,
     commands: u64,
     last_command_at: Option<Micros>,
     malformed: u64,
@@ -196,7 +183,7 @@ impl Unit {
             commands: 0,
             last_command_at: None,
             malformed: 0,
-            out: Outbox::default(),
+            out: Outbox::new(),
         }
     }
 
@@ -222,18 +209,9 @@ impl Unit {
         self.powered && !self.cut
     }
 
-    /// Muted or not: it goes on driving.
-    pub(crate) const fn set_muted(&mut self, muted: bool) {
-        self.muted = muted;
-    }
-
     /// Whether that changed anything.
     pub(crate) const fn set_cut(&mut self, cut: bool) -> bool {
         core::mem::replace(&mut self.cut, cut) != cut
-    }
-
-    pub(crate) fn device(&mut self) -> &mut dyn Device {
-        &mut *self.device
     }
 
     pub(crate) fn next_event(&self) -> Option<Micros> {
@@ -281,7 +259,7 @@ impl Unit {
     /// The frames that it has to send.
     pub(crate) fn take_frames(&mut self) -> impl Iterator<Item = CanFrame> {
         let is_heard = !self.muted && !self.cut;
-        self.out.drain().filter(move |_| is_heard)
+        self.out.drain(..).filter(move |_| is_heard)
     }
 
     pub(crate) fn step(&mut self, now: Nanos) {

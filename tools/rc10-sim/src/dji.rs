@@ -142,18 +142,17 @@ pub struct IdOutOfRange {
 
 /// The electronics of one of them.
 pub(crate) struct Dji {
-    model: Model,
+    config: EscConfig,
     command_id: Id,
     slot: usize,
     feedback_id: StandardId,
-    rate: FeedbackRate,
     next_feedback: Micros,
     command: i16,
 }
 
 impl Dji {
-    pub(crate) fn new(config: &EscConfig) -> Result<Self, IdOutOfRange> {
-        let EscConfig { model, id, .. } = *config;
+    pub(crate) fn new(config: EscConfig) -> Result<Self, IdOutOfRange> {
+        let EscConfig { model, id, .. } = config;
         let error = IdOutOfRange { model, id };
         if !(1..=model.last_id()).contains(&id) {
             return Err(error);
@@ -162,11 +161,10 @@ impl Dji {
         let (commands, feedback) = model.identifiers();
         let command_id = StandardId::new(commands[index / 4]).ok_or(error)?;
         Ok(Self {
-            model,
+            config,
             command_id: command_id.into(),
             slot: index % 4,
             feedback_id: StandardId::new(feedback + u16::from(id)).ok_or(error)?,
-            rate: config.rate,
             next_feedback: Micros::ZERO,
             command: 0,
         })
@@ -176,11 +174,11 @@ impl Dji {
     fn feedback(&self, shaft: &Shaft) -> CanFrame {
         let angle = ((shaft.rotor_angle() * 8192.0) as u16).min(8191);
         let rpm = shaft.rotor_rpm().round() as i16;
-        let current = (shaft.current() * self.model.scale().1).round() as i16;
-        let temperature = match self.model {
+        let current = (shaft.current * self.config.model.scale().1).round() as i16;
+        let temperature = match self.config.model {
             // C610 manual: this byte is null.
             Model::C610 => 0,
-            _ => shaft.temperature().round() as u8,
+            _ => shaft.temperature.round() as u8,
         };
         let [a, b] = angle.to_be_bytes();
         let [c, d] = rpm.to_be_bytes();
@@ -191,11 +189,8 @@ impl Dji {
 
 impl Device for Dji {
     fn set_id(&mut self, id: u8) -> bool {
-        let config =
-            EscConfig { model: self.model, id, rate: self.rate, plant: self.model.plant() };
-        let Ok(other) = Self::new(&config) else { return false };
-        (self.command_id, self.slot, self.feedback_id) =
-            (other.command_id, other.slot, other.feedback_id);
+        let Ok(other) = Self::new(EscConfig { id, ..self.config }) else { return false };
+        *self = Self { next_feedback: self.next_feedback, command: self.command, ..other };
         true
     }
 
@@ -205,7 +200,7 @@ impl Device for Dji {
     }
 
     fn period(&self) -> Micros {
-        self.rate.period()
+        self.config.rate.period()
     }
 
     fn receive(&mut self, frame: &CanFrame, _: &Shaft, _: Micros, _: &mut Outbox) -> Taken {
@@ -225,13 +220,13 @@ impl Device for Dji {
 
     fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if now >= self.next_feedback {
-            self.next_feedback += self.rate.period();
-            out.send(self.feedback(shaft));
+            self.next_feedback += self.config.rate.period();
+            out.push(self.feedback(shaft));
         }
     }
 
     fn drive(&mut self, shaft: &Shaft, _now: Micros) -> Winding {
-        self.model.drive(self.command, shaft.plant())
+        self.config.model.drive(self.command, &shaft.plant)
     }
 
     fn command(&self) -> i16 {

@@ -197,9 +197,7 @@ impl<O: Others> fmt::Display for Fault<O> {
     /// The text, as a user writes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { kind, from, until } = self;
-        let time = |time: &Nanos| {
-            format!("{}.{:09}s", time.get() / 1_000_000_000, time.get() % 1_000_000_000)
-        };
+        let time = |time: &Nanos| time.to_string().replace(' ', "");
         match until {
             _ if kind.untimed().is_some() => write!(f, "{kind}"),
             Some(until) => write!(f, "{kind}@{}..{}", time(from), time(until)),

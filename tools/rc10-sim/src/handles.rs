@@ -14,7 +14,7 @@ use crate::host::Host;
 use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::time::Clock;
-use crate::wire::{BusCounters, TraceEntry, Wire};
+use crate::wire::{BusCounters, ESC_TOLERANCE, TraceEntry, Wire};
 use crate::world::Inner;
 use crate::{Controller, Nanos};
 
@@ -34,7 +34,7 @@ impl Bus {
     /// # Errors
     /// [`IdOutOfRange`] if the model has no such id.
     pub fn add_esc(&self, config: EscConfig) -> Result<Esc, IdOutOfRange> {
-        Ok(self.add(Dji::new(&config)?, config.plant))
+        Ok(self.add(Dji::new(config)?, config.plant))
     }
 
     /// Puts any device with its motor on the bus, powered, at rest: DJI's own
@@ -147,7 +147,7 @@ impl Bus {
     /// per cent off they do.
     #[must_use]
     pub fn follows(&self, bit_time_ns: u32) -> bool {
-        self.with_wire(|wire, _| wire.follows(bit_time_ns))
+        self.with_wire(|wire, _| wire.is_within(bit_time_ns, ESC_TOLERANCE))
     }
 
     /// Counters since the world began.
@@ -180,7 +180,7 @@ pub struct SimPort {
 
 impl CanPort for SimPort {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        self.host.borrow_mut().receive()
+        self.host.borrow_mut().received.pop_front()
     }
 
     fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
@@ -192,7 +192,7 @@ impl CanPort for SimPort {
     }
 
     fn health(&self) -> Health {
-        self.host.borrow().health()
+        self.host.borrow().health
     }
 
     fn recover(&mut self) {
@@ -255,7 +255,7 @@ impl Esc {
 
     /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
     pub fn plant(&self) -> Plant {
-        *self.inner.borrow().units[self.index].motor.plant()
+        self.inner.borrow().units[self.index].motor.plant
     }
 
     /// Switches its power. Without it there is no current, no feedback, no acknowledge; the rotor
@@ -287,30 +287,31 @@ impl Esc {
 
     /// Silences its feedback, or lets it speak again; it goes on driving.
     pub fn set_feedback(&self, enabled: bool) {
-        self.inner.borrow_mut().units[self.index].set_muted(!enabled);
+        self.inner.borrow_mut().units[self.index].muted = !enabled;
     }
 
     /// Has it find something wrong with itself, until power-off. `false`: such a device knows no
     /// such fault, and nothing happened.
     pub fn inject(&self, fault: EscFault) -> bool {
-        self.inner.borrow_mut().units[self.index].device().inject(fault)
+        self.inner.borrow_mut().units[self.index].device.inject(fault)
     }
 
     /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
     /// nothing happened.
     pub fn set_id(&self, id: u8) -> bool {
-        self.inner.borrow_mut().units[self.index].device().set_id(id)
+        self.inner.borrow_mut().units[self.index].device.set_id(id)
     }
 
     /// Puts its motor behind another gearbox: `ratio` turns of the rotor per turn of the output
     /// shaft, above 0. Torque, speed and friction follow ([`Plant::with_gear`]).
     pub fn set_gear(&self, ratio: f64) {
-        self.inner.borrow_mut().units[self.index].motor.set_gear(ratio);
+        let motor = &mut self.inner.borrow_mut().units[self.index].motor;
+        motor.plant = motor.plant.with_gear(ratio);
     }
 
     /// Puts another motor, gearbox or load in the place of its own; what turned turns on, and the load
     /// begins in the middle of its play. With backlash, cogging and a weight, for example:
-    /// `esc.set_plant(esc.plant().with_backlash(0.5))`. Of a wheel, [`plant`](Self::plant) has its
+    /// `esc.set_plant(Plant { nonlinear, ..esc.plant() })`. Of a wheel, [`plant`](Self::plant) has its
     /// inertia.
     pub fn set_plant(&self, plant: Plant) {
         self.inner.borrow_mut().units[self.index].motor.set_plant(plant);
@@ -325,7 +326,7 @@ impl Esc {
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: Any, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
         let inner = &mut *self.inner.borrow_mut();
-        let device: &mut dyn Any = inner.units[self.index].device();
+        let device: &mut dyn Any = &mut *inner.units[self.index].device;
         device.downcast_mut().map(look)
     }
 

@@ -29,10 +29,10 @@ pub(crate) struct Host {
     sending: Option<Queued>,
     /// The frame on the wire is not to be repeated: it was cancelled, or a newer one waits.
     stale: bool,
-    received: VecDeque<(CanFrame, Micros)>,
+    pub(crate) received: VecDeque<(CanFrame, Micros)>,
     capacity: usize,
     /// Its error counters and state follow from the two below.
-    health: Health,
+    pub(crate) health: Health,
     transmit_errors: u16,
     receive_errors: u16,
     /// Length of [`RECESSIVE_BITS`] in nanoseconds.
@@ -58,10 +58,6 @@ impl Host {
             idle_since: None,
             missing: None,
         }
-    }
-
-    pub(crate) fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        self.received.pop_front()
     }
 
     pub(crate) fn submit(&mut self, queued: Queued) -> Submitted {
@@ -92,10 +88,6 @@ impl Host {
     pub(crate) fn cancel_pending(&mut self) -> u8 {
         self.stale = true;
         self.mailboxes.clear() + u8::from(self.retry.take().is_some())
-    }
-
-    pub(crate) const fn health(&self) -> Health {
-        self.health
     }
 
     /// Starts the way back from bus-off; nothing otherwise, or if it is on the way already.

@@ -77,6 +77,8 @@ pub enum Heard {
 /// A node's transmitter.
 #[derive(Debug, Default)]
 struct Sender {
+    /// Which of the world's units, if it is a device's.
+    unit: Option<usize>,
     waiting: VecDeque<u8>,
     /// The time at which the first of those may start.
     from: Nanos,
@@ -118,22 +120,17 @@ impl Sender {
     }
 }
 
-/// A device's place on the line.
-struct Station {
-    /// Which of the world's units.
-    unit: usize,
-    sender: Sender,
-}
+/// The place of the host among the senders, and that of a foreign node; behind them are the devices.
+const HOST: usize = 0;
+const NOISE: usize = 1;
 
 /// One line and everything on it.
+#[derive(Default)]
 pub(crate) struct LineWire {
     config: LineConfig,
     byte_ns: u64,
     host: HostEnd,
-    host_sender: Sender,
-    /// A foreign node.
-    noise: Sender,
-    stations: Vec<Station>,
+    senders: Vec<Sender>,
     /// Frames that are to be damaged yet: the host's, and the devices'.
     damage: [u32; 2],
     trace: Option<Vec<LineEntry>>,
@@ -149,57 +146,43 @@ impl LineWire {
         Self {
             config,
             byte_ns,
-            host: HostEnd::default(),
-            host_sender: Sender::default(),
-            noise: Sender::default(),
-            stations: Vec::new(),
-            damage: [0; 2],
-            trace: None,
-            counters: LineCounters::default(),
+            senders: vec![Sender::default(), Sender::default()],
+            ..Self::default()
         }
     }
 
     /// Gives a unit a place on the line; its number.
     pub(crate) fn join(&mut self, unit: usize) -> usize {
-        self.stations.push(Station { unit, sender: Sender::default() });
-        self.stations.len() - 1
+        self.senders.push(Sender { unit: Some(unit), ..Sender::default() });
+        self.senders.len() - 1
     }
 
     /// Drops the bytes that a device was about to send.
     pub(crate) fn silence(&mut self, station: usize) {
-        self.stations[station].sender.waiting.clear();
+        self.senders[station].waiting.clear();
     }
 
     pub(crate) fn set_station_cut(&mut self, station: usize, cut: bool) {
-        self.stations[station].sender.cut = cut;
+        self.senders[station].cut = cut;
     }
 
     pub(crate) fn next_event(&self, now: Nanos) -> Option<Nanos> {
-        self.senders().filter_map(|sender| sender.next_event(now)).min()
+        self.senders.iter().filter_map(|sender| sender.next_event(now)).min()
     }
 
-    fn senders(&self) -> impl Iterator<Item = &Sender> {
-        [&self.host_sender, &self.noise]
-            .into_iter()
-            .chain(self.stations.iter().map(|station| &station.sender))
-    }
-
-    fn sender(&mut self, who: Who) -> &mut Sender {
-        match who {
-            Who::Host => &mut self.host_sender,
-            Who::Noise => &mut self.noise,
-            Who::Device(index) => &mut self.stations[index].sender,
+    /// Whether the host hears what a sender says.
+    fn is_heard(&self, who: usize) -> bool {
+        if who == HOST {
+            self.config.echo
+        } else {
+            !self.senders[who].cut && !self.senders[HOST].cut
         }
-    }
-
-    fn everybody(&self) -> impl Iterator<Item = Who> + use<> {
-        [Who::Host, Who::Noise].into_iter().chain((0..self.stations.len()).map(Who::Device))
     }
 
     /// Bytes that end now are heard.
     pub(crate) fn process(&mut self, now: Nanos, random: &mut Random, units: &mut [Unit]) {
-        for who in self.everybody() {
-            let sender = self.sender(who);
+        for who in 0..self.senders.len() {
+            let sender = &mut self.senders[who];
             if let Some(flight) = sender.flight.take_if(|flight| flight.end <= now) {
                 let cut = sender.cut;
                 let byte = self.end(who, &flight, cut, random);
@@ -211,12 +194,12 @@ impl LineWire {
     }
 
     /// A byte has ended: what it came out as.
-    fn end(&mut self, who: Who, flight: &Flight, cut: bool, random: &mut Random) -> u8 {
+    fn end(&mut self, who: usize, flight: &Flight, cut: bool, random: &mut Random) -> u8 {
         self.counters.busy_ns += self.byte_ns;
         match who {
-            Who::Host => self.counters.from_host += 1,
-            Who::Device(_) => self.counters.from_devices += 1,
-            Who::Noise => (),
+            HOST => self.counters.from_host += 1,
+            NOISE => (),
+            _ => self.counters.from_devices += 1,
         }
         let byte = if flight.collided {
             self.counters.collided += 1;
@@ -226,14 +209,10 @@ impl LineWire {
         };
         if let Some(trace) = self.trace.as_mut().filter(|_| !cut) {
             let start = Nanos::new(flight.end.get() - self.byte_ns);
-            let from_host = who == Who::Host;
+            let from_host = who == HOST;
             trace.push(LineEntry { start, end: flight.end, byte, from_host });
         }
-        let host_hears = match who {
-            Who::Host => self.config.echo,
-            _ => !cut && !self.host_sender.cut,
-        };
-        if host_hears && self.host.chip.is_none() {
+        if self.is_heard(who) && self.host.chip.is_none() {
             if self.host.has_room(self.config.receive_capacity) {
                 self.host.hear(Ok(byte));
             } else {
@@ -244,13 +223,12 @@ impl LineWire {
     }
 
     /// The devices hear a byte.
-    fn tell(&mut self, who: Who, byte: u8, now: Nanos, units: &mut [Unit]) {
-        for (index, Station { unit, sender }) in self.stations.iter_mut().enumerate() {
-            let unit = &mut units[*unit];
-            if who == Who::Device(index) || !unit.is_present() {
-                continue;
-            }
-            if let Some((answer, after)) = unit.hear(byte, now) {
+    fn tell(&mut self, who: usize, byte: u8, now: Nanos, units: &mut [Unit]) {
+        for (index, sender) in self.senders.iter_mut().enumerate() {
+            if let Some(unit) = sender.unit.filter(|_| index != who)
+                && units[unit].is_present()
+                && let Some((answer, after)) = units[unit].hear(byte, now)
+            {
                 (sender.waiting, sender.from) = (answer.into(), now + after);
             }
         }
@@ -258,8 +236,8 @@ impl LineWire {
 
     /// Starts the nodes that have something to send, whatever others do.
     pub(crate) fn start(&mut self, now: Nanos) {
-        for who in self.everybody() {
-            let sender = self.sender(who);
+        for who in 0..self.senders.len() {
+            let sender = &mut self.senders[who];
             if sender.flight.is_some() {
                 continue;
             }
@@ -272,12 +250,10 @@ impl LineWire {
             let noise_in = if begins { self.noise_in_frame(who) } else { sender.noise_in };
             let end = now + Nanos::new(self.byte_ns);
             let byte = byte ^ u8::from(noise_in == Some(0));
-            let sender = self.sender(who);
+            let sender = &mut self.senders[who];
             sender.noise_in = noise_in.and_then(|bytes| bytes.checked_sub(1));
             sender.flight = Some(Flight { byte, end, collided: false });
-            let host_hears =
-                if who == Who::Host { self.config.echo } else { !cut && !self.host_sender.cut };
-            if let Some(chip) = self.host.chip.as_ref().filter(|_| host_hears) {
+            if let Some(chip) = self.host.chip.as_ref().filter(|_| self.is_heard(who)) {
                 chip.borrow_mut().hear(byte, now, end);
             }
             if !cut {
@@ -287,40 +263,32 @@ impl LineWire {
     }
 
     /// After how many bytes of a frame that begins now noise hits it.
-    fn noise_in_frame(&mut self, who: Who) -> Option<u32> {
+    fn noise_in_frame(&mut self, who: usize) -> Option<u32> {
         let left = match who {
-            Who::Host => &mut self.damage[0],
-            Who::Device(_) => &mut self.damage[1],
-            Who::Noise => return None,
+            HOST => &mut self.damage[0],
+            NOISE => return None,
+            _ => &mut self.damage[1],
         };
         *left = left.checked_sub(1)?;
         Some(NOISE_AT)
     }
 
     /// Others that are sending, and are plugged in, spoil the byte and their own.
-    fn collide(&mut self, who: Who, now: Nanos) {
+    fn collide(&mut self, who: usize, now: Nanos) {
         let mut met = false;
-        for other in self.everybody().filter(|other| *other != who) {
-            let other = self.sender(other);
+        let others = self.senders.iter_mut().enumerate().filter(|(other, _)| *other != who);
+        for (_, other) in others {
             if let Some(flight) = other.flight.as_mut().filter(|_| !other.cut) {
                 (flight.collided, met) = (true, true);
             }
         }
-        if met && let Some(flight) = &mut self.sender(who).flight {
+        if met && let Some(flight) = &mut self.senders[who].flight {
             flight.collided = true;
         }
-        if let Some(chip) = self.host.chip.as_ref().filter(|_| met && !self.host_sender.cut) {
+        if let Some(chip) = self.host.chip.as_ref().filter(|_| met && !self.senders[HOST].cut) {
             chip.borrow_mut().disturb(UartFault::Framing, now);
         }
     }
-}
-
-/// A node of the line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Who {
-    Host,
-    Noise,
-    Device(usize),
 }
 
 impl Hosted for LineWire {
@@ -329,11 +297,11 @@ impl Hosted for LineWire {
     }
 
     fn send(&mut self, bytes: &[u8], now: Nanos) {
-        self.host_sender.send(bytes, now);
+        self.senders[HOST].send(bytes, now);
     }
 
     fn has_sent_all(&self) -> bool {
-        self.host_sender.is_silent()
+        self.senders[HOST].is_silent()
     }
 }
 
@@ -379,7 +347,7 @@ impl Line {
 
     /// Unplugs the host, or plugs it in again. Unplugged it is not heard, and hears nothing.
     pub fn set_cut(&self, cut: bool) {
-        self.with(|line, _| line.host_sender.cut = cut);
+        self.with(|line, _| line.senders[HOST].cut = cut);
     }
 
     /// Switches the power of all devices on the line: as [`Esc::set_power`] each.
@@ -391,7 +359,7 @@ impl Line {
     /// A foreign node sends bytes, from now on and after those it was given before. A device that
     /// sends at the same time collides with it.
     pub fn inject(&self, bytes: &[u8]) {
-        self.with(|line, now| line.noise.send(bytes, now));
+        self.with(|line, now| line.senders[NOISE].send(bytes, now));
     }
 
     /// Damages one bit in each of the host's next frames. A frame is what a node sends without a

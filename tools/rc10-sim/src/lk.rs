@@ -101,10 +101,13 @@ pub enum Goal {
 #[derive(Debug)]
 pub struct Drive {
     settings: Settings,
-    is_on: bool,
-    goal: Goal,
+    /// Whether it carries commands out.
+    pub is_on: bool,
+    /// The setpoint.
+    pub goal: Goal,
     late: Option<Order>,
-    errors: u8,
+    /// The error bits.
+    pub errors: u8,
     causes: u8,
     last_command: Micros,
     /// Integral of the speed loop, A.
@@ -129,24 +132,6 @@ impl Drive {
         })
     }
 
-    /// Whether it carries commands out.
-    #[must_use]
-    pub const fn is_on(&self) -> bool {
-        self.is_on
-    }
-
-    /// The setpoint.
-    #[must_use]
-    pub const fn goal(&self) -> Goal {
-        self.goal
-    }
-
-    /// The error bits.
-    #[must_use]
-    pub const fn errors(&self) -> u8 {
-        self.errors
-    }
-
     fn own_id(&self) -> u16 {
         0x140 + u16::from(self.settings.id)
     }
@@ -159,8 +144,8 @@ impl Drive {
     fn state(&self, shaft: &Shaft) -> State {
         let counts = f64::from(1_u32 << self.settings.encoder_bits);
         State {
-            temperature: shaft.temperature().round() as i8,
-            current: (shaft.current() / self.amps_per_step()).round() as i16,
+            temperature: shaft.temperature.round() as i8,
+            current: (shaft.current / self.amps_per_step()).round() as i16,
             speed: (shaft.rotor_rpm() * 6.0).round() as i16,
             encoder: (shaft.rotor_angle() * counts).min(counts - 1.0) as u16,
         }
@@ -172,11 +157,11 @@ impl Drive {
         match order {
             Order::Off | Order::Stop | Order::Run => encode_echo(byte),
             Order::ReadHealth | Order::ClearErrors => {
-                encode_health(byte, state.temperature, shaft.plant().supply, self.errors)
+                encode_health(byte, state.temperature, shaft.plant.supply, self.errors)
             }
             Order::ReadPhases => {
                 // A standing vector: all of it in phase A.
-                let amps = (shaft.current() * 64.0).round() as i16;
+                let amps = (shaft.current * 64.0).round() as i16;
                 codec::encode_phases(state.temperature, [amps, -amps / 2, -amps / 2])
             }
             Order::ReadManyTurns => {
@@ -208,13 +193,8 @@ impl Drive {
                 let way = if is_backwards { way - 360.0 } else { way };
                 self.steer(Goal::Angle(here + way, limit(most)));
             }
-            // Without a current loop only.
-            Order::OpenLoop(_) => (),
-            Order::ReadHealth
-            | Order::ReadState
-            | Order::ReadPhases
-            | Order::ReadManyTurns
-            | Order::ReadOneTurn => (),
+            // What only reads; and an open loop, for drives without a current loop.
+            _ => (),
         }
     }
 
@@ -236,10 +216,10 @@ impl Drive {
 
     fn protect(&mut self, shaft: &Shaft, now: Micros) {
         let mut found = self.causes;
-        if shaft.temperature() > TOO_HOT {
+        if shaft.temperature > TOO_HOT {
             found |= error::OVER_TEMPERATURE;
         }
-        if shaft.plant().supply < TOO_LOW {
+        if shaft.plant.supply < TOO_LOW {
             found |= error::UNDER_VOLTAGE;
         }
         let silence = now.since(self.last_command);
@@ -254,7 +234,7 @@ impl Drive {
 
     /// A speed loop with gains that fit its own motor: amperes for degrees/s of the rotor.
     fn seek_speed(&mut self, wanted: f64, shaft: &Shaft) -> f64 {
-        let plant = shaft.plant();
+        let plant = &shaft.plant;
         // In 10 ms, at the rotor.
         let per_degree = plant.inertia() / plant.gear_ratio / plant.torque_constant;
         let gain = per_degree.to_radians() / 0.01;
@@ -292,7 +272,7 @@ impl Device for Drive {
         };
         self.take(order, shaft, now);
         if let Some(id) = StandardId::new(self.own_id()) {
-            out.send(CanFrame::eight_bytes(id, self.answer(byte, order, shaft)));
+            out.push(CanFrame::eight_bytes(id, self.answer(byte, order, shaft)));
         }
         Taken::Yes
     }
@@ -340,40 +320,22 @@ impl Device for Drive {
 
 /// MG4010E-i10 on its drive, 24 V, no load on the shaft.
 pub const fn mg4010e_i10() -> Plant {
-    Plant {
-        // Data sheet: 10 : 1, 0.07 N·m/A at the rotor, 320 rpm without load, 0.6 Ω, 202 g·cm²,
-        // 7 A at stall. Friction and heating are our estimates.
-        gear_ratio: 10.0,
-        torque_constant: 0.7,
-        resistance: 0.6,
-        current_limit: 7.0,
-        rotor_inertia: 2.02e-5,
-        viscous_friction: 3e-3,
-        coulomb_friction: 0.08,
-        static_friction: 0.1,
-        thermal_resistance: 4.0,
-        thermal_time_constant: 250.0,
-        ..Plant::BARE
-    }
-    .with_no_load_speed(3200.0)
+    // Data sheet: 10 : 1, 0.07 N·m/A at the rotor, 320 rpm without load, 0.6 Ω, 202 g·cm²,
+    // 7 A at stall. Friction and heating are our estimates.
+    Plant::motor(10.0, 0.7, 0.6, 7.0, 2.02e-5)
+        .with_friction(3e-3, 0.08, 0.1)
+        .with_heating(4.0, 250.0)
+        .with_no_load_speed(3200.0)
 }
 
 /// MF9025 V2 on its drive, 24 V, no load on the shaft.
 pub const fn mf9025() -> Plant {
+    // Data sheet: no gearbox, 0.32 N·m/A, 0.05 V/rpm, 0.5 Ω. Inertia, friction and heating are
+    // our estimates.
     Plant {
-        // Data sheet: no gearbox, 0.32 N·m/A, 0.05 V/rpm, 0.5 Ω. Inertia, friction and heating are
-        // our estimates.
-        gear_ratio: 1.0,
-        torque_constant: 0.32,
         back_emf: 0.477,
-        resistance: 0.5,
-        current_limit: 13.0,
-        rotor_inertia: 2.6e-4,
-        viscous_friction: 5e-4,
-        coulomb_friction: 0.03,
-        static_friction: 0.04,
-        thermal_resistance: 2.0,
-        thermal_time_constant: 400.0,
-        ..Plant::BARE
+        ..Plant::motor(1.0, 0.32, 0.5, 13.0, 2.6e-4)
+            .with_friction(5e-4, 0.03, 0.04)
+            .with_heating(2.0, 400.0)
     }
 }

@@ -11,21 +11,22 @@ pub(crate) const STEP: f64 = 100e-6;
 /// The shaft of a motor with its gearbox and load. A device sees it through its sensors: exact, and as
 /// of the last physics step.
 pub struct Shaft {
-    plant: Plant,
+    /// Its motor, gearbox and load.
+    pub plant: Plant,
     /// The share of a difference that is left after one step: exact exponentials.
     current_decay: f64,
     thermal_decay: f64,
-    /// A.
-    pub(crate) current: f64,
-    /// Output shaft, rad/s.
-    pub(crate) speed: f64,
+    /// Current in the winding, A.
+    pub current: f64,
+    /// Speed of the output shaft, rad/s.
+    pub speed: f64,
     /// Rotor turns since the start: whole ones, and the rest in 0 .. 1. Exact after any time.
     turns: i64,
     fraction: f64,
     /// The angle of the rotor in its turn at the start, 0 .. 1.
     offset: f64,
-    /// °C.
-    pub(crate) temperature: f64,
+    /// Temperature of the motor, °C.
+    pub temperature: f64,
     /// How far the output shaft is ahead of the load in its play, rad, and the load's speed, rad/s. Of
     /// no use without backlash.
     lead: f64,
@@ -60,39 +61,16 @@ impl Shaft {
         }
     }
 
-    /// The motor, gearbox and load.
-    pub const fn plant(&self) -> &Plant {
-        &self.plant
-    }
-
     /// Angle of the output shaft since the world's start, rad.
     #[must_use]
     pub fn radians(&self) -> f64 {
         self.output_degrees().to_radians()
     }
 
-    /// Speed of the output shaft, rad/s.
-    #[must_use]
-    pub const fn speed(&self) -> f64 {
-        self.speed
-    }
-
-    /// Current in the winding, A.
-    #[must_use]
-    pub const fn current(&self) -> f64 {
-        self.current
-    }
-
     /// Torque of the winding at the output shaft, N·m.
     #[must_use]
     pub const fn torque(&self) -> f64 {
         self.plant.torque_constant * self.current
-    }
-
-    /// Temperature of the motor, °C.
-    #[must_use]
-    pub const fn temperature(&self) -> f64 {
-        self.temperature
     }
 
     pub(crate) fn set_plant(&mut self, plant: Plant) {
@@ -102,17 +80,9 @@ impl Shaft {
         self.thermal_decay = decay(plant.thermal_time_constant);
     }
 
-    pub(crate) const fn set_gear(&mut self, ratio: f64) {
-        self.plant = self.plant.with_gear(ratio);
-    }
-
     /// Turns of the rotor, of which the whole ones do not matter.
     pub(crate) fn set_rotor_angle(&mut self, turns: f64) {
         self.offset = (turns - self.fraction).rem_euclid(1.0);
-    }
-
-    pub(crate) const fn add_load_inertia(&mut self, inertia: f64) {
-        self.plant.load_inertia += inertia;
     }
 
     /// What a force on the load meets at least, kg·m²: behind a play the load alone.

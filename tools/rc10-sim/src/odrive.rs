@@ -79,39 +79,28 @@ impl Settings {
     }
 }
 
-/// A cause of an error of an axis, whatever its firmware calls it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Cause {
-    Starting,
-    StateNotPossible,
-    UnderVoltage,
-    OverVoltage,
-    OverCurrent,
-    OverTemperature,
-    Encoder,
-    Watchdog,
-    EStop,
+/// Causes of errors of an axis, and their bits: `ODrive.Axis.Error` in firmware 0.5, `ODrive.Error` in
+/// 0.6; 0 where there is no such bit.
+mod cause {
+    pub const STARTING: (u32, u32) = (0, 0x1);
+    /// Firmware 0.6 refuses without an error.
+    pub const STATE_NOT_POSSIBLE: (u32, u32) = (0x1, 0);
+    pub const UNDER_VOLTAGE: (u32, u32) = (0x2, 0x200);
+    pub const OVER_VOLTAGE: (u32, u32) = (0x4, 0x100);
+    /// 0.5 tells in another message what is wrong with the motor.
+    pub const OVER_CURRENT: (u32, u32) = (0x40, 0x1000);
+    pub const OVER_TEMPERATURE: (u32, u32) = (0x4_0000, 0x2000);
+    pub const ENCODER: (u32, u32) = (0x100, 0x8);
+    pub const WATCHDOG: (u32, u32) = (0x800, 0x100_0000);
+    pub const E_STOP: (u32, u32) = (0x4000, 0x200_0000);
 }
 
-impl Cause {
-    /// Its bit: `ODrive.Axis.Error` in 0.5, `ODrive.Error` in 0.6; 0 where there is no such bit.
-    const fn bit(self, version: Version) -> u32 {
-        let (v0_5, v0_6) = match self {
-            Self::Starting => (0, 0x1),
-            // Firmware 0.6 refuses without an error.
-            Self::StateNotPossible => (0x1, 0),
-            Self::UnderVoltage => (0x2, 0x200),
-            Self::OverVoltage => (0x4, 0x100),
-            // 0.5 tells in another message what is wrong with the motor.
-            Self::OverCurrent => (0x40, 0x1000),
-            Self::OverTemperature => (0x4_0000, 0x2000),
-            Self::Encoder => (0x100, 0x8),
-            Self::Watchdog => (0x800, 0x100_0000),
-            Self::EStop => (0x4000, 0x200_0000),
-        };
-        match version {
-            Version::V0_5 => v0_5,
-            Version::V0_6 => v0_6,
+impl Version {
+    /// The bit of a [`cause`].
+    const fn bit(self, (v0_5, v0_6): (u32, u32)) -> u32 {
+        match self {
+            Self::V0_5 => v0_5,
+            Self::V0_6 => v0_6,
         }
     }
 }
@@ -123,9 +112,12 @@ const TOO_HOT: f64 = 120.0;
 #[derive(Debug)]
 pub struct Axis {
     settings: Settings,
-    state: State,
-    controller: Controller,
-    errors: u32,
+    /// The state.
+    pub state: State,
+    /// The controller: modes, inputs, limits.
+    pub controller: Controller,
+    /// The error word.
+    pub errors: u32,
     causes: u32,
     /// Turns of the shaft when the encoder began to count.
     origin: Option<f64>,
@@ -155,29 +147,6 @@ impl Axis {
         })
     }
 
-    /// The state.
-    #[must_use]
-    pub const fn state(&self) -> State {
-        self.state
-    }
-
-    /// The error word.
-    #[must_use]
-    pub const fn errors(&self) -> u32 {
-        self.errors
-    }
-
-    /// The controller: modes, inputs, limits.
-    #[must_use]
-    pub const fn controller(&self) -> &Controller {
-        &self.controller
-    }
-
-    /// Falls idle by itself, without an error: as if it had been asked for.
-    pub const fn fall_idle(&mut self) {
-        self.state = State::Idle;
-    }
-
     /// Turns as the encoder counts them.
     fn position(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
@@ -189,22 +158,22 @@ impl Axis {
         now.since(self.started_at) < self.settings.starts_for
     }
 
-    fn find(&mut self, cause: Cause) {
-        self.errors |= cause.bit(self.settings.version);
+    fn find(&mut self, cause: (u32, u32)) {
+        self.errors |= self.settings.version.bit(cause);
     }
 
     fn protect(&mut self, shaft: &Shaft, now: Micros) {
         self.errors |= self.causes;
-        let starting = Cause::Starting.bit(self.settings.version);
+        let starting = self.settings.version.bit(cause::STARTING);
         self.errors &= !starting;
         if self.is_starting(now) {
             self.errors |= starting;
         }
-        if shaft.temperature() > TOO_HOT {
-            self.find(Cause::OverTemperature);
+        if shaft.temperature > TOO_HOT {
+            self.find(cause::OVER_TEMPERATURE);
         }
         if self.settings.watchdog.is_some_and(|most| now.since(self.fed_at) > most) {
-            self.find(Cause::Watchdog);
+            self.find(cause::WATCHDOG);
         }
         if self.errors != 0 {
             self.state = State::Idle;
@@ -220,7 +189,7 @@ impl Axis {
                 }
                 self.state = State::ClosedLoop;
             }
-            _ => self.find(Cause::StateNotPossible),
+            _ => self.find(cause::STATE_NOT_POSSIBLE),
         }
     }
 
@@ -229,7 +198,7 @@ impl Axis {
             Order::State(state) => self.enter(state, position, now),
             Order::ClearErrors => self.errors &= self.causes,
             Order::EStop => {
-                self.find(Cause::EStop);
+                self.find(cause::E_STOP);
                 self.state = State::Idle;
             }
             other => self.controller.take(other),
@@ -249,20 +218,20 @@ impl Axis {
     }
 
     fn currents(&self, shaft: &Shaft) -> CanFrame {
-        encode_currents(self.settings.node, self.controller.amps(), shaft.current())
+        encode_currents(self.settings.node, self.controller.amps, shaft.current)
     }
 
     fn supply(&self, shaft: &Shaft) -> CanFrame {
-        let volts = shaft.plant().supply;
-        let watts = shaft.plant().resistance * shaft.current() * shaft.current()
-            + shaft.torque() * shaft.speed();
+        let volts = shaft.plant.supply;
+        let watts =
+            shaft.plant.resistance * shaft.current * shaft.current + shaft.torque() * shaft.speed;
         encode_supply(self.settings.node, volts, watts / volts)
     }
 
     /// Answers a remote frame, as firmware 0.5 does for what it does not send by itself.
     fn answer(&mut self, message: u8, shaft: &Shaft, out: &mut Outbox) -> Taken {
         let node = self.settings.node;
-        out.send(match message {
+        out.push(match message {
             0x01 => self.heartbeat(),
             0x09 => encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0),
             0x14 => self.currents(shaft),
@@ -316,11 +285,11 @@ impl Device for Axis {
             self.settings;
         if now >= self.due[0] {
             self.due[0] += heartbeat_every;
-            out.send(self.heartbeat());
+            out.push(self.heartbeat());
         }
         if now >= self.due[1] {
             self.due[1] += estimates_every;
-            out.send(encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0));
+            out.push(encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0));
         }
         if let Some(every) = others_every
             && now >= self.due[2]
@@ -328,10 +297,10 @@ impl Device for Axis {
             self.due[2] += every;
             // Firmware 0.5 sends nothing else by itself.
             if version == Version::V0_6 {
-                out.send(self.currents(shaft));
+                out.push(self.currents(shaft));
                 // No thermistor on the power stage of this one.
-                out.send(encode_temperatures(node, f64::NAN, shaft.temperature()));
-                out.send(self.supply(shaft));
+                out.push(encode_temperatures(node, f64::NAN, shaft.temperature));
+                out.push(self.supply(shaft));
             }
         }
     }
@@ -342,39 +311,29 @@ impl Device for Axis {
         if self.state == State::Idle {
             return Winding::Open;
         }
-        Winding::Current(self.controller.step(position, shaft.rotor_rpm() / 60.0, shaft.plant()))
+        Winding::Current(self.controller.step(position, shaft.rotor_rpm() / 60.0, &shaft.plant))
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {
         let cause = match fault {
-            EscFault::OverTemperature => Cause::OverTemperature,
-            EscFault::CommunicationLost => Cause::Watchdog,
-            EscFault::OverCurrent => Cause::OverCurrent,
-            EscFault::OverVoltage => Cause::OverVoltage,
-            EscFault::UnderVoltage => Cause::UnderVoltage,
-            EscFault::Encoder => Cause::Encoder,
+            EscFault::OverTemperature => cause::OVER_TEMPERATURE,
+            EscFault::CommunicationLost => cause::WATCHDOG,
+            EscFault::OverCurrent => cause::OVER_CURRENT,
+            EscFault::OverVoltage => cause::OVER_VOLTAGE,
+            EscFault::UnderVoltage => cause::UNDER_VOLTAGE,
+            EscFault::Encoder => cause::ENCODER,
         };
-        self.causes |= cause.bit(self.settings.version);
+        self.causes |= self.settings.version.bit(cause);
         true
     }
 }
 
 /// D6374, 150 rpm/V, behind an 8 : 1 belt, 24 V, no load on the shaft.
 pub const fn d6374_8to1() -> Plant {
-    Plant {
-        // Vendor's motor guide: 150 rpm/V, so 8.27/150 N·m/A; 39 mΩ between phases. Inertia,
-        // friction and heating are our estimates.
-        gear_ratio: 8.0,
-        torque_constant: 8.0 * 8.27 / 150.0,
-        resistance: 0.039,
-        current_limit: 40.0,
-        rotor_inertia: 1.3e-4,
-        viscous_friction: 5e-3,
-        coulomb_friction: 0.15,
-        static_friction: 0.2,
-        thermal_resistance: 1.5,
-        thermal_time_constant: 500.0,
-        ..Plant::BARE
-    }
-    .with_no_load_speed(3500.0)
+    // Vendor's motor guide: 150 rpm/V, so 8.27/150 N·m/A; 39 mΩ between phases. Inertia,
+    // friction and heating are our estimates.
+    Plant::motor(8.0, 8.0 * 8.27 / 150.0, 0.039, 40.0, 1.3e-4)
+        .with_friction(5e-3, 0.15, 0.2)
+        .with_heating(1.5, 500.0)
+        .with_no_load_speed(3500.0)
 }

@@ -97,89 +97,82 @@ impl Default for Scale {
 }
 
 impl Plant {
-    /// Values that most motors have in common: 24 V, a current loop of 1 ms, nothing on the shaft.
-    pub(crate) const BARE: Self = Self {
-        gear_ratio: 1.0,
-        torque_constant: 0.0,
-        back_emf: 0.0,
-        resistance: 0.0,
-        supply: 24.0,
-        current_limit: 0.0,
-        current_time_constant: 1e-3,
-        rotor_inertia: 0.0,
-        load_inertia: 0.0,
-        viscous_friction: 0.0,
-        coulomb_friction: 0.0,
-        static_friction: 0.0,
-        ambient: 25.0,
-        thermal_resistance: 0.0,
-        thermal_time_constant: 0.0,
-        nonlinear: Nonlinear::NONE,
-    };
+    /// A motor with its gearbox and values that most have in common: 24 V, a current loop of 1 ms, the
+    /// torque constant as back-EMF, nothing on the shaft. Neither friction nor heating.
+    ///
+    /// Turns of the rotor per turn of the shaft, N·m/A at the shaft, Ω, A, kg·m² of the rotor.
+    pub(crate) const fn motor(
+        gear_ratio: f64,
+        torque_constant: f64,
+        resistance: f64,
+        current_limit: f64,
+        rotor_inertia: f64,
+    ) -> Self {
+        Self {
+            gear_ratio,
+            torque_constant,
+            back_emf: torque_constant,
+            resistance,
+            supply: 24.0,
+            current_limit,
+            current_time_constant: 1e-3,
+            rotor_inertia,
+            load_inertia: 0.0,
+            viscous_friction: 0.0,
+            coulomb_friction: 0.0,
+            static_friction: 0.0,
+            ambient: 25.0,
+            thermal_resistance: 0.0,
+            thermal_time_constant: 0.0,
+            nonlinear: Nonlinear::NONE,
+        }
+    }
+
+    /// The same with friction at the shaft: viscous, N·m·s, and dry, N·m, while it turns and at rest.
+    pub(crate) const fn with_friction(mut self, viscous: f64, coulomb: f64, at_rest: f64) -> Self {
+        self.viscous_friction = viscous;
+        self.coulomb_friction = coulomb;
+        self.static_friction = at_rest;
+        self
+    }
+
+    /// The same with heating: thermal resistance, K/W, and time constant, s.
+    pub(crate) const fn with_heating(mut self, resistance: f64, time_constant: f64) -> Self {
+        self.thermal_resistance = resistance;
+        self.thermal_time_constant = time_constant;
+        self
+    }
 
     /// M3508 with its gearbox on a C620, 24 V, no load on the shaft.
     pub const fn m3508() -> Self {
-        Self {
-            // C620 / M3508 manual: 3591:187, 0.3 N·m/A, 482 rpm (9250 at the rotor) without load.
-            gear_ratio: 3591.0 / 187.0,
-            torque_constant: 0.3,
-            resistance: 0.194,
-            current_limit: 20.0,
-            rotor_inertia: 1e-5,
-            viscous_friction: 2.6e-3,
-            coulomb_friction: 0.10,
-            static_friction: 0.13,
-            thermal_resistance: 2.5,
-            thermal_time_constant: 300.0,
-            ..Self::BARE
-        }
-        .with_no_load_speed(9250.0)
+        // C620 / M3508 manual: 3591:187, 0.3 N·m/A, 482 rpm (9250 at the rotor) without load.
+        Self::motor(3591.0 / 187.0, 0.3, 0.194, 20.0, 1e-5)
+            .with_friction(2.6e-3, 0.10, 0.13)
+            .with_heating(2.5, 300.0)
+            .with_no_load_speed(9250.0)
     }
 
     /// M2006 with its gearbox on a C610, 24 V, no load on the shaft.
     pub const fn m2006() -> Self {
-        Self {
-            // C610 / M2006 manual: 36:1, 0.18 N·m/A, 500 rpm (18000 at the rotor) without load.
-            gear_ratio: 36.0,
-            torque_constant: 0.18,
-            resistance: 0.461,
-            current_limit: 10.0,
-            rotor_inertia: 1e-6,
-            viscous_friction: 1.1e-3,
-            coulomb_friction: 0.05,
-            static_friction: 0.065,
-            thermal_resistance: 8.0,
-            thermal_time_constant: 150.0,
-            ..Self::BARE
-        }
-        .with_no_load_speed(18_000.0)
+        // C610 / M2006 manual: 36:1, 0.18 N·m/A, 500 rpm (18000 at the rotor) without load.
+        Self::motor(36.0, 0.18, 0.461, 10.0, 1e-6)
+            .with_friction(1.1e-3, 0.05, 0.065)
+            .with_heating(8.0, 150.0)
+            .with_no_load_speed(18_000.0)
     }
 
     /// GM6020 in current mode, 24 V, no load on the shaft.
     pub const fn gm6020() -> Self {
-        Self {
-            // GM6020 manual: no gearbox, 0.741 N·m/A, about 320 rpm without load. The back-EMF
-            // equals the torque constant.
-            gear_ratio: 1.0,
-            torque_constant: 0.741,
-            back_emf: 0.741,
-            resistance: 1.8,
-            current_limit: 3.0,
-            rotor_inertia: 4e-4,
-            viscous_friction: 1e-3,
-            coulomb_friction: 0.04,
-            static_friction: 0.05,
-            thermal_resistance: 8.0,
-            thermal_time_constant: 400.0,
-            ..Self::BARE
-        }
+        // GM6020 manual: no gearbox, 0.741 N·m/A, about 320 rpm without load. The back-EMF
+        // equals the torque constant.
+        Self::motor(1.0, 0.741, 1.8, 3.0, 4e-4)
+            .with_friction(1e-3, 0.04, 0.05)
+            .with_heating(8.0, 400.0)
     }
 
     /// GM6020 in voltage mode: the current follows the winding's L/R, 5.7 mH / 1.8 Ω.
     pub const fn gm6020_voltage() -> Self {
-        let mut plant = Self::gm6020();
-        plant.current_time_constant = 3.2e-3;
-        plant
+        Self { current_time_constant: 3.2e-3, ..Self::gm6020() }
     }
 
     /// The back-EMF that makes the unloaded rotor reach `rotor_rpm` at full supply.
@@ -194,29 +187,6 @@ impl Plant {
     /// The same with a load of this inertia at the output shaft, kg·m².
     pub const fn with_load_inertia(mut self, inertia: f64) -> Self {
         self.load_inertia = inertia;
-        self
-    }
-
-    /// The same with a weight on an arm: the torque is `-torque · cos(angle + offset)`, N·m, `offset` in
-    /// degrees. An arm that hangs at power-on has an offset of -90, one that stands upright 90.
-    pub const fn with_gravity(mut self, torque: f64, offset: f64) -> Self {
-        self.nonlinear.gravity_torque = torque;
-        self.nonlinear.gravity_offset = offset;
-        self
-    }
-
-    /// The same with cogging: a torque of this amplitude at the output shaft, N·m, that goes up and down
-    /// this many times per turn of the rotor. [`Nonlinear`] has numbers to begin with.
-    pub const fn with_cogging(mut self, torque: f64, periods: f64) -> Self {
-        self.nonlinear.cogging_torque = torque;
-        self.nonlinear.cogging_periods = periods;
-        self
-    }
-
-    /// The same with a play of this many degrees between gearbox and load, from one end to the other.
-    /// The load begins in the middle of it. [`Nonlinear`] has numbers to begin with.
-    pub const fn with_backlash(mut self, degrees: f64) -> Self {
-        self.nonlinear.backlash = degrees;
         self
     }
 

@@ -27,9 +27,6 @@ impl Wake for Awake {
     fn wake(self: Arc<Self>) {
         self.set();
     }
-    fn wake_by_ref(self: &Arc<Self>) {
-        self.set();
-    }
 }
 
 /// Several futures that run as one, each polled only when it was woken, in the order in which they

@@ -130,18 +130,10 @@ impl Answer {
 /// estimates.
 pub const fn plant() -> Plant {
     Plant {
-        gear_ratio: GEAR,
-        torque_constant: TORQUE_CONSTANT,
-        resistance: 0.2,
-        current_limit: 23.7 / TORQUE_CONSTANT,
         current_time_constant: 0.5e-3,
-        rotor_inertia: 1.12e-4,
-        viscous_friction: 5e-3,
-        coulomb_friction: 0.08,
-        static_friction: 0.10,
-        thermal_resistance: 1.0,
-        thermal_time_constant: 200.0,
-        ..Plant::BARE
+        ..Plant::motor(GEAR, TORQUE_CONSTANT, 0.2, 23.7 / TORQUE_CONSTANT, 1.12e-4)
+            .with_friction(5e-3, 0.08, 0.10)
+            .with_heating(1.0, 200.0)
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }
@@ -162,10 +154,12 @@ pub(crate) const fn error_of(fault: EscFault) -> Option<u8> {
 #[must_use]
 pub struct GoM8010 {
     id: u8,
-    think: Nanos,
+    /// The time from a command to its answer.
+    pub think: Nanos,
     /// The beginning of what may be a command.
     heard: Vec<u8>,
-    command: Command,
+    /// The command it obeys: the newest, or lock with nothing else when it has waited too long.
+    pub command: Command,
     commanded_at: Nanos,
     /// Rotor turns that it does not count.
     uncounted: f64,
@@ -193,18 +187,6 @@ impl GoM8010 {
         }
     }
 
-    /// The same, answering after another time.
-    pub const fn with_turnaround(mut self, turnaround: Nanos) -> Self {
-        self.think = turnaround;
-        self
-    }
-
-    /// The command it obeys: the newest, or lock with nothing else when it has waited too long.
-    #[must_use]
-    pub const fn command(&self) -> Command {
-        self.command
-    }
-
     /// Whether it turns by itself.
     #[must_use]
     pub const fn is_calibrating(&self) -> bool {
@@ -219,12 +201,12 @@ impl GoM8010 {
 
     fn answer(&self, shaft: &Shaft) -> Answer {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let temperature = shaft.temperature().round() as i8;
+        let temperature = shaft.temperature.round() as i8;
         Answer {
             id: self.id,
             status: self.command.status,
             torque: shaft.torque() / GEAR,
-            speed: shaft.speed() * GEAR,
+            speed: shaft.speed * GEAR,
             angle: self.angle(shaft),
             temperature,
             error: self.error,
@@ -281,7 +263,7 @@ impl Device for GoM8010 {
         if self.calibrating_until.is_some_and(|until| now >= until) {
             (self.calibrating_until, self.command) = (None, Command::default());
         }
-        if shaft.temperature() >= TOO_HOT {
+        if shaft.temperature >= TOO_HOT {
             self.error = 1;
         }
         if self.error != 0 {
@@ -301,8 +283,8 @@ impl Device for GoM8010 {
         }
         let torque = torque
             + stiffness * (angle - self.angle(shaft))
-            + damping * (speed - shaft.speed() * GEAR);
-        Winding::Current(torque * GEAR / shaft.plant().torque_constant)
+            + damping * (speed - shaft.speed * GEAR);
+        Winding::Current(torque * GEAR / shaft.plant.torque_constant)
     }
 
     fn inject(&mut self, fault: EscFault) -> bool {

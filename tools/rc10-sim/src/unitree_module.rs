@@ -39,16 +39,10 @@ const CALIBRATION_VOLTS: f64 = 1.0;
 /// Its motor on 24 V without load. Gear, torque constant, 23.7 N·m and 30 rad/s are the data
 /// manual's; resistance, inertia, friction and thermal figures are estimates.
 pub const fn plant() -> Plant {
-    Plant {
-        rotor_inertia: 6e-5,
-        viscous_friction: 0.01,
-        coulomb_friction: 0.10,
-        static_friction: 0.13,
-        thermal_resistance: 1.5,
-        thermal_time_constant: 300.0,
-        ..unitree_line::plant()
-    }
-    .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
+    Plant { rotor_inertia: 6e-5, ..unitree_line::plant() }
+        .with_friction(0.01, 0.10, 0.13)
+        .with_heating(1.5, 300.0)
+        .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }
 
 /// No module or no motor can be set to this number.
@@ -107,11 +101,6 @@ impl UnitreeModule {
         *inner = Inner { powered, gains: [Gains::default(); 16] };
     }
 
-    /// Restarts it, in no time: it has forgotten stiffness and damping.
-    pub fn restart(&self) {
-        self.set_power(true);
-    }
-
     /// Gains that it has for a motor.
     #[must_use]
     pub fn gains(&self, motor: u8) -> Gains {
@@ -136,13 +125,17 @@ pub enum Mode {
 pub struct UnitreeMotor {
     module: UnitreeModule,
     number: u8,
-    mode: Mode,
-    command: Motion,
-    gains: Gains,
+    /// The mode.
+    pub mode: Mode,
+    /// The motion it was commanded last, at the rotor.
+    pub command: Motion,
+    /// The stiffness and damping it follows with, at the rotor.
+    pub gains: Gains,
     error: u8,
     unplugged: bool,
     calibrated_at: Micros,
-    calibrations: u32,
+    /// The number of times that it was told to calibrate itself.
+    pub calibrations: u32,
     /// Whole rotor turns that had been made when it got power.
     zero: Option<f64>,
     due: VecDeque<(Micros, Answer)>,
@@ -174,30 +167,6 @@ impl UnitreeMotor {
         }
     }
 
-    /// The mode.
-    #[must_use]
-    pub const fn mode(&self) -> Mode {
-        self.mode
-    }
-
-    /// The motion it was commanded last, at the rotor.
-    #[must_use]
-    pub const fn commanded(&self) -> Motion {
-        self.command
-    }
-
-    /// The stiffness and damping it follows with, at the rotor.
-    #[must_use]
-    pub const fn gains(&self) -> Gains {
-        self.gains
-    }
-
-    /// Number of times that it was told to calibrate itself.
-    #[must_use]
-    pub const fn calibrations(&self) -> u32 {
-        self.calibrations
-    }
-
     /// Turns of the rotor as it counts them.
     fn turns(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
@@ -206,8 +175,8 @@ impl UnitreeMotor {
 
     fn motion(&mut self, shaft: &Shaft) -> Motion {
         Motion {
-            torque: shaft.current() * TORQUE_CONSTANT / GEAR,
-            speed: shaft.speed() * GEAR,
+            torque: shaft.current * TORQUE_CONSTANT / GEAR,
+            speed: shaft.speed * GEAR,
             angle: self.turns(shaft) * TAU,
         }
     }
@@ -235,11 +204,16 @@ impl UnitreeMotor {
             Answer::State(status) => Told::State {
                 status,
                 motion: self.motion(shaft),
-                temperature: shaft.temperature(),
+                temperature: shaft.temperature,
                 air_pressure: 0,
             },
         };
         Some(Report { module: self.module.number, motor: self.number, told }.pack())
+    }
+
+    /// A frame for this motor behind this module, or for every motor.
+    const fn is_meant(&self, module: u8, motor: u8) -> bool {
+        module == self.module.number && (motor == self.number || motor == 15)
     }
 }
 
@@ -294,14 +268,14 @@ impl Device for UnitreeMotor {
         {
             let frame = self.report(answer, shaft);
             if self.module.inner.borrow().powered {
-                frame.into_iter().for_each(|frame| out.send(frame));
+                frame.into_iter().for_each(|frame| out.push(frame));
             }
         }
     }
 
     fn drive(&mut self, shaft: &Shaft, now: Micros) -> Winding {
         let has = self.motion(shaft);
-        if shaft.temperature() >= TOO_HOT {
+        if shaft.temperature >= TOO_HOT {
             self.error = 1;
         }
         if self.mode == Mode::Calibrating && now.since(self.calibrated_at) >= CALIBRATION {
@@ -328,12 +302,5 @@ impl Device for UnitreeMotor {
             _ => self.error = error_of(fault).unwrap_or(self.error),
         }
         fault != EscFault::UnderVoltage
-    }
-}
-
-impl UnitreeMotor {
-    /// A frame for this motor behind this module, or for every motor.
-    const fn is_meant(&self, module: u8, motor: u8) -> bool {
-        module == self.module.number && (motor == self.number || motor == 15)
     }
 }

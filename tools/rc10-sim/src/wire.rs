@@ -44,7 +44,7 @@ const IDLE: u32 = 11;
 
 /// What the ESCs follow. An assumption: no maker says how it times its bits. That of `CubeMX`, as DJI's own examples for
 /// STM32F4 have it: 1 + 10 + 3 quanta, a jump of 1. That is 0.71 %.
-const ESC_TOLERANCE: u32 = tolerance_ppm(10, 3, 1);
+pub(crate) const ESC_TOLERANCE: u32 = tolerance_ppm(10, 3, 1);
 
 /// One frame that went over a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -347,12 +347,7 @@ impl Wire {
         controller.bit_time_ns().is_some_and(|bit_time_ns| !self.is_within(bit_time_ns, tolerance))
     }
 
-    /// Whether the ESCs follow a node with bits of this length.
-    pub(crate) fn follows(&self, bit_time_ns: u32) -> bool {
-        self.is_within(bit_time_ns, ESC_TOLERANCE)
-    }
-
-    fn is_within(&self, bit_time_ns: u32, tolerance: u32) -> bool {
+    pub(crate) fn is_within(&self, bit_time_ns: u32, tolerance: u32) -> bool {
         let off = u64::from(bit_time_ns).abs_diff(self.bit_time_ns);
         off * 1_000_000 <= self.bit_time_ns * u64::from(tolerance)
     }

@@ -5,12 +5,22 @@ use std::f64::consts::TAU;
 
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, CanPort, Micros};
-use rc10_sim::{Bus, BusConfig, Esc, EscConfig, Model, Plant, World};
+use rc10_sim::{Bus, BusConfig, Esc, EscConfig, Model, Nonlinear, Plant, World};
 
 /// kg·m².
 const LOAD: f64 = 0.02;
 
 /// A motor without friction, and a load.
+/// One with a play of so many degrees.
+fn loose(backlash: f64, plant: Plant) -> Plant {
+    Plant { nonlinear: Nonlinear { backlash, ..plant.nonlinear }, ..plant }
+}
+
+fn cogging(cogging_torque: f64, cogging_periods: f64) -> Plant {
+    let nonlinear = Nonlinear { cogging_torque, cogging_periods, ..Nonlinear::NONE };
+    Plant { nonlinear, ..frictionless() }
+}
+
 fn frictionless() -> Plant {
     Plant { viscous_friction: 0.0, coulomb_friction: 0.0, static_friction: 0.0, ..Plant::m3508() }
         .with_load_inertia(LOAD)
@@ -82,9 +92,11 @@ fn a_weight_swings_with_the_period_of_a_pendulum() {
         (90.0, frictionless()),
         (150.0, frictionless()),
         // The weight hangs behind the play: it never leaves its end.
-        (90.0, frictionless().with_backlash(0.01)),
+        (90.0, loose(0.01, frictionless())),
     ] {
-        let mut bench = Bench::new(plant.with_gravity(weight, beside - 90.0));
+        let (gravity_torque, gravity_offset) = (weight, beside - 90.0);
+        let nonlinear = Nonlinear { gravity_torque, gravity_offset, ..plant.nonlinear };
+        let mut bench = Bench::new(Plant { nonlinear, ..plant });
         let expected = TAU * (bench.esc.plant().inertia() / weight).sqrt()
             / agm(1.0, (beside / 2.0_f64).to_radians().cos());
         // Turns round at the far end, and comes back: two times that the speed changes its sign.
@@ -104,7 +116,8 @@ fn a_weight_swings_with_the_period_of_a_pendulum() {
 
 #[test]
 fn a_weight_is_held_by_its_torque_at_its_angle() {
-    let plant = frictionless().with_gravity(2.0, 60.0);
+    let nonlinear = Nonlinear { gravity_torque: 2.0, gravity_offset: 60.0, ..Nonlinear::NONE };
+    let plant = Plant { nonlinear, ..frictionless() };
     let mut bench = Bench::new(Plant { viscous_friction: 0.1, ..plant });
     // 2 N·m · cos(60 + angle) is 0.6 N·m at 72.54 degrees, which is stable where the cosine rises:
     // below the horizontal, at -72.54.
@@ -118,7 +131,7 @@ fn a_weight_is_held_by_its_torque_at_its_angle() {
 #[test]
 fn cogging_averages_to_zero_over_a_turn() {
     let (torque, periods) = (0.2, 84.0);
-    let mut bench = Bench::new(frictionless().with_cogging(torque, periods));
+    let mut bench = Bench::new(cogging(torque, periods));
     bench.esc.set_load(1.0);
     bench.wait(50_000);
     bench.esc.set_load(0.0);
@@ -145,7 +158,7 @@ fn cogging_averages_to_zero_over_a_turn() {
         }
     }
     // A rotor that goes on by whole periods in each step feels nothing of it: 10000/84 turns a second.
-    let mut fast = Bench::new(frictionless().with_cogging(torque, periods));
+    let mut fast = Bench::new(cogging(torque, periods));
     fast.esc.set_load(10.0);
     let wanted = 10_000.0 / periods * TAU * 187.0 / 3591.0;
     while fast.speeds()[0] < wanted {
@@ -160,7 +173,7 @@ fn cogging_averages_to_zero_over_a_turn() {
 #[test]
 fn cogging_holds_a_rotor_up_to_its_amplitude() {
     let moved = |load: f64| {
-        let plant = frictionless().with_cogging(0.2, 84.0);
+        let plant = cogging(0.2, 84.0);
         let mut bench = Bench::new(Plant { viscous_friction: 0.5, ..plant });
         bench.wait(500_000);
         let from = bench.esc.state().output_degrees;
@@ -180,7 +193,7 @@ fn cogging_holds_a_rotor_up_to_its_amplitude() {
 #[test]
 fn a_gap_is_crossed_and_closed_without_a_bounce() {
     let gap = 2.0_f64;
-    let mut bench = Bench::new(frictionless().with_backlash(gap));
+    let mut bench = Bench::new(loose(gap, frictionless()));
     // From the middle of the play: half of it, by the rotor alone.
     bench.torque(0.3);
     bench.wait(1000);
@@ -214,7 +227,7 @@ fn a_gap_is_crossed_and_closed_without_a_bounce() {
 #[test]
 fn play_never_makes_energy_and_keeps_momentum() {
     for load in [2e-4, LOAD, 2.0] {
-        let plant = frictionless().with_load_inertia(load).with_backlash(1.5);
+        let plant = loose(1.5, frictionless().with_load_inertia(load));
         let mut bench = Bench::new(plant);
         bench.torque(1.0);
         bench.wait(30_000);
@@ -240,7 +253,7 @@ fn play_never_makes_energy_and_keeps_momentum() {
 #[test]
 fn a_limit_cycle_is_as_wide_as_the_gap() {
     let gap = 1.2;
-    let mut bench = Bench::new(frictionless().with_load_inertia(50.0).with_backlash(gap));
+    let mut bench = Bench::new(loose(gap, frictionless().with_load_inertia(50.0)));
     let (mut sign, mut low, mut high, mut turns) = (1.0, 0.0_f64, 0.0_f64, 0);
     for _ in 0..3000 {
         bench.torque(0.2 * sign);
@@ -259,7 +272,7 @@ fn a_limit_cycle_is_as_wide_as_the_gap() {
 
 #[test]
 fn friction_of_the_gearbox_holds_what_hangs_behind_the_play() {
-    let mut bench = Bench::new(Plant::m3508().with_load_inertia(LOAD).with_backlash(2.0));
+    let mut bench = Bench::new(loose(2.0, Plant::m3508().with_load_inertia(LOAD)));
     // Less than the static friction of 0.13 N·m: only the play goes.
     bench.esc.set_load(-0.05);
     bench.wait(1_000_000);
@@ -284,7 +297,8 @@ fn friction_of_the_gearbox_holds_what_hangs_behind_the_play() {
 fn zero_is_off_and_a_plant_can_be_changed_on_the_way() {
     let mut plain = Bench::new(Plant::m3508().with_load_inertia(LOAD));
     let plant = Plant::m3508().with_load_inertia(LOAD);
-    let off = plant.with_gravity(0.0, 30.0).with_cogging(0.0, 84.0).with_backlash(0.0);
+    let nonlinear = Nonlinear { gravity_offset: 30.0, cogging_periods: 84.0, ..Nonlinear::NONE };
+    let off = Plant { nonlinear, ..plant };
     let mut same = Bench::new(off);
     for bench in [&mut plain, &mut same] {
         bench.torque(1.0);
@@ -292,7 +306,7 @@ fn zero_is_off_and_a_plant_can_be_changed_on_the_way() {
     }
     assert_eq!(plain.esc.state(), same.esc.state());
     let before = same.speeds();
-    same.esc.set_plant(same.esc.plant().with_backlash(1.0));
+    same.esc.set_plant(loose(1.0, same.esc.plant()));
     near(same.speeds()[1], before[1], 1e-12);
     same.wait(100_000);
     near(same.lead(), 0.5, 1e-9);

@@ -78,7 +78,8 @@ fn hands_are_in_the_next_frame() {
 #[test]
 fn an_sbus_receiver_goes_on_for_ever_and_says_how_it_is() {
     let (mut world, remote) = (World::new(1), Remote::new());
-    let receiver = Sbus::new(&remote, PHASE).with_failsafe(Failsafe::Hold, 3);
+    let mut receiver = Sbus::new(&remote, PHASE);
+    (receiver.failsafe, receiver.failsafe_after) = (Failsafe::Hold, 3);
     let uart = world.add_serial(Sbus::SERIAL, receiver);
     remote.set(STICKS);
     let heard = bytes(&mut world, uart.port(), 28);
@@ -98,7 +99,9 @@ fn an_sbus_receiver_goes_on_for_ever_and_says_how_it_is() {
     assert_eq!(remote.sent().back_since, Some(Nanos::new(102_000_000)));
 
     let mut world = World::new(1);
-    let receiver = Sbus::new(&remote, PHASE).fast().with_failsafe(Failsafe::Centre, 0);
+    let mut receiver = Sbus::new(&remote, PHASE);
+    receiver.period = Nanos::new(7_000_000);
+    (receiver.failsafe, receiver.failsafe_after) = (Failsafe::Centre, 0);
     let uart = world.add_serial(Sbus::SERIAL, receiver);
     let _ = bytes(&mut world, uart.port(), 7);
     remote.set(STICKS);

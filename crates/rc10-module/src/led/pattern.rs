@@ -59,16 +59,8 @@ const BEAT: Micros = Micros::from_millis(100);
 /// Marks of a rhythm; then it starts over.
 const BEATS: u32 = 20;
 
-/// The look of a state: colour and rhythm.
-struct Look {
-    colour: RGB8,
-    /// A mark each, `#` is on.
-    rhythm: &'static [u8; BEATS as usize],
-    /// Each LED is a mark later than the one before it.
-    runs: bool,
-}
-
-const fn look(state: LampState) -> Look {
+/// The look of a state: its colour, and its rhythm, in which `#` is on.
+const fn look(state: LampState) -> (RGB8, &'static [u8; BEATS as usize]) {
     let (colour, rhythm) = match state {
         LampState::Disarmed => ([0, 0, 255], b"##########.........."),
         LampState::Armed => ([0, 255, 0], b"####################"),
@@ -80,7 +72,7 @@ const fn look(state: LampState) -> Look {
         LampState::NotAtRest => ([0, 0, 255], b"###.###............."),
     };
     let [r, g, b] = colour;
-    Look { colour: RGB8 { r, g, b }, rhythm, runs: matches!(state, LampState::LinkLost) }
+    (RGB8 { r, g, b }, rhythm)
 }
 
 /// The colour of LED `index` at `now` in this state, at full brightness.
@@ -94,13 +86,14 @@ const fn look(state: LampState) -> Look {
 /// ```
 #[must_use]
 pub fn colour(state: LampState, now: Micros, index: usize) -> RGB8 {
-    let look = look(state);
-    let rhythm = BEATS as usize;
+    let (colour, rhythm) = look(state);
+    let beats = rhythm.len();
     #[expect(clippy::cast_possible_truncation, reason = "below 20")]
     let beat = (now.get() / BEAT.get() % u64::from(BEATS)) as usize;
-    let later = if look.runs { index % rhythm } else { 0 };
-    let mark = look.rhythm.get((beat + rhythm - later) % rhythm);
-    if mark == Some(&b'#') { look.colour } else { RGB8::default() }
+    // Each LED is a mark later than the one before it.
+    let later = if state == LampState::LinkLost { index % beats } else { 0 };
+    let mark = rhythm.get((beat + beats - later) % beats);
+    if mark == Some(&b'#') { colour } else { RGB8::default() }
 }
 
 #[cfg(test)]
@@ -158,7 +151,7 @@ mod tests {
         for state in LampState::ALL {
             let name = std::format!("//! | [`{state:?}`]");
             let row = source.lines().find(|line| line.starts_with(&name)).unwrap();
-            let rhythm = core::str::from_utf8(look(state).rhythm).unwrap();
+            let rhythm = core::str::from_utf8(look(state).1).unwrap();
             assert!(row.contains(rhythm), "{row}");
         }
     }

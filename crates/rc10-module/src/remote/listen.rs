@@ -26,18 +26,14 @@ pub async fn listen(
         }
         Receiver::Sbus => {
             let hear = |frame: super::SbusFrame, at| {
-                if let Some(remote) = frame.remote(&ChannelMap::AETR) {
-                    hear(remote, at);
-                }
+                frame.remote(&ChannelMap::AETR).into_iter().for_each(|remote| hear(remote, at));
             };
             listen_to(port, Sbus, reception, hear).await
         }
         Receiver::Crsf => {
             let mut link = CrsfLink::new(ChannelMap::AETR);
             let hear = |frame, at| {
-                if let Some(remote) = link.hear(&frame) {
-                    hear(remote, at);
-                }
+                link.hear(&frame).into_iter().for_each(|remote| hear(remote, at));
             };
             listen_to(port, Crsf, reception, hear).await
         }
@@ -60,7 +56,7 @@ pub async fn listen_pulses(
     reception: &Reception,
     mut hear: impl FnMut(Remote, Micros),
 ) -> ! {
-    let mut ppm = Ppm::new();
+    let mut ppm = Ppm::default();
     loop {
         let at = edges().await;
         if let Some(channels) = ppm.edge(at) {

@@ -28,7 +28,7 @@ pub use ppm::{PPM_TRAVEL, Ppm};
 pub use sbus::{SBUS_TRAVEL, Sbus, SbusFrame, pulse_width};
 pub use serial::{Parity, SerialSettings};
 pub use travel::{DEAD_BAND, Travel};
-pub use vt03::{Mode, Vt03, Vt03Frame};
+pub use vt03::{Vt03, Vt03Frame};
 pub use watch::Watch;
 
 /// The state of a remote control: one frame of any receiver.

@@ -35,13 +35,6 @@ impl ChannelMap<8> {
 }
 
 impl Ppm {
-    /// A line of which nothing was heard.
-    #[must_use]
-    pub const fn new() -> Self {
-        let counters = Counters { frames: 0, damaged: 0, skipped: 0, port_errors: 0 };
-        Self { last: None, channels: [0; 8], count: None, counters }
-    }
-
     /// A rising edge at this time; the frame, 950 ..= 2050 µs a channel, if it ended one.
     pub fn edge(&mut self, at: Micros) -> Option<[u16; 8]> {
         let interval = at.since(self.last.replace(at)?).get();
@@ -108,7 +101,7 @@ mod tests {
 
     /// How many of these and one good frame come through, and how many are dropped.
     fn outcome(intervals: &[u64]) -> (usize, u32) {
-        let mut ppm = Ppm::new();
+        let mut ppm = Ppm::default();
         assert_eq!(frames(&mut ppm, &[5000]).len(), 0);
         let before = frames(&mut ppm, intervals).len();
         assert_eq!(frames(&mut ppm, &FRAME), [HEARD], "after {intervals:?}");
@@ -117,7 +110,7 @@ mod tests {
 
     #[test]
     fn eight_channels_between_two_ends_are_a_frame() {
-        let mut ppm = Ppm::new();
+        let mut ppm = Ppm::default();
         // The first one is not known to be whole.
         assert_eq!(frames(&mut ppm, &FRAME).len(), 0);
         assert_eq!(frames(&mut ppm, &FRAME), [HEARD]);
@@ -143,7 +136,7 @@ mod tests {
     #[test]
     fn a_whole_frame_that_ends_too_late_is_old() {
         assert_eq!(outcome(&[&FRAME[..8], &[100_000]].concat()), (1, 0));
-        let mut ppm = Ppm::new();
+        let mut ppm = Ppm::default();
         frames(&mut ppm, &[5000]);
         assert_eq!(frames(&mut ppm, &FRAME[..8]).len(), 0);
         assert_eq!(frames(&mut ppm, &[100_001]).len(), 0);
@@ -155,7 +148,7 @@ mod tests {
 
     #[test]
     fn time_that_goes_backwards_is_no_channel() {
-        let mut ppm = Ppm::new();
+        let mut ppm = Ppm::default();
         frames(&mut ppm, &[5000, 1500]);
         assert_eq!(ppm.edge(Micros::ZERO), None);
         assert_eq!(frames(&mut ppm, &FRAME).len(), 0);

@@ -1,3 +1,4 @@
+use crc::{CRC_16_MCRF4XX, Crc, NoTable};
 use heapless::Vec;
 
 use super::channels::eleven_bits;
@@ -10,26 +11,14 @@ use crate::{Found, Protocol};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vt03;
 
-/// The switch in the middle of the remote.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Mode {
-    /// Cine, on the left.
-    C,
-    /// Normal.
-    N,
-    /// Sport, on the right.
-    S,
-}
-
 /// One frame of a VT03.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Vt03Frame {
     /// 364 ..= 1684, middle 1024: right x, y, and the left two, on whose order sources disagree.
     pub channels: [u16; 4],
-    /// The switch.
-    pub mode: Mode,
+    /// The switch in the middle of the remote: cine (C) is down, normal (N) middle, sport (S) up.
+    pub mode: Switch,
     /// The pause button is pressed.
     pub pause: bool,
     /// The button on the left that is free for use, fn1.
@@ -51,16 +40,7 @@ pub struct Vt03Frame {
 const HEADER: [u8; 2] = [0xA9, 0x53];
 const LENGTH: usize = 21;
 
-/// CRC-16/MCRF4XX: polynomial 1021, reflected, from FFFF.
-///
-/// Without a table: the taps of x¹⁶ + x¹² + x⁵ + 1 move a byte to three places.
-fn crc(bytes: &[u8]) -> u16 {
-    bytes.iter().fold(0xFFFF, |crc: u16, byte| {
-        let mixed = (crc ^ u16::from(*byte)) & 0xFF;
-        let fed = (mixed ^ mixed << 4) & 0xFF;
-        crc >> 8 ^ fed << 8 ^ fed << 3 ^ fed >> 4
-    })
-}
+const CRC: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_MCRF4XX);
 
 impl Protocol for Vt03 {
     type Message = Vt03Frame;
@@ -73,7 +53,7 @@ impl Protocol for Vt03 {
         let Some([checked @ .., low, high]) = bytes.first_chunk::<LENGTH>() else {
             return Found::More(if bytes.len() < HEADER.len() { HEADER.len() } else { LENGTH });
         };
-        if crc(checked) != u16::from_le_bytes([*low, *high]) {
+        if CRC.checksum(checked) != u16::from_le_bytes([*low, *high]) {
             return Found::Damaged;
         }
         Vt03Frame::unpack(checked).map_or(Found::Damaged, |frame| Found::Frame(LENGTH, frame))
@@ -88,9 +68,9 @@ impl Vt03Frame {
         Some(Self {
             channels: eleven_bits(sticks),
             mode: match b5 >> 4 & 3 {
-                0 => Mode::C,
-                1 => Mode::N,
-                2 => Mode::S,
+                0 => Switch::Down,
+                1 => Switch::Middle,
+                2 => Switch::Up,
                 _ => return None,
             },
             pause: flag(b5, 6),
@@ -126,11 +106,7 @@ impl Vt03Frame {
                 (false, true) => Switch::Up,
                 (false, false) => Switch::Middle,
             },
-            right_switch: match self.mode {
-                Mode::C => Switch::Down,
-                Mode::N => Switch::Middle,
-                Mode::S => Switch::Up,
-            },
+            right_switch: self.mode,
             dial: dbus::TRAVEL.share(self.wheel),
             mouse: Mouse { motion: self.mouse_motion, left, right, middle },
             keys: Keys(u32::from(self.keys) | buttons << 16),
@@ -148,7 +124,7 @@ mod tests {
         frame[..2].copy_from_slice(&HEADER);
         frame[2..10].copy_from_slice(&bits.to_le_bytes());
         frame[10..19].copy_from_slice(&rest);
-        let crc = crc(&frame[..19]);
+        let crc = CRC.checksum(&frame[..19]);
         frame[19..].copy_from_slice(&crc.to_le_bytes());
         frame
     }
@@ -164,7 +140,7 @@ mod tests {
 
     #[test]
     fn the_checksum_is_that_of_the_catalogue() {
-        assert_eq!(crc(b"123456789"), 0x6F91);
+        assert_eq!(CRC.checksum(b"123456789"), 0x6F91);
     }
 
     #[test]

@@ -40,7 +40,7 @@ const BYTE: u64 = 800;
 impl Package {
     /// Switched on at time zero, level and at rest.
     pub fn new() -> Self {
-        let (wires, chip) = (Wires::Good, Bmi088::new());
+        let (wires, chip) = (Wires::Good, Bmi088::default());
         Self { now: 0, wires, is_swapped: false, transferred: 0, chip }
     }
 

@@ -99,7 +99,7 @@ impl<'r> Emulation<'r> {
         let options = Options { seed: setup.seed, board, ..Options::default() };
         let mut machine = Machine::with(program, options)?;
         if let Some(base) = &base {
-            machine.mount_on(base);
+            machine.parts.base = Some(base.clone());
         }
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
@@ -187,7 +187,7 @@ impl Running for Emulation<'_> {
     fn run_to(&mut self, until: Micros) -> Result<()> {
         self.run(until.into())?;
         let machine = &self.rig.machine;
-        if let (None, Some(other)) = (machine.ready(), foreign::chip_of(machine.reports())) {
+        if let (None, Some(other)) = (machine.ready, foreign::chip_of(&machine.reports)) {
             bail!("this ELF is not for an STM32H723: {other}");
         }
         Ok(())
@@ -202,7 +202,7 @@ impl Running for Emulation<'_> {
     }
 
     fn wires(&self) -> &[Bus] {
-        self.rig.buses()
+        &self.rig.buses
     }
 
     fn sight(&self) -> Option<Sight<'_>> {
@@ -214,10 +214,10 @@ impl Running for Emulation<'_> {
     fn take_frames(&mut self) -> Vec<Vec<TraceEntry>> {
         let mut frames = Vec::new();
         for ((log, heard), bus) in
-            self.rig.logs().iter().zip(&mut self.heard).zip(&mut self.listeners)
+            self.rig.logs.iter().zip(&mut self.heard).zip(&mut self.listeners)
         {
-            let new = log.frames[*heard..].to_vec();
-            *heard = log.frames.len();
+            let new = log[*heard..].to_vec();
+            *heard = log.len();
             for entry in new.iter().filter(|entry| !entry.from_controller) {
                 bus.on_frame(&entry.frame, entry.at);
             }
@@ -264,8 +264,8 @@ impl Running for Emulation<'_> {
 #[must_use]
 pub fn content_hash(rig: &Rig) -> String {
     let mut hash = Sha256::new();
-    for log in rig.logs() {
-        for TraceEntry { frame, .. } in &log.frames {
+    for log in &rig.logs {
+        for TraceEntry { frame, .. } in log {
             hash.update(frame.key().to_le_bytes());
             hash.update([frame.len() as u8]);
             hash.update(frame.bytes());

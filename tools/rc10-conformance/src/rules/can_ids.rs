@@ -1,10 +1,10 @@
 use rc10_can::CanFrame;
-use rc10_can::embedded_can::Id;
+use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_motor::{CanIds, Frames, Ownership, SafeState};
 
 use crate::case::Case;
 use crate::harness::Sent;
-use crate::outcome::{Findings, Outcome, broken};
+use crate::outcome::{Findings, Outcome, must};
 use crate::recorder::name_and_ids;
 use crate::rig::Rig;
 
@@ -73,22 +73,14 @@ pub(super) fn frames_are_declared(case: &Case<'_>, found: &mut Findings) {
 
 /// Whether a key is that of an identifier which the motor occupies.
 fn occupies(ids: &CanIds, key: u32) -> bool {
+    let standard = u16::try_from(key).ok().and_then(StandardId::new).map(Id::from);
+    let extended = ExtendedId::new(key & 0x3FFF_FFFF).map(Id::from);
+    let has_key = |id: &Id| CanFrame::key_of(*id) == key;
+    let Some(id) = standard.into_iter().chain(extended).find(has_key) else { return false };
     let sent = ids.transmitted().iter().map(|transmit| transmit.pattern);
     let received = ids.received().iter().map(|receive| receive.pattern);
     let listens = ids.listened_to().iter().copied();
-    sent.chain(received).chain(listens).any(|pattern| {
-        // An identifier of the pattern that has this key, if there is one.
-        let id = match pattern.id() {
-            Id::Standard(_) => rc10_can::embedded_can::StandardId::new(
-                u16::try_from(key & 0x3FFF_FFFF).unwrap_or(u16::MAX),
-            )
-            .map(Id::from),
-            Id::Extended(_) => {
-                rc10_can::embedded_can::ExtendedId::new(key & 0x3FFF_FFFF).map(Id::from)
-            }
-        };
-        id.is_some_and(|id| CanFrame::key_of(id) == key && pattern.contains(id))
-    })
+    sent.chain(received).chain(listens).any(|pattern| pattern.contains(id))
 }
 
 pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {
@@ -115,8 +107,7 @@ pub(super) fn few_frames_a_tick(case: &Case<'_>, found: &mut Findings) {
 
 pub(super) fn load_is_as_declared(case: &Case<'_>, found: &mut Findings) {
     let Some(ids) = case.can_ids() else { return };
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         let _ = rig.bench.take_traffic();
         count(rig, &ids)
     }));
@@ -124,8 +115,7 @@ pub(super) fn load_is_as_declared(case: &Case<'_>, found: &mut Findings) {
 
 /// Counts frames for a second.
 fn count(rig: &mut Rig<'_>, ids: &CanIds) -> Outcome {
-    let cruise = rig.cruise();
-    rig.wait(Some(cruise), 1000);
+    rig.wait(Some(rig.cruise()), 1000);
     let at = rig.now();
     let (mut sent, mut received) = (0_u32, 0_u32);
     for traffic in rig.bench.take_traffic() {
@@ -141,20 +131,18 @@ fn count(rig: &mut Rig<'_>, ids: &CanIds) -> Outcome {
             .received()
             .iter()
             .any(|receive| receive.contains(frame) && frame.len() == usize::from(receive.len));
-        if !is_declared {
-            return broken(traffic.at, format!("{frame} comes from the device"));
-        }
+        must(traffic.at, is_declared, || format!("{frame} comes from the device"))?;
     }
     let rates = || ids.received().iter().map(|receive| receive.rate.per_second());
     let most: u32 = rates().sum();
     let fastest = rates().max().unwrap_or(0);
     let commands: u32 = ids.transmitted().iter().map(|t| t.rate.per_second()).sum();
     // A tenth for what is rare.
-    if received > most + most / 10 || received < fastest - fastest / 5 {
-        return broken(at, format!("{received} frames came in a second, {most} are declared"));
-    }
-    if sent > commands + commands / 10 {
-        return broken(at, format!("{sent} frames were sent in a second, {commands} are declared"));
-    }
+    must(at, received <= most + most / 10 && received >= fastest - fastest / 5, || {
+        format!("{received} frames came in a second, {most} are declared")
+    })?;
+    must(at, sent <= commands + commands / 10, || {
+        format!("{sent} frames were sent in a second, {commands} are declared")
+    })?;
     Ok(())
 }

@@ -27,38 +27,28 @@ fn for_each_fault(
         if case.declared.untold_faults.iter().any(|(untold, _)| *untold == fault) {
             continue;
         }
-        found.note(case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
+        found.note(case.going(SafeState::Coast, |rig| {
             if rig.esc.inject(fault) { scenario(rig, fault) } else { Ok(()) }
         }));
     }
 }
 
 fn is_told(rig: &mut Rig<'_>, fault: EscFault) -> Outcome {
-    let cruise = rig.cruise();
-    for _ in 0..TOLD_WITHIN {
-        rig.tick(Some(cruise));
-        if rig.status().fault.is_some() {
-            return Ok(());
-        }
-    }
-    broken(rig.now(), format!("{fault:?} is not told in {TOLD_WITHIN} ms"))
+    let is_told = rig.until(Some(rig.cruise()), TOLD_WITHIN, |rig| rig.status().fault.is_some());
+    rig.must(is_told, || format!("{fault:?} is not told in {TOLD_WITHIN} ms"))
 }
 
 pub(super) fn fault_is_told(case: &Case<'_>, found: &mut Findings) {
     for_each_fault(case, found, |rig, fault| {
         is_told(rig, fault)?;
-        let cruise = rig.cruise();
         let text = rig.status().fault.map_or("", |fault| fault.text);
-        if text.trim().is_empty() {
-            return broken(rig.now(), format!("{fault:?} is told without a word"));
-        }
-        rig.tick(Some(cruise));
+        rig.must(!text.trim().is_empty(), || format!("{fault:?} is told without a word"))?;
+        rig.tick(Some(rig.cruise()));
         let drive = rig.status().drive;
-        if drive != DriveMode::Coast {
-            return broken(rig.now(), format!("with {fault:?} (\"{text}\") it may {drive:?}"));
-        }
-        rig.stops(Some(cruise), &format!("after {fault:?} was told"))
+        rig.must(drive == DriveMode::Coast, || {
+            format!("with {fault:?} (\"{text}\") it may {drive:?}")
+        })?;
+        rig.stops(Some(rig.cruise()), &format!("after {fault:?} was told"))
     });
 }
 
@@ -71,11 +61,11 @@ pub(super) fn fault_waits(case: &Case<'_>, found: &mut Findings) {
         rig.wait(Some(cruise), rig.declared.stops_within);
         rig.rests(Some(cruise), (0, 300), &format!("of commands after {fault:?}"))?;
         rig.is_disabled(&format!("after {fault:?}"))?;
-        restart(rig);
+        rig.restart(cruise, 100);
+        rig.wait(Some(cruise), 1);
         rig.rests(Some(cruise), (0, 300), &format!("after a restart, with {fault:?} not cleared"))?;
         rig.is_disabled(&format!("after a restart, with {fault:?} not cleared"))?;
-        let answer = rig.ask(Request::ClearFault);
-        if let Err(error) = answer {
+        if let Err(error) = rig.ask(Request::ClearFault) {
             return broken(rig.now(), format!("clearing {fault:?}: {error}"));
         }
         rig.wait(Some(cruise), 100);
@@ -96,12 +86,4 @@ pub(super) fn fault_waits(case: &Case<'_>, found: &mut Findings) {
         }
         rig.rests(Some(cruise), (0, 200), &format!("while {fault:?} is still there"))
     });
-}
-
-fn restart(rig: &mut Rig<'_>) {
-    let cruise = rig.cruise();
-    rig.esc.set_power(false);
-    rig.wait(Some(cruise), 100);
-    rig.esc.set_power(true);
-    rig.wait(Some(cruise), 1);
 }

@@ -1,10 +1,10 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Frames, Link, Request, Tick, TxBatch};
+use rc10_motor::{CanIds, DriveMode, FrameError, Frames, Link, Request, Tick, TxBatch};
 use rc10_sim::Random;
 
 use crate::case::Case;
-use crate::outcome::{Findings, Outcome, broken};
+use crate::outcome::{Findings, Outcome, broken, must};
 use crate::recorder::{Call, Told, not_finite, replay};
 
 /// Eight bytes; in every fourth case such as make infinities and NaN of any float.
@@ -19,20 +19,16 @@ const fn bytes(random: &mut Random) -> [u8; 8] {
 /// An identifier of a pattern.
 fn id_of(pattern: &IdPattern, random: &mut Random) -> Id {
     let free = random.bits() & !u64::from(pattern.mask());
-    match pattern.id() {
-        Id::Standard(id) => standard(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
-        Id::Extended(id) => extended(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
+    id(pattern.is_extended(), u64::from(pattern.raw() & pattern.mask()) | free)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
+fn id(is_extended: bool, bits: u64) -> Id {
+    if is_extended {
+        ExtendedId::new(bits as u32 & 0x1FFF_FFFF).unwrap_or(ExtendedId::ZERO).into()
+    } else {
+        StandardId::new(bits as u16 & 0x7FF).unwrap_or(StandardId::ZERO).into()
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
-fn standard(bits: u64) -> Id {
-    StandardId::new(bits as u16 & 0x7FF).unwrap_or(StandardId::ZERO).into()
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
-fn extended(bits: u64) -> Id {
-    ExtendedId::new(bits as u32 & 0x1FFF_FFFF).unwrap_or(ExtendedId::ZERO).into()
 }
 
 fn frame(id: Id, bytes: &[u8]) -> CanFrame {
@@ -76,46 +72,33 @@ fn change_nothing(
             Err(error) if is_right(&frame, error) => (),
             answer => return broken(at, format!("{frame} ({} bytes): {answer:?}", frame.len())),
         }
-        if Told::of(&*motor) != told {
-            return broken(at, format!("{frame} changed what the motor says of itself"));
-        }
+        must(at, Told::of(&*motor) == told, || {
+            format!("{frame} changed what the motor says of itself")
+        })?;
     }
     let few = &after[..after.len().min(100)];
-    if replay(&mut *motor, few) == replay(&mut *twin, few) {
-        return Ok(());
-    }
-    broken(at, "after them it sends other frames than without")
+    must(at, replay(&mut *motor, few) == replay(&mut *twin, few), || {
+        "after them it sends other frames than without".to_owned()
+    })
 }
 
 pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
     let Some(ids) = case.can_ids() else { return };
     let mut random = Random::new(1);
     // Neighbours first: the identifiers that differ from its own by a bit.
-    let near: Vec<Id> = ids
-        .received()
-        .iter()
-        .flat_map(|Frames { pattern, .. }| match pattern.id() {
-            Id::Standard(id) => {
-                let raw = u64::from(id.as_raw());
-                (0..11).map(|bit| standard(raw ^ 1 << bit)).chain([extended(raw)]).collect()
-            }
-            Id::Extended(id) => {
-                let raw = u64::from(id.as_raw());
-                let other = (0..29).map(|bit| extended(raw ^ 1 << bit));
-                other.chain([standard(raw)]).collect::<Vec<_>>()
-            }
-        })
-        .collect();
+    let near = ids.received().iter().flat_map(|Frames { pattern, .. }| {
+        let (is_extended, raw) = (pattern.is_extended(), u64::from(pattern.raw()));
+        let neighbours =
+            (0..if is_extended { 29 } else { 11 }).map(move |bit| id(is_extended, raw ^ 1 << bit));
+        neighbours.chain([id(!is_extended, raw)])
+    });
     let commands = ids.transmitted().iter().map(|transmit| transmit.pattern.id());
-    let others: Vec<Id> = near
-        .into_iter()
-        .chain(commands)
-        .chain((0..5000).map(|_| {
-            let bits = random.bits();
-            if bits & 1 == 0 { standard(bits >> 1) } else { extended(bits >> 1) }
-        }))
-        .filter(|id| !is_own(&ids, *id))
-        .collect();
+    let any = (0..5000).map(|_| {
+        let bits = random.bits();
+        id(bits & 1 == 1, bits >> 1)
+    });
+    let is_foreign = |id: &Id| !is_own(&ids, *id);
+    let others: Vec<Id> = near.chain(commands).chain(any).filter(is_foreign).collect();
     let foreign = others.into_iter().map(|id| {
         let len = random.bits() % 9;
         let bytes = bytes(&mut random);
@@ -179,7 +162,11 @@ fn content(case: &Case<'_>, receive: &Frames) -> Outcome {
     let Some(mut motor) = case.can_motor() else { return Ok(()) };
     replay(&mut *motor, before);
     let mut at = motor.feedback().at;
-    let real: Vec<CanFrame> = before.iter().filter_map(|call| frame_of(call, receive)).collect();
+    let own = |call: &Call| match call {
+        Call::Frame(frame, ..) if receive.pattern.matches(frame) => Some(*frame),
+        _ => None,
+    };
+    let real: Vec<CanFrame> = before.iter().filter_map(own).collect();
     for turn in 0..4000_usize {
         at += Micros::new(random.bits() % 3000);
         let mut bytes = bytes(&mut random);
@@ -196,44 +183,31 @@ fn content(case: &Case<'_>, receive: &Frames) -> Outcome {
         let told = Told::of(&*motor);
         let heard = motor.unpack_feedback(&frame, at, Link::Online);
         let now = Told::of(&*motor);
-        if heard.is_err() && now != told {
-            return broken(at, format!("{frame} was refused and changed something"));
-        }
+        must(at, heard.is_ok() || now == told, || {
+            format!("{frame} was refused and changed something")
+        })?;
         if let Some(name) = not_finite(&now.feedback) {
             return broken(at, format!("{frame} makes the {name} infinite or NaN"));
         }
         // That it lies within a turn is another rule.
         let (angle, total) = (now.feedback.angle.get(), now.feedback.total_angle);
         let apart = (total.within_turn().get() - angle).rem_euclid(360.0);
-        if apart.min(360.0 - apart) > 1e-3 {
-            return broken(at, format!("{frame} makes its angle {angle}, and {total:?} in all"));
-        }
+        must(at, apart.min(360.0 - apart) <= 1e-3, || {
+            format!("{frame} makes its angle {angle}, and {total:?} in all")
+        })?;
         let drive = DRIVES[usize::from(random.bits().to_le_bytes()[0]) % DRIVES.len()];
         let trials = &case.declared.trials;
         if !trials.is_empty() {
             let _ = motor.set_target(trials[turn % trials.len()].target);
         }
-        drive_on(&mut *motor, drive);
+        let _ = motor.request(Request::ClearFault);
+        let _ = motor.response();
+        motor.update(&Tick::new(drive));
+        let _ = motor.pack_command(&mut TxBatch::new());
     }
     // And it takes real ones still.
     replay(&mut *motor, &after[..after.len().min(100)]);
     Ok(())
-}
-
-/// A frame that the motor really got.
-fn frame_of(call: &Call, receive: &Frames) -> Option<CanFrame> {
-    match call {
-        Call::Frame(frame, ..) if receive.pattern.matches(frame) => Some(*frame),
-        _ => None,
-    }
-}
-
-/// A tick of a motor that has just heard nonsense.
-fn drive_on(motor: &mut dyn CanMotor, drive: DriveMode) {
-    let _ = motor.request(Request::ClearFault);
-    let _ = motor.response();
-    motor.update(&Tick::new(drive));
-    let _ = motor.pack_command(&mut TxBatch::new());
 }
 
 pub(super) fn feedback_at(case: &Case<'_>, found: &mut Findings) {

@@ -3,7 +3,7 @@ use rc10_motor::{Impedance, SafeState, Target, TargetKind};
 
 use crate::case::Case;
 use crate::declaration::Declaration;
-use crate::outcome::{Findings, Halt, Outcome, broken};
+use crate::outcome::{Findings, Halt, Outcome};
 use crate::rig::Rig;
 
 /// The spring of the declaration.
@@ -33,10 +33,6 @@ impl Law {
         let damper = f64::from(kd) * (6.0 * slip).to_radians();
         spring + damper + f64::from(torque.get())
     }
-}
-
-fn full(rig: &Rig<'_>) -> f64 {
-    rig.declared.full_torque.get().into()
 }
 
 /// Terms of a law, as shares of the largest torque: of the spring where the shaft is, of the damper
@@ -84,10 +80,9 @@ pub(super) fn obeys_the_law(case: &Case<'_>, found: &mut Findings) {
             for _ in 0..300 {
                 rig.tick(Some(target));
                 let (is, should) = (rig.esc.state().torque, law.torque(rig));
-                if (is - should).abs() > NEAR * full(rig) {
-                    let what = format!("{is:.3} N m, not {should:.3}, with {:?}", law.asked);
-                    return broken(rig.now(), what);
-                }
+                rig.must((is - should).abs() <= NEAR * rig.full_torque(), || {
+                    format!("{is:.3} N m, not {should:.3}, with {:?}", law.asked)
+                })?;
             }
             Ok(())
         }));
@@ -151,16 +146,12 @@ fn grows(rig: &mut Rig<'_>, before: Before) -> Outcome {
             rig.esc.set_load(-should);
         }
         // A millisecond for the first one, and one for the frame's delay.
-        let most = f64::from(driven + 2) / f64::from(SOFT_TIME) * full(rig);
-        if is.abs() > most {
-            let what = format!("{before:?} before, {is:.3} N m after {driven} ms");
-            return broken(rig.now(), what);
-        }
+        let most = f64::from(driven + 2) / f64::from(SOFT_TIME) * rig.full_torque();
+        rig.must(is.abs() <= most, || format!("{before:?} before, {is:.3} N m after {driven} ms"))?;
         let is_late = driven > SOFT_TIME + ON_ITS_WAY;
-        if is_late && (is - should).abs() > NEAR * full(rig) {
-            let what = format!("{before:?} before, {is:.3} N m, not {should:.3}, {driven} ms on");
-            return broken(rig.now(), what);
-        }
+        rig.must(!is_late || (is - should).abs() <= NEAR * rig.full_torque(), || {
+            format!("{before:?} before, {is:.3} N m, not {should:.3}, {driven} ms on")
+        })?;
     }
     if driven > SOFT_TIME + ON_ITS_WAY { Ok(()) } else { Err(Halt::Stuck) }
 }
@@ -172,11 +163,9 @@ fn keeps_its_equilibrium(rig: &mut Rig<'_>, before: Before) -> Outcome {
     for past in 0..rig.declared.enables_within + 150 {
         rig.tick(Some(target));
         let torque = rig.esc.state().torque;
-        if torque.abs() > NEAR * full(rig) {
-            let what =
-                format!("{before:?} before, {torque:.3} N m where its law has none, {past} ms on");
-            return broken(rig.now(), what);
-        }
+        rig.must(torque.abs() <= NEAR * rig.full_torque(), || {
+            format!("{before:?} before, {torque:.3} N m where its law has none, {past} ms on")
+        })?;
     }
     Ok(())
 }

@@ -11,27 +11,17 @@ const SHARE: f32 = 0.4;
 
 /// A limit that is lower than the effort, and the effort that is just as large.
 fn lowered(target: Target) -> Option<(Request, Target)> {
-    let current =
-        |amps: Amps| (Request::CurrentLimit(Amps::new(amps.get().abs() * SHARE)), amps * SHARE);
-    match target {
-        Target::Current(amps) => {
-            let (limit, amps) = current(amps);
-            Some((limit, Target::Current(amps)))
-        }
-        Target::Brake(amps) => {
-            let (limit, amps) = current(amps);
-            Some((limit, Target::Brake(amps)))
-        }
-        Target::Handbrake(amps) => {
-            let (limit, amps) = current(amps);
-            Some((limit, Target::Handbrake(amps)))
-        }
+    let limit = |amps: Amps| Request::CurrentLimit(Amps::new(amps.get().abs() * SHARE));
+    Some(match target {
+        Target::Current(amps) => (limit(amps), Target::Current(amps * SHARE)),
+        Target::Brake(amps) => (limit(amps), Target::Brake(amps * SHARE)),
+        Target::Handbrake(amps) => (limit(amps), Target::Handbrake(amps * SHARE)),
         Target::Torque(torque) => {
             let limit = NewtonMetres::new(torque.get().abs() * SHARE);
-            Some((Request::TorqueLimit(limit), Target::Torque(torque * SHARE)))
+            (Request::TorqueLimit(limit), Target::Torque(torque * SHARE))
         }
-        _ => None,
-    }
+        _ => return None,
+    })
 }
 
 pub(super) fn limits_bound_efforts(case: &Case<'_>, found: &mut Findings) {
@@ -40,22 +30,12 @@ pub(super) fn limits_bound_efforts(case: &Case<'_>, found: &mut Findings) {
             continue;
         };
         // The device may have limits of its own: what counts is what it is sent.
-        let (mut beyond, mut within) = (Vec::new(), Vec::new());
-        let tried = case.alone(SafeState::Coast, |rig| {
-            beyond = sent(rig, limit, trial.target)?;
-            Ok(())
-        });
-        let tried = tried.and_then(|()| {
-            case.alone(SafeState::Coast, |rig| {
-                within = sent(rig, limit, least)?;
-                Ok(())
-            })
-        });
-        found.note(tried.and_then(|()| is_same(&beyond, &within, trial.target, limit)));
-        found.note(case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
-            gives_no_more_than_all(rig, trial.target)
+        let sent = |target| case.going(SafeState::Coast, |rig| sent(rig, limit, target));
+        found.note(sent(trial.target).and_then(|beyond| {
+            let within = sent(least)?;
+            is_same(&beyond, &within, trial.target, limit)
         }));
+        found.note(case.going(SafeState::Coast, |rig| gives_no_more_than_all(rig, trial.target)));
     }
 }
 
@@ -66,13 +46,13 @@ fn gives_no_more_than_all(rig: &mut Rig<'_>, target: Target) -> Outcome {
         Target::Torque(_) => Target::Torque(NewtonMetres::new(f32::MAX)),
         _ => return Ok(()),
     };
-    let full = f64::from(rig.declared.full_torque.get());
+    let full = rig.full_torque();
     for _ in 0..100 {
         rig.tick(Some(most));
         let torque = rig.esc.state().torque;
-        if torque.abs() > 1.05 * full {
-            return broken(rig.now(), format!("with {most:?}, {torque:.3} N m of {full:.3}"));
-        }
+        rig.must(torque.abs() <= 1.05 * full, || {
+            format!("with {most:?}, {torque:.3} N m of {full:.3}")
+        })?;
     }
     Ok(())
 }
@@ -89,7 +69,6 @@ fn is_same(beyond: &[Sent], within: &[Sent], target: Target, limit: Request) -> 
 /// What goes to a device that turns while its motor has a target beyond a limit; nothing of a motor
 /// that has no such limit.
 fn sent(rig: &mut Rig<'_>, limit: Request, target: Target) -> Result<Vec<Sent>, Halt> {
-    rig.get_going()?;
     match rig.bench.request(rig.motor, limit) {
         Ok(Response::Done) => (),
         Err(RequestError::Unsupported) => return Ok(Vec::new()),

@@ -21,23 +21,16 @@ pub(super) fn set_zero(case: &Case<'_>, found: &mut Findings) {
     if early != Err(RequestError::NoFeedback) {
         found.add(None, format!("before any feedback: {early:?}, not NoFeedback"));
     }
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         rig.esc.set_load(0.0);
         rig.wait(None, 50);
         // However long it turns on: it is stopped.
         rig.switch.disarm();
-        for _ in 0..20_000 {
-            rig.tick(None);
-            if rig.esc.state().output_rpm.abs() < 0.01 {
-                break;
-            }
-        }
+        let _ = rig.until(None, 20_000, |rig| rig.esc.state().output_rpm.abs() < 0.01);
         rig.wait(None, 50);
-        match rig.bench.request(rig.motor, Request::SetZero) {
-            Ok(Response::Done) => zero_moves_nothing(rig, 0.5),
-            answer => broken(rig.now(), format!("SetZero: {answer:?}")),
-        }
+        let answer = rig.bench.request(rig.motor, Request::SetZero);
+        rig.must(answer == Ok(Response::Done), || format!("SetZero: {answer:?}"))?;
+        zero_moves_nothing(rig, 0.5)
     }));
     if case.motor().supports().contains(TargetKind::TotalAngle) {
         let patient = Safety { command_expiry: Safety::LONGEST_EXPIRY, ..Safety::COAST };
@@ -68,13 +61,9 @@ fn zero_moves_nothing(rig: &mut Rig<'_>, most: f64) -> Outcome {
         rig.tick(None);
         let feedback = rig.status().feedback;
         let moved = rig.esc.state().output_degrees - start;
-        if moved.abs() > most {
-            return broken(rig.now(), format!("it moves {moved:.1} degrees"));
-        }
-        if !is_zero(&feedback) {
-            let (angle, total) = (feedback.angle, feedback.total_angle.degrees());
-            return broken(rig.now(), format!("angle {angle:?}, total angle {total:?}"));
-        }
+        rig.must(moved.abs() <= most, || format!("it moves {moved:.1} degrees"))?;
+        let (angle, total) = (feedback.angle, feedback.total_angle.degrees());
+        rig.must(is_zero(&feedback), || format!("angle {angle:?}, total angle {total:?}"))?;
     }
     Ok(())
 }
@@ -93,9 +82,7 @@ pub(super) fn requests_are_checked(case: &Case<'_>, found: &mut Findings) {
                 let answer = rig.bench.request(rig.motor, request);
                 let right =
                     matches!(answer, Err(RequestError::Config(_) | RequestError::Unsupported));
-                if !right {
-                    return broken(rig.now(), format!("{request:?}: {answer:?}"));
-                }
+                rig.must(right, || format!("{request:?}: {answer:?}"))?;
             }
         }
         Ok(())
@@ -105,8 +92,7 @@ pub(super) fn requests_are_checked(case: &Case<'_>, found: &mut Findings) {
 pub(super) fn set_up_while_disarmed(case: &Case<'_>, found: &mut Findings) {
     for request in [Request::StoreZero, Request::WriteRegister(u16::MAX, 0), Request::SaveRegisters]
     {
-        found.note(case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
+        found.note(case.going(SafeState::Coast, |rig| {
             let answer = rig.bench.request(rig.motor, request);
             match answer {
                 Err(RequestError::NotWhileArmed | RequestError::Unsupported) => Ok(()),
@@ -143,9 +129,9 @@ fn is_answered(rig: &mut Rig<'_>, request: Request, is_silent: bool) -> Outcome 
         return Ok(());
     }
     let second = rig.bench.request(rig.motor, request);
-    if second != Err(RequestError::Busy) {
-        return broken(rig.now(), format!("{request:?} is pending; the same again: {second:?}"));
-    }
+    rig.must(second == Err(RequestError::Busy), || {
+        format!("{request:?} is pending; the same again: {second:?}")
+    })?;
     match rig.response() {
         None => return broken(rig.now(), format!("{request:?} is pending for ever")),
         Some(Err(RequestError::Timeout)) => (),
@@ -169,15 +155,12 @@ pub(super) fn clear_fault_moves_nothing(case: &Case<'_>, found: &mut Findings) {
     found.note(case.alone(SafeState::Coast, |rig| {
         rig.is_heard().map_err(|_| Halt::Stuck)?;
         clear(rig)?;
-        let cruise = rig.cruise();
-        rig.rests(Some(cruise), (0, 200), "after ClearFault while disarmed")
+        rig.rests(Some(rig.cruise()), (0, 200), "after ClearFault while disarmed")
     }));
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         rig.watch();
         clear(rig)?;
-        let cruise = rig.cruise();
-        rig.goes_again(cruise, "after ClearFault")?;
+        rig.goes_again(rig.cruise(), "after ClearFault")?;
         rig.was_soft("after ClearFault")
     }));
 }

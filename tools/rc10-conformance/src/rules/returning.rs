@@ -2,7 +2,7 @@ use rc10_app::TotalAngle;
 use rc10_motor::{SafeState, Target, TargetKind};
 
 use crate::case::Case;
-use crate::outcome::{Findings, Halt, Outcome, broken};
+use crate::outcome::{Findings, Halt, Outcome};
 use crate::rig::Rig;
 
 /// A speed is approached gently anyway; a torque is a step and shows whether the start is soft, and
@@ -29,8 +29,7 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
     // Longer than its link lasts.
     let short = case.motor().link_timeout().saturating_add(3).max(60);
     for millis in [short, short + 340] {
-        found.note(case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
+        found.note(case.going(SafeState::Coast, |rig| {
             rig.esc.set_load(0.0);
             // What is wanted when it comes back is far from what it does.
             let back = rig.declared.backward();
@@ -57,13 +56,10 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
 
 pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
     for millis in [3, 300, 1500] {
-        found.note(case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
+        found.note(case.going(SafeState::Coast, |rig| {
             rig.esc.set_load(0.0);
             let cruise = rig.cruise();
-            rig.esc.set_power(false);
-            rig.wait(Some(cruise), millis);
-            rig.esc.set_power(true);
+            rig.restart(cruise, millis);
             rig.watch();
             let when = format!("restarted after {millis} ms");
             // It turns on for a while without torque.
@@ -81,9 +77,7 @@ pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
         }
     }
     for_each_effort(case, found, |rig, effort| {
-        rig.esc.set_power(false);
-        rig.wait(Some(effort), 300);
-        rig.esc.set_power(true);
+        rig.restart(effort, 300);
         rig.watch();
         rig.wait(Some(effort), rig.declared.enables_within + 100);
         rig.was_soft(&format!("restarted, with {effort:?},"))
@@ -99,9 +93,7 @@ fn counts_on(rig: &mut Rig<'_>, millis: u32, is_backward: bool) -> Outcome {
     rig.goes_again(target, "").map_err(|_| Halt::Stuck)?;
     rig.wait(Some(target), 100);
     let (start, told) = (rig.esc.state().output_degrees, rig.status().feedback.total_angle);
-    rig.esc.set_power(false);
-    rig.wait(Some(target), millis);
-    rig.esc.set_power(true);
+    rig.restart(target, millis);
     rig.wait(Some(target), rig.declared.enables_within + 500);
     rig.goes_again(target, &format!("restarted after {millis} ms while it turned,"))?;
     rig.wait(Some(target), 100);
@@ -112,16 +104,12 @@ fn counts_on(rig: &mut Rig<'_>, millis: u32, is_backward: bool) -> Outcome {
     } else {
         (0.2..1.2).contains(&(counted / moved))
     };
-    if !is_right {
-        let what = format!(
-            "restarted after {millis} ms, it went {moved:.1} degrees and says {counted:.1}"
-        );
-        return broken(rig.now(), what);
-    }
-    if millis >= SHORT && rig.status().feedback.turn_gaps == 0 {
-        let what = format!("restarted after {millis} ms, it does not say that it missed turns");
-        return broken(rig.now(), what);
-    }
+    rig.must(is_right, || {
+        format!("restarted after {millis} ms, it went {moved:.1} degrees and says {counted:.1}")
+    })?;
+    rig.must(millis < SHORT || rig.status().feedback.turn_gaps != 0, || {
+        format!("restarted after {millis} ms, it does not say that it missed turns")
+    })?;
     if rig.bench.supports(rig.motor).contains(TargetKind::TotalAngle) {
         seeks(rig, millis)?;
     }
@@ -137,8 +125,7 @@ fn seeks(rig: &mut Rig<'_>, millis: u32) -> Outcome {
     let there = Target::TotalAngle(told.plus(TotalAngle::from_degrees(90)));
     rig.wait(Some(there), 2000);
     let moved = rig.esc.state().output_degrees - start;
-    if (moved - 90.0).abs() <= 15.0 {
-        return Ok(());
-    }
-    broken(rig.now(), format!("restarted after {millis} ms, it goes {moved:.1} degrees, not 90"))
+    rig.must((moved - 90.0).abs() <= 15.0, || {
+        format!("restarted after {millis} ms, it goes {moved:.1} degrees, not 90")
+    })
 }

@@ -2,7 +2,7 @@ use rc10_app::Seconds;
 use rc10_motor::{ArmSwitch, Link, Safety, Target};
 
 use crate::case::Case;
-use crate::outcome::{Findings, Halt, Outcome, broken};
+use crate::outcome::{Findings, Halt, Outcome, broken, must};
 
 const MILLISECOND: Seconds = Seconds::new(0.001);
 
@@ -53,23 +53,22 @@ fn share(case: &Case<'_>) -> Outcome {
             let torque = state.torque;
             let pushes = !case.declared.drags(&state) || torque * state.output_rpm > 0.0;
             let is_over = rested > case.declared.stops_within;
-            if is_over && pushes && torque.abs() > f64::from(case.declared.no_torque.get()) {
-                let what = format!("one runs, and the other that coasts gets {torque:.3} N m");
-                return broken(bench.now(), what);
-            }
+            must(
+                bench.now(),
+                !is_over || !pushes || torque.abs() <= f64::from(case.declared.no_torque.get()),
+                || format!("one runs, and the other that coasts gets {torque:.3} N m"),
+            )?;
         }
         for (motor, esc) in motors.iter().zip(&escs) {
             let (told, rpm) = (bench.status(*motor).feedback.speed, esc.state().output_rpm);
-            if (f64::from(told.get()) - rpm).abs() > 0.1 * cruise {
-                let what = format!("one makes {rpm:.1} rpm, and its feedback says {told:?}");
-                return broken(bench.now(), what);
-            }
+            must(bench.now(), (f64::from(told.get()) - rpm).abs() <= 0.1 * cruise, || {
+                format!("one makes {rpm:.1} rpm, and its feedback says {told:?}")
+            })?;
         }
         let rpm = escs[runs].state().output_rpm;
-        if rpm < 0.5 * cruise {
-            let what = format!("motor {runs} makes {rpm:.1} rpm with another on the bus");
-            return broken(bench.now(), what);
-        }
+        must(bench.now(), rpm >= 0.5 * cruise, || {
+            format!("motor {runs} makes {rpm:.1} rpm with another on the bus")
+        })?;
     }
     Ok(())
 }

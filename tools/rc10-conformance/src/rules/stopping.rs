@@ -4,7 +4,7 @@ use rc10_sim::EscFault;
 
 use crate::case::Case;
 use crate::declaration::Claim;
-use crate::outcome::{Findings, Halt, Outcome, broken};
+use crate::outcome::{Findings, Halt, Outcome};
 use crate::rig::Rig;
 
 pub(super) fn silent_before_feedback(case: &Case<'_>, found: &mut Findings) {
@@ -45,32 +45,27 @@ pub(super) fn off_until_armed(case: &Case<'_>, found: &mut Findings) {
 
 pub(super) fn disarm(case: &Case<'_>, found: &mut Findings) {
     for state in [SafeState::Coast, SafeState::Hold] {
-        found.note(case.alone(state, |rig| {
-            rig.get_going()?;
-            let cruise = rig.cruise();
+        found.note(case.going(state, |rig| {
             rig.switch.disarm();
-            rig.stops(Some(cruise), "after disarming")?;
+            rig.stops(Some(rig.cruise()), "after disarming")?;
             rig.is_disabled("after disarming")?;
             rig.watch();
             let _ = rig.switch.arm();
-            rig.goes_again(cruise, "armed again")?;
+            rig.goes_again(rig.cruise(), "armed again")?;
             rig.was_soft("armed again")
         }));
     }
 }
 
 pub(super) fn emergency_stop(case: &Case<'_>, found: &mut Findings) {
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
-        let cruise = rig.cruise();
+    found.note(case.going(SafeState::Coast, |rig| {
         rig.switch.emergency_stop();
-        rig.tick(Some(cruise));
+        rig.tick(Some(rig.cruise()));
         may(rig, DriveMode::Coast)?;
-        rig.stops(Some(cruise), "after the emergency stop")
+        rig.stops(Some(rig.cruise()), "after the emergency stop")
     }));
     // One that holds must be let go by disarming.
-    found.note(case.alone(SafeState::Hold, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Hold, |rig| {
         rig.switch.emergency_stop();
         rig.wait(None, 300);
         may(rig, DriveMode::Hold)?;
@@ -81,35 +76,28 @@ pub(super) fn emergency_stop(case: &Case<'_>, found: &mut Findings) {
 
 fn may(rig: &Rig<'_>, wanted: DriveMode) -> Outcome {
     let drive = rig.status().drive;
-    if drive == wanted {
-        return Ok(());
-    }
-    broken(rig.now(), format!("it may {drive:?}, not {wanted:?}"))
+    rig.must(drive == wanted, || format!("it may {drive:?}, not {wanted:?}"))
 }
 
 pub(super) fn expiry(case: &Case<'_>, found: &mut Findings) {
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         rig.wait(None, 51);
         may(rig, DriveMode::Coast)?;
         rig.stops(None, "after its command had expired")?;
-        let cruise = rig.cruise();
         rig.watch();
-        rig.goes_again(cruise, "commanded again")?;
+        rig.goes_again(rig.cruise(), "commanded again")?;
         rig.was_soft("commanded again")
     }));
 }
 
 pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
     let timeout = case.motor().link_timeout();
-    found.note(case.alone(SafeState::Hold, |rig| {
-        rig.get_going()?;
-        let cruise = rig.cruise();
+    found.note(case.going(SafeState::Hold, |rig| {
         rig.esc.set_feedback(false);
         // A frame may have been on its way.
-        rig.wait(Some(cruise), timeout + 3);
+        rig.wait(Some(rig.cruise()), timeout + 3);
         may(rig, DriveMode::Coast)?;
-        rig.stops(Some(cruise), "after its link was lost")
+        rig.stops(Some(rig.cruise()), "after its link was lost")
     }));
 }
 
@@ -143,19 +131,18 @@ pub(super) fn coast_frames_stop(case: &Case<'_>, found: &mut Findings) {
     for doing in [Waiting, Enabling, Running, Holding, Faulted] {
         found.note(case.alone(SafeState::Hold, |rig| {
             let cruise = rig.cruise();
+            if matches!(doing, Running | Holding | Faulted) {
+                rig.get_going()?;
+            }
             match doing {
                 Waiting => rig.wait(None, 50),
                 Enabling => {
                     rig.wake()?;
                     rig.wait(Some(cruise), rig.declared.enables_within / 2 + 1);
                 }
-                Running => rig.get_going()?,
-                Holding => {
-                    rig.get_going()?;
-                    rig.wait(None, 500);
-                }
+                Running => (),
+                Holding => rig.wait(None, 500),
                 Faulted => {
-                    rig.get_going()?;
                     rig.esc.inject(EscFault::OverTemperature);
                     rig.wait(Some(cruise), 50);
                     let _ = rig.bench.request(rig.motor, Request::ClearFault);
@@ -187,25 +174,22 @@ pub(super) fn brakes(case: &Case<'_>, found: &mut Findings) {
     if let Claim::Cannot(_) = case.declared.brakes {
         return;
     }
-    found.note(case.alone(SafeState::Brake, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Brake, |rig| {
         let before = rig.esc.state().output_rpm;
         rig.esc.set_load(rig.load() * 0.5);
         rig.wait(None, 51);
         may(rig, DriveMode::Brake)?;
         rig.wait(None, 500);
         let rpm = rig.esc.state().output_rpm;
-        if rpm.abs() > 0.5 * before {
-            let what = format!("driven by a load it makes {rpm:.1} rpm, {before:.1} before");
-            return broken(rig.now(), what);
-        }
+        rig.must(rpm.abs() <= 0.5 * before, || {
+            format!("driven by a load it makes {rpm:.1} rpm, {before:.1} before")
+        })?;
         rig.esc.set_load(0.0);
         rig.wait(None, 1500);
         let rpm = rig.esc.state().output_rpm;
-        if rpm.abs() <= 0.05 * rig.cruise_rpm() {
-            return Ok(());
-        }
-        broken(rig.now(), format!("after 2 s of braking it makes {rpm:.1} rpm"))
+        rig.must(rpm.abs() <= 0.05 * rig.cruise_rpm(), || {
+            format!("after 2 s of braking it makes {rpm:.1} rpm")
+        })
     }));
 }
 
@@ -216,8 +200,7 @@ pub(super) fn holds(case: &Case<'_>, found: &mut Findings) {
     for is_backward in [false, true] {
         found.note(case.alone(SafeState::Hold, |rig| stops_ahead(rig, is_backward)));
     }
-    found.note(case.alone(SafeState::Hold, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Hold, |rig| {
         rig.wait(None, 51);
         may(rig, DriveMode::Hold)?;
         rig.esc.set_load(0.0);
@@ -228,10 +211,9 @@ pub(super) fn holds(case: &Case<'_>, found: &mut Findings) {
             for _ in 0..700 {
                 rig.tick(None);
                 let gave = rig.esc.state().output_degrees - start;
-                if gave.abs() > rig.declared.hold_gives {
-                    let what = format!("against {load:.2} N m it gave {gave:.1} degrees");
-                    return broken(rig.now(), what);
-                }
+                rig.must(gave.abs() <= rig.declared.hold_gives, || {
+                    format!("against {load:.2} N m it gave {gave:.1} degrees")
+                })?;
             }
         }
         Ok(())
@@ -252,8 +234,7 @@ fn stops_ahead(rig: &mut Rig<'_>, is_backward: bool) -> Outcome {
     let moved = (rig.esc.state().output_degrees - start.output_degrees) * start.output_rpm.signum();
     let rpm = start.output_rpm;
     // A device that holds by itself gets an angle that is some milliseconds old.
-    if moved >= -0.25 * rig.declared.hold_gives {
-        return Ok(());
-    }
-    broken(rig.now(), format!("holding from {rpm:.1} rpm, it is thrown back {:.1} degrees", -moved))
+    rig.must(moved >= -0.25 * rig.declared.hold_gives, || {
+        format!("holding from {rpm:.1} rpm, it is thrown back {:.1} degrees", -moved)
+    })
 }

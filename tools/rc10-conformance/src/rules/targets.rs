@@ -4,7 +4,6 @@ use rc10_motor::{Condition, DriveMode, Motion, SafeState, Target, TargetError, T
 use super::declared::every_kind;
 use crate::case::Case;
 use crate::declaration::Trial;
-use crate::harness::Sent;
 use crate::outcome::{Findings, Halt, Outcome, broken};
 use crate::recorder::not_finite;
 use crate::rig::Rig;
@@ -63,26 +62,23 @@ pub(super) fn gets_going(case: &Case<'_>, found: &mut Findings) {
     found.note(case.alone(SafeState::Coast, |rig| {
         let cruise = rig.cruise();
         rig.is_heard()?;
-        if rig.switch.arm().is_err() {
-            return Err(Halt::Stuck);
-        }
+        rig.switch.arm().map_err(|_| Halt::Stuck)?;
         rig.wait(Some(cruise), rig.declared.enables_within);
-        if rig.is_starting() {
-            let after = rig.declared.enables_within;
-            return broken(rig.now(), format!("it is still starting after {after} ms"));
-        }
+        let (condition, after) = (rig.status().condition, rig.declared.enables_within);
+        rig.must(condition != Condition::Starting, || {
+            format!("it is still starting after {after} ms")
+        })?;
         rig.goes_again(cruise, "armed and commanded")?;
         rig.esc.set_load(-rig.load());
         rig.wait(Some(cruise), 100);
-        if rig.status().condition != Condition::Ready {
-            let condition = rig.status().condition;
-            return broken(rig.now(), format!("turning, it says that it is {condition:?}"));
-        }
+        let condition = rig.status().condition;
+        rig.must(condition == Condition::Ready, || {
+            format!("turning, it says that it is {condition:?}")
+        })?;
         let torque = rig.esc.state().torque;
-        if torque > 0.5 * rig.load() {
-            return Ok(());
-        }
-        broken(rig.now(), format!("{torque:.3} N m do not carry the load of {}", rig.load()))
+        rig.must(torque > 0.5 * rig.load(), || {
+            format!("{torque:.3} N m do not carry the load of {}", rig.load())
+        })
     }));
 }
 
@@ -131,19 +127,14 @@ pub(super) fn follows_motions(case: &Case<'_>, found: &mut Findings) {
             }
         }
         let wanted = f64::from(speed.get());
-        if (slowest - wanted).abs().max((fastest - wanted).abs()) > 0.1 * wanted {
-            let what =
-                format!("a motion at {wanted:.1} rpm turns it at {slowest:.1} to {fastest:.1}");
-            return broken(rig.now(), what);
-        }
+        rig.must((slowest - wanted).abs().max((fastest - wanted).abs()) <= 0.1 * wanted, || {
+            format!("a motion at {wanted:.1} rpm turns it at {slowest:.1} to {fastest:.1}")
+        })?;
         let off = rig.status().feedback.total_angle.minus(gone(settle + 499)).degrees().get();
         // As far as it turns in 20 ms.
-        if f64::from(off.abs()) > wanted * 0.12 + 1.0 {
-            return broken(
-                rig.now(),
-                format!("it is {off:.1} degrees off a motion at {wanted:.1} rpm"),
-            );
-        }
+        rig.must(f64::from(off.abs()) <= wanted * 0.12 + 1.0, || {
+            format!("it is {off:.1} degrees off a motion at {wanted:.1} rpm")
+        })?;
         Ok(())
     }));
 }
@@ -238,11 +229,9 @@ fn off_by(rig: &Rig<'_>, trial: &Trial) -> f64 {
 }
 
 pub(super) fn feedback_is_true(case: &Case<'_>, found: &mut Findings) {
-    let driven = case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
-        let cruise = rig.cruise();
-        rig.wait(Some(cruise), 300);
-        tells_the_truth(case, rig, Some(cruise), "")
+    let driven = case.going(SafeState::Coast, |rig| {
+        rig.wait(Some(rig.cruise()), 300);
+        tells_the_truth(case, rig, Some(rig.cruise()), "")
     });
     // Wrong feedback is a reason not to get going.
     found.note(match driven {
@@ -319,8 +308,7 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
             }
         }
     }
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         let cruise = rig.cruise();
         rig.wait(Some(cruise), 300);
         rig.watch();
@@ -330,38 +318,27 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
                 rig.bench.tick(if is_strange { dt } else { Seconds::new(0.001) });
                 rig.look();
             }
-            if !rig.goes(cruise) {
-                let rpm = rig.esc.state().output_rpm;
-                return broken(rig.now(), format!("{dt:?} takes it from its speed to {rpm:.1}"));
-            }
+            let rpm = rig.esc.state().output_rpm;
+            rig.must(rig.goes(cruise), || format!("{dt:?} takes it from its speed to {rpm:.1}"))?;
         }
         rig.was_soft("after strange steps")
     }));
 }
 
 pub(super) fn deterministic(case: &Case<'_>, found: &mut Findings) {
-    let trace = || {
-        let mut traffic = Vec::new();
-        let outcome = case.alone(SafeState::Coast, |rig| {
-            rig.get_going()?;
-            traffic = rig.bench.take_traffic();
-            Ok(())
-        });
-        outcome.map(|()| traffic)
-    };
+    let trace = || case.going(SafeState::Coast, |rig| Ok(rig.bench.take_traffic()));
     match (trace(), trace()) {
         (Ok(once), Ok(twice)) => {
             let mut both = once.iter().zip(&twice);
             if let Some((one, other)) = both.find(|(one, other)| one != other) {
-                found.add(Some(one.at), differs(&one.what, &other.what));
+                let (sent, other) = (&one.what, &other.what);
+                let what =
+                    format!("{sent:?} was on the wire, and {other:?} when the same happened again");
+                found.add(Some(one.at), what);
             } else if once.len() != twice.len() {
                 found.add(None, "the same run again has more or less traffic".to_owned());
             }
         }
         _ => found.note(Err(Halt::Stuck)),
     }
-}
-
-fn differs(sent: &Sent, other: &Sent) -> String {
-    format!("{sent:?} was on the wire, and {other:?} when the same happened again")
 }

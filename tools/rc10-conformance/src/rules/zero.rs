@@ -6,7 +6,7 @@ use rc10_motor::{
 use super::impedance::spring_of;
 use crate::case::Case;
 use crate::declaration::Claim;
-use crate::outcome::{Findings, Halt, Outcome, broken};
+use crate::outcome::{Findings, Halt, Outcome};
 use crate::rig::Rig;
 
 /// State of the motor when its zero is set.
@@ -28,25 +28,16 @@ const FAR: f32 = 45.0;
 const AHEAD: i32 = 20;
 
 fn doings(case: &Case<'_>) -> Vec<Doing> {
-    let takes = case.motor().supports();
-    let mut doings = vec![Doing::Turning];
-    for (kind, doing) in [
-        (TargetKind::TotalAngle, Doing::Seeking),
-        (TargetKind::Impedance, Doing::Springing),
-        (TargetKind::Motion, Doing::Moving),
-    ] {
-        if takes.contains(kind) {
-            doings.push(doing);
-        }
-    }
-    for (claim, doing) in
-        [(case.declared.holds, Doing::Holding), (case.declared.brakes, Doing::Braking)]
-    {
-        if claim == Claim::Does {
-            doings.push(doing);
-        }
-    }
-    doings
+    let supports = case.motor().supports();
+    let doings = [
+        (true, Doing::Turning),
+        (supports.contains(TargetKind::TotalAngle), Doing::Seeking),
+        (supports.contains(TargetKind::Impedance), Doing::Springing),
+        (supports.contains(TargetKind::Motion), Doing::Moving),
+        (case.declared.holds == Claim::Does, Doing::Holding),
+        (case.declared.brakes == Claim::Does, Doing::Braking),
+    ];
+    doings.into_iter().filter_map(|(can, doing)| can.then_some(doing)).collect()
 }
 
 fn scenario(case: &Case<'_>, doing: Doing, run: impl FnOnce(&mut Rig<'_>) -> Outcome) -> Outcome {
@@ -62,16 +53,15 @@ fn scenario(case: &Case<'_>, doing: Doing, run: impl FnOnce(&mut Rig<'_>) -> Out
 fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
     rig.get_going()?;
     rig.esc.set_load(0.0);
-    let cruise = rig.cruise();
     for _ in 0..2000 {
         if rig.status().feedback.total_angle.degrees().get() > FAR {
             break;
         }
-        rig.tick(Some(cruise));
+        rig.tick(Some(rig.cruise()));
     }
     let ahead = rig.status().feedback.total_angle.plus(TotalAngle::from_degrees(AHEAD));
     let target = match doing {
-        Doing::Turning | Doing::Holding | Doing::Braking => cruise,
+        Doing::Turning | Doing::Holding | Doing::Braking => rig.cruise(),
         Doing::Seeking => Target::TotalAngle(ahead),
         Doing::Moving => Target::Motion(Motion { angle: Some(ahead), ..Motion::default() }),
         Doing::Springing => {
@@ -91,10 +81,8 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
 
 /// Sets the zero of a driven motor, on purpose.
 pub(super) fn set_zero(rig: &mut Rig<'_>) -> Outcome {
-    match rig.bench.request(rig.motor, Request::SetZeroOfDriven) {
-        Ok(Response::Done) => Ok(()),
-        answer => broken(rig.now(), format!("SetZeroOfDriven: {answer:?}")),
-    }
+    let answer = rig.bench.request(rig.motor, Request::SetZeroOfDriven);
+    rig.must(answer == Ok(Response::Done), || format!("SetZeroOfDriven: {answer:?}"))
 }
 
 pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
@@ -119,10 +107,9 @@ pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
             for without in &undisturbed {
                 rig.tick(None);
                 let moved = rig.esc.state().output_degrees - without;
-                if moved.abs() > MOVES {
-                    let what = format!("{doing:?}, a new zero moves it {moved:.1} degrees");
-                    return broken(rig.now(), what);
-                }
+                rig.must(moved.abs() <= MOVES, || {
+                    format!("{doing:?}, a new zero moves it {moved:.1} degrees")
+                })?;
             }
             if !matches!(doing, Doing::Seeking | Doing::Springing | Doing::Moving) {
                 return Ok(());
@@ -132,11 +119,9 @@ pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
             rig.wait(Some(target), 2000);
             let moved = rig.esc.state().output_degrees - start;
             let wanted = f64::from(zero.degrees().get());
-            if (moved - wanted).abs() > 0.2 * wanted.abs() {
-                let what =
-                    format!("{doing:?}, the same number moves it {moved:.1}, not {wanted:.1}");
-                return broken(rig.now(), what);
-            }
+            rig.must((moved - wanted).abs() <= 0.2 * wanted.abs(), || {
+                format!("{doing:?}, the same number moves it {moved:.1}, not {wanted:.1}")
+            })?;
             // Coasting is not taken for what it does already.
             set_zero(rig)?;
             rig.wait(Some(Target::Coast), rig.declared.stops_within);
@@ -150,10 +135,9 @@ fn is_refused(rig: &mut Rig<'_>) -> Outcome {
     let answer = rig.bench.request(rig.motor, Request::SetZero);
     rig.wait(None, 1);
     let moved = rig.status().feedback.total_angle.minus(before).degrees().get();
-    if answer == Err(RequestError::WhileDriven) && moved.abs() < FAR / 2.0 {
-        return Ok(());
-    }
-    broken(rig.now(), format!("while it is driven: {answer:?}, and {moved:.1} degrees further"))
+    rig.must(answer == Err(RequestError::WhileDriven) && moved.abs() < FAR / 2.0, || {
+        format!("while it is driven: {answer:?}, and {moved:.1} degrees further")
+    })
 }
 
 /// Driven, it has no new zero unless a task means it; and then no number given before is one of the new
@@ -171,15 +155,12 @@ pub(super) fn zero_while_driven(case: &Case<'_>, found: &mut Findings) {
             // As long as the last command holds, or nearly.
             rig.wait(None, 900);
             let moved = rig.esc.state().output_degrees - stands;
-            if moved.abs() < f64::from(FAR) / 2.0 {
-                return Ok(());
-            }
-            let what = format!("{doing:?}, a number of before moves it {moved:.1} degrees");
-            broken(rig.now(), what)
+            rig.must(moved.abs() < f64::from(FAR) / 2.0, || {
+                format!("{doing:?}, a number of before moves it {moved:.1} degrees")
+            })
         }));
     }
-    found.note(case.alone(SafeState::Coast, |rig| {
-        rig.get_going()?;
+    found.note(case.going(SafeState::Coast, |rig| {
         rig.switch.disarm();
         rig.esc.set_load(0.0);
         rig.wait(None, 2000);
@@ -236,11 +217,7 @@ pub(super) fn target_is_on_the_new_scale(case: &Case<'_>, found: &mut Findings) 
             let wanted = angle_of(target).map_or(0.0, |angle| angle.get() - zero.get());
             let is_right = told.kind() == target.kind()
                 && angle_of(told).is_some_and(|angle| (angle.get() - wanted).abs() < 1.0);
-            if is_right {
-                return Ok(());
-            }
-            let what = format!("it has {told:?}, and goes on to {wanted:.1} degrees");
-            broken(rig.now(), what)
+            rig.must(is_right, || format!("it has {told:?}, and goes on to {wanted:.1} degrees"))
         }));
     }
 }

@@ -29,8 +29,8 @@ impl FinchDrive {
     fn report(&self, shaft: &Shaft) -> CanFrame {
         let turns = shaft.radians() / std::f64::consts::TAU;
         let angle = (turns.rem_euclid(1.0) * 65536.0) as u16;
-        let rpm = (shaft.speed() * 30.0 / std::f64::consts::PI * 10.0).round() as i16;
-        let current = (shaft.current() * 100.0).round() as i16;
+        let rpm = (shaft.speed * 30.0 / std::f64::consts::PI * 10.0).round() as i16;
+        let current = (shaft.current * 100.0).round() as i16;
         let mut data = [0; 8];
         data[0..2].copy_from_slice(&angle.to_be_bytes());
         data[2..4].copy_from_slice(&rpm.to_be_bytes());
@@ -81,7 +81,7 @@ impl Device for FinchDrive {
     fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if now >= self.next_report {
             self.next_report += PERIOD;
-            out.send(self.report(shaft));
+            out.push(self.report(shaft));
         }
     }
 
@@ -90,7 +90,7 @@ impl Device for FinchDrive {
             self.disable();
         }
         if self.enabled {
-            Winding::Current(self.torque / shaft.plant().torque_constant)
+            Winding::Current(self.torque / shaft.plant.torque_constant)
         } else {
             Winding::Open
         }

@@ -27,7 +27,7 @@ fn a_finch_drives_beside_an_m3508() {
 
     assert!((real_arm.state().output_rpm - 60.0).abs() < 1.0);
     assert_eq!(bench.status(wheel).link, Link::Online);
-    assert_eq!(bench.refused(), 0);
+    assert_eq!(bench.refused, 0);
 }
 
 #[test]

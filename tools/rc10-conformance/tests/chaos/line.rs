@@ -29,7 +29,7 @@ impl LineScene<'_> {
         let safety = random.pick(&[Safety::COAST, Safety::BRAKE, Safety::HOLD]);
         let mut bench = LineBench::new(seed, &switch);
         let device = device(&bench.wire, declared.ids[0]);
-        let motor = bench.line.attach(motor, safety).unwrap();
+        let motor = bench.bus.attach(motor, safety).unwrap();
         let mut scene = LineScene { bench, device, motor };
         story::tell(&mut scene, declared, safety.state, &mut random)
     }
@@ -41,7 +41,7 @@ impl Scene for LineScene<'_> {
     }
 
     fn switch(&self) -> &ArmSwitch {
-        self.bench.line.switch()
+        self.bench.bus.switch()
     }
 
     fn tick(&mut self) {
@@ -50,20 +50,20 @@ impl Scene for LineScene<'_> {
     }
 
     fn supports(&self) -> TargetSet {
-        self.bench.line.supports(self.motor)
+        self.bench.bus.supports(self.motor)
     }
 
     fn command(&mut self, target: Target) -> Result<(), CommandError> {
         let now = self.now();
-        self.bench.line.command(self.motor, target, now)
+        self.bench.bus.command(self.motor, target, now)
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        self.bench.line.request(self.motor, request)
+        self.bench.bus.request(self.motor, request)
     }
 
     fn response(&mut self) -> Option<Result<Response, RequestError>> {
-        self.bench.line.response(self.motor)
+        self.bench.bus.response(self.motor)
     }
 
     fn status(&self) -> MotorStatus {

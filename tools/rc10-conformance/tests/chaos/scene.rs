@@ -173,7 +173,7 @@ impl Scene for CanScene<'_> {
     }
 
     fn wrong_frames(&self) -> Option<String> {
-        let frames = self.bench.sent().frames();
+        let frames = self.bench.sent.frames();
         if frames.len() > MOST_FRAMES {
             return Some(format!("{} frames in a tick", frames.len()));
         }

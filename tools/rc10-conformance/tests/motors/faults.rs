@@ -143,7 +143,7 @@ fn of_a_cybergear_and_a_robstride() {
     };
     const ADDRESS: Address = cybergear::ADDRESS;
     let lasts = |one: &One<sim::CyberGear>, fault| {
-        one.device(|device| device.set_lasting(true));
+        one.device(|device| device.lasting = true);
         // The feedback says nothing of it: only the fault frame does.
         fault != OverVoltage
     };

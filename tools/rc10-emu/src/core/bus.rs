@@ -115,7 +115,7 @@ impl Bus {
         let mut soc = lock(self.soc.as_ref()?);
         self.touched = true;
         self.waited += soc.access_clocks(address);
-        soc.read(address, width_of(bytes), Nanos::new(self.now)).ok()
+        soc.read(address, Width::of(bytes), Nanos::new(self.now)).ok()
     }
 
     fn write(&mut self, address: u32, bytes: u32, value: u32) -> Option<()> {
@@ -129,7 +129,7 @@ impl Bus {
             return Some(());
         }
         self.waited += soc.access_clocks(address);
-        soc.write(address, width_of(bytes), value, Nanos::new(self.now)).ok()
+        soc.write(address, Width::of(bytes), value, Nanos::new(self.now)).ok()
     }
 
     /// A halfword of code. Instructions do not come from peripherals, at any address.
@@ -158,14 +158,6 @@ impl Bus {
             Access::Write => self.writable[range] = window,
             Access::Fetch => self.executable = window,
         }
-    }
-}
-
-const fn width_of(bytes: u32) -> Width {
-    match bytes {
-        1 => Width::Byte,
-        2 => Width::Half,
-        _ => Width::Word,
     }
 }
 

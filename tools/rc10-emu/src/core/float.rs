@@ -3,7 +3,7 @@
 use super::arithmetic::{rn, rt};
 use super::exceptions::{FPSCR, Fault, places};
 use super::ieee::{DOUBLE, FZ, Float, Format, HALF, IXC, ROUNDING, Round, SINGLE};
-use super::transfer::align;
+use super::transfer::{BACK, UP, align, offset};
 use super::{C, Core, Done, N, V, Z};
 
 const fn is_double(i: u32) -> bool {
@@ -331,21 +331,17 @@ pub(super) fn float_status(core: &mut Core, i: u32) -> Done {
 pub(super) fn float_transfer(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
     let base = if rn(i) == 15 { core.r[15] & !3 } else { core.get(rn(i)) };
-    let offset = (i & 0xFF) << 2;
-    let up = i & 1 << 23 != 0;
-    let at = if up { base.wrapping_add(offset) } else { base.wrapping_sub(offset) };
-    let double = is_double(i);
-    transfer_words(core, i, at, if double { 2 } else { 1 })
+    let at = offset(base, (i & 0xFF) << 2, i & UP != 0);
+    transfer_words(core, i, at, if is_double(i) { 2 } else { 1 })
 }
 
 /// VLDM, VSTM, VPUSH, VPOP.
 pub(super) fn float_transfer_multiple(core: &mut Core, i: u32) -> Done {
     core.claim_fpu()?;
     let (base, count) = (core.get(rn(i)), i & 0xFF);
-    let up = i & 1 << 23 != 0;
-    let end = if up { base.wrapping_add(4 * count) } else { base.wrapping_sub(4 * count) };
-    transfer_words(core, i, if up { base } else { end }, count.min(32))?;
-    if i & 1 << 21 != 0 {
+    let end = offset(base, 4 * count, i & UP != 0);
+    transfer_words(core, i, if i & UP == 0 { end } else { base }, count.min(32))?;
+    if i & BACK != 0 {
         core.set(rn(i), end);
     }
     Ok(())

@@ -322,12 +322,6 @@ impl Core {
         self.psr & EXCEPTION != 0 || self.control & UNPRIVILEGED == 0
     }
 
-    /// Clocks until the core's own timer (`SysTick`) would end its sleep, if it runs.
-    #[must_use]
-    pub fn clocks_until_timer(&self) -> Option<u64> {
-        self.system.clocks_until_timer()
-    }
-
     /// Lets the core's own timer count while the core sleeps, or waits for a bus.
     pub fn sleep(&mut self, clocks: u64) {
         self.attention |= self.system.count(clocks);
@@ -350,7 +344,7 @@ impl Core {
 
     /// The levels of the external interrupts: bit n of word n / 32.
     pub fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {
-        self.attention |= self.system.set_levels(levels);
+        self.attention |= std::mem::replace(&mut self.system.levels, levels) != levels;
     }
 
     /// The level of the non-maskable interrupt.

@@ -38,35 +38,29 @@ const COUNTED: u32 = 1 << 16;
 /// `DEMCR.TRCENA`.
 const TRACE: u32 = 1 << 24;
 
-/// Registers that are not zero after a reset: a Cortex-M7 r1p0 with FPU for both precisions.
-const AFTER_RESET: [(usize, u32); 8] = [
+/// Registers with a value after a reset, which is zero in all others, and the bits that keep what is
+/// written to them: a Cortex-M7 r1p0 with FPU for both precisions.
+const REGISTERS: [(usize, u32, u32); 17] = [
+    (SYST_RVR, 0, 0x00FF_FFFF),
     // There is no reference clock, and no calibration.
-    (word(0x01C), 0xC000_0000),
-    (word(0xD00), 0x411F_C271),
-    (VTOR, crate::memory::FLASH),
+    (word(0x01C), 0xC000_0000, 0),
+    (word(0xD00), 0x411F_C271, 0),
+    (VTOR, crate::memory::FLASH, 0xFFFF_FF80),
+    (SCR, 0, 0x1E),
     // STKALIGN: frames of exceptions are always aligned.
-    (CCR, 1 << 9),
+    (CCR, 1 << 9, 0x11B),
+    (MMFAR, 0, u32::MAX),
+    (BFAR, 0, u32::MAX),
+    (word(0xD3C), 0, u32::MAX),
+    (CPACR, 0, 0x00F0_0000),
+    (DEMCR, 0, TRACE),
     // ASPEN, LSPEN.
-    (FPCCR, 0xC000_0000),
-    (MVFR0, 0x1011_0221),
-    (MVFR0 + 1, 0x1200_0011),
-    (MVFR0 + 2, 0x0000_0040),
-];
-
-/// Registers that keep what is written to them: the bits that can be written.
-const KEPT: [(usize, u32); 12] = [
-    (SYST_RVR, 0x00FF_FFFF),
-    (VTOR, 0xFFFF_FF80),
-    (SCR, 0x1E),
-    (CCR, 0x11B),
-    (MMFAR, u32::MAX),
-    (BFAR, u32::MAX),
-    (word(0xD3C), u32::MAX),
-    (CPACR, 0x00F0_0000),
-    (DEMCR, TRACE),
-    (FPCCR, 0xC000_017B),
-    (FPCAR, !7),
-    (FPDSCR, 0x03C0_0000),
+    (FPCCR, 0xC000_0000, 0xC000_017B),
+    (FPCAR, 0, !7),
+    (FPDSCR, 0, 0x03C0_0000),
+    (MVFR0, 0x1011_0221, 0),
+    (MVFR0 + 1, 0x1200_0011, 0),
+    (MVFR0 + 2, 0x0000_0040, 0),
 ];
 
 /// Exceptions with their bits in `SHCSR`: active, and pending.
@@ -106,7 +100,7 @@ pub(super) struct System {
 impl System {
     pub(super) fn new() -> Self {
         let mut words = [0; 1024];
-        AFTER_RESET.iter().for_each(|&(word, value)| words[word] = value);
+        REGISTERS.iter().for_each(|&(word, value, _)| words[word] = value);
         let mut enabled = [0; SET_WORDS];
         // SVCall, PendSV and SysTick, and what is more urgent than every priority.
         enabled[0] = 1 << HARD_FAULT | 1 << NMI | 1 << 11 | 1 << PEND_SV | 1 << SYSTICK;
@@ -155,12 +149,6 @@ impl System {
         self.words[SYST_CSR] & 1 != 0 && self.words[SYST_RVR] != 0
     }
 
-    pub(super) fn clocks_until_timer(&self) -> Option<u64> {
-        let (value, reload) = (self.words[SYST_CVR], self.words[SYST_RVR]);
-        // It reloads in the clock after zero.
-        self.timer_runs().then(|| u64::from(if value == 0 { reload + 1 } else { value }))
-    }
-
     /// Lets the timer count; whether its exception became pending.
     pub(super) fn count(&mut self, clocks: u64) -> bool {
         let (mut left, mut has_ended) = (clocks, false);
@@ -184,11 +172,6 @@ impl System {
         if self.counts_cycles {
             self.cycles = self.cycles.wrapping_add(clocks as u32);
         }
-    }
-
-    /// The levels of the external interrupts; whether one changed.
-    pub(super) fn set_levels(&mut self, levels: [u32; INTERRUPT_WORDS]) -> bool {
-        std::mem::replace(&mut self.levels, levels) != levels
     }
 
     /// An interrupt whose level is high is pending, unless it is being handled.
@@ -294,7 +277,7 @@ impl System {
                 Self::change(&mut self.pending, value as usize / 32 % 16, 1 << (value & 31), true);
             }
             _ => {
-                for &(_, bits) in KEPT.iter().filter(|(kept, _)| *kept == word) {
+                for &(.., bits) in REGISTERS.iter().filter(|(kept, ..)| *kept == word) {
                     self.words[word] = self.words[word] & !bits | value & bits;
                 }
             }
@@ -303,6 +286,14 @@ impl System {
 }
 
 impl Core {
+    /// Clocks until the core's own timer (`SysTick`) would end its sleep, if it runs.
+    #[must_use]
+    pub fn clocks_until_timer(&self) -> Option<u64> {
+        let [value, reload] = [SYST_CVR, SYST_RVR].map(|word| self.system.word(word));
+        // It reloads in the clock after zero.
+        self.system.timer_runs().then(|| u64::from(if value == 0 { reload + 1 } else { value }))
+    }
+
     pub(super) fn read_system(&mut self, address: u32, has_effect: bool) -> u32 {
         match address {
             // DWT: CTRL says that there are no comparators, no traces and no profiling counters.

@@ -17,9 +17,9 @@ pub(super) const EIGHT: u32 = 3;
 const TRAPS_UNALIGNED: u32 = 1 << 3;
 
 /// Bits of most loads and stores: up, offset before the access, base changes, loads.
-const UP: u32 = 1 << 23;
+pub(super) const UP: u32 = 1 << 23;
 const BEFORE: u32 = 1 << 24;
-const BACK: u32 = 1 << 21;
+pub(super) const BACK: u32 = 1 << 21;
 const LOADS: u32 = 1 << 20;
 
 /// An address: of the access, and what becomes of the base.
@@ -29,7 +29,7 @@ struct Address {
     privileged: bool,
 }
 
-const fn offset(base: u32, distance: u32, up: bool) -> u32 {
+pub(super) const fn offset(base: u32, distance: u32, up: bool) -> u32 {
     if up { base.wrapping_add(distance) } else { base.wrapping_sub(distance) }
 }
 

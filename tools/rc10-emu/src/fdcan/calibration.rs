@@ -11,7 +11,7 @@
 //! calibrating.
 
 use crate::peripherals::registers::{Register, Registers, fixed, masked};
-use crate::peripherals::{Width, Write};
+use crate::peripherals::{AccessKind, Width, Write};
 
 /// Configuration and watchdog.
 const CCFG: u32 = 0x04;
@@ -31,7 +31,7 @@ const TABLE: &[Register] = &[
 /// CCFG.BCC: the kernel clock is used as it is, but for the divider.
 const BYPASS: u32 = 1 << 6;
 pub(super) struct Calibration {
-    registers: Registers,
+    pub registers: Registers,
     /// Whether the controllers need it to be bypassed or calibrated at all.
     pub is_needed: bool,
 }
@@ -39,10 +39,6 @@ pub(super) struct Calibration {
 impl Calibration {
     pub fn new() -> Self {
         Self { registers: Registers::new(TABLE), is_needed: true }
-    }
-
-    pub fn reset(&mut self) {
-        self.registers.reset();
     }
 
     pub fn is_valid(&self) -> bool {
@@ -57,15 +53,9 @@ impl Calibration {
         }
     }
 
-    pub fn read(&self, offset: u32) -> Option<u32> {
-        self.registers.read(offset).ok()
-    }
-
-    /// `unlocked`: FDCAN1 has INIT and CCE. `None`: there is no such register; `false`: locked.
-    pub fn write(&mut self, offset: u32, value: u32, unlocked: bool) -> Option<bool> {
-        if matches!(offset, CCFG | CWD) && !unlocked {
-            return Some(false);
-        }
-        self.registers.write(Write::new(offset, Width::Word, value)).ok().map(|()| true)
+    /// `unlocked`: FDCAN1 has INIT and CCE.
+    pub fn write(&mut self, offset: u32, value: u32, unlocked: bool) -> Result<(), AccessKind> {
+        AccessKind::Protected.when(matches!(offset, CCFG | CWD) && !unlocked)?;
+        self.registers.write(Write::new(offset, Width::Word, value))
     }
 }

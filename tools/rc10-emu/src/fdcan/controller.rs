@@ -11,6 +11,7 @@ use super::receive::Receive;
 use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
 use super::timing::{Period, Timestamp};
 use super::transmit::Transmit;
+use crate::peripherals::AccessKind;
 
 /// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
 /// PSR.BO; ISO 11898-1).
@@ -26,6 +27,7 @@ const CROSSING: u64 = 16;
 /// Without a clock nothing crosses.
 const NEVER: Nanos = Nanos::new(u64::MAX);
 
+#[derive(Default)]
 pub(super) struct Controller {
     pub(super) registers: Registers,
     /// IR.
@@ -51,38 +53,13 @@ pub(super) struct Controller {
 }
 
 impl Controller {
-    pub fn new() -> Self {
-        Self {
-            registers: Registers::new(),
-            flags: 0,
-            kernel_hz: 0,
-            is_clock_valid: false,
-            init_told: Nanos::ZERO,
-            pins: (false, false),
-            timestamp: Timestamp::new(),
-            link: Link::new(),
-            errors: Errors::new(),
-            receive: Receive::default(),
-            transmit: Transmit::default(),
-            sent_last: false,
-            suspended_until: Nanos::ZERO,
-            now: Nanos::ZERO,
-            counters: Counters::default(),
-        }
-    }
-
     /// The block's reset: everything outside of it (clock, pins, wire) stays.
     pub fn reset(&mut self) {
-        self.registers = Registers::new();
-        self.flags = 0;
-        self.timestamp = Timestamp::new();
+        let old = std::mem::take(self);
+        (self.kernel_hz, self.is_clock_valid) = (old.kernel_hz, old.is_clock_valid);
+        (self.pins, self.link) = (old.pins, old.link);
+        (self.now, self.counters) = (old.now, old.counters);
         self.link.stop();
-        self.errors = Errors::new();
-        self.receive = Receive::default();
-        self.transmit = Transmit::default();
-        self.sent_last = false;
-        self.suspended_until = Nanos::ZERO;
-        self.init_told = Nanos::ZERO;
     }
 
     pub fn set_kernel_clock(&mut self, hz: u64, valid: bool) {
@@ -169,7 +146,7 @@ impl Controller {
         self.now = self.now.max(now);
         if let Some(bit) = self.bit() {
             let seen = self.link.settle(self.now, bit);
-            if seen > 0 && self.errors.is_bus_off() {
+            if seen > 0 && self.errors.bus_off {
                 self.errors.recovering(seen);
                 if self.link.is_joined() {
                     self.flags |= self.errors.recovered();
@@ -199,7 +176,7 @@ impl Controller {
         if self.kernel_hz == 0 {
             return;
         }
-        if self.errors.is_bus_off() {
+        if self.errors.bus_off {
             self.errors.start_recovery();
             self.link.start(TO_RECOVER, self.now);
         } else {
@@ -216,7 +193,7 @@ impl Controller {
 
     /// Clock stop request: granted as soon as nothing is pending and the wire is idle.
     fn stop_clock_if_asked(&mut self) {
-        let is_quiet = !self.link.is_joined() || !self.link.is_busy();
+        let is_quiet = !self.link.is_joined() || !self.link.busy;
         let idle = self.transmit.pending == 0 && !self.transmit.is_sending() && is_quiet;
         if self.is(cccr::CSR) && !self.is(cccr::CSA) && idle {
             let value = self.registers.at(at::CCCR) | cccr::INIT | cccr::CSA;
@@ -235,7 +212,7 @@ impl Controller {
 
     /// Its nominal bit, once it takes part, or did until it went bus-off.
     pub fn bit_in_use(&self) -> Option<Period> {
-        let takes_part = !self.is(cccr::INIT) || self.errors.is_bus_off();
+        let takes_part = !self.is(cccr::INIT) || self.errors.bus_off;
         self.bit().filter(|_| takes_part && self.is_connected() && !self.loops_back())
     }
 
@@ -270,7 +247,7 @@ impl Controller {
         };
         self.failed();
         self.flags |= self.errors.transmission_failed(error);
-        if self.errors.is_bus_off() {
+        if self.errors.bus_off {
             self.counters.bus_offs += 1;
             self.registers.set(at::CCCR, self.registers.at(at::CCCR) | cccr::INIT);
             self.stop();
@@ -306,17 +283,17 @@ impl Controller {
 
     // Registers.
 
-    pub fn read(&mut self, offset: u32, now: Nanos) -> Option<u32> {
+    pub fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;
-            return None;
+            return Err(AccessKind::Unmodelled);
         };
         if register.access != Access::Active {
-            return Some(self.registers.at(offset));
+            return Ok(self.registers.at(register));
         }
         let lost = |flag| u32::from(self.flags & flag != 0) << 25;
-        Some(match offset {
+        Ok(match register {
             at::TSCV => self.stamp(self.now),
             // The timeout counter does not count.
             at::TOCV => self.registers.field(at::TOCC, 16, 16),
@@ -335,8 +312,8 @@ impl Controller {
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
             at::TXEFS => self.event_status() | lost(ir::TEFL),
-            at::CCCR => self.registers.at(offset) & !cccr::INIT | u32::from(self.told_init()),
-            at::TEST => self.registers.at(offset),
+            at::CCCR => self.registers.at(register) & !cccr::INIT | u32::from(self.told_init()),
+            at::TEST => self.registers.at(register),
             // Acknowledge and request registers read as zero.
             _ => 0,
         })
@@ -349,27 +326,27 @@ impl Controller {
         } else if self.transmit.is_sending() {
             3
         } else {
-            1 + u32::from(self.link.is_busy())
+            1 + u32::from(self.link.busy)
         }
     }
 
-    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> bool {
+    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> Result<(), AccessKind> {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;
-            return false;
+            return Err(AccessKind::Unmodelled);
         };
         match register.access {
             Access::Constant => (),
             Access::Open => drop(self.registers.store(register, value)),
             Access::Protected => self.configure(register, value),
-            Access::Active => self.act(offset, value),
+            Access::Active => self.act(register, value),
         }
         self.settle(now);
-        true
+        Ok(())
     }
 
-    fn configure(&mut self, register: &Register, value: u32) {
+    fn configure(&mut self, register: Register, value: u32) {
         if !self.may_configure() {
             self.refuse_if(self.registers.would_change(register, value));
         } else if self.registers.store(register, value) {
@@ -381,8 +358,8 @@ impl Controller {
         self.counters.protected_writes += u64::from(changes);
     }
 
-    fn act(&mut self, offset: u32, value: u32) {
-        let is_there = match offset {
+    fn act(&mut self, register: Register, value: u32) {
+        let is_there = match register {
             at::CCCR => return self.write_cccr(value),
             at::TEST => return self.write_test(value),
             at::TSCV => return self.timestamp.restart(self.now),
@@ -428,11 +405,10 @@ impl Controller {
 
     /// TEST needs CCCR.TEST as well.
     fn write_test(&mut self, value: u32) {
-        let Some(register) = find(at::TEST) else { return };
         if self.may_configure() && self.is(cccr::TEST) {
-            self.registers.store(register, value);
+            self.registers.store(at::TEST, value);
         } else {
-            self.refuse_if(self.registers.would_change(register, value));
+            self.refuse_if(self.registers.would_change(at::TEST, value));
         }
     }
 

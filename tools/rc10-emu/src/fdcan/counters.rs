@@ -5,30 +5,30 @@ use rc10_sim::Nanos;
 /// A request after a pause longer than this begins a new tick.
 const PAUSE_NS: u64 = 500_000;
 
-/// The time from one tick's first transmit request to the next's, nanoseconds.
+/// Least, mean and largest of a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TickPeriod {
-    /// Periods measured.
+pub struct Spread {
+    /// Number of measurements.
     pub count: u64,
-    /// The shortest; 0 if none was measured.
-    pub min_ns: u64,
+    /// The shortest; 0 without a measurement.
+    pub min: Nanos,
     /// The longest.
-    pub max_ns: u64,
+    pub max: Nanos,
     /// All of them together.
-    pub sum_ns: u64,
+    pub sum: Nanos,
 }
 
-impl TickPeriod {
-    /// The mean, rounded down; `None` if none was measured.
+impl Spread {
+    /// The mean, rounded down; 0 without a measurement.
     #[must_use]
-    pub const fn mean_ns(&self) -> Option<u64> {
-        self.sum_ns.checked_div(self.count)
+    pub fn mean(&self) -> Nanos {
+        Nanos::new(self.sum.get().checked_div(self.count).unwrap_or(0))
     }
 
-    fn add(&mut self, period: u64) {
-        self.min_ns = if self.count == 0 { period } else { self.min_ns.min(period) };
-        self.max_ns = self.max_ns.max(period);
-        self.sum_ns += period;
+    fn add(&mut self, time: Nanos) {
+        self.min = if self.count == 0 { time } else { self.min.min(time) };
+        self.max = self.max.max(time);
+        self.sum = self.sum + time;
         self.count += 1;
     }
 }
@@ -69,8 +69,8 @@ pub struct Counters {
     pub protected_writes: u64,
     /// Time of the last transmit request.
     pub last_request: Option<Nanos>,
-    /// From tick to tick.
-    pub tick_period: TickPeriod,
+    /// The time from one tick's first transmit request to the next's.
+    pub tick_period: Spread,
     last_tick: Option<Nanos>,
 }
 
@@ -87,12 +87,12 @@ impl Counters {
             return;
         }
         if let Some(tick) = self.last_tick.replace(now) {
-            self.tick_period.add(now.since(tick).get());
+            self.tick_period.add(now.since(tick));
         }
     }
 
     pub(super) fn restart_ticks(&mut self) {
-        self.tick_period = TickPeriod::default();
+        self.tick_period = Spread::default();
         self.last_tick = None;
     }
 }

@@ -34,21 +34,19 @@ const fn code(error: BusError) -> Option<u32> {
 pub(super) struct Errors {
     transmit: u8,
     receive: u8,
-    bus_off: bool,
+    pub bus_off: bool,
     /// ECR.CEL.
     logged: u8,
     last: u32,
 }
 
-impl Errors {
-    pub const fn new() -> Self {
+impl Default for Errors {
+    fn default() -> Self {
         Self { transmit: 0, receive: 0, bus_off: false, logged: 0, last: NO_CHANGE }
     }
+}
 
-    pub const fn is_bus_off(&self) -> bool {
-        self.bus_off
-    }
-
+impl Errors {
     pub const fn is_passive(&self) -> bool {
         self.bus_off || self.transmit >= ERROR_PASSIVE || self.receive >= ERROR_PASSIVE
     }
@@ -58,23 +56,17 @@ impl Errors {
     }
 
     /// A change of the counters, and the flags of the states that it changes.
-    fn change(&mut self, change: impl FnOnce(&mut Self) -> u32) -> u32 {
-        let before = (self.is_warning(), self.is_passive(), self.bus_off);
-        let flags = change(self);
-        let after = (self.is_warning(), self.is_passive(), self.bus_off);
-        let flag = |changed, flag| if changed { flag } else { 0 };
-        flags
-            | flag(before.0 != after.0, ir::EW)
-            | flag(before.1 != after.1, ir::EP)
-            | flag(before.2 != after.2, ir::BO)
+    fn change(&mut self, change: impl FnOnce(&mut Self)) -> u32 {
+        let states = |errors: &Self| [errors.is_warning(), errors.is_passive(), errors.bus_off];
+        let before = states(self);
+        change(self);
+        let changed = before.into_iter().zip(states(self)).map(|(before, after)| before != after);
+        changed.zip([ir::EW, ir::EP, ir::BO]).map(|(is, flag)| if is { flag } else { 0 }).sum()
     }
 
     pub fn sent(&mut self) -> u32 {
         self.last = NO_ERROR;
-        self.change(|errors| {
-            errors.transmit = errors.transmit.saturating_sub(1);
-            0
-        })
+        self.change(|errors| errors.transmit = errors.transmit.saturating_sub(1))
     }
 
     /// Another node's frame was good. Frozen (restricted operation mode): nothing counts.
@@ -86,7 +78,6 @@ impl Errors {
                 ERROR_PASSIVE.. => REC_AFTER_PASSIVE,
                 receive => receive.saturating_sub(1),
             };
-            0
         })
     }
 
@@ -94,43 +85,32 @@ impl Errors {
         // An error-passive sender that only misses its acknowledge counts no further, else a
         // node that is alone would go to bus-off.
         let counts = error != BusError::Acknowledge || !self.is_passive();
-        self.failed(error, |errors| {
-            if counts {
-                match errors.transmit.checked_add(FAILED_TRANSMISSION) {
-                    Some(transmit) => errors.transmit = transmit,
-                    None => errors.bus_off = true,
-                }
+        self.failed(error, counts, |errors| {
+            match errors.transmit.checked_add(FAILED_TRANSMISSION) {
+                Some(transmit) => errors.transmit = transmit,
+                None => errors.bus_off = true,
             }
-            counts
         })
     }
 
     /// Another node's frame was destroyed. Frozen (restricted operation mode): it is only logged.
     pub fn reception_failed(&mut self, error: BusError, frozen: bool) -> u32 {
-        self.failed(error, |errors| {
+        self.failed(error, true, |errors| {
             if !frozen {
                 errors.receive = (errors.receive + 1).min(ERROR_PASSIVE);
             }
-            true
         })
     }
 
-    fn failed(&mut self, error: BusError, count: impl FnOnce(&mut Self) -> bool) -> u32 {
+    fn failed(&mut self, error: BusError, counts: bool, count: impl FnOnce(&mut Self)) -> u32 {
         let Some(code) = code(error) else { return 0 };
         self.last = code;
-        ir::PEA
-            | self.change(|errors| {
-                if !count(errors) {
-                    return 0;
-                }
-                match errors.logged.checked_add(1) {
-                    Some(logged) => {
-                        errors.logged = logged;
-                        0
-                    }
-                    None => ir::ELO,
-                }
-            })
+        if !counts {
+            return ir::PEA;
+        }
+        let (logged, is_log_full) = self.logged.overflowing_add(1);
+        self.logged = if is_log_full { u8::MAX } else { logged };
+        ir::PEA | if is_log_full { ir::ELO } else { 0 } | self.change(count)
     }
 
     /// The recovery from bus-off begins: REC counts its sequences.
@@ -149,7 +129,6 @@ impl Errors {
             errors.transmit = 0;
             errors.receive = 0;
             errors.bus_off = false;
-            0
         })
     }
 

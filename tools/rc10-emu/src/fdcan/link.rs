@@ -7,9 +7,10 @@ use super::timing::Period;
 /// Recessive bits in a row that mean an idle bus (ISO 11898-1), or a step of bus-off recovery.
 const SEQUENCE_BITS: u64 = 11;
 
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
 enum State {
     /// CCCR.INIT is set.
+    #[default]
     Stopped,
     Waiting {
         sequences: u64,
@@ -20,17 +21,14 @@ enum State {
 }
 
 /// A controller's view of the wire, and whether it takes part.
+#[derive(Default)]
 pub(super) struct Link {
     state: State,
-    busy: bool,
+    pub busy: bool,
     busy_since: Nanos,
 }
 
 impl Link {
-    pub const fn new() -> Self {
-        Self { state: State::Stopped, busy: false, busy_since: Nanos::ZERO }
-    }
-
     pub const fn start(&mut self, sequences: u64, now: Nanos) {
         self.state = State::Waiting { sequences, counted_to: now };
     }
@@ -41,10 +39,6 @@ impl Link {
 
     pub fn is_joined(&self) -> bool {
         self.state == State::Joined
-    }
-
-    pub const fn is_busy(&self) -> bool {
-        self.busy
     }
 
     /// The wire has changed; settled up to `at`.

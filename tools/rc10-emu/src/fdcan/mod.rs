@@ -34,8 +34,8 @@ use std::sync::{Arc, Mutex};
 use rc10_can::{BusError, CanFrame};
 use rc10_sim::{Activity, Controller, Nanos, Outcome};
 
-use crate::peripherals::lock;
-pub use counters::{Counters, TickPeriod};
+use crate::peripherals::{AccessKind, lock};
+pub use counters::{Counters, Spread};
 use ram::MessageRam;
 
 /// FDCAN1, FDCAN2, FDCAN3 and their message RAM. Controllers are counted from 0.
@@ -50,41 +50,60 @@ impl Fdcans {
     /// FDCANs after power-on: no kernel clock, no pins, noise in the message RAM by the seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        let controllers = [(); 3].map(|()| controller::Controller::new());
-        let calibration = calibration::Calibration::new();
-        Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new(seed) }
+        Self {
+            controllers: Default::default(),
+            calibration: calibration::Calibration::new(),
+            kernel_hz: 0,
+            ram: MessageRam::new(seed),
+        }
     }
 
     /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
     pub fn reset(&mut self) {
         self.controllers.iter_mut().for_each(controller::Controller::reset);
-        self.calibration.reset();
+        self.calibration.registers.reset();
         self.apply_clock();
     }
 
-    /// Reads a register at an offset in bytes from the controller's base. `None`: no such register.
-    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Option<u32> {
-        self.controllers.get_mut(index)?.read(offset, now)
+    /// Reads a register at an offset in bytes from the controller's base.
+    ///
+    /// # Errors
+    /// If there is no such register.
+    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+        self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.read(offset, now)
     }
 
-    /// Writes a register; read-only and protected bits stay. `false`: no such register.
-    pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> bool {
-        self.controllers.get_mut(index).is_some_and(|one| one.write(offset, value, now))
+    /// Writes a register; read-only and protected bits stay.
+    ///
+    /// # Errors
+    /// If there is no such register.
+    pub fn write(
+        &mut self,
+        index: usize,
+        offset: u32,
+        value: u32,
+        now: Nanos,
+    ) -> Result<(), AccessKind> {
+        self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.write(offset, value, now)
     }
 
-    /// Reads a register of the clock calibration unit. `None`: no such register.
-    #[must_use]
-    pub fn read_calibration(&self, offset: u32) -> Option<u32> {
-        self.calibration.read(offset)
+    /// Reads a register of the clock calibration unit.
+    ///
+    /// # Errors
+    /// If there is no such register.
+    pub fn read_calibration(&self, offset: u32) -> Result<u32, AccessKind> {
+        self.calibration.registers.read(offset)
     }
 
-    /// Writes a register of the clock calibration unit. `None`: no such register; `false`: it is
-    /// locked, because FDCAN1 has not both INIT and CCE.
-    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Option<bool> {
+    /// Writes a register of the clock calibration unit.
+    ///
+    /// # Errors
+    /// If there is no such register, or it is locked: FDCAN1 has not both INIT and CCE.
+    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Result<(), AccessKind> {
         let unlocked = self.controllers[0].may_configure();
-        let written = self.calibration.write(offset, value, unlocked)?;
+        self.calibration.write(offset, value, unlocked)?;
         self.apply_clock();
-        Some(written)
+        Ok(())
     }
 
     /// Sets whether the clock calibration unit has to be bypassed before a controller may send.
@@ -116,19 +135,13 @@ impl Fdcans {
         self.apply_clock();
     }
 
-    /// The kernel clock behind the calibration unit's divider, hertz.
-    #[must_use]
-    pub fn time_quantum_hz(&self) -> u64 {
-        self.time_quantum_of(self.kernel_hz)
-    }
-
-    /// The same, if the kernel clock had another frequency.
+    /// A kernel clock behind the calibration unit's divider, hertz.
     pub(crate) fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
         kernel_hz / self.calibration.divider()
     }
 
     fn apply_clock(&mut self) {
-        let (hz, valid) = (self.time_quantum_hz(), self.calibration.is_valid());
+        let (hz, valid) = (self.time_quantum_of(self.kernel_hz), self.calibration.is_valid());
         self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 

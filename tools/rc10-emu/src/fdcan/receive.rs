@@ -5,11 +5,11 @@ use rc10_can::CanFrame;
 use super::controller::Controller;
 use super::filters::{self, Destination};
 use super::ram::{self, MessageRam};
-use super::registers::{at, ir};
-use super::ring::{Put, Ring, Shape};
+use super::registers::{Register, at, ir};
+use super::ring::{Ring, Shape};
 
 /// Configuration registers of FIFO 0, FIFO 1.
-const FIFOS: [u32; 2] = [at::RXF0C, at::RXF1C];
+const FIFOS: [Register; 2] = [at::RXF0C, at::RXF1C];
 /// Elements of a receive FIFO at most.
 const LARGEST_FIFO: u32 = 64;
 
@@ -111,21 +111,10 @@ impl Controller {
     fn put(&mut self, fifo: usize) -> Option<u32> {
         let shape = self.shape(fifo);
         let ring = &mut self.receive.fifos[fifo];
-        let (flags, index) = match ring.put(shape) {
-            Put::Kept(index) => {
-                let watermark = if ring.level == shape.watermark { ir::RF0W } else { 0 };
-                let full = if ring.level == shape.size { ir::RF0F } else { 0 };
-                (ir::RF0N | watermark | full, Some(index))
-            }
-            Put::KeptForOldest(index) => {
-                self.counters.overwritten[fifo] += 1;
-                (ir::RF0N, Some(index))
-            }
-            Put::Lost => {
-                self.counters.lost[fifo] += 1;
-                (ir::RF0L, None)
-            }
-        };
+        let was_full = ring.is_full(shape);
+        let (index, flags) = ring.put(shape);
+        self.counters.overwritten[fifo] += u64::from(was_full && index.is_some());
+        self.counters.lost[fifo] += u64::from(index.is_none());
         self.flags |= flags << (4 * fifo);
         index
     }

@@ -1,6 +1,6 @@
 //! The FIFO that both receive FIFOs and the transmit event FIFO are.
 
-use super::registers::field;
+use super::registers::{field, ir};
 
 /// Configuration of a FIFO; RXF0C, RXF1C and TXEFC share this layout.
 #[derive(Clone, Copy)]
@@ -24,32 +24,33 @@ impl Shape {
     }
 }
 
-/// Outcome of a new element, and the index it is written to.
-pub(super) enum Put {
-    Kept(u32),
-    KeptForOldest(u32),
-    Lost,
-}
-
 #[derive(Default)]
 pub(super) struct Ring {
     get: u32,
-    pub level: u32,
+    level: u32,
 }
 
 impl Ring {
-    pub const fn put(&mut self, shape: Shape) -> Put {
+    /// The index that a new element is written to, if it is not lost, and the flags that this
+    /// raises in IR, with those of FIFO 0.
+    pub fn put(&mut self, shape: Shape) -> (Option<u32>, u32) {
         if self.level < shape.size {
             let index = (self.get + self.level) % shape.size;
             self.level += 1;
-            Put::Kept(index)
+            let at = |level, flag| if self.level == level { flag } else { 0 };
+            let flags = at(shape.watermark, ir::RF0W) | at(shape.size, ir::RF0F);
+            (Some(index), ir::RF0N | flags)
         } else if shape.overwrites && shape.size > 0 {
             let index = self.get;
             self.get = (self.get + 1) % shape.size;
-            Put::KeptForOldest(index)
+            (Some(index), ir::RF0N)
         } else {
-            Put::Lost
+            (None, ir::RF0L)
         }
+    }
+
+    pub const fn is_full(&self, shape: Shape) -> bool {
+        self.level >= shape.size
     }
 
     /// Frees all elements up to and including this one; `false` if it is not in the FIFO.

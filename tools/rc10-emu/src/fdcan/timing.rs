@@ -3,8 +3,7 @@
 use rc10_sim::Nanos;
 
 use super::registers::field;
-
-const NANOS_PER_SECOND: u128 = 1_000_000_000;
+use crate::time::{periods_in, time_of};
 
 /// A period as whole cycles of the kernel clock: exact for every clock.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -39,25 +38,23 @@ impl Period {
     /// To the nearest nanosecond.
     pub fn nanos(self) -> u32 {
         let half = u128::from(self.hz / 2);
-        let nanos = (u128::from(self.cycles) * NANOS_PER_SECOND + half) / u128::from(self.hz);
+        let nanos = (u128::from(self.cycles) * 1_000_000_000 + half) / u128::from(self.hz);
         u32::try_from(nanos).unwrap_or(u32::MAX)
     }
 
     /// Time until this number of periods is over, in whole nanoseconds.
     pub fn many(self, count: u64) -> Nanos {
-        let cycles = u128::from(count) * u128::from(self.cycles);
-        let nanos = (cycles * NANOS_PER_SECOND).div_ceil(u128::from(self.hz));
-        Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX))
+        time_of(u128::from(count) * u128::from(self.cycles), self.hz)
     }
 
     /// Number of periods that are over after this time.
     pub fn count_in(self, time: Nanos) -> u64 {
-        let cycles = u128::from(time.get()) * u128::from(self.hz) / NANOS_PER_SECOND;
-        u64::try_from(cycles / u128::from(self.cycles)).unwrap_or(u64::MAX)
+        periods_in(time, self.hz) / self.cycles
     }
 }
 
 /// The timestamp counter, TSCV.
+#[derive(Default)]
 pub(super) struct Timestamp {
     /// `None`: it stands.
     tick: Option<Period>,
@@ -68,10 +65,6 @@ pub(super) struct Timestamp {
 }
 
 impl Timestamp {
-    pub const fn new() -> Self {
-        Self { tick: None, from: Nanos::ZERO, base: 0, wraps_told: 0 }
-    }
-
     fn total(&self, at: Nanos) -> u64 {
         self.base + self.tick.map_or(0, |tick| tick.count_in(at.since(self.from)))
     }

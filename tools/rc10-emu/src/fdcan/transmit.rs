@@ -11,7 +11,7 @@ use rc10_sim::Nanos;
 use super::controller::Controller;
 use super::ram::{self, MessageRam};
 use super::registers::{Registers, at, cccr, field, ir};
-use super::ring::{Put, Ring, Shape};
+use super::ring::{Ring, Shape};
 use super::timing::Period;
 
 const BUFFERS: u32 = 32;
@@ -331,16 +331,17 @@ impl Controller {
         }
         self.flags |= self.transmit.release(self.layout());
         if sending.control & EVENT != 0 {
-            self.flags |= self.tell(sending, ram);
+            self.tell(sending, ram);
         }
     }
 
-    /// Puts a transmission into the event FIFO; the flags that this raises in IR.
-    fn tell(&mut self, sent: Candidate, ram: &mut MessageRam) -> u32 {
-        let shape = self.event_shape();
-        let Put::Kept(index) = self.transmit.events.put(shape) else {
+    /// Puts a transmission into the event FIFO.
+    fn tell(&mut self, sent: Candidate, ram: &mut MessageRam) {
+        let (index, flags) = self.transmit.events.put(self.event_shape());
+        self.flags |= flags * ir::TEFN;
+        let Some(index) = index else {
             self.counters.events_lost += 1;
-            return ir::TEFL;
+            return;
         };
         let in_spite = sent.cancelled || self.registers.has(at::CCCR, cccr::DAR);
         let kind = if in_spite { SENT_IN_SPITE } else { SENT };
@@ -348,10 +349,6 @@ impl Controller {
         let address = self.registers.start_word(at::TXEFC) + 2 * index;
         ram.store(address, sent.header);
         ram.store(address + 1, marker | kind | sent.control & 0xF << 16 | sent.timestamp);
-        let level = self.transmit.events.level;
-        let watermark = if level == shape.watermark { ir::TEFW } else { 0 };
-        let full = if level == shape.size { ir::TEFF } else { 0 };
-        ir::TEFN | watermark | full
     }
 
     fn event_shape(&self) -> Shape {

@@ -18,6 +18,14 @@ pub enum Width {
 }
 
 impl Width {
+    pub(crate) const fn of(bytes: u32) -> Self {
+        match bytes {
+            1 => Self::Byte,
+            2 => Self::Half,
+            _ => Self::Word,
+        }
+    }
+
     pub(super) const fn bytes(self) -> u32 {
         self as u32
     }
@@ -58,7 +66,7 @@ pub enum AccessKind {
 
 impl AccessKind {
     /// Refuses an access for this reason, if it is so.
-    pub(super) fn when(self, is_so: bool) -> Result<(), Self> {
+    pub(crate) fn when(self, is_so: bool) -> Result<(), Self> {
         if is_so { Err(self) } else { Ok(()) }
     }
 }
@@ -174,11 +182,7 @@ impl Write {
 
     /// Width of the write.
     pub(super) const fn width(self) -> Width {
-        match self.lanes.count_ones() {
-            8 => Width::Byte,
-            16 => Width::Half,
-            _ => Width::Word,
-        }
+        Width::of(self.lanes.count_ones() / 8)
     }
 
     /// The register's new value, if it simply stores.

@@ -14,8 +14,9 @@ use std::fmt;
 use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
-use super::clocks::{Clocks, Limit, PRESCALERS, TooFast, field};
-use super::registers::{Register, Registers, fixed, masked, plain};
+use super::clocks::{Clocks, Limit, PRESCALERS, TooFast};
+use super::registers::{Register, Registers, field, fixed, masked, plain};
+use crate::time::time_of;
 
 /// Number of its interrupt, and DMAMUX1's of its request. Source: stm32-metapac.
 const INTERRUPT: usize = 18;
@@ -137,7 +138,7 @@ enum Work {
     Converts(usize),
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Adc {
     registers: Registers,
     flags: u32,
@@ -158,19 +159,7 @@ pub(super) struct Adc {
 
 impl Adc {
     pub(super) fn new() -> Self {
-        Self {
-            registers: Registers::new(TABLE),
-            flags: 0,
-            control: DEEPPWD,
-            data: 0,
-            common: 0,
-            regulated_at: None,
-            work: None,
-            bus_hz: 0,
-            kernel_hz: 0,
-            inputs: [0; INPUTS.len()],
-            fails: false,
-        }
+        Self { registers: Registers::new(TABLE), control: DEEPPWD, ..Self::default() }
     }
 
     /// The voltages outside stay, and a defect.
@@ -227,8 +216,7 @@ impl Adc {
     fn after(&self, half_clocks: u64, now: Nanos) -> Result<Nanos, AccessKind> {
         let hz = self.half_clocks_hz();
         AccessKind::Adc(AdcFault::NoClock).when(hz == 0)?;
-        let nanos = (u128::from(half_clocks) * 1_000_000_000).div_ceil(u128::from(hz));
-        Ok(now + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX)))
+        Ok(now + time_of(half_clocks, hz))
     }
 
     fn is_regulated(&self, now: Nanos) -> bool {
@@ -368,13 +356,11 @@ impl Adc {
 
     fn check_preselection(&self) -> Result<(), AccessKind> {
         let mut channels = (0..self.length()).map(|rank| self.channel(rank));
-        match channels.find(|channel| self.registers.value(PCSEL) >> channel & 1 == 0) {
-            Some(channel) => {
-                let channel = u8::try_from(channel).unwrap_or(u8::MAX);
-                Err(AccessKind::Adc(AdcFault::NotPreselected(channel)))
-            }
-            None => Ok(()),
-        }
+        let open = channels.find(|channel| self.registers.value(PCSEL) >> channel & 1 == 0);
+        open.map_or(Ok(()), |channel| {
+            let channel = u8::try_from(channel).unwrap_or(u8::MAX);
+            Err(AccessKind::Adc(AdcFault::NotPreselected(channel)))
+        })
     }
 
     fn bits(&self) -> u32 {

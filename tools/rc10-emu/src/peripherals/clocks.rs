@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::registers::field;
+
 pub(super) const HSI_HZ: u64 = 64_000_000;
 pub(super) const CSI_HZ: u64 = 4_000_000;
 pub(super) const LSI_HZ: u64 = 32_000;
@@ -77,10 +79,6 @@ pub(super) const D3CCIPR: u32 = 0x58;
 
 /// Divider by `PRESC` of ADCs and UARTs. Source: RM0468, `ADC_CCR`, `USART_PRESC`.
 pub(super) const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
-
-pub(super) const fn field(register: u32, shift: u32, bits: u32) -> u32 {
-    register >> shift & ((1 << bits) - 1)
-}
 
 impl Clocks {
     /// `source` is SWS: the source of the system clock.

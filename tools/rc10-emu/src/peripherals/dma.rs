@@ -110,11 +110,7 @@ impl Stream {
     }
 
     const fn width(&self) -> Width {
-        match self.control >> 11 & 3 {
-            0 => Width::Byte,
-            1 => Width::Half,
-            _ => Width::Word,
-        }
+        Width::of(1 << (self.control >> 11 & 3))
     }
 
     pub(super) const fn is_enabled(&self) -> bool {
@@ -294,10 +290,6 @@ impl Dma {
     /// DMA1 is 0.
     pub(super) fn new(index: usize) -> Self {
         Self { index, streams: std::array::from_fn(|_| Stream::new()) }
-    }
-
-    pub(super) fn reset(&mut self) {
-        *self = Self::new(self.index);
     }
 
     pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {

@@ -41,7 +41,7 @@ static TABLES: [[Register; 9]; 3] = [
 
 #[derive(Debug)]
 pub(super) struct Port {
-    registers: Registers,
+    pub(super) registers: Registers,
     /// Pins that something outside drives, and to which level.
     driven: u32,
     levels: u32,
@@ -54,11 +54,6 @@ impl Port {
     pub(super) fn new(index: usize) -> Self {
         let registers = Registers::new(&TABLES[index.min(2)]);
         Self { registers, driven: 0, levels: 0, cut: 0 }
-    }
-
-    /// The outside stays as it is.
-    pub(super) fn reset(&mut self) {
-        self.registers.reset();
     }
 
     fn mode(&self, pin: usize) -> u32 {

@@ -9,6 +9,7 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
 use super::facts::{Facts, I2CS};
+use crate::time::time_of;
 
 /// A device on an I2C bus.
 pub trait I2cDevice: Send {
@@ -106,8 +107,9 @@ pub(super) struct I2c {
     held: bool,
     /// A start condition was seen, and no stop condition since.
     held_busy: bool,
-    /// Bytes to come in which BERR is raised for nothing.
-    disturbed: u32,
+    /// Bytes to come in which BERR is raised for nothing (ST's errata, "spurious bus error
+    /// detection").
+    pub(super) disturbed: u32,
     /// Whether both pins lead outside.
     pub(super) connected: bool,
     pub(super) devices: Vec<Box<dyn I2cDevice>>,
@@ -144,11 +146,6 @@ impl I2c {
         }
     }
 
-    /// Adds bytes that raise BERR for nothing (ST's errata, "spurious bus error detection").
-    pub(super) const fn disturb(&mut self, bytes: u32) {
-        self.disturbed += bytes;
-    }
-
     fn leave(&mut self, now: Nanos) {
         if let Some(device) = self.addressed.take() {
             self.devices[device].stop(now);
@@ -171,8 +168,7 @@ impl I2c {
     /// Duration of a number of clocks: SCLL and SCLH in periods of the prescaled kernel clock.
     fn clocks(&self, clocks: u64) -> Nanos {
         let field = |shift: u32, mask: u32| u64::from(self.timing >> shift & mask) + 1;
-        let periods = clocks * (field(0, 0xFF) + field(8, 0xFF)) * field(28, 0xF);
-        Nanos::new((periods * 1_000_000_000).div_ceil(self.hz.max(1)))
+        time_of(clocks * (field(0, 0xFF) + field(8, 0xFF)) * field(28, 0xF), self.hz)
     }
 
     fn stretched(&self) -> Option<Nanos> {

@@ -42,4 +42,4 @@ pub use soc::Soc;
 pub(crate) use soc::lock;
 pub use spi::SpiDevice;
 pub use usart::{Character, Format, Parity, SentByte};
-pub(crate) use usart::{Outgoing, Sampling, Wire};
+pub(crate) use usart::{Outgoing, Sampled, Sampling, Wire};

@@ -157,23 +157,17 @@ impl Soc {
 
     /// Keeps from now on the edges of a pin that the chip drives. `false`: no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
-        self.advance(now);
         let Some(recorder) = self.recorder(port, pin, now) else { return false };
         recorder.edges.get_or_insert_default();
-        self.watch();
-        self.schedule();
         true
     }
 
     /// Sums up from now on how long the chip holds a pin high. `false`: no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
-        self.advance(now);
         let Some(recorder) = self.recorder(port, pin, now) else { return false };
         recorder.go_on(recorder.high, now);
         recorder.time = PinTime::from(now);
         recorder.is_watched = true;
-        self.watch();
-        self.schedule();
         true
     }
 
@@ -198,7 +192,9 @@ impl Soc {
         Some(recorder)
     }
 
+    /// The recorder of a pin, which may be a new one.
     fn recorder(&mut self, port: char, pin: usize, now: Nanos) -> Option<&mut Recorder> {
+        self.advance(now);
         let pin = pin_at((port, pin))?;
         let known = self.recorders.iter().position(|recorder| recorder.pin == pin);
         let index = known.unwrap_or_else(|| {
@@ -216,6 +212,8 @@ impl Soc {
             });
             self.recorders.len() - 1
         });
+        self.watch();
+        self.schedule();
         self.recorders.get_mut(index)
     }
 
@@ -428,7 +426,7 @@ impl Soc {
 
     /// Lets an I2C see a false bus error in the next bytes it sends. `false`: no such I2C.
     pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
-        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].disturb(bytes)).is_some()
+        index_of(&I2CS, i2c).map(|i2c| self.i2cs[i2c].disturbed += bytes).is_some()
     }
 
     /// Lets a device hold an I2C's data line low until it has seen some clocks from the clock pin

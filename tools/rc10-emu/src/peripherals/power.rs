@@ -30,7 +30,7 @@ const SCALING: Nanos = Nanos::new(20_000);
 /// Bits of CR3 that are written once after power-on.
 const SUPPLY: u32 = 0x3F;
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Power {
     registers: Registers,
     supply_written: bool,
@@ -41,12 +41,7 @@ pub(super) struct Power {
 
 impl Power {
     pub(super) fn new() -> Self {
-        Self {
-            registers: Registers::new(TABLE),
-            supply_written: false,
-            scale: 1,
-            scaled_at: Nanos::ZERO,
-        }
+        Self { registers: Registers::new(TABLE), scale: 1, ..Self::default() }
     }
 
     /// A reset that power survives: the supply stays as it was set.

@@ -17,10 +17,10 @@ use rc10_sim::Nanos;
 use super::access::{AccessKind, Write};
 use super::clocks::{
     self, CFGR, CSI_HZ, Clocks, D1CCIPR, D1CFGR, D2CCIP1R, D2CCIP2R, D2CFGR, D3CCIPR, HSI_HZ,
-    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones, field,
+    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones,
 };
 use super::map::Switch;
-use super::registers::{Register, Registers, masked, plain};
+use super::registers::{Register, Registers, field, masked, plain};
 use crate::machine::Options;
 
 /// Cause of a reset.
@@ -145,29 +145,22 @@ pub(super) struct Rcc {
     registers: Registers,
     /// Time at which each source becomes ready, by its bit in CR.
     ready: [Option<Nanos>; 34],
-    /// Frequency of the board's crystal, and HSI's, hertz.
-    crystal_hz: u64,
+    options: Options,
+    /// HSI's frequency, hertz.
     hsi_hz: u64,
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
-    /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
-    removal_stays: bool,
     /// SWS.
     source: u32,
     /// Until when changes that need no access are taken into account.
     settled: Nanos,
-    system_ready_at: Option<Nanos>,
+    pub(super) system_ready_at: Option<Nanos>,
 }
 
 impl Rcc {
-    pub(super) fn new(options: &Options) -> Self {
+    pub(super) fn new(options: Options) -> Self {
         let ppm = i64::from(options.hsi_deviation_ppm);
         let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * ppm;
-        let (crystal_hz, hsi_hz) = (options.board.crystal_hz, HSI_HZ.saturating_add_signed(off));
-        Self::of(crystal_hz, hsi_hz, options.removal_stays)
-    }
-
-    fn of(crystal_hz: u64, hsi_hz: u64, removal_stays: bool) -> Self {
         let mut ready = [None; 34];
         ready[HSI as usize] = Some(Nanos::ZERO);
         let mut registers = Registers::new(TABLE);
@@ -175,10 +168,9 @@ impl Rcc {
         Self {
             registers,
             ready,
-            crystal_hz,
-            hsi_hz,
+            options,
+            hsi_hz: HSI_HZ.saturating_add_signed(off),
             crystal: true,
-            removal_stays,
             source: 0,
             settled: Nanos::ZERO,
             system_ready_at: None,
@@ -189,8 +181,7 @@ impl Rcc {
     pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
-        let fresh = Self::of(self.crystal_hz, self.hsi_hz, self.removal_stays);
-        *self = Self { crystal: self.crystal, settled: now, ..fresh };
+        *self = Self { crystal: self.crystal, settled: now, ..Self::new(self.options) };
         if cause != ResetCause::PowerOn {
             let held = flags & REMOVE != 0;
             self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
@@ -247,10 +238,6 @@ impl Rcc {
     /// Whether clock security raises its NMI: until the program clears the flag.
     pub(super) fn raises_nmi(&self) -> bool {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
-    }
-
-    pub(super) const fn system_ready_at(&self) -> Option<Nanos> {
-        self.system_ready_at
     }
 
     fn is_ready(&self, index: usize) -> bool {
@@ -352,7 +339,7 @@ impl Rcc {
                 }
             }
             RSR if write.ones() & REMOVE != 0 => {
-                self.registers.set(RSR, if self.removal_stays { REMOVE } else { 0 });
+                self.registers.set(RSR, if self.options.removal_stays { REMOVE } else { 0 });
             }
             RSR if write.zeros() & REMOVE != 0 => {
                 self.registers.set(RSR, self.registers.value(RSR) & !REMOVE);
@@ -402,7 +389,7 @@ impl Rcc {
         match self.pll_source() {
             0 => [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift()),
             1 => [CSI_HZ; 2],
-            2 => [self.crystal_hz; 2],
+            2 => [self.options.board.crystal_hz; 2],
             _ => [0; 2],
         }
     }
@@ -451,22 +438,20 @@ impl Rcc {
     }
 
     pub(super) fn tones(&self) -> Tones {
-        let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
         let config = self.registers.value(CFGR);
-        let hse = if_ready(HSE as usize, self.crystal_hz);
+        let Sources { hsi, hse, lse, plls, .. } = self.sources(self.hsi_hz);
         // RM0468, RCC_CFGR.RTCPRE: 0 and 1 are no clock.
         let for_rtc = field(config, 8, 6);
-        let lse = if_ready(LSE, LSE_HZ);
         // MCO1, MCO1PRE: 0 is no clock.
         let output = match field(config, 22, 3) {
-            0 => if_ready(HSI as usize, self.hsi_hz >> self.hsi_shift()),
+            0 => hsi,
             1 => lse,
             2 => hse,
-            3 => self.pll_outputs(0, self.hsi_hz)[1],
-            4 => if_ready(HSI48 as usize, HSI48_HZ),
+            3 => plls[0][1],
+            4 => self.if_ready(HSI48 as usize, HSI48_HZ),
             _ => 0,
         };
-        let lsi = Tone::new(if_ready(LSI, LSI_HZ), 1);
+        let lsi = Tone::new(self.if_ready(LSI, LSI_HZ), 1);
         let hse = Tone::new(hse, for_rtc).filter(|_| for_rtc > 1);
         [lsi, Tone::new(lse, 1), hse, Tone::new(output, field(config, 18, 4)), None]
     }
@@ -474,8 +459,7 @@ impl Rcc {
     /// P, Q and R of a PLL, as far as it runs.
     fn pll_outputs(&self, pll: u32, hsi_hz: u64) -> [u64; 3] {
         let outputs = clocks::pll(self.pll_input(hsi_hz), &self.pll(pll)).unwrap_or_default();
-        let runs = self.is_ready((PLL + 2 * pll) as usize);
-        outputs.map(|hz| if runs { hz } else { 0 })
+        outputs.map(|hz| self.if_ready((PLL + 2 * pll) as usize, hz))
     }
 
     pub(super) fn clocks(&self) -> Clocks {
@@ -488,15 +472,21 @@ impl Rcc {
     }
 
     fn clocks_with(&self, hsi_hz: u64) -> Clocks {
-        let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
-        let sources = Sources {
-            hsi: if_ready(HSI as usize, hsi_hz >> self.hsi_shift()),
-            csi: if_ready(CSI as usize, CSI_HZ),
-            hse: if_ready(HSE as usize, self.crystal_hz),
-            lse: if_ready(LSE, LSE_HZ),
+        Clocks::new(&self.sources(hsi_hz), self.source, |at| self.registers.value(at))
+    }
+
+    fn if_ready(&self, index: usize, hz: u64) -> u64 {
+        if self.is_ready(index) { hz } else { 0 }
+    }
+
+    fn sources(&self, hsi_hz: u64) -> Sources {
+        Sources {
+            hsi: self.if_ready(HSI as usize, hsi_hz >> self.hsi_shift()),
+            csi: self.if_ready(CSI as usize, CSI_HZ),
+            hse: self.if_ready(HSE as usize, self.options.board.crystal_hz),
+            lse: self.if_ready(LSE, LSE_HZ),
             plls: [0, 1, 2].map(|pll| self.pll_outputs(pll, hsi_hz)),
-        };
-        Clocks::new(&sources, self.source, |at| self.registers.value(at))
+        }
     }
 }
 

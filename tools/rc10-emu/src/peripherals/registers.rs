@@ -25,8 +25,13 @@ pub(crate) const fn fixed(offset: u32, value: u32) -> Register {
     Register { offset, reset: value, writable: 0 }
 }
 
+/// `width` (below 32) bits of a word from bit `low` on.
+pub(crate) const fn field(word: u32, low: u32, width: u32) -> u32 {
+    word >> low & ((1 << width) - 1)
+}
+
 /// The registers of one block, and their values by offset; others are not modelled.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Registers {
     table: &'static [Register],
     values: Vec<u32>,

@@ -20,9 +20,9 @@ use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
-use super::spi::{self, Spi};
+use super::spi::Spi;
 use super::timer::{TIMERS, Timer};
-use super::usart::{self, Usart};
+use super::usart::Usart;
 use super::watchdog::Watchdog;
 use crate::board::Board;
 use crate::core::INTERRUPT_WORDS;
@@ -93,7 +93,7 @@ impl Soc {
             fdcan,
             memory,
             options,
-            rcc: Rcc::new(&options),
+            rcc: Rcc::new(options),
             power: Power::new(),
             flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),
@@ -273,13 +273,7 @@ impl Soc {
         self.settle(now);
     }
 
-    /// The core's clock now, in hertz: 64 MHz after a reset; 0 if its source stands still.
-    #[must_use]
-    pub const fn core_clock_hz(&self) -> u64 {
-        self.clocks.core
-    }
-
-    /// All clocks now.
+    /// All clocks now; the core has 64 MHz after a reset.
     #[must_use]
     pub const fn clocks(&self) -> Clocks {
         self.clocks
@@ -288,7 +282,7 @@ impl Soc {
     /// Time at which the system clock was switched to PLL1; `None` if not yet since the last reset.
     #[must_use]
     pub const fn system_ready_at(&self) -> Option<Nanos> {
-        self.rcc.system_ready_at()
+        self.rcc.system_ready_at
     }
 
     /// The reset that a peripheral asks for; forgets it. [`reset`](Self::reset) does it.
@@ -311,12 +305,6 @@ impl Soc {
     #[must_use]
     pub fn memories_run(&self) -> [bool; 2] {
         self.rcc.memories_run()
-    }
-
-    /// Whether the supply is configured (`PWR_CSR1.ACTVOSRDY`).
-    #[must_use]
-    pub fn is_supplied(&self) -> bool {
-        self.power.is_supplied()
     }
 
     /// Sets the chip's identity, `DBGMCU_IDC`, if not that of an STM32H723.
@@ -353,7 +341,7 @@ impl Soc {
 
     /// Whether the core is kept from writing RAM.
     pub(crate) fn guards_ram(&self) -> bool {
-        self.options.reports_early_ram && !self.is_supplied()
+        self.options.reports_early_ram && !self.power.is_supplied()
     }
 
     /// Does a write to a RAM that the core is kept from, and reports the first. `false`: there is
@@ -476,15 +464,11 @@ impl Soc {
             Block::AdcCommon => self.adc.read_common(offset),
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
-            Block::Fdcan(index) => {
-                self.fdcans().read(index, offset, now).ok_or(AccessKind::Unmodelled)
-            }
+            Block::Fdcan(index) => self.fdcans().read(index, offset, now),
             Block::FdcanRam => {
                 self.fdcans().read_ram(offset as usize / 4).ok_or(AccessKind::Unmodelled)
             }
-            Block::FdcanCalibration => {
-                self.fdcans().read_calibration(offset).ok_or(AccessKind::Unmodelled)
-            }
+            Block::FdcanCalibration => self.fdcans().read_calibration(offset),
             Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
@@ -527,10 +511,7 @@ impl Soc {
             Block::Dma(dma) => self.dmas[dma].write(write),
             Block::DmaMux => self.mux.write(write),
             // Registers are words: a part of one writes zeros to the rest.
-            Block::Fdcan(index) => {
-                let known = self.fdcans().write(index, write.offset, write.ones(), now);
-                if known { Ok(()) } else { Err(AccessKind::Unmodelled) }
-            }
+            Block::Fdcan(index) => self.fdcans().write(index, write.offset, write.ones(), now),
             Block::FdcanRam => {
                 let word = write.offset as usize / 4;
                 let mut fdcans = self.fdcans();
@@ -538,13 +519,7 @@ impl Soc {
                 fdcans.write_ram(word, write.over(old));
                 Ok(())
             }
-            Block::FdcanCalibration => {
-                let written = self.fdcans().write_calibration(write.offset, write.ones());
-                match written.ok_or(AccessKind::Unmodelled)? {
-                    true => Ok(()),
-                    false => Err(AccessKind::Protected),
-                }
-            }
+            Block::FdcanCalibration => self.fdcans().write_calibration(write.offset, write.ones()),
             Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
@@ -570,13 +545,13 @@ impl Soc {
     fn reset_block(&mut self, row: &Row, now: Nanos) {
         match row.block {
             Block::Syscfg => self.reset_syscfg(),
-            Block::Gpio(port) => self.ports[port].reset(),
+            Block::Gpio(port) => self.ports[port].registers.reset(),
             Block::Timer(timer) => self.timers[timer].reset(now),
             Block::Usart(usart) => self.usarts[usart].reset(now),
             Block::Spi(spi) => self.spis[spi].reset(),
             Block::I2c(i2c) => self.i2cs[i2c].reset(now),
             Block::Adc => self.adc.reset(),
-            Block::Dma(dma) => self.dmas[dma].reset(),
+            Block::Dma(dma) => self.dmas[dma] = Dma::new(dma),
             // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
             // The others have no reset of their own, or nothing to reset.
@@ -634,27 +609,22 @@ impl Soc {
         self.find_signals();
         let ports = &self.ports;
         let connected = |signal| is_connected(ports, signal);
-        let can = [0, 1, 2].map(|index| {
-            (connected(Signal::CanReceive(index)), connected(Signal::CanTransmit(index)))
-        });
         for (index, usart) in self.usarts.iter_mut().enumerate() {
-            let receive = connected(Signal::SerialReceive(index));
-            let transmit = connected(Signal::SerialTransmit(index));
-            usart.set_pins(usart::Pins { receive, transmit }, now);
+            let pins = [Signal::SerialReceive(index), Signal::SerialTransmit(index)];
+            usart.set_pins(pins.map(connected), now);
         }
         for (index, spi) in self.spis.iter_mut().enumerate() {
-            spi.pins = spi::Pins {
-                clock: connected(Signal::SpiClock(index)),
-                input: connected(Signal::SpiIn(index)),
-                output: connected(Signal::SpiOut(index)),
-            };
+            let pins = [Signal::SpiClock(index), Signal::SpiIn(index), Signal::SpiOut(index)];
+            spi.pins = pins.map(connected);
         }
         for (index, i2c) in self.i2cs.iter_mut().enumerate() {
-            let (clock, data) = (Signal::I2cClock(index), Signal::I2cData(index));
-            i2c.connected = connected(clock) && connected(data);
+            let pins = [Signal::I2cClock(index), Signal::I2cData(index)];
+            i2c.connected = pins.into_iter().all(connected);
         }
-        let mut fdcans = self.fdcans();
-        for (index, (receive, transmit)) in can.into_iter().enumerate() {
+        let mut fdcans = lock(&self.fdcan);
+        for index in 0..3 {
+            let pins = [Signal::CanReceive(index), Signal::CanTransmit(index)];
+            let [receive, transmit] = pins.map(connected);
             fdcans.set_pins(index, receive, transmit);
         }
     }
@@ -745,7 +715,7 @@ impl Soc {
             }
         }
         self.record(now);
-        self.wants_reset |= self.watchdog.take_bite();
+        self.wants_reset |= std::mem::take(&mut self.watchdog.bites);
         let mut levels = [0; INTERRUPT_WORDS];
         let timers = self.timers.iter().flat_map(Timer::interrupts);
         let usarts = self.usarts.iter().filter_map(Usart::interrupt);

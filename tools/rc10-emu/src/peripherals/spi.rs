@@ -16,6 +16,7 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Width, Write};
 use super::facts::{Facts, SPIS};
+use crate::time::time_of;
 
 /// A device on an SPI bus.
 pub trait SpiDevice: Send {
@@ -60,13 +61,6 @@ impl Attached {
 
 /// Clocks behind the last frame of a transfer without a size: "several".
 const SPURIOUS: u32 = 3;
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Pins {
-    pub clock: bool,
-    pub input: bool,
-    pub output: bool,
-}
 
 // CR1.
 const ENABLE: u32 = 1 << 0;
@@ -124,7 +118,8 @@ pub(super) struct Spi {
     /// Frames of a transfer with a size that were put into the FIFO, and that are done.
     submitted: u32,
     done: u32,
-    pub(super) pins: Pins,
+    /// Whether its clock, input and output lead outside.
+    pub(super) pins: [bool; 3],
     pub(super) devices: Vec<Attached>,
 }
 
@@ -215,8 +210,7 @@ impl Spi {
                 None => return,
             },
         };
-        let nanos = u64::from(self.frame_bits()) * 1_000_000_000;
-        self.frame = Some((value, now + Nanos::new(nanos.div_ceil(self.clock_hz()))));
+        self.frame = Some((value, now + time_of(self.frame_bits(), self.clock_hz())));
     }
 
     fn exchange(&mut self, value: u16, at: Nanos) -> u16 {
@@ -227,10 +221,11 @@ impl Spi {
         let turned = |value: u16| {
             if self.config[1] & LEAST_FIRST != 0 { value.reverse_bits() >> unused } else { value }
         };
-        if !self.pins.clock {
+        let [clock, input, output] = self.pins;
+        if !clock {
             return 0;
         }
-        let sent = if self.pins.output { turned(value & mask) } else { 0 };
+        let sent = if output { turned(value & mask) } else { 0 };
         let mut answer = None;
         for attached in self.devices.iter_mut().filter(|attached| attached.selected) {
             let one = if attached.device.understands(mode, clock_hz) {
@@ -243,7 +238,7 @@ impl Spi {
             answer = Some(answer.map_or(one, |others: u16| others & one));
         }
         // No device drives the line: it reads low. Our choice.
-        if self.pins.input { turned(answer.unwrap_or(0)) } else { 0 }
+        if input { turned(answer.unwrap_or(0)) } else { 0 }
     }
 
     pub(super) fn next_event(&self) -> Option<Nanos> {

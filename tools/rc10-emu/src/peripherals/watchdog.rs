@@ -7,6 +7,7 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Write};
 use super::clocks::LSI_HZ;
+use crate::time::{periods_in, time_of};
 
 const KEY_START: u32 = 0xCCCC;
 const KEY_FEED: u32 = 0xAAAA;
@@ -16,7 +17,7 @@ const COUNTER_MASK: u32 = 0xFFF;
 /// Periods of LSI that an update takes.
 const UPDATE: u64 = 5;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Late {
     written: u32,
     in_force: u32,
@@ -24,13 +25,9 @@ struct Late {
 }
 
 impl Late {
-    const fn new(value: u32) -> Self {
-        Self { written: value, in_force: value, updated_at: None }
-    }
-
     fn write(&mut self, value: u32, now: Nanos) {
         self.written = value;
-        self.updated_at = Some(now + lsi_periods(UPDATE));
+        self.updated_at = Some(now + time_of(UPDATE, LSI_HZ));
     }
 
     fn advance(&mut self, now: Nanos) {
@@ -41,12 +38,7 @@ impl Late {
     }
 }
 
-/// The time of a number of LSI periods, rounded up to a nanosecond.
-const fn lsi_periods(periods: u64) -> Nanos {
-    Nanos::new((periods * 1_000_000_000).div_ceil(LSI_HZ))
-}
-
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Watchdog {
     unlocked: bool,
     /// PR: the counter's period is 4 << PR periods of LSI.
@@ -56,20 +48,13 @@ pub(super) struct Watchdog {
     /// Time at which it was running last at `counter`; `None` if it was never started.
     counting_from: Option<Nanos>,
     counter: u32,
-    bites: bool,
+    pub(super) bites: bool,
 }
 
 impl Watchdog {
-    pub(super) const fn new() -> Self {
-        Self {
-            unlocked: false,
-            prescaler: Late::new(0),
-            reload: Late::new(COUNTER_MASK),
-            window: Late::new(COUNTER_MASK),
-            counting_from: None,
-            counter: COUNTER_MASK,
-            bites: false,
-        }
+    pub(super) fn new() -> Self {
+        let largest = Late { written: COUNTER_MASK, in_force: COUNTER_MASK, updated_at: None };
+        Self { reload: largest, window: largest, counter: COUNTER_MASK, ..Self::default() }
     }
 
     fn period(&self) -> u64 {
@@ -78,27 +63,18 @@ impl Watchdog {
 
     fn bite_at(&self) -> Option<Nanos> {
         let periods = (u64::from(self.counter) + 1) * self.period();
-        self.counting_from.map(|start| start + lsi_periods(periods))
+        self.counting_from.map(|start| start + time_of(periods, LSI_HZ))
     }
 
     fn count(&self, now: Nanos) -> u32 {
         let from = self.counting_from.unwrap_or(now);
-        let periods = u128::from(now.since(from).get()) * u128::from(LSI_HZ) / 1_000_000_000;
-        let ticks = periods / u128::from(self.period());
+        let ticks = periods_in(now.since(from), LSI_HZ) / self.period();
         self.counter.saturating_sub(u32::try_from(ticks).unwrap_or(u32::MAX))
     }
 
     fn restart(&mut self, counter: u32, now: Nanos) {
         self.counter = counter;
         self.counting_from = self.counting_from.map(|_| now);
-    }
-
-    pub(super) fn take_bite(&mut self) -> bool {
-        std::mem::take(&mut self.bites)
-    }
-
-    fn is_running(&self) -> bool {
-        self.counting_from.is_some()
     }
 
     pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
@@ -145,7 +121,7 @@ impl Watchdog {
 
     fn feed(&mut self, now: Nanos) {
         // Too early is as bad as too late.
-        if self.is_running() && self.count(now) > self.window.in_force {
+        if self.counting_from.is_some() && self.count(now) > self.window.in_force {
             self.bites = true;
         }
         self.restart(self.reload.in_force, now);

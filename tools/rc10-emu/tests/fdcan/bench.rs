@@ -109,7 +109,7 @@ impl Bench {
         bench.fdcans().set_kernel_clock(120_000_000);
         bench.fdcans().set_pins(0, true, true);
         bench.write(CCCR, INIT | CCE);
-        assert_eq!(bench.fdcans().write_calibration(CCFG, BYPASS), Some(true));
+        assert_eq!(bench.fdcans().write_calibration(CCFG, BYPASS), Ok(()));
         bench.write(NBTP, ONE_MEGABIT);
         bench.write(RXF0C, 3 << 16 | start_address(FIFO_0));
         bench.write(RXF1C, 3 << 16 | start_address(FIFO_1));
@@ -152,7 +152,7 @@ impl Bench {
     }
 
     pub fn write(&self, offset: u32, value: u32) {
-        assert!(self.fdcans().write(0, offset, value, self.now));
+        assert_eq!(self.fdcans().write(0, offset, value, self.now), Ok(()));
     }
 
     /// Writes CCCR and waits until INIT can be read back.

@@ -1,5 +1,6 @@
 //! The clock calibration unit in front of the controllers.
 
+use rc10_emu::peripherals::AccessKind;
 use rc10_sim::{Controller, Outcome};
 
 use super::bench::*;
@@ -20,11 +21,11 @@ fn after_reset() -> Bench {
 #[test]
 fn it_is_not_bypassed_after_a_reset() {
     let bench = after_reset();
-    assert_eq!(bench.fdcans().read_calibration(CCFG), Some(0x4));
+    assert_eq!(bench.fdcans().read_calibration(CCFG), Ok(0x4));
     // CALS: not calibrated.
-    assert_eq!(bench.fdcans().read_calibration(CSTAT), Some(0x0203_FFFF));
-    assert_eq!(bench.fdcans().read_calibration(0x18), None);
-    assert_eq!(bench.fdcans().write_calibration(0x18, 0), None);
+    assert_eq!(bench.fdcans().read_calibration(CSTAT), Ok(0x0203_FFFF));
+    assert_eq!(bench.fdcans().read_calibration(0x18), Err(AccessKind::Unmodelled));
+    assert_eq!(bench.fdcans().write_calibration(0x18, 0), Err(AccessKind::Unmodelled));
 }
 
 /// A program that never writes the unit: nothing leaves, and no error says why.
@@ -44,10 +45,10 @@ fn without_a_valid_clock_controllers_stay_in_restricted_mode() {
     assert!(bench.node.is_on_bus());
     // FDCAN2 needs it as much.
     let now = bench.now;
-    bench.fdcans().write(1, CCCR, 0, now);
+    bench.fdcans().write(1, CCCR, 0, now).unwrap();
     bench.wait(CROSSING);
     let now = bench.now;
-    assert_eq!(bench.fdcans().read(1, CCCR, now), Some(ASM));
+    assert_eq!(bench.fdcans().read(1, CCCR, now), Ok(ASM));
 }
 
 #[test]
@@ -57,15 +58,18 @@ fn it_is_written_while_fdcan1_is_configured_and_at_no_other_time() {
         bench.set_cccr(cccr);
         // FDCAN2's configuration does not unlock it.
         let now = bench.now;
-        bench.fdcans().write(1, CCCR, INIT | CCE, now);
+        bench.fdcans().write(1, CCCR, INIT | CCE, now).unwrap();
         for offset in [CCFG, CWD] {
-            assert_eq!(bench.fdcans().write_calibration(offset, BYPASS), Some(false));
+            assert_eq!(
+                bench.fdcans().write_calibration(offset, BYPASS),
+                Err(AccessKind::Protected)
+            );
         }
-        assert_eq!(bench.fdcans().read_calibration(CCFG), Some(0x4));
+        assert_eq!(bench.fdcans().read_calibration(CCFG), Ok(0x4));
     }
     bench.set_cccr(INIT | CCE);
-    assert_eq!(bench.fdcans().write_calibration(CCFG, BYPASS), Some(true));
-    assert_eq!(bench.fdcans().read_calibration(CCFG), Some(BYPASS));
+    assert_eq!(bench.fdcans().write_calibration(CCFG, BYPASS), Ok(()));
+    assert_eq!(bench.fdcans().read_calibration(CCFG), Ok(BYPASS));
 }
 
 #[test]
@@ -73,13 +77,13 @@ fn bypassed_it_lets_all_of_them_send() {
     let mut bench = after_reset();
     // One that was restricted before stays so until the program lets it go.
     let now = bench.now;
-    bench.fdcans().write(2, CCCR, 0, now);
+    bench.fdcans().write(2, CCCR, 0, now).unwrap();
     bench.wait(CROSSING);
     let now = bench.now;
-    bench.fdcans().write_calibration(CCFG, BYPASS);
-    assert_eq!(bench.fdcans().read(2, CCCR, now), Some(ASM));
-    bench.fdcans().write(2, CCCR, 0, now);
-    assert_eq!(bench.fdcans().read(2, CCCR, now), Some(0));
+    bench.fdcans().write_calibration(CCFG, BYPASS).unwrap();
+    assert_eq!(bench.fdcans().read(2, CCCR, now), Ok(ASM));
+    bench.fdcans().write(2, CCCR, 0, now).unwrap();
+    assert_eq!(bench.fdcans().read(2, CCCR, now), Ok(0));
 
     bench.join();
     assert_eq!(bench.read(CCCR), 0);
@@ -93,7 +97,7 @@ fn bypassed_it_lets_all_of_them_send() {
 fn its_divider_stretches_the_bits() {
     let bench = Bench::configuring();
     for (divider, nanos) in [(0, 1000), (1, 2000), (2, 4000), (15, 30_000)] {
-        bench.fdcans().write_calibration(CCFG, divider << 16 | BYPASS);
+        bench.fdcans().write_calibration(CCFG, divider << 16 | BYPASS).unwrap();
         assert_eq!(bench.node.bit_time_ns(), Some(nanos));
     }
 }

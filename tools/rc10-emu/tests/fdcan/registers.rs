@@ -1,4 +1,5 @@
 use rc10_can::BusError;
+use rc10_emu::peripherals::AccessKind;
 use rc10_sim::{Activity, Controller, Nanos, Outcome};
 
 use super::bench::*;
@@ -32,7 +33,7 @@ fn reset_values() {
     ];
     for index in 0..3 {
         for (offset, value) in values {
-            assert_eq!(fdcans.read(index, offset, Nanos::ZERO), Some(value), "{offset:#x}");
+            assert_eq!(fdcans.read(index, offset, Nanos::ZERO), Ok(value), "{offset:#x}");
         }
     }
 }
@@ -42,12 +43,16 @@ fn what_is_not_there_is_told() {
     let bench = Bench::configuring();
     let now = bench.now;
     for offset in [0x08, 0x30, 0x60, 0x8C, 0xFC, 0x100, 0x300, u32::MAX] {
-        assert_eq!(bench.fdcans().read(0, offset, now), None, "{offset:#x}");
-        assert!(!bench.fdcans().write(0, offset, 0, now), "{offset:#x}");
+        assert_eq!(bench.fdcans().read(0, offset, now), Err(AccessKind::Unmodelled), "{offset:#x}");
+        assert_eq!(
+            bench.fdcans().write(0, offset, 0, now),
+            Err(AccessKind::Unmodelled),
+            "{offset:#x}"
+        );
     }
     assert_eq!(bench.take_flags(), ARA);
-    assert_eq!(bench.fdcans().read(3, CCCR, now), None);
-    assert!(!bench.fdcans().write(3, CCCR, 0, now));
+    assert_eq!(bench.fdcans().read(3, CCCR, now), Err(AccessKind::Unmodelled));
+    assert_eq!(bench.fdcans().write(3, CCCR, 0, now), Err(AccessKind::Unmodelled));
     assert_eq!(bench.fdcans().counters(3).sent, 0);
     let mut absent = rc10_emu::fdcan::Node::new(bench.fdcans.clone(), 3);
     assert!(!absent.is_on_bus() && absent.offer(now).is_none());
@@ -301,8 +306,8 @@ fn a_line_is_raised_while_an_enabled_flag_stands() {
 #[test]
 fn controllers_share_the_message_ram_and_nothing_else() {
     let bench = Bench::configuring();
-    assert_eq!(bench.fdcans().read(1, NBTP, bench.now), Some(0x0600_0A03));
-    assert_eq!(bench.fdcans().read(2, CCCR, bench.now), Some(INIT));
+    assert_eq!(bench.fdcans().read(1, NBTP, bench.now), Ok(0x0600_0A03));
+    assert_eq!(bench.fdcans().read(2, CCCR, bench.now), Ok(INIT));
 }
 
 /// Nothing may be read that nothing has written.

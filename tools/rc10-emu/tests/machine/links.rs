@@ -33,7 +33,7 @@ impl Bench {
         let machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
         let bench = Self { machine, world: World::new(1) };
         // Memory that no byte has reached is zero.
-        bench.machine.memory().write(BUFFER, &[0; 0x200]).unwrap();
+        bench.machine.memory.write(BUFFER, &[0; 0x200]).unwrap();
         // Ports A to F, DMA1, UART5 and USART2, TIM13.
         bench.write(0x5802_44E0, 0x3F);
         bench.write(0x5802_44D8, 1);
@@ -74,7 +74,7 @@ impl Bench {
     }
 
     fn send(&self, register: u32, request: u32, bytes: &[u8]) {
-        self.machine.memory().write(BUFFER + 0x100, bytes).unwrap();
+        self.machine.memory.write(BUFFER + 0x100, bytes).unwrap();
         let count = u32::try_from(bytes.len()).unwrap();
         self.stream(1, request, register, BUFFER + 0x100, 1 << 6, count);
     }
@@ -91,7 +91,7 @@ impl Bench {
 
     fn received(&self, count: usize) -> Vec<u8> {
         let mut bytes = vec![0; count];
-        self.machine.memory().read(BUFFER, &mut bytes).unwrap();
+        self.machine.memory.read(BUFFER, &mut bytes).unwrap();
         bytes
     }
 
@@ -166,7 +166,7 @@ fn bytes_go_both_ways_at_the_exact_time() {
     }
     assert_eq!(heard(&serial).len(), 3);
     assert_eq!((bench.machine.garbled(5), bench.read(UART5 + ISR) & 0xF), (0, 0));
-    assert_eq!(bench.machine.reports(), []);
+    assert_eq!(bench.machine.reports, []);
 }
 
 #[test]

@@ -69,12 +69,12 @@ fn run(program: &[u8]) -> Machine {
 }
 
 fn reports(machine: &Machine) -> Vec<&str> {
-    machine.reports().iter().map(|report| report.text.as_str()).collect()
+    machine.reports.iter().map(|report| report.text.as_str()).collect()
 }
 
 /// The function that most instructions were in.
 fn busiest(machine: &Machine) -> &str {
-    machine.profile().by_function(machine.image())[0].0
+    machine.profile.by_function(&machine.image)[0].0
 }
 
 #[test]
@@ -92,11 +92,11 @@ fn what_has_no_owner_is_counted_wherever_it_is() {
                 "{address:#x} {instruction:#x} {reports:?}"
             );
             assert!(reports[0].contains(&format!("{:#010x}", address & !1)), "{reports:?}");
-            assert!(machine.profile().by_exception().iter().any(|cost| cost.exception == 3));
+            assert!(machine.profile.by_exception().iter().any(|cost| cost.exception == 3));
         }
     }
     let machine = run(&program(LOAD, FLASH, HANDLER));
-    assert_eq!((machine.soc().count(AccessKind::Unowned), machine.reports()), (0, &[][..]));
+    assert_eq!((machine.soc().count(AccessKind::Unowned), &machine.reports[..]), (0, &[][..]));
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn flash_is_not_written_and_peripherals_are_not_executed() {
     let stores = program(STORE, START + 4, HANDLER);
     let machine = run(&stores);
     assert_eq!(machine.soc().count(AccessKind::Unowned), 1);
-    assert_eq!(machine.memory().word(START + 4).unwrap(), 0xE7FE_E7FE);
+    assert_eq!(machine.memory.word(START + 4).unwrap(), 0xE7FE_E7FE);
     // RCC.
     let machine = run(&program(BRANCH, 0x5802_4401, HANDLER));
     assert_eq!(machine.soc().count(AccessKind::Unowned), 1, "{:?}", reports(&machine));
@@ -116,7 +116,7 @@ fn a_core_that_locks_up_says_so_and_waits() {
     let machine = run(&program(LOAD, 0x9000_0000, 0xA000_0000));
     let reports = reports(&machine);
     assert!(reports.iter().any(|text| text.contains("locked up")), "{reports:?}");
-    assert!(machine.now() >= micros(10) && machine.profile().total() < 10);
+    assert!(machine.now() >= micros(10) && machine.profile.total() < 10);
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn time_is_what_the_instructions_take() {
     // At 480 MHz: so 64 million here.
     machine.set_speed(480_000_000);
     machine.run(&mut World::new(1), micros(1000)).unwrap();
-    assert!(machine.profile().total().abs_diff(64_000) <= 1, "{}", machine.profile().total());
+    assert!(machine.profile.total().abs_diff(64_000) <= 1, "{}", machine.profile.total());
 }
 
 /// Reads a word at an address, then the cycle counter, and stores that in [`COUNT`], for ever.
@@ -174,7 +174,7 @@ fn the_cycle_counter_counts_the_clocks_that_go_by() {
             }
             let mut count = |until| {
                 machine.run(&mut world, micros(until)).unwrap();
-                (machine.memory().word(COUNT).unwrap(), machine.profile().total())
+                (machine.memory.word(COUNT).unwrap(), machine.profile.total())
             };
             let (before, after) = (count(100), count(10_100));
             let cycles = after.0.wrapping_sub(before.0);
@@ -205,11 +205,11 @@ fn a_mask_ends_as_it_began() {
     let mut machine = Machine::new(&loops).unwrap();
     machine.run(&mut world, micros(1)).unwrap();
     machine.inject(Injection::MaskInterrupts(true)).unwrap();
-    machine.restart_profile();
+    machine.profile.restart();
     machine.run(&mut world, micros(2)).unwrap();
     assert_eq!(busiest(&machine), "(outside flash)");
     machine.inject(Injection::MaskInterrupts(false)).unwrap();
-    machine.restart_profile();
+    machine.profile.restart();
     machine.run(&mut world, micros(3)).unwrap();
     assert_eq!(busiest(&machine), "(no symbol)");
 
@@ -217,7 +217,7 @@ fn a_mask_ends_as_it_began() {
     let mut machine = Machine::new(&program(MASK, 0, HANDLER)).unwrap();
     machine.run(&mut world, micros(1)).unwrap();
     machine.inject(Injection::MaskInterrupts(true)).unwrap();
-    machine.restart_profile();
+    machine.profile.restart();
     machine.run(&mut world, micros(2)).unwrap();
     assert_eq!(busiest(&machine), "(no symbol)", "the program's own mask never ends");
 }
@@ -236,14 +236,14 @@ fn a_memory_without_clock_is_told() {
     // The first instructions are still the program's own: it has its clock before they get there.
     let mut machine = Machine::new(&load).unwrap();
     machine.soc().write(AHB2ENR, Width::Word, 1 << 29, Nanos::ZERO).unwrap();
-    machine.memory().write(SRAM1, &[1, 2, 3, 4]).unwrap();
+    machine.memory.write(SRAM1, &[1, 2, 3, 4]).unwrap();
     machine.run(&mut World::new(1), Nanos::new(1)).unwrap();
     machine.run(&mut World::new(1), micros(10)).unwrap();
     assert_eq!((machine.soc().count(AccessKind::Gated), reports(&machine).len()), (0, 0));
     // A reset takes it away again, and the memory keeps its contents.
     machine.soc().reset(ResetCause::Software, micros(10));
     assert_eq!(machine.soc().memories_run(), [false; 2]);
-    assert_eq!(machine.memory().word(SRAM1).unwrap(), 0x0403_0201);
+    assert_eq!(machine.memory.word(SRAM1).unwrap(), 0x0403_0201);
 }
 
 const RCC: u32 = 0x5802_4400;
@@ -257,7 +257,7 @@ fn use_crystal(machine: &mut Machine, world: &mut World) {
     write(machine, 0, 1 << 16 | 1);
     write(machine, 0x10, 2);
     machine.run(world, micros(3000)).unwrap();
-    assert_eq!(machine.soc().core_clock_hz(), rc10_emu::Board::H723ZG.crystal_hz);
+    assert_eq!(machine.soc().clocks().core, rc10_emu::Board::H723ZG.crystal_hz);
 }
 
 /// The core takes the NMI at once, and does so again and again until the flag is cleared.
@@ -270,13 +270,13 @@ fn clock_security_interrupts_the_core() {
     // CSSHSEON.
     machine.soc().write(RCC, Width::Word, 1 << 19 | 1 << 16 | 1, now).unwrap();
     machine.set_crystal(false);
-    machine.restart_profile();
+    machine.profile.restart();
     machine.run(&mut world, micros(3010)).unwrap();
     // Interrupts are masked, and it is no interrupt that can be.
-    let costs = machine.profile().by_exception();
+    let costs = machine.profile.by_exception();
     let nmi = costs.iter().find(|cost| cost.exception == 2).unwrap();
     assert!(nmi.entries == 1 && nmi.instructions > 10, "{costs:?}");
-    assert_eq!(machine.soc().core_clock_hz(), 64_000_000);
+    assert_eq!(machine.soc().clocks().core, 64_000_000);
 }
 
 /// Nothing is executed, and only what LSI drives is left: the watchdog.
@@ -289,13 +289,13 @@ fn without_clock_security_the_core_stands_and_the_watchdog_resets() {
     machine.soc().write(IWDG, Width::Word, 0xCCCC, Nanos::ZERO).unwrap();
     use_crystal(&mut machine, &mut world);
     machine.set_crystal(false);
-    machine.restart_profile();
+    machine.profile.restart();
     machine.run(&mut world, micros(511_999)).unwrap();
-    assert_eq!((machine.profile().total(), machine.restarts().len()), (0, 0));
+    assert_eq!((machine.profile.total(), machine.restarts.len()), (0, 0));
     machine.run(&mut world, micros(512_100)).unwrap();
-    let causes: Vec<_> = machine.restarts().iter().map(|restart| restart.cause).collect();
+    let causes: Vec<_> = machine.restarts.iter().map(|restart| restart.cause).collect();
     assert_eq!(causes, [ResetCause::Watchdog]);
-    assert!(machine.profile().total() > 0, "it runs on HSI again");
+    assert!(machine.profile.total() > 0, "it runs on HSI again");
 }
 
 /// An address in DTCM, where a program's statics are.
@@ -333,8 +333,8 @@ fn ram_that_was_never_written_is_noise() {
             let options = Options { seed, ..Options::default() };
             let mut machine = Machine::with(program, options).unwrap();
             machine.run(&mut World::new(1), micros(10)).unwrap();
-            let faults = machine.profile().by_exception();
-            (faults.iter().any(|cost| cost.exception == 3), machine.memory().word(STATIC).unwrap())
+            let faults = machine.profile.by_exception();
+            (faults.iter().any(|cost| cost.exception == 3), machine.memory.word(STATIC).unwrap())
         };
         assert_eq!(run(&counter(true)), (false, 1));
         let (fails, first) = run(&counter(false));
@@ -349,13 +349,13 @@ fn ram_that_was_never_written_is_noise() {
 fn power_comes_with_noise_in_every_ram() {
     let machine = run(&program(LOAD, FLASH, HANDLER));
     let mut seen = std::collections::BTreeSet::new();
-    for bank in machine.memory().banks().iter().filter(|bank| bank.base != FLASH) {
-        let words = (0..64).map(|word| machine.memory().word(bank.base + 256 + 4 * word).unwrap());
+    for bank in machine.memory.banks().iter().filter(|bank| bank.base != FLASH) {
+        let words = (0..64).map(|word| machine.memory.word(bank.base + 256 + 4 * word).unwrap());
         assert!(words.into_iter().all(|word| seen.insert(word)), "{}", bank.name);
     }
-    let before = machine.memory().word(STATIC).unwrap();
+    let before = machine.memory.word(STATIC).unwrap();
     machine.soc().reset(ResetCause::Watchdog, micros(10));
-    assert_eq!(machine.memory().word(STATIC).unwrap(), before);
+    assert_eq!(machine.memory.word(STATIC).unwrap(), before);
 }
 
 /// Instructions are what they were; time is not.
@@ -366,7 +366,7 @@ fn an_access_takes_what_the_buses_take() {
         // At 480 MHz: 64 million here, one a clock.
         machine.set_speed(480_000_000);
         machine.run(&mut World::new(1), micros(1000)).unwrap();
-        machine.profile().total()
+        machine.profile.total()
     };
     let alone = instructions(FLASH);
     // All buses at the core's 64 MHz. RCC, on AHB4; IWDG1, on APB4; DMA1 without its clock, on AHB1.
@@ -380,7 +380,7 @@ fn an_access_takes_what_the_buses_take() {
 fn ram_written_before_the_supply_is_configured_is_told_if_asked_for() {
     const CR3: u32 = 0x5802_480C;
     let stores = counter(true);
-    assert_eq!(run(&stores).reports(), [], "as every start-up code does");
+    assert_eq!(run(&stores).reports, [], "as every start-up code does");
     let options = Options { reports_early_ram: true, ..Options::default() };
     let mut machine = Machine::with(&stores, options).unwrap();
     machine.run(&mut World::new(1), micros(10)).unwrap();
@@ -388,15 +388,15 @@ fn ram_written_before_the_supply_is_configured_is_told_if_asked_for() {
     // Once, although it stores twice.
     assert!(reports.len() == 1 && reports[0].contains("before the supply"), "{reports:?}");
     assert!(reports[0].contains("0x20001000"), "{reports:?}");
-    assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
+    assert_eq!(machine.memory.word(STATIC).unwrap(), 1);
 
     // LDOEN is written before its first instruction.
     let mut machine = Machine::with(&stores, options).unwrap();
     machine.soc().write(CR3, Width::Word, 0b010, Nanos::ZERO).unwrap();
     machine.run(&mut World::new(1), Nanos::new(1)).unwrap();
     machine.run(&mut World::new(1), micros(10)).unwrap();
-    assert_eq!(machine.reports(), []);
-    assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
+    assert_eq!(machine.reports, []);
+    assert_eq!(machine.memory.word(STATIC).unwrap(), 1);
 }
 
 /// A program that measures with `SysTick` what a load takes, and says it at [`STATIC`].
@@ -426,7 +426,7 @@ fn stopwatch(address: u32) -> Vec<u8> {
 /// A program's own clock sees what its accesses take.
 #[test]
 fn systick_goes_on_while_the_core_waits_for_a_bus() {
-    let left = |address| run(&stopwatch(address)).memory().word(STATIC).unwrap();
+    let left = |address| run(&stopwatch(address)).memory.word(STATIC).unwrap();
     assert_eq!(left(FLASH) - left(0x5802_4400), 12);
 }
 
@@ -471,7 +471,7 @@ fn conditional() -> Vec<u8> {
 fn an_interrupt_in_a_block_of_it_does_not_end_it() {
     let mut machine = Machine::new(&conditional()).unwrap();
     machine.run(&mut World::new(1), micros(1000)).unwrap();
-    let word = |offset| machine.memory().word(STATIC + offset).unwrap();
+    let word = |offset| machine.memory.word(STATIC + offset).unwrap();
     assert!(word(4) > 500, "{} interrupts", word(4));
     assert_eq!(word(0), 0, "the rest of the block was executed");
 }

@@ -119,7 +119,7 @@ fn the_imu_answers_on_spi2() {
     assert_eq!(bench.transfer(SELECTS[0], &[0x80, 0, 0])[2], 0x1E);
     assert_eq!(bench.transfer(SELECTS[1], &[0x80, 0])[1], 0x0F);
     let motion = Motion { rotation: [0.0, 0.0, 500.0_f64.to_radians()], ..Motion::REST };
-    bench.machine.imu().unwrap().with(|imu| imu.motion = motion);
+    bench.machine.parts.imu.as_ref().unwrap().with(|imu| imu.motion = motion);
     bench.wait(1_000_000);
     let heard = bench.transfer(SELECTS[1], &[0x82, 0, 0, 0, 0, 0, 0]);
     let turns = i16::from_le_bytes([heard[5], heard[6]]);
@@ -150,7 +150,7 @@ fn an_imu_on_a_base_turns_with_it() {
     });
     let wheels = motors.iter().map(|motor| (motor, rc10_sim::Mounting::Normal));
     let base = bench.world.add_base(rc10_sim::Chassis::default(), wheels).unwrap();
-    bench.machine.mount_on(&base);
+    bench.machine.parts.base = Some(base.clone());
     // All wheels the same way turn it: those on the right roll backwards.
     let mut port = bus.port();
     for _ in 0..50 {
@@ -161,7 +161,7 @@ fn an_imu_on_a_base_turns_with_it() {
     }
     let rate = base.twist().yaw;
     assert!(rate.abs() > 0.1, "{rate}");
-    let felt = bench.machine.imu().unwrap().with(|imu| imu.motion.rotation[2]);
+    let felt = bench.machine.parts.imu.as_ref().unwrap().with(|imu| imu.motion.rotation[2]);
     assert!((felt - rate).abs() < 0.05 * rate.abs(), "{felt} {rate}");
 }
 
@@ -170,7 +170,7 @@ fn an_imu_on_a_base_turns_with_it() {
 fn a_heater_keeps_its_imu_warm() {
     let mut bench = Bench::new(Board::DM_MC02);
     let thermal = Thermal { time_constant: 1.0, ..Thermal::default() };
-    bench.machine.set_thermal(thermal);
+    bench.machine.parts.thermal = thermal;
     bench.start_imu();
     // TIM3 at 1 kHz, channel 4 on PB1.
     bench.alternate(1, 1, 2);
@@ -189,14 +189,14 @@ fn a_heater_keeps_its_imu_warm() {
         bench.wait(1_280_000_000);
     }
     let share = bench.machine.take_pin_time('B', 1).unwrap().share();
-    let celsius = bench.machine.imu().unwrap().with(|imu| imu.celsius);
+    let celsius = bench.machine.parts.imu.as_ref().unwrap().with(|imu| imu.celsius);
     assert!((celsius - 40.0).abs() < 0.3, "{celsius}");
     assert!((0.05..0.25).contains(&share), "{share}");
     // Half the voltage is a quarter of the power.
     bench.write(TIM3 + 0x40, 250);
     bench.machine.set_supply(12_000).unwrap();
     bench.wait(10_000_000_000);
-    let celsius = bench.machine.imu().unwrap().with(|imu| imu.celsius);
+    let celsius = bench.machine.parts.imu.as_ref().unwrap().with(|imu| imu.celsius);
     let expected = 25.0 + 12.0 * 0.25 * 144.0 / 47.0;
     assert!((celsius - expected).abs() < 0.05, "{celsius} {expected}");
     assert_eq!(reports(&bench.machine), [""; 0]);
@@ -254,7 +254,7 @@ fn a_key_is_low_while_it_is_pressed() {
     let mut other = Bench::new(Board::H723ZG);
     let error = other.machine.press_key(true).unwrap_err().to_string();
     assert_eq!(error, "h723zg has no key");
-    assert!(other.machine.imu().is_none());
+    assert!(other.machine.parts.imu.as_ref().is_none());
     assert!(other.machine.set_supply(24_000).is_err());
     other.machine.run(&mut other.world, micros(5_000)).unwrap();
 }

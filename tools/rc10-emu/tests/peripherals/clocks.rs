@@ -9,7 +9,7 @@ const RSR: u32 = RCC + 0xD0;
 #[test]
 fn our_firmwares_clocks() {
     let mut chip = Chip::new();
-    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+    assert_eq!(chip.soc.clocks().core, 64_000_000);
     assert_eq!(chip.soc.system_ready_at(), None);
     chip.start_clocks(6);
     let expected = Clocks {
@@ -24,7 +24,7 @@ fn our_firmwares_clocks() {
         adc: 0,
     };
     assert_eq!(chip.soc.clocks(), expected);
-    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+    assert_eq!(chip.soc.clocks().core, 480_000_000);
     assert!(chip.soc.system_ready_at().is_some_and(|at| at.get() <= chip.now));
     assert_eq!(chip.kinds(), []);
 }
@@ -70,7 +70,7 @@ fn a_running_pll_is_locked_and_the_system_clock_cannot_be_switched_off() {
     chip.write(RCC + 0x2C, 0);
     chip.write(RCC, 0);
     assert_eq!(chip.read(RCC + 0x28) & 0x3F3, 5 << 4 | 2);
-    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+    assert_eq!(chip.soc.clocks().core, 480_000_000);
     // PLL2 is off: its divider is not locked.
     assert_eq!(chip.read(RCC + 0x28) >> 12 & 0x3F, 0);
 }
@@ -122,13 +122,13 @@ fn a_reset_starts_anew_but_keeps_supply_and_backup_domain() {
     assert_eq!(chip.read(RCC + 0x70), 1 << 15 | 2 << 8, "RTCSEL is written once");
 
     chip.soc.reset(ResetCause::Software, Nanos::new(chip.now));
-    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+    assert_eq!(chip.soc.clocks().core, 64_000_000);
     assert_eq!(chip.soc.system_ready_at(), None);
     assert_eq!(chip.read(APB1LENR), 0);
     assert_eq!(chip.read(RCC + 0x70), 1 << 15 | 2 << 8);
     assert_eq!(chip.read(PWR + 0x04) >> 13 & 1, 1, "supply");
     chip.start_clocks(6);
-    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+    assert_eq!(chip.soc.clocks().core, 480_000_000);
 
     chip.soc.reset(ResetCause::PowerOn, Nanos::new(chip.now));
     assert_eq!((chip.read(RCC + 0x70), chip.read(PWR + 0x04) >> 13 & 1), (0, 0));
@@ -150,7 +150,7 @@ fn a_dead_crystal_never_becomes_ready() {
     chip.set(RCC + 0x10, 7, 3);
     chip.run_to(1_000_000_000);
     assert_eq!((chip.read(RCC) >> 17 & 1, chip.read(RCC) >> 25 & 1), (0, 0));
-    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+    assert_eq!(chip.soc.clocks().core, 64_000_000);
     // A reset does not mend it.
     chip.soc.reset(ResetCause::Watchdog, Nanos::new(chip.now));
     chip.set(RCC, HSE_ON, HSE_ON);
@@ -171,7 +171,7 @@ fn with_clock_security_a_lost_crystal_is_an_nmi_on_hsi() {
     chip.soc.set_crystal(false, Nanos::new(chip.now));
     assert!(chip.soc.nmi());
     // HSI, behind the same dividers; HSE, PLL1 and the security itself are off.
-    assert_eq!((chip.soc.core_clock_hz(), chip.soc.clocks().bus), (64_000_000, 32_000_000));
+    assert_eq!((chip.soc.clocks().core, chip.soc.clocks().bus), (64_000_000, 32_000_000));
     assert_eq!(chip.soc.clocks().fdcan, 0);
     assert_eq!(chip.read(RCC) & (HSE_ON | SECURITY | 1 << 17 | 0b11 << 24), 0);
     assert_eq!(chip.read(RCC + 0x10) & 0x3F, 0, "SW and SWS");
@@ -189,14 +189,14 @@ fn without_clock_security_everything_stands_still_until_the_crystal_is_back() {
     let mut chip = Chip::running();
     chip.soc.set_crystal(false, Nanos::new(chip.now));
     assert!(!chip.soc.nmi());
-    assert_eq!((chip.soc.core_clock_hz(), chip.soc.clocks().apb), (0, [0; 2]));
+    assert_eq!((chip.soc.clocks().core, chip.soc.clocks().apb), (0, [0; 2]));
     chip.run_to(chip.now + 1_000_000);
     chip.soc.set_crystal(true, Nanos::new(chip.now));
     // Two milliseconds for the crystal, 50 us for the PLL.
     chip.run_to(chip.now + 2_049_999);
-    assert_eq!(chip.soc.core_clock_hz(), 0);
+    assert_eq!(chip.soc.clocks().core, 0);
     chip.run_to(chip.now + 1);
-    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+    assert_eq!(chip.soc.clocks().core, 480_000_000);
 }
 
 /// Clock security switches what came from the crystal, and leaves a core on HSI alone.
@@ -208,7 +208,7 @@ fn a_core_on_hsi_goes_on_without_the_crystal() {
     chip.set(RCC, SECURITY, SECURITY);
     chip.soc.set_crystal(false, Nanos::new(chip.now));
     assert!(chip.soc.nmi());
-    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+    assert_eq!(chip.soc.clocks().core, 64_000_000);
 }
 
 const APB1HENR: u32 = RCC + 0xEC;

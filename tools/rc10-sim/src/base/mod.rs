@@ -173,14 +173,14 @@ impl Body {
         for (&wheel, &((index, mounting), steering)) in chassis.wheels.iter().zip(motors) {
             let unit = &mut units[index];
             unit.is_wheel = true;
-            unit.motor.add_load_inertia(wheel.inertia);
+            unit.motor.plant.load_inertia += wheel.inertia;
             unit.motor.rolling_friction = chassis.rolling_resistance * load * wheel.radius;
             rim = rim.max(wheel.radius * wheel.radius / unit.motor.contact_inertia());
             let steering = wheel.steering.zip(steering).map(|(gear, (index, mounting))| {
                 let Steering { gear, inertia, patch } = gear;
                 let unit = &mut units[index];
                 unit.is_wheel = true;
-                unit.motor.add_load_inertia(inertia / (gear * gear));
+                unit.motor.plant.load_inertia += inertia / (gear * gear);
                 let scrub = 2.0 / 3.0 * chassis.grip * load * patch;
                 unit.motor.rolling_friction = scrub / gear.abs();
                 (index, mounting.sign() * 1.0_f64.to_radians() / gear)

@@ -1,7 +1,7 @@
 use rc10_can::{CanFrame, Micros};
 
 use super::Model;
-use super::parameters::{Measured, Parameters};
+use super::parameters::Parameters;
 use super::wire::{self, Command, Motion, Report};
 use crate::device::{Beyond, Device, EscFault, Outbox, Taken, Winding};
 use crate::motor::Shaft;
@@ -25,21 +25,24 @@ const LOOPS: f64 = 2.0;
 #[must_use]
 pub struct CyberGear {
     model: Model,
-    beyond: Beyond,
+    /// The behaviour of reports beyond their range: no source tells.
+    pub beyond: Beyond,
     id: u8,
     chip: [u8; 8],
     /// The host that spoke to it last.
     host: u8,
-    mode: Mode,
+    /// Whether it moves its motor.
+    pub mode: Mode,
     motion: Motion,
-    parameters: Parameters,
+    /// The parameters that types 17 and 18 reach.
+    pub parameters: Parameters,
     saved: Parameters,
     /// Six bits of feedback.
     faults: u8,
     /// Bits of a fault frame.
     details: u32,
-    /// Whether its faults stay when they are cleared.
-    lasting: bool,
+    /// Whether faults stay when they are cleared, because their cause is still there.
+    pub lasting: bool,
     /// A fault frame is due.
     tells: bool,
     /// The shaft's angle that counts as zero, rad of [`Shaft::radians`].
@@ -54,7 +57,8 @@ pub struct CyberGear {
     /// A CyberGear whose bit rate was changed: 1 is 1 Mbit/s. Takes effect at power-on.
     bit_rate: u8,
     deaf: bool,
-    saves: u32,
+    /// The number of times that its flash was written.
+    pub saves: u32,
 }
 
 impl CyberGear {
@@ -88,44 +92,10 @@ impl CyberGear {
         }
     }
 
-    /// The same with another behaviour beyond its range: no source tells.
-    pub const fn with_end(mut self, beyond: Beyond) -> Self {
-        self.beyond = beyond;
-        self
-    }
-
-    /// Whether it moves its motor.
-    #[must_use]
-    pub const fn mode(&self) -> Mode {
-        self.mode
-    }
-
-    /// The parameters that types 17 and 18 reach.
-    #[must_use]
-    pub const fn parameters(&self) -> &Parameters {
-        &self.parameters
-    }
-
-    /// The same, to set up a device as another program has left it.
-    pub const fn parameters_mut(&mut self) -> &mut Parameters {
-        &mut self.parameters
-    }
-
     /// The six fault bits of its feedback, and those of its fault frame.
     #[must_use]
     pub const fn faults(&self) -> (u8, u32) {
         (self.faults, self.details)
-    }
-
-    /// Number of times that its flash was written.
-    #[must_use]
-    pub const fn saves(&self) -> u32 {
-        self.saves
-    }
-
-    /// Whether faults stay when they are cleared, because their cause is still there.
-    pub const fn set_lasting(&mut self, lasting: bool) {
-        self.lasting = lasting;
     }
 
     /// Position of its shaft as it counts it, rad, all turns included.
@@ -164,24 +134,14 @@ impl CyberGear {
             mode: if self.mode == Mode::Run { 2 } else { 0 },
             faults: self.faults,
             position,
-            velocity: shaft.speed(),
+            velocity: shaft.speed,
             torque: shaft.torque(),
-            temperature: shaft.temperature(),
+            temperature: shaft.temperature,
         }
     }
 
     fn feedback(&self, unasked: bool, shaft: &Shaft) -> CanFrame {
         wire::feedback(unasked, self.id, self.host, &self.report(shaft), &self.model)
-    }
-
-    fn measured(&self, shaft: &Shaft) -> Measured {
-        Measured {
-            position: self.position(shaft),
-            current: shaft.current(),
-            velocity: shaft.speed(),
-            supply: shaft.plant().supply,
-            rotor_turns: self.position(shaft) * shaft.plant().gear_ratio / std::f64::consts::TAU,
-        }
     }
 
     /// Sets the angle of the shaft when power comes: nothing but the rotor's angle within its turn
@@ -191,7 +151,7 @@ impl CyberGear {
         let (turn, zero) = if self.model.robstride {
             (std::f64::consts::TAU, self.saved_zero)
         } else {
-            (std::f64::consts::TAU / shaft.plant().gear_ratio, 0.0)
+            (std::f64::consts::TAU / shaft.plant.gear_ratio, 0.0)
         };
         let within = (shaft.radians() - zero + turn / 2.0).rem_euclid(turn) - turn / 2.0;
         self.zero = shaft.radians() - within;
@@ -223,12 +183,12 @@ impl CyberGear {
                 return Some(wire::identity(self.id, self.chip));
             }
             Command::Read(index) => {
-                let value = self.parameters.read(index, &self.model, &self.measured(shaft));
-                return Some(wire::parameter(self.id, host, index, value.ok()));
+                let value = self.parameters.read(index, &self.model, self.position(shaft), shaft);
+                return Some(wire::parameter(self.id, host, index, value));
             }
             Command::Write(index, value) => {
                 // Feedback tells nothing of a parameter that there is not.
-                if self.parameters.write(index, value, &self.model) == Ok(())
+                if self.parameters.write(index, value, &self.model) == Some(())
                     && (index, value[0]) == (0x7005, 7)
                 {
                     let field = f64::from(u16::from_be_bytes([value[2], value[3]]));
@@ -264,8 +224,8 @@ impl CyberGear {
     /// The current it drives, A, by its run mode.
     fn current(&mut self, shaft: &Shaft) -> f64 {
         let Self { parameters, motion, model, .. } = *self;
-        let constant = model.torque_constant();
-        let (position, velocity) = (self.position(shaft), shaft.speed());
+        let constant = model.torque_constant;
+        let (position, velocity) = (self.position(shaft), shaft.speed);
         let most = f64::from(parameters.torque_limit) / constant;
         let toward = |place: f64| {
             let speed = f64::from(parameters.position_gain) * (place - position);
@@ -345,7 +305,7 @@ impl Device for CyberGear {
             self.host = host;
         }
         if let Some(answer) = self.obey(command, host, shaft) {
-            out.send(answer);
+            out.push(answer);
         }
         Taken::Yes
     }
@@ -356,14 +316,14 @@ impl Device for CyberGear {
 
     fn advance(&mut self, shaft: &Shaft, now: Micros, out: &mut Outbox) {
         if std::mem::take(&mut self.tells) && !self.deaf {
-            let warnings = u32::from(shaft.temperature() >= self.model.hot);
-            out.send(wire::faults(self.id, self.host, self.details, warnings));
+            let warnings = u32::from(shaft.temperature >= self.model.hot);
+            out.push(wire::faults(self.id, self.host, self.details, warnings));
         }
         if let Some(due) = self.next_report
             && now >= due
         {
             self.next_report = Some(due + self.report_period());
-            out.send(self.feedback(true, shaft));
+            out.push(self.feedback(true, shaft));
         }
     }
 
@@ -371,7 +331,7 @@ impl Device for CyberGear {
         if !self.placed {
             self.place(shaft);
         }
-        if shaft.temperature() >= self.model.too_hot && self.faults & TOO_HOT == 0 {
+        if shaft.temperature >= self.model.too_hot && self.faults & TOO_HOT == 0 {
             self.fail(TOO_HOT, 1);
         }
         // A RobStride's time-out: back to mode reset (*assumed*; its unit is in the manual).

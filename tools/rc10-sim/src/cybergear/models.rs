@@ -24,7 +24,7 @@ pub struct Model {
     /// A RobStride: saves parameters, reports by itself, knows a time-out.
     pub robstride: bool,
     /// Torque per ampere at the output, N m / A.
-    torque_constant: f64,
+    pub torque_constant: f64,
     /// Rotor turns per turn of the output.
     gear: f64,
     /// Speed of the output without load at full supply, rpm.
@@ -108,28 +108,14 @@ impl Model {
     /// Its motor, with nothing on the shaft. Resistance, friction and thermal figures are
     /// estimates.
     pub const fn plant(&self) -> Plant {
-        Plant {
-            gear_ratio: self.gear,
-            torque_constant: self.torque_constant,
-            // A quarter of the supply at the largest current.
-            resistance: 0.25 * self.supply / self.current,
-            supply: self.supply,
-            current_limit: self.current,
-            current_time_constant: 0.5e-3,
-            rotor_inertia: self.rotor_inertia,
-            viscous_friction: 0.002 * self.torque / self.velocity,
-            coulomb_friction: 0.008 * self.torque,
-            static_friction: 0.010 * self.torque,
-            thermal_resistance: 1.5,
-            thermal_time_constant: 200.0,
-            ..Plant::BARE
-        }
-        .with_no_load_speed(self.no_load_rpm * self.gear)
-    }
-
-    /// Torque per ampere at the output, N m / A.
-    #[must_use]
-    pub const fn torque_constant(&self) -> f64 {
-        self.torque_constant
+        let (torque, current) = (self.torque, self.current);
+        // A quarter of the supply at the largest current.
+        let resistance = 0.25 * self.supply / current;
+        let motor =
+            Plant::motor(self.gear, self.torque_constant, resistance, current, self.rotor_inertia)
+                .with_friction(0.002 * torque / self.velocity, 0.008 * torque, 0.010 * torque)
+                .with_heating(1.5, 200.0);
+        Plant { supply: self.supply, current_time_constant: 0.5e-3, ..motor }
+            .with_no_load_speed(self.no_load_rpm * self.gear)
     }
 }

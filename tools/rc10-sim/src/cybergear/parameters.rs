@@ -1,8 +1,7 @@
-use super::Model;
+use std::f64::consts::TAU;
 
-/// There is no such parameter, it cannot be written, or not with that.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Unknown;
+use super::Model;
+use crate::motor::Shaft;
 
 /// Parameters of types 17 and 18, from index 0x7005 on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,21 +35,6 @@ pub struct Parameters {
     pub timeout: u32,
 }
 
-/// Parameters that can only be read.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Measured {
-    /// 0x7019, rad, all turns counted.
-    pub(super) position: f64,
-    /// 0x701A, A.
-    pub(super) current: f64,
-    /// 0x701B, rad/s.
-    pub(super) velocity: f64,
-    /// 0x701C, V.
-    pub(super) supply: f64,
-    /// 0x701D, turns of the rotor.
-    pub(super) rotor_turns: f64,
-}
-
 impl Parameters {
     /// As the model is sold (CyberGear manual, and RobStride manuals, parameter tables).
     #[must_use]
@@ -74,50 +58,50 @@ impl Parameters {
         }
     }
 
-    /// The value at an index, little endian.
+    /// The value at an index, little endian; `None` if there is no such parameter. The shaft stands at
+    /// `position`, rad, all turns counted.
     #[expect(clippy::cast_possible_truncation, reason = "as precise as the device tells it")]
     pub(super) fn read(
         &self,
         index: u16,
         model: &Model,
-        measured: &Measured,
-    ) -> Result<[u8; 4], Unknown> {
+        position: f64,
+        shaft: &Shaft,
+    ) -> Option<[u8; 4]> {
         let real = match index {
-            0x7005 => return Ok([self.run_mode, 0, 0, 0]),
+            0x7005 => return Some([self.run_mode, 0, 0, 0]),
+            // Turns of the rotor.
             0x701D if !model.robstride => {
-                let [low, high] = (measured.rotor_turns as i16).to_le_bytes();
-                return Ok([low, high, 0, 0]);
+                let turns = position * shaft.plant.gear_ratio / TAU;
+                let [low, high] = (turns as i16).to_le_bytes();
+                return Some([low, high, 0, 0]);
             }
             0x7026 if model.robstride => {
                 let [low, high] = self.report_interval.to_le_bytes();
-                return Ok([low, high, 0, 0]);
+                return Some([low, high, 0, 0]);
             }
-            0x7028 if model.robstride => return Ok(self.timeout.to_le_bytes()),
-            0x7019 => measured.position as f32,
-            0x701A => measured.current as f32,
-            0x701B => measured.velocity as f32,
-            0x701C => measured.supply as f32,
+            0x7028 if model.robstride => return Some(self.timeout.to_le_bytes()),
+            0x7019 => position as f32,
+            0x701A => shaft.current as f32,
+            0x701B => shaft.speed as f32,
+            0x701C => shaft.plant.supply as f32,
             _ => {
                 let mut copy = *self;
-                *copy.real(index).ok_or(Unknown)?
+                *copy.real(index, model)?.0
             }
         };
-        Ok(real.to_le_bytes())
+        Some(real.to_le_bytes())
     }
 
-    /// Sets what stands at an index. Beyond its range a value is cut off (*assumed*).
-    pub(super) fn write(
-        &mut self,
-        index: u16,
-        value: [u8; 4],
-        model: &Model,
-    ) -> Result<(), Unknown> {
+    /// Sets what stands at an index. Beyond its range a value is cut off (*assumed*). `None`: there is
+    /// no such parameter, it cannot be written, or not with that.
+    pub(super) fn write(&mut self, index: u16, value: [u8; 4], model: &Model) -> Option<()> {
         match index {
             0x7005 => {
                 let known = matches!(value[0], 0..=3)
                     || value[0] == 5 && model.robstride
                     || matches!(value[0], 4 | 7) && !model.robstride;
-                self.run_mode = if known { value[0] } else { return Err(Unknown) };
+                self.run_mode = known.then_some(value[0])?;
             }
             0x7026 if model.robstride => {
                 self.report_interval = u16::from_le_bytes([value[0], value[1]]).max(1);
@@ -125,45 +109,32 @@ impl Parameters {
             0x7028 if model.robstride => self.timeout = u32::from_le_bytes(value),
             _ => {
                 let number = f32::from_le_bytes(value);
-                let largest = |field: f64| {
-                    #[expect(clippy::cast_possible_truncation, reason = "a range from a table")]
-                    return field as f32;
-                };
-                let (torque, speed) = (largest(model.torque), largest(model.velocity));
-                let current = largest(model.current);
-                let place = self.real(index).ok_or(Unknown)?;
-                if !number.is_finite() {
-                    return Err(Unknown);
-                }
-                *place = match index {
-                    0x7006 => number.clamp(-current, current),
-                    0x700A => number.clamp(-speed, speed),
-                    0x700B => number.clamp(0.0, torque),
-                    0x7017 => number.clamp(0.0, speed),
-                    0x7018 => number.clamp(0.0, current),
-                    0x7016 => number,
-                    _ => number.max(0.0),
-                };
+                let (place, least, most) = self.real(index, model)?;
+                *place = number.is_finite().then(|| number.clamp(least, most))?;
             }
         }
-        Ok(())
+        Some(())
     }
 
-    /// The place of a number that can be read and written.
-    const fn real(&mut self, index: u16) -> Option<&mut f32> {
+    /// The place of a number that can be read and written, and its range.
+    #[expect(clippy::cast_possible_truncation, reason = "ranges from a table")]
+    const fn real(&mut self, index: u16, model: &Model) -> Option<(&mut f32, f32, f32)> {
+        const MOST: f32 = f32::MAX;
+        let (torque, speed) = (model.torque as f32, model.velocity as f32);
+        let current = model.current as f32;
         Some(match index {
-            0x7006 => &mut self.current,
-            0x700A => &mut self.velocity,
-            0x700B => &mut self.torque_limit,
-            0x7010 => &mut self.current_gains[0],
-            0x7011 => &mut self.current_gains[1],
-            0x7014 => &mut self.current_filter,
-            0x7016 => &mut self.position,
-            0x7017 => &mut self.velocity_limit,
-            0x7018 => &mut self.current_limit,
-            0x701E => &mut self.position_gain,
-            0x701F => &mut self.velocity_gains[0],
-            0x7020 => &mut self.velocity_gains[1],
+            0x7006 => (&mut self.current, -current, current),
+            0x700A => (&mut self.velocity, -speed, speed),
+            0x700B => (&mut self.torque_limit, 0.0, torque),
+            0x7010 => (&mut self.current_gains[0], 0.0, MOST),
+            0x7011 => (&mut self.current_gains[1], 0.0, MOST),
+            0x7014 => (&mut self.current_filter, 0.0, MOST),
+            0x7016 => (&mut self.position, -MOST, MOST),
+            0x7017 => (&mut self.velocity_limit, 0.0, speed),
+            0x7018 => (&mut self.current_limit, 0.0, current),
+            0x701E => (&mut self.position_gain, 0.0, MOST),
+            0x701F => (&mut self.velocity_gains[0], 0.0, MOST),
+            0x7020 => (&mut self.velocity_gains[1], 0.0, MOST),
             _ => return None,
         })
     }

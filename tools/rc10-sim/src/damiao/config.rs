@@ -66,38 +66,20 @@ impl DamiaoConfig {
 /// DM-J4310-2EC V1.1. Data sheet: gear 10, 0.945 N·m/A, 200 rpm without load at 24 V, 0.85 Ω,
 /// 1.8e-5 kg·m², 10.261 A. Friction and heating are estimates.
 const fn j4310() -> Plant {
-    Plant {
-        gear_ratio: 10.0,
-        torque_constant: 0.945,
-        resistance: 0.85,
-        current_limit: 10.261,
-        rotor_inertia: 1.8e-5,
-        viscous_friction: 5e-3,
-        coulomb_friction: 0.05,
-        static_friction: 0.07,
-        thermal_resistance: 4.0,
-        thermal_time_constant: 200.0,
-        ..Plant::BARE
-    }
-    .with_no_load_speed(2000.0)
+    Plant::motor(10.0, 0.945, 0.85, 10.261, 1.8e-5)
+        .with_friction(5e-3, 0.05, 0.07)
+        .with_heating(4.0, 200.0)
+        .with_no_load_speed(2000.0)
 }
 
 /// DM-J8009-2EC. Data sheet: gear 9, 1.261575 N·m/A, 335 rpm without load at 48 V, 0.145 Ω,
 /// 1.95e-4 kg·m², 41.045 A. Friction and heating are estimates.
 const fn j8009() -> Plant {
     Plant {
-        gear_ratio: 9.0,
-        torque_constant: 1.261_575,
-        resistance: 0.145,
         supply: 48.0,
-        current_limit: 41.045,
-        rotor_inertia: 1.95e-4,
-        viscous_friction: 2e-2,
-        coulomb_friction: 0.25,
-        static_friction: 0.35,
-        thermal_resistance: 1.5,
-        thermal_time_constant: 400.0,
-        ..Plant::BARE
+        ..Plant::motor(9.0, 1.261_575, 0.145, 41.045, 1.95e-4)
+            .with_friction(2e-2, 0.25, 0.35)
+            .with_heating(1.5, 400.0)
     }
     .with_no_load_speed(3015.0)
 }

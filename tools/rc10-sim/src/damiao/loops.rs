@@ -1,8 +1,9 @@
 //! Its control loops. What the vendor documents is their structure (a position loop around a
 //! velocity loop with limited acceleration); their gains here are our estimates, from the inertia.
 
-use super::codec::{Limits, Setpoint};
-use crate::motor::STEP;
+use super::codec::Setpoint;
+use super::registers::{Registers, number};
+use crate::motor::{STEP, Shaft};
 
 /// Bandwidth of the velocity loop, 1/s.
 const VELOCITY_BANDWIDTH: f64 = 80.0;
@@ -20,46 +21,41 @@ pub(super) struct Loops {
     integral: f64,
 }
 
-/// The shaft, and what limits it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Conditions {
-    pub position: f64,
-    pub velocity: f64,
-    pub inertia: f64,
-    pub limits: Limits,
-    /// rad/s², above zero.
-    pub acceleration: f64,
-    /// rad/s², above zero.
-    pub deceleration: f64,
-}
-
 impl Loops {
-    /// The torque it gives, N·m.
-    pub(super) fn torque(&mut self, setpoint: Setpoint, at: &Conditions) -> f64 {
-        let most = at.limits.torque;
+    /// The torque it gives, N·m, where the device says that its shaft stands at `here`.
+    pub(super) fn torque(
+        &mut self,
+        setpoint: Setpoint,
+        here: f64,
+        shaft: &Shaft,
+        registers: &Registers,
+    ) -> f64 {
+        let most = registers.limits().torque;
+        let approach = |position, velocity| approach(position - here, velocity, registers);
         match setpoint {
             Setpoint::Mit { position, velocity, kp, kd, torque } => {
-                let spring = kp * (position - at.position);
-                (spring + kd * (velocity - at.velocity) + torque).clamp(-most, most)
+                let spring = kp * (position - here);
+                (spring + kd * (velocity - shaft.speed) + torque).clamp(-most, most)
             }
-            Setpoint::Velocity(velocity) => self.follow(velocity, most, at),
+            Setpoint::Velocity(velocity) => self.follow(velocity, most, shaft, registers),
             Setpoint::PositionVelocity { position, velocity } => {
-                self.follow(approach(position, velocity, at), most, at)
+                self.follow(approach(position, velocity), most, shaft, registers)
             }
             Setpoint::ForcePosition { position, velocity, share } => {
-                self.follow(approach(position, velocity, at), share * most, at)
+                self.follow(approach(position, velocity), share * most, shaft, registers)
             }
         }
     }
 
-    fn follow(&mut self, wanted: f64, most: f64, at: &Conditions) -> f64 {
-        let last = self.reference.unwrap_or(at.velocity);
+    fn follow(&mut self, wanted: f64, most: f64, shaft: &Shaft, registers: &Registers) -> f64 {
+        let last = self.reference.unwrap_or(shaft.speed);
         let slows = wanted.abs() < last.abs();
-        let step = STEP * if slows { at.deceleration } else { at.acceleration };
+        let step = STEP
+            * if slows { deceleration(registers) } else { registers.real(number::ACCELERATION) };
         let reference = last + (wanted - last).clamp(-step, step);
         self.reference = Some(reference);
-        let gain = at.inertia * VELOCITY_BANDWIDTH;
-        let error = reference - at.velocity;
+        let gain = shaft.plant.inertia() * VELOCITY_BANDWIDTH;
+        let error = reference - shaft.speed;
         let integral = self.integral + gain * VELOCITY_INTEGRAL * error * STEP;
         let torque = gain * error + integral;
         // What is at its limit gathers nothing.
@@ -70,10 +66,14 @@ impl Loops {
     }
 }
 
+/// Its register is below zero; rad/s².
+fn deceleration(registers: &Registers) -> f64 {
+    -registers.real(number::DECELERATION)
+}
+
 /// The velocity towards a position from which it can still stop there.
-fn approach(position: f64, velocity: f64, at: &Conditions) -> f64 {
-    let way = position - at.position;
-    let in_time = (2.0 * at.deceleration * way.abs()).sqrt();
+fn approach(way: f64, velocity: f64, registers: &Registers) -> f64 {
+    let in_time = (2.0 * deceleration(registers) * way.abs()).sqrt();
     let most = velocity.abs().min(in_time);
     (POSITION_BANDWIDTH * way).clamp(-most, most)
 }

@@ -37,12 +37,6 @@ impl Motion {
     }
 }
 
-impl Default for Motion {
-    fn default() -> Self {
-        Self::REST
-    }
-}
-
 /// One of the two chips in the package.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -174,15 +168,8 @@ pub struct Bmi088 {
 }
 
 impl Default for Bmi088 {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl Bmi088 {
     /// Switched on at time zero, level and at rest, 25 °C.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         let (accelerometer, gyroscope) = (Chip::new(0x1E), Chip::new(0x0F));
         let noise = 0x9E37_79B9_7F4A_7C15;
         let motion = Motion::REST;
@@ -190,7 +177,9 @@ impl Bmi088 {
         package.lose_supply(Nanos::ZERO);
         package
     }
+}
 
+impl Bmi088 {
     /// Whether it follows an SPI clock of this mode (0 to 3) and frequency: data sheet, 6.1.
     #[must_use]
     pub const fn understands(mode: u8, clock_hz: u64) -> bool {
@@ -209,13 +198,9 @@ impl Bmi088 {
         let chip = &mut self.accelerometer;
         chip.registers = [0; 128];
         // Reset values of the register map, 5.2: 100 Hz, 6 g, suspended.
-        for (register, value) in [
-            (accelerometer::CONFIG, 0xA8),
-            (accelerometer::RANGE, 0x01),
-            (accelerometer::POWER_CONFIG, 0x03),
-        ] {
-            chip.set(register, &[value]);
-        }
+        chip.set(accelerometer::CONFIG, &[0xA8]);
+        chip.set(accelerometer::RANGE, &[0x01]);
+        chip.set(accelerometer::POWER_CONFIG, &[0x03]);
         (chip.ready, chip.awake, chip.written) = (now + ACCELEROMETER_STARTS, None, None);
         (chip.measured, chip.warmth) = (None, None);
     }
@@ -437,7 +422,7 @@ mod tests {
     }
 
     fn running() -> Bmi088 {
-        let mut package = Bmi088::new();
+        let mut package = Bmi088::default();
         // To SPI; out of suspend, on.
         transfer(&mut package, Part::Accelerometer, &[0x80, 0], 40 * MS);
         for (at, bytes) in [(41, [0x7C, 0x00]), (42, [0x7D, 0x04]), (43, [0x40, 0xAC])] {
@@ -448,7 +433,7 @@ mod tests {
 
     #[test]
     fn identities_after_the_start_and_the_first_select() {
-        let mut package = Bmi088::new();
+        let mut package = Bmi088::default();
         let id = |package: &mut Bmi088, part, now| {
             *transfer(package, part, &[0x80, 0, 0], now).last().unwrap_or(&0)
         };
@@ -475,7 +460,7 @@ mod tests {
     #[test]
     fn it_wakes_up_when_it_is_on_and_not_suspended() {
         for order in [[[0x7C, 0x00], [0x7D, 0x04]], [[0x7D, 0x04], [0x7C, 0x00]]] {
-            let mut package = Bmi088::new();
+            let mut package = Bmi088::default();
             transfer(&mut package, Part::Accelerometer, &[0x80, 0], 40 * MS);
             for (at, bytes) in [41, 42].into_iter().zip(order) {
                 transfer(&mut package, Part::Accelerometer, &bytes, at * MS);

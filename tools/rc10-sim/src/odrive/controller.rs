@@ -34,7 +34,8 @@ pub struct Controller {
     position: f64,
     velocity: f64,
     integral: f64,
-    amps: f64,
+    /// Current asked for, A.
+    pub(super) amps: f64,
 }
 
 impl Controller {
@@ -53,11 +54,6 @@ impl Controller {
             integral: 0.0,
             amps: 0.0,
         }
-    }
-
-    /// Current asked for, A.
-    pub(super) const fn amps(&self) -> f64 {
-        self.amps
     }
 
     /// Closed-loop control begins at this position.

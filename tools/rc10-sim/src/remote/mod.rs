@@ -42,7 +42,7 @@ pub use ppm::Ppm;
 pub use sbus::{Failsafe, Sbus};
 
 /// Positions of all sticks and switches of a remote.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Controls {
     /// The left stick.
     pub left: Stick,
@@ -116,21 +116,14 @@ pub struct Sent {
 }
 
 /// A remote control, as its receiver and a test's script see it. Cheap to clone.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Remote(Rc<RefCell<State>>);
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct State {
     controls: Controls,
-    is_on: bool,
+    is_off: bool,
     sent: Sent,
-}
-
-impl Default for Remote {
-    fn default() -> Self {
-        let state = State { controls: Controls::REST, is_on: true, sent: Sent::default() };
-        Self(Rc::new(RefCell::new(state)))
-    }
 }
 
 impl Remote {
@@ -153,7 +146,7 @@ impl Remote {
 
     /// Switches the transmitter off, or on again: or it is out of reach, or jammed.
     pub fn set_transmitter(&self, on: bool) {
-        self.0.borrow_mut().is_on = on;
+        self.0.borrow_mut().is_off = !on;
     }
 
     /// Counters of what its receiver has sent.
@@ -165,7 +158,7 @@ impl Remote {
     /// The positions of the controls, if the receiver hears the transmitter now.
     fn heard(&self) -> Option<Controls> {
         let state = self.0.borrow();
-        state.is_on.then_some(state.controls)
+        (!state.is_off).then_some(state.controls)
     }
 
     /// The receiver sends nothing now that says where the controls are.

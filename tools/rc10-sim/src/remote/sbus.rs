@@ -29,9 +29,12 @@ pub enum Failsafe {
 pub struct Sbus {
     remote: Remote,
     phase: Nanos,
-    period: Nanos,
-    failsafe: Failsafe,
-    failsafe_after: u32,
+    /// The time from one frame to the next, 7 or 14 ms.
+    pub period: Nanos,
+    /// Its reaction to a long silence.
+    pub failsafe: Failsafe,
+    /// Lost frames after which it tells the failsafe: 0 tells it with the first.
+    pub failsafe_after: u32,
     next: Nanos,
     /// The controls that it heard last; nothing since power-on is failsafe from the start.
     last: Option<Controls>,
@@ -57,18 +60,6 @@ impl Sbus {
             last: None,
             missed: 0,
         }
-    }
-
-    /// The same, every 7 ms.
-    pub const fn fast(mut self) -> Self {
-        self.period = Nanos::new(7_000_000);
-        self
-    }
-
-    /// The same with another failsafe, told after `after` lost frames: 0 tells it with the first.
-    pub const fn with_failsafe(mut self, failsafe: Failsafe, after: u32) -> Self {
-        (self.failsafe, self.failsafe_after) = (failsafe, after);
-        self
     }
 }
 
@@ -128,7 +119,7 @@ mod tests {
     #[test]
     fn a_lost_remote_is_told_by_flags() {
         let remote = Remote::new();
-        let mut receiver = Sbus::new(&remote, Nanos::ZERO).with_failsafe(Failsafe::Hold, 2);
+        let mut receiver = Sbus { failsafe_after: 2, ..Sbus::new(&remote, Nanos::ZERO) };
         let mut frame = || {
             let mut send = VecDeque::new();
             receiver.advance(Nanos::ZERO, &mut send);

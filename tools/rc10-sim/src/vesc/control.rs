@@ -7,9 +7,10 @@ use crate::device::Winding;
 use crate::motor::{STEP, Shaft};
 
 /// Control mode of a VESC.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Mode {
     /// Nothing: the bridge is open.
+    #[default]
     Released,
     /// This share of the supply voltage.
     Duty(f64),
@@ -30,8 +31,9 @@ const LEAST_CURRENT: f64 = 0.05;
 /// Most change of the duty in a second (`m_duty_ramp_step`, 0.02 in a millisecond).
 const DUTY_RAMP: f64 = 20.0;
 
+#[derive(Default)]
 pub(super) struct Control {
-    mode: Mode,
+    pub(super) mode: Mode,
     /// Speed on its ramp, electrical rpm, once it is known where it starts.
     ramp: Option<f64>,
     /// Whether the speed controller has begun to drive.
@@ -43,21 +45,6 @@ pub(super) struct Control {
 }
 
 impl Control {
-    pub(super) const fn new() -> Self {
-        Self {
-            mode: Mode::Released,
-            ramp: None,
-            running: false,
-            integral: 0.0,
-            duty: None,
-            last_position: None,
-        }
-    }
-
-    pub(super) const fn mode(&self) -> Mode {
-        self.mode
-    }
-
     pub(super) fn take(&mut self, order: &Order, (min, max): (f64, f64)) {
         let share = |share: f64| share.clamp(-1.0, 1.0);
         let mode = match *order {
@@ -83,7 +70,7 @@ impl Control {
             mode => mode,
         };
         if std::mem::discriminant(&mode) != std::mem::discriminant(&self.mode) {
-            *self = Self::new();
+            *self = Self::default();
         }
         self.mode = mode;
     }
@@ -96,8 +83,8 @@ impl Control {
         shaft: &Shaft,
         position: f64,
     ) -> Winding {
-        let plant = shaft.plant();
-        let own_volts = plant.back_emf * shaft.speed();
+        let plant = &shaft.plant;
+        let own_volts = plant.back_emf * shaft.speed;
         match self.mode {
             Mode::Released => Winding::Open,
             Mode::Duty(wanted) => {
@@ -113,7 +100,7 @@ impl Control {
             Mode::Current(amps) => Winding::Current(limited(amps, limits, shaft)),
             Mode::Brake(amps) => {
                 let shorted = (own_volts / plant.resistance).abs();
-                Winding::Current(-shaft.speed().signum() * amps.min(-limits.0).min(shorted))
+                Winding::Current(-shaft.speed.signum() * amps.min(-limits.0).min(shorted))
             }
             Mode::Speed(erpm) => self.speed(erpm, config, limits, shaft),
             Mode::Position(wanted) => {
@@ -160,6 +147,6 @@ impl Control {
 
 /// A current held to the limits: one for driving, one for braking.
 fn limited(amps: f64, (min, max): (f64, f64), shaft: &Shaft) -> f64 {
-    let most = if amps * shaft.speed() < 0.0 { -min } else { max };
+    let most = if amps * shaft.speed < 0.0 { -min } else { max };
     amps.clamp(-most, most)
 }

@@ -97,20 +97,9 @@ pub enum VescError {
 pub const fn outrunner_270_kv() -> Plant {
     // 60 / (2 π · 270)
     let torque_constant = 0.035_368;
-    Plant {
-        gear_ratio: 1.0,
-        torque_constant,
-        back_emf: torque_constant,
-        resistance: 0.06,
-        current_limit: 80.0,
-        rotor_inertia: 1.2e-4,
-        viscous_friction: 5e-5,
-        coulomb_friction: 0.02,
-        static_friction: 0.025,
-        thermal_resistance: 1.5,
-        thermal_time_constant: 200.0,
-        ..Plant::BARE
-    }
+    Plant::motor(1.0, torque_constant, 0.06, 80.0, 1.2e-4)
+        .with_friction(5e-5, 0.02, 0.025)
+        .with_heating(1.5, 200.0)
 }
 
 /// The electronics of a VESC.
@@ -119,8 +108,10 @@ pub struct Vesc {
     control: Control,
     /// Newest order that drives, and when it came.
     last_order: Option<Micros>,
-    limits: (f64, f64),
-    fault: Option<EscFault>,
+    /// Most negative and most positive motor current, A.
+    pub current_limits: (f64, f64),
+    /// The fault, which no CAN frame tells.
+    pub fault: Option<EscFault>,
     is_off: bool,
     next_reports: [Option<Micros>; 6],
     /// Rotor turns at which the tachometer stood at zero.
@@ -150,9 +141,9 @@ impl Vesc {
             return Err(VescError::StatusRate(hz));
         }
         Ok(Self {
-            control: Control::new(),
+            control: Control::default(),
             last_order: None,
-            limits: (-config.brake_max, config.current_max),
+            current_limits: (-config.brake_max, config.current_max),
             fault: None,
             is_off: false,
             next_reports: [None; 6],
@@ -173,34 +164,17 @@ impl Vesc {
     /// The control mode.
     #[must_use]
     pub const fn mode(&self) -> Mode {
-        self.control.mode()
-    }
-
-    /// The fault, which no CAN frame tells.
-    #[must_use]
-    pub const fn fault(&self) -> Option<EscFault> {
-        self.fault
-    }
-
-    /// Most negative and most positive motor current, A.
-    #[must_use]
-    pub const fn current_limits(&self) -> (f64, f64) {
-        self.limits
+        self.control.mode
     }
 
     /// Switches status frames on or off, as VESC Tool does; they come at once.
-    pub const fn set_status_hz(&mut self, status_hz: [u16; 6], now: Micros) {
+    pub fn set_status_hz(&mut self, status_hz: [u16; 6], now: Micros) {
         self.config.status_hz = status_hz;
         self.schedule(now);
     }
 
-    const fn schedule(&mut self, first: Micros) {
-        let mut index = 0;
-        while index < 6 {
-            self.next_reports[index] =
-                if self.config.status_hz[index] > 0 { Some(first) } else { None };
-            index += 1;
-        }
+    fn schedule(&mut self, first: Micros) {
+        self.next_reports = self.config.status_hz.map(|hz| (hz > 0).then_some(first));
     }
 
     fn pole_pairs(&self) -> f64 {
@@ -222,7 +196,7 @@ impl Vesc {
             0 => Report::Status1 {
                 erpm: shaft.rotor_rpm() * self.pole_pairs(),
                 // Its sign says whether the motor takes power or gives it.
-                current: shaft.current().abs() * (shaft.current() * self.duty).signum(),
+                current: shaft.current.abs() * (shaft.current * self.duty).signum(),
                 duty: self.duty,
             },
             1 => Report::Status2(self.charge[0], self.charge[1]),
@@ -231,13 +205,13 @@ impl Vesc {
                 transistors: match self.fault {
                     // Where the firmware drives no current any more (`l_temp_fet_end`), and above.
                     Some(EscFault::OverTemperature) => 105.0,
-                    _ => shaft.plant().ambient + 0.2 * shaft.current().abs(),
+                    _ => shaft.plant.ambient + 0.2 * shaft.current.abs(),
                 },
-                motor: shaft.temperature(),
+                motor: shaft.temperature,
                 input: self.input_current,
                 position: self.position(shaft),
             },
-            4 => Report::Status5 { steps: self.steps(shaft), supply: shaft.plant().supply },
+            4 => Report::Status5 { steps: self.steps(shaft), supply: shaft.plant.supply },
             _ => Report::Status6([0.0; 4]),
         }
     }
@@ -256,9 +230,9 @@ impl Device for Vesc {
     }
 
     fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
-        self.control = Control::new();
+        self.control = Control::default();
         self.last_order = None;
-        self.limits = (-self.config.brake_max, self.config.current_max);
+        self.current_limits = (-self.config.brake_max, self.config.current_max);
         (self.fault, self.is_off) = (None, false);
         self.tachometer_zero = None;
         (self.charge, self.energy) = ([0.0; 2], [0.0; 2]);
@@ -278,18 +252,18 @@ impl Device for Vesc {
             Err(taken) => return taken,
         };
         match order {
-            Order::Ping(asker) => out.send(Report::Pong(asker).frame(self.config.id)),
+            Order::Ping(asker) => out.push(Report::Pong(asker).frame(self.config.id)),
             Order::CurrentLimits { min, max, is_stored } => {
-                self.limits = (min.min(0.0), max.max(0.0));
+                self.current_limits = (min.min(0.0), max.max(0.0));
                 if is_stored {
                     (self.config.brake_max, self.config.current_max) =
-                        (-self.limits.0, self.limits.1);
+                        (-self.current_limits.0, self.current_limits.1);
                 }
             }
             Order::Shutdown => self.is_off = true,
             order => {
                 self.last_order = Some(now);
-                self.control.take(&order, self.limits);
+                self.control.take(&order, self.current_limits);
             }
         }
         Taken::Yes
@@ -306,7 +280,7 @@ impl Device for Vesc {
             self.next_reports[index] = Some(due + Micros::new(period));
             let report = self.report(index, shaft);
             if !self.is_off {
-                out.send(report.frame(self.config.id));
+                out.push(report.frame(self.config.id));
             }
         }
     }
@@ -316,18 +290,18 @@ impl Device for Vesc {
         let silent = self.last_order.is_some_and(|at| now.since(at) >= self.config.timeout);
         if silent {
             self.last_order = None;
-            self.control.take(&Order::Brake(self.config.timeout_brake), self.limits);
+            self.control.take(&Order::Brake(self.config.timeout_brake), self.current_limits);
         }
         if self.fault.is_some() || self.is_off {
-            self.control = Control::new();
+            self.control = Control::default();
         }
         let position = self.position(shaft);
-        let winding = self.control.drive(&self.config, self.limits, shaft, position);
-        let plant = shaft.plant();
+        let winding = self.control.drive(&self.config, self.current_limits, shaft, position);
+        let plant = &shaft.plant;
         // What the terminals see; undriven, the firmware follows the motor's own voltage.
-        let volts = plant.back_emf * shaft.speed() + plant.resistance * shaft.current();
+        let volts = plant.back_emf * shaft.speed + plant.resistance * shaft.current;
         self.duty = (volts / plant.supply).clamp(-1.0, 1.0);
-        self.input_current = self.duty * shaft.current();
+        self.input_current = self.duty * shaft.current;
         let hours = self.input_current.abs() * STEP / 3600.0;
         let way = usize::from(self.input_current < 0.0);
         self.charge[way] += hours;

@@ -1,4 +1,4 @@
-use rc10_module::remote::{self, Mode, Vt03Frame};
+use rc10_module::remote::{self, Switch, Vt03Frame};
 
 use super::super::wire::{Guard, Source, Wire, bits, crc_reflected, numbers, set_bits, word};
 
@@ -63,9 +63,9 @@ impl Wire for Vt03 {
 
     fn told(self, message: &Vt03Frame) -> Vec<f64> {
         let mode = match message.mode {
-            Mode::C => 0,
-            Mode::N => 1,
-            Mode::S => 2,
+            Switch::Down => 0,
+            Switch::Middle => 1,
+            Switch::Up => 2,
         };
         let buttons = [message.pause, message.left_button, message.right_button].map(u16::from);
         let trigger = u16::from(message.trigger);

@@ -39,18 +39,18 @@ fn seconds(time: Nanos) -> f64 {
 fn over_all(buses: &[BusFigures]) -> Option<Spread> {
     let periods = || buses.iter().filter_map(|bus| bus.tick_period);
     let count: u64 = periods().map(|period| period.count).sum();
-    let sum: u64 = periods().map(|period| period.mean.get() * period.count).sum();
+    let sum: u64 = periods().map(|period| period.mean().get() * period.count).sum();
     Some(Spread {
         count,
         min: periods().map(|period| period.min).min()?,
-        mean: Nanos::new(sum.checked_div(count)?),
         max: periods().map(|period| period.max).max()?,
+        sum: Nanos::new(sum),
     })
 }
 
 fn spread(period: Spread) -> Value {
-    let Spread { min, mean, max, .. } = period;
-    json!({ "min": micros(min), "mean": micros(mean), "max": micros(max) })
+    let Spread { min, max, .. } = period;
+    json!({ "min": micros(min), "mean": micros(period.mean()), "max": micros(max) })
 }
 
 impl<'a> Outcome<'a> {
@@ -77,12 +77,12 @@ impl<'a> Outcome<'a> {
         }
         lines.extend(self.log.iter().map(|line| (line.at, line.text.clone())));
         lines.extend(
-            machine.reports().iter().map(|report| (report.at, format!("CHIP  {}", report.text))),
+            machine.reports.iter().map(|report| (report.at, format!("CHIP  {}", report.text))),
         );
         let restart = |restart: &rc10_emu::Restart| {
             (restart.at, format!("CHIP  restart, cause: {}", cause_of(restart, machine, self.log)))
         };
-        lines.extend(machine.restarts().iter().map(restart));
+        lines.extend(machine.restarts.iter().map(restart));
         // Stable: the program's last words come before the restart.
         lines.sort_by_key(|line| line.0);
         lines
@@ -93,7 +93,7 @@ impl<'a> Outcome<'a> {
         let machine = &rig.machine;
         let per = |part: u64| figures.instructions.checked_div(part);
         let at = |at: Nanos, text: &str| json!({ "at_us": micros(at), "text": text });
-        let functions = machine.profile().by_function(machine.image());
+        let functions = machine.profile.by_function(&machine.image);
         json!({
             "seed": recording.seed,
             "board": machine.board().name,
@@ -108,11 +108,11 @@ impl<'a> Outcome<'a> {
             "instructions_per_tick": per(figures.ticks()),
             "instructions_per_received_frame": per(figures.received()),
             "stack_bytes": figures.stack_bytes,
-            "static_ram_bytes": machine.image().ram,
-            "flash_bytes": machine.image().flash,
+            "static_ram_bytes": machine.image.ram,
+            "flash_bytes": machine.image.flash,
             "unowned_accesses": figures.unowned_accesses,
             "gated_accesses": figures.gated_accesses,
-            "restarts": machine.restarts().iter().map(|restart| json!({
+            "restarts": machine.restarts.iter().map(|restart| json!({
                 "at_us": micros(restart.at),
                 "cause": cause_of(restart, machine, self.log),
             })).collect::<Vec<_>>(),
@@ -145,7 +145,7 @@ impl<'a> Outcome<'a> {
                 "function": name,
                 "instructions": instructions,
             })).collect::<Vec<_>>(),
-            "reports": machine.reports().iter().map(|report| at(report.at, &report.text))
+            "reports": machine.reports.iter().map(|report| at(report.at, &report.text))
                 .collect::<Vec<_>>(),
             "log": self.log.iter().map(|line| at(line.at, &line.text)).collect::<Vec<_>>(),
         })
@@ -188,7 +188,7 @@ impl<'a> Outcome<'a> {
                 load, frames, sent, received, lost, foreign, failed, bus_offs, ..
             } = bus;
             let period = bus.tick_period.map_or("-".into(), |period| {
-                let [min, mean, max] = [period.min, period.mean, period.max].map(micros);
+                let [min, mean, max] = [period.min, period.mean(), period.max].map(micros);
                 format!("{min:.2} / {mean:.2} / {max:.2}")
             });
             writeln!(
@@ -202,7 +202,7 @@ impl<'a> Outcome<'a> {
 
     fn write_figures(&self, text: &mut dyn Write) -> io::Result<()> {
         let figures = &self.figures;
-        let image = self.rig.machine.image();
+        let image = &self.rig.machine.image;
         match figures.boot.map(micros) {
             Some(boot) => {
                 writeln!(
@@ -240,7 +240,7 @@ impl<'a> Outcome<'a> {
 
     fn write_exceptions(&self, text: &mut dyn Write) -> io::Result<()> {
         writeln!(text, "{:>12} {:>6} {:>10}  exception", "instructions", "%", "entries")?;
-        for cost in self.rig.machine.profile().by_exception() {
+        for cost in self.rig.machine.profile.by_exception() {
             let ExceptionCost { exception, entries, instructions, .. } = cost;
             let name = match exception.checked_sub(16) {
                 Some(number) => format!("interrupt {number} ({})", self.handler(exception)),
@@ -256,14 +256,14 @@ impl<'a> Outcome<'a> {
     /// The function that handles an exception.
     fn handler(&self, exception: u16) -> &str {
         let machine = &self.rig.machine;
-        let address = machine.memory().word(FLASH + 4 * u32::from(exception)).unwrap_or(0) & !1;
-        machine.image().function_at(address).map_or("?", |(_, name)| name)
+        let address = machine.memory.word(FLASH + 4 * u32::from(exception)).unwrap_or(0) & !1;
+        machine.image.function_at(address).map_or("?", |(_, name)| name)
     }
 
     fn write_functions(&self, text: &mut dyn Write) -> io::Result<()> {
         writeln!(text, "\n{:>12} {:>6}  function", "instructions", "%")?;
         let machine = &self.rig.machine;
-        let functions = machine.profile().by_function(machine.image());
+        let functions = machine.profile.by_function(&machine.image);
         for (name, instructions) in functions.into_iter().take(TOP_FUNCTIONS) {
             writeln!(text, "{instructions:>12} {:>6.1}  {name}", self.share(instructions))?;
         }

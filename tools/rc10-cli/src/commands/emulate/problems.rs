@@ -28,7 +28,7 @@ pub(super) fn warnings(log: &[LogLine], recording: &Recording, found: &mut Vec<P
 /// The cause of a restart; after a hang with the function, by the address that the next run logged.
 pub(super) fn cause_of(restart: &Restart, machine: &Machine, log: &[LogLine]) -> String {
     let cause = format!("{:?}", restart.cause);
-    let next = machine.restarts().iter().map(|other| other.at).find(|&at| at > restart.at);
+    let next = machine.restarts.iter().map(|other| other.at).find(|&at| at > restart.at);
     let mut after = log.iter().skip_while(|line| line.at <= restart.at);
     let told = after.find_map(|line| Some((line.at, line.text.split_once("hung at 0x")?.1)));
     let address = told.filter(|(at, _)| next.is_none_or(|next| *at <= next));
@@ -49,7 +49,7 @@ pub(super) fn search(
 ) {
     let figures = Figures::of(rig);
     let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
-    let made_for = rig.machine.image().made_for.as_ref();
+    let made_for = rig.machine.image.made_for.as_ref();
     if let Some(text) = board::mismatch(made_for, &rig.machine.board()) {
         problem(About::Chip, "wrong-board", text);
     }
@@ -63,26 +63,26 @@ pub(super) fn search(
         recording.faults.iter().filter(|fault| fault.kind == Kind::Other(ChipFault::CrystalStops));
     let rescues: Vec<_> = stops
         .map(|fault| {
-            let restarts = rig.machine.restarts().iter().map(|restart| restart.at);
+            let restarts = rig.machine.restarts.iter().map(|restart| restart.at);
             (fault.from, restarts.into_iter().find(|&at| at > fault.from))
         })
         .collect();
     let is_rescue = |at| {
         rescues.iter().any(|&(from, until)| at >= from && until.is_some_and(|until| at <= until))
     };
-    for report in rig.machine.reports().iter().filter(|report| !is_rescue(report.at)) {
+    for report in rig.machine.reports.iter().filter(|report| !is_rescue(report.at)) {
         let at = report.at.get() as f64 * 1e-6;
         problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
     }
     let crashes =
         |kind: &Kind| matches!(kind, Kind::Other(fault) if *fault != ChipFault::CrystalDead);
     let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
-    for restart in rig.machine.restarts().iter().skip(crashed) {
+    for restart in rig.machine.restarts.iter().skip(crashed) {
         let at = restart.at.get() as f64 * 1e-6;
         let cause = cause_of(restart, &rig.machine, log);
         problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {cause}"));
     }
-    for part in description.serials.iter().filter(|part| !rig.machine.listens(part.uart)) {
+    for part in description.serials.iter().filter(|part| !rig.machine.soc().listens(part.uart)) {
         let uart = part.uart;
         let (about, name) = (About::Part(part.label), rig.machine.board().name);
         found.push(if part.label == "IMU" && rig.machine.board().imu.is_some() {

@@ -138,12 +138,12 @@ fn current_mode_and_motion_control() {
     // 2 N m in the identifier.
     driver.send(1, 38229, &[0x80, 0, 0x80, 0, 0, 0, 0, 0]);
     driver.wait(10);
-    let torque = driver.esc.state().current * sim::CYBERGEAR.torque_constant();
+    let torque = driver.esc.state().current * sim::CYBERGEAR.torque_constant;
     assert!((torque - 2.0).abs() < 0.01, "{torque}");
     // The limit holds there as well.
     driver.write_real(0x700B, 0.5);
     driver.wait(10);
-    let torque = driver.esc.state().current * sim::CYBERGEAR.torque_constant();
+    let torque = driver.esc.state().current * sim::CYBERGEAR.torque_constant;
     assert!((torque - 0.5).abs() < 0.01, "{torque}");
 }
 
@@ -156,7 +156,7 @@ fn jogging_stopping_and_zero() {
     assert!((driver.rad_s() - 10.0).abs() < 0.2, "{}", driver.rad_s());
     // Reverse-engineered by that driver: no torque at once.
     driver.send(20, HOST, &[0; 8]);
-    assert_eq!(driver.esc.with(|device: &mut sim::CyberGear| device.mode()), Some(Mode::Reset));
+    assert_eq!(driver.esc.with(|device: &mut sim::CyberGear| device.mode), Some(Mode::Reset));
     driver.wait(2000);
     driver.send(6, HOST, &[1, 0, 0, 0, 0, 0, 0, 0]);
     assert!(driver.read(0x7019).abs() < 0.01);
@@ -187,7 +187,7 @@ fn it_stops_itself_when_it_is_too_hot() {
     driver.enable(3);
     driver.write_real(0x7006, 19.0);
     let mut seconds = 0;
-    while driver.esc.with(|device: &mut sim::CyberGear| device.mode()) == Some(Mode::Run) {
+    while driver.esc.with(|device: &mut sim::CyberGear| device.mode) == Some(Mode::Run) {
         driver.wait(1000);
         seconds += 1;
         assert!(seconds < 600);

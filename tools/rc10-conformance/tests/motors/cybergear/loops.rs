@@ -124,7 +124,8 @@ fn what_the_devices_loop_has_no_number_for_is_refused() {
 #[test]
 fn turns_are_counted_beyond_the_range_of_the_field() {
     for beyond in [Beyond::Saturates, Beyond::Wraps] {
-        let device = sim::CyberGear::new(&sim::CYBERGEAR, 1).with_end(beyond);
+        let mut device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
+        device.beyond = beyond;
         let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
         with_pair(cybergear(), (device, plant), Safety::BRAKE, |mut pair| {
             pair.switch.arm().unwrap();

@@ -22,7 +22,7 @@ fn registers_are_read_and_written() {
         assert_eq!(pair.ask(Request::ReadRegister(0x7018)), real(23.0));
         let write = Request::WriteRegister(0x7018, 10.0_f32.to_bits());
         assert_eq!(pair.ask(write), Ok(Response::Done));
-        assert_eq!(pair.device(|device| device.parameters().current_limit), 10.0);
+        assert_eq!(pair.device(|device| device.parameters.current_limit), 10.0);
         assert_eq!(pair.ask(Request::ReadRegister(0x7018)), real(10.0));
         // More than it takes: it holds something else now, and says what.
         let write = Request::WriteRegister(0x7018, 99.0_f32.to_bits());
@@ -45,7 +45,7 @@ fn a_question_asked_while_it_is_enabled_waits_for_its_tick() {
         let (speed, mut most) = (Target::Speed(Rpm::new(30.0)), 0);
         for _ in 0..50 {
             pair.hold(speed, 1);
-            most = most.max(pair.bench.sent().frames().len());
+            most = most.max(pair.bench.sent.frames().len());
         }
         assert_eq!(most, 2);
         let answer = pair.bench.bus.response(pair.motor);
@@ -74,7 +74,7 @@ fn an_armed_robot_is_not_changed() {
         let answer = pair.bench.bus.response(pair.motor);
         assert_eq!(answer, Some(Ok(Response::Register(90.0_f32.to_bits()))));
         assert!((pair.rpm() - 30.0).abs() < 0.5);
-        assert_eq!(pair.device(|device| device.saves()), 0);
+        assert_eq!(pair.device(|device| device.saves), 0);
         // Armed before it is sent.
         pair.switch.disarm();
         pair.bench.wait(5);
@@ -83,7 +83,7 @@ fn an_armed_robot_is_not_changed() {
         pair.bench.tick();
         let answer = pair.bench.bus.response(pair.motor);
         assert_eq!(answer, Some(Err(RequestError::NotWhileArmed)));
-        assert_eq!(pair.device(|device| device.saves()), 0);
+        assert_eq!(pair.device(|device| device.saves), 0);
     });
 }
 
@@ -93,7 +93,7 @@ fn a_robstride_keeps_its_registers_and_its_zero() {
         let write = Request::WriteRegister(0x7018, 40.0_f32.to_bits());
         assert_eq!(pair.ask(write), Ok(Response::Done));
         assert_eq!(pair.ask(Request::SaveRegisters), Ok(Response::Done));
-        assert_eq!(pair.device(|device| device.saves()), 1);
+        assert_eq!(pair.device(|device| device.saves), 1);
         // Away from where it started, disarmed again.
         pair.switch.arm().unwrap();
         let place = Target::TotalAngle(TotalAngle::from_degrees(50));
@@ -102,13 +102,13 @@ fn a_robstride_keeps_its_registers_and_its_zero() {
         pair.bench.wait(10);
         assert_eq!(pair.ask(Request::StoreZero), Ok(Response::Done));
         assert!(degrees(&pair).abs() < 0.1, "{}", degrees(&pair));
-        assert_eq!(pair.device(|device| device.saves()), 2);
+        assert_eq!(pair.device(|device| device.saves), 2);
         pair.esc.set_power(false);
         pair.bench.wait(200);
         pair.esc.set_power(true);
         pair.bench.wait(20);
         assert!(degrees(&pair).abs() < 0.1, "{}", degrees(&pair));
-        assert_eq!(pair.device(|device| device.parameters().current_limit), 40.0);
+        assert_eq!(pair.device(|device| device.parameters.current_limit), 40.0);
     });
 }
 

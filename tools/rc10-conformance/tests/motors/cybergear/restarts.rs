@@ -14,18 +14,17 @@ use super::{ADDRESS, with_cybergear, with_rs04};
 fn another_run_mode_is_put_right_before_it_is_enabled() {
     with_cybergear(Safety::COAST, |mut pair| {
         pair.device(|device| {
-            let parameters = device.parameters_mut();
+            let parameters = &mut device.parameters;
             (parameters.run_mode, parameters.velocity) = (2, 20.0);
         });
         pair.switch.arm().unwrap();
         for _ in 0..100 {
             pair.hold(Target::Torque(NewtonMetres::ZERO), 1);
             assert!(pair.rpm().abs() < 0.1, "{}", pair.rpm());
-            let (mode, run_mode) =
-                pair.device(|device| (device.mode(), device.parameters().run_mode));
+            let (mode, run_mode) = pair.device(|device| (device.mode, device.parameters.run_mode));
             assert!(mode == Mode::Reset || run_mode == 0);
         }
-        assert_eq!(pair.device(|device| device.mode()), Mode::Run);
+        assert_eq!(pair.device(|device| device.mode), Mode::Run);
     });
 }
 
@@ -62,14 +61,14 @@ fn a_device_that_stopped_or_was_silent_gets_no_setpoint() {
 fn a_robstrides_time_out_is_a_restart() {
     with_rs04(|mut pair| {
         // 20 ms in steps of 50 µs.
-        pair.device(|device| device.parameters_mut().timeout = 400);
+        pair.device(|device| device.parameters.timeout = 400);
         pair.switch.arm().unwrap();
         let target = Target::Speed(Rpm::new(40.0));
         pair.hold(target, 500);
         assert!((pair.rpm() - 40.0).abs() < 1.0);
         pair.bench.wire.set_cut(true);
         pair.hold(target, 30);
-        assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
+        assert_eq!(pair.device(|device| device.mode), Mode::Reset);
         pair.bench.wire.set_cut(false);
         pair.hold(target, 500);
         assert!((pair.rpm() - 40.0).abs() < 1.0);

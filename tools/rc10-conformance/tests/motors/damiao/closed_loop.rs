@@ -47,7 +47,7 @@ fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
         rig.bench.wait(2);
         assert!(!rig.is_enabled(), "{control:?}");
         assert_eq!(rig.esc.state().malformed, 0);
-        assert_eq!(rig.bench.refused(), 0);
+        assert_eq!(rig.bench.refused, 0);
     }
 }
 

@@ -33,14 +33,14 @@ fn a_cut_wire_is_survived() {
         rig.bench.hold(rig.motor, target, 30).unwrap();
         assert_eq!(rig.status().link, Link::Lost);
         // Its word while it is lost is to disable.
-        let said: Vec<_> = rig.bench.sent().frames().iter().map(ToString::to_string).collect();
+        let said: Vec<_> = rig.bench.sent.frames().iter().map(ToString::to_string).collect();
         assert!(said.iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")), "{said:?}");
         rig.bench.wire.set_cut(false);
         // It may be another one now: all four registers are looked at again.
         let mut asked = 0;
         for _ in 0..15 {
             rig.bench.hold(rig.motor, target, 1).unwrap();
-            let sent = rig.bench.sent().frames().iter();
+            let sent = rig.bench.sent.frames().iter();
             asked += sent.filter(|frame| frame.raw_id() == 0x7FF).count();
         }
         assert!(asked >= 4, "{control:?}: {asked}");
@@ -58,7 +58,7 @@ fn a_check_that_is_cut_off_begins_again_when_the_device_is_back() {
     let mut rig = on_bus(motor(mit()), &device(&mit()), Safety::COAST);
     let asks = |rig: &mut Rig| {
         rig.bench.tick();
-        rig.bench.sent().frames().iter().any(|frame| frame.raw_id() == 0x7FF)
+        rig.bench.sent.frames().iter().any(|frame| frame.raw_id() == 0x7FF)
     };
     assert!((0..100).any(|_| asks(&mut rig)));
     rig.bench.wire.set_cut(true);

@@ -74,7 +74,7 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 0);
         assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
         assert_eq!(rig.ask(Request::SaveRegisters), Ok(Response::Done));
-        assert_eq!(rig.device(|device| device.saves()), 1);
+        assert_eq!(rig.device(|device| device.saves), 1);
         rig.esc.set_power(false);
         rig.bench.wait(20);
         rig.esc.set_power(true);

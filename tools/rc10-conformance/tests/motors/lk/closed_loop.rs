@@ -39,7 +39,7 @@ fn a_drive_is_switched_on_and_off_by_frames_that_are_repeated() {
         assert!(starting < 12);
     }
     bench.hold(id, Target::Current(Amps::new(1.0)), 30).unwrap();
-    assert_eq!(esc.with(|drive: &mut Drive| drive.goal()), Some(Goal::Current(62)));
+    assert_eq!(esc.with(|drive: &mut Drive| drive.goal), Some(Goal::Current(62)));
     bench.bus.switch().disarm();
     bench.wait(5);
     assert!(!is_on(&esc) && esc.state().current == 0.0);
@@ -48,7 +48,7 @@ fn a_drive_is_switched_on_and_off_by_frames_that_are_repeated() {
         bench.tick();
         assert!(!is_on(&esc));
         assert_eq!(bench.status(id).link, rc10_motor::Link::Online);
-        for frame in bench.sent().frames() {
+        for frame in bench.sent.frames() {
             assert!([0x80, 0x9A, 0x9C].contains(&frame.bytes()[0]), "{frame}");
         }
     }
@@ -75,7 +75,7 @@ fn four_drives_are_driven_by_one_frame() {
             bench.bus.command(*id, Target::Speed(Rpm::new(rpm)), now).unwrap();
         }
         bench.tick();
-        assert_eq!(bench.sent().frames().len(), 1);
+        assert_eq!(bench.sent.frames().len(), 1);
     }
     for (esc, wanted) in escs.iter().zip(speeds) {
         assert!((rpm(esc) - f64::from(wanted)).abs() < 2.0, "{}", rpm(esc));
@@ -84,5 +84,5 @@ fn four_drives_are_driven_by_one_frame() {
     // Other motors' bytes are not touched when one stops.
     switch.disarm();
     bench.tick();
-    assert_eq!(bench.sent().frames()[0].to_string(), "280#0000000000000000");
+    assert_eq!(bench.sent.frames()[0].to_string(), "280#0000000000000000");
 }

@@ -65,7 +65,7 @@ fn a_command_timeout_of_the_drive_does_not_bite_while_disarmed() {
         bench(Lk::new(joint()).unwrap(), settings, joint_plant(), Safety::COAST);
     bench.bus.switch().disarm();
     bench.wait(1000);
-    assert_eq!(esc.with(|drive: &mut Drive| drive.errors()), Some(0));
+    assert_eq!(esc.with(|drive: &mut Drive| drive.errors), Some(0));
     bench.wire.set_cut(true);
     bench.wait(100);
     bench.wire.set_cut(false);

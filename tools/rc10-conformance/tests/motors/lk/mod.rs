@@ -70,5 +70,5 @@ pub fn bench(
 
 /// Whether the drive is on.
 pub fn is_on(esc: &Esc) -> bool {
-    esc.with(|drive: &mut Drive| drive.is_on()).unwrap()
+    esc.with(|drive: &mut Drive| drive.is_on).unwrap()
 }

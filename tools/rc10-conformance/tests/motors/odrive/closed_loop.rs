@@ -10,7 +10,7 @@ use rc10_motor::{
     TargetError, TargetKind, Tick, TxBatch,
 };
 use rc10_sim::Esc;
-use rc10_sim::odrive::{Axis, Settings, encode_estimates, encode_heartbeat};
+use rc10_sim::odrive::{Axis, Settings, State, encode_estimates, encode_heartbeat};
 
 use crate::motors::{rpm, settles};
 
@@ -49,7 +49,7 @@ fn an_axis_with_velocity_loops_of_its_own_gets_velocities() {
         let took = settles(&mut bench, id, target, || rpm(&esc) - 120.0, 3.0);
         assert!(took < 700, "{took} ms");
         let modes = esc.with(|axis: &mut Axis| {
-            let controller = axis.controller();
+            let controller = &axis.controller;
             (controller.control_mode, controller.input_mode, controller.input_velocity)
         });
         assert_eq!(modes, Some((2, input as u32, 16.0)));
@@ -189,7 +189,7 @@ fn limits_are_told_before_it_is_switched_on() {
     let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::COAST);
     let told = |esc: &Esc| {
         let limits =
-            |axis: &mut Axis| (axis.controller().velocity_limit, axis.controller().current_limit);
+            |axis: &mut Axis| (axis.controller.velocity_limit, axis.controller.current_limit);
         esc.with(limits).unwrap()
     };
     assert_eq!(told(&esc), (100.0, 40.0));
@@ -243,7 +243,7 @@ fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
     bench.hold(id, torque, 100).unwrap();
     assert!(is_on(&esc) && esc.state().current > 1.0);
     // Idle by itself: switched on again, softly.
-    esc.with(Axis::fall_idle).unwrap();
+    esc.with(|axis: &mut Axis| axis.state = State::Idle).unwrap();
     bench.hold(id, torque, 200).unwrap();
     assert!(is_on(&esc) && esc.state().current > 1.0);
     bench.bus.switch().disarm();
@@ -251,9 +251,9 @@ fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
     let mut reminders = 0;
     for _ in 0..100 {
         bench.tick();
-        reminders += bench.sent().frames().len();
+        reminders += bench.sent.frames().len();
         assert!(
-            bench.sent().frames().iter().all(|frame| frame.to_string() == "067#0100000000000000")
+            bench.sent.frames().iter().all(|frame| frame.to_string() == "067#0100000000000000")
         );
     }
     assert_eq!(reminders, 10);

@@ -109,7 +109,7 @@ fn a_watchdog_of_the_axis_does_not_bite_while_disarmed() {
     let (mut bench, esc, id) = bench(ODrive::new(wheel()).unwrap(), settings, Safety::COAST);
     bench.bus.switch().disarm();
     bench.wait(1000);
-    assert_eq!(esc.with(|axis: &mut Axis| axis.errors()), Some(0));
+    assert_eq!(esc.with(|axis: &mut Axis| axis.errors), Some(0));
     bench.bus.switch().arm().unwrap();
     bench.hold(id, SPEED, 300).unwrap();
     bench.wire.set_cut(true);

@@ -55,7 +55,7 @@ pub fn bench(motor: ODrive, settings: Settings, safety: Safety) -> (Bench<'stati
 }
 
 pub fn state(esc: &Esc) -> State {
-    esc.with(|axis: &mut Axis| axis.state()).unwrap()
+    esc.with(|axis: &mut Axis| axis.state).unwrap()
 }
 
 pub fn is_on(esc: &Esc) -> bool {

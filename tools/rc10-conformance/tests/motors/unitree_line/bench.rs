@@ -74,7 +74,7 @@ impl<'m> Bench<'m> {
         for _ in 0..millis {
             let now = self.world.now();
             for &motor in motors {
-                self.line.command(motor, target, now).unwrap();
+                self.bus.command(motor, target, now).unwrap();
             }
             self.tick();
         }
@@ -88,7 +88,7 @@ impl<'m> Bench<'m> {
 
 /// The command that the device obeys.
 pub fn obeys(device: &Esc) -> unitree_line::Command {
-    device.with(|device: &mut Device| device.command()).unwrap()
+    device.with(|device: &mut Device| device.command).unwrap()
 }
 
 /// The number of a motor on its line, as `attach` counts.

@@ -27,7 +27,7 @@ fn a_speed_is_reached() {
         let mut bench = Bench::new(1, &switch);
         let scale = Scale { inertia: scale, friction: scale, torque_constant: 1.0 };
         let device = bench.device_with(3, plant().scaled(scale));
-        let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();
+        let motor = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
         bench.wait(5);
         switch.arm().unwrap();
         bench.hold(motor, Target::Speed(Rpm::new(120.0)), 1);
@@ -53,9 +53,9 @@ fn an_impedance_is_the_device_s_own_law() {
         let mut motor = GoM8010::new(LineConfig::new(1).with_direction(direction)).unwrap();
         let mut bench = Bench::new(4, &switch);
         let device = bench.device_with(1, blocked());
-        let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();
+        let motor = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
         bench.wait(5);
-        bench.line.request(motor, Request::SetZeroOfDriven).unwrap();
+        bench.bus.request(motor, Request::SetZeroOfDriven).unwrap();
         switch.arm().unwrap();
         let pull = Impedance {
             angle: Degrees::new(30.0),
@@ -74,13 +74,13 @@ fn an_impedance_is_the_device_s_own_law() {
         assert!((told.damping - 0.5 / 6.33 / 6.33).abs() < 1e-3, "{told:?}");
         // A limit takes back all of it.
         let limit = Request::TorqueLimit(NewtonMetres::new(1.5));
-        assert_eq!(bench.line.request(motor, limit), Ok(Response::Done));
+        assert_eq!(bench.bus.request(motor, limit), Ok(Response::Done));
         bench.hold(motor, Target::Impedance(pull), 60);
         assert!((torque(&device) - 1.5 * sign).abs() < 0.05, "{}", torque(&device));
 
         let negative = Target::Impedance(Impedance { kp: -1.0, ..pull });
         let now = bench.world.now();
-        let error = bench.line.command(motor, negative, now).unwrap_err();
+        let error = bench.bus.command(motor, negative, now).unwrap_err();
         let out = TargetError::OutOfRange(TargetKind::Impedance);
         assert_eq!(error, rc10_motor::CommandError::Target(out));
     }

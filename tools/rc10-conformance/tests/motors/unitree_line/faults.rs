@@ -22,7 +22,7 @@ fn each_fault_has_its_code_and_text_and_cannot_be_cleared_while_it_lasts() {
         let mut motor = GoM8010::new(LineConfig::new(6)).unwrap();
         let mut bench = Bench::new(30, &switch);
         let device = bench.device(6);
-        let id = bench.line.attach(&mut motor, Safety::BRAKE).unwrap();
+        let id = bench.bus.attach(&mut motor, Safety::BRAKE).unwrap();
         bench.wait(5);
         switch.arm().unwrap();
         bench.hold(id, SPEED, 300);
@@ -36,9 +36,9 @@ fn each_fault_has_its_code_and_text_and_cannot_be_cleared_while_it_lasts() {
         assert!(device.state().open);
 
         // Still there: the device refuses.
-        assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
         bench.hold(id, SPEED, 3);
-        assert_eq!(bench.line.response(id), Some(Err(RequestError::Refused(code))));
+        assert_eq!(bench.bus.response(id), Some(Err(RequestError::Refused(code))));
         bench.hold(id, SPEED, 50);
         assert_eq!(bench.status(id).drive, DriveMode::Brake);
     }
@@ -57,7 +57,7 @@ fn a_motor_that_gets_too_hot_protects_itself_and_says_so() {
         ..rc10_sim::unitree_line::plant()
     };
     let device = bench.device_with(0, plant);
-    let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
+    let id = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
     bench.wait(5);
     switch.arm().unwrap();
     let torque = Target::Torque(NewtonMetres::new(8.0));
@@ -98,12 +98,12 @@ fn whatever_is_commanded_the_device_is_never_told_to_calibrate() {
     let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(32, &switch);
     let device = bench.device(0);
-    let id = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
+    let id = bench.bus.attach(&mut motor, Safety::HOLD).unwrap();
     bench.wait(5);
     switch.arm().unwrap();
     for step in 0..3000 {
         let now = bench.world.now();
-        let _ = bench.line.command(id, strange(step), now);
+        let _ = bench.bus.command(id, strange(step), now);
         bench.tick();
         let told = bench.told(0);
         assert!(told.status <= 1 && told.torque.abs() <= 23.71 / 6.33, "{told:?}");

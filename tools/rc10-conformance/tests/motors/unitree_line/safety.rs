@@ -19,7 +19,7 @@ fn turning<'m>(
 ) -> (Bench<'m>, rc10_sim::Esc, rc10_motor::MotorId) {
     let mut bench = Bench::new(20, switch);
     let device = bench.device(0);
-    let id = bench.line.attach(motor, Safety::new(state)).unwrap();
+    let id = bench.bus.attach(motor, Safety::new(state)).unwrap();
     bench.wait(5);
     switch.arm().unwrap();
     bench.hold(id, SPEED, 400);
@@ -56,34 +56,31 @@ fn requests_and_refusals() {
     let switch = ArmSwitch::new();
     let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(23, &switch);
-    let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
+    let id = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
     let absent = nth(1);
     let now = bench.world.now();
-    assert_eq!(bench.line.command(absent, SPEED, now), Err(CommandError::NoSuchMotor));
-    assert_eq!(
-        bench.line.request(absent, Request::SetZeroOfDriven),
-        Err(RequestError::NoSuchMotor)
-    );
-    assert_eq!(bench.line.response(absent), None);
-    assert_eq!(bench.line.status(absent, now), None);
+    assert_eq!(bench.bus.command(absent, SPEED, now), Err(CommandError::NoSuchMotor));
+    assert_eq!(bench.bus.request(absent, Request::SetZeroOfDriven), Err(RequestError::NoSuchMotor));
+    assert_eq!(bench.bus.response(absent), None);
+    assert_eq!(bench.bus.status(absent, now), None);
     let current = Target::Current(rc10_app::Amps::new(1.0));
     let refused = TargetError::Unsupported(TargetKind::Current);
-    assert_eq!(bench.line.command(id, current, now), Err(CommandError::Target(refused)));
+    assert_eq!(bench.bus.command(id, current, now), Err(CommandError::Target(refused)));
     let nan = Target::Torque(NewtonMetres::new(f32::NAN));
     let refused = TargetError::NotFinite(TargetKind::Torque);
-    assert_eq!(bench.line.command(id, nan, now), Err(CommandError::Target(refused)));
+    assert_eq!(bench.bus.command(id, nan, now), Err(CommandError::Target(refused)));
     assert_eq!(bench.status(id).counters.refused.total(), 2);
     for request in [Request::StoreZero, Request::ReadRegister(1), Request::SaveRegisters] {
-        assert_eq!(bench.line.request(id, request), Err(RequestError::Unsupported));
+        assert_eq!(bench.bus.request(id, request), Err(RequestError::Unsupported));
     }
     // There is no device at all.
-    assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
-    assert_eq!(bench.line.request(id, Request::SetZeroOfDriven), Err(RequestError::Busy));
+    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
+    assert_eq!(bench.bus.request(id, Request::SetZeroOfDriven), Err(RequestError::Busy));
     bench.wait(240);
-    assert_eq!(bench.line.response(id), None);
+    assert_eq!(bench.bus.response(id), None);
     bench.wait(20);
-    assert_eq!(bench.line.response(id), Some(Err(RequestError::Timeout)));
-    assert_eq!(bench.line.response(id), None);
+    assert_eq!(bench.bus.response(id), Some(Err(RequestError::Timeout)));
+    assert_eq!(bench.bus.response(id), None);
 }
 
 #[test]
@@ -107,7 +104,7 @@ fn the_coast_image_frees_all_of_them_in_whatever_state() {
     let mut bench = Bench::new(24, &switch);
     let devices: Vec<_> = (0..3).map(|id| bench.device(id)).collect();
     let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.line.attach(motor, Safety::HOLD).unwrap()).collect();
+        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::HOLD).unwrap()).collect();
     bench.wait(20);
     switch.arm().unwrap();
     bench.hold_all(&ids, Target::Torque(NewtonMetres::new(2.0)), 50);

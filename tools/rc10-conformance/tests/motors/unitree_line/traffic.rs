@@ -16,9 +16,9 @@ fn eight<'m>(
     let devices: Vec<_> = (0..8).map(|id| bench.device(id)).collect();
     devices[3].set_power(!silent);
     let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.line.attach(motor, Safety::COAST).unwrap()).collect();
+        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::COAST).unwrap()).collect();
     bench.wait(150);
-    bench.line.switch().arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     bench.hold_all(&ids, Target::Speed(Rpm::new(60.0)), 1000);
     (ids, devices)
 }
@@ -44,7 +44,7 @@ fn eight_motors_are_asked_every_millisecond() {
         assert!((mean - 1000.0).abs() < 1.0 && longest <= 1002, "{id:?} {mean} {longest}");
         assert!((device.state().output_rpm - 60.0).abs() < 0.5);
     }
-    let counters = bench.line.counters();
+    let counters = bench.bus.counters();
     assert_eq!((counters.timeouts, counters.garbage, counters.unexpected), (0, 0, 0));
     // 33 bytes of 2.5 µs, and the device's 20 µs.
     assert_eq!((counters.exchange.min(), counters.exchange.max()), (Some(102), Some(103)));
@@ -102,9 +102,9 @@ fn one_silent_motor_of_eight_costs_the_others_one_time_out_in_a_hundred_millisec
     assert_eq!(bench.status(ids[3]).link, Link::NeverSeen);
     let (mean, _) = cycle(&bench.asked[3], from);
     assert!((100_000.0..101_000.0).contains(&mean), "{mean}");
-    let before = bench.line.counters().timeouts;
+    let before = bench.bus.counters().timeouts;
     bench.hold_all(&ids, Target::Speed(Rpm::new(60.0)), 1000);
-    assert_eq!(bench.line.counters().timeouts - before, 10);
+    assert_eq!(bench.bus.counters().timeouts - before, 10);
 
     // It comes back, softly, and without a kick; the others do not notice.
     devices[3].set_power(true);
@@ -134,7 +134,7 @@ fn fourteen_that_fall_silent_at_once_do_not_cost_the_fifteenth_its_link() {
     let mut bench = Bench::new(12, &switch);
     let devices: Vec<_> = (0..15).map(|id| bench.device(id)).collect();
     let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.line.attach(motor, Safety::COAST).unwrap()).collect();
+        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::COAST).unwrap()).collect();
     bench.wait(50);
     switch.arm().unwrap();
     let speed = Target::Speed(Rpm::new(30.0));
@@ -167,12 +167,12 @@ fn garbage_and_wrong_bits_are_counted_and_never_taken() {
     let mut bench = Bench::new(13, &switch);
     let devices = [bench.device(0), bench.device(1)];
     let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.line.attach(motor, Safety::COAST).unwrap()).collect();
+        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::COAST).unwrap()).collect();
     bench.wait(50);
     switch.arm().unwrap();
     let speed = Target::Speed(Rpm::new(60.0));
     bench.hold_all(&ids, speed, 500);
-    let before = bench.line.counters();
+    let before = bench.bus.counters();
     assert_eq!((before.timeouts, before.crc_errors, before.garbage), (0, 0, 0));
 
     // Twenty commands that the device refuses, twenty answers that we do: a time-out each.
@@ -182,7 +182,7 @@ fn garbage_and_wrong_bits_are_counted_and_never_taken() {
         bench.wire.damage_answers(1);
         bench.hold_all(&ids, speed, 2);
     }
-    let counters = bench.line.counters();
+    let counters = bench.bus.counters();
     let malformed: u64 = devices.iter().map(|device| device.state().malformed).sum();
     assert_eq!((malformed, counters.crc_errors, counters.garbage), (20, 20, 20 * 16));
     assert_eq!((counters.timeouts, counters.unexpected), (40, 0));
@@ -193,7 +193,7 @@ fn garbage_and_wrong_bits_are_counted_and_never_taken() {
         bench.hold_all(&ids, speed, 2);
     }
     assert!(bench.wire.counters().collided > 100);
-    let counters = bench.line.counters();
+    let counters = bench.bus.counters();
     assert!(counters.garbage >= 40 * 7 && counters.timeouts > 60, "{counters:?}");
     assert_eq!(counters.unexpected, 0);
     for (id, device) in ids.iter().zip(&devices) {
@@ -270,13 +270,14 @@ fn slow_devices_are_waited_for_up_to_the_time_out() {
         let switch = ArmSwitch::new();
         let mut ours = motors(1);
         let mut bench = Bench::new(15, &switch);
-        let device = Device::new(0).with_turnaround(Nanos::new(turnaround * 1000));
+        let mut device = Device::new(0);
+        device.think = Nanos::new(turnaround * 1000);
         let _device = bench.wire.add(device, plant());
-        let id = bench.line.attach(&mut ours[0], Safety::COAST).unwrap();
+        let id = bench.bus.attach(&mut ours[0], Safety::COAST).unwrap();
         bench.wait(500);
         let online = bench.status(id).link == Link::Online;
         assert_eq!(online, answers, "{turnaround} us");
-        assert_eq!(bench.line.counters().timeouts > 0, !answers);
+        assert_eq!(bench.bus.counters().timeouts > 0, !answers);
     }
     let switch = ArmSwitch::new();
     let line = |micros| Rs485Bus::new(&switch).with_reply_timeout(Micros::new(micros));

@@ -37,12 +37,12 @@ fn with_module(motor: GoModule, safety: Safety, plant: Plant) -> (One, UnitreeMo
 
 impl One {
     fn mode(&self) -> Mode {
-        self.device(|device| device.mode())
+        self.device(|device| device.mode)
     }
 
     /// The stiffness and damping that the motor follows with.
     fn gains(&self) -> Gains {
-        self.device(|device| device.gains())
+        self.device(|device| device.gains)
     }
 
     /// N m at the output that the motor makes.

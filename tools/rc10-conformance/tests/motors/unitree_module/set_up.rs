@@ -10,7 +10,7 @@ use super::{One, behind, speed, with_module};
 /// Frames of the last tick, by the device's codec.
 fn sent(one: &One) -> Vec<Asked> {
     let read = |frame| Command::unpack(frame).unwrap().unwrap().asked;
-    one.bench.sent().frames().iter().map(read).collect()
+    one.bench.sent.frames().iter().map(read).collect()
 }
 
 fn name(asked: &Asked) -> &'static str {
@@ -56,7 +56,7 @@ fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
     one.switch.disarm();
     assert_eq!(ticks(&mut one, speed(60.0), 2), ["lock"; 2]);
     one.bench.wait(2);
-    assert_eq!((one.mode(), one.device(|device| device.calibrations())), (Mode::Locked, 0));
+    assert_eq!((one.mode(), one.device(|device| device.calibrations)), (Mode::Locked, 0));
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn an_impedance_counts_once_the_module_has_confirmed_it() {
         assert_eq!(starting, tick < 3, "tick {tick}");
         // The command takes effect within the next tick.
         if (1..4).contains(&tick) {
-            let torque = one.device(|device| device.commanded().torque);
+            let torque = one.device(|device| device.command.torque);
             assert!(torque.abs() < 1e-9, "tick {tick}: {torque}");
         }
     }
@@ -80,7 +80,7 @@ fn an_impedance_counts_once_the_module_has_confirmed_it() {
     // Back to a speed: the spring is taken away first, and pulls at nothing meanwhile.
     for tick in 0..6 {
         one.hold(speed(100.0), 1);
-        let (has, angle) = one.device(|device| (device.gains(), device.commanded().angle));
+        let (has, angle) = one.device(|device| (device.gains, device.command.angle));
         let at = one.esc.state().output_degrees;
         assert!(has.stiffness == 0.0 || tick < 5, "tick {tick}: {has:?} {angle} {at}");
     }
@@ -95,7 +95,7 @@ fn a_module_that_does_not_keep_its_gains_never_drives() {
     let mut one = one.armed();
     for _ in 0..200 {
         // It restarts in every millisecond: what it tells is never what it was told.
-        module.restart();
+        module.set_power(true);
         one.hold(Target::Impedance(SPRING), 1);
         let status = one.bench.status(one.motor);
         assert_eq!((status.condition, status.link), (Condition::Starting, Link::Online));
@@ -112,7 +112,7 @@ fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
     let mut one = one.armed();
     one.hold(Target::Impedance(SPRING), 500);
     let held = one.told();
-    module.restart();
+    module.set_power(true);
     let mut soft = 0;
     for _ in 0..200 {
         one.hold(Target::Impedance(SPRING), 1);
@@ -168,5 +168,5 @@ fn motors_of_one_module_have_gains_and_motions_of_their_own() {
     assert!(third.gains(1).stiffness > 0.49 && third.gains(0).stiffness == 0.0);
     assert_eq!(second.gains(1).stiffness, 0.0);
     // Three motors: 83 % typically.
-    assert!(bench.refused() == 0 && (70.0..96.0).contains(&bench.wire.load()));
+    assert!(bench.refused == 0 && (70.0..96.0).contains(&bench.wire.load()));
 }

@@ -427,11 +427,11 @@ fn hold_brakes_again_what_was_torn_loose() {
 #[test]
 fn limits_are_kept_here_and_told_to_the_device_again_after_a_restart() {
     armed(|bench, motor, esc| {
-        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
+        assert_eq!(inside(esc, |vesc| vesc.current_limits), (-40.0, 40.0));
         let limit = |amps| Request::CurrentLimit(Amps::new(amps));
         assert!(bench.bus.request(motor, limit(12.5)).is_ok());
         hold(bench, motor, Target::Current(Amps::new(30.0)), 50);
-        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-12.5, 12.5));
+        assert_eq!(inside(esc, |vesc| vesc.current_limits), (-12.5, 12.5));
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(12.5));
         // So that a speed, which the device regulates, keeps to it too.
         hold(bench, motor, Target::Speed(Rpm::new(-2000.0)), 200);
@@ -439,9 +439,9 @@ fn limits_are_kept_here_and_told_to_the_device_again_after_a_restart() {
         esc.set_power(false);
         bench.wait(100);
         esc.set_power(true);
-        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
+        assert_eq!(inside(esc, |vesc| vesc.current_limits), (-40.0, 40.0));
         bench.wait(30);
-        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-12.5, 12.5));
+        assert_eq!(inside(esc, |vesc| vesc.current_limits), (-12.5, 12.5));
         // Another program has told it another one; it is told ours again once a second.
         let (low, high) = (Amps::new(-40.0), Amps::new(40.0));
         let other = Setting::MotorCurrent { min: low, max: high }.pack(id(1)).unwrap();
@@ -450,15 +450,15 @@ fn limits_are_kept_here_and_told_to_the_device_again_after_a_restart() {
             bench.wire.inject(&other);
             for _ in 0..1010 {
                 bench.wait(1);
-                lowest += u32::from(inside(esc, |vesc| vesc.current_limits()) == (-12.5, 12.5));
+                lowest += u32::from(inside(esc, |vesc| vesc.current_limits) == (-12.5, 12.5));
             }
-            assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-12.5, 12.5));
+            assert_eq!(inside(esc, |vesc| vesc.current_limits), (-12.5, 12.5));
         }
         assert!(lowest < 1200, "told again {lowest} ms too early");
         // Never above what it was made with.
         assert!(bench.bus.request(motor, limit(1e9)).is_ok());
         bench.wait(10);
-        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
+        assert_eq!(inside(esc, |vesc| vesc.current_limits), (-40.0, 40.0));
         for bad in [-1.0, f32::NAN] {
             assert!(matches!(bench.bus.request(motor, limit(bad)), Err(RequestError::Config(_))));
         }

@@ -57,7 +57,7 @@ fn on_bench(
     let esc = bench.wire.add(rc10_sim::vesc::Vesc::new(device).unwrap(), device.plant);
     let motor = bench.attach(&mut motor, safety).unwrap();
     test(&mut bench, motor, &esc, &switch);
-    assert_eq!(bench.refused(), 0);
+    assert_eq!(bench.refused, 0);
     assert_eq!(bench.bus.counters().malformed, 0);
     assert_eq!(esc.state().malformed, 0);
 }

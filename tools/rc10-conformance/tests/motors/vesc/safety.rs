@@ -161,7 +161,7 @@ fn a_faulted_vesc_is_seen_not_to_follow() {
                 bench.hold(motor, target, 700).unwrap();
                 assert_eq!(bench.status(motor).condition, Condition::Ready, "{target:?}");
                 assert!(esc.inject(fault));
-                assert_eq!(inside(esc, |vesc| vesc.fault()), Some(fault));
+                assert_eq!(inside(esc, |vesc| vesc.fault), Some(fault));
                 bench.hold(motor, target, 4000).unwrap();
                 assert!(esc.state().current.abs() < 1e-9);
                 let status = bench.status(motor);

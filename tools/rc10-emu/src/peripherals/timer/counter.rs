@@ -3,6 +3,7 @@
 use rc10_sim::Nanos;
 
 use super::{ENABLE, ONE_PULSE, Preloaded, Timer, UPDATE, UPDATE_DISABLE, UPDATE_REQUEST_SOURCE};
+use crate::time::{periods_in, time_of};
 
 /// CR2.CCDS: requests of compare channels come with updates.
 const REQUESTS_AT_UPDATE: u32 = 1 << 3;
@@ -27,16 +28,13 @@ impl Timer {
 
     /// Clocks since the anchor, what the prescaler had already counted included.
     pub(super) fn clocks(&self, now: Nanos) -> u64 {
-        let clocks = u128::from(now.since(self.anchor).get()) * u128::from(self.hz) / 1_000_000_000;
-        u64::try_from(clocks).unwrap_or(u64::MAX).saturating_add(self.phase)
+        periods_in(now.since(self.anchor), self.hz).saturating_add(self.phase)
     }
 
     /// Time of the counter's next tick, counted from the anchor.
     fn time_of(&self, tick: u64) -> Nanos {
         let clocks = u128::from(tick) * u128::from(self.divider());
-        let clocks = clocks.saturating_sub(u128::from(self.phase));
-        let nanos = (clocks * 1_000_000_000).div_ceil(u128::from(self.hz.max(1)));
-        self.anchor + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX))
+        self.anchor + time_of(clocks.saturating_sub(u128::from(self.phase)), self.hz)
     }
 
     /// Counts from `now` on, with what the prescaler has counted so far.

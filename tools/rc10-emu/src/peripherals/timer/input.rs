@@ -3,6 +3,7 @@
 use rc10_sim::Nanos;
 
 use super::{CHANNELS, ENCODER_MODES, Timer};
+use crate::time::time_of;
 
 /// Divider of the filter's clock (0: the timer's own, without CKD), and how many equal samples let
 /// a level through, by `ICxF`. Source: RM0468, `TIMx_CCMR1`.
@@ -65,7 +66,7 @@ impl Timer {
         let filter = (self.mode(input) >> 4 & 0xF) as usize;
         let (divider, samples) = (DIVIDERS[filter], SAMPLES[filter]);
         let divider = if divider == 0 { 1 } else { divider << (self.control >> 8 & 3) };
-        Nanos::new((divider * samples * 1_000_000_000).div_ceil(self.hz))
+        time_of(divider * samples, self.hz)
     }
 
     pub(super) fn next_pass(&self) -> Option<Nanos> {

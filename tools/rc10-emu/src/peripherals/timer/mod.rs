@@ -206,11 +206,8 @@ impl Timer {
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
         let asked = self.flags & self.interrupts & 0xFF;
         let asks = [asked & UPDATE != 0, asked & !UPDATE != 0];
-        self.facts()
-            .interrupts
-            .into_iter()
-            .zip(asks)
-            .filter_map(|(number, asks)| asks.then_some(number))
+        let numbers = self.facts().interrupts.into_iter().zip(asks);
+        numbers.filter_map(|(number, asks)| asks.then_some(number))
     }
 
     /// Bit of the request with this number in DMAMUX1.

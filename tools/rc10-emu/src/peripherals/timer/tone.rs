@@ -5,6 +5,7 @@ use rc10_sim::Nanos;
 
 use super::super::clocks::{Tone, Tones};
 use super::Timer;
+use crate::time::time_of;
 
 const NANOS_PER_SECOND: u128 = 1_000_000_000;
 
@@ -34,9 +35,7 @@ impl Listener {
 
     /// First nanosecond at which a capture is over.
     fn time_of(&self, capture: u64) -> Nanos {
-        let nanos = self.half_periods(capture) * NANOS_PER_SECOND;
-        let nanos = nanos.div_ceil(2 * u128::from(self.tone.hz));
-        self.since + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX))
+        self.since + time_of(self.half_periods(capture), 2 * self.tone.hz)
     }
 }
 

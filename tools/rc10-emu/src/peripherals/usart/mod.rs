@@ -24,7 +24,7 @@ use receiver::{Heard, Receiver};
 pub(crate) use transmitter::Outgoing;
 use transmitter::{Sending, Transmitter};
 pub use wire::{Character, Format, Parity};
-pub(crate) use wire::{Sampling, Wire};
+pub(crate) use wire::{Sampled, Sampling, Wire};
 
 /// A byte that has left at a transmit pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,16 +112,11 @@ pub(super) struct Usart {
     received: VecDeque<u16>,
     /// The character received last, good or not: it stays in RDR until the next one.
     latest: u16,
-    pins: Pins,
+    /// Whether its receive and its transmit pin lead outside.
+    pins: [bool; 2],
     pub(super) sent: Vec<SentByte>,
     /// For the far end of the transmit pin.
     pub(super) outgoing: Vec<Outgoing>,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Pins {
-    pub receive: bool,
-    pub transmit: bool,
 }
 
 impl Usart {
@@ -150,7 +145,7 @@ impl Usart {
         }
     }
 
-    pub(super) fn set_pins(&mut self, pins: Pins, now: Nanos) {
+    pub(super) fn set_pins(&mut self, pins: [bool; 2], now: Nanos) {
         if self.pins != pins {
             self.pins = pins;
             self.listen(now);
@@ -169,8 +164,8 @@ impl Usart {
         if self.is(1, FIFOS) { FIFO_DEPTH } else { 1 }
     }
 
-    /// Kernel clocks of one bit, times two; `None` if the baud rate is not set.
-    fn clocks_of_two_bits(&self) -> Option<u64> {
+    /// Length of a bit, femtoseconds; `None` if the baud rate is not set.
+    fn bit_fs(&self) -> Option<u64> {
         let prescaler = PRESCALERS.get(self.prescaler as usize)?;
         let divisor = u64::from(self.divisor);
         let (divider, twice) = if self.is(1, OVERSAMPLE_8) {
@@ -178,12 +173,11 @@ impl Usart {
         } else {
             (divisor, 2)
         };
-        (divider >= 16 && self.hz != 0).then_some(divider * prescaler * twice)
-    }
-
-    /// Length of a bit, femtoseconds.
-    fn bit_fs(&self) -> Option<u64> {
-        let femtos = u128::from(self.clocks_of_two_bits()?) * 1_000_000_000_000_000;
+        if divider < 16 || self.hz == 0 {
+            return None;
+        }
+        // Kernel clocks of two bits.
+        let femtos = u128::from(divider * prescaler * twice) * 1_000_000_000_000_000;
         u64::try_from(femtos / u128::from(2 * self.hz)).ok()
     }
 
@@ -228,13 +222,14 @@ impl Usart {
         }
     }
 
-    const fn pins_in_use(&self) -> (bool, bool) {
-        let Pins { receive, transmit } = self.pins;
-        if self.is(2, SWAP) { (transmit, receive) } else { (receive, transmit) }
+    /// The same of those that it uses.
+    const fn pins_in_use(&self) -> [bool; 2] {
+        let [receive, transmit] = self.pins;
+        if self.is(2, SWAP) { [transmit, receive] } else { self.pins }
     }
 
     fn listen(&mut self, now: Nanos) {
-        let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use().0;
+        let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use()[0];
         let sampling = self.bit_fs().filter(|_| on).map(|bit_fs| Sampling {
             format: self.format(),
             bit_fs,
@@ -302,7 +297,7 @@ impl Usart {
         if outgoing.has_ended && self.transmitter.sending.is_none() {
             self.flags |= COMPLETE;
         }
-        if !self.pins_in_use().1 {
+        if !self.pins_in_use()[1] {
             return;
         }
         let Outgoing { character, end, has_ended } = outgoing;
