@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use rc10_cli::robot::description::SerialPart;
 use rc10_cli::CommandLine;
+use rc10_cli::robot::description::SerialPart;
 use rc10_module::Reception;
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Nanos, SerialDevice};
