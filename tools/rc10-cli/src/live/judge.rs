@@ -178,7 +178,7 @@ mod tests {
         let ports = team::Ports::new();
         let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
         let buses = motors.start(&shared.switch).unwrap().buses;
-        let robot = crate::tests::robot(&shared, buses);
+        let robot = crate::tests::robot(&shared, buses).yaw("heading", |_| None);
         let crane = Common::<_, 3, 0, Crane>::new(&ports);
         let kit = Kit::of(&robot.live(&crane));
         let motors = kit.description().motors.iter().map(|motor| motor.label);
