@@ -11,7 +11,8 @@ use embassy_stm32::{interrupt, pac, peripherals};
 use embassy_time::Instant;
 use rc10_motor::rc10_can::Micros;
 
-pub use chip::Port;
+/// The bus's port.
+pub type Port = rc10_stm32_can::Port<rc10_stm32_can::Controller>;
 
 /// Everything that the robot uses.
 pub struct Board {

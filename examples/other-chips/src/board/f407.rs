@@ -8,17 +8,15 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, Peri, bind_interrupts, interrupt, pac};
-use rc10_stm32_can::bxcan::{self, BxCan, InterruptHandler};
-use rc10_stm32_can::bxcan_bus;
+use rc10_stm32_can::{InterruptHandler, bxcan, bxcan_bus};
+
+use super::Port;
 
 bxcan_bus!(Drive on CAN1);
 bind_interrupts!(struct Interrupts {
     CAN1_TX => InterruptHandler<Drive>;
     CAN1_RX0 => InterruptHandler<Drive>;
 });
-
-/// The bus's port.
-pub type Port = rc10_stm32_can::Port<BxCan>;
 
 /// Clocks and the bus at 1 Mbit/s; also the watchdog that is left.
 pub fn start() -> (Port, Peri<'static, IWDG>) {

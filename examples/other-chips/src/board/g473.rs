@@ -7,16 +7,14 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, Peri, bind_interrupts, interrupt, pac};
-use rc10_stm32_can::fdcan::{self, Fdcan, InterruptHandler};
-use rc10_stm32_can::fdcan_bus;
+use rc10_stm32_can::{InterruptHandler, fdcan, fdcan_bus};
+
+use super::Port;
 
 fdcan_bus!(Drive on FDCAN1);
 bind_interrupts!(struct Interrupts {
     FDCAN1_IT0 => InterruptHandler<Drive>;
 });
-
-/// The bus's port.
-pub type Port = rc10_stm32_can::Port<Fdcan>;
 
 /// Clocks and the bus at 1 Mbit/s; also the watchdog that is left.
 pub fn start() -> (Port, Peri<'static, IWDG>) {
