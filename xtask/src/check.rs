@@ -18,11 +18,12 @@ use crate::{count, deny, emulate, floors, golden, scaffold, size};
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
 
-/// Robots on other chips, each a workspace of its own with its own settings, and the features with
-/// which `rc10-stm32-can` is for its chip. They share the target directory.
-const OTHER_CHIPS: [(&str, &str); 2] = [
-    ("examples/f407", "bxcan,embassy-stm32/stm32f407vg"),
-    ("examples/g473", "fdcan,embassy-stm32/stm32g473ve,embassy-stm32/dual-bank"),
+/// A robot on other chips: a workspace of its own with its own settings. It shares the target directory.
+const OTHER_CHIPS: &str = "examples/other-chips";
+/// Its chips, one a feature, and the features with which `rc10-stm32-can` is for that chip.
+const ITS_CHIPS: [(&str, &str); 2] = [
+    ("f407", "bxcan,embassy-stm32/stm32f407vg"),
+    ("g473", "fdcan,embassy-stm32/stm32g473ve,embassy-stm32/dual-bank"),
 ];
 
 /// PCs that the tools are for, beside the one that they are tested on: there they are compiled.
@@ -149,11 +150,8 @@ pub fn run(is_whole: bool) -> Result<()> {
         with_component("fmt", || {
             run_command(&mut host("fmt --all --check"))?;
             run_command(&mut host(&format!("fmt {TWO_WHEELS} --check")))?;
-            for (folder, _) in OTHER_CHIPS {
-                run_command(&mut host(&format!(
-                    "fmt --manifest-path {folder}/Cargo.toml --check"
-                )))?;
-            }
+            let other_chips = format!("fmt --manifest-path {OTHER_CHIPS}/Cargo.toml --check");
+            run_command(&mut host(&other_chips))?;
             run_command(&mut chip("fmt --all --check", None))
         })
     });
@@ -287,17 +285,20 @@ fn two_wheels() -> Result<()> {
     run_command(&mut host(&format!("run {TWO_WHEELS} -- {arguments}")))
 }
 
-/// Builds the robots on other chips with their own lock files. With the active toolchain's compiler
-/// it lints them, and what `rc10-stm32-can` has for their chips: clippy knows only its own targets.
+/// Builds the robot on other chips for each, with its own lock file. With the active toolchain's compiler
+/// it lints it, and what `rc10-stm32-can` has for the chip: clippy knows only its own targets.
 fn other_chips(rustc: Option<&Path>) -> Result<()> {
     let lints = rustc.is_none() && component("clippy");
-    for (folder, features) in OTHER_CHIPS {
-        let own =
-            |arguments: &str| run_command(chip(arguments, rustc).current_dir(root().join(folder)));
-        own("build --release")?;
+    for (name, port) in ITS_CHIPS {
+        let own = |command: &str, rest: &str| {
+            let arguments =
+                format!("{command} --release --no-default-features --features {name} {rest}");
+            run_command(chip(&arguments, rustc).current_dir(root().join(OTHER_CHIPS)))
+        };
+        own("build", "")?;
         if lints {
-            own("clippy --release -- -D warnings")?;
-            let port = format!("--package rc10-stm32-can --features {features} --target {TARGET}");
+            own("clippy", "-- -D warnings")?;
+            let port = format!("--package rc10-stm32-can --features {port} --target {TARGET}");
             run_command(&mut host(&format!("clippy {port} -- -D warnings")))?;
             let docs = format!("doc --no-deps {port}");
             run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))?;

@@ -1,22 +1,19 @@
 //! bxCAN (RM0090): F4, F7, F3, L4 and others with alternate functions; not F1, which remaps.
 
-use core::marker::PhantomData;
-
+use embassy_stm32::Peri;
 use embassy_stm32::can::{Instance, RxPin, TxPin};
-use embassy_stm32::gpio::Flex;
-use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
+use embassy_stm32::interrupt::typelevel::{Binding, Interrupt};
 use embassy_stm32::pac::can::Can;
 use embassy_stm32::pac::can::regs::{Fr1, Fr2, Tdhr, Tdlr, Tdtr, Tir};
 use embassy_stm32::pac::can::vals::Lec;
-use embassy_stm32::{Peri, rcc};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
-use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern, Micros};
+use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern, Micros};
 
 use crate::layout::{REQUEST, decode, encode, filter};
-use crate::start::{connect, wait_briefly, wait_for};
-use crate::{BusOff, Ended, Errors, Hardware, Port, SharedDriver, StartError};
+use crate::start::{byte, wait_briefly, wait_for};
+use crate::{Bus, BusOff, Ended, Errors, Hardware, InterruptHandler, Port, StartError};
 
 /// Filter banks of a controller: half of the 28 that two share, or all that one has.
 const BANKS: usize = 14;
@@ -24,18 +21,6 @@ const BANKS: usize = 14;
 static FILTERS: Mutex<CriticalSectionRawMutex, ()> = Mutex::new(());
 /// The longest synchronisation jump, quanta.
 const LONGEST_JUMP: u16 = 4;
-
-/// A bus, as [`bxcan_bus`](crate::bxcan_bus) declares it.
-pub trait Bus: 'static {
-    /// The peripheral.
-    type Peripheral: Instance;
-
-    #[doc(hidden)]
-    fn controller() -> BxCan;
-
-    #[doc(hidden)]
-    fn shared() -> &'static SharedDriver<BxCan>;
-}
 
 /// Declares a bus for [`start`](crate::bxcan::start) and its handler, and its driver's place.
 ///
@@ -52,32 +37,11 @@ macro_rules! bxcan_bus {
         $crate::bxcan_bus!(@ [$(#[$attribute])* $visibility] $name $peripheral $owner 14);
     };
     (@ [$($head:tt)*] $name:ident $peripheral:ident $owner:ident $first_bank:literal) => {
-        $($head)* enum $name {}
-
-        impl $crate::bxcan::Bus for $name {
-            type Peripheral = $crate::embassy_stm32::peripherals::$peripheral;
-
-            fn controller() -> $crate::bxcan::BxCan {
-                use $crate::embassy_stm32::pac;
-                $crate::bxcan::BxCan::new(pac::$peripheral, pac::$owner, $first_bank)
-            }
-
-            fn shared() -> &'static $crate::SharedDriver<$crate::bxcan::BxCan> {
-                static SHARED: $crate::SharedDriver<$crate::bxcan::BxCan> = $crate::SharedDriver::new();
-                &SHARED
-            }
-        }
+        $crate::bus!([$($head)*] $name $peripheral {
+            use $crate::embassy_stm32::pac;
+            $crate::bxcan::BxCan::new(pac::$peripheral, pac::$owner, $first_bank)
+        });
     };
-}
-
-/// For the bus's interrupts `TX` and `RX0`, in `bind_interrupts!`. `RX1` and `SCE` are not used.
-pub struct InterruptHandler<B>(PhantomData<B>);
-
-impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
-    #[expect(unsafe_code, reason = "embassy-stm32's trait has it so; nothing here is unsafe")]
-    unsafe fn on_interrupt() {
-        B::shared().on_interrupt();
-    }
 }
 
 /// Starts a bus at a bit rate, for all frames. Pins are checked when this is compiled.
@@ -91,14 +55,7 @@ pub fn start<B: Bus>(
     + Binding<<B::Peripheral as Instance>::RX0Interrupt, InterruptHandler<B>>,
     bits_per_second: u32,
 ) -> Result<Port<BxCan>, StartError> {
-    let clock = rcc::frequency::<B::Peripheral>().0;
-    let timing = BitTiming::find(clock, bits_per_second, BitTimingLimits::BXCAN)?;
-    rcc::enable_and_reset::<B::Peripheral>();
-    let functions = (receive.af_num(), transmit.af_num());
-    connect((Flex::new(receive), functions.0), (Flex::new(transmit), functions.1));
-    let controller = B::controller();
-    controller.configure(timing)?;
-    let port = B::shared().start(controller);
+    let port = crate::start::start::<B>(receive, transmit, bits_per_second)?;
     // SAFETY: their handler is bound, as the arguments prove, and what it looks at is there.
     #[expect(unsafe_code, reason = "the interrupts begin here")]
     unsafe {
@@ -118,6 +75,8 @@ pub struct BxCan {
 }
 
 impl BxCan {
+    pub(crate) const LIMITS: BitTimingLimits = BitTimingLimits::BXCAN;
+
     #[doc(hidden)]
     #[must_use]
     pub const fn new(registers: Can, filters: Can, first_bank: usize) -> Self {
@@ -125,7 +84,7 @@ impl BxCan {
     }
 
     /// Configures a controller that was just reset, and goes on the bus.
-    fn configure(&self, timing: BitTiming) -> Result<(), StartError> {
+    pub(crate) fn configure(&mut self, timing: BitTiming) -> Result<(), StartError> {
         let can = self.registers;
         if self.filters.fmr().read().0 == 0 {
             // It is never zero: this controller has no clock.
@@ -256,25 +215,14 @@ impl Hardware for BxCan {
 
     fn errors(&mut self) -> Errors {
         let status = self.registers.esr().read();
-        let state = match (status.boff(), status.epvf(), status.ewgf()) {
-            (true, _, _) => ErrorState::BusOff,
-            (_, true, _) => ErrorState::Passive,
-            (_, _, true) => ErrorState::Warning,
-            _ => ErrorState::Active,
-        };
-        let last = match status.lec() {
-            Lec::STUFF => Some(BusError::Stuff),
-            Lec::FORM => Some(BusError::Form),
-            Lec::ACK => Some(BusError::Acknowledge),
-            Lec::BIT_RECESSIVE | Lec::BIT_DOMINANT => Some(BusError::Bit),
-            Lec::CRC => Some(BusError::Crc),
-            _ => None,
-        };
-        if last.is_some() {
+        let flags = [status.boff(), status.epvf(), status.ewgf()];
+        let code = status.lec().to_bits();
+        let errors = Errors::new(flags, code, status.tec(), status.rec().min(127));
+        if errors.last.is_some() {
             // "Set by software": it has been told.
             self.registers.esr().write(|w| w.set_lec(Lec::CUSTOM));
         }
-        Errors { state, transmit: status.tec(), receive: status.rec().min(127), last }
+        errors
     }
 
     fn restart(&mut self) -> bool {
@@ -299,10 +247,4 @@ impl Hardware for BxCan {
             self.set_bank(0, None);
         }
     }
-}
-
-/// A part of a bit as the register field takes it.
-#[expect(clippy::cast_possible_truncation, reason = "at most 15")]
-const fn byte(quanta: u16) -> u8 {
-    quanta as u8
 }

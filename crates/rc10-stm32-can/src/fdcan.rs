@@ -1,21 +1,18 @@
 //! The small FDCAN (RM0440) of fixed layout: G4, H5, L5, U5 and others; H7: `rc10-bsp`.
 
-use core::marker::PhantomData;
-
+use embassy_stm32::Peri;
 use embassy_stm32::can::{Instance, RxPin, TxPin};
-use embassy_stm32::gpio::Flex;
-use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
+use embassy_stm32::interrupt::typelevel::{Binding, Interrupt};
 use embassy_stm32::pac::can::Fdcan as Registers;
 use embassy_stm32::pac::can::regs::{Txbar, Txbcie, Txbcr, Txbtie};
-use embassy_stm32::pac::can::vals::{Anfe, Anfs, Lec, Tfqm};
+use embassy_stm32::pac::can::vals::{Anfe, Anfs, Tfqm};
 use embassy_stm32::pac::fdcanram::Fdcanram;
-use embassy_stm32::{Peri, rcc};
 use embassy_time::Instant;
 use rc10_can::m_can::{EXTENDED_FILTER, decode, encode, filters};
-use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern, Micros};
+use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern, Micros};
 
-use crate::start::{connect, wait_briefly, wait_for};
-use crate::{Ended, Errors, Hardware, MAILBOXES, Port, SharedDriver, StartError};
+use crate::start::{byte, wait_briefly, wait_for};
+use crate::{Bus, Ended, Errors, Hardware, InterruptHandler, MAILBOXES, Port, StartError};
 
 // Filters of a controller (RM0440, "Message RAM").
 const STANDARD_FILTERS: usize = 28;
@@ -26,20 +23,8 @@ const ELEMENT: usize = 18;
 /// The transmit buffers as a register mask.
 const BUFFERS: u32 = (1 << MAILBOXES) - 1;
 
-/// A bus, as [`fdcan_bus`](crate::fdcan_bus) declares it.
-pub trait Bus: 'static {
-    /// The peripheral.
-    type Peripheral: Instance;
-
-    #[doc(hidden)]
-    fn controller() -> Fdcan;
-
-    #[doc(hidden)]
-    fn shared() -> &'static SharedDriver<Fdcan>;
-}
-
 /// Declares a bus: a type for [`start`](crate::fdcan::start) and
-/// [`InterruptHandler`](crate::fdcan::InterruptHandler), and the place where its driver stands.
+/// [`InterruptHandler`](crate::InterruptHandler), and the place where its driver stands.
 /// `fdcan_bus!(Drive on FDCAN1);`
 #[macro_export]
 macro_rules! fdcan_bus {
@@ -56,32 +41,11 @@ macro_rules! fdcan_bus {
         $crate::fdcan_bus!(@ [$(#[$attribute])* $visibility] $name FDCAN3 FDCANRAM3);
     };
     (@ [$($head:tt)*] $name:ident $peripheral:ident $memory:ident) => {
-        $($head)* enum $name {}
-
-        impl $crate::fdcan::Bus for $name {
-            type Peripheral = $crate::embassy_stm32::peripherals::$peripheral;
-
-            fn controller() -> $crate::fdcan::Fdcan {
-                use $crate::embassy_stm32::pac;
-                $crate::fdcan::Fdcan::new(pac::$peripheral, pac::$memory)
-            }
-
-            fn shared() -> &'static $crate::SharedDriver<$crate::fdcan::Fdcan> {
-                static SHARED: $crate::SharedDriver<$crate::fdcan::Fdcan> = $crate::SharedDriver::new();
-                &SHARED
-            }
-        }
+        $crate::bus!([$($head)*] $name $peripheral {
+            use $crate::embassy_stm32::pac;
+            $crate::fdcan::Fdcan::new(pac::$peripheral, pac::$memory)
+        });
     };
-}
-
-/// For the bus's interrupt `IT0`, in `bind_interrupts!`. `IT1` is not used.
-pub struct InterruptHandler<B>(PhantomData<B>);
-
-impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
-    #[expect(unsafe_code, reason = "embassy-stm32's trait has it so; nothing here is unsafe")]
-    unsafe fn on_interrupt() {
-        B::shared().on_interrupt();
-    }
 }
 
 /// Starts a bus at a bit rate, for all frames. Pins are checked when this is compiled. The kernel
@@ -95,15 +59,7 @@ pub fn start<B: Bus>(
     _interrupts: impl Binding<<B::Peripheral as Instance>::IT0Interrupt, InterruptHandler<B>>,
     bits_per_second: u32,
 ) -> Result<Port<Fdcan>, StartError> {
-    let clock = rcc::frequency::<B::Peripheral>().0;
-    let timing = BitTiming::find(clock, bits_per_second, BitTimingLimits::FDCAN)?;
-    // The controllers of a chip have one reset in common; embassy does it before the first only.
-    rcc::enable_and_reset::<B::Peripheral>();
-    let functions = (receive.af_num(), transmit.af_num());
-    connect((Flex::new(receive), functions.0), (Flex::new(transmit), functions.1));
-    let mut controller = B::controller();
-    controller.configure(timing)?;
-    let port = B::shared().start(controller);
+    let port = crate::start::start::<B>(receive, transmit, bits_per_second)?;
     // SAFETY: its handler is bound, as the arguments prove, and what it looks at is there.
     #[expect(unsafe_code, reason = "the interrupt begins here")]
     unsafe {
@@ -119,6 +75,8 @@ pub struct Fdcan {
 }
 
 impl Fdcan {
+    pub(crate) const LIMITS: BitTimingLimits = BitTimingLimits::FDCAN;
+
     #[doc(hidden)]
     #[must_use]
     pub const fn new(registers: Registers, memory: Fdcanram) -> Self {
@@ -126,7 +84,7 @@ impl Fdcan {
     }
 
     /// Configures the controller, and goes on the bus.
-    fn configure(&mut self, timing: BitTiming) -> Result<(), StartError> {
+    pub(crate) fn configure(&mut self, timing: BitTiming) -> Result<(), StartError> {
         let can = self.registers;
         can.cccr().modify(|w| w.set_init(true));
         if !wait_for(|| can.cccr().read().init()) {
@@ -141,9 +99,9 @@ impl Fdcan {
         // The register holds each value less one.
         can.nbtp().write(|w| {
             w.set_nbrp(timing.prescaler - 1);
-            w.set_ntseg1(byte(usize::from(timing.before) - 1));
-            w.set_ntseg2(byte(usize::from(timing.after) - 1));
-            w.set_nsjw(byte(usize::from(timing.after) - 1));
+            w.set_ntseg1(byte(timing.before - 1));
+            w.set_ntseg2(byte(timing.after - 1));
+            w.set_nsjw(byte(timing.after - 1));
         });
         can.rxgfc().write(|w| {
             w.set_lss(byte(STANDARD_FILTERS));
@@ -255,24 +213,11 @@ impl Hardware for Fdcan {
     fn errors(&mut self) -> Errors {
         // Reading it clears the last error.
         let status = self.registers.psr().read();
-        let state = match (status.bo(), status.ep(), status.ew()) {
-            (true, _, _) => ErrorState::BusOff,
-            (_, true, _) => ErrorState::Passive,
-            (_, _, true) => ErrorState::Warning,
-            _ => ErrorState::Active,
-        };
-        let last = match status.lec() {
-            // On its way back the hardware notes a bit error for every 11 recessive bits.
-            _ if status.bo() => None,
-            Lec::STUFF => Some(BusError::Stuff),
-            Lec::FORM => Some(BusError::Form),
-            Lec::ACK => Some(BusError::Acknowledge),
-            Lec::BIT_1 | Lec::BIT_0 => Some(BusError::Bit),
-            Lec::CRC => Some(BusError::Crc),
-            _ => None,
-        };
         let counters = self.registers.ecr().read();
-        Errors { state, transmit: counters.tec(), receive: counters.rec(), last }
+        // On its way back the hardware notes a bit error for every 11 recessive bits.
+        let code = if status.bo() { 0 } else { status.lec().to_bits() };
+        let flags = [status.bo(), status.ep(), status.ew()];
+        Errors::new(flags, code, counters.tec(), counters.rec())
     }
 
     fn restart(&mut self) -> bool {
@@ -314,10 +259,4 @@ impl Hardware for Fdcan {
             self.memory.flesa(at + 1).write_value(extended[at + 1]);
         }
     }
-}
-
-/// A number of quanta or filters as a register field takes it.
-#[expect(clippy::cast_possible_truncation, reason = "at most 255")]
-const fn byte(count: usize) -> u8 {
-    count as u8
 }

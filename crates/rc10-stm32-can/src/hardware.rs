@@ -25,6 +25,29 @@ pub struct Errors {
     pub last: Option<BusError>,
 }
 
+impl Errors {
+    /// By the flags for bus-off, passive and warning, the code in the field LEC, and the counters: both
+    /// controllers have the same.
+    #[must_use]
+    pub const fn new(flags: [bool; 3], code: u8, transmit: u8, receive: u8) -> Self {
+        let state = match flags {
+            [true, _, _] => ErrorState::BusOff,
+            [_, true, _] => ErrorState::Passive,
+            [_, _, true] => ErrorState::Warning,
+            _ => ErrorState::Active,
+        };
+        let last = match code {
+            1 => Some(BusError::Stuff),
+            2 => Some(BusError::Form),
+            3 => Some(BusError::Acknowledge),
+            4 | 5 => Some(BusError::Bit),
+            6 => Some(BusError::Crc),
+            _ => None,
+        };
+        Self { state, transmit, receive, last }
+    }
+}
+
 /// A CAN controller with three transmit mailboxes, numbered from 0. No method waits for the bus.
 ///
 /// It sends the most urgent mailbox first, until acknowledged, and stays off after bus-off.
@@ -67,4 +90,30 @@ pub trait Hardware {
 
     /// Lets only these frames in, or more; without a call all. A frame wanted throughout is kept.
     fn accept(&mut self, patterns: &[IdPattern]);
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// RM0090, `CAN_ESR`; RM0440, `FDCAN_PSR`.
+    #[test]
+    fn the_gravest_flag_is_the_state_and_the_code_the_last_error() {
+        let state = |flags| Errors::new(flags, 0, 0, 0).state;
+        assert_eq!(state([false; 3]), ErrorState::Active);
+        assert_eq!(state([false, false, true]), ErrorState::Warning);
+        assert_eq!(state([false, true, true]), ErrorState::Passive);
+        assert_eq!(state([true; 3]), ErrorState::BusOff);
+        let last: Vec<_> = (0..8).map(|code| Errors::new([false; 3], code, 0, 0).last).collect();
+        let [stuff, form, acknowledge, bit, crc] =
+            [BusError::Stuff, BusError::Form, BusError::Acknowledge, BusError::Bit, BusError::Crc]
+                .map(Some);
+        assert_eq!(last, [None, stuff, form, acknowledge, bit, bit, crc, None]);
+        let Errors { transmit, receive, .. } = Errors::new([false; 3], 0, 200, 100);
+        assert_eq!((transmit, receive), (200, 100));
+    }
 }

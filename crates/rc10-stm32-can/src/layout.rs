@@ -1,69 +1,51 @@
-//! Frames and filters in bxCAN's registers (RM0090, `CAN_TIxR`, `CAN_RIxR`, `CAN_FiRx`).
+//! Frames and filters in bxCAN's registers (RM0090, `CAN_TIxR`, `CAN_RIxR`, `CAN_FiRx`): the fields of
+//! [`rc10_can::m_can`] in other places.
 
-use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::m_can;
 use rc10_can::{CanFrame, IdPattern};
 
 /// Identifier, length, lower and upper four bytes.
-pub const REGISTERS: usize = 4;
+pub const REGISTERS: usize = m_can::ELEMENT;
 
-const STANDARD_SHIFT: u32 = 21;
-const EXTENDED_SHIFT: u32 = 3;
+/// The identifier begins three bits higher than in `M_CAN`, the two flags for extended and remote 28 lower.
+const IDENTIFIER_SHIFT: u32 = 3;
+const FLAGS_SHIFT: u32 = 28;
 const EXTENDED: u32 = 1 << 2;
 const REMOTE: u32 = 1 << 1;
+const LENGTH_SHIFT: u32 = 16;
+/// A standard identifier has the upper 11 of the 29 bits.
+const STANDARD_SHIFT: u32 = IDENTIFIER_SHIFT + 18;
 /// Transmission request; not in received frames.
 pub const REQUEST: u32 = 1 << 0;
 
 /// The registers of a mailbox, without [`REQUEST`].
 #[must_use]
 pub fn encode(frame: &CanFrame) -> [u32; REGISTERS] {
-    let remote = if frame.is_remote() { REMOTE } else { 0 };
-    let mut data = [0; 8];
-    data[..frame.bytes().len()].copy_from_slice(frame.bytes());
-    let [a, b, c, d, e, f, g, h] = data;
-    let (low, high) = (u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
-    [identifier(frame.id()) | remote, u32::try_from(frame.len()).unwrap_or(8), low, high]
+    let [header, length, low, high] = m_can::encode(frame);
+    let flags = header >> FLAGS_SHIFT & (EXTENDED | REMOTE);
+    [header << IDENTIFIER_SHIFT | flags, length >> LENGTH_SHIFT, low, high]
 }
 
 /// The frame of the registers of a receive FIFO.
 #[must_use]
 pub fn decode([identifier, length, low, high]: [u32; REGISTERS]) -> CanFrame {
-    let id = if identifier & EXTENDED == 0 {
-        let raw = u16::try_from(identifier >> STANDARD_SHIFT).unwrap_or(0);
-        Id::Standard(StandardId::new(raw).unwrap_or(StandardId::ZERO))
-    } else {
-        Id::Extended(ExtendedId::new(identifier >> EXTENDED_SHIFT).unwrap_or(ExtendedId::ZERO))
-    };
-    // Lengths above 8 are legal on a classic wire and mean 8.
-    let len = (length as usize & 0xF).min(8);
-    let [a, b, c, d] = low.to_le_bytes();
-    let [e, f, g, h] = high.to_le_bytes();
-    let data = [a, b, c, d, e, f, g, h];
-    let frame = if identifier & REMOTE != 0 {
-        CanFrame::remote_frame(id, len)
-    } else {
-        CanFrame::data_frame(id, &data[..len])
-    };
-    // At most eight bytes: there is no error to hide.
-    frame.unwrap_or_else(|_| CanFrame::eight_bytes(id, data))
+    let flags = (identifier & (EXTENDED | REMOTE)) << FLAGS_SHIFT;
+    m_can::decode([identifier >> IDENTIFIER_SHIFT | flags, length << LENGTH_SHIFT, low, high])
 }
 
 /// Identifier and mask of a filter bank in 32-bit mask mode: lets the pattern's data frames in.
 #[must_use]
 pub fn filter(pattern: &IdPattern) -> [u32; 2] {
-    let shift = if pattern.is_extended() { EXTENDED_SHIFT } else { STANDARD_SHIFT };
+    let [identifier, ..] = encode(&CanFrame::eight_bytes(pattern.id(), [0; 8]));
+    let shift = if pattern.is_extended() { IDENTIFIER_SHIFT } else { STANDARD_SHIFT };
     // The bits of a standard identifier that there are not are shifted out.
-    [identifier(pattern.id()), pattern.mask() << shift | EXTENDED | REMOTE]
-}
-
-fn identifier(id: Id) -> u32 {
-    match id {
-        Id::Standard(id) => u32::from(id.as_raw()) << STANDARD_SHIFT,
-        Id::Extended(id) => id.as_raw() << EXTENDED_SHIFT | EXTENDED,
-    }
+    [identifier, pattern.mask() << shift | EXTENDED | REMOTE]
 }
 
 #[cfg(test)]
 mod tests {
+    use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+
     use super::*;
 
     #[test]

@@ -5,13 +5,14 @@
 //! * [`BusOff`]: what bxCAN's registers tell of bus-off.
 //! * [`SharedDriver`] and [`Port`]: a driver shared with its interrupt, as an [`rc10_can::CanPort`].
 //! * [`layout`]: frames and filters in bxCAN's registers; those of FDCAN are in [`rc10_can::m_can`].
+//! * `InterruptHandler`, for `bind_interrupts!`; `Controller`: the one of the feature.
 //! * `bxcan`, with the feature of that name: F4, F7, F3, L4. `fdcan`: G4, H5, L5, U5.
 //!
 //! ```ignore
 //! rc10_stm32_can::bxcan_bus!(Drive on CAN1);
 //! bind_interrupts!(struct Irqs {
-//!     CAN1_TX => bxcan::InterruptHandler<Drive>;
-//!     CAN1_RX0 => bxcan::InterruptHandler<Drive>;
+//!     CAN1_TX => InterruptHandler<Drive>;
+//!     CAN1_RX0 => InterruptHandler<Drive>;
 //! });
 //! let port = bxcan::start::<Drive>(p.CAN1, p.PD0, p.PD1, Irqs, 1_000_000)?;
 //! ```
@@ -46,4 +47,4 @@ pub use embassy_stm32;
 pub use hardware::{Ended, Errors, Hardware, MAILBOXES};
 pub use port::{Port, SharedDriver};
 #[cfg(any(feature = "bxcan", feature = "fdcan"))]
-pub use start::StartError;
+pub use start::{Bus, Controller, InterruptHandler, StartError};

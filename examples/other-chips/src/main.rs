@@ -1,5 +1,5 @@
-//! Two M3508 on FDCAN1 of an STM32G473: armed one second after power-on, they turn at 100 rpm. Give
-//! them room.
+//! Two M3508 on the first CAN bus of an STM32F407 or G473: armed one second after power-on, they turn
+//! at 100 rpm. Give them room.
 #![no_std]
 #![no_main]
 
