@@ -2,8 +2,7 @@ use rc10_app::{Degrees, NewtonMetres, Rpm};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::LineConfig;
 use rc10_motor::{
-    Condition, Impedance, Link, Request, Response, Safety, Target, TargetError,
-    TargetKind,
+    Condition, Impedance, Link, Request, Response, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::unitree_line::plant;
 use rc10_sim::{Esc, Plant, Scale};
