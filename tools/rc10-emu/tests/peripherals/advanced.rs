@@ -2,8 +2,8 @@
 
 use rc10_emu::peripherals::AccessKind;
 
-use crate::chip::{AHB1ENR, APB2ENR, Chip, RCC};
-use crate::strip::colours;
+use crate::chip::{APB2ENR, Chip, RCC};
+use crate::strip::{colours, widths};
 
 const TIM1: u32 = 0x4001_0000;
 const TIM8: u32 = 0x4001_0400;
@@ -161,17 +161,12 @@ fn servos_on_channels_1_and_3_of_tim1() {
 /// A WS2812 on PA7: widths by DMA for every period of `TIM8_CH1N`, at the request of `TIM8_UP`.
 #[test]
 fn colours_come_out_of_the_complementary_output() {
-    const DMA1: u32 = 0x4002_0000;
-    const CR: u32 = DMA1 + 0x10 + 7 * 0x18;
     const WIDTHS: u32 = 0x3000_0000;
     let wanted = [0x00FF_8001, 0x0012_3456];
-    let bits = wanted.iter().flat_map(|colour| (0..24).rev().map(move |bit| colour >> bit & 1));
-    let mut widths: Vec<u16> = bits.map(|bit| if bit == 1 { 192 } else { 72 }).collect();
-    widths.push(0);
+    let widths = widths(&wanted);
 
     let mut chip = Chip::running();
     chip.write(APB2ENR, 1 << 1);
-    chip.write(AHB1ENR, 1);
     chip.write(RCC + 0xDC, 1 << 29);
     chip.alternate(0, 7, 3);
     chip.write(TIM8 + ARR, 299);
@@ -182,16 +177,12 @@ fn colours_come_out_of_the_complementary_output() {
     chip.write(TIM8 + BDTR, MOE);
     assert!(chip.record('A', 7));
     for (address, width) in (WIDTHS..).step_by(2).zip(&widths) {
-        chip.memory.write(address, &width.to_le_bytes()).unwrap();
+        chip.memory.write(address, &width.to_le_bytes()[..2]).unwrap();
     }
-    // TIM8_UP.
-    chip.write(0x4002_081C, 51);
-    chip.write(CR + 0x04, u32::try_from(widths.len()).unwrap());
-    chip.write(CR + 0x08, TIM8 + CCR1);
-    chip.write(CR + 0x0C, WIDTHS);
-    // Half words to half words, memory counts, to the peripheral, TCIE.
-    chip.write(CR, 1 << 13 | 1 << 11 | 1 << 10 | 1 << 6 | 1 << 4);
-    chip.set(CR, 1, 1);
+    // TIM8_UP: half words to half words, to the peripheral, TCIE.
+    let control = 1 << 13 | 1 << 11 | 1 << 6 | 1 << 4 | 1;
+    let count = u32::try_from(widths.len()).unwrap();
+    chip.stream((1, 7), 51, [TIM8 + CCR1, WIDTHS], count, control);
     chip.write(TIM8 + DIER, 1 << 8);
     chip.set(TIM8, 1, 1);
     let start = chip.now;
