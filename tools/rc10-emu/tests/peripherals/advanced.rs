@@ -11,12 +11,9 @@ const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
 const DIER: u32 = 0x0C;
 const SR: u32 = 0x10;
-const EGR: u32 = 0x14;
 const CCMR1: u32 = 0x18;
 const CCMR2: u32 = 0x1C;
 const CCER: u32 = 0x20;
-const PSC: u32 = 0x28;
-const ARR: u32 = 0x2C;
 const RCR: u32 = 0x30;
 const CCR1: u32 = 0x34;
 const CCR3: u32 = 0x3C;
@@ -31,12 +28,11 @@ fn tim8(ccer: u32, bdtr: u32) -> Chip {
     chip.write(APB2ENR, 1 << 1);
     chip.alternate(0, 7, 3);
     chip.alternate(2, 6, 3);
-    chip.write(TIM8 + ARR, 299);
     chip.write(TIM8 + CCR1, 72);
     chip.write(TIM8 + CCMR1, 0x68);
     chip.write(TIM8 + CCER, ccer);
     chip.write(TIM8 + BDTR, bdtr);
-    chip.write(TIM8 + EGR, 1);
+    chip.count(TIM8, 0, 299);
     assert!(chip.record('A', 7) && chip.record('C', 6));
     chip.write(TIM8 + CR1, 1);
     chip
@@ -114,12 +110,9 @@ fn updates_and_channels_have_interrupts_of_their_own() {
     for (timer, gate, update, channels) in [(TIM1, 0, 25, 27), (TIM8, 1, 44, 46)] {
         let mut chip = Chip::running();
         chip.write(APB2ENR, 1 << gate);
-        chip.write(timer + PSC, 239);
-        chip.write(timer + ARR, 99);
         chip.write(timer + RCR, 1);
         chip.write(timer + CCR1, 50);
-        chip.write(timer + EGR, 1);
-        chip.write(timer + SR, 0);
+        chip.count(timer, 239, 99);
         chip.write(timer + DIER, 0b11);
         chip.write(timer + CR1, 1);
         let start = chip.now;
@@ -137,14 +130,12 @@ fn servos_on_channels_1_and_3_of_tim1() {
     chip.write(APB2ENR, 1);
     chip.alternate(4, 9, 1);
     chip.alternate(4, 13, 1);
-    chip.write(TIM1 + PSC, 239);
-    chip.write(TIM1 + ARR, 19_999);
     chip.write(TIM1 + CCMR1, 0x68);
     chip.write(TIM1 + CCMR2, 0x68);
     chip.write(TIM1 + CCR1, 1_000);
     chip.write(TIM1 + CCR3, 2_000);
     chip.write(TIM1 + CCER, 0x0101);
-    chip.write(TIM1 + EGR, 1);
+    chip.count(TIM1, 239, 19_999);
     assert!(chip.record('E', 9) && chip.record('E', 13));
     chip.write(TIM1 + BDTR, MOE);
     chip.write(TIM1 + CR1, 1);
@@ -169,11 +160,9 @@ fn colours_come_out_of_the_complementary_output() {
     chip.write(APB2ENR, 1 << 1);
     chip.write(RCC + 0xDC, 1 << 29);
     chip.alternate(0, 7, 3);
-    chip.write(TIM8 + ARR, 299);
     chip.write(TIM8 + CCMR1, 0x68);
     chip.write(TIM8 + CCER, 0b0100);
-    chip.write(TIM8 + EGR, 1);
-    chip.write(TIM8 + SR, 0);
+    chip.count(TIM8, 0, 299);
     chip.write(TIM8 + BDTR, MOE);
     assert!(chip.record('A', 7));
     for (address, width) in (WIDTHS..).step_by(2).zip(&widths) {

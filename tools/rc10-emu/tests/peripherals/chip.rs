@@ -153,6 +153,13 @@ impl Chip {
         self.write(base, 1 << 10 | control);
     }
 
+    /// A timer's prescaler and last count, in effect by an update whose flag is cleared.
+    pub fn count(&mut self, timer: u32, prescaler: u32, last: u32) {
+        for (register, value) in [(0x28, prescaler), (0x2C, last), (0x14, 1), (0x10, 0)] {
+            self.write(timer + register, value);
+        }
+    }
+
     pub fn interrupt(&self, number: usize) -> bool {
         self.soc.interrupt_levels()[number / 32] >> (number % 32) & 1 != 0
     }

@@ -18,13 +18,11 @@ fn strip(control: u32) -> Chip {
     chip.write(APB1HENR, 1 << 24);
     chip.write(RCC + 0xDC, 1 << 29);
     chip.alternate(5, 9, 13);
-    chip.write(TIM23 + 0x2C, PERIOD - 1);
     // OC4M: PWM 1, OC4PE; CC4E.
     chip.write(TIM23 + 0x1C, 0x6800);
     chip.write(TIM23 + 0x20, 1 << 12);
     chip.write(TIM23 + 0x04, control);
-    chip.write(TIM23 + 0x14, 1);
-    chip.write(TIM23 + 0x10, 0);
+    chip.count(TIM23, 0, PERIOD - 1);
     assert!(chip.record('F', 9));
     chip
 }
