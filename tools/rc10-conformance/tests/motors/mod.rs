@@ -105,26 +105,25 @@ fn clash(one: &mut dyn CanMotor, other: &mut dyn CanMotor) -> Option<Clash> {
     }
 }
 
-/// A motor at 100 rpm after a return; until it has been driven for 20 ms its effort is at most
+/// A motor that is back comes to 100 rpm; until it has been driven for 20 ms its current is at most
 /// what it may be after so many.
 fn assert_returns_softly(
     bench: &mut Bench<'_>,
     motor: MotorId,
-    effort: impl Fn() -> f64,
+    esc: &Esc,
     most: impl Fn(f64) -> f64,
 ) {
     let mut driven = 0.0;
     for _ in 0..1200 {
         bench.hold(motor, Target::Speed(Rpm::new(100.0)), 1).unwrap();
-        let effort = effort().abs();
-        if effort > 0.0 || driven > 0.0 {
+        let current = esc.state().current.abs();
+        if current > 0.0 || driven > 0.0 {
             driven += 1.0;
-            assert!(driven > 20.0 || effort <= most(driven), "{effort} after {driven} ms");
+            assert!(driven > 20.0 || current <= most(driven), "{current} A after {driven} ms");
         }
     }
     assert!(driven > 500.0);
-    let rpm = bench.status(motor).feedback.speed.get();
-    assert!((rpm - 100.0).abs() < 3.0, "{rpm}");
+    assert!((rpm(esc) - 100.0).abs() < 2.0, "{}", rpm(esc));
 }
 
 /// What a bench borrows, for as long as the tests run: none has to keep it.

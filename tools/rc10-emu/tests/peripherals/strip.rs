@@ -1,6 +1,6 @@
 //! A LED strip's signal: TIM23's channel 4 on PF9, a width by DMA for every period.
 
-use crate::chip::{APB1HENR, Chip, RCC};
+use crate::chip::{AHB1ENR, APB1HENR, Chip, RCC};
 
 const TIM23: u32 = 0x4000_E000;
 const PF9: (char, usize) = ('F', 9);
@@ -16,6 +16,7 @@ const ONE: u32 = 192;
 fn strip(control: u32) -> Chip {
     let mut chip = Chip::running();
     chip.write(APB1HENR, 1 << 24);
+    chip.write(AHB1ENR, 1);
     chip.write(RCC + 0xDC, 1 << 29);
     chip.alternate(5, 9, 13);
     // OC4M: PWM 1, OC4PE; CC4E.

@@ -26,7 +26,7 @@ fn a_drive_that_is_on_after_power_on_comes_back_softly_too() {
     esc.set_power(true);
     // 10 % of 5 A a millisecond, and a step of the drive; a question may take the first one's place.
     let most = |millis| (0.1 * (millis + 1.0) + 0.02) * 5.0;
-    assert_returns_softly(&mut bench, id, || esc.state().current, most);
+    assert_returns_softly(&mut bench, id, &esc, most);
     assert!(is_on(&esc));
 }
 

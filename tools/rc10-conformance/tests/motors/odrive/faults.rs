@@ -26,8 +26,8 @@ fn an_axis_that_takes_time_to_start_is_switched_on_softly_too() {
     bench.hold(id, SPEED, 10).unwrap();
     assert_eq!(bench.status(id).fault, None);
     // 10 % of 8 N m a millisecond.
-    let torque = || esc.state().current * CONSTANT;
-    assert_returns_softly(&mut bench, id, torque, |millis| 0.8 * millis + 0.1);
+    let most = |millis| (0.8 * millis + 0.1) / CONSTANT;
+    assert_returns_softly(&mut bench, id, &esc, most);
     assert!(is_on(&esc));
 }
 
