@@ -74,6 +74,17 @@ pub fn frame_of(
     })
 }
 
+/// Identifiers of these numbers, standard or extended.
+pub fn either(raw: impl Strategy<Value = u16>) -> impl Strategy<Value = Id> {
+    (raw, any::<bool>()).prop_map(|(raw, extended)| {
+        if extended {
+            Id::Extended(ExtendedId::new(raw.into()).unwrap())
+        } else {
+            Id::Standard(StandardId::new(raw).unwrap())
+        }
+    })
+}
+
 /// Any standard identifier.
 pub fn standard() -> impl Strategy<Value = Id> {
     (0..=0x7FF_u16).prop_map(|raw| Id::Standard(StandardId::new(raw).unwrap()))

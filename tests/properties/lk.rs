@@ -7,7 +7,6 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use rc10_app::{Amps, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
-use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_motor::FrameError;
 use rc10_motor::lk::{
     CENTIDEGREES, Command, DriveId, EncoderBits, Model, Reply, SpinDirection, pack_multi_motor,
@@ -245,26 +244,17 @@ proptest! {
     #[test]
     fn only_eight_bytes_of_its_own_are_an_answer(
         id in drive(),
-        raw in prop_oneof![0x13F..=0x162_u16, 0..=0x7FF_u16],
-        extended in any::<bool>(),
-        remote in prop::bool::weighted(0.2),
-        data in vec(any::<u8>(), 0..=8),
+        frame in any::frame_of(
+            any::either(prop_oneof![0x13F..=0x162_u16, 0..=0x7FF_u16]), vec(any::<u8>(), 0..=8),
+        ),
     ) {
-        let carried = if extended {
-            Id::Extended(ExtendedId::new(raw.into()).unwrap())
-        } else {
-            Id::Standard(StandardId::new(raw).unwrap())
-        };
-        let frame = if remote {
-            CanFrame::remote_frame(carried, data.len()).unwrap()
-        } else {
-            CanFrame::data_frame(carried, &data).unwrap()
-        };
-        let own = !extended && !remote && raw == 0x140 + u16::from(id.number());
+        let own = !frame.is_extended_id()
+            && !frame.is_remote()
+            && frame.raw_id() == 0x140 + u32::from(id.number());
         match Reply::from_frame(&frame, id) {
             Err(FrameError::NotMine) => prop_assert!(!own),
-            Err(FrameError::Length) => prop_assert!(own && data.len() != 8),
-            Err(FrameError::Unexpected) | Ok(_) => prop_assert!(own && data.len() == 8),
+            Err(FrameError::Length) => prop_assert!(own && frame.len() != 8),
+            Err(FrameError::Unexpected) | Ok(_) => prop_assert!(own && frame.len() == 8),
             Err(other) => prop_assert!(false, "{:?}", other),
         }
     }

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use rc10_app::{Amps, NewtonMetres};
 use rc10_can::CanFrame;
-use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::embedded_can::StandardId;
 use rc10_motor::FrameError;
 use rc10_motor::odrive::{
     AxisState, Command, ControlMode, Firmware, InputMode, Message, Node, Query,
@@ -165,29 +165,19 @@ proptest! {
 
     #[test]
     fn only_eight_bytes_of_its_own_are_a_message(
-        node in node(),
-        near in any::<bool>(),
-        raw in 0..=0x7FF_u16,
-        extended in any::<bool>(),
-        remote in prop::bool::weighted(0.2),
-        data in vec(any::<u8>(), 0..=8),
+        (node, frame) in node().prop_flat_map(|node| {
+            let first = u16::from(node.number()) << 5;
+            let ids = any::either(prop_oneof![first..=first + 31, 0..=0x7FF_u16]);
+            (Just(node), any::frame_of(ids, vec(any::<u8>(), 0..=8)))
+        }),
     ) {
-        let raw = if near { u16::from(node.number()) << 5 | raw & 31 } else { raw };
-        let carried = if extended {
-            Id::Extended(ExtendedId::new(raw.into()).unwrap())
-        } else {
-            Id::Standard(StandardId::new(raw).unwrap())
-        };
-        let frame = if remote {
-            CanFrame::remote_frame(carried, data.len()).unwrap()
-        } else {
-            CanFrame::data_frame(carried, &data).unwrap()
-        };
-        let own = !extended && !remote && raw >> 5 == u16::from(node.number());
+        let own = !frame.is_extended_id()
+            && !frame.is_remote()
+            && frame.raw_id() >> 5 == u32::from(node.number());
         match Message::from_frame(&frame, node) {
             Err(FrameError::NotMine) => prop_assert!(!own),
-            Err(FrameError::Length) => prop_assert!(own && data.len() != 8),
-            Ok(_) | Err(_) => prop_assert!(own && data.len() == 8),
+            Err(FrameError::Length) => prop_assert!(own && frame.len() != 8),
+            Ok(_) | Err(_) => prop_assert!(own && frame.len() == 8),
         }
     }
 }

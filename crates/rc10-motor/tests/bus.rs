@@ -98,6 +98,15 @@ fn dummy(number: u16) -> Dummy<Told> {
     Dummy::new("dummy", number, ids).with(Told { number, frames: 1, ..Told::default() })
 }
 
+/// An armed bus with this motor alone.
+fn armed(motor: Dummy<Told>, safety: Safety) -> MotorBus<'static> {
+    let switch = &*Box::leak(Box::new(ArmSwitch::new()));
+    let mut bus = MotorBus::new(switch);
+    bus.attach(Box::leak(Box::new(motor)), safety).unwrap();
+    switch.arm().unwrap();
+    bus
+}
+
 /// One tick of a bus whose motors are all heard and commanded.
 fn tick(bus: &mut MotorBus<'_>, now: Micros, tx: &mut TxBatch) -> Result<(), TxFull> {
     let motors: Vec<_> = bus.motors().collect();
@@ -154,12 +163,9 @@ fn behind_a_motor_that_fills_the_batch_the_others_are_still_decided_and_updated(
 #[test]
 fn a_clear_that_is_refused_or_not_answered_does_not_end_a_fault() {
     for error in [RequestError::Refused(7), RequestError::Timeout] {
-        let switch = ArmSwitch::new();
-        let mut motor = dummy(1);
+        let motor = dummy(1);
         let response = motor.acts.response.clone();
-        let mut bus = MotorBus::new(&switch);
-        bus.attach(&mut motor, Safety::BRAKE).unwrap();
-        switch.arm().unwrap();
+        let mut bus = armed(motor, Safety::BRAKE);
         bus.on_frame(&says(1, 1), Micros::ZERO);
         for (answer, drive) in [
             (None, DriveMode::Brake),
@@ -185,11 +191,10 @@ fn a_clear_that_is_refused_or_not_answered_does_not_end_a_fault() {
 
 #[test]
 fn a_motor_is_told_what_the_bus_knows_of_its_link() {
-    let switch = ArmSwitch::new();
-    let mut motor = dummy(1);
+    let motor = dummy(1);
     let (ticks, links) = (motor.acts.ticks.clone(), motor.acts.links.clone());
-    let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut motor, Safety::COAST).unwrap();
+    let mut bus = armed(motor, Safety::COAST);
+    bus.switch().disarm();
     for (millis, is_heard) in [(1, false), (2, true), (12, true), (25, false), (26, true)] {
         if is_heard {
             bus.on_frame(&says(1, 0), Micros::from_millis(millis));
@@ -204,12 +209,9 @@ fn a_motor_is_told_what_the_bus_knows_of_its_link() {
 
 #[test]
 fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microsecond() {
-    let switch = ArmSwitch::new();
-    let mut motor = dummy(1);
-    let mut bus = MotorBus::new(&switch);
     let safety = Safety { command_expiry: Micros::from_millis(5), ..Safety::BRAKE };
-    bus.attach(&mut motor, safety).unwrap();
-    switch.arm().unwrap();
+    let mut bus = armed(dummy(1), safety);
+    let switch = bus.switch();
     let expired = |bus: &MotorBus<'_>| bus.status(nth(0), Micros::ZERO).unwrap().counters.expired;
     let (run, brake) = (DriveMode::Run, DriveMode::Brake);
     let start = Micros::from_millis(100);
@@ -242,11 +244,7 @@ fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microseco
 /// The bus keeps the low 32 bits of times: they are the same again after 71.6 minutes.
 #[test]
 fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
-    let switch = ArmSwitch::new();
-    let mut motor = dummy(1);
-    let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut motor, Safety::HOLD).unwrap();
-    switch.arm().unwrap();
+    let mut bus = armed(dummy(1), Safety::HOLD);
     let start = Micros::from_millis(5);
     tick(&mut bus, start, &mut TxBatch::new()).unwrap();
     assert_eq!(drives(&bus), [DriveMode::Run]);
@@ -262,7 +260,7 @@ fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
     tick(&mut bus, now, &mut TxBatch::new()).unwrap();
     assert_eq!(drives(&bus), [DriveMode::Run]);
     // Nor a jog, whose time it keeps by the low 16 bits of the milliseconds.
-    switch.disarm();
+    bus.switch().disarm();
     now += Micros::from_millis(1000);
     bus.on_frame(&says(1, 0), now);
     bus.tick(now, MS, &mut TxBatch::new()).unwrap();
@@ -341,12 +339,9 @@ fn each_motor_of_a_bus_counts_ticks_from_another_number_and_time_steps_are_bound
 
 #[test]
 fn a_fault_stops_the_motor_until_it_is_cleared() {
-    let switch = ArmSwitch::new();
     let mut motor = dummy(1);
     motor.acts.at_once = true;
-    let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut motor, Safety::BRAKE).unwrap();
-    switch.arm().unwrap();
+    let mut bus = armed(motor, Safety::BRAKE);
     assert_eq!(tick_with(&mut bus, 1, Some(0)), (DriveMode::Run, Link::Online));
     assert_eq!(tick_with(&mut bus, 2, Some(1)), (DriveMode::Brake, Link::Online));
     // That the fault goes by itself is not enough.
@@ -358,11 +353,7 @@ fn a_fault_stops_the_motor_until_it_is_cleared() {
 
 #[test]
 fn a_fault_is_cleared_when_the_device_says_so_and_not_before() {
-    let switch = ArmSwitch::new();
-    let mut motor = dummy(1);
-    let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut motor, Safety::COAST).unwrap();
-    switch.arm().unwrap();
+    let mut bus = armed(dummy(1), Safety::COAST);
     assert_eq!(tick_with(&mut bus, 1, Some(1)), (DriveMode::Coast, Link::Online));
     assert_eq!(bus.request(nth(0), Request::ClearFault), Ok(Response::Pending));
     assert_eq!(bus.response(nth(0)), None);
@@ -376,11 +367,7 @@ fn a_fault_is_cleared_when_the_device_says_so_and_not_before() {
 
 #[test]
 fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
-    let switch = ArmSwitch::new();
-    let mut motor = dummy(1);
-    let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut motor, Safety::HOLD).unwrap();
-    switch.arm().unwrap();
+    let mut bus = armed(dummy(1), Safety::HOLD);
     assert_eq!(tick_with(&mut bus, 1, Some(2)), (DriveMode::Coast, Link::NeverSeen));
     assert_eq!(tick_with(&mut bus, 2, Some(0)), (DriveMode::Run, Link::Online));
     for now in 3..=12 {
@@ -397,11 +384,7 @@ fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
 
 #[test]
 fn a_frame_that_arrives_during_the_tick_is_not_old() {
-    let switch = ArmSwitch::new();
-    let mut motor = dummy(1);
-    let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut motor, Safety::COAST).unwrap();
-    switch.arm().unwrap();
+    let mut bus = armed(dummy(1), Safety::COAST);
     let now = Micros::from_millis(5);
     bus.on_frame(&says(1, 0), now + Micros::new(40));
     bus.command(nth(0), Target::Coast, now).unwrap();
@@ -411,10 +394,8 @@ fn a_frame_that_arrives_during_the_tick_is_not_old() {
 
 #[test]
 fn refusals_and_strangers_are_counted() {
-    let switch = ArmSwitch::new();
-    let mut motor = dummy(1);
-    let mut bus = MotorBus::new(&switch);
-    let motor = bus.attach(&mut motor, Safety::COAST).unwrap();
+    let mut bus = armed(dummy(1), Safety::COAST);
+    let motor = nth(0);
     assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());
     let missing = bus.command(nth(5), Target::Coast, Micros::ZERO);
     assert_eq!(missing, Err(CommandError::NoSuchMotor));

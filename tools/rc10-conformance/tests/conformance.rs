@@ -1,11 +1,11 @@
 //! Every motor of `rc10-motor` keeps the rules. One entry a model: put yours into [`motors`].
 
 mod cybergear;
-mod damiao;
+pub mod damiao;
 mod dji;
 mod lk;
 mod odrive;
-mod unitree_line;
+pub mod unitree_line;
 mod unitree_module;
 mod vesc;
 

@@ -13,13 +13,13 @@ mod spoil;
 mod spoiled;
 mod sprung;
 
-use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_conformance::{Claim, Declaration, RULES, Report, Trial, check, check_line};
+use rc10_app::Rpm;
+use rc10_conformance::{Claim, Declaration, RULES, Report, check, check_line};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE, LineConfig};
-use rc10_motor::{Impedance, Target};
+use rc10_motor::unitree::{GoM8010, LineConfig};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
+use crate::conformance::unitree_line;
 use declared::declared;
 use device::plug_in;
 use motor::Finch;
@@ -116,21 +116,8 @@ fn a_declaration_that_says_too_little_or_too_much_is_caught() {
 
 /// A motor of a line, its device with another identifier by so much.
 fn check_on_line(hold_gives: f64, softness: f64, other: u8) -> Report {
-    let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
-    let locks = Claim::Cannot("disabled it is locked");
-    let declared = Declaration {
-        coasts_freely: locks,
-        hold_gives,
-        softness,
-        ..Declaration::new([0, 1], Rpm::new(100.0), LARGEST_TORQUE)
-    }
-    .with_trials(&[
-        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
-        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
-        Trial::new(Target::Torque(NewtonMetres::new(12.0)), 0.1, 100),
-        Trial::new(Target::Impedance(spring), 1.0, 2000),
-    ]);
+    let good = unitree_line::declared(Direction::Forward);
+    let declared = Declaration { hold_gives, softness, ..good };
     let device = |wire: &rc10_sim::Line, id: u8| {
         wire.add(Device::new(id + other), plant().with_load_inertia(0.01))
     };

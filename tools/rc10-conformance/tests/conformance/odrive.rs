@@ -1,12 +1,12 @@
-use rc10_app::{Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
+use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
-use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Limits, ODrive, Rates};
+use rc10_motor::odrive::{Config, Control, InputMode, ODrive, Rates};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::rc10_app::{Cascade, FeedForward};
-use rc10_sim::odrive::{Axis, Settings, d6374_8to1};
+use rc10_sim::odrive::{Axis, Settings};
 
 use super::Check;
+use crate::motors::odrive::{WHEEL, plant, with};
 
 /// N m.
 const FULL: f32 = 8.0;
@@ -25,11 +25,7 @@ fn odrive<C: Check>(
     declared: Declaration,
     direction: Direction,
 ) -> Result<(), String> {
-    let config = Config::new(0, Firmware::V0_6, control, Rates::new(1000, 100))
-        .with_direction(direction)
-        .with_gear(Gear::new(8, 1).unwrap())
-        // 8 N m.
-        .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(18.1) });
+    let config = Config { rates: Rates::new(1000, 100), direction, ..with(control) };
     C::check(
         &Declaration { direction, ..declared },
         |node| ODrive::new(Config { node, ..config }).unwrap(),
@@ -38,7 +34,7 @@ fn odrive<C: Check>(
                 heartbeat_every: rc10_can::Micros::from_millis(10),
                 ..Settings::new(node)
             };
-            wire.add(Axis::new(settings).unwrap(), d6374_8to1().with_load_inertia(0.03))
+            wire.add(Axis::new(settings).unwrap(), plant())
         },
     )
 }
@@ -50,16 +46,9 @@ fn declared() -> Declaration {
 }
 
 pub fn torque<C: Check>(direction: Direction) -> Result<(), String> {
-    let cascade = Cascade {
-        speed: PidConfig::new(0.1, 1.0, 0.0, FULL),
-        angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
-        outer_divider: 5,
-        acceleration: RpmPerSecond::new(1500.0),
-        feed_forward: FeedForward::NONE,
-    };
     let torque = Trial::new(Target::Torque(NewtonMetres::new(-4.0)), 0.1, 100);
     let declared = declared().with_trials(&[torque]).with_trials(&SPEEDS).with_trials(&ANGLES);
-    odrive::<C>(Control::Torque(cascade), declared, direction)
+    odrive::<C>(Control::Torque(WHEEL), declared, direction)
 }
 
 pub fn velocity<C: Check>(direction: Direction) -> Result<(), String> {

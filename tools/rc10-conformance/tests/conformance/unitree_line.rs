@@ -7,10 +7,10 @@ use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
 use super::Check;
 
-/// A light load on its shaft.
-pub fn go_m8010<C: Check>(direction: Direction) -> Result<(), String> {
+/// The same on a line and behind a module.
+pub fn declared(direction: Direction) -> Declaration {
     let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
-    let declared = Declaration {
+    Declaration {
         direction,
         coasts_freely: Claim::Cannot(
             "disabled it is locked, which is assumed to short its winding",
@@ -26,9 +26,13 @@ pub fn go_m8010<C: Check>(direction: Direction) -> Result<(), String> {
         Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
         Trial::new(Target::Torque(NewtonMetres::new(-12.0)), 0.1, 100),
         Trial::new(Target::Impedance(spring), 1.0, 2000),
-    ]);
+    ])
+}
+
+/// A light load on its shaft.
+pub fn go_m8010<C: Check>(direction: Direction) -> Result<(), String> {
     C::check_line(
-        &declared,
+        &declared(direction),
         |id| GoM8010::new(LineConfig::new(id).with_direction(direction)).unwrap(),
         |wire, id| wire.add(Device::new(id), plant().with_load_inertia(0.01)),
     )

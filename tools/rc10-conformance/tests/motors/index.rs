@@ -3,26 +3,19 @@
 
 use std::num::NonZeroU8;
 
-use rc10_app::{Amps, Gear, PidConfig, Rpm, RpmPerSecond};
+use rc10_app::{Amps, Gear, Rpm};
 use rc10_motor::cybergear::{self, CyberGear};
 use rc10_motor::damiao::{self, Control, Damiao};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::lk::{self, Commands, Lk};
 use rc10_motor::odrive::{self, Firmware, InputMode, Limits, ODrive, Rates};
-use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
 use rc10_motor::vesc::{self, Currents, Vesc};
 use rc10_motor::{ArmSwitch, CanMotor, Motor, MotorBus, Safety, TargetKind, TargetSet, Verdict};
 
-const PAGE: &str = include_str!("../../../../docs/motors/README.md");
+use super::lk::JOINT as CASCADE;
 
-const CASCADE: Cascade = Cascade {
-    speed: PidConfig::new(0.05, 0.0, 0.0, 5.0),
-    angle: PidConfig::new(1.0, 0.0, 0.0, 100.0),
-    outer_divider: 5,
-    acceleration: RpmPerSecond::new(500.0),
-    feed_forward: FeedForward::NONE,
-};
+const PAGE: &str = include_str!("../../../../docs/motors/README.md");
 
 fn dji(model: &'static dji::Model, id: u8) -> Dji {
     Dji::new(dji::Config::new(model, id)).unwrap()

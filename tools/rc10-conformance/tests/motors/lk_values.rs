@@ -1,24 +1,16 @@
 //! What our codec says of an LK frame, by the names of its signals.
 
-use rc10_app::{PidConfig, RpmPerSecond};
 use rc10_can::CanFrame;
-use rc10_motor::lk::models::MG4010E_I10;
 use rc10_motor::lk::{Commands, Config, DriveId, Health, Motion, Reply};
-use rc10_motor::rc10_app::{Cascade, FeedForward};
+
+use super::joint;
 
 /// The drive whose frames these are.
 pub const ID: u8 = 3;
 
 /// How it is set up.
 pub fn config() -> Config {
-    let cascade = Cascade {
-        speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
-        angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
-        outer_divider: 5,
-        acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: FeedForward::NONE,
-    };
-    Config::new(MG4010E_I10, 3, cascade).with_commands(Commands::MultiMotor)
+    Config { id: ID, ..joint() }.with_commands(Commands::MultiMotor)
 }
 
 /// The signals that are there in a frame; empty if the codec refuses it.

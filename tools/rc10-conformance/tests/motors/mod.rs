@@ -3,28 +3,29 @@
 #![allow(clippy::float_cmp, reason = "exact is meant")]
 
 mod cybergear;
-mod damiao;
+pub mod damiao;
 mod damiao_values;
 mod dji;
 mod faults;
 mod index;
-mod lk;
-mod odrive;
+pub mod lk;
+pub mod odrive;
 mod unitree_line;
 mod unitree_module;
-mod vesc;
+pub mod vesc;
 mod vesc_values;
 
 use std::marker::PhantomData;
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use rc10_app::Rpm;
 use rc10_can::CanFrame;
 use rc10_conformance::Bench;
 use rc10_motor::signals::{Message, Presence};
 use rc10_motor::{
-    ArmSwitch, CanMotor, Link, MotorId, MotorStatus, Request, RequestError, Response, Safety,
-    Target,
+    ArmSwitch, AttachError, CanMotor, Clash, Link, MotorBus, MotorId, MotorStatus, Request,
+    RequestError, Response, Safety, Target, Tick, TxBatch,
 };
 use rc10_sim::{Device, Esc, Plant};
 
@@ -64,6 +65,65 @@ fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
     };
     let there = message.signals.iter().filter(|signal| is_there(signal.presence));
     there.map(|signal| (signal.name, signal.physical(bytes).unwrap())).collect()
+}
+
+/// The values that the codec reads are all those of the table, each within so much of it, or no
+/// number in both.
+fn assert_same(
+    message: &Message,
+    frame: &CanFrame,
+    ours: &[(&str, f64)],
+    within: impl Fn(f64) -> f64,
+) {
+    let table = by_table(message, frame);
+    assert_eq!(ours.len(), table.len(), "{} {frame}", message.name);
+    for &(name, value) in ours {
+        let (_, wanted) = *table.iter().find(|(known, _)| *known == name).expect(name);
+        let same =
+            value.is_nan() && !wanted.is_finite() || (value - wanted).abs() <= within(wanted);
+        assert!(same || value == wanted, "{} {name} in {frame}: {value} {wanted}", message.name);
+    }
+}
+
+/// What a motor sends in a tick.
+fn sent_in(motor: &mut impl CanMotor, tick: &Tick) -> TxBatch {
+    motor.update(tick);
+    let mut tx = TxBatch::new();
+    motor.pack_command(&mut tx).unwrap();
+    tx
+}
+
+/// Why the other one is refused on a bus with the first; `None` if it is not.
+fn clash(one: &mut dyn CanMotor, other: &mut dyn CanMotor) -> Option<Clash> {
+    let switch = ArmSwitch::new();
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(one, Safety::COAST).unwrap();
+    match bus.attach(other, Safety::COAST) {
+        Ok(_) => None,
+        Err(AttachError::Clash { clash, .. }) => Some(clash),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// A motor that is back comes to 100 rpm; until it has been driven for 20 ms its current is at most
+/// what it may be after so many.
+fn assert_returns_softly(
+    bench: &mut Bench<'_>,
+    motor: MotorId,
+    esc: &Esc,
+    most: impl Fn(f64) -> f64,
+) {
+    let mut driven = 0.0;
+    for _ in 0..1200 {
+        bench.hold(motor, Target::Speed(Rpm::new(100.0)), 1).unwrap();
+        let current = esc.state().current.abs();
+        if current > 0.0 || driven > 0.0 {
+            driven += 1.0;
+            assert!(driven > 20.0 || current <= most(driven), "{current} A after {driven} ms");
+        }
+    }
+    assert!(driven > 500.0);
+    assert!((rpm(esc) - 100.0).abs() < 2.0, "{}", rpm(esc));
 }
 
 /// What a bench borrows, for as long as the tests run: none has to keep it.

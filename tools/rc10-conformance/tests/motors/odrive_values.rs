@@ -1,25 +1,17 @@
 //! What our codec says of an axis's frames, by the names of their signals.
 
-use rc10_app::{Amps, PidConfig, Rpm, RpmPerSecond};
 use rc10_can::CanFrame;
-use rc10_motor::odrive::{Config, Control, Firmware, Limits, Message, Node, Rates, Temperatures};
-use rc10_motor::rc10_app::{Cascade, FeedForward};
+use rc10_motor::odrive::{Config, Control, Firmware, Message, Node, Rates, Temperatures};
+
+use super::{LIMITS, WHEEL};
 
 /// The axis whose frames these are.
 pub const NODE: u8 = 5;
 
 /// How it is set up: firmware 0.6, and everything that it can send.
 pub fn config() -> Config {
-    let cascade = Cascade {
-        speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
-        angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
-        outer_divider: 5,
-        acceleration: RpmPerSecond::new(1500.0),
-        feed_forward: FeedForward::NONE,
-    };
     let rates = Rates { currents: 100, temperatures: 10, supply: 10, ..Rates::new(500, 50) };
-    Config::new(NODE, Firmware::V0_6, Control::Torque(cascade), rates)
-        .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(30.0) })
+    Config::new(NODE, Firmware::V0_6, Control::Torque(WHEEL), rates).with_limits(LIMITS)
 }
 
 /// The signals of a frame that an axis of this firmware sends; empty if the codec refuses it, or if

@@ -1,17 +1,16 @@
 //! A motor that obeys impedances, but for one thing.
 
-use rc10_app::{
-    Cascade, Degrees, FeedForward, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle,
-};
 use rc10_can::{CanFrame, Micros};
-use rc10_conformance::{Declaration, Report, Trial, check};
-use rc10_motor::damiao::{Config, Control, Damiao, models};
+use rc10_conformance::{Report, check};
+use rc10_motor::damiao::Damiao;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Impedance,
     Link, Motor, MotorName, Request, RequestError, Response, Target, TargetError, TargetSet, Tick,
     TxBatch, TxFull,
 };
-use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
+
+use crate::conformance::damiao;
 
 /// Defects of its impedances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,42 +141,14 @@ impl CanMotor for Sprung {
     }
 }
 
-/// N m.
-const FULL: f32 = 7.0;
-
-fn declared() -> Declaration {
-    let spring = Impedance { angle: Degrees::new(90.0), kp: 8.0, kd: 0.8, ..Impedance::default() };
-    let declared = Declaration::new([0x11, 0x12], Rpm::new(60.0), NewtonMetres::new(FULL));
-    Declaration { enables_within: 60, ..declared }.with_trials(&[
-        Trial::new(Target::Torque(NewtonMetres::new(3.5)), 0.1, 100),
-        Trial::new(Target::Impedance(spring), 3.0, 3000),
-        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 5000),
-        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-360)), 1.0, 12_000),
-    ])
-}
-
 pub fn check_sprung(slip: Slip) -> Result<(), Report> {
-    let cascade = Cascade {
-        speed: PidConfig::new(0.063, 0.5, 0.0, FULL),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
-        outer_divider: 1,
-        acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: FeedForward::NONE,
-    };
-    let ids = |id: u8| (u16::from(id), u16::from(id) + 0x20);
+    let (control, declared) = damiao::mit();
     check(
-        &declared(),
+        &declared,
         |id| {
-            let (can_id, master_id) = ids(id);
-            let control = Control::Mit(cascade);
-            let good = Damiao::new(Config::new(models::J4310, can_id, master_id, control)).unwrap();
+            let good = damiao::motor(id, control, Direction::Forward);
             Sprung { good, slip, asked: None, driven: 0 }
         },
-        |wire, id| {
-            let (can_id, master_id) = ids(id);
-            let config = DamiaoConfig { mode: Mode::Mit, ..DamiaoConfig::j4310(can_id, master_id) };
-            wire.add(Device::new(&config), config.plant.with_load_inertia(0.02))
-        },
+        |wire, id| damiao::device(wire, id, &control),
     )
 }

@@ -4,14 +4,13 @@
 use std::collections::VecDeque;
 
 use rc10_emu::fault::Fault;
-use rc10_emu::peripherals::Width;
-use rc10_emu::{Machine, Rig};
+use rc10_emu::{Machine, Options, Rig};
 use rc10_sim::unitree_line::{GoM8010, plant};
 use rc10_sim::{
-    LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
+    Esc, Line, LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
 };
 
-use crate::{FLASH, HANDLER, LOAD, program};
+use crate::{Bench, FLASH, HANDLER, LOAD, program};
 
 /// UART5: receives on PD2, sends on PC12.
 const UART5: u32 = 0x4000_5000;
@@ -23,41 +22,18 @@ const BUFFER: u32 = 0x2400_0000;
 const HZ: u32 = 64_000_000;
 const CR1_8E1: u32 = 1 << 12 | 1 << 10;
 
-struct Bench {
-    machine: Machine,
-    world: World,
+fn bench() -> Bench {
+    let bench = Bench::new(LOAD, Options::default());
+    // Memory that no byte has reached is zero.
+    bench.machine.memory.write(BUFFER, &[0; 0x200]).unwrap();
+    // Ports A to F, DMA1, UART5 and USART2, TIM13.
+    bench.write(0x5802_44E0, 0x3F);
+    bench.write(0x5802_44D8, 1);
+    bench.write(0x5802_44E8, 1 << 20 | 1 << 17 | 1 << 7);
+    bench
 }
 
 impl Bench {
-    fn new() -> Self {
-        let machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
-        let bench = Self { machine, world: World::new(1) };
-        // Memory that no byte has reached is zero.
-        bench.machine.memory.write(BUFFER, &[0; 0x200]).unwrap();
-        // Ports A to F, DMA1, UART5 and USART2, TIM13.
-        bench.write(0x5802_44E0, 0x3F);
-        bench.write(0x5802_44D8, 1);
-        bench.write(0x5802_44E8, 1 << 20 | 1 << 17 | 1 << 7);
-        bench
-    }
-
-    fn write(&self, address: u32, value: u32) {
-        let now = self.machine.now();
-        self.machine.soc().write(address, Width::Word, value, now).unwrap();
-    }
-
-    fn read(&self, address: u32) -> u32 {
-        self.machine.soc().read(address, Width::Word, self.machine.now()).unwrap()
-    }
-
-    fn alternate(&self, port: u32, pin: u32, function: u32) {
-        let base = 0x5802_0000 + 0x400 * port;
-        self.write(base, self.read(base) & !(3 << (2 * pin)) | 2 << (2 * pin));
-        let register = base + 0x20 + 4 * (pin / 8);
-        let shift = 4 * (pin % 8);
-        self.write(register, self.read(register) & !(0xF << shift) | function << shift);
-    }
-
     fn uart5(&self, baud: u32, cr1: u32, cr2: u32) {
         self.alternate(3, 2, 8);
         self.alternate(2, 12, 8);
@@ -99,8 +75,17 @@ impl Bench {
         self.read(0x4002_0014)
     }
 
-    fn run_to(&mut self, nanos: u64) {
-        self.machine.run(&mut self.world, Nanos::new(nanos)).unwrap();
+    /// USART2 with DMA for both directions, on a line with a motor.
+    fn usart2(&mut self, config: LineConfig, baud: u32, control: u32) -> (Line, Esc) {
+        let line = self.world.add_line(config);
+        self.machine.connect_line(2, &line).unwrap();
+        [5, 6].iter().for_each(|&pin| self.alternate(3, pin, 7));
+        self.write(USART2 + 0x0C, HZ / baud);
+        self.write(USART2 + 0x08, 0b11 << 6 | control);
+        self.write(USART2, 0b1101);
+        self.receive(USART2 + 0x24, 43, 64);
+        let motor = line.add(GoM8010::new(0), plant());
+        (line, motor)
     }
 }
 
@@ -142,7 +127,7 @@ fn heard(serial: &Serial) -> Vec<(u8, Nanos)> {
 
 #[test]
 fn bytes_go_both_ways_at_the_exact_time() {
-    let mut bench = Bench::new();
+    let mut bench = bench();
     let serial = link(&mut bench, DBUS, &[(1_000_123, &[1, 2, 3]), (5_000_000, &[4])], false);
     bench.uart5(100_000, CR1_8E1, 0);
     bench.receive(UART5 + 0x24, 65, 16);
@@ -178,7 +163,7 @@ fn a_line_that_idles_low_needs_the_inversion() {
         (true, 2 << 12, false),
         (false, 0b11 << 16 | 2 << 12, false),
     ] {
-        let mut bench = Bench::new();
+        let mut bench = bench();
         let serial = link(&mut bench, sbus, &[(1_000_000, &[0x0F, 0x55, 0xAA])], inverted);
         bench.uart5(100_000, CR1_8E1, cr2);
         bench.receive(UART5 + 0x24, 65, 16);
@@ -197,7 +182,7 @@ fn a_line_that_idles_low_needs_the_inversion() {
 #[test]
 fn another_rate_or_format_is_not_understood_on_either_side() {
     for (baud, cr1) in [(57_600, CR1_8E1), (100_000, CR1_8E1 | 1 << 9), (110_000, CR1_8E1)] {
-        let mut bench = Bench::new();
+        let mut bench = bench();
         let serial = link(&mut bench, DBUS, &[(1_000_000, &[0x5A; 4])], false);
         bench.uart5(baud, cr1, 0);
         bench.send(UART5 + 0x28, 66, &[0x5A; 3]);
@@ -219,7 +204,7 @@ fn faults_of_the_link_are_the_chips() {
         (UartFault::Overrun, 8),
         (UartFault::Break, 2),
     ] {
-        let mut bench = Bench::new();
+        let mut bench = bench();
         let serial = link(&mut bench, DBUS, &[(1_000_000, &[0x11]), (3_000_000, &[0x22])], false);
         bench.uart5(100_000, CR1_8E1, 0);
         bench.receive(UART5 + 0x24, 65, 16);
@@ -236,7 +221,7 @@ fn faults_of_the_link_are_the_chips() {
         );
     }
     // Cut it is silent, and no sender is heard.
-    let mut bench = Bench::new();
+    let mut bench = bench();
     let serial = link(&mut bench, DBUS, &[(1_000_000, &[0x11])], false);
     serial.set_cut(true);
     bench.uart5(100_000, CR1_8E1, 0);
@@ -248,7 +233,7 @@ fn faults_of_the_link_are_the_chips() {
 
 #[test]
 fn only_uarts_that_exist_are_connected() {
-    let mut bench = Bench::new();
+    let mut bench = bench();
     let serial = link(&mut bench, DBUS, &[], false);
     assert!(bench.machine.connect_serial(0, &serial, false).is_err());
     assert!(bench.machine.connect_serial(11, &serial, false).is_err());
@@ -259,23 +244,18 @@ fn only_uarts_that_exist_are_connected() {
     assert!(error.contains("13 bits"), "{error}");
 }
 
+/// Lock, to motor 0.
+const QUESTION: [u8; 17] = [0xFE, 0xEE, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x65, 0x23];
+
 /// A motor on RS-485: it answers a question 20 us after its last byte.
 #[test]
 fn a_line_needs_the_driver_enabled() {
-    /// Lock, to motor 0.
-    const QUESTION: [u8; 17] = [0xFE, 0xEE, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x65, 0x23];
     const DEM: u32 = 1 << 14;
     for (control, pin, works) in [(DEM, 7, true), (0, 7, false), (DEM, 8, false)] {
-        let mut bench = Bench::new();
-        let line = bench.world.add_line(LineConfig { echo: true, ..LineConfig::default() });
-        let motor = line.add(GoM8010::new(0), plant());
-        bench.machine.connect_line(2, &line).unwrap();
+        let mut bench = bench();
         bench.alternate(3, 4, pin);
-        [5, 6].iter().for_each(|&pin| bench.alternate(3, pin, 7));
-        bench.write(USART2 + 0x0C, HZ / 4_000_000);
-        bench.write(USART2 + 0x08, 0b11 << 6 | control);
-        bench.write(USART2, 0b1101);
-        bench.receive(USART2 + 0x24, 43, 64);
+        let config = LineConfig { echo: true, ..LineConfig::default() };
+        let (line, motor) = bench.usart2(config, 4_000_000, control);
         bench.run_to(100_000);
         let start = bench.machine.now().get();
         bench.send(USART2 + 0x28, 44, &QUESTION);
@@ -301,17 +281,10 @@ fn a_line_needs_the_driver_enabled() {
 /// Neither end understands the other: half the rate is noise to both.
 #[test]
 fn another_rate_on_a_line_is_garbage_at_both_ends() {
-    const QUESTION: [u8; 17] = [0xFE, 0xEE, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x65, 0x23];
-    let mut bench = Bench::new();
-    let line = bench.world.add_line(LineConfig::default());
-    let motor = line.add(GoM8010::new(0), plant());
-    bench.machine.connect_line(2, &line).unwrap();
+    let mut bench = bench();
+    bench.alternate(3, 4, 7);
+    let (line, motor) = bench.usart2(LineConfig::default(), 2_000_000, 1 << 14);
     line.keep_trace();
-    [4, 5, 6].iter().for_each(|&pin| bench.alternate(3, pin, 7));
-    bench.write(USART2 + 0x0C, HZ / 2_000_000);
-    bench.write(USART2 + 0x08, 0b11 << 6 | 1 << 14);
-    bench.write(USART2, 0b1101);
-    bench.receive(USART2 + 0x24, 43, 64);
     bench.run_to(100_000);
     bench.send(USART2 + 0x28, 44, &QUESTION);
     bench.run_to(500_000);
@@ -330,7 +303,7 @@ fn another_rate_on_a_line_is_garbage_at_both_ends() {
 
 #[test]
 fn who_talks_into_an_answer_is_noticed() {
-    let mut bench = Bench::new();
+    let mut bench = bench();
     let line = bench.world.add_line(LineConfig::default());
     bench.machine.connect_line(2, &line).unwrap();
     let _motor = line.add(GoM8010::new(0), plant());
@@ -340,7 +313,7 @@ fn who_talks_into_an_answer_is_noticed() {
     bench.write(USART2 + 0x08, 1 << 12);
     bench.write(USART2, 0b101);
     // Another master polls, and a third node talks into the motor's reply.
-    line.inject(&[0xFE, 0xEE, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x65, 0x23]);
+    line.inject(&QUESTION);
     bench.run_to(70_000);
     assert_eq!(bench.read(USART2 + ISR) & 2, 0);
     line.inject(&[0x55; 3]);
@@ -374,7 +347,7 @@ impl PulseDevice for Ticker {
 
 #[test]
 fn pulses_are_captured() {
-    let mut bench = Bench::new();
+    let mut bench = bench();
     let pulses = bench.world.add_pulses(Ticker { next: Nanos::ZERO, high: false });
     bench.machine.connect_pulses(('F', 8), &pulses).unwrap();
     assert!(bench.machine.connect_pulses(('F', 16), &pulses).is_err());

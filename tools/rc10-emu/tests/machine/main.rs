@@ -46,20 +46,65 @@ fn elf(address: u32, flash: &[u8]) -> Vec<u8> {
     file
 }
 
+/// A file with these vectors, all others at `other`, then instructions from [`START`] on, then words.
+fn assemble(vectors: &[u32], other: u32, code: &[u16], literals: &[u32]) -> Vec<u8> {
+    let mut words = vectors.to_vec();
+    words.resize(16, other | 1);
+    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    flash.extend(code.iter().flat_map(|half| half.to_le_bytes()));
+    flash.extend(literals.iter().flat_map(|word| word.to_le_bytes()));
+    elf(FLASH, &flash)
+}
+
 /// Loads an address into R0, executes an instruction, then loops; faults end in a loop, too.
 fn program(instruction: u16, address: u32, fault_handler: u32) -> Vec<u8> {
-    let mut words = vec![STACK, START | 1, HANDLER | 1, fault_handler | 1];
-    words.resize(16, HANDLER | 1);
-    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let vectors = [STACK, START | 1, HANDLER | 1, fault_handler | 1];
     // LDR R0, [PC, #4]
-    let code = [0x4801, instruction, 0xE7FE, 0xE7FE];
-    flash.extend(code.iter().flat_map(|half| half.to_le_bytes()));
-    flash.extend(address.to_le_bytes());
-    elf(FLASH, &flash)
+    assemble(&vectors, HANDLER, &[0x4801, instruction, 0xE7FE, 0xE7FE], &[address])
 }
 
 const fn micros(micros: u64) -> Nanos {
     Nanos::new(micros * 1000)
+}
+
+/// A chip in its world; the program only loops, and registers are written from outside.
+struct Bench {
+    machine: Machine,
+    world: World,
+}
+
+impl Bench {
+    fn new(instruction: u16, options: Options) -> Self {
+        let machine = Machine::with(&program(instruction, START, HANDLER), options).unwrap();
+        Self { machine, world: World::new(1) }
+    }
+
+    fn write(&self, address: u32, value: u32) {
+        self.machine.soc().write(address, Width::Word, value, self.machine.now()).unwrap();
+    }
+
+    fn read(&self, address: u32) -> u32 {
+        self.machine.soc().read(address, Width::Word, self.machine.now()).unwrap()
+    }
+
+    fn set(&self, address: u32, mask: u32, value: u32) {
+        self.write(address, self.read(address) & !mask | value);
+    }
+
+    fn alternate(&self, port: u32, pin: u32, function: u32) {
+        let base = 0x5802_0000 + 0x400 * port;
+        self.set(base, 3 << (2 * pin), 2 << (2 * pin));
+        let shift = 4 * (pin % 8);
+        self.set(base + 0x20 + 4 * (pin / 8), 0xF << shift, function << shift);
+    }
+
+    fn run_to(&mut self, nanos: u64) {
+        self.machine.run(&mut self.world, Nanos::new(nanos)).unwrap();
+    }
+
+    fn wait(&mut self, nanos: u64) {
+        self.run_to(self.machine.now().get() + nanos);
+    }
 }
 
 fn run(program: &[u8]) -> Machine {
@@ -145,17 +190,12 @@ fn time_is_what_the_instructions_take() {
 
 /// Reads a word at an address, then the cycle counter, and stores that in [`COUNT`], for ever.
 fn counts_cycles(address: u32) -> Vec<u8> {
-    let mut words = vec![STACK, START | 1];
-    words.resize(16, START | 1);
     // LDR R0, =DEMCR; LDR R1, =TRCENA; STR R1, [R0]; LDR R0, =DWT_CTRL; MOVS R1, #1; STR R1, [R0];
     // LDR R2, =COUNT; LDR R3, =address; then LDR R1, [R3]; LDR R1, [R0, #4]; STR R1, [R2]; B
-    let code = [0x4805_u16, 0x4906, 0x6001, 0x4806, 0x2101, 0x6001, 0x4A05, 0x4B06];
-    let code = code.into_iter().chain([0x6819, 0x6841, 0x6011, 0xE7FB]);
-    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    flash.extend(code.flat_map(u16::to_le_bytes));
+    let code = [0x4805, 0x4906, 0x6001, 0x4806, 0x2101, 0x6001, 0x4A05, 0x4B06];
+    let code = [&code[..], &[0x6819, 0x6841, 0x6011, 0xE7FB]].concat();
     let literals = [0xE000_EDFC, 1 << 24, 0xE000_1000, COUNT, address];
-    flash.extend(literals.into_iter().flat_map(u32::to_le_bytes));
-    elf(FLASH, &flash)
+    assemble(&[STACK, START | 1], START, &code, &literals)
 }
 
 /// In DTCM.
@@ -306,9 +346,6 @@ const STATIC: u32 = 0x2000_1000;
 /// `clears`: it writes a zero first.
 fn counter(clears: bool) -> Vec<u8> {
     const LOOP: u32 = START + 18;
-    let mut words = vec![STACK, START | 1];
-    words.resize(16, LOOP | 1);
-    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
     let code = [
         0x4804,                               // LDR R0, [PC, #16]: the address
         if clears { 0x2100 } else { 0xE000 }, // MOVS R1, #0; or on behind the next
@@ -321,9 +358,7 @@ fn counter(clears: bool) -> Vec<u8> {
         0x6001,                               // STR R1, [R0]
         0xE7FE,                               // B to itself: faults end here, too
     ];
-    flash.extend(code.iter().flat_map(|half: &u16| half.to_le_bytes()));
-    flash.extend(STATIC.to_le_bytes());
-    elf(FLASH, &flash)
+    assemble(&[STACK, START | 1], LOOP, &code, &[STATIC])
 }
 
 #[test]
@@ -401,9 +436,6 @@ fn ram_written_before_the_supply_is_configured_is_told_if_asked_for() {
 
 /// A program that measures with `SysTick` what a load takes, and says it at [`STATIC`].
 fn stopwatch(address: u32) -> Vec<u8> {
-    let mut words = vec![STACK, START | 1];
-    words.resize(16, (START + 0x14) | 1);
-    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
     let code: [u16; 12] = [
         0x4805, // LDR R0, =SYST_CSR
         0x21FF, // MOVS R1, #255
@@ -418,9 +450,8 @@ fn stopwatch(address: u32) -> Vec<u8> {
         0xE7FE, // B to itself
         0xBF00, // NOP
     ];
-    flash.extend(code.iter().flat_map(|half| half.to_le_bytes()));
-    flash.extend([0xE000_E010, address, STATIC].iter().flat_map(|word: &u32| word.to_le_bytes()));
-    elf(FLASH, &flash)
+    let literals = [0xE000_E010, address, STATIC];
+    assemble(&[STACK, START | 1], START + 0x14, &code, &literals)
 }
 
 /// A program's own clock sees what its accesses take.
@@ -433,10 +464,8 @@ fn systick_goes_on_while_the_core_waits_for_a_bus() {
 /// A program whose `SysTick` interrupts it everywhere, also in a block of IT whose rest must not be
 /// executed: how often it was interrupted stands behind [`STATIC`], and there whether the rest was.
 fn conditional() -> Vec<u8> {
-    let mut words = vec![STACK, START | 1];
-    words.resize(15, (START + 0x22) | 1);
-    words.push((START + 0x24) | 1);
-    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let mut vectors = [(START + 0x22) | 1; 15];
+    (vectors[0], vectors[1]) = (STACK, START | 1);
     let code: [u16; 22] = [
         0x480A, // LDR R0, =SYST_CSR
         0x4D0B, // LDR R5, =STATIC
@@ -461,9 +490,7 @@ fn conditional() -> Vec<u8> {
         0x6069, // STR R1, [R5, #4]
         0x4770, // BX LR
     ];
-    flash.extend(code.iter().flat_map(|half| half.to_le_bytes()));
-    flash.extend([0xE000_E010, STATIC].iter().flat_map(|word: &u32| word.to_le_bytes()));
-    elf(FLASH, &flash)
+    assemble(&vectors, START + 0x24, &code, &[0xE000_E010, STATIC])
 }
 
 /// Armv7-M ARM B1.5.6: an exception stacks the whole of xPSR, and its return goes on in the block.

@@ -4,9 +4,8 @@ use rc10_emu::parts::Thermal;
 use rc10_emu::peripherals::{AccessKind, Width};
 use rc10_emu::{Board, Machine, Options};
 use rc10_sim::imu::bmi088::Motion;
-use rc10_sim::{Nanos, World};
 
-use super::{HANDLER, START, micros, program, reports};
+use super::{Bench, HANDLER, START, program, reports};
 
 /// `WFI`: the program sleeps.
 const WFI: u16 = 0xBF30;
@@ -18,51 +17,17 @@ const SYSCFG: u32 = 0x5800_0400;
 /// Of port C: chip selects of the accelerometer and the gyroscope.
 const SELECTS: [u32; 2] = [0, 3];
 
-struct Bench {
-    machine: Machine,
-    world: World,
+/// Ports A, B, C; SPI2, TIM3, SYSCFG; SPI2 from PER, which is HSI.
+fn started(board: Board) -> Bench {
+    let bench = Bench::new(WFI, Options { board, ..Options::default() });
+    bench.write(RCC + 0xE0, 0b111);
+    bench.write(RCC + 0xE8, 1 << 14 | 1 << 1);
+    bench.write(RCC + 0xF4, 1 << 1);
+    bench.write(RCC + 0x50, 4 << 12);
+    bench
 }
 
 impl Bench {
-    fn new(board: Board) -> Self {
-        let options = Options { board, ..Options::default() };
-        let machine = Machine::with(&program(WFI, START, HANDLER), options).unwrap();
-        let mut bench = Self { machine, world: World::new(1) };
-        // Ports A, B, C; SPI2, TIM3, SYSCFG; SPI2 from PER, which is HSI.
-        bench.write(RCC + 0xE0, 0b111);
-        bench.write(RCC + 0xE8, 1 << 14 | 1 << 1);
-        bench.write(RCC + 0xF4, 1 << 1);
-        bench.write(RCC + 0x50, 4 << 12);
-        bench
-    }
-
-    fn write(&mut self, address: u32, value: u32) {
-        let now = self.machine.now();
-        self.machine.soc().write(address, Width::Word, value, now).unwrap();
-    }
-
-    fn read(&mut self, address: u32) -> u32 {
-        let now = self.machine.now();
-        self.machine.soc().read(address, Width::Word, now).unwrap()
-    }
-
-    fn set(&mut self, address: u32, mask: u32, value: u32) {
-        let old = self.read(address);
-        self.write(address, old & !mask | value);
-    }
-
-    fn wait(&mut self, nanos: u64) {
-        let until = self.machine.now() + Nanos::new(nanos);
-        self.machine.run(&mut self.world, until).unwrap();
-    }
-
-    fn alternate(&mut self, port: u32, pin: u32, function: u32) {
-        let base = GPIO + 0x400 * port;
-        self.set(base, 3 << (2 * pin), 2 << (2 * pin));
-        let shift = 4 * (pin % 8);
-        self.set(base + 0x20 + 4 * (pin / 8), 0xF << shift, function << shift);
-    }
-
     /// SPI2 at 4 MHz, mode 3, frames of eight bits, both selects high.
     fn start_spi(&mut self) {
         for (port, pin) in [(1, 13), (2, 2), (2, 1)] {
@@ -114,7 +79,7 @@ impl Bench {
 
 #[test]
 fn the_imu_answers_on_spi2() {
-    let mut bench = Bench::new(Board::DM_MC02);
+    let mut bench = started(Board::DM_MC02);
     bench.start_imu();
     assert_eq!(bench.transfer(SELECTS[0], &[0x80, 0, 0])[2], 0x1E);
     assert_eq!(bench.transfer(SELECTS[1], &[0x80, 0])[1], 0x0F);
@@ -142,7 +107,7 @@ fn the_imu_answers_on_spi2() {
 
 #[test]
 fn an_imu_on_a_base_turns_with_it() {
-    let mut bench = Bench::new(Board::DM_MC02);
+    let mut bench = started(Board::DM_MC02);
     let bus = bench.world.add_bus(rc10_sim::BusConfig::default());
     let motors = [1, 2, 3, 4].map(|id| {
         let config = rc10_sim::EscConfig::new(rc10_sim::Model::C620, id);
@@ -168,7 +133,7 @@ fn an_imu_on_a_base_turns_with_it() {
 /// A control loop in this test's hands: a temperature of 40 °C, a duty of 25 % at most.
 #[test]
 fn a_heater_keeps_its_imu_warm() {
-    let mut bench = Bench::new(Board::DM_MC02);
+    let mut bench = started(Board::DM_MC02);
     let thermal = Thermal { time_constant: 1.0, ..Thermal::default() };
     bench.machine.parts.thermal = thermal;
     bench.start_imu();
@@ -206,55 +171,47 @@ fn a_heater_keeps_its_imu_warm() {
 #[test]
 fn options_and_faults_reach_the_chip() {
     let options = Options { board: Board::DM_MC02, ..Options::default() };
-    let program = program(WFI, START, HANDLER);
-    let read = |machine: &Machine, address| {
-        machine.soc().read(address, Width::Word, machine.now()).unwrap()
-    };
-    let write = |machine: &Machine, address, value| {
-        machine.soc().write(address, Width::Word, value, machine.now()).unwrap();
-    };
     for (switches_closed, value) in [(true, 0), (false, 3)] {
-        let machine = Machine::with(&program, Options { switches_closed, ..options }).unwrap();
-        write(&machine, RCC + 0xF4, 1 << 1);
-        assert_eq!(read(&machine, SYSCFG + 4) >> 26 & 3, value);
+        let bench = Bench::new(WFI, Options { switches_closed, ..options });
+        bench.write(RCC + 0xF4, 1 << 1);
+        assert_eq!(bench.read(SYSCFG + 4) >> 26 & 3, value);
     }
-    let silent = Options { silent: &["TIM17"], ..options };
-    let machine = Machine::with(&program, silent).unwrap();
-    write(&machine, 0x4001_482C, 7);
-    assert_eq!((read(&machine, 0x4001_482C), machine.soc().count(AccessKind::Gated)), (0, 0));
+    let silent = Bench::new(WFI, Options { silent: &["TIM17"], ..options });
+    silent.write(0x4001_482C, 7);
+    let gated = silent.machine.soc().count(AccessKind::Gated);
+    assert_eq!((silent.read(0x4001_482C), gated), (0, 0));
     let unknown = Options { silent: &["TIM99"], ..options };
-    let error = Machine::with(&program, unknown).err().unwrap().to_string();
+    let error = Machine::with(&program(WFI, START, HANDLER), unknown).err().unwrap().to_string();
     assert_eq!(error, "there is no peripheral TIM99");
     // ADC1's regulator, PER as its clock, ADEN, and no ADRDY as long as it fails.
-    let mut machine = Machine::with(&program, options).unwrap();
-    let mut world = World::new(1);
-    write(&machine, RCC + 0xD8, 1 << 5);
-    write(&machine, RCC + 0x58, 2 << 16);
-    write(&machine, 0x4002_2308, 3 << 18);
-    write(&machine, 0x4002_2008, 3 << 8 | 1 << 28);
-    machine.run(&mut world, micros(20)).unwrap();
-    machine.set_adc_fails(true);
-    write(&machine, 0x4002_2008, 3 << 8 | 1 << 28 | 1);
-    machine.run(&mut world, micros(5_000)).unwrap();
-    assert_eq!(read(&machine, 0x4002_2000) & 1, 0);
-    machine.set_adc_fails(false);
-    machine.run(&mut world, micros(5_010)).unwrap();
-    assert_eq!(read(&machine, 0x4002_2000) & 1, 1);
+    let mut bench = Bench::new(WFI, options);
+    bench.write(RCC + 0xD8, 1 << 5);
+    bench.write(RCC + 0x58, 2 << 16);
+    bench.write(0x4002_2308, 3 << 18);
+    bench.write(0x4002_2008, 3 << 8 | 1 << 28);
+    bench.run_to(20_000);
+    bench.machine.set_adc_fails(true);
+    bench.write(0x4002_2008, 3 << 8 | 1 << 28 | 1);
+    bench.run_to(5_000_000);
+    assert_eq!(bench.read(0x4002_2000) & 1, 0);
+    bench.machine.set_adc_fails(false);
+    bench.run_to(5_010_000);
+    assert_eq!(bench.read(0x4002_2000) & 1, 1);
 }
 
 #[test]
 fn a_key_is_low_while_it_is_pressed() {
-    let mut bench = Bench::new(Board::DM_MC02);
+    let mut bench = started(Board::DM_MC02);
     // PA15 is an input.
     bench.set(GPIO, 3 << 30, 0);
     for (pressed, level) in [(false, 1), (true, 0), (false, 1)] {
         bench.machine.press_key(pressed).unwrap();
         assert_eq!(bench.read(GPIO + 0x10) >> 15 & 1, level, "{pressed}");
     }
-    let mut other = Bench::new(Board::H723ZG);
+    let mut other = started(Board::H723ZG);
     let error = other.machine.press_key(true).unwrap_err().to_string();
     assert_eq!(error, "h723zg has no key");
     assert!(other.machine.parts.imu.as_ref().is_none());
     assert!(other.machine.set_supply(24_000).is_err());
-    other.machine.run(&mut other.world, micros(5_000)).unwrap();
+    other.run_to(5_000_000);
 }

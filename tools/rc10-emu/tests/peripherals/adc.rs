@@ -38,12 +38,17 @@ fn gated() -> Chip {
     chip
 }
 
+/// Switches the regulator on, waits for it, and enables.
+fn enable(chip: &mut Chip, boost: u32) {
+    chip.write(CR, boost | ADVREGEN);
+    chip.run_to(chip.now + 10_000);
+    chip.write(CR, boost | ADVREGEN | ADEN);
+}
+
 /// Enabled, and set up for channel 4 with 16.5 clocks.
 fn enabled() -> Chip {
     let mut chip = gated();
-    chip.write(CR, BOOST | ADVREGEN);
-    chip.run_to(chip.now + 10_000);
-    chip.write(CR, BOOST | ADVREGEN | ADEN);
+    enable(&mut chip, BOOST);
     chip.wait(ISR, 1);
     chip.write(SMPR1, 3 << 12);
     chip.write(PCSEL, 1 << 4);
@@ -153,14 +158,9 @@ fn sequences_oversampling_and_overrun() {
 fn continuous_conversions_go_by_dma() {
     const DMA1: u32 = 0x4002_0000;
     let mut chip = enabled();
-    chip.set(AHB1ENR, 1, 1);
     chip.write(RCC + 0xDC, 1 << 29);
-    // ADC1's request to stream 0: half words, memory counts.
-    chip.write(0x4002_0800, 9);
-    chip.write(DMA1 + 0x14, 4);
-    chip.write(DMA1 + 0x18, DR);
-    chip.write(DMA1 + 0x1C, 0x3000_0000);
-    chip.write(DMA1 + 0x10, 1 << 13 | 1 << 11 | 1 << 10 | 1);
+    // ADC1's request to stream 0: half words.
+    chip.stream((1, 0), 9, [DR, 0x3000_0000], 4, 1 << 13 | 1 << 11 | 1);
     // CONT, DMNGT.
     chip.write(CFGR, 1 << 31 | 1 << 13 | 1);
     start(&mut chip);
@@ -245,9 +245,7 @@ fn one_that_fails_ends_nothing() {
     chip.soc.reset(ResetCause::Software, Nanos::new(chip.now));
     chip.set(RCC + 0x58, 3 << 16, 2 << 16);
     chip.write(AHB1ENR, 1 << 5);
-    chip.write(CR, ADVREGEN);
-    chip.run_to(chip.now + 10_000);
-    chip.write(CR, ADVREGEN | ADEN);
+    enable(&mut chip, 0);
     chip.run_to(chip.now + 100_000_000);
     assert_eq!(chip.read(ISR) & 1, 0);
 }
@@ -257,25 +255,19 @@ fn its_clock_has_limits() {
     // CKMODE 1: 240 MHz / 2.
     let mut chip = gated();
     chip.write(CCR, 1 << 16);
-    chip.write(CR, BOOST | ADVREGEN);
-    chip.run_to(chip.now + 10_000);
-    chip.write(CR, BOOST | ADVREGEN | ADEN);
+    enable(&mut chip, BOOST);
     let report = chip.soc.take_reports()[0].to_string();
     assert!(report.contains("ADC1's clock is 120 MHz, with this BOOST 50 are allowed"), "{report}");
     // 16 MHz need BOOST 2.
     for (boost, count) in [(1, 1), (2, 0)] {
         let mut chip = gated();
-        chip.write(CR, boost << 8 | ADVREGEN);
-        chip.run_to(chip.now + 10_000);
-        chip.write(CR, boost << 8 | ADVREGEN | ADEN);
+        enable(&mut chip, boost << 8);
         assert_eq!(chip.soc.count(TOO_FAST), count, "{boost}");
     }
     // PLL2 is off.
     let mut chip = gated();
     chip.set(RCC + 0x58, 3 << 16, 0);
-    chip.write(CR, BOOST | ADVREGEN);
-    chip.run_to(chip.now + 10_000);
-    chip.write(CR, BOOST | ADVREGEN | ADEN);
+    enable(&mut chip, BOOST);
     assert_eq!(chip.kinds(), [AccessKind::Adc(AdcFault::NoClock)]);
 }
 

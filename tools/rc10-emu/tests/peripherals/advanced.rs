@@ -2,8 +2,8 @@
 
 use rc10_emu::peripherals::AccessKind;
 
-use crate::chip::{AHB1ENR, APB2ENR, Chip, RCC};
-use crate::strip::colours;
+use crate::chip::{APB2ENR, Chip, RCC};
+use crate::strip::{colours, widths};
 
 const TIM1: u32 = 0x4001_0000;
 const TIM8: u32 = 0x4001_0400;
@@ -11,12 +11,9 @@ const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
 const DIER: u32 = 0x0C;
 const SR: u32 = 0x10;
-const EGR: u32 = 0x14;
 const CCMR1: u32 = 0x18;
 const CCMR2: u32 = 0x1C;
 const CCER: u32 = 0x20;
-const PSC: u32 = 0x28;
-const ARR: u32 = 0x2C;
 const RCR: u32 = 0x30;
 const CCR1: u32 = 0x34;
 const CCR3: u32 = 0x3C;
@@ -31,12 +28,11 @@ fn tim8(ccer: u32, bdtr: u32) -> Chip {
     chip.write(APB2ENR, 1 << 1);
     chip.alternate(0, 7, 3);
     chip.alternate(2, 6, 3);
-    chip.write(TIM8 + ARR, 299);
     chip.write(TIM8 + CCR1, 72);
     chip.write(TIM8 + CCMR1, 0x68);
     chip.write(TIM8 + CCER, ccer);
     chip.write(TIM8 + BDTR, bdtr);
-    chip.write(TIM8 + EGR, 1);
+    chip.count(TIM8, 0, 299);
     assert!(chip.record('A', 7) && chip.record('C', 6));
     chip.write(TIM8 + CR1, 1);
     chip
@@ -114,12 +110,9 @@ fn updates_and_channels_have_interrupts_of_their_own() {
     for (timer, gate, update, channels) in [(TIM1, 0, 25, 27), (TIM8, 1, 44, 46)] {
         let mut chip = Chip::running();
         chip.write(APB2ENR, 1 << gate);
-        chip.write(timer + PSC, 239);
-        chip.write(timer + ARR, 99);
         chip.write(timer + RCR, 1);
         chip.write(timer + CCR1, 50);
-        chip.write(timer + EGR, 1);
-        chip.write(timer + SR, 0);
+        chip.count(timer, 239, 99);
         chip.write(timer + DIER, 0b11);
         chip.write(timer + CR1, 1);
         let start = chip.now;
@@ -137,14 +130,12 @@ fn servos_on_channels_1_and_3_of_tim1() {
     chip.write(APB2ENR, 1);
     chip.alternate(4, 9, 1);
     chip.alternate(4, 13, 1);
-    chip.write(TIM1 + PSC, 239);
-    chip.write(TIM1 + ARR, 19_999);
     chip.write(TIM1 + CCMR1, 0x68);
     chip.write(TIM1 + CCMR2, 0x68);
     chip.write(TIM1 + CCR1, 1_000);
     chip.write(TIM1 + CCR3, 2_000);
     chip.write(TIM1 + CCER, 0x0101);
-    chip.write(TIM1 + EGR, 1);
+    chip.count(TIM1, 239, 19_999);
     assert!(chip.record('E', 9) && chip.record('E', 13));
     chip.write(TIM1 + BDTR, MOE);
     chip.write(TIM1 + CR1, 1);
@@ -161,37 +152,26 @@ fn servos_on_channels_1_and_3_of_tim1() {
 /// A WS2812 on PA7: widths by DMA for every period of `TIM8_CH1N`, at the request of `TIM8_UP`.
 #[test]
 fn colours_come_out_of_the_complementary_output() {
-    const DMA1: u32 = 0x4002_0000;
-    const CR: u32 = DMA1 + 0x10 + 7 * 0x18;
     const WIDTHS: u32 = 0x3000_0000;
     let wanted = [0x00FF_8001, 0x0012_3456];
-    let bits = wanted.iter().flat_map(|colour| (0..24).rev().map(move |bit| colour >> bit & 1));
-    let mut widths: Vec<u16> = bits.map(|bit| if bit == 1 { 192 } else { 72 }).collect();
-    widths.push(0);
+    let widths = widths(&wanted);
 
     let mut chip = Chip::running();
     chip.write(APB2ENR, 1 << 1);
-    chip.write(AHB1ENR, 1);
     chip.write(RCC + 0xDC, 1 << 29);
     chip.alternate(0, 7, 3);
-    chip.write(TIM8 + ARR, 299);
     chip.write(TIM8 + CCMR1, 0x68);
     chip.write(TIM8 + CCER, 0b0100);
-    chip.write(TIM8 + EGR, 1);
-    chip.write(TIM8 + SR, 0);
+    chip.count(TIM8, 0, 299);
     chip.write(TIM8 + BDTR, MOE);
     assert!(chip.record('A', 7));
     for (address, width) in (WIDTHS..).step_by(2).zip(&widths) {
-        chip.memory.write(address, &width.to_le_bytes()).unwrap();
+        chip.memory.write(address, &width.to_le_bytes()[..2]).unwrap();
     }
-    // TIM8_UP.
-    chip.write(0x4002_081C, 51);
-    chip.write(CR + 0x04, u32::try_from(widths.len()).unwrap());
-    chip.write(CR + 0x08, TIM8 + CCR1);
-    chip.write(CR + 0x0C, WIDTHS);
-    // Half words to half words, memory counts, to the peripheral, TCIE.
-    chip.write(CR, 1 << 13 | 1 << 11 | 1 << 10 | 1 << 6 | 1 << 4);
-    chip.set(CR, 1, 1);
+    // TIM8_UP: half words to half words, to the peripheral, TCIE.
+    let control = 1 << 13 | 1 << 11 | 1 << 6 | 1 << 4 | 1;
+    let count = u32::try_from(widths.len()).unwrap();
+    chip.stream((1, 7), 51, [TIM8 + CCR1, WIDTHS], count, control);
     chip.write(TIM8 + DIER, 1 << 8);
     chip.set(TIM8, 1, 1);
     let start = chip.now;

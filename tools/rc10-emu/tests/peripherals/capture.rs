@@ -14,11 +14,9 @@ const CR1: u32 = 0x00;
 const SMCR: u32 = 0x08;
 const DIER: u32 = 0x0C;
 const SR: u32 = 0x10;
-const EGR: u32 = 0x14;
 const CCMR1: u32 = 0x18;
 const CCER: u32 = 0x20;
 const CNT: u32 = 0x24;
-const PSC: u32 = 0x28;
 const ARR: u32 = 0x2C;
 const CCR1: u32 = 0x34;
 const CCR2: u32 = 0x38;
@@ -33,10 +31,7 @@ impl Chip {
 fn captures(timer: u32, gate: u32, ccmr1: u32, ccer: u32) -> Chip {
     let mut chip = Chip::running();
     chip.write(APB1LENR, 1 << gate);
-    chip.write(timer + PSC, 239);
-    chip.write(timer + ARR, 0xFFFF);
-    chip.write(timer + EGR, 1);
-    chip.write(timer + SR, 0);
+    chip.count(timer, 239, 0xFFFF);
     chip.write(timer + CCMR1, ccmr1);
     chip.write(timer + CCER, ccer);
     chip.write(timer + DIER, 1 << 1);
@@ -249,8 +244,6 @@ fn four_outputs_have_their_widths() {
     // Servos on PD12 to PD15: 20 ms, 1 to 2 ms.
     let mut chip = Chip::running();
     chip.write(APB1LENR, 1 << 2);
-    chip.write(TIM4 + PSC, 239);
-    chip.write(TIM4 + ARR, 19_999);
     chip.write(TIM4 + CCMR1, 0x6868);
     chip.write(TIM4 + CCMR1 + 4, 0x6868);
     chip.write(TIM4 + CCER, 0x3111);
@@ -259,7 +252,7 @@ fn four_outputs_have_their_widths() {
         chip.write(TIM4 + CCR1 + 4 * channel, 1_000 + 250 * channel);
         assert!(chip.record('D', 12 + channel as usize));
     }
-    chip.write(TIM4 + EGR, 1);
+    chip.count(TIM4, 239, 19_999);
     chip.write(TIM4 + CR1, 1);
     let start = chip.now;
     chip.run_to(start + 59_000_000);
@@ -295,13 +288,11 @@ fn a_wire_from_an_output_to_an_input_carries_its_pulses() {
     assert!(!chip.soc.join_pins(('D', 16), ('B', 14), Nanos::new(chip.now)));
     assert!(chip.soc.join_pins(('D', 12), ('B', 14), Nanos::new(chip.now)));
     chip.write(TIM12 + CR1, 1);
-    chip.write(TIM4 + PSC, 239);
-    chip.write(TIM4 + ARR, 19_999);
     chip.write(TIM4 + CCMR1, 0x68);
     chip.write(TIM4 + CCER, 1);
     chip.write(TIM4 + CCR1, 1_234);
     chip.alternate(3, 12, 2);
-    chip.write(TIM4 + EGR, 1);
+    chip.count(TIM4, 239, 19_999);
     chip.write(TIM4 + CR1, 1);
     chip.run_to(chip.now + 59_000_000);
     let [rise, fall] = [CCR1, CCR2].map(|register| chip.read(TIM12 + register));

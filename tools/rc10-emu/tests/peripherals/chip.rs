@@ -133,6 +133,33 @@ impl Chip {
         self.to(until);
     }
 
+    /// Sets up stream `n` of a DMA: registers of a peripheral, memory, and how many; it counts
+    /// through the memory, and runs if `control` has EN.
+    pub fn stream(
+        &mut self,
+        (dma, n): (u32, u32),
+        request: u32,
+        [register, memory]: [u32; 2],
+        count: u32,
+        control: u32,
+    ) {
+        self.set(AHB1ENR, 1 << (dma - 1), 1 << (dma - 1));
+        self.write(0x4002_0800 + 4 * (8 * (dma - 1) + n), request);
+        let base = 0x4002_0010 + 0x400 * (dma - 1) + 0x18 * n;
+        self.write(base + 0x04, count);
+        self.write(base + 0x08, register);
+        self.write(base + 0x0C, memory);
+        self.write(base, 1 << 10 | control & !1);
+        self.write(base, 1 << 10 | control);
+    }
+
+    /// A timer's prescaler and last count, in effect by an update whose flag is cleared.
+    pub fn count(&mut self, timer: u32, prescaler: u32, last: u32) {
+        for (register, value) in [(0x28, prescaler), (0x2C, last), (0x14, 1), (0x10, 0)] {
+            self.write(timer + register, value);
+        }
+    }
+
     pub fn interrupt(&self, number: usize) -> bool {
         self.soc.interrupt_levels()[number / 32] >> (number % 32) & 1 != 0
     }

@@ -3,7 +3,7 @@
 use rc10_emu::peripherals::AccessKind;
 use rc10_sim::Nanos;
 
-use crate::chip::{AHB1ENR, APB2ENR, Chip, RCC};
+use crate::chip::{APB2ENR, Chip, RCC};
 
 const USART1: u32 = 0x4001_1000;
 const RDR: u32 = USART1 + 0x24;
@@ -21,17 +21,11 @@ const INTERRUPTS: u32 = 0b11100;
 fn receiver(memory: u32, control: u32) -> Chip {
     let mut chip = Chip::running();
     chip.write(APB2ENR, 1 << 4);
-    chip.write(AHB1ENR, 2);
     chip.alternate(1, 7, 7);
     chip.write(USART1 + 0x0C, 1200);
     chip.write(USART1 + 0x08, 1 << 6);
     chip.write(USART1, 0b101);
-    chip.write(0x4002_0820, 41);
-    chip.write(NDTR, 8);
-    chip.write(CR + 0x08, RDR);
-    chip.write(CR + 0x0C, memory);
-    chip.write(CR, 1 << 10 | INTERRUPTS | control);
-    chip.set(CR, 1, 1);
+    chip.stream((2, 0), 41, [RDR, memory], 8, INTERRUPTS | control | 1);
     chip
 }
 
@@ -102,24 +96,19 @@ fn a_memory_without_clock_does_not_answer() {
 
 const TRBUFF: u32 = 1 << 20;
 const USART2: u32 = 0x4000_4400;
-/// DMA1's or DMA2's stream 1.
+/// Stream 1.
 const OTHER_STREAM: u32 = 0x28;
 
 /// As `receiver`, and USART2's bytes go by stream 1 of a DMA; both without TRBUFF unless told.
-fn two_receivers(first: u32, second: u32, second_dma: u32, channel: u32) -> Chip {
+fn two_receivers(first: u32, second: u32, second_dma: u32) -> Chip {
     let mut chip = receiver(0x2400_0000, CIRCULAR | first);
-    chip.set(AHB1ENR, 0b11, 0b11);
     chip.write(crate::chip::APB1LENR, 1 << 17);
     chip.alternate(0, 3, 7);
     chip.write(USART2 + 0x0C, 1200);
     chip.write(USART2 + 0x08, 1 << 6);
     chip.write(USART2, 0b101);
-    chip.write(0x4002_0800 + 4 * channel, 43);
-    let stream = second_dma + OTHER_STREAM;
-    chip.write(stream + 0x04, 8);
-    chip.write(stream + 0x08, USART2 + 0x24);
-    chip.write(stream + 0x0C, 0x2400_0100);
-    chip.write(stream, 1 << 10 | CIRCULAR | second | 1);
+    let ends = [USART2 + 0x24, 0x2400_0100];
+    chip.stream((second_dma, 1), 43, ends, 8, CIRCULAR | second | 1);
     chip
 }
 
@@ -135,15 +124,13 @@ fn feed_both(chip: &mut Chip) {
 /// STM32H7 errata: "DMA stream locked when transferring data to/from USART/UART".
 #[test]
 fn a_uart_without_trbuff_locks_its_stream_when_another_one_moves() {
-    // DMA1 is at 0x4002_0000, its channels of DMAMUX1 are 0 to 7.
-    let (dma1, dma2) = (0x4002_0000, 0x4002_0400);
     // Set for both: no harm. On another DMA: no harm either.
-    for mut chip in [two_receivers(TRBUFF, TRBUFF, dma2, 9), two_receivers(0, 0, dma1, 1)] {
+    for mut chip in [two_receivers(TRBUFF, TRBUFF, 2), two_receivers(0, 0, 1)] {
         feed_both(&mut chip);
         feed_both(&mut chip);
         assert_eq!((chip.read(NDTR), chip.kinds()), (6, vec![]));
     }
-    let mut chip = two_receivers(0, TRBUFF, dma2, 9);
+    let mut chip = two_receivers(0, TRBUFF, 2);
     // Alone it works, so the mistake is not seen.
     feed(&mut chip, &[1]);
     assert_eq!((chip.read(NDTR), chip.kinds()), (7, vec![]));
@@ -152,7 +139,7 @@ fn a_uart_without_trbuff_locks_its_stream_when_another_one_moves() {
     feed(&mut chip, &[2, 3]);
     // Enabled, without an error, and it moves nothing more. It is told once.
     assert_eq!((chip.read(NDTR), chip.read(CR) & 1, chip.read(DMA2) & 0x3D), (7, 1, 0));
-    assert_eq!(chip.read(dma2 + OTHER_STREAM + 0x04), 7, "the other one goes on");
+    assert_eq!(chip.read(DMA2 + OTHER_STREAM + 0x04), 7, "the other one goes on");
     let reports = chip.soc.take_reports();
     assert_eq!(reports.len(), 1);
     assert!(reports[0].to_string().contains("without TRBUFF"), "{}", reports[0]);

@@ -3,7 +3,7 @@
 use rc10_emu::peripherals::{AccessKind, Character, Format, Parity};
 use rc10_sim::{Nanos, UartFault};
 
-use crate::chip::{AHB1ENR, APB1LENR, Chip};
+use crate::chip::{APB1LENR, Chip};
 
 /// UART5, on PD2 for receiving and PC12 for sending.
 const UART5: u32 = 0x4000_5000;
@@ -53,9 +53,15 @@ fn character(chip: &Chip, value: u16, format: Format) -> Character {
 }
 
 /// Hears one character and all the silence behind it.
-fn hear(chip: &mut Chip, character: Character) {
+fn hear_one(chip: &mut Chip, character: Character) {
     assert!(chip.soc.feed_character(5, character));
     chip.run_to(chip.now + 40 * BIT);
+}
+
+/// The same, perhaps with a fault.
+fn hear(chip: &mut Chip, value: u16, format: Format, fault: impl Into<Option<UartFault>>) {
+    let coming = Character { fault: fault.into(), ..character(chip, value, format) };
+    hear_one(chip, coming);
 }
 
 fn errors(chip: &mut Chip) -> u32 {
@@ -83,8 +89,7 @@ fn formats_that_fit_give_the_byte() {
             chip.write(CR1, cr1 | UE_RE_TE);
         }
         for value in [0x00, 0x55, 0x2A, 0x7F, 0x01] {
-            let coming = character(&chip, value, format);
-            hear(&mut chip, coming);
+            hear(&mut chip, value, format, None);
             assert_eq!(chip.read(ISR) & (ERRORS | RXNE), RXNE, "{format:?} {value:#x}");
             assert_eq!(chip.read(RDR) & 0x7F, u32::from(value), "{format:?}");
         }
@@ -96,8 +101,7 @@ fn formats_that_fit_give_the_byte() {
 fn the_parity_bit_is_read_above_the_data() {
     let mut chip = uart(M0 | PCE, 0, 0);
     for (value, read) in [(0x07, 0x107), (0x03, 0x003)] {
-        let coming = character(&chip, value, Format::EIGHT_E_1);
-        hear(&mut chip, coming);
+        hear(&mut chip, value, Format::EIGHT_E_1, None);
         assert_eq!(chip.read(RDR), read);
     }
 }
@@ -107,20 +111,17 @@ fn formats_that_do_not_fit_are_errors() {
     // Even parity is expected and odd comes.
     let mut chip = uart(M0 | PCE, 0, 0);
     let odd = Format { parity: Some(Parity::Odd), ..Format::EIGHT_E_1 };
-    let coming = character(&chip, 0x42, odd);
-    hear(&mut chip, coming);
+    hear(&mut chip, 0x42, odd, None);
     assert_eq!(errors(&mut chip), PE);
 
     // No parity is expected: the parity bit of 0x03, a zero, stands where the stop bit should.
     let mut chip = uart(0, 0, 0);
-    let coming = character(&chip, 0x03, Format::EIGHT_E_1);
-    hear(&mut chip, coming);
+    hear(&mut chip, 0x03, Format::EIGHT_E_1, None);
     assert_eq!(errors(&mut chip), FE);
 
     // Parity is expected and none comes: the stop bit is taken for it, wrong for 0x03.
     let mut chip = uart(M0 | PCE, 0, 0);
-    let coming = character(&chip, 0x03, Format::EIGHT_N_1);
-    hear(&mut chip, coming);
+    hear(&mut chip, 0x03, Format::EIGHT_N_1, None);
     assert_eq!(errors(&mut chip), PE);
 }
 
@@ -130,9 +131,8 @@ fn a_sender_may_be_some_per_cent_off() {
         [(96_500, false), (103_500, false), (94_000, true), (112_000, true), (50_000, true)]
     {
         let mut chip = uart(0, 0, 0);
-        let coming =
-            Character { ..Character::new(0x55, Format::EIGHT_N_1, baud, Nanos::new(chip.now)) };
-        hear(&mut chip, coming);
+        let coming = Character::new(0x55, Format::EIGHT_N_1, baud, Nanos::new(chip.now));
+        hear_one(&mut chip, coming);
         let wrong = errors(&mut chip) != 0 || chip.read(RDR) != 0x55;
         assert_eq!(wrong, errors_expected, "{baud}");
     }
@@ -145,19 +145,18 @@ fn an_inverted_line_needs_an_inverted_receiver() {
     let mut chip = uart(M0 | PCE, TWO_STOPS | RXINV, 0);
     chip.soc.set_serial_idle(5, false);
     let coming = inverted(&chip);
-    hear(&mut chip, coming);
+    hear_one(&mut chip, coming);
     assert_eq!(chip.read(ISR) & (ERRORS | RXNE), RXNE);
     assert_eq!(chip.read(RDR) & 0xFF, 0x35);
 
     let mut chip = uart(M0 | PCE, TWO_STOPS, 0);
     chip.soc.set_serial_idle(5, false);
     let coming = inverted(&chip);
-    hear(&mut chip, coming);
+    hear_one(&mut chip, coming);
     assert_ne!(errors(&mut chip), 0);
     // The other way round, too.
     let mut chip = uart(M0 | PCE, TWO_STOPS | RXINV, 0);
-    let coming = character(&chip, 0x35, Format::EIGHT_E_2);
-    hear(&mut chip, coming);
+    hear(&mut chip, 0x35, Format::EIGHT_E_2, None);
     assert_ne!(errors(&mut chip), 0);
 }
 
@@ -165,13 +164,11 @@ fn an_inverted_line_needs_an_inverted_receiver() {
 fn swapped_pins_are_the_other_pins() {
     let mut chip = uart(0, SWAP, 0);
     // PC12 and PD2 have changed their roles, and both lead outside.
-    let coming = character(&chip, 0x35, Format::EIGHT_N_1);
-    hear(&mut chip, coming);
+    hear(&mut chip, 0x35, Format::EIGHT_N_1, None);
     assert_eq!(chip.read(RDR), 0x35);
     // Without the pin called TX nothing comes in.
     chip.alternate(2, 12, 0);
-    let coming = character(&chip, 0x36, Format::EIGHT_N_1);
-    hear(&mut chip, coming);
+    hear(&mut chip, 0x36, Format::EIGHT_N_1, None);
     assert_eq!(chip.read(ISR) & RXNE, 0);
     chip.write(TDR, 0x5A);
     chip.run_to(chip.now + 20 * BIT);
@@ -187,13 +184,11 @@ fn faults_raise_their_flags() {
         (UartFault::Break, FE, 0x000),
     ] {
         let mut chip = uart(M0 | PCE, 0, 0);
-        let coming = Character { fault: Some(fault), ..character(&chip, 0x42, Format::EIGHT_E_1) };
-        hear(&mut chip, coming);
+        hear(&mut chip, 0x42, Format::EIGHT_E_1, fault);
         assert_eq!(errors(&mut chip) & !PE, flag & !PE, "{fault:?}");
         assert_eq!(chip.read(RDR) & 0xFF, value & 0xFF, "{fault:?}");
         // The next one is good.
-        let coming = character(&chip, 0x43, Format::EIGHT_E_1);
-        hear(&mut chip, coming);
+        hear(&mut chip, 0x43, Format::EIGHT_E_1, None);
         assert_eq!((errors(&mut chip), chip.read(RDR) & 0xFF), (0, 0x43), "{fault:?}");
     }
 }
@@ -202,32 +197,25 @@ fn faults_raise_their_flags() {
 fn an_overrun_deafens_until_it_is_cleared() {
     let mut chip = uart(0, 0, 0);
     for value in [1, 2] {
-        let coming = character(&chip, value, Format::EIGHT_N_1);
-        hear(&mut chip, coming);
+        hear(&mut chip, value, Format::EIGHT_N_1, None);
     }
     assert_eq!((chip.read(ISR) & ORE, chip.read(RDR)), (ORE, 1), "the first stays");
     // There is room again, and yet nothing comes, and no other flag rises.
-    let coming =
-        Character { fault: Some(UartFault::Framing), ..character(&chip, 3, Format::EIGHT_N_1) };
-    hear(&mut chip, coming);
+    hear(&mut chip, 3, Format::EIGHT_N_1, UartFault::Framing);
     assert_eq!(chip.read(ISR) & (ERRORS | RXNE), ORE);
     chip.write(ICR, ORE);
-    let coming = character(&chip, 4, Format::EIGHT_N_1);
-    hear(&mut chip, coming);
+    hear(&mut chip, 4, Format::EIGHT_N_1, None);
     assert_eq!((chip.read(ISR) & (ERRORS | RXNE), chip.read(RDR)), (RXNE, 4));
 
     // With OVRDIS the newest stays instead.
     let mut chip = uart(0, 0, 1 << 12);
     for value in [1, 2] {
-        let coming = character(&chip, value, Format::EIGHT_N_1);
-        hear(&mut chip, coming);
+        hear(&mut chip, value, Format::EIGHT_N_1, None);
     }
     assert_eq!((chip.read(ISR) & ORE, chip.read(RDR)), (0, 2));
     // An injected one comes as if the byte before had not been taken.
     let mut chip = uart(0, 0, 0);
-    let coming =
-        Character { fault: Some(UartFault::Overrun), ..character(&chip, 1, Format::EIGHT_N_1) };
-    hear(&mut chip, coming);
+    hear(&mut chip, 1, Format::EIGHT_N_1, UartFault::Overrun);
     assert_eq!(chip.read(ISR) & (ORE | RXNE), ORE);
 }
 
@@ -270,12 +258,7 @@ fn a_held_line_is_not_idle() {
 
 /// DMA1's stream 2 in circles of four.
 fn circle(chip: &mut Chip) {
-    chip.write(AHB1ENR, 1);
-    chip.write(0x4002_0808, 65);
-    chip.write(0x4002_0044, 4);
-    chip.write(0x4002_0048, RDR);
-    chip.write(0x4002_004C, 0x2400_0000);
-    chip.write(0x4002_0040, 1 << 10 | 1 << 8 | 1);
+    chip.stream((1, 2), 65, [RDR, 0x2400_0000], 4, 1 << 8 | 1);
 }
 
 fn bytes_in_circle(chip: &mut Chip) -> u32 {
@@ -288,8 +271,7 @@ fn dma_takes_no_character_with_an_error() {
         let mut chip = uart(M0 | PCE, 0, 1 << 6);
         circle(&mut chip);
         for (value, fault) in [(1, None), (2, Some(fault)), (3, None)] {
-            let coming = Character { fault, ..character(&chip, value, Format::EIGHT_E_1) };
-            hear(&mut chip, coming);
+            hear(&mut chip, value, Format::EIGHT_E_1, fault);
             if fault.is_some() {
                 assert_eq!(chip.read(RDR) & 0xFF, 2, "it can still be read");
             }
@@ -304,9 +286,7 @@ fn dma_takes_no_character_with_an_error() {
 fn with_ddre_an_error_stops_the_transfers() {
     let mut chip = uart(M0 | PCE, 0, 1 << 6 | 1 << 13);
     circle(&mut chip);
-    let coming =
-        Character { fault: Some(UartFault::Noise), ..character(&chip, 2, Format::EIGHT_E_1) };
-    hear(&mut chip, coming);
+    hear(&mut chip, 2, Format::EIGHT_E_1, UartFault::Noise);
     assert_eq!((chip.read(ISR) & (NE | RXNE), bytes_in_circle(&mut chip)), (NE | RXNE, 0));
     chip.write(ICR, NE);
     assert_eq!(bytes_in_circle(&mut chip), 1);
@@ -316,15 +296,11 @@ fn with_ddre_an_error_stops_the_transfers() {
 fn an_overrun_stops_dma_until_it_is_cleared() {
     let mut chip = uart(0, 0, 1 << 6);
     circle(&mut chip);
-    let coming =
-        Character { fault: Some(UartFault::Overrun), ..character(&chip, 1, Format::EIGHT_N_1) };
-    hear(&mut chip, coming);
-    let coming = character(&chip, 2, Format::EIGHT_N_1);
-    hear(&mut chip, coming);
+    hear(&mut chip, 1, Format::EIGHT_N_1, UartFault::Overrun);
+    hear(&mut chip, 2, Format::EIGHT_N_1, None);
     assert_eq!(bytes_in_circle(&mut chip), 0);
     chip.write(ICR, ORE);
-    let coming = character(&chip, 3, Format::EIGHT_N_1);
-    hear(&mut chip, coming);
+    hear(&mut chip, 3, Format::EIGHT_N_1, None);
     assert_eq!(bytes_in_circle(&mut chip), 1);
     assert_eq!(chip.memory.word(0x2400_0000).unwrap() & 0xFF, 3);
 }

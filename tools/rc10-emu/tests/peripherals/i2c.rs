@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use rc10_emu::peripherals::{AccessKind, I2cDevice};
 use rc10_sim::Nanos;
 
-use crate::chip::{AHB1ENR, AHB4ENR, APB1LENR, Chip};
+use crate::chip::{AHB4ENR, APB1LENR, Chip};
 
 /// I2C2 on PF1 and PF0.
 const I2C2: u32 = 0x4000_5800;
@@ -253,25 +253,15 @@ fn dma_and_interrupts() {
     let (mut chip, device) = i2c();
     device.0.lock().unwrap().memory = vec![7, 8];
     chip.memory.write(0x2400_0000, &[0x31, 0x32]).unwrap();
-    chip.write(AHB1ENR, 2);
     // DMA2's stream 7 sends, stream 6 receives.
-    let stream = |chip: &mut Chip, n: u32, request, register, memory, control: u32| {
-        chip.write(0x4002_0820 + 4 * n, request);
-        let base = 0x4002_0410 + 0x18 * n;
-        chip.write(base + 0x04, 2);
-        chip.write(base + 0x08, register);
-        chip.write(base + 0x0C, memory);
-        chip.write(base, 1 << 10 | 1 << 4 | control);
-        chip.set(base, 1, 1);
-    };
-    stream(&mut chip, 7, 36, TXDR, 0x2400_0000, 1 << 6);
+    chip.stream((2, 7), 36, [TXDR, 0x2400_0000], 2, 1 << 6 | 1 << 4 | 1);
     // TXDMAEN, TCIE, NACKIE, ERRIE.
     chip.write(CR1, 1 | 1 << 14 | 1 << 6 | 1 << 4 | 1 << 7);
     chip.write(CR2, ADDRESS | 2 << 16 | START);
     assert!(chip.until_interrupt(70, u64::MAX).is_some());
     assert!(chip.until_interrupt(33, u64::MAX).is_some());
     assert_eq!(flags(&mut chip), BUSY | TC);
-    stream(&mut chip, 6, 35, RXDR, 0x2400_0010, 0);
+    chip.stream((2, 6), 35, [RXDR, 0x2400_0010], 2, 1 << 4 | 1);
     chip.write(CR1, 1 | 1 << 15 | 1 << 5);
     assert!(!chip.interrupt(33));
     chip.write(CR2, ADDRESS | READ | 2 << 16 | AUTOEND | START);

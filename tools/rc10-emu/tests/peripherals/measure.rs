@@ -11,12 +11,9 @@ const TIM17: u32 = 0x4001_4800;
 const CR1: u32 = 0x00;
 const DIER: u32 = 0x0C;
 const SR: u32 = 0x10;
-const EGR: u32 = 0x14;
 const CCMR1: u32 = 0x18;
 const CCER: u32 = 0x20;
 const CNT: u32 = 0x24;
-const PSC: u32 = 0x28;
-const ARR: u32 = 0x2C;
 const RCR: u32 = 0x30;
 const CCR1: u32 = 0x34;
 const TISEL: u32 = 0x68;
@@ -151,11 +148,8 @@ fn tim16_hears_lsi_and_tim17_mco1() {
 fn they_count_and_update_after_repetitions() {
     let mut chip = Chip::running();
     chip.write(APB2ENR, 1 << 17);
-    chip.write(TIM16 + PSC, 239);
-    chip.write(TIM16 + ARR, 99);
     chip.write(TIM16 + RCR, 3);
-    chip.write(TIM16 + EGR, 1);
-    chip.write(TIM16 + SR, 0);
+    chip.count(TIM16, 239, 99);
     chip.write(TIM16 + DIER, 1);
     chip.write(TIM16 + CR1, 1);
     let start = chip.now;

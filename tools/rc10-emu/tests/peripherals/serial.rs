@@ -1,7 +1,7 @@
 use rc10_emu::peripherals::AccessKind;
 use rc10_sim::Nanos;
 
-use crate::chip::{AHB1ENR, APB2ENR, Chip};
+use crate::chip::{APB2ENR, Chip};
 
 const USART1: u32 = 0x4001_1000;
 const CR1: u32 = USART1;
@@ -13,7 +13,6 @@ const ICR: u32 = USART1 + 0x20;
 const RDR: u32 = USART1 + 0x24;
 const TDR: u32 = USART1 + 0x28;
 const DMA1: u32 = 0x4002_0000;
-const DMAMUX1: u32 = 0x4002_0800;
 /// AXI SRAM.
 const BUFFER: u32 = 0x2400_0000;
 
@@ -153,25 +152,9 @@ fn the_baud_rate_is_locked_while_it_runs() {
     assert_eq!((chip.read(BRR), chip.kinds()), (1040, vec![AccessKind::Protected]));
 }
 
-/// DMA1 stream `n`: interrupt and enable bits set, byte to byte.
-fn stream(
-    chip: &mut Chip,
-    n: u32,
-    request: u32,
-    register: u32,
-    memory: u32,
-    control: u32,
-    count: u32,
-) {
-    chip.write(AHB1ENR, 1);
-    chip.write(DMAMUX1 + 4 * n, request | 1 << 9);
-    let base = DMA1 + 0x10 + 0x18 * n;
-    chip.write(base + 0x04, count);
-    chip.write(base + 0x08, register);
-    chip.write(base + 0x0C, memory);
-    // MINC, TCIE, HTIE, TEIE.
-    chip.write(base, 1 << 10 | 0b11100 | control);
-    chip.write(base, 1 << 10 | 0b11100 | control | 1);
+/// DMA1 stream `n`, byte to byte: EGE of its request; TCIE, HTIE, TEIE, EN.
+fn stream(chip: &mut Chip, n: u32, request: u32, ends: [u32; 2], control: u32, count: u32) {
+    chip.stream((1, n), request | 1 << 9, ends, count, 0b11101 | control);
 }
 
 #[test]
@@ -180,7 +163,7 @@ fn dma_sends() {
     chip.memory.write(BUFFER, b"hello!").unwrap();
     chip.write(CR3, 1 << 7);
     let start = chip.now;
-    stream(&mut chip, 0, 42, TDR, BUFFER, 1 << 6, 6);
+    stream(&mut chip, 0, 42, [TDR, BUFFER], 1 << 6, 6);
     // Two bytes at once: one is sent, one waits.
     assert_eq!(chip.read(DMA1 + 0x14), 4);
     assert_eq!(chip.until_interrupt(11, u64::MAX), Some(start + BYTE + 1), "half");
@@ -197,7 +180,7 @@ fn dma_sends() {
 fn dma_receives_in_circles() {
     let mut chip = usart(0);
     chip.write(CR3, 1 << 6);
-    stream(&mut chip, 5, 41, RDR, BUFFER, 1 << 8, 4);
+    stream(&mut chip, 5, 41, [RDR, BUFFER], 1 << 8, 4);
     assert!(chip.soc.feed_serial(1, &[1, 2, 3, 4, 5, 6], 115_385, 10, Nanos::new(chip.now)));
     chip.until_interrupt(16, u64::MAX).unwrap();
     assert_eq!(chip.read(DMA1 + 0x04) >> 6 & 0x3D, 0x10);
@@ -213,7 +196,7 @@ fn dma_refuses_the_cores_own_memories_and_the_flash() {
     for memory in [0x2000_0000, 0x2001_FFFF, 0x0000_0000, 0x0800_0000, 0x1000_0000] {
         let mut chip = usart(0);
         chip.write(CR3, 1 << 6);
-        stream(&mut chip, 1, 41, RDR, memory, 0, 4);
+        stream(&mut chip, 1, 41, [RDR, memory], 0, 4);
         assert!(chip.soc.feed_serial(1, &[1], 115_385, 10, Nanos::new(chip.now)));
         chip.until_interrupt(12, u64::MAX).unwrap();
         assert_eq!(chip.read(DMA1) >> 6 & 0x3D, 0x08, "transfer error at {memory:#x}");
@@ -222,7 +205,7 @@ fn dma_refuses_the_cores_own_memories_and_the_flash() {
     }
     let mut chip = usart(0);
     chip.write(CR3, 1 << 7);
-    stream(&mut chip, 1, 42, TDR, 0x2000_0000, 1 << 6, 4);
+    stream(&mut chip, 1, 42, [TDR, 0x2000_0000], 1 << 6, 4);
     assert_eq!(chip.read(DMA1) >> 6 & 0x3D, 0x08);
     assert_eq!(
         (chip.kinds(), chip.soc.count(AccessKind::OutOfReach)),
@@ -231,7 +214,7 @@ fn dma_refuses_the_cores_own_memories_and_the_flash() {
     // Constants lie in the flash.
     let mut chip = usart(0);
     chip.write(CR3, 1 << 7);
-    stream(&mut chip, 1, 42, TDR, 0x0800_0000, 1 << 6, 1);
+    stream(&mut chip, 1, 42, [TDR, 0x0800_0000], 1 << 6, 1);
     assert_eq!((chip.read(DMA1) >> 6 & 0x3D, chip.kinds()), (0x20, vec![]));
 }
 
@@ -240,7 +223,7 @@ fn dma_copies_memory() {
     let mut chip = usart(0);
     chip.memory.write(BUFFER, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap();
     // From the "peripheral" address, both count, words.
-    stream(&mut chip, 0, 0, BUFFER, BUFFER + 0x100, 2 << 6 | 1 << 9 | 2 << 11 | 2 << 13, 2);
+    stream(&mut chip, 0, 0, [BUFFER, BUFFER + 0x100], 2 << 6 | 1 << 9 | 2 << 11 | 2 << 13, 2);
     let mut copy = [0; 8];
     chip.memory.read(BUFFER + 0x100, &mut copy).unwrap();
     assert_eq!(copy, [1, 2, 3, 4, 5, 6, 7, 8]);
@@ -251,7 +234,7 @@ fn dma_copies_memory() {
 fn a_stream_is_locked_while_enabled() {
     let mut chip = usart(0);
     chip.write(CR3, 1 << 6);
-    stream(&mut chip, 0, 41, RDR, BUFFER, 0, 4);
+    stream(&mut chip, 0, 41, [RDR, BUFFER], 0, 4);
     chip.write(DMA1 + 0x14, 9);
     assert_eq!((chip.read(DMA1 + 0x14), chip.kinds()), (4, vec![AccessKind::Protected]));
     // Switched off, it tells that it has come to its end.

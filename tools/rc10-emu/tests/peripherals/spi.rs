@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use rc10_emu::peripherals::{AccessKind, SpiDevice, Width};
 use rc10_sim::Nanos;
 
-use crate::chip::{AHB1ENR, APB2ENR, Chip};
+use crate::chip::{APB2ENR, Chip};
 
 /// SPI1 on PA5, PA6, PA7; a device selected by PC4, another by PC5.
 const SPI1: u32 = 0x4001_3000;
@@ -80,7 +80,7 @@ impl SpiDevice for Registers {
     }
 }
 
-fn spi(cfg1: u32, cfg2: u32) -> (Chip, Registers) {
+fn spi(cfg2: u32) -> (Chip, Registers) {
     let mut chip = Chip::with_pll1_q(4);
     chip.write(APB2ENR, 1 << 12);
     [5, 6, 7].iter().for_each(|&pin| chip.alternate(0, pin, 5));
@@ -91,12 +91,20 @@ fn spi(cfg1: u32, cfg2: u32) -> (Chip, Registers) {
     device.0.lock().unwrap().registers[0x10] = 0x1E;
     assert!(chip.soc.attach_spi(1, ('C', 4), Box::new(device.clone())));
     chip.write(CFG2, MASTER | cfg2);
-    chip.write(CFG1, EIGHT_BITS | cfg1);
+    chip.write(CFG1, EIGHT_BITS);
     (chip, device)
 }
 
 fn select(chip: &mut Chip, low: bool) {
     chip.write(PORT_C + 0x18, if low { 1 << 20 } else { 1 << 4 });
+}
+
+fn send(chip: &mut Chip, byte: u8) {
+    chip.soc.write(TXDR, Width::Byte, byte.into(), Nanos::new(chip.now)).unwrap();
+}
+
+fn take(chip: &mut Chip) -> u8 {
+    chip.soc.read(RXDR, Width::Byte, Nanos::new(chip.now)).unwrap().try_into().unwrap()
 }
 
 /// As embassy's blocking transfer does it, byte by byte.
@@ -105,11 +113,10 @@ fn exchange(chip: &mut Chip, bytes: &[u8]) -> Vec<u8> {
     select(chip, true);
     let answers = bytes.iter().map(|&byte| {
         chip.wait(SR, 1 << 1);
-        let now = Nanos::new(chip.now);
-        chip.soc.write(TXDR, Width::Byte, byte.into(), now).unwrap();
+        send(chip, byte);
         chip.set(CR1, CSTART, CSTART);
         chip.wait(SR, RXP);
-        u8::try_from(chip.soc.read(RXDR, Width::Byte, Nanos::new(chip.now)).unwrap()).unwrap()
+        take(chip)
     });
     let answers = answers.collect();
     select(chip, false);
@@ -119,7 +126,7 @@ fn exchange(chip: &mut Chip, bytes: &[u8]) -> Vec<u8> {
 
 #[test]
 fn a_device_is_read_and_written() {
-    let (mut chip, device) = spi(0, 0);
+    let (mut chip, device) = spi(0);
     assert_eq!(exchange(&mut chip, &[0x90, 0, 0]), [0xFF, 0x1E, 0]);
     exchange(&mut chip, &[0x20, 0xAB, 0xCD]);
     assert_eq!(exchange(&mut chip, &[0xA0, 0, 0])[1..], [0xAB, 0xCD]);
@@ -130,9 +137,9 @@ fn a_device_is_read_and_written() {
 
 #[test]
 fn a_frame_takes_its_bits() {
-    let (mut chip, _) = spi(0, 0);
+    let (mut chip, _) = spi(0);
     chip.write(CR1, SPE);
-    chip.soc.write(TXDR, Width::Byte, 1, Nanos::new(chip.now)).unwrap();
+    send(&mut chip, 1);
     let start = chip.now;
     assert_eq!(chip.read(SR) & TXC, 0);
     chip.run_to(start + 10_000);
@@ -150,39 +157,26 @@ fn without_its_pins_its_select_its_mode_or_its_speed_a_device_is_silent() {
     let ask = |chip: &mut Chip| exchange(chip, &[0x90, 0])[1];
     // MISO, then SCK, without their alternate function.
     for pin in [6, 5] {
-        let (mut chip, _) = spi(0, 0);
+        let (mut chip, _) = spi(0);
         chip.alternate(0, pin, 0);
         assert_eq!(ask(&mut chip), 0);
     }
-    let (mut chip, _) = spi(0, 0);
+    let (mut chip, _) = spi(0);
     chip.write(PORT_C, 0xFFFF_FFFF);
     assert_eq!(ask(&mut chip), 0, "the select pin is no output");
     // CPHA alone is mode 1; both are mode 3.
-    let (mut chip, device) = spi(0, 1 << 24);
+    let (mut chip, device) = spi(1 << 24);
     assert_ne!(ask(&mut chip), 0x1E);
     assert_eq!(device.0.lock().unwrap().address, None);
-    let (mut chip, _) = spi(0, 3 << 24);
+    let (mut chip, _) = spi(3 << 24);
     assert_eq!(ask(&mut chip), 0x1E);
     // 15 MHz.
-    let (mut chip, _) = spi(0, 0);
+    let (mut chip, _) = spi(0);
     chip.write(CFG1, 2 << 28 | 7);
     assert_ne!(ask(&mut chip), 0x1E);
     // Least significant bit first: 0x09 is 0x90.
-    let (mut chip, _) = spi(0, 1 << 23);
+    let (mut chip, _) = spi(1 << 23);
     assert_eq!(exchange(&mut chip, &[0x09, 0])[1], 0x1E_u8.reverse_bits());
-}
-
-/// One stream of DMA2, bytes.
-fn stream(chip: &mut Chip, n: u32, request: u32, register: u32, memory: u32, count: u32) {
-    chip.write(AHB1ENR, 2);
-    chip.write(0x4002_0820 + 4 * n, request);
-    let base = 0x4002_0410 + 0x18 * n;
-    chip.write(base + 0x04, count);
-    chip.write(base + 0x08, register);
-    chip.write(base + 0x0C, memory);
-    let direction = if register == TXDR { 1 << 6 } else { 0 };
-    chip.write(base, 1 << 10 | 1 << 4 | direction);
-    chip.set(base, 1, 1);
 }
 
 const SENT: u32 = 0x2400_0000;
@@ -191,14 +185,14 @@ const ANSWER: u32 = 0x2400_0100;
 /// The order of embassy's transfer with DMA.
 #[test]
 fn dma_exchanges() {
-    let (mut chip, _) = spi(0, 0);
+    let (mut chip, _) = spi(0);
     let mut long = vec![0x90];
     long.resize(40, 0);
     chip.memory.write(SENT, &long).unwrap();
     select(&mut chip, true);
     chip.set(CFG1, 1 << 14, 1 << 14);
-    stream(&mut chip, 4, 37, RXDR, ANSWER, 40);
-    stream(&mut chip, 5, 38, TXDR, SENT, 40);
+    chip.stream((2, 4), 37, [RXDR, ANSWER], 40, 1 << 4 | 1);
+    chip.stream((2, 5), 38, [TXDR, SENT], 40, 1 << 6 | 1 << 4 | 1);
     chip.set(CFG1, 1 << 15, 1 << 15);
     chip.write(CR1, SPE);
     let start = chip.now;
@@ -216,11 +210,11 @@ fn dma_exchanges() {
 /// As embassy's read with DMA does it: receiver mode, a size, the end of the transfer.
 #[test]
 fn dma_reads_a_size() {
-    let (mut chip, device) = spi(0, 0);
+    let (mut chip, device) = spi(0);
     device.0.lock().unwrap().address = Some(0x90);
     chip.write(CFG2, MASTER | 2 << 17);
     chip.set(CFG1, 1 << 14, 1 << 14);
-    stream(&mut chip, 4, 37, RXDR, ANSWER, 3);
+    chip.stream((2, 4), 37, [RXDR, ANSWER], 3, 1 << 4 | 1);
     chip.write(CR2, 3);
     chip.write(CR1, SPE);
     select(&mut chip, true);
@@ -237,10 +231,10 @@ fn dma_reads_a_size() {
 /// Under one chip select. A transfer without a size has clocked on before the next one begins.
 #[test]
 fn an_answer_is_shifted_in_a_second_transfer_and_right_in_one() {
-    let (mut chip, _) = spi(0, 0);
+    let (mut chip, _) = spi(0);
     select(&mut chip, true);
     chip.write(CR1, SPE);
-    chip.soc.write(TXDR, Width::Byte, 0x90, Nanos::new(chip.now)).unwrap();
+    send(&mut chip, 0x90);
     chip.set(CR1, CSTART, CSTART);
     chip.wait(SR, RXP);
     chip.write(CR1, 0);
@@ -250,8 +244,8 @@ fn an_answer_is_shifted_in_a_second_transfer_and_right_in_one() {
     chip.write(CR1, SPE);
     chip.set(CR1, CSTART, CSTART);
     chip.wait(SR, EOT);
-    let answer = chip.soc.read(RXDR, Width::Byte, Nanos::new(chip.now)).unwrap();
-    assert_eq!(answer, 0x1E << 3 & 0xFF);
+    let answer = take(&mut chip);
+    assert_eq!(answer, 0x1E << 3);
     chip.write(IFCR, EOT);
     chip.write(CR1, 0);
     chip.write(CR2, 0);
@@ -264,10 +258,10 @@ fn an_answer_is_shifted_in_a_second_transfer_and_right_in_one() {
     for byte in [0x90, 0] {
         chip.write(CR2, 1);
         chip.write(CR1, SPE);
-        chip.soc.write(TXDR, Width::Byte, byte, Nanos::new(chip.now)).unwrap();
+        send(&mut chip, byte);
         chip.set(CR1, CSTART, CSTART);
         chip.wait(SR, EOT);
-        let answer = chip.soc.read(RXDR, Width::Byte, Nanos::new(chip.now)).unwrap();
+        let answer = take(&mut chip);
         assert_eq!(answer, if byte == 0 { 0x1E } else { 0xFF });
         chip.write(IFCR, EOT);
         chip.write(CR1, 0);
@@ -277,11 +271,11 @@ fn an_answer_is_shifted_in_a_second_transfer_and_right_in_one() {
 
 #[test]
 fn an_answer_that_is_not_taken_overruns() {
-    let (mut chip, _) = spi(0, 0);
+    let (mut chip, _) = spi(0);
     chip.write(CR1, SPE);
     chip.set(CR1, CSTART, CSTART);
     for _ in 0..17 {
-        chip.soc.write(TXDR, Width::Byte, 0, Nanos::new(chip.now)).unwrap();
+        send(&mut chip, 0);
         chip.run_to(chip.now + 1_067);
     }
     assert_eq!(chip.read(SR) & (OVR | RXP), OVR | RXP);
@@ -292,7 +286,7 @@ fn an_answer_that_is_not_taken_overruns() {
 
 #[test]
 fn frames_are_packed_into_words() {
-    let (mut chip, device) = spi(0, 0);
+    let (mut chip, device) = spi(0);
     chip.write(CR1, SPE);
     select(&mut chip, true);
     chip.set(CR1, CSTART, CSTART);
@@ -315,14 +309,14 @@ fn frames_are_packed_into_words() {
 
 #[test]
 fn what_is_locked_or_not_modelled_says_so() {
-    let (mut chip, _) = spi(0, 0);
+    let (mut chip, _) = spi(0);
     chip.write(CR1, SPE);
     chip.write(CFG1, EIGHT_BITS | 1 << 28 << 2);
     chip.write(CFG2, MASTER | 1 << 24);
     assert_eq!((chip.read(CFG1), chip.read(CFG2)), (EIGHT_BITS, MASTER));
     assert_eq!(chip.kinds(), [AccessKind::Protected; 2]);
     chip.write(CR1, 0);
-    chip.soc.write(TXDR, Width::Byte, 1, Nanos::new(chip.now)).unwrap();
+    send(&mut chip, 1);
     assert_eq!(chip.kinds(), [AccessKind::Protected]);
     chip.write(CFG2, 0);
     chip.write(CR1, SPE);

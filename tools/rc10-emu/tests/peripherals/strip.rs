@@ -3,10 +3,9 @@
 use crate::chip::{AHB1ENR, APB1HENR, Chip, RCC};
 
 const TIM23: u32 = 0x4000_E000;
-const DMA1: u32 = 0x4002_0000;
 const PF9: (char, usize) = ('F', 9);
-/// Stream 7.
-const CR: u32 = DMA1 + 0x10 + 7 * 0x18;
+/// Of DMA1's stream 7.
+const CR: u32 = 0x4002_0010 + 7 * 0x18;
 const WIDTHS: u32 = 0x3000_0000;
 /// 240 MHz: 1.25 us, 0.3 us, 0.8 us.
 const PERIOD: u32 = 300;
@@ -20,13 +19,11 @@ fn strip(control: u32) -> Chip {
     chip.write(AHB1ENR, 1);
     chip.write(RCC + 0xDC, 1 << 29);
     chip.alternate(5, 9, 13);
-    chip.write(TIM23 + 0x2C, PERIOD - 1);
     // OC4M: PWM 1, OC4PE; CC4E.
     chip.write(TIM23 + 0x1C, 0x6800);
     chip.write(TIM23 + 0x20, 1 << 12);
     chip.write(TIM23 + 0x04, control);
-    chip.write(TIM23 + 0x14, 1);
-    chip.write(TIM23 + 0x10, 0);
+    chip.count(TIM23, 0, PERIOD - 1);
     assert!(chip.record('F', 9));
     chip
 }
@@ -35,15 +32,18 @@ fn send(chip: &mut Chip, request: u32, enable: u32, widths: &[u32]) {
     for (address, width) in (WIDTHS..).step_by(4).zip(widths) {
         chip.memory.write(address, &width.to_le_bytes()).unwrap();
     }
-    chip.write(0x4002_081C, request);
-    chip.write(CR + 0x04, u32::try_from(widths.len()).unwrap());
-    chip.write(CR + 0x08, TIM23 + 0x40);
-    chip.write(CR + 0x0C, WIDTHS);
-    // Words to words, memory counts, to the peripheral, TCIE.
-    chip.write(CR, 2 << 13 | 2 << 11 | 1 << 10 | 1 << 6 | 1 << 4);
-    chip.set(CR, 1, 1);
+    // Words to words, to the peripheral, TCIE.
+    let control = 2 << 13 | 2 << 11 | 1 << 6 | 1 << 4 | 1;
+    let count = u32::try_from(widths.len()).unwrap();
+    chip.stream((1, 7), request, [TIM23 + 0x40, WIDTHS], count, control);
     chip.write(TIM23 + 0x0C, enable);
     chip.set(TIM23, 1, 1);
+}
+
+/// A width for each bit, and none at the end.
+pub fn widths(colours: &[u32]) -> Vec<u32> {
+    let bits = colours.iter().flat_map(|colour| (0..24).rev().map(move |bit| colour >> bit & 1));
+    bits.map(|bit| if bit == 1 { ONE } else { ZERO }).chain([0]).collect()
 }
 
 /// Start, high time and low time of each pulse, nanoseconds; the last one's low time is 0.
@@ -75,9 +75,7 @@ pub fn colours(pulses: &[(u64, u64, u64)]) -> Vec<u32> {
 #[test]
 fn colours_come_out_as_they_were_put_in() {
     let wanted = [0x00FF_8001, 0x0012_3456, 0x0000_0000, 0x00FF_FFFF];
-    let bits = wanted.iter().flat_map(|colour| (0..24).rev().map(move |bit| colour >> bit & 1));
-    let mut widths: Vec<_> = bits.map(|bit| if bit == 1 { ONE } else { ZERO }).collect();
-    widths.push(0);
+    let widths = widths(&wanted);
     let mut chip = strip(0);
     let start = chip.now;
     // TIM23_UP, UDE.

@@ -97,10 +97,7 @@ fn odd_rates_do_not_drift() {
     // 240 MHz / 7 / 1000: an update every 29166 2/3 ns.
     let mut chip = Chip::running();
     chip.write(APB1LENR, 1 << 4);
-    chip.write(TIM6 + PSC, 6);
-    chip.write(TIM6 + ARR, 999);
-    chip.write(TIM6 + EGR, 1);
-    chip.write(TIM6 + SR, 0);
+    chip.count(TIM6, 6, 999);
     chip.write(TIM6 + DIER, 1);
     chip.write(TIM6 + CR1, 1);
     let start = chip.now;

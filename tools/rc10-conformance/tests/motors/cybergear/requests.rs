@@ -2,11 +2,10 @@
 
 use rc10_app::{Rpm, TotalAngle};
 use rc10_motor::cybergear::{Config, CyberGear, models};
-use rc10_motor::{
-    CanMotor, DriveMode, Motor, Request, RequestError, Response, Safety, Target, Tick, TxBatch,
-};
+use rc10_motor::{DriveMode, Motor, Request, RequestError, Response, Safety, Target, Tick};
 
 use super::{ADDRESS, Pair, with_cybergear, with_rs04};
+use crate::motors::sent_in;
 
 const COAST: Target = Target::Coast;
 
@@ -119,9 +118,7 @@ fn nothing_else_is_sent_around_a_save() {
     assert_eq!(motor.request(Request::SaveRegisters), Ok(Response::Pending));
     let sent: Vec<_> = (0..400)
         .map(|_| {
-            motor.update(&Tick::new(DriveMode::Off));
-            let mut tx = TxBatch::new();
-            motor.pack_command(&mut tx).unwrap();
+            let tx = sent_in(&mut motor, &Tick::new(DriveMode::Off));
             tx.frames().iter().map(|frame| frame.raw_id() >> 24).collect::<Vec<_>>()
         })
         .collect();

@@ -4,10 +4,11 @@ use rc10_app::{NewtonMetres, Rpm};
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Config, CyberGear, models};
-use rc10_motor::{CanMotor, DriveMode, Link, Motor, Safety, Target, Tick, TxBatch};
+use rc10_motor::{CanMotor, DriveMode, Link, Motor, Safety, Target, Tick};
 use rc10_sim::cybergear::Mode;
 
 use super::{ADDRESS, with_cybergear, with_rs04};
+use crate::motors::sent_in;
 
 /// Whatever run mode somebody else has left: it is set before anything moves.
 #[test]
@@ -43,9 +44,7 @@ fn a_device_that_stopped_or_was_silent_gets_no_setpoint() {
         let mut sent_after = |frame: &CanFrame, link| {
             millis += 1;
             motor.unpack_feedback(frame, Micros::from_millis(millis), link).unwrap();
-            motor.update(&Tick::new(DriveMode::Run));
-            let mut tx = TxBatch::new();
-            motor.pack_command(&mut tx).unwrap();
+            let tx = sent_in(&mut motor, &Tick::new(DriveMode::Run));
             tx.frames().last().unwrap().raw_id() >> 24
         };
         assert_eq!(sent_after(&feedback(0), Link::NeverSeen), 4, "stop");

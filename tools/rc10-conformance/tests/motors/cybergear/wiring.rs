@@ -7,11 +7,12 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Address, Config, CyberGear, models, wire};
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames,
-    Impedance, Link, Motor, MotorBus, Rate, Request, Response, Safety, Target, Tick, TxBatch,
+    ArmSwitch, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames, Impedance, Link,
+    Motor, Rate, Request, Response, Safety, Target, Tick, TxBatch,
 };
 
 use super::{ADDRESS, CONFIG, HOST, cybergear};
+use crate::motors::{clash, sent_in};
 
 fn at(motor: u8, host: u8) -> CyberGear {
     CyberGear::new(Config::new(&models::CYBERGEAR, Address { motor, host })).unwrap()
@@ -39,24 +40,13 @@ fn what_cannot_be_is_refused_by_name() {
 
 #[test]
 fn who_cannot_share_a_bus_with_it_is_told() {
-    let switch = ArmSwitch::new();
-    let clash = |mut first: CyberGear, second: &mut dyn CanMotor| {
-        let mut bus = MotorBus::new(&switch);
-        bus.attach(&mut first, Safety::COAST).unwrap();
-        match bus.attach(second, Safety::COAST) {
-            Err(AttachError::Clash { clash, .. }) => Some(clash),
-            other => {
-                other.unwrap();
-                None
-            }
-        }
-    };
     // The same identifier twice; a host that is called as a motor is.
-    assert!(matches!(clash(at(1, HOST), &mut at(1, HOST)), Some(Clash::RxFrames(_))));
-    assert!(matches!(clash(at(1, 2), &mut at(2, 1)), Some(Clash::Confuses(_))));
-    assert_eq!(clash(at(1, HOST), &mut at(2, HOST)), None);
+    assert!(matches!(clash(&mut at(1, HOST), &mut at(1, HOST)), Some(Clash::RxFrames(_))));
+    assert!(matches!(clash(&mut at(1, 2), &mut at(2, 1)), Some(Clash::Confuses(_))));
+    assert_eq!(clash(&mut at(1, HOST), &mut at(2, HOST)), None);
     // Standard identifiers are another world.
-    assert_eq!(clash(at(1, HOST), &mut Dji::new(dji::Config::new(&M3508, 1)).unwrap()), None);
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
+    assert_eq!(clash(&mut at(1, HOST), &mut wheel), None);
     // A VESC's status 3 with the same low byte is a command to it: 0xF01 asks who it is.
     let wiring = at(1, HOST).can_ids();
     let id = ExtendedId::new(0x0F01).unwrap();
@@ -81,8 +71,7 @@ fn an_answer_about_another_parameter_ends_no_request() {
         let mut motor = cybergear();
         assert_eq!(motor.request(request), Ok(Response::Pending));
         let mut hear = |frame| {
-            motor.update(&Tick::new(DriveMode::Off));
-            motor.pack_command(&mut TxBatch::new()).unwrap();
+            sent_in(&mut motor, &Tick::new(DriveMode::Off));
             let heard = motor.unpack_feedback(&frame, Micros::from_millis(1), Link::Online);
             (heard, motor.response())
         };
@@ -154,8 +143,6 @@ fn a_panic_stops_it_and_nothing_is_sent_that_is_no_number() {
     }
     assert_eq!(motor.target(), Target::Coast);
     // Never heard.
-    motor.update(&Tick { link: Link::NeverSeen, ..Tick::new(DriveMode::Run) });
-    tx.clear();
-    motor.pack_command(&mut tx).unwrap();
+    let tx = sent_in(&mut motor, &Tick { link: Link::NeverSeen, ..Tick::new(DriveMode::Run) });
     assert_eq!(tx.frames(), [wire::stop(ADDRESS)]);
 }

@@ -1,27 +1,14 @@
 use super::{cascade, config, controls, motor};
+use crate::motors::{clash, sent_in};
 use rc10_app::{PidConfig, Rpm};
 use rc10_can::Micros;
 use rc10_can::embedded_can::StandardId;
 use rc10_motor::damiao::{Config, Control, Damiao, Limits, Model, models};
 use rc10_motor::dji::{self, Dji, M3508};
-use rc10_motor::{
-    ArmSwitch, AttachError, CanMotor, Clash, DriveMode, Motor, MotorBus, Request, Safety, Tick,
-    TxBatch,
-};
+use rc10_motor::{CanMotor, Clash, DriveMode, Motor, Request, Tick, TxBatch};
 
 fn at(can_id: u16, master_id: u16) -> Damiao {
     Damiao::new(Config::new(models::J4310, can_id, master_id, Control::Velocity)).unwrap()
-}
-
-fn clash(one: &mut Damiao, other: &mut dyn CanMotor) -> Option<Clash> {
-    let switch = ArmSwitch::new();
-    let mut bus = MotorBus::new(&switch);
-    bus.attach(one, Safety::COAST).unwrap();
-    match bus.attach(other, Safety::COAST) {
-        Ok(_) => None,
-        Err(AttachError::Clash { clash, .. }) => Some(clash),
-        Err(error) => panic!("{error}"),
-    }
 }
 
 #[test]
@@ -124,9 +111,7 @@ fn register_frames_of_two_motors_keep_apart() {
     for control in controls() {
         let mut motor = Damiao::new(config(control).verify_limits(false)).unwrap();
         motor.request(Request::ReadRegister(80)).unwrap();
-        motor.update(&Tick::new(DriveMode::Off));
-        let mut tx = TxBatch::new();
-        motor.pack_command(&mut tx).unwrap();
+        let tx = sent_in(&mut motor, &Tick::new(DriveMode::Off));
         let mut entries = tx.entries();
         let (command, commands) = entries.next().unwrap();
         let (frame, stream) = entries.next().unwrap();

@@ -7,9 +7,11 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::{
     CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, Request, Response, Safety, Target,
-    Tick, TxBatch,
+    Tick,
 };
 use rc10_sim::damiao::{DamiaoConfig, Mode};
+
+use crate::motors::sent_in;
 
 fn mit() -> Control {
     Control::Mit(cascade())
@@ -20,6 +22,18 @@ fn target_of(control: &Control) -> Target {
         Control::Velocity => Target::Speed(Rpm::new(100.0)),
         _ => Target::TotalAngle(TotalAngle::from_degrees(600)),
     }
+}
+
+/// Another program enables the device.
+fn enable(rig: &Rig) {
+    let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
+    rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
+}
+
+/// What a device at rest says with this code.
+fn says(code: u8) -> CanFrame {
+    let id = StandardId::new(MASTER_ID).unwrap();
+    CanFrame::eight_bytes(id, [code << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25])
 }
 
 /// A cut wire: lost after 10 ms. Connected again: driven again at once, softly.
@@ -176,17 +190,13 @@ fn settings_that_differ_are_faults_with_text() {
 /// A device that answers, but whose registers cannot be read, says so; told not to look, it runs.
 #[test]
 fn firmware_without_registers_is_told_apart() {
-    let id = StandardId::new(MASTER_ID).unwrap();
-    let answer =
-        |code: u8| CanFrame::eight_bytes(id, [code << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25]);
     for verify in [true, false] {
         let mut motor = Damiao::new(config(mit()).verify_limits(verify)).unwrap();
         let (mut enabled_at, mut asked) = (None, Vec::new());
         for millis in 1..=200 {
             motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
-            motor.update(&Tick::new(if millis < 3 { DriveMode::Off } else { DriveMode::Run }));
-            let mut tx = TxBatch::new();
-            motor.pack_command(&mut tx).unwrap();
+            let drive = if millis < 3 { DriveMode::Off } else { DriveMode::Run };
+            let tx = sent_in(&mut motor, &Tick::new(drive));
             let reads = tx.frames().iter().filter(|it| matches!(it.bytes(), [_, _, 0x33, _]));
             asked.extend(reads.map(|_| millis % 10));
             let enables = tx.frames()[0].bytes().ends_with(&[0xFF, 0xFC]);
@@ -195,7 +205,7 @@ fn firmware_without_registers_is_told_apart() {
             }
             let code = u8::from(enabled_at.is_some());
             let _ = motor
-                .unpack_feedback(&answer(code), Micros::from_millis(millis), Link::Online)
+                .unpack_feedback(&says(code), Micros::from_millis(millis), Link::Online)
                 .unwrap();
         }
         if verify {
@@ -204,7 +214,7 @@ fn firmware_without_registers_is_told_apart() {
             // In every phase of what others send each 5 or 10 ms: in one of them all might be lost.
             asked.sort_unstable();
             assert_eq!(asked, (0..10).collect::<Vec<_>>());
-            let heard = motor.unpack_feedback(&answer(0), Micros::from_millis(201), Link::Online);
+            let heard = motor.unpack_feedback(&says(0), Micros::from_millis(201), Link::Online);
             assert_eq!(heard, Ok(FrameKind::Fault));
         } else {
             assert_eq!((enabled_at, motor.fault()), (Some(3), None));
@@ -219,8 +229,7 @@ fn old_firmware_in_another_mode_is_disabled() {
     let control = Control::Velocity;
     let config = DamiaoConfig { mode: Mode::Mit, old_firmware: true, ..device(&control) };
     let mut rig = on_bus(motor(control), &config, Safety::COAST);
-    let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
-    rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
+    enable(&rig);
     rig.bench.wait(20);
     assert!(!rig.is_enabled());
     assert_eq!(rig.status().fault.unwrap().code, 0x10A);
@@ -234,10 +243,6 @@ fn old_firmware_in_another_mode_is_disabled() {
 /// Until the device does it, each operation goes to both identifiers in turn; then to one.
 #[test]
 fn an_operation_that_is_not_obeyed_goes_to_both_identifiers_in_turn() {
-    let id = StandardId::new(MASTER_ID).unwrap();
-    let says = |state: u8| {
-        CanFrame::eight_bytes(id, [state << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25])
-    };
     let (own, bare) = (0x200 + u32::from(CAN_ID), u32::from(CAN_ID));
     for (mode, state, last, in_turn) in [
         (DriveMode::Off, 1, 0xFD, true),
@@ -249,9 +254,7 @@ fn an_operation_that_is_not_obeyed_goes_to_both_identifiers_in_turn() {
         let mut sent = Vec::new();
         for millis in 1..=6 {
             motor.unpack_feedback(&says(state), Micros::from_millis(millis), Link::Online).unwrap();
-            motor.update(&Tick::new(mode));
-            let mut tx = TxBatch::new();
-            motor.pack_command(&mut tx).unwrap();
+            let tx = sent_in(&mut motor, &Tick::new(mode));
             assert_eq!(tx.frames()[0].bytes().last(), Some(&last));
             sent.push(tx.frames()[0].raw_id());
         }
@@ -267,8 +270,7 @@ fn an_operation_that_is_not_obeyed_goes_to_both_identifiers_in_turn() {
 fn an_enabled_device_is_disabled_before_all_else() {
     for control in controls() {
         let mut rig = on_bus(motor(control), &device(&control), Safety::COAST);
-        let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
-        rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
+        enable(&rig);
         rig.bench.world.advance(Micros::new(500));
         assert!(rig.is_enabled());
         rig.bench.wait(3);

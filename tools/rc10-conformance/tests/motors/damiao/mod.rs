@@ -66,9 +66,9 @@ pub fn device(control: &Control) -> DamiaoConfig {
 }
 
 /// A motor and its device.
-pub type Rig = One<Device>;
+type Rig = One<Device>;
 
-pub fn on_bus(motor: Damiao, config: &DamiaoConfig, safety: Safety) -> Rig {
+fn on_bus(motor: Damiao, config: &DamiaoConfig, safety: Safety) -> Rig {
     One::new(motor, Device::new(config), config.plant, safety)
 }
 

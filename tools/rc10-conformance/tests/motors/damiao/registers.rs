@@ -8,9 +8,11 @@ use rc10_conformance::Bench;
 use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::{
     ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, Request, RequestError, Response,
-    Safety, Target, Tick, TxBatch,
+    Safety, Target, Tick,
 };
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig};
+
+use crate::motors::sent_in;
 
 fn mit() -> Control {
     Control::Mit(cascade())
@@ -20,6 +22,13 @@ fn bits(answer: Result<Response, RequestError>) -> u32 {
     match answer {
         Ok(Response::Register(bits)) => bits,
         other => panic!("{other:?}"),
+    }
+}
+
+fn restart(rig: &mut Rig) {
+    for power in [false, true] {
+        rig.esc.set_power(power);
+        rig.bench.wait(20);
     }
 }
 
@@ -67,18 +76,12 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         assert_eq!(rig.status().condition, Condition::Ready);
 
         // Forgotten without power, unless saved.
-        rig.esc.set_power(false);
-        rig.bench.wait(20);
-        rig.esc.set_power(true);
-        rig.bench.wait(20);
+        restart(&mut rig);
         assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 0);
         assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
         assert_eq!(rig.ask(Request::SaveRegisters), Ok(Response::Done));
         assert_eq!(rig.device(|device| device.saves), 1);
-        rig.esc.set_power(false);
-        rig.bench.wait(20);
-        rig.esc.set_power(true);
-        rig.bench.wait(20);
+        restart(&mut rig);
         assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 2000);
 
         rig.switch.arm().unwrap();
@@ -127,10 +130,7 @@ fn a_zero_in_flash_is_kept_without_power() {
         assert_eq!(rig.ask(Request::StoreZero), Ok(Response::Done));
         let degrees = |rig: &Rig| rig.status().feedback.total_angle.degrees().get();
         assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
-        rig.esc.set_power(false);
-        rig.bench.wait(20);
-        rig.esc.set_power(true);
-        rig.bench.wait(20);
+        restart(&mut rig);
         assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
         assert!(!rig.is_enabled());
     }
@@ -149,8 +149,7 @@ fn a_stored_zero_is_believed_once_the_angle_is_zero() {
     let mut tick = |motor: &mut Damiao, position| {
         now += Micros::from_millis(1);
         motor.unpack_feedback(&says(position), now, Link::Online).unwrap();
-        motor.update(&Tick::new(DriveMode::Off));
-        motor.pack_command(&mut TxBatch::new()).unwrap();
+        sent_in(motor, &Tick::new(DriveMode::Off));
         motor.response()
     };
     assert_eq!(tick(&mut motor, 0x9000), None);

@@ -2,36 +2,18 @@
 
 use rc10_app::{Amps, Rpm};
 use rc10_can::{CanFrame, Micros};
-use rc10_conformance::Bench;
 use rc10_motor::lk::{Commands, DriveId, Lk};
 use rc10_motor::{
-    CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, MotorId, Request, Response, Safety,
-    Target, Tick,
+    CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, Request, Response, Safety, Target,
+    Tick,
 };
+use rc10_sim::EscFault;
 use rc10_sim::lk::{Drive, Settings, State, encode_echo, encode_health, encode_state};
-use rc10_sim::{Esc, EscFault};
 
 use super::{bench, is_on, joint, joint_plant};
+use crate::motors::{assert_returns_softly, sent_in};
 
 const SPEED: Target = Target::Speed(Rpm::new(100.0));
-
-/// Runs for a while after a return; no current is above what the soft start allows.
-fn assert_returns_softly(bench: &mut Bench<'_>, motor: MotorId, esc: &Esc, full: f64) {
-    let mut driven = 0.0;
-    for _ in 0..1000 {
-        bench.hold(motor, SPEED, 1).unwrap();
-        let current = esc.state().current.abs();
-        if current > 0.0 || driven > 0.0 {
-            driven += 1.0;
-            // 10 % a millisecond, and a step of the drive; a question may take the first one's place.
-            let most = (0.1 * (driven + 1.0) + 0.02) * full;
-            assert!(driven > 20.0 || current <= most, "{current} A after {driven} ms");
-        }
-    }
-    assert!(driven > 500.0);
-    let rpm = esc.state().output_rpm;
-    assert!((rpm - 100.0).abs() < 2.0, "{rpm}");
-}
 
 #[test]
 fn a_drive_that_is_on_after_power_on_comes_back_softly_too() {
@@ -42,7 +24,9 @@ fn a_drive_that_is_on_after_power_on_comes_back_softly_too() {
     esc.set_power(false);
     bench.hold(id, SPEED, 300).unwrap();
     esc.set_power(true);
-    assert_returns_softly(&mut bench, id, &esc, 5.0);
+    // 10 % of 5 A a millisecond, and a step of the drive; a question may take the first one's place.
+    let most = |millis| (0.1 * (millis + 1.0) + 0.02) * 5.0;
+    assert_returns_softly(&mut bench, id, &esc, most);
     assert!(is_on(&esc));
 }
 
@@ -124,10 +108,7 @@ fn one_echo_is_not_enough() {
     let feed = |motor: &mut Lk, bytes, millis, link| {
         let frame = CanFrame::eight_bytes(own, bytes);
         motor.unpack_feedback(&frame, Micros::from_millis(millis), link).unwrap();
-        motor.update(&Tick::new(DriveMode::Run));
-        let mut tx = rc10_motor::TxBatch::new();
-        motor.pack_command(&mut tx).unwrap();
-        tx.frames()[0].bytes()[0]
+        sent_in(motor, &Tick::new(DriveMode::Run)).frames()[0].bytes()[0]
     };
     motor.set_target(Target::Current(Amps::new(1.0))).unwrap();
     let measurement = encode_state(0x9C, state);

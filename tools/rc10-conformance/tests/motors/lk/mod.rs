@@ -30,8 +30,8 @@ pub const JOINT: Cascade = Cascade {
 
 /// For an MF9025 with a wheel of 0.005 kg m².
 pub const WHEEL: Cascade = Cascade {
-    speed: PidConfig::new(0.05, 0.3, 0.0, 12.0),
-    angle: PidConfig::new(1.0, 0.0, 0.0, 200.0),
+    speed: PidConfig::new(0.1, 0.5, 0.0, 12.0),
+    angle: PidConfig::new(2.0, 0.0, 0.0, 200.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(2000.0),
     feed_forward: FeedForward::NONE,

@@ -10,7 +10,7 @@ use rc10_motor::lk::signals::{NOT_IN_DBC, messages};
 use rc10_motor::lk::{Commands, Config, EncoderBits, Errors, Lk, Model};
 
 use super::values::{ID, config, values};
-use crate::motors::{by_table, cases};
+use crate::motors::{assert_same, cases};
 
 proptest! {
     #![proptest_config(cases(10_000))]
@@ -26,16 +26,9 @@ proptest! {
             bytes[0] = command;
         }
         let frame = CanFrame::data_frame(message.id, &bytes).unwrap();
-        let (mut ours, mut table) = (values(message.name, &frame), by_table(message, &frame));
+        let ours = values(message.name, &frame);
         prop_assert!(!ours.is_empty());
-        ours.sort_by_key(|(name, _)| *name);
-        table.sort_by_key(|(name, _)| *name);
-        prop_assert_eq!(ours.len(), table.len());
-        for ((name, ours), (same, theirs)) in ours.into_iter().zip(table) {
-            prop_assert_eq!(name, same);
-            let near = (ours - theirs).abs() <= 1e-5 * theirs.abs().max(1e-3);
-            prop_assert!(near, "{} {} {}", name, ours, theirs);
-        }
+        assert_same(message, &frame, &ours, |value| 1e-5 * value.abs().max(1e-3));
     }
 }
 

@@ -7,12 +7,12 @@ use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, 
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     CanMotor, Condition, DriveMode, Link, Motor, Request, RequestError, Response, Safety, Target,
-    TargetError, TargetKind, Tick, TxBatch,
+    TargetError, TargetKind, Tick,
 };
 use rc10_sim::Esc;
 use rc10_sim::odrive::{Axis, Settings, State, encode_estimates, encode_heartbeat};
 
-use crate::motors::{rpm, settles};
+use crate::motors::{rpm, sent_in, settles};
 
 use super::{NODE, bench, is_on, wheel, with};
 
@@ -150,14 +150,11 @@ fn a_position_is_sent_as_the_axis_counts() {
             motor.set_target(target).unwrap();
             let frame = encode_estimates(NODE, reading.into(), 0.0);
             motor.unpack_feedback(&frame, at, Link::Online).unwrap();
-            for state in [1, 8] {
-                motor
-                    .unpack_feedback(&encode_heartbeat(NODE, 0, state, [0; 3]), at, Link::Online)
-                    .unwrap();
-                motor.update(&Tick::new(DriveMode::Run));
-            }
-            let mut tx = TxBatch::new();
-            motor.pack_command(&mut tx).unwrap();
+            let [_, tx] = [1, 8].map(|state| {
+                let heartbeat = encode_heartbeat(NODE, 0, state, [0; 3]);
+                motor.unpack_feedback(&heartbeat, at, Link::Online).unwrap();
+                sent_in(&mut motor, &Tick::new(DriveMode::Run))
+            });
             let frame = *tx.frames().last().unwrap();
             assert_eq!(frame.raw_id() & 31, 0x0C, "{frame}");
             let [a, b, c, d, ..] = *frame.all_eight().unwrap();

@@ -2,37 +2,18 @@
 
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_can::{CanFrame, Micros};
-use rc10_conformance::Bench;
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Node, ODrive, Rates};
 use rc10_motor::{
-    CanMotor, Condition, DriveMode, FrameError, FrameKind, Link, Motor, MotorId, Safety, Target,
-    Tick,
+    CanMotor, Condition, DriveMode, FrameError, FrameKind, Link, Motor, Safety, Target, Tick,
 };
-use rc10_sim::Esc;
 use rc10_sim::odrive::{Axis, Settings, encode_estimates, encode_heartbeat, encode_temperatures};
 
 use super::{NODE, bench, is_on, wheel, with};
+use crate::motors::{assert_returns_softly, sent_in};
 
 const SPEED: Target = Target::Speed(Rpm::new(100.0));
 /// N m per ampere at the output shaft.
 const CONSTANT: f64 = 8.0 * 8.27 / 150.0;
-
-/// Runs for a while after a return; no torque is above what the soft start allows.
-fn assert_returns_softly(bench: &mut Bench<'_>, motor: MotorId, esc: &Esc) {
-    let mut driven = 0.0;
-    for _ in 0..1200 {
-        bench.hold(motor, SPEED, 1).unwrap();
-        let torque = (esc.state().current * CONSTANT).abs();
-        if torque > 0.0 || driven > 0.0 {
-            driven += 1.0;
-            // 10 % of 8 N m a millisecond.
-            assert!(driven > 20.0 || torque <= 0.8 * driven + 0.1, "{torque} after {driven} ms");
-        }
-    }
-    assert!(driven > 500.0);
-    let rpm = esc.state().output_rpm;
-    assert!((rpm - 100.0).abs() < 3.0, "{rpm}");
-}
 
 #[test]
 fn an_axis_that_takes_time_to_start_is_switched_on_softly_too() {
@@ -44,7 +25,9 @@ fn an_axis_that_takes_time_to_start_is_switched_on_softly_too() {
     esc.set_power(true);
     bench.hold(id, SPEED, 10).unwrap();
     assert_eq!(bench.status(id).fault, None);
-    assert_returns_softly(&mut bench, id, &esc);
+    // 10 % of 8 N m a millisecond.
+    let most = |millis| (0.8 * millis + 0.1) / CONSTANT;
+    assert_returns_softly(&mut bench, id, &esc, most);
     assert!(is_on(&esc));
 }
 
@@ -91,9 +74,7 @@ fn without_heartbeats_nothing_is_known_and_nothing_driven() {
                 );
             }
         }
-        motor.update(&Tick::new(DriveMode::Run));
-        let mut tx = rc10_motor::TxBatch::new();
-        motor.pack_command(&mut tx).unwrap();
+        let tx = sent_in(&mut motor, &Tick::new(DriveMode::Run));
         sent.push(tx.frames().first().map_or(0, |frame| frame.raw_id() & 31));
     }
     assert!(sent[..8].iter().all(|message| *message == 0x07), "{sent:?}");
@@ -169,10 +150,7 @@ fn stopped_while_it_starts_it_is_told_so_until_a_heartbeat_says_idle() {
             let heartbeat = encode_heartbeat(NODE, 0, 1, [0; 3]);
             motor.unpack_feedback(&heartbeat, at, Link::Online).unwrap();
         }
-        motor.update(&Tick::new(drive));
-        let mut tx = rc10_motor::TxBatch::new();
-        motor.pack_command(&mut tx).unwrap();
-        tx.frames().first().map(ToString::to_string)
+        sent_in(motor, &Tick::new(drive)).frames().first().map(ToString::to_string)
     };
     let idle = Some("067#0100000000000000".to_owned());
     let started: Vec<_> = (1..=4).map(|at| tick(&mut motor, at, DriveMode::Run)).collect();

@@ -29,7 +29,8 @@ pub const WHEEL: Cascade = Cascade {
 
 pub const NODE: u8 = 3;
 
-pub const LIMITS: Limits = Limits { speed: Rpm::new(300.0), current: Amps::new(18.0) };
+/// 8 N m.
+pub const LIMITS: Limits = Limits { speed: Rpm::new(300.0), current: Amps::new(18.1) };
 
 pub fn with(control: Control) -> Config {
     Config { control, ..wheel().with_limits(LIMITS) }

@@ -12,7 +12,7 @@ use rc10_motor::signals::Message;
 use rc10_motor::{CanMotor, Ownership};
 
 use super::values::{NODE, config, values};
-use crate::motors::{by_table, cases};
+use crate::motors::{assert_same, by_table, cases};
 
 fn of_0_5() -> Config {
     let rates = Rates { temperatures: 0, ..config().rates };
@@ -39,20 +39,14 @@ proptest! {
         let own = own(&config);
         let message = &own[which % own.len()];
         let frame = CanFrame::data_frame(message.id, &bytes).unwrap();
-        let (mut ours, mut table) =
-            (values(message.name, &frame, &config.firmware), by_table(message, &frame));
+        let ours = values(message.name, &frame, &config.firmware);
         if ours.is_empty() {
             // Refused: only for what is no number.
+            let table = by_table(message, &frame);
             prop_assert!(table.iter().any(|(_, value)| !value.is_finite()), "{}", message.name);
             return Ok(());
         }
-        ours.sort_by_key(|(name, _)| *name);
-        table.sort_by_key(|(name, _)| *name);
-        prop_assert_eq!(ours.len(), table.len());
-        for ((name, ours), (same, theirs)) in ours.into_iter().zip(table) {
-            prop_assert_eq!(name, same);
-            prop_assert!(ours == theirs || ours.is_nan() && !theirs.is_finite(), "{}", name);
-        }
+        assert_same(message, &frame, &ours, |_| 0.0);
     }
 
     #[test]

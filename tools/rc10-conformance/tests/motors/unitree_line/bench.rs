@@ -3,9 +3,11 @@ use std::ops::{Deref, DerefMut};
 use rc10_can::Micros;
 use rc10_conformance::LineBench;
 use rc10_motor::unitree::{GoM8010, LineConfig};
-use rc10_motor::{ArmSwitch, MotorId, Target};
+use rc10_motor::{ArmSwitch, MotorId, Safety, Target};
 use rc10_sim::unitree_line::{self, GoM8010 as Device, plant};
 use rc10_sim::{Esc, Plant};
+
+use crate::motors::leak;
 
 /// The kit's bench, and what our motors were told on it.
 pub struct Bench<'m> {
@@ -35,21 +37,34 @@ pub fn motors(count: u8) -> Vec<GoM8010> {
     (0..count).map(|id| GoM8010::new(LineConfig::new(id)).unwrap()).collect()
 }
 
-impl<'m> Bench<'m> {
-    pub fn new(seed: u64, switch: &'m ArmSwitch) -> Self {
-        let bench = LineBench::new(seed, switch);
+impl Bench<'static> {
+    fn new() -> Self {
+        let bench = LineBench::new(10, leak(ArmSwitch::new()));
         Self { bench, asked: Default::default(), sent: [[0; 17]; 15] }
     }
 
-    /// A simulated motor of this id.
-    pub fn device(&self, id: u8) -> Esc {
-        self.device_with(id, plant())
+    /// One motor and its device, heard and armed.
+    pub fn armed(config: LineConfig, plant: Plant, safety: Safety) -> (Self, MotorId, Esc) {
+        let mut bench = Self::new();
+        let device = bench.wire.add(Device::new(config.id), plant);
+        let motor = leak(GoM8010::new(config).unwrap());
+        let id = bench.bus.attach(motor, safety).unwrap();
+        bench.wait(5);
+        bench.bus.switch().arm().unwrap();
+        (bench, id, device)
     }
 
-    pub fn device_with(&self, id: u8, plant: Plant) -> Esc {
-        self.wire.add(Device::new(id), plant)
+    /// Motors of ids 0 .. `count` and their devices, not armed.
+    pub fn of(count: u8, safety: Safety) -> (Self, Vec<MotorId>, Vec<Esc>) {
+        let mut bench = Self::new();
+        let devices = (0..count).map(|id| bench.wire.add(Device::new(id), plant())).collect();
+        let ours = leak(motors(count)).iter_mut();
+        let ids = ours.map(|motor| bench.bus.attach(motor, safety).unwrap()).collect();
+        (bench, ids, devices)
     }
+}
 
+impl Bench<'_> {
     pub fn tick(&mut self) {
         self.bench.tick();
         for (at, is_ours, bytes) in self.bench.traffic.drain(..) {

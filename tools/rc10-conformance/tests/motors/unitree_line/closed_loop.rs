@@ -1,9 +1,8 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::{GoM8010, LineConfig};
+use rc10_motor::unitree::LineConfig;
 use rc10_motor::{
-    ArmSwitch, Condition, Impedance, Link, Request, Response, Safety, Target, TargetError,
-    TargetKind,
+    Condition, Impedance, Link, Request, Response, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::unitree_line::plant;
 use rc10_sim::{Esc, Plant, Scale};
@@ -22,14 +21,9 @@ fn torque(device: &Esc) -> f64 {
 #[test]
 fn a_speed_is_reached() {
     for scale in [0.7, 1.0, 1.3] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(LineConfig::new(3)).unwrap();
-        let mut bench = Bench::new(1, &switch);
         let scale = Scale { inertia: scale, friction: scale, torque_constant: 1.0 };
-        let device = bench.device_with(3, plant().scaled(scale));
-        let motor = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
-        bench.wait(5);
-        switch.arm().unwrap();
+        let plant = plant().scaled(scale);
+        let (mut bench, motor, device) = Bench::armed(LineConfig::new(3), plant, Safety::COAST);
         bench.hold(motor, Target::Speed(Rpm::new(120.0)), 1);
         assert_eq!(bench.status(motor).condition, Condition::Starting);
         bench.hold(motor, Target::Speed(Rpm::new(120.0)), 249);
@@ -49,14 +43,9 @@ fn a_speed_is_reached() {
 #[test]
 fn an_impedance_is_the_device_s_own_law() {
     for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(LineConfig::new(1).with_direction(direction)).unwrap();
-        let mut bench = Bench::new(4, &switch);
-        let device = bench.device_with(1, blocked());
-        let motor = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
-        bench.wait(5);
+        let config = LineConfig::new(1).with_direction(direction);
+        let (mut bench, motor, device) = Bench::armed(config, blocked(), Safety::COAST);
         bench.bus.request(motor, Request::SetZeroOfDriven).unwrap();
-        switch.arm().unwrap();
         let pull = Impedance {
             angle: Degrees::new(30.0),
             torque: NewtonMetres::new(-1.0),

@@ -1,10 +1,8 @@
 use rc10_app::{NewtonMetres, Rpm};
-use rc10_motor::unitree::{GoM8010, LineConfig};
-use rc10_motor::{
-    ArmSwitch, DriveMode, Impedance, Link, Request, RequestError, Response, Safety, Target,
-};
+use rc10_motor::unitree::LineConfig;
+use rc10_motor::{DriveMode, Impedance, Link, Request, RequestError, Response, Safety, Target};
 use rc10_sim::EscFault;
-use rc10_sim::unitree_line::GoM8010 as Device;
+use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
 use super::bench::{Bench, obeys};
 
@@ -18,13 +16,7 @@ fn each_fault_has_its_code_and_text_and_cannot_be_cleared_while_it_lasts() {
         (EscFault::OverVoltage, 3, "over-voltage"),
         (EscFault::Encoder, 4, "encoder"),
     ] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(LineConfig::new(6)).unwrap();
-        let mut bench = Bench::new(30, &switch);
-        let device = bench.device(6);
-        let id = bench.bus.attach(&mut motor, Safety::BRAKE).unwrap();
-        bench.wait(5);
-        switch.arm().unwrap();
+        let (mut bench, id, device) = Bench::armed(LineConfig::new(6), plant(), Safety::BRAKE);
         bench.hold(id, SPEED, 300);
         assert!(device.inject(fault));
         bench.hold(id, SPEED, 3);
@@ -46,20 +38,14 @@ fn each_fault_has_its_code_and_text_and_cannot_be_cleared_while_it_lasts() {
 
 #[test]
 fn a_motor_that_gets_too_hot_protects_itself_and_says_so() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let mut bench = Bench::new(31, &switch);
     let plant = rc10_sim::Plant {
         ambient: 85.0,
         static_friction: 1e3,
         coulomb_friction: 1e3,
         thermal_time_constant: 1.0,
-        ..rc10_sim::unitree_line::plant()
+        ..plant()
     };
-    let device = bench.device_with(0, plant);
-    let id = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
-    bench.wait(5);
-    switch.arm().unwrap();
+    let (mut bench, id, device) = Bench::armed(LineConfig::new(0), plant, Safety::COAST);
     let torque = Target::Torque(NewtonMetres::new(8.0));
     for _ in 0..2000 {
         bench.hold(id, torque, 1);
@@ -94,13 +80,7 @@ fn strange(step: u32) -> Target {
 
 #[test]
 fn whatever_is_commanded_the_device_is_never_told_to_calibrate() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let mut bench = Bench::new(32, &switch);
-    let device = bench.device(0);
-    let id = bench.bus.attach(&mut motor, Safety::HOLD).unwrap();
-    bench.wait(5);
-    switch.arm().unwrap();
+    let (mut bench, id, device) = Bench::armed(LineConfig::new(0), plant(), Safety::HOLD);
     for step in 0..3000 {
         let now = bench.world.now();
         let _ = bench.bus.command(id, strange(step), now);

@@ -1,37 +1,28 @@
 use rc10_app::{NewtonMetres, Rpm};
 use rc10_can::Micros;
-use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus};
+use rc10_motor::unitree::{LineConfig, Rs485Bus};
 use rc10_motor::{
-    ArmSwitch, CommandError, DriveMode, Link, Request, RequestError, Response, SafeState, Safety,
-    Target, TargetError, TargetKind,
+    CommandError, DriveMode, Link, MotorId, Request, RequestError, Response, Safety, Target,
+    TargetError, TargetKind,
 };
-use rc10_sim::Nanos;
+use rc10_sim::unitree_line::plant;
+use rc10_sim::{Esc, Nanos};
 
 use super::bench::{Bench, nth, obeys};
 
 const SPEED: Target = Target::Speed(Rpm::new(100.0));
 
 /// One motor on a line, armed and turning at 100 rpm.
-fn turning<'m>(
-    switch: &'m ArmSwitch,
-    motor: &'m mut GoM8010,
-    state: SafeState,
-) -> (Bench<'m>, rc10_sim::Esc, rc10_motor::MotorId) {
-    let mut bench = Bench::new(20, switch);
-    let device = bench.device(0);
-    let id = bench.bus.attach(motor, Safety::new(state)).unwrap();
-    bench.wait(5);
-    switch.arm().unwrap();
+fn turning(safety: Safety) -> (Bench<'static>, MotorId, Esc) {
+    let (mut bench, id, device) = Bench::armed(LineConfig::new(0), plant(), safety);
     bench.hold(id, SPEED, 400);
     assert!((device.state().output_rpm - 100.0).abs() < 0.5);
-    (bench, device, id)
+    (bench, id, device)
 }
 
 #[test]
 fn a_lost_motor_hears_nothing_but_its_safe_word() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let (mut bench, device, id) = turning(&switch, &mut motor, SafeState::Hold);
+    let (mut bench, id, device) = turning(Safety::HOLD);
     // It obeys, but is not heard.
     device.set_feedback(false);
     bench.hold(id, SPEED, 22);
@@ -53,11 +44,9 @@ fn a_lost_motor_hears_nothing_but_its_safe_word() {
 
 #[test]
 fn requests_and_refusals() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let mut bench = Bench::new(23, &switch);
-    let id = bench.bus.attach(&mut motor, Safety::COAST).unwrap();
-    let absent = nth(1);
+    let (mut bench, ids, devices) = Bench::of(1, Safety::COAST);
+    devices[0].set_power(false);
+    let (id, absent) = (ids[0], nth(1));
     let now = bench.world.now();
     assert_eq!(bench.bus.command(absent, SPEED, now), Err(CommandError::NoSuchMotor));
     assert_eq!(bench.bus.request(absent, Request::SetZeroOfDriven), Err(RequestError::NoSuchMotor));
@@ -73,7 +62,7 @@ fn requests_and_refusals() {
     for request in [Request::StoreZero, Request::ReadRegister(1), Request::SaveRegisters] {
         assert_eq!(bench.bus.request(id, request), Err(RequestError::Unsupported));
     }
-    // There is no device at all.
+    // The device has no power.
     assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     assert_eq!(bench.bus.request(id, Request::SetZeroOfDriven), Err(RequestError::Busy));
     bench.wait(240);
@@ -85,9 +74,7 @@ fn requests_and_refusals() {
 
 #[test]
 fn after_a_pause_nothing_old_holds() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
-    let (mut bench, device, id) = turning(&switch, &mut motor, SafeState::Coast);
+    let (mut bench, id, device) = turning(Safety::COAST);
     // The processor stood still for two seconds: no ticks, no polls.
     let now = bench.world.now() + Micros::from_millis(2000);
     bench.world.advance(now);
@@ -99,14 +86,9 @@ fn after_a_pause_nothing_old_holds() {
 
 #[test]
 fn the_coast_image_frees_all_of_them_in_whatever_state() {
-    let switch = ArmSwitch::new();
-    let mut ours = super::bench::motors(3);
-    let mut bench = Bench::new(24, &switch);
-    let devices: Vec<_> = (0..3).map(|id| bench.device(id)).collect();
-    let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::HOLD).unwrap()).collect();
+    let (mut bench, ids, devices) = Bench::of(3, Safety::HOLD);
     bench.wait(20);
-    switch.arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     bench.hold_all(&ids, Target::Torque(NewtonMetres::new(2.0)), 50);
     assert!(devices.iter().all(|device| device.state().current > 3.0));
     // In the middle of an exchange.

@@ -1,26 +1,22 @@
 use rc10_app::Rpm;
 use rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus, Step};
-use rc10_motor::{ArmSwitch, AttachError, Clash, Link, MotorName, SafeState, Safety, Target};
-use rc10_sim::unitree_line::{Answer, GoM8010 as Device, plant};
+use rc10_motor::{
+    ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target,
+};
+use rc10_sim::unitree_line::{Answer, GoM8010 as Device};
 use rc10_sim::{Esc, Nanos};
 
 use super::bench::{Bench, motors, nth};
 
 /// Eight motors at a speed for a second, number 3 of them silent or not.
-fn eight<'m>(
-    bench: &mut Bench<'m>,
-    ours: &'m mut [GoM8010],
-    silent: bool,
-) -> (Vec<rc10_motor::MotorId>, Vec<Esc>) {
-    let devices: Vec<_> = (0..8).map(|id| bench.device(id)).collect();
+fn eight(silent: bool) -> (Bench<'static>, Vec<MotorId>, Vec<Esc>) {
+    let (mut bench, ids, devices) = Bench::of(8, Safety::COAST);
     devices[3].set_power(!silent);
-    let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::COAST).unwrap()).collect();
     bench.wait(150);
     bench.bus.switch().arm().unwrap();
     bench.hold_all(&ids, Target::Speed(Rpm::new(60.0)), 1000);
-    (ids, devices)
+    (bench, ids, devices)
 }
 
 /// Mean and longest time in µs from one question to the next.
@@ -35,10 +31,7 @@ fn cycle(asked: &[Micros], from: Micros) -> (f64, u64) {
 
 #[test]
 fn eight_motors_are_asked_every_millisecond() {
-    let switch = ArmSwitch::new();
-    let mut ours = motors(8);
-    let mut bench = Bench::new(10, &switch);
-    let (ids, devices) = eight(&mut bench, &mut ours, false);
+    let (bench, ids, devices) = eight(false);
     for (id, device) in ids.iter().zip(&devices) {
         let (mean, longest) = cycle(&bench.asked[id.index()], Micros::from_millis(200));
         assert!((mean - 1000.0).abs() < 1.0 && longest <= 1002, "{id:?} {mean} {longest}");
@@ -86,10 +79,7 @@ fn a_listener_counts_what_it_overhears() {
 
 #[test]
 fn one_silent_motor_of_eight_costs_the_others_one_time_out_in_a_hundred_milliseconds() {
-    let switch = ArmSwitch::new();
-    let mut ours = motors(8);
-    let mut bench = Bench::new(11, &switch);
-    let (ids, devices) = eight(&mut bench, &mut ours, true);
+    let (mut bench, ids, devices) = eight(true);
     let from = Micros::from_millis(200);
     for id in ids.iter().filter(|id| id.index() != 3) {
         let (mean, longest) = cycle(&bench.asked[id.index()], from);
@@ -129,14 +119,9 @@ fn one_silent_motor_of_eight_costs_the_others_one_time_out_in_a_hundred_millisec
 
 #[test]
 fn fourteen_that_fall_silent_at_once_do_not_cost_the_fifteenth_its_link() {
-    let switch = ArmSwitch::new();
-    let mut ours = motors(15);
-    let mut bench = Bench::new(12, &switch);
-    let devices: Vec<_> = (0..15).map(|id| bench.device(id)).collect();
-    let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::COAST).unwrap()).collect();
+    let (mut bench, ids, devices) = Bench::of(15, Safety::COAST);
     bench.wait(50);
-    switch.arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     let speed = Target::Speed(Rpm::new(30.0));
     bench.hold_all(&ids, speed, 500);
     for id in &ids {
@@ -162,14 +147,9 @@ fn fourteen_that_fall_silent_at_once_do_not_cost_the_fifteenth_its_link() {
 
 #[test]
 fn garbage_and_wrong_bits_are_counted_and_never_taken() {
-    let switch = ArmSwitch::new();
-    let mut ours = motors(2);
-    let mut bench = Bench::new(13, &switch);
-    let devices = [bench.device(0), bench.device(1)];
-    let ids: Vec<_> =
-        ours.iter_mut().map(|motor| bench.bus.attach(motor, Safety::COAST).unwrap()).collect();
+    let (mut bench, ids, devices) = Bench::of(2, Safety::COAST);
     bench.wait(50);
-    switch.arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     let speed = Target::Speed(Rpm::new(60.0));
     bench.hold_all(&ids, speed, 500);
     let before = bench.bus.counters();
@@ -267,15 +247,11 @@ fn an_answer_that_was_not_asked_for_is_not_taken() {
 #[test]
 fn slow_devices_are_waited_for_up_to_the_time_out() {
     for (turnaround, answers) in [(880, true), (950, false)] {
-        let switch = ArmSwitch::new();
-        let mut ours = motors(1);
-        let mut bench = Bench::new(15, &switch);
-        let mut device = Device::new(0);
-        device.think = Nanos::new(turnaround * 1000);
-        let _device = bench.wire.add(device, plant());
-        let id = bench.bus.attach(&mut ours[0], Safety::COAST).unwrap();
+        let (mut bench, ids, devices) = Bench::of(1, Safety::COAST);
+        let think = Nanos::new(turnaround * 1000);
+        devices[0].with(|device: &mut Device| device.think = think).unwrap();
         bench.wait(500);
-        let online = bench.status(id).link == Link::Online;
+        let online = bench.status(ids[0]).link == Link::Online;
         assert_eq!(online, answers, "{turnaround} us");
         assert_eq!(bench.bus.counters().timeouts > 0, !answers);
     }

@@ -1,12 +1,12 @@
 //! Each sort of target is reached, bare and loaded, with a motor that is not quite what we think.
 
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, TotalAngle};
-use rc10_motor::unitree::{GoModule, ModuleConfig};
+use rc10_motor::unitree::ModuleConfig;
 use rc10_motor::{Impedance, Request, RequestError, Safety, Target, TargetError, TargetKind};
 use rc10_sim::unitree_module::plant;
 use rc10_sim::{Plant, Scale};
 
-use super::{One, behind, speed, with_plant};
+use super::{One, behind, speed, with_module, with_plant};
 
 /// Bare and with 0.02 kg m², each with inertia, friction and magnets 30 % off.
 fn plants() -> Vec<Plant> {
@@ -45,9 +45,7 @@ fn respond(
 #[test]
 fn a_speed_is_reached_and_kept() {
     for plant in plants() {
-        let mut one =
-            with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant)
-                .armed();
+        let mut one = with_plant(Safety::COAST, plant).armed();
         let (over, settled) = respond(&mut one, speed(150.0), 150.0, (1000, 3.0), |one| one.rpm());
         assert!(over < 3.5 && settled < 300, "{over} rpm over, {settled} ms: {plant:?}");
         assert!((one.rpm() - 150.0).abs() < 1.5, "{}", one.rpm());
@@ -59,8 +57,7 @@ fn a_speed_is_reached_and_kept() {
 #[test]
 fn an_angle_is_reached_and_kept() {
     for plant in plants() {
-        let mut one =
-            with_plant(GoModule::new(ModuleConfig::new(2, 14)).unwrap(), Safety::COAST, plant);
+        let (mut one, _) = with_module(ModuleConfig::new(2, 14), Safety::COAST, plant);
         one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
         one.switch.arm().unwrap();
         let target = Target::TotalAngle(TotalAngle::from_degrees(720));
@@ -80,7 +77,7 @@ fn spring(kp: f32, kd: f32) -> Impedance {
 #[test]
 fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
     let heavy = plant().with_load_inertia(50.0);
-    let mut one = with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy);
+    let mut one = with_plant(Safety::COAST, heavy);
     one.bench.bus.request(one.motor, Request::SetZeroOfDriven).unwrap();
     one.switch.arm().unwrap();
     let far = |torque| Impedance {
@@ -116,9 +113,7 @@ fn whatever_takes_over_starts_softly() {
         [[Target::Torque(torque), given], [given, Target::Torque(torque)], [far(50.0), far(80.0)]]
     {
         let heavy = plant().with_load_inertia(50.0);
-        let mut one =
-            with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
-                .armed();
+        let mut one = with_plant(Safety::COAST, heavy).armed();
         for target in [second, first] {
             one.hold(target, 100);
             assert!(one.torque() > 19.0, "{target:?}");
@@ -138,7 +133,7 @@ fn whatever_takes_over_starts_softly() {
 
 #[test]
 fn what_cannot_be_is_refused_and_changes_nothing() {
-    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
+    let mut one = behind(Safety::COAST);
     let now = one.bench.world.now();
     let mut refused = |target| {
         let error = one.bench.bus.command(one.motor, target, now).unwrap_err();

@@ -1,7 +1,6 @@
 //! Cut wires, lost power, silence, and what a motor finds wrong with itself.
 
 use rc10_motor::rc10_app::{Degrees, NewtonMetres};
-use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{Condition, DriveMode, Impedance, Link, SafeState, Safety, Target};
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{Mode, plant};
@@ -30,9 +29,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
     });
     for target in [speed(150.0), Target::Torque(NewtonMetres::new(20.0)), far] {
         let heavy = plant().with_load_inertia(1.0);
-        let mut one =
-            with_plant(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
-                .armed();
+        let mut one = with_plant(Safety::COAST, heavy).armed();
         one.hold(target, 100);
         one.bench.wire.set_cut(true);
         one.hold(target, 9);
@@ -60,11 +57,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
 
 #[test]
 fn a_motor_that_somebody_else_locked_is_set_up_anew() {
-    let mut one = with_plant(
-        GoModule::new(ModuleConfig::new(3, 0)).unwrap(),
-        Safety::COAST,
-        plant().with_load_inertia(50.0),
-    );
+    let mut one = with_plant(Safety::COAST, plant().with_load_inertia(50.0));
     let mut lock = rc10_motor::TxBatch::new();
     one.bench.bus.coast_image(&mut lock).unwrap();
     one.switch.arm().unwrap();
@@ -86,7 +79,7 @@ fn a_motor_that_somebody_else_locked_is_set_up_anew() {
 
 #[test]
 fn a_cable_off_behind_the_module_is_a_lost_motor() {
-    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let mut one = behind(Safety::COAST).armed();
     one.hold(speed(60.0), 300);
     assert!(one.esc.inject(EscFault::CommunicationLost));
     one.hold(speed(60.0), 30);
@@ -97,8 +90,7 @@ fn a_cable_off_behind_the_module_is_a_lost_motor() {
 #[test]
 fn an_impedance_ends_in_the_safe_state_too() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
-        let mut one =
-            behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
+        let mut one = behind(Safety::new(state)).armed();
         let spring = Impedance { kp: 20.0, kd: 0.5, ..Impedance::default() };
         one.hold(Target::Impedance(spring), 300);
         one.switch.emergency_stop();

@@ -10,7 +10,7 @@ mod signals;
 mod values;
 
 use rc10_motor::rc10_app::Rpm;
-use rc10_motor::unitree::GoModule;
+use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{Safety, Target};
 use rc10_sim::Plant;
 use rc10_sim::unitree_module::{Gains, Mode, UnitreeModule, UnitreeMotor, plant};
@@ -19,15 +19,16 @@ use rc10_sim::unitree_module::{Gains, Mode, UnitreeModule, UnitreeMotor, plant};
 type One = crate::motors::One<UnitreeMotor>;
 
 /// One that is heard, and disarmed.
-fn behind(motor: GoModule, safety: Safety) -> One {
-    with_plant(motor, safety, plant())
+fn behind(safety: Safety) -> One {
+    with_plant(safety, plant())
 }
 
-fn with_plant(motor: GoModule, safety: Safety, plant: Plant) -> One {
-    with_module(motor, safety, plant).0
+fn with_plant(safety: Safety, plant: Plant) -> One {
+    with_module(ModuleConfig::new(3, 0), safety, plant).0
 }
 
-fn with_module(motor: GoModule, safety: Safety, plant: Plant) -> (One, UnitreeModule) {
+fn with_module(config: ModuleConfig, safety: Safety, plant: Plant) -> (One, UnitreeModule) {
+    let motor = GoModule::new(config).unwrap();
     let module = UnitreeModule::new(motor.module().get()).unwrap();
     let device = module.motor(motor.address().get()).unwrap();
     let mut one = One::new(motor, device, plant, safety);

@@ -45,7 +45,7 @@ const SPRING: Impedance = Impedance {
 
 #[test]
 fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
-    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
+    let mut one = behind(Safety::COAST);
     assert_eq!(one.bench.status(one.motor).link, Link::Online);
     assert_eq!(ticks(&mut one, speed(60.0), 3), ["lock"; 3]);
     assert_eq!(one.mode(), Mode::Locked);
@@ -61,7 +61,7 @@ fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
 
 #[test]
 fn an_impedance_counts_once_the_module_has_confirmed_it() {
-    let mut one = behind(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
+    let mut one = behind(Safety::COAST).armed();
     one.hold(speed(100.0), 500);
     assert!(one.gains().stiffness == 0.0 && one.gains().damping == 0.0);
     let target = Target::Impedance(SPRING);
@@ -90,8 +90,7 @@ fn an_impedance_counts_once_the_module_has_confirmed_it() {
 
 #[test]
 fn a_module_that_does_not_keep_its_gains_never_drives() {
-    let (one, module) =
-        with_module(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant());
+    let (one, module) = with_module(ModuleConfig::new(3, 0), Safety::COAST, plant());
     let mut one = one.armed();
     for _ in 0..200 {
         // It restarts in every millisecond: what it tells is never what it was told.
@@ -107,8 +106,7 @@ fn a_module_that_does_not_keep_its_gains_never_drives() {
 
 #[test]
 fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
-    let (one, module) =
-        with_module(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant());
+    let (one, module) = with_module(ModuleConfig::new(3, 0), Safety::COAST, plant());
     let mut one = one.armed();
     one.hold(Target::Impedance(SPRING), 500);
     let held = one.told();
@@ -125,8 +123,7 @@ fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
 
 #[test]
 fn a_module_without_power_is_set_up_again_when_it_is_back() {
-    let (one, module) =
-        with_module(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant());
+    let (one, module) = with_module(ModuleConfig::new(3, 0), Safety::COAST, plant());
     let mut one = one.armed();
     one.hold(Target::Impedance(SPRING), 500);
     module.set_power(false);

@@ -5,6 +5,7 @@ use rc10_sim::Random;
 use rc10_sim::unitree_module::{Asked, Command};
 
 use super::values::values;
+use crate::motors::assert_same;
 
 #[test]
 fn the_table_reads_what_the_codec_reads() {
@@ -16,14 +17,8 @@ fn the_table_reads_what_the_codec_reads() {
             let data = random.bits().to_le_bytes();
             let frame = CanFrame::eight_bytes(message.id, data);
             let read = values(message.name, &frame);
-            assert_eq!(read.len(), message.signals.len(), "{}", message.name);
-            for signal in message.signals {
-                let (_, value) = read.iter().find(|(name, _)| *name == signal.name).unwrap();
-                let physical = signal.physical(&data).unwrap();
-                let error = (physical - value).abs();
-                assert!(error <= 2e-7 * physical.abs(), "{}: {physical} {value}", signal.name);
-                compared += 1;
-            }
+            assert_same(message, &frame, &read, |value| 2e-7 * value.abs());
+            compared += read.len();
         }
     }
     assert_eq!(compared, 2_500 * 8);

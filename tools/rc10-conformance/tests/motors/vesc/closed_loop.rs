@@ -1,8 +1,8 @@
 //! Effects of each target on a simulated motor.
 
 use rc10_app::{Amps, Degrees, PidConfig, Rpm, RpmPerSecond, TotalAngle};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::vesc::Setting;
 use rc10_motor::{Condition, DriveMode, Request, RequestError, Target, TargetError, TargetKind};
 use rc10_sim::vesc::Mode;
@@ -214,27 +214,9 @@ fn supports(config: &Config) -> rc10_motor::TargetSet {
     rc10_motor::Motor::supports(&Vesc::new(*config).unwrap())
 }
 
-/// A lift: gear 19, 1 N m of friction and load that a shaft of its size has.
 fn lift() -> (Vesc, VescConfig) {
-    let mut ours = config(1);
-    let gear = Gear::new(19, 1).unwrap();
-    ours.scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
-    ours.command_hz = 500;
-    let cascade = Cascade {
-        speed: PidConfig::new(0.9, 5.0, 0.0, 40.0),
-        angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
-        outer_divider: 5,
-        acceleration: RpmPerSecond::new(400.0),
-        feed_forward: FeedForward::NONE,
-    };
-    let mut theirs = device(1);
-    let plant = &mut theirs.plant;
-    plant.gear_ratio = 19.0;
-    plant.torque_constant *= 19.0;
-    plant.back_emf *= 19.0;
-    plant.load_inertia = 0.05;
-    (plant.coulomb_friction, plant.static_friction) = (0.3, 0.4);
-    (Vesc::new(ours.with_angle_loops(cascade)).unwrap(), theirs)
+    let ours = Config { command_hz: 500, ..super::lift(1) };
+    (Vesc::new(ours).unwrap(), VescConfig { plant: lift_plant(), ..device(1) })
 }
 
 #[test]
@@ -291,13 +273,8 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
 
 /// With loops that ask for all of its current at once.
 fn hasty(config: Config) -> Vesc {
-    let cascade = Cascade {
-        speed: PidConfig::new(50.0, 0.0, 0.0, 40.0),
-        angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
-        outer_divider: 5,
-        acceleration: RpmPerSecond::new(4000.0),
-        feed_forward: FeedForward::NONE,
-    };
+    let speed = PidConfig::new(50.0, 0.0, 0.0, 40.0);
+    let cascade = Cascade { speed, acceleration: RpmPerSecond::new(4000.0), ..LIFT };
     Vesc::new(config.with_angle_loops(cascade)).unwrap()
 }
 

@@ -7,13 +7,14 @@ mod wiring;
 
 use std::num::NonZeroU8;
 
-use rc10_app::{Amps, Gear};
+use rc10_app::{Amps, Gear, PidConfig, RpmPerSecond};
 use rc10_can::Micros;
 use rc10_conformance::Bench;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc, VescId};
 use rc10_motor::{ArmSwitch, MotorId, Safety};
-use rc10_sim::Esc;
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
+use rc10_sim::{Esc, Plant};
 
 /// Pole pairs of the wheel's motor in the simulation.
 const POLE_PAIRS: u8 = 7;
@@ -28,19 +29,49 @@ fn amps(limit: f32, brake: f32, handbrake: f32) -> Currents {
 }
 
 /// Our side: an outrunner without gearbox.
-fn config(number: u8) -> Config {
+pub fn config(number: u8) -> Config {
     let scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), Gear::DIRECT);
     Config::new(number, scale, amps(40.0, 15.0, 20.0))
 }
 
 /// Its side, set up as the page says: rates and timeout; a wheel of 1 kg, radius 5 cm.
-fn device(number: u8) -> VescConfig {
+pub fn device(number: u8) -> VescConfig {
     VescConfig {
         status_hz: [200, 0, 0, 10, 200, 0],
         timeout: Micros::from_millis(200),
         current_max: 40.0,
         brake_max: 40.0,
         ..VescConfig::new(number, outrunner_270_kv().with_load_inertia(1.25e-3))
+    }
+}
+
+/// For the drum of a lift behind a gearbox of 19 : 1.
+pub const LIFT: Cascade = Cascade {
+    speed: PidConfig::new(0.9, 5.0, 0.0, 40.0),
+    angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
+    outer_divider: 5,
+    acceleration: RpmPerSecond::new(400.0),
+    feed_forward: FeedForward::NONE,
+};
+
+/// Our side of the lift.
+pub fn lift(number: u8) -> Config {
+    let gear = Gear::new(19, 1).unwrap();
+    let scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
+    Config { scale, ..config(number) }.with_angle_loops(LIFT)
+}
+
+/// With 1 N m of friction and the load that a shaft of its size has.
+pub fn lift_plant() -> Plant {
+    let plant = outrunner_270_kv();
+    Plant {
+        gear_ratio: 19.0,
+        torque_constant: plant.torque_constant * 19.0,
+        back_emf: plant.back_emf * 19.0,
+        load_inertia: 0.05,
+        coulomb_friction: 0.3,
+        static_friction: 0.4,
+        ..plant
     }
 }
 

@@ -1,10 +1,10 @@
 //! Identifiers, frames and configurations of a VESC.
 
-use rc10_app::{Amps, ConfigError, Degrees, Direction, PidConfig, Rpm, RpmPerSecond};
+use rc10_app::{Amps, ConfigError, Degrees, Direction, Rpm, RpmPerSecond};
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::dji::{self, Dji, FeedbackRate, M3508};
-use rc10_motor::rc10_app::{Cascade, FeedForward};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
     AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames, Link, Motor,
@@ -12,6 +12,7 @@ use rc10_motor::{
 };
 
 use super::*;
+use crate::motors::sent_in;
 
 fn vesc(number: u8) -> Vesc {
     Vesc::new(config(number)).unwrap()
@@ -67,18 +68,11 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
         assert_eq!(error.field, "relative_to");
     }
     assert_eq!(refused(|config| config.asker = id(config.id)), "asker");
-    let cascade = Cascade {
-        speed: PidConfig::new(1.0, 0.0, 0.0, 40.0),
-        angle: PidConfig::new(1.0, 0.0, 0.0, 100.0),
-        outer_divider: 1,
-        acceleration: RpmPerSecond::new(100.0),
-        feed_forward: FeedForward::NONE,
-    };
     let mut slow = good;
     slow.status.status_5 = 100;
-    let error = Vesc::new(slow.with_angle_loops(cascade)).unwrap_err();
+    let error = Vesc::new(slow.with_angle_loops(LIFT)).unwrap_err();
     assert_eq!((error.field, error.value), ("status_5", 100.0));
-    let wrong = Cascade { acceleration: RpmPerSecond::new(0.0), ..cascade };
+    let wrong = Cascade { acceleration: RpmPerSecond::new(0.0), ..LIFT };
     assert_eq!(Vesc::new(good.with_angle_loops(wrong)).unwrap_err().field, "acceleration");
 }
 
@@ -188,9 +182,7 @@ fn a_frame_is_sent_when_there_is_something_to_say() {
     let mut tick = |motor: &mut Vesc, link, mode, millis: u32| {
         sent.clear();
         for _ in 0..millis {
-            let mut tx = TxBatch::new();
-            motor.update(&Tick { link, ..Tick::new(mode) });
-            motor.pack_command(&mut tx).unwrap();
+            let tx = sent_in(motor, &Tick { link, ..Tick::new(mode) });
             let key = CanFrame::key_of(ExtendedId::new(5).unwrap());
             for (frame, stream) in tx.entries() {
                 assert!(frame.raw_id() == 0x1105 || stream == key);
@@ -245,11 +237,9 @@ fn an_angle_that_the_device_seeks_stays_where_it_is_under_a_new_zero() {
         assert_eq!(motor.feedback().angle, Degrees::new(seen));
         motor.set_target(Target::Angle(Degrees::new(100.0))).unwrap();
         let sent = |motor: &mut Vesc| {
-            let mut tx = TxBatch::new();
             // As long as until a command is repeated.
-            (0..5).for_each(|_| motor.update(&Tick::new(DriveMode::Run)));
-            motor.pack_command(&mut tx).unwrap();
-            tx.frames()[0].to_string()
+            (0..4).for_each(|_| motor.update(&Tick::new(DriveMode::Run)));
+            sent_in(motor, &Tick::new(DriveMode::Run)).frames()[0].to_string()
         };
         assert_eq!(sent(&mut motor), sought);
         assert_eq!(motor.request(Request::SetZero), Ok(Response::Done));
@@ -269,9 +259,7 @@ fn a_frame_that_finds_no_room_is_sent_in_the_next_tick() {
     let mut full = TxBatch::new();
     while full.push(frame(1, &[])).is_ok() {}
     assert!(motor.pack_command(&mut full).is_err());
-    motor.update(&Tick::new(DriveMode::Run));
-    let mut tx = TxBatch::new();
-    motor.pack_command(&mut tx).unwrap();
+    let tx = sent_in(&mut motor, &Tick::new(DriveMode::Run));
     assert_eq!(tx.frames()[0].to_string(), "00000205#00000BB8");
 }
 
