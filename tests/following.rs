@@ -178,7 +178,7 @@ fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
     let mut motors = team::Motors::new();
     let started = Started { buses: motors.start(&shared.switch).unwrap().buses, lines: [] };
     let description = Description { serials: Vec::new(), ..team::description() };
-    let robot = Robot::of(description, started, &shared);
+    let robot = Robot::of(description, started, shared);
     let mut around = Environment::new(robot.description(), 1).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     let ahead = 20.0 * 0.076 / 4.0 / 0.3;
@@ -189,7 +189,7 @@ fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
         (Twist::new(0.0, 1.0, 0.0), [-ahead, ahead, ahead, -ahead]),
         (Twist::new(0.0, 0.0, 3.0), [-3.0 * round, 3.0 * round, -3.0 * round, 3.0 * round]),
     ] {
-        BASE.command(&mut (), &shared, [Twist::STOP, change]);
+        BASE.command(&mut (), shared, [Twist::STOP, change]);
         around.run(&mut tasks, around.world.now() + Micros::from_millis(3));
         for (name, effort) in BASE.wheels.into_iter().zip(effort) {
             let target = shared.motor(name).status().target;

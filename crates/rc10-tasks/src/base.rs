@@ -251,7 +251,6 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
     }
 
     /// Returns the twist that it has been commanded; a standstill while it rests.
-    #[must_use]
     pub fn commanded(&self) -> Twist {
         self.commanded.unwrap_or(Twist::STOP)
     }

@@ -86,15 +86,16 @@ struct Along {
     patience: f32,
 }
 
-impl Driver {
+impl Default for Driver {
     /// Goes on from how the base moves.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         // A switch that was left there starts nothing by itself.
         let course = Course::ByHand { is_ready: false };
         Self { base: BaseDriver::new(&BASE), hold: HeadingHold::new(), course }
     }
+}
 
+impl Driver {
     /// Drives for the coming `dt`, from this pose.
     pub fn step(&mut self, shared: &Shared<'_>, remote: &Remote, pose: Pose, dt: Seconds) {
         self.choose(remote);

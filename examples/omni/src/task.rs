@@ -47,7 +47,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             tell(shared, None, None);
             continue;
         };
-        let begin = || (Driver::new(), Mechanisms::new(shared));
+        let begin = || (Driver::default(), Mechanisms::new(shared));
         let (base, mechanisms) = driven.get_or_insert_with(begin);
         base.step(shared, &remote, pose, dt);
         mechanisms.step(shared, &remote, dt);
