@@ -61,6 +61,6 @@ async fn main(spawner: Spawner) {
         Err(_) => defmt::panic!("there is room for one task"),
     }
     let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
-    let console = robot::console(shared, &shared.live, (receiver, transmitter), Instant::now());
+    let console = robot::console(shared, (receiver, transmitter), Instant::now());
     join(status::run(shared), console).await.0
 }
