@@ -25,9 +25,9 @@ use rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
 use rc10_message::Cycles;
 use rc10_module::led::ws2812::BITS;
 use rc10_motor::MotorBus;
+use static_cell::{ConstStaticCell, StaticCell};
 use team::table::{BUSES, CONSOLE, LEDS, RECEIVER};
 use team::{Motors, Ports, Shared};
-use static_cell::{ConstStaticCell, StaticCell};
 
 rc10_bsp::crash_handlers!();
 

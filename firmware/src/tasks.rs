@@ -9,9 +9,9 @@ use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{Serial, SerialReceiver};
 use rc10_module::led::ws2812::{Pulses, Strip};
+use rc10_tasks::{remote, status, status_led};
 use team::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
 use team::{Shared, chassis, driver, imu, mechanisms};
-use rc10_tasks::{remote, status, status_led};
 
 /// The base.
 #[embassy_executor::task]

@@ -15,9 +15,9 @@ use embassy_time::Instant;
 use rc10_board::board::Board;
 use rc10_board::robot;
 use rc10_bsp::usb::{self, UsbConfig, UsbDevice, UsbMemory};
-use team::{Ports, Shared};
 use rc10_tasks::status;
 use static_cell::StaticCell;
+use team::{Ports, Shared};
 
 rc10_bsp::crash_handlers!();
 

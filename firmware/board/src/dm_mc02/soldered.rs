@@ -27,8 +27,8 @@ use rc10_module::imu::heater::{Heater, HeaterConfig};
 use rc10_module::led::ws2812::{BITS, Pulses, Strip};
 use rc10_motor::Names;
 use rc10_motor::rc10_app::Seconds;
-use rc10_tasks::supply::OLDEST_SUPPLY;
 use rc10_tasks::live::Live;
+use rc10_tasks::supply::OLDEST_SUPPLY;
 use rc10_tasks::{Common, Supply, TickWatch, heading, status_led};
 
 use super::{ImuParts, OutputPins, Soldered};
