@@ -52,7 +52,7 @@ impl fmt::Display for Good {
     /// The command that repeats it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { package, seconds, seed, receiver, loads } = self;
-        write!(f, "cargo run --release --package {package} -- run --strict --no-logs")?;
+        write!(f, "cargo run --package {package} -- run --strict --no-logs")?;
         write!(f, " --seconds {seconds} --seed {seed} --remote {receiver}")?;
         loads.iter().try_for_each(|load| write!(f, " --mistake '{load}'"))
     }
@@ -98,7 +98,7 @@ impl Good {
     }
 }
 
-/// `RC10_HOURS=100 cargo test --release -p rc10 --test all -- hours --ignored --nocapture`; a part of them
+/// `RC10_HOURS=100 cargo test -p rc10 --test all -- hours --ignored --nocapture`; a part of them
 /// by `RC10_HOURS=25..50`.
 #[test]
 #[ignore = "takes hours"]

@@ -208,7 +208,7 @@ pub fn run(is_whole: bool) -> Result<()> {
     report.step("robots", || {
         let run = |(package, robot): (&str, &str)| {
             let arguments = format!("run --strict --out target/rc10-{robot}");
-            run_command(&mut host(&format!("run --release {package} -- {arguments}")))
+            run_command(&mut host(&format!("run {package} -- {arguments}")))
         };
         // A newcomer's first command names no package.
         let robots = [
@@ -316,7 +316,7 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
     fs::create_dir_all(&place)?;
     let made = || -> Result<()> {
         let new = |arguments: &[&str]| {
-            let mut new = host("run --release --manifest-path");
+            let mut new = host("run --manifest-path");
             new.arg(root().join("Cargo.toml")).args(["--", "new"]).args(arguments);
             run_command(new.current_dir(&place))
         };
@@ -327,17 +327,17 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
         new(&["demo"])?;
         add_a_motor(&place.join("demo"))?;
         let own = |arguments: &str| in_folder("demo", arguments);
-        own("run --release -- run --strict --seconds 5")?;
-        own("test --release")?;
+        own("run -- run --strict --seconds 5")?;
+        own("test")?;
         if !has_chip {
             return Ok(());
         }
-        own("run --release -- emu --strict --seconds 2")?;
+        own("run -- emu --strict --seconds 2")?;
         // For the other board: made for it, and built for it.
         new(&["owl", "--board", DM_MC02])?;
-        in_folder("owl", "test --release")?;
-        in_folder("owl", "run --release -- emu --strict --seconds 1")?;
-        own(&format!("run --release -- emu --strict --seconds 1 --board {DM_MC02}"))?;
+        in_folder("owl", "test")?;
+        in_folder("owl", "run -- emu --strict --seconds 1")?;
+        own(&format!("run -- emu --strict --seconds 1 --board {DM_MC02}"))?;
         is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")?;
         is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")
     };

@@ -9,7 +9,7 @@ use crate::cargo::{host, root, run as run_command};
 /// A clock tick of `/proc`, in seconds: 100 a second on every Linux of today.
 const TICK: f64 = 0.01;
 
-/// Compiles what `cargo run --release` compiles, from nothing, and prints the CPU seconds of it. Those hardly depend on
+/// Compiles what `cargo run` compiles, from nothing, and prints the CPU seconds of it. Those hardly depend on
 /// what else the machine does.
 ///
 /// # Errors
@@ -19,7 +19,7 @@ pub fn run() -> Result<()> {
     let empty = || if target.exists() { fs::remove_dir_all(&target) } else { Ok(()) };
     empty()?;
     let before = of_children()?;
-    let built = run_command(host("build --release --bin rc10").env("CARGO_TARGET_DIR", &target));
+    let built = run_command(host("build --bin rc10").env("CARGO_TARGET_DIR", &target));
     let after = of_children()?;
     empty()?;
     built?;

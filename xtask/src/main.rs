@@ -29,7 +29,7 @@ cargo xtask phases  the least and the most of what faults cost, over fifty phase
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
 cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools, or of another crate's src
-cargo xtask first   CPU seconds of the first compile, that of cargo run --release
+cargo xtask first   CPU seconds of the first compile, that of cargo run
 cargo xtask deny    licences and sources of all packages, and that no lock file is stale
 cargo xtask golden [check]   makes the golden files of rc10-app anew, with numpy, scipy and ruckig; or compares them
 cargo xtask scaffold   lines that the examples cost beside table, kinematics and tasks

@@ -1,4 +1,4 @@
-//! The lift in simulation, with the whole command line: `cargo run --release -- --help`.
+//! The lift in simulation, with the whole command line: `cargo run -- --help`.
 
 use std::process::ExitCode;
 

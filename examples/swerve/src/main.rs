@@ -1,4 +1,4 @@
-//! The swerve robot in simulation, with the whole command line: `cargo run --release -- --help`.
+//! The swerve robot in simulation, with the whole command line: `cargo run -- --help`.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! Two wheels, in simulation: `cargo run --release`.
+//! Two wheels, in simulation: `cargo run`.
 //!
 //! [`robot`] is the robot. Here stands what the simulator must know of it beyond that, and that is
 //! all: the command line, the tables and the report come from `rc10-cli`.

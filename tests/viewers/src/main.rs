@@ -1,4 +1,4 @@
-//! `cargo run --release` at the root is the `rc10` command.
+//! `cargo run` at the root is the `rc10` command.
 
 use std::process::ExitCode;
 

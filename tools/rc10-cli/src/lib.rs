@@ -123,7 +123,7 @@ Examples:
   rc10 dbc --out target/dbc              DBC files for SavvyCAN, cantools and the like
   rc10 pty --bus 1                       bus 1 for python-can or slcand, on a pseudo-terminal
 
-From a checkout: cargo run --release -- run --seconds 3";
+From a checkout: cargo run -- run --seconds 3";
 
 impl Arguments {
     fn command_line(self) -> CommandLine {
@@ -238,7 +238,7 @@ fn other_robot() -> Option<String> {
     let (theirs, own) = (name.trim_end_matches('"'), program.file_stem()?.to_str()?);
     (is_robot && theirs != own && !program.starts_with(folder)).then(|| {
         format!(
-            "this is the robot of `{own}`; the one in this folder is `{theirs}`: cargo run --release -- .."
+            "this is the robot of `{own}`; the one in this folder is `{theirs}`: cargo run -- .."
         )
     })
 }

@@ -94,10 +94,10 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
         out,
         "{name}  a robot on four mecanum wheels with a feeder, for the board {} with an {}; next:\n  \
          cd {name}\n  \
-         cargo run --release               ten seconds in the simulator, and its report\n  \
-         cargo test                        the robot does what hands tell it\n  \
-         cargo run --release -- emu        the firmware itself, on the emulated chip\n  \
-         src/table.rs                      its motors: a line each",
+         cargo run               ten seconds in the simulator, and its report\n  \
+         cargo test              the robot does what hands tell it\n  \
+         cargo run -- emu        the firmware itself, on the emulated chip\n  \
+         src/table.rs            its motors: a line each",
         args.board.name, args.board.chip
     )?;
     Ok(())
@@ -202,9 +202,9 @@ impl Checkout {
             } else if let Some(package) =
                 name.strip_prefix("profile.").and_then(|name| name.split_once(".package."))
             {
-                // Not of this checkout's other robots, nor of its page.
+                // Not of this checkout's other robots, nor of its tests.
                 let is_other = package.1.ends_with("-firmware") && package.1 != "starter-firmware";
-                if !is_other && package.1 != "foxglove" {
+                if !is_other && !["proptest", "rsemu"].contains(&package.1) {
                     head += text;
                 }
             } else if name == "workspace.package"

@@ -13,7 +13,7 @@ impl Foxglove {
     pub fn new(_: u16) -> Result<Self> {
         bail!(
             "--foxglove: this program was built without it, for it takes 120 crates more: cargo run \
-             --release --features viewers -- live --foxglove"
+             --features viewers -- live --foxglove"
         )
     }
 
