@@ -91,7 +91,7 @@ pub struct Modules<const N: usize> {
 /// The motion that one module shall have now, from [`SwerveState::motions`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModuleMotion {
-    /// Its speed and angle.
+    /// The speed and the angle of the wheel.
     pub module: Module,
     /// Rate of its steering angle.
     pub turning: Rpm,
@@ -287,7 +287,7 @@ impl<const N: usize> SwerveState<N> {
     /// its module.
     ///
     /// # Errors
-    /// As [`update`](Self::update).
+    /// The errors of [`update`](Self::update).
     pub fn motions(
         &mut self,
         base: &Swerve<N>,

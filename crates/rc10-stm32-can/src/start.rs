@@ -38,7 +38,7 @@ pub trait Bus: 'static {
     fn shared() -> &'static SharedDriver<Controller>;
 }
 
-/// What `bxcan_bus!` and `fdcan_bus!` have in common.
+/// The common part of `bxcan_bus!` and `fdcan_bus!`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! bus {

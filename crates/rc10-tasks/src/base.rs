@@ -48,7 +48,7 @@ pub struct DrivenBase<N, const WHEELS: usize> {
     pub torque_constant: f32,
     /// Largest accelerations at which its wheels do not slip.
     pub limits: TwistLimits,
-    /// Its twist with the sticks at their ends.
+    /// The twist with the sticks at their ends.
     pub full_stick: Twist,
 }
 
@@ -80,7 +80,7 @@ pub struct DrivenSwerve<N, const MODULES: usize> {
     pub torque_constant: f32,
     /// Largest accelerations at which its wheels do not slip.
     pub limits: TwistLimits,
-    /// Its twist with the sticks at their ends.
+    /// The twist with the sticks at their ends.
     pub full_stick: Twist,
 }
 
@@ -110,7 +110,7 @@ impl<N: Names, const MODULES: usize> DrivenSwerve<N, MODULES> {
 pub trait Drive {
     /// Names of the robot's motors.
     type Name: Names;
-    /// What it keeps from one command to the next.
+    /// The state that is kept from one command to the next.
     type State: Default;
 
     /// Largest accelerations, and the twist with the sticks at their ends.

@@ -11,7 +11,7 @@ pub(crate) const STEP: f64 = 100e-6;
 /// The shaft of a motor with its gearbox and load. A device sees it through its sensors: exact, and as
 /// of the last physics step.
 pub struct Shaft {
-    /// Its motor, gearbox and load.
+    /// The motor with its gearbox and load.
     pub plant: Plant,
     /// The share of a difference that is left after one step: exact exponentials.
     current_decay: f64,

@@ -85,7 +85,7 @@ fn assert_same(
     }
 }
 
-/// What a motor sends in a tick.
+/// The frames that a motor sends in a tick.
 fn sent_in(motor: &mut impl CanMotor, tick: &Tick) -> TxBatch {
     motor.update(tick);
     let mut tx = TxBatch::new();

@@ -4,7 +4,7 @@ use crate::chip::{AHB1ENR, APB1HENR, Chip, RCC};
 
 const TIM23: u32 = 0x4000_E000;
 const PF9: (char, usize) = ('F', 9);
-/// Of DMA1's stream 7.
+/// The registers of DMA1's stream 7.
 const CR: u32 = 0x4002_0010 + 7 * 0x18;
 const WIDTHS: u32 = 0x3000_0000;
 /// 240 MHz: 1.25 us, 0.3 us, 0.8 us.

@@ -66,7 +66,7 @@ impl Loops {
     }
 }
 
-/// Its register is below zero; rad/s².
+/// The deceleration: the register is below zero; rad/s².
 fn deceleration(registers: &Registers) -> f64 {
     -registers.real(number::DECELERATION)
 }

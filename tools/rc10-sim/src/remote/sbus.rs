@@ -31,7 +31,7 @@ pub struct Sbus {
     phase: Nanos,
     /// The time from one frame to the next, 7 or 14 ms.
     pub period: Nanos,
-    /// Its reaction to a long silence.
+    /// The reaction to a long silence.
     pub failsafe: Failsafe,
     /// Lost frames after which it tells the failsafe: 0 tells it with the first.
     pub failsafe_after: u32,

@@ -30,7 +30,7 @@ fn enable(rig: &Rig) {
     rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
 }
 
-/// What a device at rest says with this code.
+/// The feedback of a device at rest with this code.
 fn says(code: u8) -> CanFrame {
     let id = StandardId::new(MASTER_ID).unwrap();
     CanFrame::eight_bytes(id, [code << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25])
