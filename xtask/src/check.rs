@@ -264,9 +264,11 @@ fn package() -> Result<()> {
     let target = root().join("target/publish");
     let home = env::home_dir().context("there is no home folder")?.join(".cargo");
     let home = env::var_os("CARGO_HOME").map_or(home, PathBuf::from);
-    let copies = fs::read_dir(home.join("registry/src")).into_iter().flatten().flatten();
-    // A registry without a host: a folder.
-    let copies = copies.filter(|copy| copy.file_name().to_string_lossy().starts_with('-'));
+    let inside = |folder: PathBuf| fs::read_dir(folder).into_iter().flatten().flatten();
+    let begins = |it: &fs::DirEntry, with| it.file_name().to_string_lossy().starts_with(with);
+    // A registry without a host: a folder. Of it, our packages alone.
+    let folders = inside(home.join("registry/src")).filter(|it| begins(it, "-"));
+    let copies = folders.flat_map(|it| inside(it.path())).filter(|it| begins(it, "rc10-"));
     for folder in copies.map(|copy| copy.path()).chain([target.clone()]) {
         if folder.exists() {
             fs::remove_dir_all(&folder).with_context(|| folder.display().to_string())?;
