@@ -243,18 +243,20 @@ pub fn run(is_whole: bool) -> Result<()> {
     report.conclude()
 }
 
-/// The shipped robots drive, and have no problems.
+/// The shipped robots drive, and have no problems. They are as the tests have compiled them.
 fn robots() -> Result<()> {
-    let arguments = |robot: &str| format!("run --strict --out target/rc10-{robot}");
     // A newcomer's first command names no package.
-    run_command(&mut host(&format!("run -- {}", arguments("team"))))?;
-    // Together they are those that the tests have compiled: a package alone has its dependencies with other features.
-    run_command(&mut host("build --workspace --exclude viewers --bins"))?;
-    for robot in ["lift", "mixed", "omni", "swerve"] {
-        let program = root().join("target/debug").join(robot);
-        run_command(Command::new(program).args(arguments(robot).split(' ')).current_dir(root()))?;
-    }
-    Ok(())
+    let robots = [
+        ("", "team"),
+        ("--package lift", "lift"),
+        ("--package mixed", "mixed"),
+        ("--package omni", "omni"),
+        ("--package swerve", "swerve"),
+    ];
+    robots.into_iter().try_for_each(|(package, robot)| {
+        let arguments = format!("run --strict --out target/rc10-{robot}");
+        run_command(&mut host(&format!("run {package} -- {arguments}")))
+    })
 }
 
 /// Makes the packages that are published, and builds each from nothing but them. Cargo takes a
