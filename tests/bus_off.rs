@@ -8,11 +8,12 @@ use crate::common::{motor, twin};
 use embassy_time::Timer;
 use rc10_app::Amps;
 use rc10_can::embedded_can::{ExtendedId, StandardId};
-use rc10_can::{BusOffPolicy, CanFrame, CanPort, ErrorState, Health, IdPattern, Micros, Submitted};
+use rc10_can::{BusOffPolicy, CanFrame, CanPort, ErrorState, Health, IdPattern, Submitted};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Filter, Runner};
 use rc10_motor::{ArmState, ArmSwitch, Link, MotorBus, MotorId, Place, Safety, Target, numbers};
 use rc10_sim::{BusConfig, Tasks, World};
+use rc10_time::Micros;
 
 /// The number of a motor on its bus, as `attach` counts.
 fn nth(index: usize) -> MotorId {

@@ -6,9 +6,10 @@ use std::process::{Command, Output, Stdio};
 
 use crate::common::mixed::mixed;
 use crate::common::scratch::Scratch;
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{CanFrame, Micros};
 use rc10_cli::formats::candump;
+use rc10_time::Micros;
 use serde_json::Value;
 
 fn rc10(arguments: &[&str]) -> Command {

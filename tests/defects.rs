@@ -14,7 +14,7 @@ use rc10_app::{
     Amps, Base, CountsPerTurn, Degrees, Direction, Gear, PidConfig, PidState, Rpm, Seconds, Twist,
 };
 use rc10_can::embedded_can::{Id, StandardId};
-use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
+use rc10_can::{CanFrame, CanPort, Health, Submitted};
 use rc10_conformance::{Acts, Dummy};
 use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::dji::{self, Dji};
@@ -24,6 +24,7 @@ use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, Link, Motor, MotorBus, Safety, Target,
     TargetError, TargetKind, Tick, TxBatch,
 };
+use rc10_time::Micros;
 
 const MS: Seconds = Seconds::new(0.001);
 

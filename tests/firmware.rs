@@ -12,13 +12,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{Id, StandardId};
-use rc10_can::{CanFrame, Micros};
 use rc10_cli::run::emulation::{Emulation, Setup, content_hash};
 use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Board, Figures, Image, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_sim::{BusConfig, EscConfig, Model, Nanos, TraceEntry, World};
+use rc10_time::Micros;
 use serde_json::Value;
 use team::table::Name;
 use team::{Motors, Shared};

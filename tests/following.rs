@@ -2,7 +2,6 @@
 //! `cargo test --test all following -- --nocapture` prints the figures.
 
 use rc10_app::Twist;
-use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::simulate::simulate;
@@ -11,6 +10,7 @@ use rc10_cli::{Description, RemoteControl, Robot};
 use rc10_motor::{Names, Started, Target, TargetKind};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::Drive as _;
+use rc10_time::Micros;
 use team::table::{BASE, LIFT, Name, RECEIVER};
 
 /// A run with these mistakes; with the operator's own script unless there is another.

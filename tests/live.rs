@@ -4,8 +4,8 @@
 mod stops;
 
 use crate::common::scratch::Scratch;
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, Micros};
 use rc10_cli::judge::problems;
 use rc10_cli::live::{
     Action, Answer, Client, Judge, LiveRecord, Sample, Urgent, frame, plan, watch,
@@ -19,6 +19,7 @@ use rc10_motor::{ArmState, DriveMode, Motion, Names, Target};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Switch};
 use rc10_tasks::live;
+use rc10_time::Micros;
 use team::table::{BASE, Name};
 use team::{Motors, Ports, Shared};
 

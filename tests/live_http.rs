@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::common::served::{JSON, Started, http, live};
-use rc10_can::Micros;
 use rc10_link::frame::FromPc;
 use rc10_link::{Ask, Urgent};
 use rc10_module::Stream;
 use rc10_sim::Random;
+use rc10_time::Micros;
 use serde_json::{Value, json};
 
 /// `rc10 live` of the simulated robot.

@@ -2,11 +2,11 @@
 
 use crate::common::{Bench, twin};
 use rc10_app::Rpm;
-use rc10_can::Micros;
 use rc10_motor::dji::{self, Dji, FeedbackRate};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{ArmError, ArmSwitch, MotorBus, Safety, Target, Unfit, Verdict};
 use rc10_sim::{BusConfig, World};
+use rc10_time::Micros;
 
 fn eight(rate: FeedbackRate) -> Vec<Dji> {
     let config = |id| dji::Config::new(&dji::M3508, id).with_feedback_rate(rate);

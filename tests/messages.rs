@@ -7,11 +7,11 @@ use std::path::Path;
 
 use embassy_time::Timer;
 use rc10_app::Rpm;
-use rc10_can::Micros;
 use rc10_cli::world::environment::Environment;
 use rc10_message::{Latest, Service, Topic, now};
 use rc10_module::ranging::Range;
 use rc10_motor::{Request, Target};
+use rc10_time::Micros;
 use team::{Motors, Name, Shared};
 
 const PAGE: &str = include_str!("../docs/messages.md");

@@ -4,10 +4,10 @@ use crate::common::mixed as common_mixed;
 use std::process::Command;
 
 use crate::common::scratch::Scratch;
-use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::run::simulate::simulate;
 use rc10_motor::Link;
+use rc10_time::Micros;
 use team::table::Name;
 
 /// Exit code, and what it says on both ways out.

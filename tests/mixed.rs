@@ -2,10 +2,10 @@
 //! shafts really do.
 
 use mixed::{Motors, Ports, Shared, simulation};
-use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};
 use rc10_cli::run::simulate::simulate;
 use rc10_motor::{DriveMode, Link};
+use rc10_time::Micros;
 
 fn run(seed: u64) -> Recording {
     let ports = Ports::new();

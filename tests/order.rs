@@ -5,7 +5,6 @@
 //! there, and when its feedback comes.
 
 use crate::common::made::{Made, attach};
-use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::robot::motor::Motor;
 use rc10_cli::run::simulate::simulate;
@@ -15,6 +14,7 @@ use rc10_motor::embassy::{BusPort, MotorPort};
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Device, Entry, MotorBus, Names, Place, Slot, Target};
+use rc10_time::Micros;
 
 /// The lines of a robot's declaration, with two exchanged.
 fn exchanged<N: Names, const MOTORS: usize>(one: usize, other: usize) -> [Entry<Device>; MOTORS] {

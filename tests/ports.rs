@@ -9,7 +9,7 @@ use crate::common::{motor, twin};
 use embassy_time::Timer;
 use rc10_app::{Amps, Degrees, Rpm};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus, run_buses};
 use rc10_motor::{
@@ -17,6 +17,7 @@ use rc10_motor::{
     TargetError, TargetKind, numbers,
 };
 use rc10_sim::{BusConfig, Tasks, World};
+use rc10_time::Micros;
 
 /// The number of a motor on its bus, as `attach` counts.
 fn nth(index: usize) -> MotorId {

@@ -10,7 +10,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use crate::common::scratch::Scratch;
-use rc10_can::Micros;
 use rc10_cli::record::{Heading, RecordWriter, replay};
 use rc10_cli::run::simulate::{heading, simulate_into};
 use rc10_cli::show::figures::{Figures, to_json};
@@ -19,6 +18,7 @@ use rc10_cli::world::robot::Robot;
 use rc10_cli::{CommandLine, Motor, Place, Recording};
 use rc10_motor::dji::{Config, M3508};
 use rc10_sim::Random;
+use rc10_time::Micros;
 
 /// Hands the team's robot over.
 fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {

@@ -7,13 +7,13 @@ mod world_axes;
 mod wraps;
 
 use rc10_app::Twist;
-use rc10_can::Micros;
 use rc10_cli::Receiver;
 use rc10_cli::robot::remote::ReceiverWire;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::{ArmState, DriveMode, Link, Target};
 use rc10_sim::remote::{Controls, Failsafe, Sbus, Stick, Switch};
 use rc10_sim::{Nanos, SerialCounters, Tasks, TraceEntry, UartFault};
+use rc10_time::Micros;
 use team::table::{BASE, LIFT, Name};
 use team::{BaseCommand, Motors, Shared};
 

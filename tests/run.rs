@@ -61,7 +61,7 @@ fn the_robot_does_what_its_script_says() {
     let io = &team::Shared::new(&ports);
     let mut motors = team::Motors::new();
     let buses = motors.start(&io.switch).unwrap().buses;
-    let length = rc10_can::Micros::from_millis(10_000);
+    let length = rc10_time::Micros::from_millis(10_000);
     let recording = simulate(team::robot(io, buses), 3, length).unwrap();
     let path = recording.base.unwrap().path;
     let sample = |millis: usize| millis / 10 - 1;
@@ -296,7 +296,7 @@ fn faults_of_parts_have_their_effects_and_no_others() {
         let mut robot = team::robot(io, motors.start(&io.switch).unwrap().buses);
         let faults = [fault.parse().unwrap()];
         robot.set_faults(&faults).unwrap();
-        let mut recording = simulate(robot, 1, rc10_can::Micros::from_millis(3000)).unwrap();
+        let mut recording = simulate(robot, 1, rc10_time::Micros::from_millis(3000)).unwrap();
         recording.faults = faults.into();
         let found = Figures::of(&recording).any_problems();
         let heading = recording.signals.iter().find(|it| it.label == "heading").unwrap().last;

@@ -2,10 +2,10 @@
 
 use crate::common::{Bench, motor, twin};
 use rc10_app::{Amps, Rpm, TotalAngle};
-use rc10_can::Micros;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::dji::{self, Dji, FeedbackRate, Model};
 use rc10_motor::{ArmSwitch, DriveMode, Link, Names, Safety, Target};
+use rc10_time::Micros;
 use team::table::{LIFT, Name};
 use team::{Motors, Shared};
 

@@ -10,10 +10,10 @@ mod wrong;
 
 use crate::common::mixed as common_mixed;
 use crate::common::scratch;
-use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::recording::problem::Severity;
 use rc10_cli::show::figures::Figures;
+use rc10_time::Micros;
 
 /// The problems of a run, a line each.
 fn problems(recording: &Recording) -> String {

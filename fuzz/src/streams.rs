@@ -1,9 +1,9 @@
 //! Serial protocols: a line that says anything, in any pieces, with silence and faults between them.
 
-use rc10_can::Micros;
 use rc10_module::ranging::Range;
 use rc10_module::remote::{ChannelMap, CrsfLink, Ppm, Remote};
 use rc10_module::{Buffer, Pause, Protocol, Stream};
+use rc10_time::Micros;
 
 use super::observed::{Outcome, Piece, hear};
 use super::wire::{Source, Wire, said, same, searched};

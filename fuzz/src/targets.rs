@@ -8,7 +8,7 @@ use rc10_app::{
     Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, Seconds, TotalAngle,
 };
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
 use rc10_link::frame::{AROUND, ASK, BODY, FromPc, FromRobot, Writer};
 use rc10_link::samples::Head;
 use rc10_link::{Ask, Tell};
@@ -22,6 +22,7 @@ use rc10_motor::{
     ArmSwitch, CanMotor, DriveMode, Feedback, FrameKind, Impedance, Link, Request, Safety, Target,
     Tick, TxBatch, cybergear, damiao, lk, odrive, vesc,
 };
+use rc10_time::Micros;
 
 use super::request::{Plots, Request as HttpRequest, read};
 pub use super::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};

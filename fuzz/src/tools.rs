@@ -9,7 +9,6 @@ use std::task::{Context, Poll, Waker};
 
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::{ErrorType, Operation, SpiDevice};
-use rc10_can::Micros;
 use rc10_cli::Robot;
 use rc10_cli::formats::{candump, slcan};
 use rc10_cli::live::Client;
@@ -18,6 +17,7 @@ use rc10_cli::run::simulate::simulate_into;
 use rc10_cli::world::environment::Environment;
 use rc10_link::frame::{AROUND, BODY, Writer, crc};
 use rc10_module::imu::bmi088::{Bmi088, Config};
+use rc10_time::Micros;
 
 /// A frame with a good CRC around anything, of up to 192 bytes.
 fn sound(body: &[u8]) -> Vec<u8> {

@@ -6,10 +6,11 @@ pub mod scratch;
 pub mod served;
 
 use rc10_app::Seconds;
-use rc10_can::{CanPort, Micros};
+use rc10_can::CanPort;
 use rc10_motor::dji::{self, Dji, Model};
 use rc10_motor::{ArmSwitch, CanMotor, MotorBus, MotorId, MotorStatus, Safety, Target, TxBatch};
 use rc10_sim::{BusConfig, Esc, EscConfig, SimPort, World};
+use rc10_time::Micros;
 
 /// The simulated device for a model of ours, with its bare motor.
 pub fn twin(model: &Model, id: u8) -> EscConfig {

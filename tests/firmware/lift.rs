@@ -3,12 +3,12 @@
 
 use lift::table::{FEEDER, HEIGHTS, LIFT};
 use lift::{Motors, Name, Ports, Shared, plant, simulation};
-use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::run::emulation::Emulation;
 use rc10_cli::{ContactPart, Robot};
 use rc10_emu::Figures;
 use rc10_motor::Names;
+use rc10_time::Micros;
 
 use super::{is_clean, keeps_its_period, log, program, setup};
 

@@ -3,7 +3,6 @@
 
 use mixed::table::{LEGS as NAMES, REPLY};
 use mixed::{Motors, Ports, Shared, simulation};
-use rc10_can::Micros;
 use rc10_cli::recording::MotorTrack;
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::peripherals::Width;
@@ -12,6 +11,7 @@ use rc10_motor::Link;
 use rc10_motor::unitree::wire::line::{COMMAND_LEN, REPLY_LEN};
 use rc10_sim::unitree_line::GoM8010;
 use rc10_sim::{Nanos, World};
+use rc10_time::Micros;
 
 use super::{is_clean, keeps_its_period, log, micros, millis, priorities, program, setup};
 

@@ -1,12 +1,13 @@
 //! A PC at the console of the flashed firmware.
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, Micros};
 use rc10_cli::live::{Action, Answer, Client, Sample, Urgent};
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
 use rc10_motor::Names;
 use rc10_sim::{Nanos, UartFault};
+use rc10_time::Micros;
 use team::table::Name;
 
 use super::{commands, is_clean, keeps_its_period, log, run, setup};

@@ -5,7 +5,6 @@ use std::fs;
 
 use omni::plant::{ALONG, ARMED, at};
 use omni::{Motors, Name, Ports, Shared, simulation};
-use rc10_can::Micros;
 use rc10_cli::Description;
 use rc10_cli::live::{Answer, BAUD, Losses};
 use rc10_cli::record::{RecordWriter, replay};
@@ -17,6 +16,7 @@ use rc10_cli::show::figures::to_json;
 use rc10_emu::{Board, Figures};
 use rc10_motor::{Link, Names};
 use rc10_sim::remote::{Controls, Switch};
+use rc10_time::Micros;
 
 use super::live::Watched;
 use super::scratch::Scratch;

@@ -2,13 +2,13 @@
 //! them, and the robot does what the sticks say. Then the radio link breaks, or the wire is
 //! disturbed.
 
-use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::recording::remote::Loss;
 use rc10_cli::robot::remote::ReceiverWire;
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::Figures;
 use rc10_sim::{Nanos, UartFault};
+use rc10_time::Micros;
 use team::table::{BASE, LED_BRIGHTNESS, LEDS};
 
 use crate::{give, is_clean, keeps_its_period, log, millis, run, setup};

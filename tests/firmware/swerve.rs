@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::run::emulation::Emulation;
 use rc10_emu::Figures;
+use rc10_time::Micros;
 use swerve::{Motors, Ports, Shared, simulation};
 
 use super::{is_clean, keeps_its_period, log, program, setup};

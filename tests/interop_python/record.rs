@@ -2,10 +2,10 @@
 
 use std::process::Command;
 
-use rc10_can::Micros;
 use rc10_cli::record::RecordWriter;
 use rc10_cli::recording::Recording;
 use rc10_cli::run::simulate::{heading, simulate_into};
+use rc10_time::Micros;
 use serde_json::Value;
 use team::{Motors, Ports, Shared};
 

@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, Wake, Waker};
 
+use rc10_can::IdPattern;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{IdPattern, Micros};
 use rc10_conformance::{Acts, Dummy};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::pending::Outcome;
@@ -21,6 +21,7 @@ use rc10_motor::{
 };
 use rc10_sim::Random;
 use rc10_sim::{BusConfig, SimPort, World};
+use rc10_time::Micros;
 
 std::thread_local! {
     /// An event in the middle of a tick, while a motor is asked.

@@ -6,13 +6,14 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::TestCaseResult;
 use rc10_app::{Amps, Rpm, Seconds};
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{Dji, Effort};
 use rc10_motor::{
     ArmState, ArmSwitch, CanMotor, Dispatch, DriveMode, Feedback, FrameError, Gains, Link, Motor,
     MotorBus, MotorId, Ownership, Request, SafeState, Safety, Target, TargetError, Tick, TxBatch,
 };
+use rc10_time::Micros;
 
 use super::any;
 

@@ -3,12 +3,13 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_can::embedded_can::Id;
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
 use rc10_conformance::Dummy;
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, Frames, Guard, MotorBus, Ownership, Rate,
     Safety, TargetKind, TargetSet,
 };
+use rc10_time::Micros;
 
 use super::any;
 

@@ -4,7 +4,6 @@
 use std::cell::RefCell;
 use std::pin::Pin;
 
-use rc10_can::Micros;
 use rc10_cli::Receiver;
 use rc10_cli::robot::remote::{ReceiverPort, ReceiverWire};
 use rc10_message::{Latest, Overrun, Statistics, now, periodic};
@@ -14,6 +13,7 @@ use rc10_motor::{ArmState, ArmSwitch};
 use rc10_sim::remote::{Controls, Switch as Position};
 use rc10_sim::{Tasks, World};
 use rc10_tasks::{Arming, ArmingConfig, Axis, SwitchAt, SwitchName};
+use rc10_time::Micros;
 
 use super::millis;
 

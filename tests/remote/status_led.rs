@@ -131,7 +131,7 @@ fn the_strip_is_written_ten_times_a_second_whatever_it_says() {
                 continue;
             }
             let begun = scene.now().get() / 100_000 * 100_000;
-            let at = rc10_can::Micros::new(begun);
+            let at = rc10_time::Micros::new(begun);
             let expected: Vec<_> =
                 (0..LEDS).map(|led| colour(LampState::Stopped, at, led)).collect();
             assert_eq!(shown, expected, "{at}");

@@ -3,13 +3,13 @@
 
 use std::sync::atomic::Ordering;
 
-use rc10_can::Micros;
 use rc10_cli::Receiver;
 use rc10_module::imu::Heading;
 use rc10_motor::ArmState;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Pose, World};
 use rc10_tasks::status;
+use rc10_time::Micros;
 
 use super::{DOWN, DRIVE, Scene, millis, scene, scene_with};
 

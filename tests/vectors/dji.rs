@@ -1,8 +1,8 @@
 //! Vectors of protocol `dji`: through the codec, and through real motors on a real [`MotorBus`].
 
 use rc10_app::{Amps, CountsPerTurn, Gear, Seconds};
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{Id, StandardId};
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{
     self, Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
 };
@@ -10,6 +10,7 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     ArmSwitch, CanMotor, Dispatch, Feedback, Link, Motor, MotorBus, Safety, Target, TxBatch,
 };
+use rc10_time::Micros;
 use serde_json::{Map, Value};
 
 use crate::fields::{Check, Fields, Tolerance, float, frame, integer, narrow, same, text, unknown};

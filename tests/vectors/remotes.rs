@@ -1,9 +1,9 @@
 //! Vectors of remote controls: protocols `dbus`, `sbus`, `crsf`, `vt03` and `ppm`.
 
-use rc10_can::Micros;
 use rc10_module::remote::{
     Crsf, CrsfFrame, Dbus, DbusFrame, Ppm, Sbus, SbusFrame, Switch, Vt03, Vt03Frame, pulse_width,
 };
+use rc10_time::Micros;
 use serde_json::Value;
 
 use crate::fields::{Check, Fields, Tolerance, integer, narrow, same, unknown};

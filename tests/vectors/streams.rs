@@ -1,7 +1,7 @@
 //! Vectors of bytes on a serial line: the messages that a stream finds in them, for all protocols.
 
-use rc10_can::Micros;
 use rc10_module::{Protocol, Stream};
+use rc10_time::Micros;
 use serde_json::{Map, Value};
 
 use crate::fields::{Check, Fields, Tolerance, same};

@@ -6,7 +6,6 @@ use std::process::Command;
 use embassy_time::{Duration as Span, Ticker};
 use rc10_app::mechanism::{Braking, Homing, HomingConfig, HomingStatus, Reference};
 use rc10_app::{Degrees, Direction, FeedForward, Gravity, Rpm, RpmPerSecond, Seconds, TotalAngle};
-use rc10_can::Micros;
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::{CommandLine, ContactPart, Description, Plant, RemoteControl, Robot};
 use rc10_module::remote::Receiver;
@@ -17,6 +16,7 @@ use rc10_motor::{ArmState, Entry, MotorBus, Safety, Started, Target};
 use rc10_sim::Contact;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::{Arming, ArmingConfig, Common};
+use rc10_time::Micros;
 
 use super::scratch::Scratch;
 

@@ -30,7 +30,8 @@ const ITS_CHIPS: [(&str, &str); 2] = [
 const OTHER_PCS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 
 /// The libraries: ready to be published.
-const PUBLISHED: [&str; 11] = [
+const PUBLISHED: [&str; 12] = [
+    "rc10-time",
     "rc10-can",
     "rc10-app",
     "rc10-message",

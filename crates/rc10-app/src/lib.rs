@@ -34,6 +34,7 @@ pub mod path;
 pub mod pid;
 pub mod profile;
 pub mod schedule;
+mod states;
 pub mod swerve;
 mod text;
 pub mod transform;

@@ -5,7 +5,7 @@
 mod clock;
 
 use clock::Clock;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 #[test]
 fn a_frame_is_as_old_as_the_counter_says_also_across_its_overflow() {

@@ -15,7 +15,12 @@ pub enum ErrorState {
     BusOff,
 }
 
-crate::states!(ErrorState: Active, Warning, Passive, BusOff);
+impl ErrorState {
+    /// All states, in the order of their numbers.
+    pub const ALL: &'static [Self] = &[Self::Active, Self::Warning, Self::Passive, Self::BusOff];
+    /// Names of the states in that order, with commas between.
+    pub const NAMES: &'static str = "Active,Warning,Passive,BusOff";
+}
 
 /// The last error a controller saw on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

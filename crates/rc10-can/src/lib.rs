@@ -1,4 +1,4 @@
-//! Parts of a CAN bus: the frame, its length on the wire, the port, and integer time.
+//! Parts of a CAN bus: the frame, its length on the wire, and the port.
 //!
 //! * [`CanFrame`]: a classic CAN 2.0 frame; implements [`embedded_can::Frame`].
 //! * [`WireLength`]: how many bit times a frame takes, exactly (with its stuff bits) or at worst.
@@ -7,7 +7,6 @@
 //!   [`Mailboxes`] stores the newest frame per stream for ports.
 //! * [`Health`]: how a bus is, and what was lost on it; [`BusOffPolicy`]: who brings it back.
 //! * [`BitTiming`]: a bit's quanta from a clock; [`m_can`]: a controller's frames and filters.
-//! * [`Micros`], [`Schedule`], [`Timing`]: time is an integer count of microseconds.
 //!
 //! The crate has no clock, no I/O and no allocation.
 #![no_std]
@@ -21,8 +20,6 @@ mod length;
 pub mod m_can;
 mod pattern;
 mod port;
-mod states;
-mod time;
 
 pub use bit_timing::{BitTiming, BitTimingError, BitTimingLimits};
 pub use bus_off::BusOffPolicy;
@@ -32,4 +29,4 @@ pub use health::{BusError, ErrorState, Health};
 pub use length::{LengthBounds, WireLength};
 pub use pattern::{EXTENDED_FILTERS, IdPattern, STANDARD_FILTERS};
 pub use port::{CanPort, Mailboxes, NbPort, Queued, Submitted};
-pub use time::{Micros, Schedule, Start, Timing};
+pub use rc10_time;

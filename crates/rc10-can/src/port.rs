@@ -4,7 +4,8 @@ use embedded_can::nb::Can;
 use embedded_can::{Error, ErrorKind, Frame};
 use heapless::{Deque, Vec};
 
-use crate::{BusError, CanFrame, Health, IdPattern, Micros};
+use crate::{BusError, CanFrame, Health, IdPattern};
+use rc10_time::Micros;
 
 /// A non-blocking port to one CAN bus.
 ///

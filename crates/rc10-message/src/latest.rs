@@ -2,7 +2,7 @@ use core::fmt;
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::watch::{Receiver, Watch};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::SubscribersFull;
 
@@ -12,7 +12,7 @@ use crate::SubscribersFull;
 ///
 /// ```
 /// use rc10_message::Latest;
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 ///
 /// static YAW: Latest<i32, 2> = Latest::new();
 ///
@@ -99,7 +99,7 @@ impl<T: Clone, const SUBSCRIBERS: usize> Changes<'_, T, SUBSCRIBERS> {
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
-    /// use rc10_can::Micros;
+    /// use rc10_time::Micros;
     /// use rc10_message::Latest;
     ///
     /// static MODE: Latest<&str, 1> = Latest::new();

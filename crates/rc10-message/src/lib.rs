@@ -28,10 +28,10 @@ pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
 pub use service::{AlreadyServed, CallError, Caller, Calls, Server, Service};
 pub use topic::{Message, SubscribersFull, Subscription, Topic};
 // Whose `Micros` are in all of them.
-pub use rc10_can;
+pub use rc10_time;
 
 /// The time, by embassy's clock.
 #[must_use]
-pub fn now() -> rc10_can::Micros {
-    rc10_can::Micros::new(embassy_time::Instant::now().as_micros())
+pub fn now() -> rc10_time::Micros {
+    rc10_time::Micros::new(embassy_time::Instant::now().as_micros())
 }

@@ -4,7 +4,7 @@ use core::fmt;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Instant, Timer};
-use rc10_can::{Micros, Schedule, Timing};
+use rc10_time::{Micros, Schedule, Timing};
 
 use crate::now;
 
@@ -79,7 +79,7 @@ impl fmt::Debug for Statistics {
 /// ```
 /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
 /// use rc10_message::{Overrun, Statistics, periodic};
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 ///
 /// static BLINK: Statistics = Statistics::new();
 ///

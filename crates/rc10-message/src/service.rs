@@ -9,7 +9,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::WakerRegistration;
 use embassy_time::{Duration, with_timeout};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Requests and their responses: any task calls, one task serves.
 ///
@@ -18,7 +18,7 @@ use rc10_can::Micros;
 ///
 /// ```
 /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_message::{CallError, Service};
 ///
 /// /// The angle to turn to, in degrees, and what came of it.
@@ -186,7 +186,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
     /// use embassy_time::Timer;
-    /// use rc10_can::Micros;
+    /// use rc10_time::Micros;
     /// use rc10_message::Service;
     ///
     /// static RAISE: Service<i32, i32> = Service::new();

@@ -112,7 +112,7 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize>
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
-    /// use rc10_can::Micros;
+    /// use rc10_time::Micros;
     /// use rc10_message::Topic;
     ///
     /// static BUMPS: Topic<u8, 4, 2> = Topic::new();

@@ -5,8 +5,8 @@ mod clock;
 use std::cell::{Cell, RefCell};
 
 use clock::{run_until, spend};
-use rc10_can::Micros;
 use rc10_message::{Overrun, Statistics, periodic};
+use rc10_time::Micros;
 
 const PERIOD: Micros = Micros::from_millis(1);
 

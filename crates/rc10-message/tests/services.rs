@@ -8,8 +8,8 @@ use std::rc::Rc;
 use clock::{Tasks, interrupt_with, now};
 use embassy_futures::select::select;
 use embassy_time::Timer;
-use rc10_can::Micros;
 use rc10_message::{AlreadyServed, CallError, Calls, Service};
+use rc10_time::Micros;
 
 const SHORT: Micros = Micros::from_millis(2);
 const LONG: Micros = Micros::from_millis(100);

@@ -4,8 +4,8 @@
 use core::task::{Context, Waker};
 use std::pin::pin;
 
-use rc10_can::Micros;
 use rc10_message::{Latest, Message, Stamped, SubscribersFull, Topic};
+use rc10_time::Micros;
 
 fn poll<T>(future: impl Future<Output = T>) -> Option<T> {
     let mut context = Context::from_waker(Waker::noop());

@@ -10,7 +10,7 @@
 use rc10_app::angle::nearest_movement;
 use rc10_app::maths::within;
 use rc10_app::{ConfigError, CountsPerTurn, Rpm, Seconds, TotalAngle};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Unwraps a counter of 0 ..< modulus into an exact total: no drift or overflow before 9 · 10¹⁸.
 ///
@@ -120,7 +120,7 @@ const STANDS: u64 = 500_000;
 ///
 /// ```
 /// use rc10_app::{CountsPerTurn, Rpm};
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_module::encoder::{Config, IncrementalEncoder};
 ///
 /// let config = Config {

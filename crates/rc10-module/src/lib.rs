@@ -13,7 +13,7 @@
 //! ```
 //! use embedded_io_async::Read;
 //! use rc10_message::Latest;
-//! use rc10_module::rc10_can::Micros;
+//! use rc10_module::rc10_time::Micros;
 //! use rc10_module::ranging::{Range, TfMini};
 //! use rc10_module::{Reception, listen};
 //!
@@ -87,4 +87,4 @@ mod sum;
 pub use listen::{Reception, listen};
 pub use stream::{Buffer, Counters, Found, Pause, Protocol, Stream};
 // Whose types stand in what devices say: who uses the crate needs no other.
-pub use {rc10_app, rc10_can};
+pub use {rc10_app, rc10_time};

@@ -10,7 +10,7 @@ use core::convert::Infallible;
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::digital::Wait;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// The level of the pin that means that the switch is pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +63,7 @@ pub const CHATTERS_AFTER: Micros = Micros::from_millis(250);
 /// A switch without its bouncing. Sampled, or fed with edges: a level holds until the next one.
 ///
 /// ```
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_module::limit_switch::{Active, Config, LimitSwitch, Position};
 /// let mut switch = LimitSwitch::new(Config::new(Active::Low));
 /// let mut look = |is_high, millis| switch.update(is_high, Micros::from_millis(millis));

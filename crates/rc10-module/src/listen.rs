@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::Read;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::{Counters, Protocol, Stream};
 

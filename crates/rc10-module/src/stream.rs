@@ -1,4 +1,4 @@
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// The protocol of a serial device: its messages, and how frames are told from garbage.
 pub trait Protocol {
@@ -115,7 +115,7 @@ impl Counters {
 /// Finds a protocol's frames in a stream: bounded work per byte, no allocation, no panic.
 ///
 /// ```
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_module::{Found, Protocol, Stream};
 ///
 /// /// A byte of 0xAA, and one that says something.

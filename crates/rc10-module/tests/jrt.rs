@@ -6,10 +6,10 @@ use std::pin::pin;
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use rc10_can::Micros;
 use rc10_module::ranging::jrt::{self, Answer, Speed};
 use rc10_module::{Counters, Reception};
 use rc10_sim::World;
+use rc10_time::Micros;
 
 /// A module: what it was told, and whether that made it measure. Written from the protocol's
 /// tables, not with the library's encoder.

@@ -10,12 +10,12 @@ use std::task::Poll;
 use embassy_time::Instant;
 use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiBus;
-use rc10_can::Micros;
 use rc10_module::led::ws2812::{
     BITS, Error, PulseTiming, Pulses, SILENCE, SPI_CLOCK, Spi, Strip, spi_bytes,
 };
 use rc10_module::limit_switch::{Active, Config, Position, watch};
 use rc10_sim::World;
+use rc10_time::Micros;
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 
 const RED: RGB8 = RGB8::new(255, 0, 0);

@@ -16,7 +16,7 @@ pub enum ArmState {
     EStopped,
 }
 
-rc10_can::states!(ArmState: Disarmed, Armed, Suspended, EStopped);
+rc10_app::states!(ArmState: Disarmed, Armed, Suspended, EStopped);
 
 impl fmt::Display for ArmState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

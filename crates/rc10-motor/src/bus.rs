@@ -1,7 +1,8 @@
 use core::ops::{Deref, DerefMut};
 
 use rc10_app::Seconds;
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use crate::arm::ArmSwitch;
 #[cfg(feature = "embassy")]

@@ -1,7 +1,8 @@
 use core::fmt;
 
 use rc10_app::{ConfigError, Text};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
+use rc10_time::Micros;
 
 /// The identifiers of a motor: clash check, receive table, load and link timeout follow from them.
 ///

@@ -1,7 +1,7 @@
 use core::fmt;
 
 use rc10_app::{Amps, Celsius, Degrees, NewtonMetres, Rpm, TotalAngle, Volts};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Measurements of a motor, at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -169,4 +169,4 @@ pub enum Condition {
     NotFollowing,
 }
 
-rc10_can::states!(Condition: Ready, Starting, Unregulated, SlowFeedback, NoReports, NotFollowing);
+rc10_app::states!(Condition: Ready, Starting, Unregulated, SlowFeedback, NoReports, NotFollowing);

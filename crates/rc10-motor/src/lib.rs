@@ -27,7 +27,8 @@
 //! tested with. Without embassy a bus is plain functions in a loop of your own:
 //!
 //! ```
-//! use rc10_can::{CanFrame, Micros};
+//! use rc10_can::CanFrame;
+//! use rc10_time::Micros;
 //! use rc10_motor::dji::{self, Dji, M3508};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
 //! use rc10_app::{Rpm, Seconds};
@@ -101,7 +102,7 @@ pub use request::{Gains, Request, RequestError, Response};
 pub use supervision::{MotorCounters, MotorStatus, Refusals, Safety};
 pub use target::{Impedance, Motion, Target, TargetError, TargetKind, TargetSet};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
-pub use {rc10_app, rc10_can};
+pub use {rc10_app, rc10_can, rc10_time};
 
 /// The parts of [`motors!`](crate::motors) that its expansion names.
 #[doc(hidden)]

@@ -6,7 +6,7 @@
 
 use rc10_app::angle::shortest_way;
 use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle, ok};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::motor::Link;
 use crate::servo::{Servo, Spring, SpringRange};

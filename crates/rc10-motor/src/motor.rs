@@ -1,5 +1,6 @@
 use rc10_app::{Cascade, PidConfig, Seconds};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
@@ -24,7 +25,7 @@ pub enum DriveMode {
     Run,
 }
 
-rc10_can::states!(DriveMode: Off, Coast, Brake, Hold, Run);
+rc10_app::states!(DriveMode: Off, Coast, Brake, Hold, Run);
 
 /// The behaviour with an expired command or in an emergency stop. (A motor not heard coasts.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -139,7 +140,7 @@ pub enum Link {
     Lost,
 }
 
-rc10_can::states!(Link: NeverSeen, Online, Lost);
+rc10_app::states!(Link: NeverSeen, Online, Lost);
 
 /// Data that a bus gives to a motor in every tick.
 #[derive(Clone, Copy, Debug, PartialEq)]

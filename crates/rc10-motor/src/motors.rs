@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 use rc10_app::{Seconds, Text};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::arm::{ArmState, ArmSwitch};
 use crate::can_ids::{Clash, MotorName};

@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use rc10_app::{Cascade, Direction, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
-//! use rc10_can::Micros;
+//! use rc10_time::Micros;
 //! use rc10_motor::servo::Servo;
 //! use rc10_motor::shaft::Shaft;
 //! use rc10_motor::{DriveMode, Target, TargetKind, Tick};
@@ -400,7 +400,7 @@ fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
 mod tests {
     use super::*;
     use rc10_app::{Amps, Direction, Gear, NewtonMetres, RpmPerSecond};
-    use rc10_can::Micros;
+    use rc10_time::Micros;
 
     fn servo() -> Servo {
         let cascade = Cascade {

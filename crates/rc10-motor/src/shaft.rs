@@ -4,7 +4,7 @@
 //!
 //! ```
 //! use rc10_app::{Direction, Gear};
-//! use rc10_can::Micros;
+//! use rc10_time::Micros;
 //! use rc10_motor::shaft::Shaft;
 //!
 //! // An encoder of 8192 steps in front of a gearbox of 36 : 1, mounted mirrored.
@@ -18,7 +18,7 @@
 
 use rc10_app::angle::{degrees_within_turn, nearest_movement};
 use rc10_app::{Direction, Gear, Rpm, TotalAngle};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::feedback::Feedback;
 

@@ -4,7 +4,7 @@ use core::fmt;
 
 use rc10_app::mechanism::{Health, Measured};
 use rc10_app::{Amps, NewtonMetres, Rpm};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::arm::ArmState;
 use crate::feedback::{Condition, Fault, Feedback};

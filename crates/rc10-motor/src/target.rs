@@ -176,7 +176,7 @@ pub enum TargetKind {
     SpeedMotion,
 }
 
-rc10_can::states!(
+rc10_app::states!(
     TargetKind: Coast, Current, Duty, Speed, Angle, TotalAngle, Torque, Impedance, Brake, Handbrake,
     Motion, SpeedMotion
 );

@@ -9,7 +9,8 @@ use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::pending::Outcome;
 use rc10_motor::rc10_app::{Amps, NewtonMetres, Rpm, Seconds};
 use rc10_motor::rc10_can::embedded_can::StandardId;
-use rc10_motor::rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
+use rc10_motor::rc10_can::{CanFrame, CanPort, Health, IdPattern, Submitted};
+use rc10_motor::rc10_time::Micros;
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, Clash, CommandError, Dispatch, DriveMode, Feedback, FrameError,
     FrameKind, Frames, Impedance, Link, Motion, MotorBus, MotorId, MotorName, MotorStatus,

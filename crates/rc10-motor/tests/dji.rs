@@ -2,8 +2,9 @@
 
 use rc10_motor::dji::{self, Dji, M2006, M3508};
 use rc10_motor::rc10_app::{Direction, Gear, Rpm, TotalAngle};
+use rc10_motor::rc10_can::CanFrame;
 use rc10_motor::rc10_can::embedded_can::StandardId;
-use rc10_motor::rc10_can::{CanFrame, Micros};
+use rc10_motor::rc10_time::Micros;
 use rc10_motor::{CanMotor, DriveMode, Link, Motor, Request, Target, Tick};
 
 /// Feedback of device 1: its rotor's angle and speed.

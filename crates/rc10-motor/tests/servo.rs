@@ -4,7 +4,7 @@ use rc10_motor::rc10_app::{
     Amps, Cascade, Degrees, Direction, FeedForward, Gear, Gravity, NewtonMetres, PidConfig, Rpm,
     RpmPerSecond, TotalAngle,
 };
-use rc10_motor::rc10_can::Micros;
+use rc10_motor::rc10_time::Micros;
 use rc10_motor::servo::{Servo, Spring, SpringRange};
 use rc10_motor::shaft::Shaft;
 use rc10_motor::{

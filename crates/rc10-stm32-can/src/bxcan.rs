@@ -9,7 +9,8 @@ use embassy_stm32::pac::can::vals::Lec;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
-use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern, Micros};
+use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern};
+use rc10_time::Micros;
 
 use crate::layout::{REQUEST, decode, encode, filter};
 use crate::start::{byte, wait_briefly, wait_for};

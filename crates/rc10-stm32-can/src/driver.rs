@@ -2,7 +2,8 @@ use core::fmt;
 
 use heapless::Deque;
 use rc10_can::embedded_can::Id;
-use rc10_can::{CanFrame, Health, IdPattern, Mailboxes, Micros, Queued, Submitted};
+use rc10_can::{CanFrame, Health, IdPattern, Mailboxes, Queued, Submitted};
+use rc10_time::Micros;
 
 use crate::hardware::{Ended, Hardware, MAILBOXES};
 

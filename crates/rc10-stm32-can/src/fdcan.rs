@@ -9,7 +9,8 @@ use embassy_stm32::pac::can::vals::{Anfe, Anfs, Tfqm};
 use embassy_stm32::pac::fdcanram::Fdcanram;
 use embassy_time::Instant;
 use rc10_can::m_can::{EXTENDED_FILTER, decode, encode, filters};
-use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern, Micros};
+use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern};
+use rc10_time::Micros;
 
 use crate::start::{byte, wait_briefly, wait_for};
 use crate::{Bus, Ended, Errors, Hardware, InterruptHandler, MAILBOXES, Port, StartError};

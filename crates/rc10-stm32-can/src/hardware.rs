@@ -1,4 +1,5 @@
-use rc10_can::{BusError, CanFrame, ErrorState, IdPattern, Micros};
+use rc10_can::{BusError, CanFrame, ErrorState, IdPattern};
+use rc10_time::Micros;
 
 /// Transmit mailboxes of a controller: bxCAN (RM0090) and the small FDCAN (RM0440) have three.
 pub const MAILBOXES: usize = 3;

@@ -3,7 +3,8 @@ use core::fmt;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
+use rc10_can::{CanFrame, CanPort, Health, IdPattern, Submitted};
+use rc10_time::Micros;
 
 use crate::{Driver, Hardware};
 

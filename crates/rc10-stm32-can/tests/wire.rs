@@ -6,11 +6,12 @@ mod simulated;
 use std::collections::BTreeMap;
 
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{BusOffPolicy, CanFrame, CanPort, ErrorState, IdPattern, Micros, Submitted};
+use rc10_can::{BusOffPolicy, CanFrame, CanPort, ErrorState, IdPattern, Submitted};
 use rc10_motor::dji::{Config, Dji, M3508};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{ArmState, ArmSwitch, MotorBus, Safety};
 use rc10_stm32_can::{RECEIVE_QUEUE, TRANSMIT_QUEUE};
+use rc10_time::Micros;
 
 use simulated::{Bench, KINDS, Kind};
 

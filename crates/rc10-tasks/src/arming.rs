@@ -25,7 +25,7 @@
 //! second, the robot goes on. After a second it is disarmed.
 //!
 //! ```
-//! use rc10_can::Micros;
+//! use rc10_time::Micros;
 //! use rc10_message::Stamped;
 //! use rc10_module::remote::{Receiver, Remote, Switch};
 //! use rc10_motor::{ArmState, ArmSwitch};
@@ -49,10 +49,10 @@
 
 use core::fmt;
 
-use rc10_can::Micros;
 use rc10_message::Stamped;
 use rc10_module::remote::{Receiver, Remote, RemoteLink, Switch, Watch};
 use rc10_motor::{ArmState, ArmSwitch};
+use rc10_time::Micros;
 
 /// The switches that arm, disarm and stop a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +83,7 @@ pub enum Axis {
     Dial,
 }
 
-rc10_can::states!(Axis: LeftX, LeftY, RightX, RightY, Dial);
+rc10_app::states!(Axis: LeftX, LeftY, RightX, RightY, Dial);
 
 impl Axis {
     /// Both sticks.

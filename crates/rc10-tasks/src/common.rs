@@ -4,13 +4,13 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
-use rc10_can::Micros;
 use rc10_message::{Cycles, Latest, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{MotorPort, Ports};
 use rc10_motor::{ArmSwitch, Names, Target, TargetError};
+use rc10_time::Micros;
 
 use crate::arming::{Arming, Axis};
 use crate::status::RobotStatus;

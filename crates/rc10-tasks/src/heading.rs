@@ -14,12 +14,12 @@ use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::SpiDevice;
 use embedded_io_async::Read;
 use rc10_app::{Degrees, Seconds};
-use rc10_can::Micros;
 use rc10_module::imu::attitude::Attitude;
 use rc10_module::imu::bmi088::{self, Bmi088};
 use rc10_module::imu::{Heading, Sample, Wit, wit};
 use rc10_module::{Reception, listen};
 use rc10_motor::{ArmState, ArmSwitch, Names};
+use rc10_time::Micros;
 
 use crate::common::Common;
 use crate::live::Live;

@@ -1,9 +1,9 @@
 //! The remote control's task: its frames become a latest value.
 
 use embedded_io_async::Read;
-use rc10_can::Micros;
 use rc10_module::remote::{self, Receiver};
 use rc10_motor::Names;
+use rc10_time::Micros;
 
 use crate::common::Common;
 use crate::live::Live;

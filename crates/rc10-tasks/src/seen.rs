@@ -6,13 +6,14 @@
 
 use rc10_app::angle::shortest_way_degrees;
 use rc10_app::{Amps, Celsius, Degrees, NewtonMetres, Rpm, TotalAngle, Volts};
-use rc10_can::{ErrorState, Micros, Timing};
+use rc10_can::ErrorState;
 use rc10_module::Counters;
 use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{
     ArmState, Condition, DriveMode, Fault, Link, Motion, MotorStatus, Target, TargetKind,
 };
+use rc10_time::{Micros, Timing};
 
 use crate::arming::Axis;
 

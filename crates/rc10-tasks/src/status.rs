@@ -5,12 +5,13 @@ use core::fmt;
 use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Ticker};
-use rc10_can::{ErrorState, Micros, Timing};
+use rc10_can::ErrorState;
 use rc10_message::{CycleCount, Cycles};
 use rc10_module::Counters;
 use rc10_module::remote::RemoteLink;
 use rc10_motor::embassy::{BusPort, BusStatus, Ports, Rs485Port, Rs485Status};
 use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
+use rc10_time::{Micros, Timing};
 
 use crate::arming::Axis;
 use crate::common::Common;

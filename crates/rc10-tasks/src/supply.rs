@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Up to which a supply is known: it is measured ten times a second.
 pub const OLDEST_SUPPLY: Micros = Micros::from_millis(500);

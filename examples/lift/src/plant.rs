@@ -1,10 +1,10 @@
 //! The loads of the motors, and the operator's script.
 
-use rc10_can::Micros;
 use rc10_cli::Plant;
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::Nonlinear;
 use rc10_sim::remote::{Controls, Stick, Switch};
+use rc10_time::Micros;
 
 use crate::table::{Name, WEIGHT};
 

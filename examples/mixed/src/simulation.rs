@@ -3,7 +3,7 @@
 use rc10_cli::run::build::build_firmware_of;
 use rc10_cli::{Description, Event, RemoteControl, Robot, Script};
 use rc10_motor::Started;
-use rc10_motor::rc10_can::Micros;
+use rc10_motor::rc10_time::Micros;
 use rc10_tasks::status;
 
 use crate::plant::{HANDS, plant};

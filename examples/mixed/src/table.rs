@@ -9,7 +9,7 @@ use rc10_motor::damiao::{self, Damiao};
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::rc10_app::{Amps, Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
-use rc10_motor::rc10_can::Micros;
+use rc10_motor::rc10_time::Micros;
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
 use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc};
 use rc10_motor::{Entry, Safety};

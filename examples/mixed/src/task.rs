@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Ticker};
 use rc10_motor::rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::rc10_can::Micros;
+use rc10_motor::rc10_time::Micros;
 use rc10_motor::{Impedance, Names, Target};
 use rc10_tasks::Arming;
 

@@ -1,12 +1,12 @@
 //! The loads of the motors, and the operator's script.
 
 use anyhow::{Context, Result};
-use rc10_can::Micros;
 use rc10_cli::Plant;
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_sim::{Base, Nanos, Nonlinear, Serial, World};
+use rc10_time::Micros;
 
 use crate::table::{BASE, Name};
 

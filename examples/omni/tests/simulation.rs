@@ -5,7 +5,6 @@
 use omni::base::Activity;
 use omni::plant::{ALONG, ARMED, at, stick};
 use omni::{Motors, Name, Ports, Shared, simulation};
-use rc10_can::Micros;
 use rc10_cli::Description;
 use rc10_cli::judge::path::PathFigures;
 use rc10_cli::recording::Recording;
@@ -14,6 +13,7 @@ use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::simulate::simulate;
 use rc10_motor::{Link, Names};
 use rc10_sim::remote::{Controls, Switch};
+use rc10_time::Micros;
 
 fn run(fault: Option<&str>, millis: u64) -> Recording {
     run_in(simulation::description(), 1, fault, millis)

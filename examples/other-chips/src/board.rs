@@ -9,7 +9,7 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{interrupt, pac, peripherals};
 use embassy_time::Instant;
-use rc10_motor::rc10_can::Micros;
+use rc10_motor::rc10_time::Micros;
 
 /// The bus's port.
 pub type Port = rc10_stm32_can::Port<rc10_stm32_can::Controller>;

@@ -1,12 +1,12 @@
 //! The robot for the tools: its tasks, the loads of its motors, and the operator's script.
 
-use rc10_can::Micros;
 use rc10_cli::robot::base::Base;
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::build::build_firmware_in;
 use rc10_cli::{Description, Plant, RemoteControl, Robot};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::status;
+use rc10_time::Micros;
 
 use crate::table::{BASE, Name, RECEIVER};
 use crate::{Motors, Shared, task};

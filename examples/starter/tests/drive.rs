@@ -1,10 +1,10 @@
 //! The robot does what hands tell it.
 
-use rc10_can::Micros;
 use rc10_cli::judge::problems;
 use rc10_cli::recording::problem::any;
 use rc10_cli::run::simulate::simulate;
 use rc10_motor::{Link, Names as _};
+use rc10_time::Micros;
 use starter::table::Name;
 use starter::{Motors, Ports, Shared, simulation};
 

@@ -1,9 +1,9 @@
 //! The robot as the tools see it, and with its tasks in a simulated world.
 
-use rc10_can::Micros;
 use rc10_cli::run::build::build_firmware_of;
 use rc10_cli::{Description, RemoteControl, Robot};
 use rc10_tasks::status;
+use rc10_time::Micros;
 
 use crate::plant::{SCRIPT, base, plant};
 use crate::table::RECEIVER;

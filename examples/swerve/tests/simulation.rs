@@ -4,13 +4,13 @@
 
 use std::ops::Range;
 
-use rc10_can::Micros;
 use rc10_cli::judge::path::PathFigures;
 use rc10_cli::recording::Recording;
 use rc10_cli::recording::sample::BaseMeasurement;
 use rc10_cli::run::simulate::simulate;
 use rc10_module::remote::DEAD_BAND;
 use rc10_motor::Link;
+use rc10_time::Micros;
 use swerve::table::BASE;
 use swerve::{Motors, Ports, Shared, simulation};
 

@@ -1,10 +1,10 @@
 //! The chassis task: from the motion of the base to the speeds of its wheels.
 
 use rc10_app::{Seconds, Twist};
-use rc10_can::Micros;
 use rc10_message::{Overrun, periodic};
 use rc10_motor::ArmState;
 use rc10_tasks::BaseDriver;
+use rc10_time::Micros;
 
 use crate::robot::{BaseCommand, Shared};
 use crate::table::BASE;

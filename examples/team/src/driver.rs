@@ -17,10 +17,10 @@
 use embassy_time::{Duration, Ticker};
 use rc10_app::angle::shortest_way_degrees;
 use rc10_app::{Rpm, TotalAngle, Twist};
-use rc10_can::Micros;
 use rc10_module::remote::{Remote, Switch};
 use rc10_motor::ArmState;
 use rc10_tasks::{Arming, Drive as _};
+use rc10_time::Micros;
 
 use crate::robot::{BaseCommand, Goal, MechanismCommand, Shared};
 use crate::table::{

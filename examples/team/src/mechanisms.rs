@@ -4,9 +4,9 @@
 use rc10_app::{
     AngleProfile, AngleSetpoint, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
 };
-use rc10_can::Micros;
 use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::{ArmState, Link, Request, Target};
+use rc10_time::Micros;
 
 use crate::robot::{Goal, Shared};
 use crate::table::{FEEDER, GIMBAL_LIMITS, LIFT, LIFT_LIMITS, Name};

@@ -1,9 +1,9 @@
 //! The script of the team's remote: ten seconds that show everything. Controls:
 //! `crate::driver`.
 
-use rc10_can::Micros;
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_sim::remote::{Controls, Stick, Switch};
+use rc10_time::Micros;
 
 use crate::table::{BASE, FEEDER, GIMBAL_RATES, LIFT_RATE};
 

@@ -40,7 +40,7 @@ fn description() -> Description {
 #[cfg(test)]
 mod tests {
     use rc10_cli::run::simulate::simulate;
-    use rc10_motor::rc10_can::Micros;
+    use rc10_motor::rc10_time::Micros;
 
     use super::*;
 

@@ -5,7 +5,7 @@ use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, M3508};
 use rc10_motor::embassy::Ports;
 use rc10_motor::rc10_app::{Base, Direction, Rpm, Twist};
-use rc10_motor::rc10_can::Micros;
+use rc10_motor::rc10_time::Micros;
 use rc10_motor::{ArmSwitch, Entry, Link, Names, Target, motors};
 
 motors! {

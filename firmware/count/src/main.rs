@@ -22,10 +22,11 @@ use cortex_m_rt::entry;
 // For its interrupt vectors alone: built together with the firmware, cortex-m-rt asks for them.
 use embassy_stm32 as _;
 use rc10_app::{Degrees, Rpm, Seconds};
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{self, Dji, M2006, M3508};
 use rc10_motor::{ArmSwitch, CanMotor, MotorBus, Safety, Target, TxBatch};
+use rc10_time::Micros;
 
 /// The motors' identifiers: M3508 are 1 to 4, M2006 5 to 8.
 const IDS: [u8; 8] = [1, 2, 3, 4, 5, 6, 7, 8];

@@ -2,12 +2,12 @@
 
 use core::hint::black_box;
 
-use rc10_can::Micros;
 use rc10_module::imu::Wit;
 use rc10_module::positioning::{Action, Rc9};
 use rc10_module::ranging::{Jrt, Stp23l, TfMini};
 use rc10_module::remote::{Crsf, Dbus, Sbus, Vt03};
 use rc10_module::{Protocol, Stream};
+use rc10_time::Micros;
 
 /// Measures all of them.
 pub fn measure() {

@@ -18,9 +18,10 @@ use embassy_stm32::{Config, Peripherals};
 use embedded_can::nb;
 use rc10_app::{Rpm, Seconds};
 use rc10_can::embedded_can;
-use rc10_can::{CanPort, Micros, NbPort};
+use rc10_can::{CanPort, NbPort};
 use rc10_motor::dji::{self, Dji, GM6020_VOLTAGE, M3508};
 use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
+use rc10_time::Micros;
 
 /// The 1 kHz heartbeat: the core's own timer, polled.
 pub struct Heartbeat(SYST);

@@ -2,8 +2,8 @@
 
 use anyhow::{Result, bail};
 use clap::Args;
-use rc10_can::Micros;
 use rc10_emu::fault::Fault;
+use rc10_time::Micros;
 
 use crate::robot::mistake;
 use crate::robot::mistake::Mistake;

@@ -4,7 +4,6 @@
 use std::cell::Cell;
 
 use embassy_time::Timer;
-use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::recording::problem::Severity;
 use rc10_cli::recording::sample::PathPoint;
@@ -17,6 +16,7 @@ use rc10_motor::embassy::Ports;
 use rc10_motor::rc10_app::{Direction, Rpm, TotalAngle};
 use rc10_motor::{ArmSwitch, Entry, Names, Started, Target};
 use rc10_sim::{Chassis, Steering};
+use rc10_time::Micros;
 
 const RADIUS: f64 = 0.076;
 

@@ -1,10 +1,11 @@
 use rc10_app::Seconds;
-use rc10_can::{CanPort, Micros, Submitted};
+use rc10_can::{CanPort, Submitted};
 use rc10_motor::ArmSwitch;
 use rc10_motor::{
     AttachError, CanMotor, CommandError, MotorBus, MotorId, MotorStatus, Safety, Target, TxBatch,
 };
 use rc10_sim::{Bus, BusConfig, SimPort, World};
+use rc10_time::Micros;
 
 /// A bus of our motors on a simulated wire, ticked every millisecond by a plain loop. The motors
 /// are the caller's, and so are the devices that it puts on the [`wire`](Self::wire).

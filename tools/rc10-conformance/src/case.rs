@@ -1,9 +1,9 @@
 use std::cell::OnceCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use rc10_can::Micros;
 use rc10_motor::{ArmSwitch, CanIds, CanMotor, DriveMode, Request, SafeState, Safety, Target};
 use rc10_sim::EscFault;
+use rc10_time::Micros;
 
 use crate::declaration::Declaration;
 use crate::harness::{Connection, Harness, Subject};

@@ -1,9 +1,10 @@
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
 use rc10_motor::pending::Outcome;
 use rc10_motor::{
     CanIds, CanMotor, Fault, Feedback, FrameError, FrameKind, Link, Motor, MotorName, Request,
     RequestError, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
+use rc10_time::Micros;
 
 /// A motor without a device, for tests of a bus: it occupies identifiers and takes speeds, of which
 /// nothing comes. Without a behaviour it takes every frame for feedback and sends nothing.

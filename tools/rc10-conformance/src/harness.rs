@@ -3,13 +3,14 @@
 use std::ops::{Deref, DerefMut};
 
 use rc10_app::Seconds;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
     ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
     RequestError, Response, Safety, Target, TargetSet, Tick, TxBatch,
 };
 use rc10_sim::{Bus, Esc, Line};
+use rc10_time::Micros;
 
 use crate::mirror::Mirror;
 use crate::{Bench, LineBench};

@@ -1,8 +1,8 @@
 use rc10_app::Seconds;
-use rc10_can::Micros;
 use rc10_motor::unitree::{Rs485Bus, Step};
 use rc10_motor::{ArmSwitch, CommandError, MotorId, MotorStatus, Target};
 use rc10_sim::{Line, LineConfig, UartPort, World};
+use rc10_time::Micros;
 
 /// A line of our motors on a simulated one, ticked every millisecond and polled in between by a
 /// plain loop: as [`Bench`](crate::Bench), for RS-485.

@@ -1,4 +1,4 @@
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Why a scenario ended early.
 pub(crate) enum Halt {

@@ -1,11 +1,12 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
 use rc10_motor::{
     CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Link, Motor,
     MotorName, Request, RequestError, Response, Target, TargetError, TargetSet, Tick, TxBatch,
     TxFull,
 };
+use rc10_time::Micros;
 
 use crate::harness::Subject;
 

@@ -1,8 +1,8 @@
 use std::fmt;
 
-use rc10_can::Micros;
 use rc10_motor::MotorName;
 use rc10_motor::rc10_app::Direction;
+use rc10_time::Micros;
 
 /// A rule that a motor breaks.
 #[derive(Clone, Debug, PartialEq, Eq)]

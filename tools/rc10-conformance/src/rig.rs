@@ -2,12 +2,12 @@ use crate::declaration::{Claim, Declaration};
 use crate::harness::Harness;
 use crate::outcome::{Halt, Outcome, broken, must};
 use rc10_app::Seconds;
-use rc10_can::Micros;
 use rc10_motor::{
     ArmSwitch, DriveMode, Link, MotorId, MotorStatus, Request, RequestError, Response, Target,
     TargetSet,
 };
 use rc10_sim::Esc;
+use rc10_time::Micros;
 
 /// A motor on a bus and its device on the wire, and what can be seen of both.
 pub(crate) struct Rig<'m> {

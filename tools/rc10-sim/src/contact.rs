@@ -122,7 +122,7 @@ mod tests {
         esc.set_load(1.0);
         let (mut edges, mut was_closed) = (Vec::new(), true);
         for millis in 1..=2000 {
-            world.advance(rc10_can::Micros::from_millis(millis));
+            world.advance(rc10_time::Micros::from_millis(millis));
             let closed = contact.is_low().unwrap();
             assert_eq!(contact.is_high(), Ok(!closed));
             if std::mem::replace(&mut was_closed, closed) != closed {

@@ -3,7 +3,8 @@
 use std::fmt;
 use std::ops::Add;
 
-use rc10_can::{BusError, CanFrame, Micros};
+use rc10_can::{BusError, CanFrame};
+use rc10_time::Micros;
 
 /// Time in whole nanoseconds since the start of a [`World`](crate::World): 584 years.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

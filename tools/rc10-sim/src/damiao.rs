@@ -16,7 +16,8 @@
 //! Sources: manuals of J4310, J10010L and S3519; the vendor's code; damiao-motor 1.0.6.
 //!
 //! ```
-//! use rc10_can::{CanFrame, CanPort, Micros, embedded_can::StandardId};
+//! use rc10_can::{CanFrame, CanPort, embedded_can::StandardId};
+//! use rc10_time::Micros;
 //! use rc10_sim::damiao::{Damiao, DamiaoConfig};
 //! use rc10_sim::{BusConfig, World};
 //!
@@ -40,8 +41,9 @@ mod registers;
 
 use std::f64::consts::TAU;
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, Micros};
+use rc10_time::Micros;
 
 use crate::device::{Beyond, Device, EscFault, Outbox, Taken, Winding};
 use crate::motor::Shaft;

@@ -2,7 +2,8 @@
 
 use std::any::Any;
 
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use crate::Nanos;
 use crate::line::Heard;

@@ -1,7 +1,8 @@
 //! DJI ESCs from the device's side: what they take from the bus, what they put on it.
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{Id, StandardId};
-use rc10_can::{CanFrame, Micros};
+use rc10_time::Micros;
 
 use crate::device::{Device, Outbox, Taken, Winding};
 use crate::motor::Shaft;

@@ -5,7 +5,8 @@ use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use rc10_can::{CanFrame, CanPort, Health, Micros, Queued, Submitted};
+use rc10_can::{CanFrame, CanPort, Health, Queued, Submitted};
+use rc10_time::Micros;
 
 use crate::base::{Motion, Pose, Twist};
 use crate::device::{Device, EscFault, EscState, Place, Unit};

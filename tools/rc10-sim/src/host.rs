@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-use rc10_can::{BusError, CanFrame, ErrorState, Health, Mailboxes, Micros, Queued, Submitted};
+use rc10_can::{BusError, CanFrame, ErrorState, Health, Mailboxes, Queued, Submitted};
+use rc10_time::Micros;
 
 use crate::wire::urgency;
 use crate::{Activity, Controller, Nanos, Outcome};

@@ -40,7 +40,8 @@
 //! links it must not bring others.
 //!
 //! ```
-//! use rc10_can::{CanFrame, CanPort, Micros, embedded_can::StandardId};
+//! use rc10_can::{CanFrame, CanPort, embedded_can::StandardId};
+//! use rc10_time::Micros;
 //! use rc10_sim::{BusConfig, EscConfig, Model, World};
 //!
 //! let mut world = World::new(42);

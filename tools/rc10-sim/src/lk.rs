@@ -8,8 +8,9 @@ mod codec;
 
 use std::ops::RangeInclusive;
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, Micros};
+use rc10_time::Micros;
 
 use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
 use crate::motor::Shaft;

@@ -9,7 +9,8 @@
 mod codec;
 mod controller;
 
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
 use crate::motor::Shaft;

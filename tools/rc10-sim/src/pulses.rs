@@ -7,7 +7,7 @@ use std::future::poll_fn;
 use std::rc::Rc;
 use std::task::{Poll, Waker};
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::Nanos;
 use crate::world::Inner;

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Set by wakers.
 #[derive(Default)]
@@ -36,7 +36,7 @@ impl Wake for Awake {
 ///
 /// ```
 /// use rc10_sim::{Tasks, World};
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use std::pin::Pin;
 /// use embassy_time::Timer;
 ///

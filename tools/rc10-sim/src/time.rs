@@ -8,7 +8,7 @@ use std::task::Waker;
 // Code under test locks with `CriticalSectionRawMutex`: this links the host's implementation.
 use critical_section as _;
 use embassy_time_driver::Driver;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::Nanos;
 

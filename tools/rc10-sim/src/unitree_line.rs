@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::Nanos;
 use crate::crc::crc16;

@@ -21,7 +21,8 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::rc::Rc;
 
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
 use crate::device::{Device, EscFault, Outbox, Taken, Winding};

@@ -6,7 +6,8 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use rc10_can::embedded_can::Id;
-use rc10_can::{BusError, CanFrame, Micros};
+use rc10_can::{BusError, CanFrame};
+use rc10_time::Micros;
 
 use crate::host::Host;
 use crate::occupancy::Occupancy;

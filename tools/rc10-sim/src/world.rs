@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::Nanos;
 use crate::base::{Body, Chassis, Mounting, WheelError, WheelMotors};

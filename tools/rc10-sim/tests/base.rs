@@ -1,8 +1,9 @@
 //! The base goes where its wheels push it.
 
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::{Base, Bus, BusConfig, Chassis, Esc, EscConfig, Model, Mounting, WheelError, World};
+use rc10_time::Micros;
 
 /// The right side's motors look the other way.
 const MOUNTINGS: [Mounting; 4] =

@@ -4,11 +4,12 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::{
     Base, Bus, BusConfig, Chassis, Esc, EscConfig, Model, Mounting, Plant, Steering, WheelError,
     WheelMotors, World,
 };
+use rc10_time::Micros;
 
 const GRAVITY: f64 = 9.806_65;
 const RADIUS: f64 = 0.076;

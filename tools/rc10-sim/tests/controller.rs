@@ -6,11 +6,12 @@ use std::rc::Rc;
 
 use embassy_time::Timer;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{BusError, CanFrame, CanPort, Micros};
+use rc10_can::{BusError, CanFrame, CanPort};
 use rc10_sim::{
     Activity, Bus, BusConfig, Controller, Esc, EscConfig, Model, Nanos, Outcome, World,
     tolerance_ppm,
 };
+use rc10_time::Micros;
 
 /// Sends one frame once, and writes down what it hears.
 struct Probe {

@@ -2,10 +2,11 @@
 #![expect(clippy::float_cmp, clippy::unwrap_used, reason = "a test may panic, and exact is meant")]
 
 use rc10_can::embedded_can::{ExtendedId, StandardId};
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::{
     Bus, BusConfig, Esc, EscConfig, EscState, FeedbackRate, IdOutOfRange, Model, Plant, World,
 };
+use rc10_time::Micros;
 
 fn one(model: Model, id: u8) -> (World, Bus, Esc) {
     let mut world = World::new(11);

@@ -2,8 +2,9 @@
 //! way back.
 
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Micros, Submitted};
+use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Submitted};
 use rc10_sim::{Bus, BusConfig, Esc, EscConfig, Model, SimPort, World};
+use rc10_time::Micros;
 
 /// A bus with one silent ESC.
 fn quiet() -> (World, Bus, SimPort, Esc) {

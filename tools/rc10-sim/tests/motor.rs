@@ -2,8 +2,9 @@
 #![expect(clippy::float_cmp, clippy::unwrap_used, reason = "a test may panic, and exact is meant")]
 
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::{BusConfig, Esc, EscConfig, EscState, Model, Plant, Scale, World};
+use rc10_time::Micros;
 
 struct Bench {
     world: World,

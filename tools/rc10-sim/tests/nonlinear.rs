@@ -4,8 +4,9 @@
 use std::f64::consts::TAU;
 
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::{Bus, BusConfig, Esc, EscConfig, Model, Nonlinear, Plant, World};
+use rc10_time::Micros;
 
 /// kg·m².
 const LOAD: f64 = 0.02;

@@ -8,10 +8,11 @@ use std::task::Poll;
 use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Crsf, Dr16, Failsafe, Ppm, Remote, Sbus, Stick, Switch};
 use rc10_sim::{BusConfig, Chassis, EscConfig, Model, Mounting, Nanos, Serial, UartPort, World};
+use rc10_time::Micros;
 
 const PHASE: Nanos = Nanos::new(1_000_000);
 const STICKS: Controls = Controls {

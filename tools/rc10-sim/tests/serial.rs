@@ -9,11 +9,11 @@ use std::task::Poll;
 use embassy_futures::join::join;
 use embassy_time::{Instant, Timer};
 use embedded_io_async::{Read, Write};
-use rc10_can::Micros;
 use rc10_sim::{
     Nanos, PulseDevice, PulseEnd, Pulses, Serial, SerialConfig, SerialDevice, SerialEnd, UartFault,
     UartPort, World,
 };
+use rc10_time::Micros;
 
 /// Says the same every so often, and notes what it hears.
 struct Parrot {

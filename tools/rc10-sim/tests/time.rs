@@ -8,8 +8,9 @@ use std::task::Poll;
 use embassy_futures::{join::join, select::select, yield_now};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::{BusConfig, Esc, EscConfig, Model, SimPort, Tasks, TraceEntry, World};
+use rc10_time::Micros;
 
 const fn millis(millis: u64) -> Micros {
     Micros::from_millis(millis)

@@ -1,8 +1,9 @@
 //! Arbitration, bit timing, overload, missing acknowledge.
 
 use rc10_can::embedded_can::{ExtendedId, StandardId};
-use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Micros, Submitted};
+use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Submitted};
 use rc10_sim::{Bus, BusConfig, EscConfig, FeedbackRate, Model, SimPort, World};
+use rc10_time::Micros;
 
 fn standard(id: u16, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(StandardId::new(id).unwrap(), data)

@@ -13,7 +13,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::peripheral::{NVIC, SCB};
 use embassy_stm32::pac;
 use heapless::String;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::{can, crystal};
 

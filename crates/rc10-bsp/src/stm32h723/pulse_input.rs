@@ -14,7 +14,7 @@ use embassy_stm32::{Peri, pac, rcc};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::TIMER_CLOCK;
 use crate::dma::enable;

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Wake, Waker};
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 struct Clock;
 

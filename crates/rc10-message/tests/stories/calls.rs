@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use embassy_futures::select::{Either, select};
 use embassy_time::Timer;
-use rc10_can::Micros;
 use rc10_message::{AlreadyServed, CallError, Caller, Calls, Server, Service};
+use rc10_time::Micros;
 
 use crate::clock::{Random, Tasks, interrupt_with, now};
 use crate::tell;

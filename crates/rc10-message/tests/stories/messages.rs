@@ -5,8 +5,8 @@ use std::rc::Rc;
 
 use embassy_futures::select::select;
 use embassy_time::Timer;
-use rc10_can::Micros;
 use rc10_message::{Latest, Message, SubscribersFull, Topic};
+use rc10_time::Micros;
 
 use crate::clock::{Random, Tasks, interrupt_with, now};
 use crate::tell;

@@ -1,6 +1,6 @@
 use rc10_app::angle::{shortest_way, shortest_way_degrees};
 use rc10_app::{Degrees, Radians, TotalAngle, maths};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// An older heading is of no use: 2000 °/s makes half a turn in this time.
 pub const FRESH_FOR: Micros = Micros::from_millis(90);

@@ -24,7 +24,7 @@ const TYPES: core::ops::RangeInclusive<u8> = 0x50..=0x5F;
 /// The protocol of a WIT module.
 ///
 /// ```
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_module::{Stream, imu::{Heading, Wit, wit::Message}};
 ///
 /// let (mut stream, mut heading) = (Stream::new(Wit), Heading::default());
@@ -172,7 +172,7 @@ mod tests {
     extern crate std;
     use super::*;
     use crate::{Counters, Stream};
-    use rc10_can::Micros;
+    use rc10_time::Micros;
     use std::vec::Vec;
 
     fn frame(kind: u8, words: [i16; 4]) -> [u8; LEN] {

@@ -14,7 +14,7 @@
 //! | [`LowSupply`](LampState::LowSupply) | yellow | `#...................` | one short flash every two seconds |
 //! | [`NotAtRest`](LampState::NotAtRest) | blue | `###.###.............` | two long flashes, a pause |
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 use smart_leds_trait::RGB8;
 
 /// A state of a robot that a strip can show. Which state matters most is the robot's to decide.
@@ -78,7 +78,7 @@ const fn look(state: LampState) -> (RGB8, &'static [u8; BEATS as usize]) {
 /// The colour of LED `index` at `now` in this state, at full brightness.
 ///
 /// ```
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_module::led::pattern::{LampState, colour};
 /// let dark = |millis| colour(LampState::Stopped, Micros::from_millis(millis), 0).g == 0
 ///     && colour(LampState::Stopped, Micros::from_millis(millis), 0).r == 0;

@@ -124,7 +124,7 @@ mod tests {
     extern crate std;
     use super::*;
     use crate::{Counters, Stream};
-    use rc10_can::Micros;
+    use rc10_time::Micros;
     use std::string::ToString;
     use std::vec::Vec;
 

@@ -178,7 +178,7 @@ mod tests {
     extern crate std;
     use super::*;
     use crate::{Counters, Stream};
-    use rc10_can::Micros;
+    use rc10_time::Micros;
     use std::vec::Vec;
 
     const GOOD: [u8; 13] = *b"\xAA\x00\x00\x22\x00\x03\x00\x00\x10\xE1\x00\x78\x8E";

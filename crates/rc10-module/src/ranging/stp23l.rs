@@ -130,7 +130,7 @@ mod tests {
     extern crate std;
     use super::*;
     use crate::{Counters, Stream};
-    use rc10_can::Micros;
+    use rc10_time::Micros;
     use std::vec::Vec;
 
     /// Points of one frame: distance and confidence of each.

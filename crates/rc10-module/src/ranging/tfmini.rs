@@ -28,7 +28,7 @@ const FURTHEST: u16 = 1200;
 /// The protocol of a `TFmini-Plus`.
 ///
 /// ```
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_module::{Stream, ranging::{Range, TfMini}};
 ///
 /// let mut stream = Stream::new(TfMini);
@@ -96,7 +96,7 @@ mod tests {
     extern crate std;
     use super::*;
     use crate::{Counters, Stream};
-    use rc10_can::Micros;
+    use rc10_time::Micros;
     use std::vec::Vec;
 
     fn frame(centimetres: u16, strength: u16) -> [u8; LEN] {

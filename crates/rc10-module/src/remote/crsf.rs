@@ -1,5 +1,5 @@
 use heapless::Vec;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::channels::eleven_bits;
 use super::{ChannelMap, Remote};

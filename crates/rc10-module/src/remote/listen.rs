@@ -1,7 +1,7 @@
 use core::convert::Infallible;
 
 use embedded_io_async::Read;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::{ChannelMap, Crsf, CrsfLink, Dbus, Ppm, Receiver, Remote, Sbus, Vt03};
 use crate::{Reception, listen as listen_to};

@@ -18,7 +18,7 @@ mod watch;
 
 use core::fmt;
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 pub use channels::{Channel, ChannelMap, ChannelMapError, ChannelOrder};
 pub use crsf::{Crsf, CrsfFrame, CrsfLink, LinkStatistics};
@@ -151,7 +151,7 @@ pub enum RemoteLink {
     Lost,
 }
 
-rc10_can::states!(RemoteLink: Online, Interrupted, Lost);
+rc10_app::states!(RemoteLink: Online, Interrupted, Lost);
 
 /// Time without a good frame after which the robot is suspended.
 pub const INTERRUPTED_AFTER: Micros = Micros::from_millis(100);

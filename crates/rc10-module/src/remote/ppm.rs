@@ -1,4 +1,4 @@
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::channels::fitting;
 use super::{ChannelMap, ChannelOrder, Travel};

@@ -1,11 +1,11 @@
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::{INTERRUPTED_AFTER, LOST_AFTER, Remote, RemoteLink};
 
 /// Tells the state of the link to a remote: the failsafe, in two steps.
 ///
 /// ```
-/// use rc10_can::Micros;
+/// use rc10_time::Micros;
 /// use rc10_module::remote::{RemoteLink, Remote, Watch};
 ///
 /// let mut watch = Watch::new();

@@ -2,11 +2,11 @@ use std::cell::RefCell;
 
 use embassy_time::{Instant, Timer};
 use embedded_io_async::ErrorKind;
-use rc10_can::Micros;
 use rc10_module::remote::{
     NotSerial, Parity, Receiver, Remote, RemoteLink, Switch, Watch, listen, listen_pulses,
 };
 use rc10_module::{Counters, Reception};
+use rc10_time::Micros;
 
 use crate::clock::{Line, run_until};
 

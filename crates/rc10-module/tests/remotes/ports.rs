@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use embassy_time::Instant;
 use embedded_io_async::{ErrorKind, ErrorType, Read};
-use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_module::remote::{Receiver, Remote, listen};
+use rc10_time::Micros;
 
 use crate::clock::{Line, run_until};
 

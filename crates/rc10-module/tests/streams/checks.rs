@@ -5,8 +5,8 @@ use std::cell::Cell;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
-use rc10_can::Micros;
 use rc10_module::{Buffer, Protocol};
+use rc10_time::Micros;
 
 use super::observed::{Piece, hear};
 use super::port::{Line, Listened, listened, readings};

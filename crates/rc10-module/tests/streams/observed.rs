@@ -2,8 +2,8 @@
 
 use std::cell::Cell;
 
-use rc10_can::Micros;
 use rc10_module::{Buffer, Counters, Found, Pause, Protocol, Stream};
+use rc10_time::Micros;
 
 use super::wire::Wire;
 

@@ -7,8 +7,8 @@ use embassy_time::{Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read};
 use proptest::collection::vec;
 use proptest::prelude::*;
-use rc10_can::Micros;
 use rc10_module::{Counters, Reception, listen};
+use rc10_time::Micros;
 
 use super::clock::{run_until, spend};
 use super::observed::{Watched, Work};

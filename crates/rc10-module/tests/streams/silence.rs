@@ -8,8 +8,8 @@ use std::cell::Cell;
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use rc10_can::Micros;
 use rc10_module::{Found, Protocol};
+use rc10_time::Micros;
 
 use super::checks::{assert_same, cases, frame, garbage, room};
 use super::observed::{Piece, hear};

@@ -23,7 +23,7 @@
 //! * Range-mapped fields are those of [`mit`](crate::mit).
 //!
 //! ```
-//! use rc10_can::Micros;
+//! use rc10_time::Micros;
 //! use rc10_motor::cybergear::{Config, Address, CyberGear, models};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
 //! use rc10_app::{Rpm, Seconds};

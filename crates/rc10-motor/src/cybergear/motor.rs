@@ -2,7 +2,8 @@
 
 use embedded_can::ExtendedId;
 use rc10_app::{ConfigError, NewtonMetres};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use super::config::{Config, MOTION, Model};
 use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};

@@ -3,7 +3,8 @@
 use embedded_can::StandardId;
 use rc10_app::maths::within;
 use rc10_app::{ConfigError, NewtonMetres};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use super::config::{Config, Model, Own, can_ids, side};
 use super::registers::{Access, CHECKED, NO_ANSWER, Register, Reply, check, reply_to};

@@ -3,7 +3,8 @@
 use embedded_can::StandardId;
 use rc10_app::maths::round_to_i16;
 use rc10_app::{Amps, Cascade, Celsius, ConfigError, NewtonMetres};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use super::config::{Config, Effort, FeedbackRate, Model};
 use super::wire::{ENCODER_COUNTS, RawFeedback};

@@ -1,4 +1,4 @@
-use rc10_can::{Micros, Schedule, Timing};
+use rc10_time::{Micros, Schedule, Timing};
 
 /// Length of a tick.
 pub(super) const PERIOD: Micros = Micros::from_millis(1);

@@ -4,8 +4,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use heapless::Vec;
-use rc10_can::Micros;
 use rc10_message::{CallError, Caller, Calls, Service};
+use rc10_time::Micros;
 
 use crate::motor::{Motor, Tuning};
 use crate::motors::{MotorId, Motors};

@@ -7,7 +7,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embedded_can::Id;
 use heapless::Vec;
-use rc10_can::{CanFrame, Health, IdPattern, Timing};
+use rc10_can::{CanFrame, Health, IdPattern};
+use rc10_time::Timing;
 
 use super::motors::MotorPorts;
 use super::subscription::{Filter, NoFreeSubscription, Subscription, Subscriptions};

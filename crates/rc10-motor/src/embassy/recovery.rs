@@ -1,4 +1,5 @@
-use rc10_can::{BusOffPolicy, ErrorState, Health, Micros};
+use rc10_can::{BusOffPolicy, ErrorState, Health};
+use rc10_time::Micros;
 
 /// Decides by a [`BusOffPolicy`] when a bus that has left goes back; the port knows how.
 pub(super) struct Recovery {

@@ -3,7 +3,7 @@ use core::borrow::BorrowMut;
 use embassy_time::{Duration, Instant, Timer, with_deadline, with_timeout};
 use embedded_io_async::{Read, Write};
 use rc10_app::Seconds;
-use rc10_can::{Micros, Timing};
+use rc10_time::{Micros, Timing};
 
 use super::clock::{Clock, PERIOD, now};
 use super::motors::{MotorPorts, Server};

@@ -4,7 +4,8 @@ use core::marker::PhantomData;
 use embassy_time::{Instant, Timer};
 use heapless::Vec;
 use rc10_app::Seconds;
-use rc10_can::{BusOffPolicy, CanPort, Health, IdPattern, Micros, Submitted};
+use rc10_can::{BusOffPolicy, CanPort, Health, IdPattern, Submitted};
+use rc10_time::Micros;
 
 use super::clock::{Clock, PERIOD, now};
 use super::motors::Server;

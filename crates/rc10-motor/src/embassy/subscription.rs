@@ -4,7 +4,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
+use rc10_time::Micros;
 
 /// A received frame with its arrival time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

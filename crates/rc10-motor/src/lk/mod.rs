@@ -27,7 +27,7 @@
 //! use rc10_app::{Cascade, FeedForward, PidConfig, Rpm, RpmPerSecond};
 //! use rc10_motor::lk::{Config, Lk, models};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
-//! use rc10_can::Micros;
+//! use rc10_time::Micros;
 //!
 //! // Amperes for rpm at the output shaft, 5 A at most.
 //! let cascade = Cascade {

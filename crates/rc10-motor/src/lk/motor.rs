@@ -1,7 +1,8 @@
 //! The motor: its shaft, its loops, its frames.
 
 use rc10_app::{Amps, Celsius, ConfigError, NewtonMetres, Volts};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use super::config::{Commands, Config, Model, can_ids};
 use super::wire::{

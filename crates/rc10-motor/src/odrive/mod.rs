@@ -22,7 +22,7 @@
 //!
 //! ```
 //! use rc10_app::{Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
-//! use rc10_can::Micros;
+//! use rc10_time::Micros;
 //! use rc10_motor::odrive::{Config, Control, Firmware, ODrive, Rates};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 //!

@@ -2,7 +2,8 @@
 
 use rc10_app::angle::shortest_way;
 use rc10_app::{Amps, Celsius, ConfigError, NewtonMetres, Seconds, Volts};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use super::config::{Config, Control, Firmware, Limits, NODE_MASK, Rates, can_ids};
 use super::wire::{

@@ -2,7 +2,7 @@ use core::ops::{Deref, DerefMut};
 
 use heapless::Vec;
 use rc10_app::{ConfigError, Seconds};
-use rc10_can::{Micros, Timing};
+use rc10_time::{Micros, Timing};
 
 use super::rs485::{GoM8010, idle};
 use super::wire::line::{COMMAND_LEN, Parser, Reply, destination};
@@ -21,7 +21,7 @@ use crate::supervision::{Safety, count};
 ///
 /// ```
 /// use rc10_motor::rc10_app::{Rpm, Seconds};
-/// use rc10_motor::rc10_can::Micros;
+/// use rc10_motor::rc10_time::Micros;
 /// use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus, Step};
 /// use rc10_motor::{ArmSwitch, Safety, Target};
 ///

@@ -17,7 +17,7 @@
 //! use rc10_motor::unitree::{GoModule, ModuleConfig};
 //! use rc10_motor::{ArmSwitch, Impedance, MotorBus, Safety, Target};
 //! use rc10_motor::rc10_app::Degrees;
-//! use rc10_motor::rc10_can::Micros;
+//! use rc10_motor::rc10_time::Micros;
 //!
 //! let switch = ArmSwitch::new();
 //! // Both behind the module with switches 1 and 2 on, as it is sold.
@@ -36,7 +36,8 @@ mod sequence;
 
 use embedded_can::{ExtendedId, Id};
 use rc10_app::{ConfigError, Degrees, Rpm};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use self::sequence::Sequence;
 use super::config::{ModuleConfig, OWNER};

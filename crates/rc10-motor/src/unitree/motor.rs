@@ -1,5 +1,5 @@
 use rc10_app::{Cascade, Celsius, Degrees, Direction, NewtonMetres, Rpm};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::config::servo;
 use super::wire::{ANGLE_STEPS, GEAR, RawMotion, RotorScale, SPEED_STEPS};

@@ -1,5 +1,5 @@
 use rc10_app::ConfigError;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::config::LineConfig;
 use super::motor::Actuator;

@@ -5,7 +5,8 @@ use core::num::NonZeroU8;
 use rc10_app::{
     Amps, Cascade, ConfigError, CountsPerTurn, Direction, ElectricalRpm, Gear, Rpm, ok,
 };
-use rc10_can::{IdPattern, Micros};
+use rc10_can::IdPattern;
+use rc10_time::Micros;
 
 use super::wire::{EVERY, Packet, STATUSES, Status, VescId};
 use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};

@@ -3,7 +3,8 @@
 use rc10_app::angle::shortest_way;
 use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Seconds, Volts};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use super::config::Config;
 use super::hold::Hold;

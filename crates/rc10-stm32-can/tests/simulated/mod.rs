@@ -5,11 +5,12 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use rc10_can::{BusError, CanFrame, ErrorState, IdPattern, Micros};
+use rc10_can::{BusError, CanFrame, ErrorState, IdPattern};
 use rc10_sim::{
     Activity, Bus, BusConfig, Controller, EscConfig, Model, Nanos, Outcome, TraceEntry, World,
 };
 use rc10_stm32_can::{BusOff, Ended, Errors, Hardware, MAILBOXES, Port, SharedDriver};
+use rc10_time::Micros;
 
 /// Places for received frames, of both.
 const FIFO: usize = 3;

@@ -3,12 +3,12 @@
 use lift::plant::{INDEX, TRAVEL};
 use lift::table::{LIFT, WEIGHT};
 use lift::{Motors, Name, Ports, Shared, simulation};
-use rc10_can::Micros;
 use rc10_cli::world::environment::Environment;
 use rc10_motor::{Motion, Names, Target};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::live::{Mechanism, Signal};
+use rc10_time::Micros;
 
 /// A robot that runs.
 pub struct Bench<'r> {

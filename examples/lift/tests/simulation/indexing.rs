@@ -5,10 +5,10 @@ use core::cell::Cell;
 use embedded_hal::digital::{ErrorKind, ErrorType, InputPin};
 use lift::table::FEEDER;
 use lift::{Motors, Name, Ports, Shared, simulation, task};
-use rc10_can::Micros;
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{Description, Robot};
 use rc10_motor::{Motion, Names, Target};
+use rc10_time::Micros;
 
 use crate::bench::{ARMED, Bench, DISARMED, FEED, Stage, indexed, stage};
 use crate::{feed, ride};

@@ -21,7 +21,6 @@ use rc10_bsp::pulse_output::{self, PulseOutput};
 use rc10_bsp::pwm::PwmOutput;
 use rc10_bsp::spi::DmaSpi;
 use rc10_bsp::voltage::VoltageInput;
-use rc10_can::Micros;
 use rc10_module::imu::bmi088::{Bmi088, Config};
 use rc10_module::imu::heater::{Heater, HeaterConfig};
 use rc10_module::led::ws2812::{BITS, Pulses, Strip};
@@ -30,6 +29,7 @@ use rc10_motor::rc10_app::Seconds;
 use rc10_tasks::live::Live;
 use rc10_tasks::supply::OLDEST_SUPPLY;
 use rc10_tasks::{Common, Supply, TickWatch, heading, status_led};
+use rc10_time::Micros;
 
 use super::{ImuParts, OutputPins, Soldered};
 use crate::Output;

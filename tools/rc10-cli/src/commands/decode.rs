@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::decode::print::Printer;
 use anyhow::Context;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::decode::BusOfChannel;
 use crate::formats::candump::{Numbered, Reader};

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use clap::Args;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::args::{Injected, check_end, seconds, seed};
 use crate::files::make_folder;

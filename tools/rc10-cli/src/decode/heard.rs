@@ -6,8 +6,9 @@ use std::io::{BufReader, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
 use rc10_motor::{DriveMode, MotorStatus, TargetKind};
+use rc10_time::Micros;
 
 use super::{BusOfChannel, Decoder, Summary, excerpt, known_on, unreadable};
 use crate::formats::candump::{CandumpLine, Numbered, Reader};

@@ -8,11 +8,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{Model, RawFeedback};
 use rc10_motor::signals::{Marks, Message};
 use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus, dji};
+use rc10_time::Micros;
 
 use crate::formats::candump::CandumpLine;
 use crate::robot::description::Description;

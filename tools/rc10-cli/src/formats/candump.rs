@@ -14,8 +14,9 @@
 use std::fmt;
 use std::io::{self, BufRead, Read};
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{CanFrame, Micros};
+use rc10_time::Micros;
 
 /// Longest line in bytes; the rest of a longer one is not kept.
 const LONGEST_LINE: usize = 1000;

@@ -1,9 +1,9 @@
 //! Whether a base's wheels and its IMU agree.
 
-use rc10_can::Micros;
 use rc10_motor::TargetKind;
 use rc10_motor::dji::Effort;
 use rc10_sim::{Tread, Wheel};
+use rc10_time::Micros;
 
 use crate::recording::excuse::is_excused;
 use crate::recording::problem::{About, Problem};

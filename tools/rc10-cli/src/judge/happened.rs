@@ -1,7 +1,7 @@
 //! The events of a real robot, from its recording: it follows no script that would name them.
 
-use rc10_can::Micros;
 use rc10_motor::{ArmState, Link};
+use rc10_time::Micros;
 
 use crate::recording::Recording;
 use crate::recording::sample::time_of;

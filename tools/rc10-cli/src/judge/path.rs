@@ -3,7 +3,7 @@
 //! A robot counts in axes of its own: they are laid so that its first estimate is right
 //! ([`Robot::estimate`](crate::world::robot::Robot::estimate)).
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 use serde_json::{Value, json};
 
 use crate::recording::sample::{PathPoint, seconds, time_of};

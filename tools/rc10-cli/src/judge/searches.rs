@@ -3,12 +3,12 @@
 //! An effect that an injected fault must have is no problem; its absence is one. The thresholds,
 //! and the shipped robots' distance from them: `docs/verdict.md`.
 
-use rc10_can::Micros;
 use rc10_emu::fault::{ChipFault, Fault, Kind as FaultKind};
 use rc10_module::Counters;
 use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{ArmState, Condition, DriveMode, Link, Verdict};
 use rc10_sim::fault::is_called;
+use rc10_time::Micros;
 
 use crate::recording::effort::{EffortTrack, IN_A_ROW};
 use crate::recording::excuse::{

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rc10_can::Micros;
 use rc10_link::frame::{AROUND, ASK, FromRobot, Writer};
 use rc10_link::samples::{Head, VALUES};
 use rc10_link::{
@@ -10,6 +9,7 @@ use rc10_link::{
     VERSION,
 };
 use rc10_module::Stream;
+use rc10_time::Micros;
 
 /// A signal that the robot describes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

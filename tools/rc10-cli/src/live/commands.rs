@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use rc10_can::Micros;
 use rc10_link::Urgent;
+use rc10_time::Micros;
 
 use super::client::Urgency;
 use super::plan::{plan, watch};

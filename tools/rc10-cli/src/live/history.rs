@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Limit of values of one signal.
 const KEPT: usize = 200_000;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use anyhow::Result;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::client::Sample;
 use super::plan::{Topic, messages};

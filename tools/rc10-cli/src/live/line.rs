@@ -1,7 +1,7 @@
 //! A line to a robot: a port, a connection, a simulation or an emulation.
 
 use anyhow::Result;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// A line to a robot.
 pub trait Source {

@@ -7,8 +7,8 @@ use std::sync::mpsc::Sender;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use rc10_can::Micros;
 use rc10_link::{Action, Urgent};
+use rc10_time::Micros;
 use serde_json::{Value, json};
 
 use super::client::{Answer, Client, Urgency};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::client::Sample;
 use super::plan::{Topic, messages};

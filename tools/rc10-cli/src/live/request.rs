@@ -1,6 +1,6 @@
 //! Requests of pages, read from bytes: without sockets, so that it can be fuzzed.
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// Limit of bytes before the body.
 const HEAD: usize = 8 * 1024;

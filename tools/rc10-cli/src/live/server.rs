@@ -12,8 +12,8 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use rc10_can::Micros;
 use rc10_link::Urgent;
+use rc10_time::Micros;
 use serde_json::{Value, json};
 
 use super::client::NOT_HEARD;

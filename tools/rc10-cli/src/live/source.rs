@@ -8,7 +8,7 @@ use std::{fs, io};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::args::{Injected, seed};
 use crate::live::line::{RobotConnection, Source};

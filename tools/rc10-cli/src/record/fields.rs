@@ -130,10 +130,10 @@ impl<T: Seen> Named for T {
 
 #[cfg(test)]
 mod tests {
-    use rc10_can::Micros;
     use rc10_module::Counters;
     use rc10_motor::{ArmState, TargetKind};
     use rc10_tasks::seen::Value;
+    use rc10_time::Micros;
 
     use super::*;
     use crate::recording::look::MotorLook;

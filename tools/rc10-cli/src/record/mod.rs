@@ -28,8 +28,8 @@ use std::thread::{self, JoinHandle};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, McapResult, WriteOptions, Writer};
-use rc10_can::Micros;
 use rc10_motor::Fault;
+use rc10_time::Micros;
 
 use self::fields::{MOTOR, MOTOR_HEALTH, Single, schema};
 use crate::recording::look::{Moment, MotorLook};

@@ -1,9 +1,9 @@
 //! Records a robot in its environment, simulated or emulated.
 
 use anyhow::Result;
-use rc10_can::Micros;
 use rc10_motor::{DriveMode, Link, Loops, MotorStatus, TargetKind};
 use rc10_sim::{Esc, TraceEntry};
+use rc10_time::Micros;
 use sha2::{Digest, Sha256};
 
 use crate::formats::candump;

@@ -7,11 +7,11 @@ use std::iter::zip;
 use std::rc::Rc;
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
 use rc10_motor::rc10_app::mechanism::Stage;
 use rc10_motor::{Fault as MotorFault, Loops};
+use rc10_time::Micros;
 
 use super::fields::{Named, Single};
 use super::file::{Channel, Item, walk};

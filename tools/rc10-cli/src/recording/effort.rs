@@ -5,8 +5,8 @@
 //! throughout.
 
 use crate::recording::load::WINDOW;
-use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind};
+use rc10_time::Micros;
 
 use crate::recording::load::{Carrying, LoadTrack, LoadWatch};
 use crate::recording::margin::Margins;

@@ -1,8 +1,8 @@
 //! Whether an injected fault explains an effect: its place and its duration.
 
-use rc10_can::Micros;
 use rc10_emu::fault::{ChipFault, Fault, Kind as FaultKind};
 use rc10_sim::fault::Wire;
+use rc10_time::Micros;
 
 use crate::recording::sample::SAMPLE_PERIOD;
 use crate::robot::motor::Place;

@@ -1,9 +1,9 @@
 //! Whether a motor's feed-forward is its load: while it stands or turns evenly as commanded, the
 //! effort of its loops is the load itself.
 
-use rc10_can::Micros;
 use rc10_motor::rc10_app::{Degrees, FeedForward, Gravity, Rpm, RpmPerSecond};
 use rc10_motor::{Feedback, TargetKind};
+use rc10_time::Micros;
 
 /// Length of a window.
 pub const WINDOW: Micros = Micros::from_millis(200);

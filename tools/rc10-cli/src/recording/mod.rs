@@ -14,13 +14,13 @@ pub mod wheels;
 use crate::recording::sample::Source;
 use std::fmt;
 
-use rc10_can::Micros;
 use rc10_emu::fault::Fault;
 use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, MotorStatus, TargetKind};
 use rc10_sim::Chassis;
 use rc10_tasks::arming::Axis;
+use rc10_time::Micros;
 use sha2::{Digest, Sha256};
 
 use crate::recording::effort::EffortTrack;

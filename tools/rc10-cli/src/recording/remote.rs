@@ -1,8 +1,8 @@
 //! The track of a remote control in a run: its samples, and each loss with its effects.
 
-use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_sim::remote::Sent;
+use rc10_time::Micros;
 
 use crate::recording::sample::RemoteSample;
 use crate::robot::remote::{Lost, Receiver};

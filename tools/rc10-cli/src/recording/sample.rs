@@ -1,10 +1,10 @@
 //! Samples of a run: motors, buses and base at one moment, and the range of values between two.
 
-use rc10_can::Micros;
 use rc10_motor::ArmState;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{DriveMode, Link, MotorCounters, TargetKind};
 use rc10_sim::Base;
+use rc10_time::Micros;
 use sha2::{Digest, Sha256};
 
 /// Period of samples.

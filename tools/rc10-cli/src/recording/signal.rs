@@ -1,6 +1,6 @@
 //! Tracks of a robot's own signals: values of its tasks that a run records beside the motors.
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::recording::sample::{Cell, LOOK_PERIOD, Sum};
 use crate::robot::signal::Signal;

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use rc10_can::Micros;
 use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
 use rc10_sim::{Serial, World};
+use rc10_time::Micros;
 
 use crate::robot::base::Base;
 use crate::robot::mistake::Mistake;

@@ -1,7 +1,7 @@
 //! The operator of a remote control, who follows a script.
 
-use rc10_can::Micros;
 use rc10_sim::remote::Remote;
+use rc10_time::Micros;
 
 use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
 

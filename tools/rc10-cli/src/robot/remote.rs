@@ -2,10 +2,10 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use rc10_can::Micros;
 use rc10_emu::fault::{Fault, Kind};
 use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus, Vt03};
 use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
+use rc10_time::Micros;
 
 pub use rc10_module::remote::Receiver;
 

@@ -1,6 +1,6 @@
 //! Events of a run, and the script of a robot.
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// An event of a run, such as a step of a script.
 #[derive(Clone, Copy, Debug)]

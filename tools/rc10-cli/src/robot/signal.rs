@@ -5,7 +5,7 @@
 
 use std::rc::Rc;
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// A signal: its label, its unit, and a function that reads it.
 #[derive(Clone)]

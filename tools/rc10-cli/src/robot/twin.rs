@@ -1,13 +1,13 @@
 //! The simulated twin of each device, and the messages in its frames.
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_can::Micros;
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::signals::Message;
 use rc10_motor::{Device, Place, cybergear, damiao, dji, lk, odrive, unitree, vesc};
 use rc10_sim::damiao::{DamiaoConfig, Mode};
 use rc10_sim::odrive::Version;
 use rc10_sim::{Bus, Esc, EscConfig, Line, Nonlinear};
+use rc10_time::Micros;
 
 use crate::robot::motor::{Motor, Plant};
 
@@ -270,7 +270,7 @@ mod tests {
             let plant = Plant { nonlinear, ..Plant::inertia(0.05) };
             let arm = Motor { plant, direction, ..Motor::dji_on("arm", 1, &M3508, 1) };
             let twin = arm.plug_in(&[wire], &[]).unwrap();
-            world.advance(rc10_can::Micros::from_millis(300));
+            world.advance(rc10_time::Micros::from_millis(300));
             let state = twin.state();
             [state.load_degrees, state.output_degrees].map(|degrees| arm.sign() * degrees)
         };

@@ -1,12 +1,12 @@
 //! The emulated chip with a program, in the environment of a robot.
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_can::Micros;
 use rc10_emu::fault::{Fault, Kind};
 use rc10_emu::{Board, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::{Bus, Esc, Nanos, TraceEntry};
+use rc10_time::Micros;
 use sha2::{Digest as _, Sha256};
 
 use crate::recording::look::{BusLook, Moment, RobotLook};

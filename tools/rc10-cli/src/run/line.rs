@@ -1,11 +1,11 @@
 //! Listening to an RS-485 line from outside the chip: the robot's own code decodes both directions.
 
-use rc10_can::Micros;
 use rc10_motor::embassy::Rs485Status;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::unitree::wire::line::COMMAND_LEN;
 use rc10_motor::{MotorId, MotorStatus};
 use rc10_sim::{LineEntry, Nanos};
+use rc10_time::Micros;
 
 /// A listener on a line, which sends nothing.
 pub(crate) struct LineListener<'r> {

@@ -1,9 +1,9 @@
 //! A robot that runs in virtual time: in the simulator, or its program on the emulated chip.
 
 use anyhow::Result;
-use rc10_can::Micros;
 use rc10_motor::MotorStatus;
 use rc10_sim::{Bus, Esc, TraceEntry};
+use rc10_time::Micros;
 
 use crate::recording::look::Moment;
 use crate::robot::description::Description;

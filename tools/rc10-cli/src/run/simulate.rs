@@ -1,7 +1,7 @@
 //! Records a robot that runs: the one loop in which it is looked at.
 
 use anyhow::Result;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::judge::searches::{UNARMED_FOR, armed_for};
 use crate::record::recorder::Recorder;

@@ -1,13 +1,13 @@
 //! A robot in the simulator: its own tasks, against simulated motors on simulated wires.
 
 use anyhow::{Result, ensure};
-use rc10_can::Micros;
 use rc10_emu::fault::ChipFault;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmState, ArmSwitch, Loops, MotorStatus};
 use rc10_sim::{Bus, Esc, Faults, Tasks, TraceEntry};
 use rc10_tasks::seen::Whole;
+use rc10_time::Micros;
 
 use crate::recording::look::{BusLook, Moment, RobotLook};
 use crate::recording::sample::PathPoint;

@@ -1,10 +1,10 @@
 //! Watches a robot that loses its remote, by wires and motors, not by its own word.
 
-use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::ArmState;
 use rc10_sim::remote::Sent;
 use rc10_sim::{Esc, Nanos};
+use rc10_time::Micros;
 
 use crate::recording::look::RemoteLook;
 use crate::recording::remote::Loss;

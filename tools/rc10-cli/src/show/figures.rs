@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use rc10_can::{Micros, Timing};
 use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
 use rc10_motor::{DriveMode, Link, TargetKind, Verdict};
 use rc10_sim::remote::Sent;
+use rc10_time::{Micros, Timing};
 use serde_json::{Value, json};
 
 use crate::judge::path::PathFigures;

@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use rc10_can::Micros;
 use rc10_motor::{ArmState, DriveMode, Link, TargetKind};
+use rc10_time::Micros;
 use serde_json::{Value, json};
 
 use crate::files::write_file;

@@ -5,13 +5,13 @@ use std::convert::Infallible;
 use std::pin::Pin;
 
 use anyhow::{Context, Result, ensure};
-use rc10_can::Micros;
 use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
     Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
 };
+use rc10_time::Micros;
 
 use crate::robot::description::Description;
 use crate::robot::operator::Operator;

@@ -2,12 +2,12 @@
 
 use std::rc::Rc;
 
-use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::ArmSwitch;
 use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
 use rc10_tasks::live::Parameter;
 use rc10_tasks::seen::Whole;
+use rc10_time::Micros;
 
 use crate::robot::description::Description;
 use crate::robot::motor::Place;

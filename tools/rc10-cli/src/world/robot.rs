@@ -6,7 +6,6 @@ use std::rc::Rc;
 
 use anyhow::{Context, Result, bail, ensure};
 use embassy_time::Instant;
-use rc10_can::Micros;
 use rc10_emu::fault::{Fault, Kind};
 use rc10_module::Reception;
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
@@ -16,6 +15,7 @@ use rc10_sim::fault::is_called;
 use rc10_sim::{Contact, Faults, TaskName, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
+use rc10_time::Micros;
 
 use crate::args::Injected;
 use crate::robot::description::{Description, PoseSignals};

@@ -1,7 +1,8 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::{CanIds, DriveMode, FrameError, Frames, Link, Request, Tick, TxBatch};
 use rc10_sim::Random;
+use rc10_time::Micros;
 
 use crate::case::Case;
 use crate::outcome::{Findings, Outcome, broken, must};

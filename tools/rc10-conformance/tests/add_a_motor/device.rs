@@ -1,8 +1,9 @@
 //! The Finch F10 from its own side: written from the manual's table, without a look at `motor.rs`.
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{Id, StandardId};
-use rc10_can::{CanFrame, Micros};
 use rc10_sim::{Bus, Device, Esc, EscFault, Nonlinear, Outbox, Plant, Shaft, Taken, Winding};
+use rc10_time::Micros;
 
 /// Longest time without a command; then it opens its bridge.
 const PATIENCE: Micros = Micros::from_millis(100);

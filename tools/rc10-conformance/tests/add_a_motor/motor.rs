@@ -5,7 +5,7 @@ use rc10_app::{
     Amps, Cascade, ConfigError, Direction, FeedForward, Gear, NewtonMetres, PidConfig, RpmPerSecond,
 };
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::pending::{Outcome, Pending, Retry};
 use rc10_motor::servo::Servo;
 use rc10_motor::shaft::Shaft;
@@ -14,6 +14,7 @@ use rc10_motor::{
     Motor, MotorName, Rate, Request, RequestError, Response, Target, TargetError, TargetKind,
     TargetSet, Tick, TxBatch, TxFull,
 };
+use rc10_time::Micros;
 
 /// A command to the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]

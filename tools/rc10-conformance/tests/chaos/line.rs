@@ -1,4 +1,3 @@
-use rc10_can::Micros;
 use rc10_conformance::{Declaration, LineBench};
 use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
@@ -6,6 +5,7 @@ use rc10_motor::{
     TargetSet,
 };
 use rc10_sim::{Esc, Line};
+use rc10_time::Micros;
 
 use crate::chaos::random::Random;
 use crate::chaos::scene::Scene;

@@ -1,12 +1,13 @@
 //! Where a story plays: a motor of ours, its device, and what lies between them.
 
-use rc10_can::{CanFrame, CanPort, ErrorState, IdPattern, Micros};
+use rc10_can::{CanFrame, CanPort, ErrorState, IdPattern};
 use rc10_conformance::{Bench, Claim, Declaration};
 use rc10_motor::{
     ArmSwitch, CanIds, CanMotor, CommandError, MotorId, MotorStatus, Request, RequestError,
     Response, Safety, Target, TargetSet,
 };
 use rc10_sim::{Bus, Esc, SimPort};
+use rc10_time::Micros;
 
 use crate::chaos::random::Random;
 use crate::chaos::story;

@@ -31,7 +31,7 @@ fn odrive<C: Check>(
         |node| ODrive::new(Config { node, ..config }).unwrap(),
         |wire, node| {
             let settings = Settings {
-                heartbeat_every: rc10_can::Micros::from_millis(10),
+                heartbeat_every: rc10_time::Micros::from_millis(10),
                 ..Settings::new(node)
             };
             wire.add(Axis::new(settings).unwrap(), plant())

@@ -1,13 +1,14 @@
 //! DJI's signal tables against the codec.
 
 use proptest::prelude::*;
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
 use rc10_motor::dji::signals::messages;
 use rc10_motor::dji::{
     self, Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
 };
 use rc10_motor::signals::Signal;
 use rc10_motor::{CanMotor, Link, Motor, TxBatch};
+use rc10_time::Micros;
 
 const MODELS: [&Model; 4] = [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE];
 

@@ -4,12 +4,13 @@ use std::cell::{Cell, RefCell};
 
 use rc10_app::{Degrees, Rpm, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::{
     CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Frames, Guard,
     Link, Motion, Motor, MotorName, Ownership, Rate, Request, RequestError, Response, Target,
     TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
+use rc10_time::Micros;
 
 use super::motor::{Command, Finch};
 use super::spoil::Spoil;

@@ -1,6 +1,6 @@
 //! A motor that obeys impedances, but for one thing.
 
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
 use rc10_conformance::{Report, check};
 use rc10_motor::damiao::Damiao;
 use rc10_motor::rc10_app::Direction;
@@ -9,6 +9,7 @@ use rc10_motor::{
     Link, Motor, MotorName, Request, RequestError, Response, Target, TargetError, TargetSet, Tick,
     TxBatch, TxFull,
 };
+use rc10_time::Micros;
 
 use crate::conformance::damiao;
 

@@ -3,9 +3,9 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rc10_can::Micros;
 use rc10_emu::fdcan::Node;
 use rc10_sim::{Bus, BusConfig, EscConfig, Model, Nanos, World};
+use rc10_time::Micros;
 
 use super::bench::*;
 

@@ -1,4 +1,5 @@
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 use super::Model;
 use super::parameters::Parameters;

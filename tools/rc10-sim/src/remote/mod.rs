@@ -10,7 +10,7 @@
 //! | [`Ppm`] | pulse line | 9 pulses every 22 ms | falls silent |
 //!
 //! ```
-//! use rc10_can::Micros;
+//! use rc10_time::Micros;
 //! use rc10_sim::remote::{Controls, Dr16, Remote, Stick};
 //! use rc10_sim::{Nanos, World};
 //!

@@ -11,7 +11,8 @@
 mod control;
 mod wire;
 
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
+use rc10_time::Micros;
 
 pub use control::Mode;
 pub use wire::{Order, Report};

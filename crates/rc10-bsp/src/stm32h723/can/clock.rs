@@ -1,6 +1,6 @@
 //! From a controller's time stamps to time. Knows no register, so that it can be tested on a PC.
 
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 /// The controller's time stamps (1 µs, 16 bits) beside the clock: of frames younger than 65.5 ms.
 pub struct Clock {

@@ -4,7 +4,8 @@ use core::fmt;
 use embassy_stm32::can::Instance;
 use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3};
 use rc10_can::m_can::{decode, time_stamp};
-use rc10_can::{BusError, CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
+use rc10_can::{BusError, CanFrame, CanPort, Health, IdPattern, Submitted};
+use rc10_time::Micros;
 
 use super::clock::Clock;
 use super::controller::{ALL, COAST_FRAMES, COMMAND_MASK, COMMANDS, Controller, Fifo};

@@ -2,7 +2,7 @@ use core::cell::Cell;
 
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_io_async::{ErrorType, Read, Write};
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use super::{Answer, Command, Jrt};
 use crate::{Reception, listen};

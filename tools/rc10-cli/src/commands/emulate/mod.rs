@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use rc10_can::Micros;
 use rc10_emu::Board;
+use rc10_time::Micros;
 
 use crate::args::{Injected, check_end, seconds, seed};
 use crate::commands::emulate::output::Outcome;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::args::{seconds, seed};
 

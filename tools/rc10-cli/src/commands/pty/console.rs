@@ -4,7 +4,7 @@ use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
-use rc10_can::Micros;
+use rc10_time::Micros;
 
 use crate::commands::pty::PtyArgs;
 use crate::commands::pty::terminal::Terminal;

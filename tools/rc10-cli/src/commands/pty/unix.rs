@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use rc10_can::Micros;
 use rc10_sim::Tasks;
+use rc10_time::Micros;
 
 use crate::commands::pty::terminal::Terminal;
 use crate::commands::pty::{PtyArgs, STEP};

@@ -223,8 +223,8 @@ fn millis(at: Nanos) -> u16 {
 
 #[cfg(test)]
 mod tests {
-    use rc10_can::Micros;
     use rc10_sim::{BusConfig, Esc, EscConfig, Model, World};
+    use rc10_time::Micros;
 
     use super::*;
 

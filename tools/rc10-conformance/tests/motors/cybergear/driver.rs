@@ -2,9 +2,10 @@
 //! of `python-cybergear` 0.1.2's shape.
 
 use rc10_can::embedded_can::ExtendedId;
-use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_can::{CanFrame, CanPort};
 use rc10_sim::cybergear::{self as sim, Mode};
 use rc10_sim::{Bus, BusConfig, Esc, SimPort, World};
+use rc10_time::Micros;
 
 const HOST: u32 = 0xFD;
 

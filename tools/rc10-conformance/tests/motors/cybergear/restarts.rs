@@ -1,11 +1,12 @@
 //! Unplugged, switched off and on, muted, disarmed: never an old torque, and no kick.
 
 use rc10_app::{NewtonMetres, Rpm};
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::ExtendedId;
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Config, CyberGear, models};
 use rc10_motor::{CanMotor, DriveMode, Link, Motor, Safety, Target, Tick};
 use rc10_sim::cybergear::Mode;
+use rc10_time::Micros;
 
 use super::{ADDRESS, with_cybergear, with_rs04};
 use crate::motors::sent_in;

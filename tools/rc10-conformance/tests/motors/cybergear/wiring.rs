@@ -1,15 +1,16 @@
 //! What stands on the bus: configuration, clashes, load, frames of others.
 
 use rc10_app::NewtonMetres;
+use rc10_can::CanFrame;
 use rc10_can::IdPattern;
 use rc10_can::embedded_can::ExtendedId;
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Address, Config, CyberGear, models, wire};
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
     ArmSwitch, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames, Impedance, Link,
     Motor, Rate, Request, Response, Safety, Target, Tick, TxBatch,
 };
+use rc10_time::Micros;
 
 use super::{ADDRESS, CONFIG, HOST, cybergear};
 use crate::motors::{clash, sent_in};

@@ -1,11 +1,11 @@
 use super::{cascade, config, controls, motor};
 use crate::motors::{clash, sent_in};
 use rc10_app::{PidConfig, Rpm};
-use rc10_can::Micros;
 use rc10_can::embedded_can::StandardId;
 use rc10_motor::damiao::{Config, Control, Damiao, Limits, Model, models};
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{CanMotor, Clash, DriveMode, Motor, Request, Tick, TxBatch};
+use rc10_time::Micros;
 
 fn at(can_id: u16, master_id: u16) -> Damiao {
     Damiao::new(Config::new(models::J4310, can_id, master_id, Control::Velocity)).unwrap()

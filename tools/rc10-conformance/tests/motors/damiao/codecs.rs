@@ -191,7 +191,7 @@ fn frames_of_other_drivers_are_answered() {
     let mut say = |raw: u16, data: [u8; 8]| {
         let _ = port.submit(&CanFrame::eight_bytes(StandardId::new(raw).unwrap(), data));
         millis += 1;
-        world.advance(rc10_can::Micros::from_millis(millis));
+        world.advance(rc10_time::Micros::from_millis(millis));
         port.receive().map(|(frame, _)| (frame.raw_id(), *frame.all_eight().unwrap()))
     };
     let operation = |last| [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last];

@@ -2,14 +2,15 @@
 
 use super::{CAN_ID, MASTER_ID, Rig, cascade, config, controls, device, motor, on_bus};
 use rc10_app::{Rpm, TotalAngle};
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::{
     CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, Request, Response, Safety, Target,
     Tick,
 };
 use rc10_sim::damiao::{DamiaoConfig, Mode};
+use rc10_time::Micros;
 
 use crate::motors::sent_in;
 

@@ -2,8 +2,8 @@
 
 use super::{CAN_ID, MASTER_ID, Rig, cascade, config, controls, device, motor, on_bus};
 use rc10_app::{Rpm, TotalAngle};
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, Micros};
 use rc10_conformance::Bench;
 use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::{
@@ -11,6 +11,7 @@ use rc10_motor::{
     Safety, Target, Tick,
 };
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig};
+use rc10_time::Micros;
 
 use crate::motors::sent_in;
 

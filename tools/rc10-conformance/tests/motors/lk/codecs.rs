@@ -170,7 +170,7 @@ fn answers_to_questions_of_others_are_understood() {
         let frame: CanFrame = command.pack(DriveId::new(9).unwrap(), &model).unwrap();
         let _ = rc10_can::CanPort::submit(&mut port, &frame);
         at += 1;
-        world.advance(rc10_can::Micros::from_millis(at));
+        world.advance(rc10_time::Micros::from_millis(at));
         let (frame, _) = rc10_can::CanPort::receive(&mut port).unwrap();
         Reply::from_frame(&frame, DriveId::new(9).unwrap()).unwrap()
     };

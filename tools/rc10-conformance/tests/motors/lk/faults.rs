@@ -1,7 +1,7 @@
 //! Restarts, faults, strange answers.
 
 use rc10_app::{Amps, Rpm};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
 use rc10_motor::lk::{Commands, DriveId, Lk};
 use rc10_motor::{
     CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, Request, Response, Safety, Target,
@@ -9,6 +9,7 @@ use rc10_motor::{
 };
 use rc10_sim::EscFault;
 use rc10_sim::lk::{Drive, Settings, State, encode_echo, encode_health, encode_state};
+use rc10_time::Micros;
 
 use super::{bench, is_on, joint, joint_plant};
 use crate::motors::{assert_returns_softly, sent_in};

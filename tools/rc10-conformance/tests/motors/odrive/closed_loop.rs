@@ -1,7 +1,6 @@
 //! Each mode reaches what it is told to reach.
 
 use rc10_app::{Amps, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
-use rc10_can::Micros;
 use rc10_conformance::Bench;
 use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::Direction;
@@ -11,6 +10,7 @@ use rc10_motor::{
 };
 use rc10_sim::Esc;
 use rc10_sim::odrive::{Axis, Settings, State, encode_estimates, encode_heartbeat};
+use rc10_time::Micros;
 
 use crate::motors::{rpm, sent_in, settles};
 

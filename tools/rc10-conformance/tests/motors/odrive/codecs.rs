@@ -124,8 +124,9 @@ fn modes_states_and_clearing_arrive() {
 /// Old firmware sends some messages only when asked.
 #[test]
 fn questions_are_answered() {
-    use rc10_can::{CanPort, Micros};
+    use rc10_can::CanPort;
     use rc10_sim::odrive::{Axis, Settings, Version};
+    use rc10_time::Micros;
     let mut world = rc10_sim::World::new(3);
     let bus = world.add_bus(rc10_sim::BusConfig::default());
     let settings = Settings {

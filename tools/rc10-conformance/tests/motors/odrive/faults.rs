@@ -1,12 +1,13 @@
 //! Restarts, faults, strange messages.
 
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
-use rc10_can::{CanFrame, Micros};
+use rc10_can::CanFrame;
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Node, ODrive, Rates};
 use rc10_motor::{
     CanMotor, Condition, DriveMode, FrameError, FrameKind, Link, Motor, Safety, Target, Tick,
 };
 use rc10_sim::odrive::{Axis, Settings, encode_estimates, encode_heartbeat, encode_temperatures};
+use rc10_time::Micros;
 
 use super::{NODE, bench, is_on, wheel, with};
 use crate::motors::{assert_returns_softly, sent_in};

@@ -1,11 +1,11 @@
 use std::ops::{Deref, DerefMut};
 
-use rc10_can::Micros;
 use rc10_conformance::LineBench;
 use rc10_motor::unitree::{GoM8010, LineConfig};
 use rc10_motor::{ArmSwitch, MotorId, Safety, Target};
 use rc10_sim::unitree_line::{self, GoM8010 as Device, plant};
 use rc10_sim::{Esc, Plant};
+use rc10_time::Micros;
 
 use crate::motors::leak;
 

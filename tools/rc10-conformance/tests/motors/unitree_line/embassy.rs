@@ -2,7 +2,6 @@ use std::pin::Pin;
 
 use embassy_time::Timer;
 use rc10_app::Rpm;
-use rc10_can::Micros;
 use rc10_motor::embassy::{Rs485Port, run_rs485};
 use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
@@ -11,6 +10,7 @@ use rc10_motor::{
 };
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 use rc10_sim::{Esc, EscFault, LineConfig, Tasks, World};
+use rc10_time::Micros;
 
 use super::bench::motors;
 use super::bench::nth;

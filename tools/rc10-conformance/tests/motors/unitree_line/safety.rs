@@ -1,5 +1,4 @@
 use rc10_app::{NewtonMetres, Rpm};
-use rc10_can::Micros;
 use rc10_motor::unitree::{LineConfig, Rs485Bus};
 use rc10_motor::{
     CommandError, DriveMode, Link, MotorId, Request, RequestError, Response, Safety, Target,
@@ -7,6 +6,7 @@ use rc10_motor::{
 };
 use rc10_sim::unitree_line::plant;
 use rc10_sim::{Esc, Nanos};
+use rc10_time::Micros;
 
 use super::bench::{Bench, nth, obeys};
 

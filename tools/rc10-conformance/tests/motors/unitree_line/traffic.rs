@@ -1,11 +1,11 @@
 use rc10_app::Rpm;
-use rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus, Step};
 use rc10_motor::{
     ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target,
 };
 use rc10_sim::unitree_line::{Answer, GoM8010 as Device};
 use rc10_sim::{Esc, Nanos};
+use rc10_time::Micros;
 
 use super::bench::{Bench, motors, nth};
 

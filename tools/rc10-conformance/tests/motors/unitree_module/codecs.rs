@@ -4,14 +4,15 @@ use std::f64::consts::TAU;
 
 use crate::motors::{cases, number};
 use proptest::prelude::*;
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
-use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::unitree::wire::module::{Content, Module, Reply, Request};
 use rc10_motor::unitree::wire::{Address, Impedance, Motion, RotorScale, Status};
 use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{CanMotor, FrameError, FrameKind, Link, Motor};
 use rc10_sim::unitree_module::{self as device, Asked, Command, Report, Told};
+use rc10_time::Micros;
 
 const GEAR: f64 = 6.33;
 

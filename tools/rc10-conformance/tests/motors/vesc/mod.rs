@@ -8,13 +8,13 @@ mod wiring;
 use std::num::NonZeroU8;
 
 use rc10_app::{Amps, Gear, PidConfig, RpmPerSecond};
-use rc10_can::Micros;
 use rc10_conformance::Bench;
 use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc, VescId};
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{Esc, Plant};
+use rc10_time::Micros;
 
 /// Pole pairs of the wheel's motor in the simulation.
 const POLE_PAIRS: u8 = 7;

@@ -6,7 +6,7 @@
 ///     Shut,
 ///     Open,
 /// }
-/// rc10_can::states!(Door: Shut, Open);
+/// rc10_app::states!(Door: Shut, Open);
 /// assert_eq!((Door::NAMES, Door::ALL.len()), ("Shut,Open", 2));
 /// ```
 #[macro_export]

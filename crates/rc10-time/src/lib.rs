@@ -1,3 +1,13 @@
+//! Integer time: a count of microseconds, the grid of a periodic task, and its measured periods.
+//!
+//! * [`Micros`]: time, or a length of time, in whole microseconds.
+//! * [`Schedule`]: when a periodic task is to start, and by how much it is late.
+//! * [`Timing`]: shortest, mean and longest of measured durations.
+//!
+//! The crate has no clock, no I/O and no allocation.
+#![no_std]
+#![forbid(unsafe_code)]
+
 use core::fmt;
 use core::ops::{Add, AddAssign, Sub};
 
@@ -81,7 +91,7 @@ impl defmt::Format for Micros {
 /// A drift-free plan: starts are whole periods after the first; the caller has the clock.
 ///
 /// ```
-/// use rc10_can::{Micros, Schedule};
+/// use rc10_time::{Micros, Schedule};
 /// let mut plan = Schedule::new(Micros::new(1_000), Micros::new(1_000));
 /// // Woken late by 1.2 periods: one start was missed, the next one is on the grid again.
 /// let start = plan.start(Micros::new(2_200));
