@@ -16,7 +16,7 @@ use rc10_app::{
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, CanPort, Health, Submitted};
 use rc10_conformance::{Acts, Dummy};
-use rc10_message::{Overrun, Statistics, periodic};
+use rc10_message::{Every, Statistics};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::shaft::Shaft;
@@ -251,10 +251,14 @@ fn r15_periodic_work_does_not_drift() {
     let mut world = rc10_sim::World::new(1);
     let statistics = Statistics::new();
     let count = Cell::new(0);
-    let work = periodic(Micros::from_millis(10), Overrun::Skip, &statistics, async |_| {
-        count.set(count.get() + 1);
-        embassy_time::Timer::after_millis(3).await;
-    });
+    let work = async {
+        let mut every = Every::millis(10).with_statistics(&statistics);
+        loop {
+            every.next().await;
+            count.set(count.get() + 1);
+            embassy_time::Timer::after_millis(3).await;
+        }
+    };
     let mut work = pin!(work);
     let _ = world.run(work.as_mut(), Micros::from_millis(100_000));
     assert_eq!(count.get(), 10_001);

@@ -6,7 +6,7 @@ use std::pin::Pin;
 
 use rc10_cli::Receiver;
 use rc10_cli::robot::remote::{ReceiverPort, ReceiverWire};
-use rc10_message::{Latest, Overrun, Statistics, now, periodic};
+use rc10_message::{Every, Latest, now};
 use rc10_module::Reception;
 use rc10_module::remote::{self, Remote, RemoteLink, Switch};
 use rc10_motor::{ArmState, ArmSwitch};
@@ -96,10 +96,11 @@ fn with_arming(
         }
     });
     tasks.add(async {
-        periodic(millis(10), Overrun::Skip, &timing, async |_| {
+        let mut every = Every::millis(10);
+        loop {
+            every.next().await;
             arming.borrow_mut().step(newest.read(), &switch, now());
-        })
-        .await;
+        }
     });
     let mut clock = Micros::ZERO;
     let mut run = |time: u64| {

@@ -34,9 +34,7 @@ fn config(weight: f32, gain: f32) -> Config {
 rc10_motor::motors! {
     enum Name;
     struct Motors;
-    buses: [100.0; 1];
-    lines: 0;
-    Arm: Dji = Entry::new("arm", Bus(1), Config::new(&M3508, 1)),
+    Arm: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
 }
 
 rc10_tasks::live! {

@@ -2,7 +2,7 @@
 //!
 //! * [`Topic`]: a stream of messages to several subscribers; who is slow learns what it missed.
 //! * [`Latest`]: the newest value of something, and how old it is.
-//! * [`periodic`]: work on a grid of time, without drift, with [`Statistics`].
+//! * [`Every`]: work on a grid of time, without drift, with [`Statistics`].
 //! * [`Cycles`]: the cost of work, in cycles of the core's clock.
 //! * [`Service`]: a request and its response, with a timeout; no response goes to another caller.
 //!
@@ -24,7 +24,7 @@ mod topic;
 
 pub use cycles::{CycleCount, Cycles};
 pub use latest::{Changes, Latest, Stamped};
-pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
+pub use periodic::{Every, Load, Statistics, Tick};
 pub use service::{AlreadyServed, CallError, Caller, Calls, Server, Service};
 pub use topic::{Message, SubscribersFull, Subscription, Topic};
 // Whose `Micros` are in all of them.

@@ -4,26 +4,18 @@ use core::fmt;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Instant, Timer};
+use rc10_app::Seconds;
 use rc10_time::{Micros, Schedule, Timing};
 
 use crate::now;
 
-/// The policy for starts whose time has gone by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Overrun {
-    /// Leave them out: for control, where only the newest matters.
-    Skip,
-    /// Make up for them as fast as possible: for counting and logging.
-    CatchUp,
-}
-
 /// One start of periodic work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
     /// The time at which it started.
     pub now: Micros,
-    /// Time since the start before; the planned period at the first start.
-    pub since_last: Micros,
+    /// Time since the start before, measured; the planned period at the first start.
+    pub dt: Seconds,
 }
 
 /// Times of periodic work: period, execution, and overruns.
@@ -33,11 +25,11 @@ pub struct Load {
     pub period: Timing,
     /// From each start to the end of the work, with everything that interrupted it.
     pub execution: Timing,
-    /// Starts that came a whole period or more too late, or, under [`Overrun::Skip`], not at all.
+    /// Starts that came a whole period or more too late, or not at all.
     pub overruns: u32,
 }
 
-/// A place for the [`Load`] that [`periodic`] writes, for other tasks to read.
+/// A place for the [`Load`] that [`Every`] writes, for other tasks to read.
 pub struct Statistics(Mutex<CriticalSectionRawMutex, Cell<Load>>);
 
 impl Statistics {
@@ -74,47 +66,82 @@ impl fmt::Debug for Statistics {
     }
 }
 
-/// Does `work` every `period` for ever, on a grid that a late start does not move.
+/// The starts of periodic work, on a grid that a late one does not move: those whose time has gone by are left out.
 ///
 /// ```
 /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
-/// use rc10_message::{Overrun, Statistics, periodic};
-/// use rc10_time::Micros;
+/// use rc10_message::{Every, Statistics};
+/// # use rc10_time::Micros;
 ///
 /// static BLINK: Statistics = Statistics::new();
 ///
-/// let mut lit = false;
-/// let blink = periodic(Micros::from_millis(500), Overrun::Skip, &BLINK, async |_| lit = !lit);
-/// # clock::run_until(Micros::from_millis(1_700), blink);
-/// // After 1.7 s: started at 0, 0.5, 1 and 1.5 s.
+/// async fn blink() -> ! {
+///     let (mut every, mut lit) = (Every::millis(500).with_statistics(&BLINK), false);
+///     loop {
+///         let tick = every.next().await; // tick.now, and tick.dt since the start before
+///         lit = !lit;
+///     }
+/// }
+/// # clock::run_until(Micros::from_millis(1_700), blink());
+/// // After 1.7 s: started at 0, 0.5, 1 and 1.5 s; the work of the last one has not been measured.
 /// assert_eq!(BLINK.read().execution.count(), 4);
 /// ```
-pub async fn periodic(
-    period: Micros,
-    overrun: Overrun,
-    statistics: &Statistics,
-    mut work: impl AsyncFnMut(Tick),
-) -> ! {
-    let mut load = statistics.read();
-    let mut plan = Schedule::new(now(), period);
-    let mut last = None;
-    loop {
-        Timer::at(Instant::from_micros(plan.next().get())).await;
-        let started = now();
-        let start = match overrun {
-            Overrun::Skip => plan.start(started),
-            Overrun::CatchUp => plan.start_and_catch_up(started),
-        };
-        let overruns = start.missed + u32::from(start.missed == 0 && start.late >= plan.period());
-        load.overruns = load.overruns.saturating_add(overruns);
-        let since_last = last.map_or(plan.period(), |last| started.since(last));
-        if last.is_some() {
-            load.period.add(since_last);
-        }
-        last = Some(started);
+#[derive(Debug)]
+#[must_use]
+pub struct Every<'s> {
+    plan: Schedule,
+    last: Option<Micros>,
+    statistics: Option<&'s Statistics>,
+}
 
-        work(Tick { now: started, since_last }).await;
-        load.execution.add(now().since(started));
-        statistics.write(load);
+impl<'s> Every<'s> {
+    /// Starts from now on, this many milliseconds apart.
+    pub fn millis(period: u64) -> Self {
+        Self::new(Micros::from_millis(period))
+    }
+
+    /// Starts from now on, with this period.
+    pub fn new(period: Micros) -> Self {
+        Self { plan: Schedule::new(now(), period), last: None, statistics: None }
+    }
+
+    /// Measured: `statistics` gets its periods, and how long the work takes from each start until it waits
+    /// for the next.
+    pub const fn with_statistics(mut self, statistics: &'s Statistics) -> Self {
+        self.statistics = Some(statistics);
+        self
+    }
+
+    /// Waits for the next start.
+    ///
+    /// # Cancel safety
+    /// Cancelled, it loses no start.
+    pub async fn next(&mut self) -> Tick {
+        let mut load = self.statistics.map(Statistics::read);
+        if let (Some(load), Some(last)) = (&mut load, self.last) {
+            load.execution.add(now().since(last));
+            self.write(*load);
+        }
+        Timer::at(Instant::from_micros(self.plan.next().get())).await;
+        let now = now();
+        let start = self.plan.start(now);
+        let since_last = self.last.map_or(self.plan.period(), |last| now.since(last));
+        if let Some(load) = &mut load {
+            let overruns =
+                start.missed + u32::from(start.missed == 0 && start.late >= self.plan.period());
+            load.overruns = load.overruns.saturating_add(overruns);
+            if self.last.is_some() {
+                load.period.add(since_last);
+            }
+            self.write(*load);
+        }
+        self.last = Some(now);
+        Tick { now, dt: Seconds::from_micros(since_last.get()) }
+    }
+
+    fn write(&self, load: Load) {
+        if let Some(statistics) = self.statistics {
+            statistics.write(load);
+        }
     }
 }

@@ -1,20 +1,28 @@
-//! How `periodic` keeps time, on a clock that the test moves.
+//! How `Every` keeps time, on a clock that the test moves.
 #![cfg(test)]
 mod clock;
 
 use std::cell::{Cell, RefCell};
 
 use clock::{run_until, spend};
-use rc10_message::{Overrun, Statistics, periodic};
+use rc10_message::{Every, Statistics, Tick};
 use rc10_time::Micros;
 
 const PERIOD: Micros = Micros::from_millis(1);
+
+/// Does this at each start.
+async fn every(statistics: &Statistics, mut work: impl FnMut(Tick)) {
+    let mut every = Every::new(PERIOD).with_statistics(statistics);
+    loop {
+        work(every.next().await);
+    }
+}
 
 #[test]
 fn ten_thousand_periods_of_uneven_work_do_not_drift() {
     let statistics = Statistics::new();
     let starts = RefCell::new(Vec::new());
-    let task = periodic(PERIOD, Overrun::Skip, &statistics, async |tick| {
+    let task = every(&statistics, |tick| {
         starts.borrow_mut().push(tick.now.get());
         spend(Micros::new(tick.now.get() * 7 % 997));
     });
@@ -29,10 +37,10 @@ fn ten_thousand_periods_of_uneven_work_do_not_drift() {
 }
 
 /// The fifth start takes 3.5 ms; runs for 20 ms.
-fn stumble(overrun: Overrun) -> (Vec<u64>, Statistics) {
+fn stumble() -> (Vec<u64>, Statistics) {
     let statistics = Statistics::new();
     let starts = RefCell::new(Vec::new());
-    let task = periodic(PERIOD, overrun, &statistics, async |tick| {
+    let task = every(&statistics, |tick| {
         starts.borrow_mut().push(tick.now.get());
         spend(Micros::new(if starts.borrow().len() == 5 { 3_500 } else { 10 }));
     });
@@ -42,7 +50,7 @@ fn stumble(overrun: Overrun) -> (Vec<u64>, Statistics) {
 
 #[test]
 fn skipping_counts_what_it_skips_and_stays_on_the_grid() {
-    let (starts, statistics) = stumble(Overrun::Skip);
+    let (starts, statistics) = stumble();
     // The start of 5 ms happens at 7.5 ms; those of 6 and 7 ms do not happen.
     assert_eq!(starts[4..8], [4_000, 7_500, 8_000, 9_000]);
     assert_eq!(starts.len(), 21 - 2);
@@ -53,22 +61,13 @@ fn skipping_counts_what_it_skips_and_stays_on_the_grid() {
 }
 
 #[test]
-fn catching_up_leaves_no_start_out() {
-    let (starts, statistics) = stumble(Overrun::CatchUp);
-    assert_eq!(starts[4..9], [4_000, 7_500, 7_510, 7_520, 8_000]);
-    assert_eq!(starts.len(), 21);
-    // 5 and 6 ms started a period or more too late, 7 ms half a period.
-    assert_eq!(statistics.read().overruns, 2);
-}
-
-#[test]
 fn work_learns_the_time_that_really_passed() {
     let statistics = Statistics::new();
-    let longest = Cell::new(Micros::ZERO);
-    let task = periodic(PERIOD, Overrun::Skip, &statistics, async |tick| {
-        longest.set(longest.get().max(tick.since_last));
+    let longest = Cell::new(0.0);
+    let task = every(&statistics, |tick| {
+        longest.set(f32::max(longest.get(), tick.dt.get()));
         spend(Micros::new(if tick.now == PERIOD { 1_900 } else { 0 }));
     });
     run_until(Micros::from_millis(10), task);
-    assert_eq!(longest.get(), Micros::new(1_900));
+    assert_eq!(longest.get(), 1_900e-6);
 }

@@ -11,11 +11,9 @@
 //!     pub enum Name;
 //!     /// Where they stand.
 //!     pub struct Motors;
-//!     buses: [100.0; 2];
-//!     lines: 0;
-//!     Left: Dji = Entry::new("wheel left", Bus(1), wheel(1)),
-//!     Right: Dji = Entry::new("wheel right", Bus(1), wheel(2).with_direction(Direction::Reversed)),
-//!     Turret: Dji = Entry::new("turret", Bus(2), Config::new(&GM6020_CURRENT, 1))
+//!     Left: Dji = Entry::new(Bus(1), wheel(1)).with_label("wheel left"),
+//!     Right: Dji = Entry::new(Bus(1), wheel(2).with_direction(Direction::Reversed)).with_label("wheel right"),
+//!     Turret: Dji = Entry::new(Bus(2), Config::new(&GM6020_CURRENT, 1))
 //!         .with_safety(Safety::HOLD),
 //! }
 //!
@@ -38,10 +36,8 @@
 //! motors! {
 //!     pub enum Name;
 //!     pub struct Motors;
-//!     buses: [100.0];
-//!     lines: 0;
-//!     Left: Dji = Entry::new("wheel left", Bus(1), Config::new(&M3508, 1)),
-//!     Right: Dji = Entry::new("wheel right", Bus(1), Config::new(&M3508, 1)),
+//!     Left: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)).with_label("wheel left"),
+//!     Right: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)).with_label("wheel right"),
 //! }
 //! // `wheel right` on bus 1: M3508 id 1 cannot share a bus with M3508 id 1 (`wheel left`): …
 //! ```
@@ -54,7 +50,7 @@ use core::fmt;
 
 pub use check::{SetupError, Unsound, check};
 pub use device::{Device, OtherDevice, Wiring};
-pub use slots::{Place, Slot, Started, numbers, slots};
+pub use slots::{MOST_BUSES, MOST_LINES, Place, Slot, Started, numbers, slots};
 
 use rc10_app::Rpm;
 
@@ -64,7 +60,8 @@ use crate::supervision::Safety;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct Entry<C> {
-    /// Label of the motor, for people: in the status, in reports and errors. No other motor has it.
+    /// Label of the motor, for people: in the status, in reports and errors. No other motor has it. Empty in a
+    /// declaration, it is made of the motor's name: `WheelLeft` is called "wheel left".
     pub label: &'static str,
     /// The bus or line that it is plugged into.
     pub on: Place,
@@ -82,9 +79,24 @@ pub struct Entry<C> {
 pub const MOST_GAIN: f32 = 10.0;
 
 impl<C: Copy> Entry<C> {
-    /// A motor that coasts when it may not follow its target.
-    pub const fn new(label: &'static str, on: Place, config: C) -> Self {
-        Self { label, on, config, safety: Safety::COAST, jog: None, most_gain: MOST_GAIN }
+    /// A motor that coasts when it may not follow its target, with the label that its name says.
+    pub const fn new(on: Place, config: C) -> Self {
+        Self { label: "", on, config, safety: Safety::COAST, jog: None, most_gain: MOST_GAIN }
+    }
+
+    /// With a label of its own.
+    pub const fn with_label(mut self, label: &'static str) -> Self {
+        self.label = label;
+        self
+    }
+
+    /// With this label, in UTF-8, if it has none.
+    #[doc(hidden)]
+    pub const fn called(mut self, label: &'static [u8]) -> Self {
+        if let (true, Ok(label)) = (self.label.is_empty(), str::from_utf8(label)) {
+            self.label = label;
+        }
+        self
     }
 
     /// With another safe state.
@@ -162,9 +174,10 @@ pub trait Names: Copy + fmt::Debug + 'static {
 
 /// Declares a robot's motors: see [`declaration`](crate::declaration).
 ///
-/// `buses` is the share of each bus that its motors may need typically, percent: 100.0 by default;
-/// above that a bus may lose frames. `lines` is the number of RS-485 lines. Then a line for each
-/// motor: its name, its type, its [`Entry`](crate::Entry).
+/// A line for each motor: its name, its type, its [`Entry`](crate::Entry). The robot has the buses and the RS-485
+/// lines up to the highest that a motor is on: at most three and two, as the boards have. `buses: [110.0, 100.0];`
+/// before the motors is the share of each bus that they may need typically, percent, if it is not 100 each; above
+/// that a bus may lose frames.
 ///
 /// `unchecked` in front lets a wrong one compile, to ask [`Names::check`](crate::Names::check).
 #[macro_export]
@@ -176,7 +189,6 @@ macro_rules! motors {
         $(#[$name_meta:meta])* $name_vis:vis enum $Name:ident;
         $(#[$motors_meta:meta])* $motors_vis:vis struct $Motors:ident;
         buses: $buses:expr;
-        lines: $lines:expr;
         $($(#[$meta:meta])* $motor:ident : $Motor:ty = $entry:expr),+ $(,)?
     ) => {
         $(#[$name_meta])*
@@ -192,11 +204,17 @@ macro_rules! motors {
         impl $crate::Names for $Name {
             const ALL: &'static [Self] = &[$(Self::$motor),+];
             const ENTRIES: &'static [$crate::Entry<$crate::Device>] =
-                &[$({ let entry = $entry; entry.with_config(entry.config.device()) }),+];
+                &[$({
+                    const LABEL: &[u8] = &$crate::__declaration::label::<{
+                        $crate::__declaration::label_length(stringify!($motor))
+                    }>(stringify!($motor));
+                    let entry = $entry.called(LABEL);
+                    entry.with_config(entry.config.device())
+                }),+];
             const SLOTS: &'static [$crate::Slot] =
                 &$crate::__declaration::slots::<{ Self::ALL.len() }>(Self::ENTRIES);
             const BUSES: &'static [f32] = &$buses;
-            const LINES: u8 = $lines;
+            const LINES: u8 = $crate::__declaration::places(Self::ENTRIES)[1] as u8;
 
             fn index(self) -> usize {
                 self as usize
@@ -244,6 +262,18 @@ macro_rules! motors {
                 self.attach(&mut buses.each_mut(), &mut lines.each_mut())?;
                 Ok(started)
             }
+        }
+    };
+    (@declare
+        $(#[$name_meta:meta])* $name_vis:vis enum $Name:ident;
+        $(#[$motors_meta:meta])* $motors_vis:vis struct $Motors:ident;
+        $($motors:tt)+
+    ) => {
+        $crate::motors! { @declare
+            $(#[$name_meta])* $name_vis enum $Name;
+            $(#[$motors_meta])* $motors_vis struct $Motors;
+            buses: [100.0; $crate::__declaration::places(<$Name as $crate::Names>::ENTRIES)[0]];
+            $($motors)+
         }
     };
     ($(#[$meta:meta])* $vis:vis enum $Name:ident; $($rest:tt)+) => {

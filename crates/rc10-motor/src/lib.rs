@@ -90,7 +90,8 @@ pub use batch::{TxBatch, TxFull};
 pub use bus::{BusCounters, Dispatch, MotorBus};
 pub use can_ids::{CanIds, Clash, Frames, Guard, MotorName, Ownership, Rate};
 pub use declaration::{
-    Device, Entry, Names, OtherDevice, Place, SetupError, Slot, Started, Unsound, Wiring, numbers,
+    Device, Entry, MOST_BUSES, MOST_LINES, Names, OtherDevice, Place, SetupError, Slot, Started,
+    Unsound, Wiring, numbers,
 };
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};
@@ -108,5 +109,7 @@ pub use {rc10_app, rc10_can, rc10_time};
 #[doc(hidden)]
 pub mod __declaration {
     pub use crate::declaration::check::assert_sound;
-    pub use crate::declaration::slots::{Held, Placed, place, prepare, slots};
+    pub use crate::declaration::slots::{
+        Held, Placed, label, label_length, place, places, prepare, slots,
+    };
 }

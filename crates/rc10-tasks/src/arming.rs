@@ -54,6 +54,8 @@ use rc10_module::remote::{Receiver, Remote, RemoteLink, Switch, Watch};
 use rc10_motor::{ArmState, ArmSwitch};
 use rc10_time::Micros;
 
+use crate::program::Program;
+
 /// The switches that arm, disarm and stop a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -361,6 +363,12 @@ pub struct Arming {
 }
 
 impl Arming {
+    /// That of a robot. A configuration that its receiver cannot have does not compile.
+    #[must_use]
+    pub fn of<P: Program>() -> Self {
+        Self::new(const { P::ARMING.checked(P::RECEIVER) })
+    }
+
     /// One that has heard nothing.
     #[must_use]
     pub const fn new(config: ArmingConfig) -> Self {

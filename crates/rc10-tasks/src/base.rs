@@ -19,10 +19,8 @@ use crate::live::Live;
 /// # motors! {
 /// #     pub enum Name;
 /// #     pub struct Motors;
-/// #     buses: [100.0; 1];
-/// #     lines: 0;
-/// #     Left: Dji = Entry::new("left", Bus(1), WHEEL),
-/// #     Right: Dji = Entry::new("right", Bus(1), Config::new(&M3508, 2)),
+/// #     Left: Dji = Entry::new(Bus(1), WHEEL),
+/// #     Right: Dji = Entry::new(Bus(1), Config::new(&M3508, 2)),
 /// # }
 /// use rc10_tasks::DrivenBase;
 /// const WHEEL: Config = Config::new(&M3508, 1);
@@ -55,10 +53,7 @@ pub struct DrivenBase<N, const WHEELS: usize> {
 impl<N: Names, const WHEELS: usize> DrivenBase<N, WHEELS> {
     /// Returns the motion of the base as its wheels measure it.
     #[must_use]
-    pub fn measured<const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> BaseMotion<WHEELS> {
+    pub fn measured(&self, shared: &Common<'_, N, impl Live>) -> BaseMotion<WHEELS> {
         self.geometry.forward(self.wheels.map(|name| shared.motor(name).status().feedback.speed))
     }
 }
@@ -85,10 +80,7 @@ pub struct DrivenSwerve<N, const MODULES: usize> {
 }
 
 impl<N: Names, const MODULES: usize> DrivenSwerve<N, MODULES> {
-    fn modules<const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> [Module; MODULES] {
+    fn modules(&self, shared: &Common<'_, N, impl Live>) -> [Module; MODULES] {
         core::array::from_fn(|at| {
             let speed = shared.motor(self.drives[at]).status().feedback.speed;
             let angle = shared.motor(self.steers[at]).status().feedback.total_angle;
@@ -98,10 +90,7 @@ impl<N: Names, const MODULES: usize> DrivenSwerve<N, MODULES> {
 
     /// Returns the motion of the base as its modules measure it.
     #[must_use]
-    pub fn measured<const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> BaseMotion<MODULES> {
+    pub fn measured(&self, shared: &Common<'_, N, impl Live>) -> BaseMotion<MODULES> {
         self.geometry.forward(self.modules(shared))
     }
 }
@@ -125,18 +114,15 @@ pub trait Drive {
     }
 
     /// Returns its twist as its wheels measure it.
-    fn twist<const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, Self::Name, BUSES, LINES, impl Live>,
-    ) -> Twist;
+    fn twist(&self, shared: &Common<'_, Self::Name, impl Live>) -> Twist;
 
     /// Commands its wheels: the base has this twist now, in its own axes, which changes by this much a
     /// second. The wheels get speed, acceleration, and the effort that the body takes, and go on with
     /// that until the next command. Where a number is not finite they refuse it, and that is counted.
-    fn command<const BUSES: usize, const LINES: usize>(
+    fn command(
         &self,
         state: &mut Self::State,
-        shared: &Common<'_, Self::Name, BUSES, LINES, impl Live>,
+        shared: &Common<'_, Self::Name, impl Live>,
         motion: [Twist; 2],
     );
 }
@@ -149,19 +135,11 @@ impl<N: Names, const WHEELS: usize> Drive for DrivenBase<N, WHEELS> {
         (&self.limits, self.full_stick)
     }
 
-    fn twist<const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> Twist {
+    fn twist(&self, shared: &Common<'_, N, impl Live>) -> Twist {
         self.measured(shared).twist
     }
 
-    fn command<const BUSES: usize, const LINES: usize>(
-        &self,
-        (): &mut (),
-        shared: &Common<'_, N, BUSES, LINES, impl Live>,
-        [twist, change]: [Twist; 2],
-    ) {
+    fn command(&self, (): &mut (), shared: &Common<'_, N, impl Live>, [twist, change]: [Twist; 2]) {
         let wheels = self.geometry.inverse(twist);
         let speeds = wheels.map_or([REFUSED; WHEELS], |wheels| wheels.speeds);
         let accelerations = self.geometry.accelerations(change);
@@ -186,17 +164,14 @@ impl<N: Names, const MODULES: usize> Drive for DrivenSwerve<N, MODULES> {
         (&self.limits, self.full_stick)
     }
 
-    fn twist<const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> Twist {
+    fn twist(&self, shared: &Common<'_, N, impl Live>) -> Twist {
         self.measured(shared).twist
     }
 
-    fn command<const BUSES: usize, const LINES: usize>(
+    fn command(
         &self,
         state: &mut SwerveState<MODULES>,
-        shared: &Common<'_, N, BUSES, LINES, impl Live>,
+        shared: &Common<'_, N, impl Live>,
         motion: [Twist; 2],
     ) {
         let angles = self.modules(shared).map(|module| module.angle);
@@ -256,12 +231,7 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
     }
 
     /// Drives towards a twist in the robot's axes, for the coming `dt`.
-    pub fn drive<const BUSES: usize, const LINES: usize>(
-        &mut self,
-        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
-        wish: Twist,
-        dt: Seconds,
-    ) {
+    pub fn drive(&mut self, shared: &Common<'_, B::Name, impl Live>, wish: Twist, dt: Seconds) {
         let from = self.begin(shared);
         self.in_field = None;
         let to = begun(from).update(self.base.limits().0, wish, dt).ok();
@@ -269,9 +239,9 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
     }
 
     /// Drives towards a twist in the field's axes, in which the robot looks to `heading`.
-    pub fn drive_in_field<const BUSES: usize, const LINES: usize>(
+    pub fn drive_in_field(
         &mut self,
-        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+        shared: &Common<'_, B::Name, impl Live>,
         wish: Twist<FieldFrame>,
         heading: Radians,
         dt: Seconds,
@@ -284,9 +254,9 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
 
     /// Follows a motion that keeps the limits by itself, such as a path's: its mean twist in the coming `dt`, and
     /// how that changes a second.
-    pub fn follow<const BUSES: usize, const LINES: usize>(
+    pub fn follow(
         &mut self,
-        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+        shared: &Common<'_, B::Name, impl Live>,
         [twist, change]: [Twist; 2],
         dt: Seconds,
     ) {
@@ -296,16 +266,13 @@ impl<'b, B: Drive> BaseDriver<'b, B> {
         self.base.command(&mut self.state, shared, [twist - half, change]);
     }
 
-    fn begin<const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
-    ) -> Twist {
+    fn begin(&self, shared: &Common<'_, B::Name, impl Live>) -> Twist {
         self.commanded.unwrap_or_else(|| self.base.twist(shared))
     }
 
-    fn go<const BUSES: usize, const LINES: usize>(
+    fn go(
         &mut self,
-        shared: &Common<'_, B::Name, BUSES, LINES, impl Live>,
+        shared: &Common<'_, B::Name, impl Live>,
         from: Twist,
         to: Option<Twist>,
         dt: Seconds,

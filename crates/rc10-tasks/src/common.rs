@@ -8,22 +8,23 @@ use rc10_message::{Cycles, Latest, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_module::remote::{Remote, RemoteLink};
-use rc10_motor::embassy::{MotorPort, Ports};
+use rc10_motor::embassy::{MotorPort, PortsOf};
 use rc10_motor::{ArmSwitch, Names, Target, TargetError};
 use rc10_time::Micros;
 
 use crate::arming::{Arming, Axis};
+use crate::program::MOST_SERIALS;
 use crate::status::RobotStatus;
 use crate::supply::Supply;
 
 /// The state that a robot's tasks share: what every robot has, and what this one has of its [`own`](Self::own).
 ///
-/// `N` are the names of its declaration, which has this many buses and lines.
-pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0, OWN = ()> {
+/// `N` are the names of its declaration.
+pub struct Common<'p, N: Names, OWN = ()> {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// The ports of its buses, lines and motors.
-    pub ports: &'p Ports<N, BUSES, LINES>,
+    pub ports: PortsOf<'p, N>,
     /// Newest frame of the remote control.
     pub remote: Latest<Remote, 1>,
     /// Counters of its receiver's bytes and frames.
@@ -35,7 +36,7 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0, OWN 
     /// The newest target that a motor refused: which motor, and why.
     pub refused: Latest<(N, TargetError), 1>,
     /// Status of the robot, ten times a second.
-    pub status: Topic<RobotStatus<N, BUSES, LINES>, 4, 2>,
+    pub status: Topic<RobotStatus<N>, 4, 2>,
     /// Cycles of the core that a tick of the buses takes, on a chip that counts its cycles: a run
     /// is a tick.
     pub bus_cycles: Option<&'p Cycles>,
@@ -49,6 +50,8 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0, OWN 
     pub imu_trouble: Latest<Option<&'static str>, 1>,
     /// Counters of the IMU's frames or samples.
     pub imu_reception: Reception,
+    /// Counters of the parts on UARTs, in the order of the declaration.
+    pub receptions: [Reception; MOST_SERIALS],
     /// The supply, of a board that measures it.
     pub supply: Latest<Supply, 1>,
     /// Until then motors that have not been heard yet are not missing: their supply has just been switched on.
@@ -107,17 +110,15 @@ impl Changes {
     }
 }
 
-impl<'p, N: Names, const BUSES: usize, const LINES: usize, OWN: Default>
-    Common<'p, N, BUSES, LINES, OWN>
-{
+impl<'p, N: Names, OWN: Default> Common<'p, N, OWN> {
     /// Creates the state of a robot that has not begun.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
     #[inline(always)]
     #[must_use]
-    pub fn new(ports: &'p Ports<N, BUSES, LINES>) -> Self {
+    pub fn new(ports: impl Into<PortsOf<'p, N>>) -> Self {
         Self {
             switch: ArmSwitch::new(),
-            ports,
+            ports: ports.into(),
             remote: Latest::new(),
             remote_reception: Reception::new(),
             remote_link: Latest::new(),
@@ -130,6 +131,7 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize, OWN: Default>
             has_imu: AtomicBool::new(false),
             imu_trouble: Latest::new(),
             imu_reception: Reception::new(),
+            receptions: [const { Reception::new() }; MOST_SERIALS],
             supply: Latest::new(),
             settled: Latest::new(),
             own: OWN::default(),
@@ -137,7 +139,7 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize, OWN: Default>
     }
 }
 
-impl<N: Names, const BUSES: usize, const LINES: usize, OWN> Common<'_, N, BUSES, LINES, OWN> {
+impl<N: Names, OWN> Common<'_, N, OWN> {
     /// Lets the remote arm, disarm and stop the robot, at least every 20 ms, and tells the status how well
     /// it is heard. The remote, if the robot is armed and is to do what its sticks say.
     pub fn obey(&self, arming: &mut Arming) -> Option<Remote> {

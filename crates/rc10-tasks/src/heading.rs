@@ -78,10 +78,7 @@ pub async fn listen_to_wit(
 }
 
 /// Listens to an HWT101 or WT901 on a serial port, for ever: the heading that all tasks share.
-pub async fn listen_for<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
-    port: impl Read,
-) -> ! {
+pub async fn listen_for<N: Names>(shared: &Common<'_, N, impl Live>, port: impl Read) -> ! {
     shared.has_imu.store(true, Ordering::Relaxed);
     listen_to_wit(port, &shared.switch, &shared.imu_reception, |heading, at| {
         shared.heading.set(heading, at);

@@ -6,6 +6,7 @@
 //! * [`BaseDriver`]: drives a [`DrivenBase`] or a [`DrivenSwerve`] by sticks, by a twist, or along a path.
 //! * [`heading`]: which way the robot looks, counted from where it was armed.
 //! * [`mod@live`]: shows the robot to a PC, and lets it change gains.
+//! * [`robot!`], [`Program`]: a robot, the same on a PC and on the chip.
 //! * [`remote`]: what the remote's receiver says.
 //! * [`mod@seen`]: what can be seen of motors, buses, lines and the robot.
 //! * [`status`]: ten times a second, how the robot is; whether every bus ticks, for a watchdog.
@@ -18,6 +19,7 @@ mod base;
 mod common;
 pub mod heading;
 pub mod live;
+pub mod program;
 pub mod remote;
 pub mod seen;
 pub mod status;
@@ -27,5 +29,8 @@ pub mod supply;
 pub use arming::{Arming, ArmingConfig, ArmingError, Axis, SwitchAt, SwitchName};
 pub use base::{BaseDriver, Drive, DrivenBase, DrivenSwerve};
 pub use common::{Changes, Common};
+pub use program::{Declared, Program};
 pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};
 pub use supply::Supply;
+#[doc(hidden)]
+pub use {embassy_futures, embedded_hal, embedded_io_async, rc10_motor};

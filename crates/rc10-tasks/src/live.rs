@@ -42,7 +42,7 @@ use rc10_motor::{ArmState, ArmSwitch, Names, Request, RequestError, Response, Sl
 use crate::arming::Axis;
 use crate::common::{Changes, Common};
 
-pub use own::{Live, Mechanism, Parameter, Signal};
+pub use own::{Contact, Live, Mechanism, Parameter, Signal};
 use parameters::{Change, Refusal, parameter, parameters, set};
 use signals::{sample, signal, signals, signals_of};
 
@@ -72,20 +72,18 @@ pub struct RobotView<'r> {
 impl<'r> RobotView<'r> {
     /// With the signals and parameters of its own.
     #[must_use]
-    pub fn new<N: Names, const BUSES: usize, const LINES: usize>(
-        shared: &'r Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> Self {
+    pub fn new<N: Names>(shared: &'r Common<'_, N, impl Live>) -> Self {
         let own: &dyn Live = &shared.own;
         const {
-            let signals = signals_of(N::ALL.len(), BUSES, LINES);
+            let signals = signals_of(N::ALL.len(), N::BUSES.len(), N::LINES as usize);
             assert!(signals <= SIGNALS, "the robot has more signals than a link can tell apart");
             assert!(N::ALL.len() <= MOTORS);
         }
         Self {
             slots: N::SLOTS,
             motors: N::ALL.iter().map(|name| shared.motor(*name)).collect(),
-            buses: &shared.ports.buses,
-            lines: &shared.ports.lines,
+            buses: shared.ports.buses,
+            lines: shared.ports.lines,
             switch: &shared.switch,
             remote: &shared.remote,
             remote_reception: &shared.remote_reception,
@@ -94,7 +92,7 @@ impl<'r> RobotView<'r> {
             changes: &shared.changes,
             not_at_rest: &shared.not_at_rest,
             own,
-            declaration: declaration(N::SLOTS, [BUSES, LINES], own),
+            declaration: declaration(N::SLOTS, [N::BUSES.len(), N::LINES.into()], own),
         }
     }
 

@@ -9,8 +9,8 @@ use crate::common::Common;
 use crate::live::Live;
 
 /// Listens to a receiver on a serial port that is set as the receiver needs.
-pub async fn listen<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+pub async fn listen<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     receiver: Receiver,
     port: impl Read,
 ) -> ! {
@@ -22,8 +22,8 @@ pub async fn listen<N: Names, const BUSES: usize, const LINES: usize>(
 }
 
 /// Listens to a receiver of pulses; `edges` waits for the next rising edge and says when it was.
-pub async fn listen_pulses<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+pub async fn listen_pulses<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     edges: impl AsyncFnMut() -> Micros,
 ) -> ! {
     remote::listen_pulses(edges, &shared.remote_reception, |remote, at| {

@@ -5,12 +5,13 @@ use core::fmt;
 use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Ticker};
+use heapless::Vec;
 use rc10_can::ErrorState;
 use rc10_message::{CycleCount, Cycles};
 use rc10_module::Counters;
 use rc10_module::remote::RemoteLink;
-use rc10_motor::embassy::{BusPort, BusStatus, Ports, Rs485Port, Rs485Status};
-use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
+use rc10_motor::embassy::{BusPort, BusStatus, PortsOf, Rs485Port, Rs485Status};
+use rc10_motor::{ArmState, Link, MOST_BUSES, MOST_LINES, Names, TargetError, Unfit};
 use rc10_time::{Micros, Timing};
 
 use crate::arming::Axis;
@@ -20,7 +21,7 @@ use crate::supply::{OLDEST_SUPPLY, Supply};
 
 /// Status of a robot.
 #[derive(Clone, Debug, PartialEq)]
-pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
+pub struct RobotStatus<N> {
     /// Time of this status.
     pub at: Micros,
     /// Whether it is armed.
@@ -40,9 +41,9 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     /// Counters of the bytes and frames of its receiver, and of the IMU.
     pub receptions: [(&'static str, Counters); PARTS],
     /// Status of each bus.
-    pub buses: [BusSummary; BUSES],
+    pub buses: Vec<BusSummary, MOST_BUSES>,
     /// Status of each line.
-    pub lines: [LineSummary; LINES],
+    pub lines: Vec<LineSummary, MOST_LINES>,
     /// The error of the IMU, in a few words behind that word.
     pub imu_trouble: Option<&'static str>,
     /// The supply, of a board that measures it.
@@ -55,9 +56,7 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
 pub const PARTS: usize = 2;
 
 /// For people: what is as it should be takes few words.
-impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
-    for RobotStatus<N, BUSES, LINES>
-{
+impl<N: Names> fmt::Display for RobotStatus<N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.arm)?;
         if let Some(why) = self.unfit {
@@ -114,9 +113,7 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
 }
 
 /// The status task: tells it ten times a second.
-pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
-) -> ! {
+pub async fn run<N: Names>(shared: &Common<'_, N, impl Live>) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(100));
     loop {
         ticker.next().await;
@@ -126,9 +123,7 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
 
 /// The status of the robot now.
 #[must_use]
-pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
-) -> RobotStatus<N, BUSES, LINES> {
+pub fn now<N: Names>(shared: &Common<'_, N, impl Live>) -> RobotStatus<N> {
     let (mut online, mut refused) = (0, 0_u32);
     for name in N::ALL {
         let status = shared.motor(*name).status();
@@ -148,8 +143,8 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         last_refused: shared.refused.read().map(|refused| refused.value),
         remote: shared.remote_link.read().map(|freshness| freshness.value),
         receptions: receptions.map(|(label, reception)| (label, reception.read())),
-        buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
-        lines: shared.ports.lines.each_ref().map(|line| line.status().into()),
+        buses: shared.ports.buses.iter().map(|bus| bus.status().into()).collect(),
+        lines: shared.ports.lines.iter().map(|line| line.status().into()).collect(),
         imu_trouble: imu_trouble(shared, at),
         supply: shared.supply.newer_than(OLDEST_SUPPLY, at),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
@@ -160,10 +155,7 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
 const OLDEST_HEADING: Micros = Micros::from_millis(200);
 const HEADING_BY: Micros = Micros::from_millis(1000);
 
-fn imu_trouble<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
-    at: Micros,
-) -> Option<&'static str> {
+fn imu_trouble<N: Names>(shared: &Common<'_, N, impl Live>, at: Micros) -> Option<&'static str> {
     let told = shared.imu_trouble.read().and_then(|trouble| trouble.value);
     let is_due = shared.has_imu.load(Ordering::Relaxed) && at >= HEADING_BY;
     let is_missing = is_due && shared.heading.newer_than(OLDEST_HEADING, at).is_none();
@@ -298,27 +290,32 @@ impl fmt::Display for LineSummary {
 }
 
 /// Sees whether every bus and line ticks: a watchdog is fed only then.
-#[derive(Clone, Copy, Debug)]
-pub struct TickWatch<const BUSES: usize, const LINES: usize = 0> {
-    buses: [u32; BUSES],
-    lines: [u32; LINES],
+#[derive(Clone)]
+pub struct TickWatch<'p> {
+    buses: &'p [BusPort],
+    lines: &'p [Rs485Port],
+    ticks: Ticks,
 }
 
-impl<const BUSES: usize, const LINES: usize> TickWatch<BUSES, LINES> {
+type Ticks = Vec<u32, { MOST_BUSES + MOST_LINES }>;
+
+impl<'p> TickWatch<'p> {
     /// From now on.
     #[must_use]
-    pub fn new<N>(ports: &Ports<N, BUSES, LINES>) -> Self {
-        Self {
-            buses: ports.buses.each_ref().map(BusPort::ticks),
-            lines: ports.lines.each_ref().map(Rs485Port::ticks),
-        }
+    pub fn new<N>(ports: PortsOf<'p, N>) -> Self {
+        let PortsOf { buses, lines, .. } = ports;
+        Self { buses, lines, ticks: Self::ticks(buses, lines) }
+    }
+
+    fn ticks(buses: &[BusPort], lines: &[Rs485Port]) -> Ticks {
+        buses.iter().map(BusPort::ticks).chain(lines.iter().map(Rs485Port::ticks)).collect()
     }
 
     /// Whether every bus and line has ticked since the last call. Ask less often than they tick.
-    pub fn have_all_ticked<N>(&mut self, ports: &Ports<N, BUSES, LINES>) -> bool {
-        let before = core::mem::replace(self, Self::new(ports));
-        let buses = self.buses.iter().zip(before.buses);
-        buses.chain(self.lines.iter().zip(before.lines)).all(|(now, before)| *now != before)
+    pub fn have_all_ticked(&mut self) -> bool {
+        let now = Self::ticks(self.buses, self.lines);
+        let before = core::mem::replace(&mut self.ticks, now);
+        self.ticks.iter().zip(before).all(|(now, before)| *now != before)
     }
 }
 
@@ -337,9 +334,7 @@ mod tests {
     rc10_motor::motors! {
         enum Name;
         struct Motors;
-        buses: [100.0; 3];
-        lines: 0;
-        FrontLeft: Dji = Entry::new("wheel front left", Bus(1), Config::new(&M3508, 1)),
+        FrontLeft: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)).with_label("wheel front left"),
     }
 
     #[test]
@@ -354,8 +349,8 @@ mod tests {
             last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
             remote: Some(RemoteLink::Online),
             receptions: [("remote", Counters::default()); PARTS],
-            buses: [BusSummary::default(); 3],
-            lines: [],
+            buses: [BusSummary::default(); 3].into_iter().collect(),
+            lines: Vec::new(),
             imu_trouble: None,
             supply: None,
             bus_cycles: Some(CycleCount { mean: 7_740, most: 11_772, a_second: 480_000_000 }),

@@ -14,8 +14,8 @@ use crate::supply::OLDEST_SUPPLY;
 const PERIOD: Duration = Duration::from_millis(100);
 
 /// The status LED's task: shows the [`state`] on a strip with this number of LEDs, for ever.
-pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+pub async fn run<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     mut strip: impl SmartLedsWriteAsync<Color = RGB8>,
     leds: usize,
 ) -> ! {
@@ -30,9 +30,7 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
 
 /// The most important state that a strip can show.
 #[must_use]
-pub fn state<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
-) -> LampState {
+pub fn state<N: Names>(shared: &Common<'_, N, impl Live>) -> LampState {
     let remote = shared.remote_link.read().map_or(RemoteLink::Lost, |link| link.value);
     let mut motors = N::ALL.iter().map(|name| shared.motor(*name).status());
     let now = rc10_message::now();

@@ -145,13 +145,6 @@ impl Schedule {
         self.next += Micros::new(missed.saturating_mul(self.period.get()));
         Start { late, missed: u32::try_from(missed).unwrap_or(u32::MAX) }
     }
-
-    /// Like [`start`](Self::start), but missed starts are made up for: the next is one period on.
-    pub fn start_and_catch_up(&mut self, now: Micros) -> Start {
-        let late = now.since(self.next);
-        self.next += self.period;
-        Start { late, missed: 0 }
-    }
 }
 
 /// Smallest, mean and largest of a series of durations.
@@ -239,15 +232,6 @@ mod tests {
         }
         // Of the ten starts 0 ..= 9000 six happened.
         assert_eq!(missed, 4);
-    }
-
-    #[test]
-    fn catching_up_keeps_every_start() {
-        let mut plan = Schedule::new(Micros::ZERO, Micros::new(1000));
-        for _ in 0..5 {
-            let _ = plan.start_and_catch_up(Micros::new(4500));
-        }
-        assert_eq!(plan.next(), Micros::new(5000));
     }
 
     #[test]

@@ -19,16 +19,16 @@ rc10_motor::motors! {
     pub enum Name;
     /// The robot's motors: they stand here, and the buses borrow them.
     pub struct Motors;
-    buses: [100.0; BUSES];
-    lines: 0;
     LiftLeft: Dji = lift("lift left", Config::new(&M3508, 1)),
     LiftRight: Dji = lift("lift right", Config::new(&M3508, 2).with_direction(Direction::Reversed)),
-    Feeder: Dji = Entry::new("feeder", Bus(2), Config::new(&M2006, 1).with_feed_forward(FEEDING)),
+    Feeder: Dji = Entry::new(Bus(2), Config::new(&M2006, 1).with_feed_forward(FEEDING)),
 }
 
 /// A lift that coasts falls. Both motors count upwards: the right one looks the other way.
 const fn lift(label: &'static str, config: Config) -> Entry<Config> {
-    Entry::new(label, Bus(1), config.with_feed_forward(LIFTING)).with_safety(Safety::HOLD)
+    Entry::new(Bus(1), config.with_feed_forward(LIFTING))
+        .with_label(label)
+        .with_safety(Safety::HOLD)
 }
 
 /// The buses that are used, of the three that the board has.

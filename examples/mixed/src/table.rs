@@ -20,16 +20,14 @@ rc10_motor::motors! {
     pub enum Name;
     /// The robot's motors: they stand here, and the buses and the line borrow them.
     pub struct Motors;
-    buses: [100.0; BUSES];
-    lines: 1;
-    Wheel: Vesc = Entry::new("wheel", Bus(1), WHEEL)
+    Wheel: Vesc = Entry::new(Bus(1), WHEEL)
         .with_safety(Safety::BRAKE)
         .with_jog(Rpm::new(300.0)),
-    Arm: Damiao = Entry::new("arm", Bus(1), ARM).with_safety(Safety::HOLD),
-    Hip: GoModule = Entry::new("hip", Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
-    Wrist: CyberGear = Entry::new("wrist", Bus(2), WRIST),
-    Turret: Lk = Entry::new("turret", Bus(2), TURRET).with_safety(Safety::HOLD),
-    Flywheel: ODrive = Entry::new("flywheel", Bus(2), FLYWHEEL),
+    Arm: Damiao = Entry::new(Bus(1), ARM).with_safety(Safety::HOLD),
+    Hip: GoModule = Entry::new(Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
+    Wrist: CyberGear = Entry::new(Bus(2), WRIST),
+    Turret: Lk = Entry::new(Bus(2), TURRET).with_safety(Safety::HOLD),
+    Flywheel: ODrive = Entry::new(Bus(2), FLYWHEEL),
     Leg0: GoM8010 = leg("leg 0", 0),
     Leg1: GoM8010 = leg("leg 1", 1),
     Leg2: GoM8010 = leg("leg 2", 2),
@@ -56,7 +54,7 @@ pub const LEGS: [Name; 8] = [
 ];
 
 const fn leg(label: &'static str, id: u8) -> Entry<LineConfig> {
-    Entry::new(label, Line(1), LineConfig::new(id)).with_safety(Safety::HOLD)
+    Entry::new(Line(1), LineConfig::new(id)).with_label(label).with_safety(Safety::HOLD)
 }
 
 /// Seven pole pairs, no gear, currents below what VESC Tool allows it.

@@ -22,22 +22,20 @@ rc10_motor::motors! {
     pub enum Name;
     /// The robot's motors: they stand here, and the buses borrow them.
     pub struct Motors;
-    buses: [100.0; BUSES];
-    lines: 0;
     FrontLeft: Dji = wheel("wheel front left", 1),
     RearLeft: Dji = wheel("wheel rear left", 2),
     RearRight: Dji = wheel("wheel rear right", 3),
     FrontRight: Dji = wheel("wheel front right", 4),
-    Arm: Damiao = Entry::new("arm", Bus(2), ARM).with_safety(Safety::HOLD),
-    Turret: Dji = Entry::new("turret", Bus(2), dji::Config::new(&GM6020_VOLTAGE, 1)),
-    Flywheel: Vesc = Entry::new("flywheel", Bus(3), FLYWHEEL),
+    Arm: Damiao = Entry::new(Bus(2), ARM).with_safety(Safety::HOLD),
+    Turret: Dji = Entry::new(Bus(2), dji::Config::new(&GM6020_VOLTAGE, 1)),
+    Flywheel: Vesc = Entry::new(Bus(3), FLYWHEEL),
 }
 
 /// The buses of the board.
 pub const BUSES: usize = 3;
 
 const fn wheel(label: &'static str, id: u8) -> Entry<dji::Config> {
-    Entry::new(label, Bus(1), dji::Config::new(&M3508, id).with_feed_forward(ROLLING))
+    Entry::new(Bus(1), dji::Config::new(&M3508, id).with_feed_forward(ROLLING)).with_label(label)
 }
 
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052

@@ -2,42 +2,35 @@
 //!
 //! | control | the robot |
 //! |---|---|
-//! | right switch | down: disarmed; else armed |
+//! | right switch | down: disarmed; else armed, if both sticks are in the middle |
 //! | left switch | up: the feeder turns; down: emergency stop |
 //! | left stick | moves the base |
 //! | right stick | to the side: turns it |
 //!
-//! [`rc10_tasks::arming`] says how it is armed, and what happens when the remote is lost.
+//! [`rc10::tasks::arming`] says how it is armed, and what happens when the remote is lost. Another receiver than a DR16,
+//! and other switches, are constants of [`Program`].
 
-use embassy_time::{Duration, Ticker};
-use rc10_app::Seconds;
-use rc10_module::remote::Switch;
-use rc10_motor::Target;
-use rc10_tasks::{Arming, BaseDriver, Drive as _};
+use rc10::prelude::*;
 
-use crate::Shared;
-use crate::table::{ARMING, BASE, FEEDING, Name};
+use crate::{BASE, FEEDING, Name, Robot, Shared};
 
-/// Period of the task, ms.
-pub const PERIOD: u64 = 10;
-const DT: Seconds = Seconds::new(PERIOD as f32 * 1e-3);
-
-/// Arms the robot, and drives it, every 10 ms.
-pub async fn run(shared: &Shared<'_>) -> ! {
-    let (mut arming, mut base) = (Arming::new(ARMING), BaseDriver::new(&BASE));
-    let mut ticker = Ticker::every(Duration::from_millis(PERIOD));
-    loop {
-        ticker.next().await;
-        // Without a remote no motor is commanded: 50 ms later each is safe.
-        let Some(remote) = shared.obey(&mut arming) else {
-            base.rest();
-            continue;
-        };
-        base.drive(shared, BASE.sticks(&remote), DT);
-        let feeder = match remote.left_switch {
-            Switch::Up => Target::Speed(FEEDING),
-            _ => Target::Coast,
-        };
-        shared.command(Name::Feeder, feeder);
+impl Program for Robot {
+    async fn run(shared: &Shared<'_>) -> ! {
+        let (mut arming, mut base) = (Arming::of::<Self>(), BaseDriver::new(&BASE));
+        let mut every = Every::millis(10);
+        loop {
+            let tick = every.next().await;
+            // Without a remote no motor is commanded: 50 ms later each is safe.
+            let Some(remote) = shared.obey(&mut arming) else {
+                base.rest();
+                continue;
+            };
+            base.drive(shared, BASE.sticks(&remote), tick.dt);
+            let feeder = match remote.left_switch {
+                Switch::Up => Target::Speed(FEEDING),
+                _ => Target::Coast,
+            };
+            shared.command(Name::Feeder, feeder);
+        }
     }
 }

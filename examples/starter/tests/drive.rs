@@ -1,19 +1,15 @@
 //! The robot does what hands tell it.
 
-use rc10_cli::judge::problems;
-use rc10_cli::recording::problem::any;
-use rc10_cli::run::simulate::simulate;
-use rc10_motor::{Link, Names as _};
-use rc10_time::Micros;
-use starter::table::Name;
-use starter::{Motors, Ports, Shared, simulation};
+use rc10::motor::Link;
+use rc10::prelude::*;
+use rc10::sim::judge::problems;
+use rc10::sim::recording::problem::any;
+use rc10::sim::{Simulated, simulated};
+use starter::{Name, Robot};
 
 #[test]
 fn it_drives_forward_and_has_no_problems() {
-    let ports = Ports::new();
-    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
-    let run = simulate(robot, 1, Micros::from_millis(5000)).unwrap();
+    let run = simulated::<Robot>(Robot::description(), 1, Micros::from_millis(5000)).unwrap();
     assert!(run.motors.iter().all(|track| track.last.link == Link::Online));
     let found = problems(&run);
     assert!(!any(&found), "{found:?}");

@@ -15,8 +15,6 @@ rc10_motor::motors! {
     pub enum Name;
     /// The robot's motors: they stand here, and the buses borrow them.
     pub struct Motors;
-    buses: [100.0; BUSES];
-    lines: 0;
     DriveFrontLeft: Dji = drive("drive front left", 1),
     DriveFrontRight: Dji = drive("drive front right", 2),
     DriveRearLeft: Dji = drive("drive rear left", 3),
@@ -52,7 +50,7 @@ pub const AHEAD: [TotalAngle; 4] = [
 
 const fn drive(label: &'static str, id: u8) -> Entry<Config> {
     let config = Config::new(&M3508, id).with_feed_forward(ROLLING);
-    Entry::new(label, Bus(1), config).with_jog(Rpm::new(20.0))
+    Entry::new(Bus(1), config).with_label(label).with_jog(Rpm::new(20.0))
 }
 
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
@@ -61,7 +59,7 @@ const ROLLING: FeedForward =
     FeedForward { friction: 0.4, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
 const fn steer(label: &'static str, id: u8) -> Entry<Config> {
-    Entry::new(label, Bus(2), Config::new(&GM6020_CURRENT, id).with_cascade(STEERING))
+    Entry::new(Bus(2), Config::new(&GM6020_CURRENT, id).with_cascade(STEERING)).with_label(label)
 }
 
 /// A fork with its wheel and the rotor are 0.0024 kg m², and a GM6020 makes 0.741 N m/A: stiffer than

@@ -16,15 +16,13 @@ rc10_motor::motors! {
     pub enum Name;
     /// The robot's motors: they stand here, and the buses borrow them.
     pub struct Motors;
-    buses: [100.0; BUSES];
-    lines: 0;
     FrontLeft: Dji = wheel("wheel front left", Config::new(&M3508, 1)),
     FrontRight: Dji = wheel("wheel front right", mirrored(2)),
     RearLeft: Dji = wheel("wheel rear left", Config::new(&M3508, 3)),
     RearRight: Dji = wheel("wheel rear right", mirrored(4)),
-    Yaw: Dji = Entry::new("gimbal yaw", Bus(2), YAW),
-    Pitch: Dji = Entry::new("gimbal pitch", Bus(2), PITCH),
-    Feeder: Dji = Entry::new("feeder", Bus(2), Config::new(&M2006, 3)),
+    Yaw: Dji = Entry::new(Bus(2), YAW).with_label("gimbal yaw"),
+    Pitch: Dji = Entry::new(Bus(2), PITCH).with_label("gimbal pitch"),
+    Feeder: Dji = Entry::new(Bus(2), Config::new(&M2006, 3)),
     LiftFrontLeft: Dji = lift("lift front left", Config::new(&M3508, 1)),
     LiftFrontRight: Dji = lift("lift front right", mirrored(2)),
     LiftRearLeft: Dji = lift("lift rear left", Config::new(&M3508, 3)),
@@ -34,7 +32,7 @@ rc10_motor::motors! {
 /// On blocks, a PC may turn it: to see which one it is, and which way it turns.
 const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
     let cascade = Cascade { feed_forward: ROLLING, ..LOADED };
-    Entry::new(label, Bus(1), config.with_cascade(cascade)).with_jog(Rpm::new(20.0))
+    Entry::new(Bus(1), config.with_cascade(cascade)).with_label(label).with_jog(Rpm::new(20.0))
 }
 
 /// An M3508's loops with an integral that is firmer than a bare motor's: it also learns the load.
@@ -53,7 +51,7 @@ const fn mirrored(id: u8) -> Config {
 /// A lift that coasts falls.
 const fn lift(label: &'static str, config: Config) -> Entry<Config> {
     let cascade = Cascade { feed_forward: LIFTING, ..LOADED };
-    Entry::new(label, Bus(3), config.with_cascade(cascade)).with_safety(Safety::HOLD)
+    Entry::new(Bus(3), config.with_cascade(cascade)).with_label(label).with_safety(Safety::HOLD)
 }
 
 /// The current that a shaft of the lift takes, in A: 1 N m of weight and 0.0137 kg m², by an

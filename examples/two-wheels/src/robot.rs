@@ -13,14 +13,10 @@ motors! {
     pub enum Name;
     /// Where their motors stand.
     pub struct Motors;
-    buses: [100.0];
-    lines: 0;
-    Left: Dji = Entry::new("wheel left", Bus(1), Config::new(&M3508, 1)),
-    Right: Dji = Entry::new(
-        "wheel right",
-        Bus(1),
+    Left: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)).with_label("wheel left"),
+    Right: Dji = Entry::new(Bus(1),
         Config::new(&M3508, 2).with_direction(Direction::Reversed),
-    ),
+    ).with_label("wheel right"),
 }
 
 /// Radius of the wheels, metres.

@@ -37,8 +37,8 @@ pub const REMOTE_HAS_INVERTER: bool = false;
 pub struct Soldered;
 
 /// Serves what is soldered on.
-pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
-    _shared: &Common<'_, N, BUSES, LINES, impl Live>,
+pub async fn serve<N: Names>(
+    _shared: &Common<'_, N, impl Live>,
     _soldered: Soldered,
     _outputs: &[Output],
 ) {

@@ -3,26 +3,11 @@
 /// The program of a robot: `main`, and all that stands beside the robot's own tasks.
 ///
 /// ```ignore
-/// rc10_board::robot! {
-///     robot: my_robot;                              // its crate
-///     buses: three_buses(bus_1, bus_2, bus_3);      // or: two_buses(bus_1, bus_2)
-///     console: 921_600;                             // baud
-///     imu: wit;                                     // an HWT101 or WT901 on a serial port: may be left out
-///     tasks: |shared| task::run(shared);            // a future: several of them by `join`
-/// }
+/// rc10_board::program!(my_robot);                       // its crate
+/// rc10_board::program!(my_robot, outputs: [First]);     // of a board that has them, only these outputs are on
 /// ```
 ///
-/// `outputs: [First];` behind the console switches on these outputs only, of a board that has them.
-///
-/// Switches to ground, at the board's part `switches`, are further arguments of the tasks, one or two:
-/// `tasks: |shared, index| task::run(shared, index);`. Each is an `InputPin` with a pull-up, low while it is closed.
-///
-/// The IMU is on the serial port that the board has for it. A board with an IMU soldered on takes no notice of it.
-///
-/// An RS-485 line, the board's part `rs485`, stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
-///
-/// The robot's crate has `Ports`, `Motors` and `table::{BUSES, RECEIVER}`, as `rc10_motor::motors!` and its
-/// table make them, and `Shared`, which is a [`rc10_tasks::Common`].
+/// The robot's crate has what `rc10::robot!` makes, and `Robot` is a [`Program`](rc10_tasks::Program).
 ///
 /// Tasks that run, most urgent first:
 ///
@@ -31,48 +16,39 @@
 /// | P0 | time | – |
 /// | P3 | the supervisor: makes the motors safe if the buses do not tick | the watchdog restarts the chip |
 /// | P6 | the buses, every millisecond, by the interrupt of UART9 | the supervisor, within 10 ms |
-/// | P7 | the line, by the interrupt of UART8; the interrupts of all UARTs | the watchdog |
+/// | P7 | the lines, by the interrupt of UART8; the interrupts of all UARTs and timers | the watchdog |
 /// | thread | the robot's tasks, remote control, console, status, feeding the watchdog | the watchdog, 80 ms |
+///
+/// So no log, maths or script delays a motor, nor does a noisy serial line, which waits while a DMA receives.
 ///
 /// A panic or a fault sends every motor's frame of no torque, and restarts the chip. Without the crystal the robot
 /// cannot be armed. What keeps it from starting is told in the log.
 #[macro_export]
-macro_rules! robot {
-    (
-        robot: $robot:ident;
-        buses: $buses:ident($($bus:ident),+);
-        $(line: $line:ident at $baud:expr, replies in $reply:expr;)?
-        console: $console:expr;
-        $(imu: $imu:ident;)?
-        $(outputs: [$($output:ident),*];)?
-        tasks: |$shared:ident $(, $switch:ident)*| $tasks:expr;
-    ) => {
+macro_rules! program {
+    ($robot:ident $(, outputs: [$($output:ident),*])?) => {
         $crate::rc10_bsp::crash_handlers!();
 
         mod program {
-            use $crate::board::{Soldered, SwitchParts};
-            use $crate::embassy_futures::join::join4;
+            use $crate::board::{self, Board, Soldered};
+            use $crate::embassy_executor::{self, Executor, InterruptExecutor, Spawner};
+            use $crate::embassy_stm32::interrupt::{self, InterruptExt, Priority};
+            use $crate::embassy_stm32::peripherals::{IWDG1, UART5, USART1, USART2};
+            use $crate::embassy_stm32::{Peri, bind_interrupts};
+            use $crate::embassy_time::Instant;
+            use $crate::rc10_bsp::can::{Bus, FdcanPort};
             use $crate::rc10_bsp::serial::{self, Serial, SerialReceiver};
-            use $crate::rc10_bsp::{can::Bus, supervisor};
-            use $crate::rc10_motor::MotorBus;
-            use $crate::rc10_tasks::remote;
-            use $crate::robot::Unstartable;
+            use $crate::rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
+            use $crate::rc10_message::Cycles;
+            use $crate::rc10_motor::embassy::BusPort;
+            use $crate::rc10_motor::{MotorBus, Names, unitree::Rs485Bus};
+            use $crate::rc10_tasks::{Declared, Program, remote};
+            use $crate::robot::{self, Unstartable};
             use $crate::static_cell::{ConstStaticCell, StaticCell};
-            use ::embassy_executor::Spawner;
-            use ::embassy_stm32::interrupt::{InterruptExt, Priority};
-            use ::embassy_stm32::peripherals::{IWDG1, UART5, USART1};
-            use ::embassy_stm32::{Peri, bind_interrupts, interrupt};
-            use ::embassy_time::Instant;
-            use $robot::table::{BUSES, RECEIVER};
-            use $robot::{Motors, Ports, Shared};
+            use $robot::{Motors, Name, Ports, Robot, Shared};
 
-            #[allow(unused_imports, reason = "what the arguments name")]
-            use super::*;
-
-            const _: () = assert!(
-                RECEIVER.serial().is_some(),
-                "a receiver that speaks in pulses needs a program of its own: see rc10-firmware"
-            );
+            const BUSES: usize = <Name as Names>::BUSES.len();
+            const LINES: usize = <Name as Names>::LINES as usize;
+            const _: () = board::assert_has::<Robot>();
 
             bind_interrupts!(struct Irqs {
                 TIM7 => supervisor::Interrupt;
@@ -81,6 +57,9 @@ macro_rules! robot {
                 DMA1_STREAM1 => serial::Interrupt<USART1>;
                 UART5 => serial::Interrupt<UART5>;
                 DMA1_STREAM2 => serial::Interrupt<UART5>;
+                USART2 => serial::Interrupt<USART2>;
+                DMA2_STREAM2 => serial::Interrupt<USART2>;
+                DMA2_STREAM3 => serial::Interrupt<USART2>;
             });
 
             // Large values are made where they stay: moved, they would go over the stack.
@@ -89,149 +68,110 @@ macro_rules! robot {
             static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
             static MOTOR_BUSES: [StaticCell<MotorBus<'static>>; BUSES] =
                 [const { StaticCell::new() }; BUSES];
+            static MOTOR_LINES: [StaticCell<Rs485Bus<'static>>; LINES] =
+                [const { StaticCell::new() }; LINES];
+            static EXECUTOR: StaticCell<Executor> = StaticCell::new();
+
+            /// Cycles of each wake, in which a bus sends and the next computes; without the interrupt's own.
+            static TICKS: Cycles = Cycles::new(CORE_CLOCK.0);
 
             $crate::executor! {
                 /// Runs the buses.
-                CONTROL on UART9
+                CONTROL on UART9, measured by TICKS
+            }
+            $crate::executor! {
+                /// Runs the lines.
+                LINE_CONTROL on UART8
             }
 
-            #[::embassy_executor::main]
-            async fn main(spawner: Spawner) {
-                if let Err(why) = start(spawner, $crate::robot::begin()) {
-                    why.tell();
-                }
+            #[$crate::cortex_m_rt::entry]
+            fn main() -> ! {
+                EXECUTOR.init(Executor::new()).run(|spawner| {
+                    if let Err(why) = start(spawner, robot::begin()) {
+                        why.tell();
+                    }
+                })
             }
 
             // Not inlined, so that its stack is free again when the tasks run.
             #[inline(never)]
-            fn start(spawner: Spawner, board: $crate::board::Board) -> Result<(), Unstartable> {
-                let shared = &*SHARED.init_with(|| Shared::new($crate::robot::ports(&PORTS)));
-                $crate::robot::check_chip(&shared.switch);
-                let mut motors = $crate::robot::buses(&MOTOR_BUSES, &shared.switch);
-                let mut lines = $crate::motor_lines!(shared $(, $reply)?);
+            fn start(spawner: Spawner, mut board: Board) -> Result<(), Unstartable> {
+                let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
+                shared.bus_cycles = Some(&TICKS);
+                let shared = &*shared;
+                robot::check_chip(&shared.switch);
+                let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
+                let mut lines = robot::lines::<Robot, LINES>(&MOTOR_LINES, &shared.switch)?;
                 MOTORS.take().attach(
                     &mut motors.each_mut().map(|bus| &mut **bus),
                     &mut lines.each_mut().map(|line| &mut **line),
                 )?;
 
                 interrupt::UART9.set_priority(Priority::P6);
-                let ports = [$(Bus::start(board.$bus)),+];
+                let all = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
+                let ports = robot::first(all);
                 let started = Instant::now();
-                let buses = $crate::robot::$buses(ports, motors, &shared.ports.buses)?;
-                CONTROL.start(interrupt::UART9).spawn(buses);
+                CONTROL.start(interrupt::UART9).spawn(buses(ports, motors, shared.ports.buses)?);
                 supervisor::start(board.supervisor, Irqs, Priority::P3);
-                $($crate::start_line!(shared, lines, board.$line, $baud);)?
+                if LINES > 0 {
+                    interrupt::UART8.set_priority(Priority::P7);
+                    let uart = robot::line_port(board.rs485, Irqs, Priority::P7)?;
+                    for (line, port) in lines.into_iter().zip(shared.ports.lines) {
+                        LINE_CONTROL.start(interrupt::UART8).spawn(robot::line(uart, line, port)?);
+                        break;
+                    }
+                }
 
-                let text = $crate::robot::console_port(board.text, Irqs, Priority::P7, $console)?;
-                $($crate::start_imu!(shared, spawner, board, $imu);)?
-                let remote = $crate::robot::remote(board.remote, Irqs, RECEIVER, Priority::P7)?;
-                let (soldered, switches) = (board.soldered, board.switches);
-                let others = others(shared, board.watchdog, text, started, remote, soldered, switches)?;
-                spawner.spawn(others);
+                let text = robot::console_port(board.text, Irqs, Priority::P7, Robot::CONSOLE)?;
+                spawner.spawn(tend(shared, board.watchdog, text, started)?);
+                $crate::start_parts!(Robot, shared, spawner, board);
+                if Robot::RECEIVER.serial().is_some() {
+                    let port = robot::remote(board.remote, Irqs, Robot::RECEIVER, Priority::P7)?;
+                    spawner.spawn(listen(shared, port)?);
+                }
+                spawner.spawn(serve(shared, board.soldered)?);
+                spawner.spawn(run(shared)?);
+                // A bus wakes every third of a millisecond. All else wakes between, to leave them punctual.
+                while started.elapsed() < robot::BETWEEN {}
                 Ok(())
             }
 
-            #[::embassy_executor::task]
-            async fn others(
-                $shared: &'static Shared<'static>,
+            /// All buses: frames in, motors, frames out, every millisecond.
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            fn buses(
+                ports: [FdcanPort; BUSES],
+                motors: [&'static mut MotorBus<'static>; BUSES],
+                shared: &'static [BusPort],
+            ) -> impl Future<Output = ()> {
+                robot::run(ports, motors, shared)
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn tend(
+                shared: &'static Shared<'static>,
                 watchdog: Peri<'static, IWDG1>,
                 text: Serial,
-                quiet: Instant,
-                receiver: SerialReceiver,
-                soldered: Soldered,
-                switches: SwitchParts,
+                started: Instant,
             ) {
-                let tend = $crate::robot::tend($shared, watchdog, text, quiet);
-                let outputs = $crate::outputs!($([$($output),*])?);
-                let serve = $crate::board::serve($shared, soldered, outputs);
-                $crate::switches!(switches $(, $switch)*);
-                join4($tasks, remote::listen($shared, RECEIVER, receiver), tend, serve).await;
+                robot::tend(shared, watchdog, text, started + robot::BETWEEN).await;
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn listen(shared: &'static Shared<'static>, port: SerialReceiver) {
+                remote::listen(shared, Robot::RECEIVER, port).await;
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn serve(shared: &'static Shared<'static>, soldered: Soldered) {
+                board::serve(shared, soldered, $crate::outputs!($([$($output),*])?)).await;
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn run(shared: &'static Shared<'static>) -> ! {
+                Robot::run(shared).await
             }
         }
     };
-}
-
-/// The RS-485 lines of a robot: one, or none.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! motor_lines {
-    ($shared:ident) => {{
-        let none: [&'static mut $crate::rc10_motor::unitree::Rs485Bus<'static>; 0] = [];
-        none
-    }};
-    ($shared:ident, $reply:expr) => {{
-        use $crate::rc10_motor::unitree::Rs485Bus;
-        static MOTOR_LINE: StaticCell<Rs485Bus<'static>> = StaticCell::new();
-        let line = Rs485Bus::new(&$shared.switch).with_reply_timeout($reply)?;
-        [MOTOR_LINE.init(line)]
-    }};
-}
-
-/// Starts it, with the interrupts of its UART.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! start_line {
-    ($shared:ident, $lines:ident, $parts:expr, $baud:expr) => {
-        use ::embassy_stm32::peripherals::USART2;
-
-        bind_interrupts!(struct OfLine {
-            USART2 => serial::Interrupt<USART2>;
-            DMA2_STREAM2 => serial::Interrupt<USART2>;
-            DMA2_STREAM3 => serial::Interrupt<USART2>;
-        });
-        $crate::executor! {
-            /// Runs the line.
-            LINE_CONTROL on UART8
-        }
-
-        let config = serial::SerialConfig::new($baud);
-        let (ring, buffer) = (
-            $crate::rc10_bsp::dma_buffer!(u8; 256),
-            $crate::rc10_bsp::dma_buffer!(u8; 32),
-        );
-        let uart = Serial::start($parts, OfLine, &config, ring, buffer, Priority::P7)?;
-        interrupt::UART8.set_priority(Priority::P7);
-        let [line] = $lines;
-        let task = $crate::robot::line(uart, line, &$shared.ports.lines[0])?;
-        LINE_CONTROL.start(interrupt::UART8).spawn(task);
-    };
-}
-
-/// Listens to the IMU, at the rate that it is sold with.
-#[cfg(feature = "h723zg")]
-#[doc(hidden)]
-#[macro_export]
-macro_rules! start_imu {
-    ($shared:ident, $spawner:ident, $board:ident, wit) => {
-        use ::embassy_stm32::peripherals::UART7;
-
-        bind_interrupts!(struct OfImu {
-            UART7 => serial::Interrupt<UART7>;
-            DMA1_STREAM5 => serial::Interrupt<UART7>;
-            DMA1_STREAM6 => serial::Interrupt<UART7>;
-        });
-
-        #[::embassy_executor::task]
-        async fn imu(shared: &'static Shared<'static>, port: Serial) {
-            $crate::rc10_tasks::heading::listen_for(shared, port).await;
-        }
-
-        let config = serial::SerialConfig::new(115_200);
-        let (ring, buffer) = (
-            $crate::rc10_bsp::dma_buffer!(u8; 128),
-            $crate::rc10_bsp::dma_buffer!(u8; 32),
-        );
-        let port = Serial::start($board.imu, OfImu, &config, ring, buffer, Priority::P7)?;
-        $spawner.spawn(imu($shared, port)?);
-    };
-}
-
-/// The robot, whose IMU is soldered on.
-#[cfg(feature = "dm-mc02")]
-#[doc(hidden)]
-#[macro_export]
-macro_rules! start_imu {
-    ($shared:ident, $spawner:ident, $board:ident, wit) => {};
 }
 
 /// The outputs of supply that are switched on: these, or all.
@@ -243,24 +183,5 @@ macro_rules! outputs {
     };
     ([$($output:ident),*]) => {
         &[$($crate::Output::$output),*]
-    };
-}
-
-/// The switches that the robot's tasks read: the others' pins are left alone.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! switches {
-    ($parts:ident) => {
-        let _ = $parts;
-    };
-    ($parts:ident, $first:ident) => {
-        let $first = $crate::robot::switch($parts.first.0);
-    };
-    ($parts:ident, $first:ident, $second:ident) => {
-        let $first = $crate::robot::switch($parts.first.0);
-        let $second = $crate::robot::switch($parts.second.0);
-    };
-    ($parts:ident, $($more:ident),+) => {
-        compile_error!("the boards have two inputs for switches");
     };
 }

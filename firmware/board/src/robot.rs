@@ -136,7 +136,7 @@ macro_rules! executor {
 }
 
 /// Ports of buses and lines, made in place: on their way they would take 10 KiB of stack.
-pub fn ports<N: Names, const BUSES: usize, const LINES: usize>(
+pub fn ports<N: Names>(
     place: &'static StaticCell<Ports<N, BUSES, LINES>>,
 ) -> &'static Ports<N, BUSES, LINES> {
     // For the check of the numbers that this does.
@@ -255,7 +255,7 @@ const fn config(settings: SerialSettings) -> SerialConfig {
 }
 
 /// Feeds the watchdog while every bus and line ticks.
-pub async fn watch<N: Names, const BUSES: usize, const LINES: usize>(
+pub async fn watch<N: Names>(
     watchdog: Peri<'static, IWDG1>,
     ports: &Ports<N, BUSES, LINES>,
 ) -> ! {
@@ -272,8 +272,8 @@ pub async fn watch<N: Names, const BUSES: usize, const LINES: usize>(
 }
 
 /// Everything beside its own tasks: feeds the watchdog, tells its status, serves its console.
-pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+pub async fn tend<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     watchdog: Peri<'static, IWDG1>,
     text: Serial,
     quiet: Instant,
@@ -285,8 +285,8 @@ pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
 /// Writes the status as a line, ten times a second: to the console, unless a PC speaks there as
 /// [`rc10_link`](mod@rc10_tasks::live) does, and to the probe's buffer. That blocks interrupts: so
 /// no faster, of text made before, and whole milliseconds after `quiet`, when no bus sends.
-pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+pub async fn console<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     (receiver, transmitter): (impl Read, impl Write),
     quiet: Instant,
 ) {
@@ -294,8 +294,8 @@ pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
     join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
 }
 
-async fn lines<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+async fn lines<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     link: &Link<impl Write>,
     quiet: Instant,
 ) {

@@ -4,9 +4,7 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Damiao = Entry::new("arm", Bus(1), damiao::Config::new(damiao::models::J4310, 0x11, 0x111, damiao::Control::Velocity)),
+    A: Damiao = Entry::new(Bus(1), damiao::Config::new(damiao::models::J4310, 0x11, 0x111, damiao::Control::Velocity)).with_label("arm"),
 }
 
 fn main() {}

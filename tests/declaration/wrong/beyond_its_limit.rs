@@ -5,10 +5,9 @@ declare! {
     enum Name;
     struct Motors;
     buses: [40.0];
-    lines: 0;
-    A: Dji = Entry::new("a", Bus(1), dji::Config::new(&dji::M3508, 1)),
-    B: Dji = Entry::new("b", Bus(1), dji::Config::new(&dji::M3508, 2)),
-    C: Dji = Entry::new("c", Bus(1), dji::Config::new(&dji::M3508, 3)),
+    A: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 1)),
+    B: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 2)),
+    C: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 3)),
 }
 
 fn main() {}

@@ -4,9 +4,7 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Vesc = Entry::new("flywheel", Bus(1), vesc(255)),
+    A: Vesc = Entry::new(Bus(1), vesc(255)).with_label("flywheel"),
 }
 
 fn main() {}

@@ -4,9 +4,7 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Dji = Entry::new("left", Bus(1), dji::Config::new(&dji::M3508, 1))
+    A: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 1)).with_label("left")
         .with_safety(Safety { command_expiry: Micros::from_millis(2000), ..Safety::COAST }),
 }
 

@@ -4,9 +4,7 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Dji = Entry::new("yaw", Bus(2), dji::Config::new(&dji::GM6020_VOLTAGE, 8)),
+    A: Dji = Entry::new(Bus(2), dji::Config::new(&dji::GM6020_VOLTAGE, 8)).with_label("yaw"),
 }
 
 fn main() {}

@@ -4,9 +4,7 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: GoM8010 = Entry::new("knee", Bus(1), LineConfig::new(3)),
+    A: GoM8010 = Entry::new(Bus(1), LineConfig::new(3)).with_label("knee"),
 }
 
 fn main() {}

@@ -4,10 +4,8 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Vesc = Entry::new("flywheel", Bus(1), vesc(1)),
-    B: GoModule = Entry::new("hip", Bus(1), ModuleConfig::new(0, 0)),
+    A: Vesc = Entry::new(Bus(1), vesc(1)).with_label("flywheel"),
+    B: GoModule = Entry::new(Bus(1), ModuleConfig::new(0, 0)).with_label("hip"),
 }
 
 fn main() {}

@@ -4,9 +4,7 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: GoM8010 = Entry::new("knee", Line(2), LineConfig::new(0)),
+    A: GoM8010 = Entry::new(Line(2), LineConfig::new(0)).with_label("knee"),
 }
 
 fn main() {}

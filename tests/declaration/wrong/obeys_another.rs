@@ -4,10 +4,8 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Dji = Entry::new("left", Bus(1), dji::Config::new(&dji::M3508, 1)),
-    B: Damiao = Entry::new("arm", Bus(1), damiao::Config::new(damiao::models::J4310, 0x01, 0x31, damiao::Control::Velocity)),
+    A: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 1)).with_label("left"),
+    B: Damiao = Entry::new(Bus(1), damiao::Config::new(damiao::models::J4310, 0x01, 0x31, damiao::Control::Velocity)).with_label("arm"),
 }
 
 fn main() {}

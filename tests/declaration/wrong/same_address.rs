@@ -4,10 +4,8 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: GoM8010 = Entry::new("knee", Line(1), LineConfig::new(3)),
-    B: GoM8010 = Entry::new("shin", Line(1), LineConfig::new(3)),
+    A: GoM8010 = Entry::new(Line(1), LineConfig::new(3)).with_label("knee"),
+    B: GoM8010 = Entry::new(Line(1), LineConfig::new(3)).with_label("shin"),
 }
 
 fn main() {}

@@ -4,10 +4,8 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Dji = Entry::new("wheel", Bus(1), dji::Config::new(&dji::M3508, 5)),
-    B: Dji = Entry::new("turret", Bus(1), dji::Config::new(&dji::GM6020_CURRENT, 1)),
+    A: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 5)).with_label("wheel"),
+    B: Dji = Entry::new(Bus(1), dji::Config::new(&dji::GM6020_CURRENT, 1)).with_label("turret"),
 }
 
 fn main() {}

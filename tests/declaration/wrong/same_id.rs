@@ -4,10 +4,8 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Dji = Entry::new("left", Bus(1), dji::Config::new(&dji::M3508, 1)),
-    B: Dji = Entry::new("right", Bus(1), dji::Config::new(&dji::M3508, 1)),
+    A: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 1)).with_label("left"),
+    B: Dji = Entry::new(Bus(1), dji::Config::new(&dji::M3508, 1)).with_label("right"),
 }
 
 fn main() {}

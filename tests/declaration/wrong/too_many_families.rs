@@ -4,10 +4,8 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Own = Entry::new("a", Bus(1), own(1, 5, 0x1FFF_FF00)),
-    B: Own = Entry::new("b", Bus(1), own(2, 5, 0x1FFF_FF00)),
+    A: Own = Entry::new(Bus(1), own(1, 5, 0x1FFF_FF00)),
+    B: Own = Entry::new(Bus(1), own(2, 5, 0x1FFF_FF00)),
 }
 
 const fn own(raw: u16, patterns: u32, mask: u32) -> OtherDevice {

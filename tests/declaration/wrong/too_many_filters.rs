@@ -4,11 +4,9 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Own = Entry::new("a", Bus(1), own(1, 8, 0x1FFF_FFFF)),
-    B: Own = Entry::new("b", Bus(1), own(2, 8, 0x1FFF_FFFF)),
-    C: Own = Entry::new("c", Bus(1), own(3, 8, 0x1FFF_FFFF)),
+    A: Own = Entry::new(Bus(1), own(1, 8, 0x1FFF_FFFF)),
+    B: Own = Entry::new(Bus(1), own(2, 8, 0x1FFF_FFFF)),
+    C: Own = Entry::new(Bus(1), own(3, 8, 0x1FFF_FFFF)),
 }
 
 const fn own(raw: u16, patterns: u32, mask: u32) -> OtherDevice {

@@ -4,9 +4,7 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Own = Entry::new("a", Bus(1), own(1, 9, 0x1FFF_FFFF)),
+    A: Own = Entry::new(Bus(1), own(1, 9, 0x1FFF_FFFF)),
 }
 
 const fn own(raw: u16, patterns: u32, mask: u32) -> OtherDevice {

@@ -4,13 +4,11 @@ use wrong_robots::*;
 declare! {
     enum Name;
     struct Motors;
-    buses: [100.0; 2];
-    lines: 1;
-    A: Own = Entry::new("a", Bus(1), own(1, 8)),
-    B: Own = Entry::new("b", Bus(1), own(2, 8)),
-    C: Own = Entry::new("c", Bus(1), own(3, 8)),
-    D: Own = Entry::new("d", Bus(1), own(4, 8)),
-    E: Own = Entry::new("e", Bus(1), own(5, 8)),
+    A: Own = Entry::new(Bus(1), own(1, 8)),
+    B: Own = Entry::new(Bus(1), own(2, 8)),
+    C: Own = Entry::new(Bus(1), own(3, 8)),
+    D: Own = Entry::new(Bus(1), own(4, 8)),
+    E: Own = Entry::new(Bus(1), own(5, 8)),
 }
 
 const fn own(raw: u16, patterns: u16) -> OtherDevice {

@@ -39,6 +39,10 @@ use std::process::ExitCode;
 use std::{env, fs};
 
 use clap::{Parser, Subcommand};
+use rc10_motor::Names as _;
+use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port};
+use rc10_tasks::{Common, Program};
+use rc10_time::Micros;
 
 use crate::commands::emulate::EmuArgs;
 use crate::commands::new::NewArgs;
@@ -48,11 +52,14 @@ use crate::commands::run::RunArgs;
 use crate::formats::dbc::DbcArgs;
 use crate::live::commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
 use crate::live::page::LiveArgs;
+use crate::run::simulate::simulate;
 use commands::decode::DecodeArgs;
 use terminal::{Plain, tell};
 
 pub use crate::robot::base::Base;
-pub use crate::robot::description::{ContactPart, Description, LinePart, SerialPart};
+pub use crate::robot::description::{
+    ContactPart, Description, LinePart, SerialPart, Simulated, Twin,
+};
 pub use crate::robot::mistake::Mistake;
 pub use crate::robot::motor::{Device, Motor, Place, Plant};
 pub use crate::robot::remote::{Receiver, RemoteControl};
@@ -223,6 +230,41 @@ pub fn main_for(
     }
 }
 
+/// Runs the command line for the robot of a program: the whole `main` of a robot's package.
+#[must_use]
+pub fn main_of<P: Simulated>() -> ExitCode {
+    let description = P::description();
+    main_for(&description, |command| {
+        with::<P, _>(|shared, motors| {
+            command.run(Robot::of::<P>(P::description(), shared, motors)?)
+        })
+    })
+}
+
+/// Simulates the robot of a program in a world of `description` and `seed`, for this time.
+///
+/// # Errors
+/// Those of [`Robot::of`] and of [`simulate`](run::simulate::simulate).
+pub fn simulated<P: Program>(
+    description: Description,
+    seed: u64,
+    time: Micros,
+) -> anyhow::Result<Recording> {
+    with::<P, _>(|shared, motors| {
+        simulate(Robot::of::<P>(description, shared, motors)?, seed, time)
+    })
+}
+
+/// Does something with the state and the motors of a robot that has not begun.
+pub fn with<P: Program, R>(
+    work: impl FnOnce(&Common<'_, P::Name, P::Own>, &mut P::Motors) -> R,
+) -> R {
+    let buses: Vec<_> = P::Name::BUSES.iter().map(|_| BusPort::new()).collect();
+    let lines: Vec<_> = (0..P::Name::LINES).map(|_| Rs485Port::new()).collect();
+    let shared = Common::new(PortsOf::new(&buses, &lines));
+    work(&shared, &mut P::Motors::default())
+}
+
 /// The robot in this folder, if it is another one than this program's.
 fn other_robot() -> Option<String> {
     // By cargo, the folder's own is run, or one that was named.
@@ -233,7 +275,7 @@ fn other_robot() -> Option<String> {
     let mut folders = here.ancestors();
     let (folder, manifest) = folders
         .find_map(|folder| Some((folder, fs::read_to_string(folder.join("Cargo.toml")).ok()?)))?;
-    let is_robot = manifest.contains("rc10-cli") || manifest.contains("rc10_cli");
+    let is_robot = ["rc10-cli", "rc10/sim"].iter().any(|it| manifest.contains(it));
     let name = manifest.lines().find_map(|line| line.strip_prefix("name = \""))?;
     let (theirs, own) = (name.trim_end_matches('"'), program.file_stem()?.to_str()?);
     (is_robot && theirs != own && !program.starts_with(folder)).then(|| {

@@ -26,23 +26,18 @@ mod swerve {
         pub enum Name;
         pub struct Motors;
         buses: [100.0, 100.0];
-        lines: 0;
-        DriveFrontLeft: Dji = Entry::new("drive front left", Bus(1), Config::new(&M3508, 1)),
-        DriveFrontRight: Dji = Entry::new(
-            "drive front right",
-            Bus(1),
+        DriveFrontLeft: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
+        DriveFrontRight: Dji = Entry::new(Bus(1),
             Config::new(&M3508, 2).with_direction(Direction::Reversed),
         ),
-        DriveRearLeft: Dji = Entry::new("drive rear left", Bus(1), Config::new(&M3508, 3)),
-        DriveRearRight: Dji = Entry::new("drive rear right", Bus(1), Config::new(&M3508, 4)),
-        SteerFrontLeft: Dji = Entry::new("steer front left", Bus(2), Config::new(&M2006, 1)),
-        SteerFrontRight: Dji = Entry::new(
-            "steer front right",
-            Bus(2),
+        DriveRearLeft: Dji = Entry::new(Bus(1), Config::new(&M3508, 3)),
+        DriveRearRight: Dji = Entry::new(Bus(1), Config::new(&M3508, 4)),
+        SteerFrontLeft: Dji = Entry::new(Bus(2), Config::new(&M2006, 1)),
+        SteerFrontRight: Dji = Entry::new(Bus(2),
             Config::new(&M2006, 2).with_direction(Direction::Reversed),
         ),
-        SteerRearLeft: Dji = Entry::new("steer rear left", Bus(2), Config::new(&M2006, 3)),
-        SteerRearRight: Dji = Entry::new("steer rear right", Bus(2), Config::new(&M2006, 4)),
+        SteerRearLeft: Dji = Entry::new(Bus(2), Config::new(&M2006, 3)),
+        SteerRearRight: Dji = Entry::new(Bus(2), Config::new(&M2006, 4)),
     }
 }
 
@@ -51,12 +46,8 @@ mod differential {
     rc10_motor::motors! {
         pub enum Name;
         pub struct Motors;
-        buses: [100.0];
-        lines: 0;
-        Left: Dji = Entry::new("left", Bus(1), Config::new(&M3508, 1)),
-        Right: Dji = Entry::new(
-            "right",
-            Bus(1),
+        Left: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
+        Right: Dji = Entry::new(Bus(1),
             Config::new(&M3508, 2).with_direction(Direction::Reversed),
         ),
     }

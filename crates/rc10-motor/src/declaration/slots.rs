@@ -96,6 +96,58 @@ pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
     slots
 }
 
+/// Most CAN buses of a robot: the chips have three.
+pub const MOST_BUSES: usize = 3;
+/// Most RS-485 lines of a robot.
+pub const MOST_LINES: usize = 2;
+
+/// How many buses and lines a declaration has: up to the highest that a motor is on, and no more than a board has.
+#[must_use]
+pub const fn places(entries: &[Entry<Device>]) -> [usize; 2] {
+    let (mut places, mut at) = ([0; 2], 0);
+    while at < entries.len() {
+        let (sort, number, most) = match entries[at].on {
+            Place::Bus(number) => (0, number as usize, MOST_BUSES),
+            Place::Line(number) => (1, number as usize, MOST_LINES),
+        };
+        if number > places[sort] {
+            places[sort] = if number < most { number } else { most };
+        }
+        at += 1;
+    }
+    places
+}
+
+/// Whether a new word begins at this byte of a motor's name: `WheelLeft2`.
+const fn begins(name: &[u8], at: usize) -> bool {
+    at > 0
+        && (name[at].is_ascii_uppercase()
+            || name[at].is_ascii_digit() && !name[at - 1].is_ascii_digit())
+}
+
+/// The length of the label that a motor's name says.
+#[must_use]
+pub const fn label_length(name: &str) -> usize {
+    let (name, mut length, mut at) = (name.as_bytes(), 0, 0);
+    while at < name.len() {
+        length += 1 + begins(name, at) as usize;
+        at += 1;
+    }
+    length
+}
+
+/// The label that a motor's name says: "wheel left 2" of `WheelLeft2`.
+#[must_use]
+pub const fn label<const N: usize>(name: &str) -> [u8; N] {
+    let (name, mut label, mut to, mut at) = (name.as_bytes(), [b' '; N], 0, 0);
+    while at < name.len() {
+        to += begins(name, at) as usize;
+        label[to] = name[at].to_ascii_lowercase();
+        (to, at) = (to + 1, at + 1);
+    }
+    label
+}
+
 /// The number of each motor on its bus or line, in this order: for tools without names.
 pub fn numbers(places: impl IntoIterator<Item = Place>) -> impl Iterator<Item = MotorId> {
     let mut before = [[0_u8; 256]; 2];

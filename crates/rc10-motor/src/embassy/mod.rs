@@ -17,7 +17,7 @@ mod subscription;
 
 pub use motors::{MotorPort, MotorPorts};
 pub use port::{BusPort, BusStatus, OutboxError};
-pub use ports::Ports;
+pub use ports::{Ports, PortsOf};
 pub use rs485::{Rs485Port, Rs485Status, run_rs485};
 pub use runner::{Runner, run_bus, run_buses};
 pub use subscription::{Filter, NoFreeSubscription, Received, Subscription};

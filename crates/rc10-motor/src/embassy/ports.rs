@@ -3,7 +3,7 @@ use core::marker::PhantomData;
 use super::motors::MotorPort;
 use super::port::BusPort;
 use super::rs485::Rs485Port;
-use crate::declaration::{Names, Place, Slot};
+use crate::declaration::{MOST_BUSES, MOST_LINES, Names, Place, Slot};
 
 /// A robot's shared side: a port for each bus and line, and its motors by name.
 ///
@@ -15,9 +15,7 @@ use crate::declaration::{Names, Place, Slot};
 /// #     rc10_motor::motors! {
 /// #         pub enum Name;
 /// #         pub struct Motors;
-/// #         buses: [100.0];
-/// #         lines: 0;
-/// #         Wheel: Dji = rc10_motor::Entry::new("wheel", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
+/// #         Wheel: Dji = rc10_motor::Entry::new(rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
 /// #     }
 /// # }
 /// # mod theirs {
@@ -25,9 +23,7 @@ use crate::declaration::{Names, Place, Slot};
 /// #     rc10_motor::motors! {
 /// #         pub enum Name;
 /// #         pub struct Motors;
-/// #         buses: [100.0];
-/// #         lines: 0;
-/// #         Lift: Dji = rc10_motor::Entry::new("lift", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
+/// #         Lift: Dji = rc10_motor::Entry::new(rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
 /// #     }
 /// # }
 /// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();
@@ -42,9 +38,7 @@ use crate::declaration::{Names, Place, Slot};
 /// #     rc10_motor::motors! {
 /// #         pub enum Name;
 /// #         pub struct Motors;
-/// #         buses: [100.0];
-/// #         lines: 0;
-/// #         Wheel: Dji = rc10_motor::Entry::new("wheel", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
+/// #         Wheel: Dji = rc10_motor::Entry::new(rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
 /// #     }
 /// # }
 /// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();
@@ -67,6 +61,8 @@ impl<N: Names, const BUSES: usize, const LINES: usize> Ports<N, BUSES, LINES> {
         const {
             let fits = BUSES == N::BUSES.len() && LINES == N::LINES as usize;
             assert!(fits, "the declaration has other numbers of buses and lines than its `Ports`");
+            let is_too_large = BUSES > MOST_BUSES || LINES > MOST_LINES;
+            assert!(!is_too_large, "a robot has at most three buses and two lines");
         }
         Self {
             buses: [const { BusPort::new() }; BUSES],
@@ -78,6 +74,50 @@ impl<N: Names, const BUSES: usize, const LINES: usize> Ports<N, BUSES, LINES> {
     /// The port of a motor.
     pub fn motor(&self, name: N) -> MotorPort<'_> {
         name.slot().port(&self.buses, &self.lines)
+    }
+}
+
+/// The ports of a robot, of whatever numbers of buses and lines.
+pub struct PortsOf<'p, N> {
+    /// One for each bus; bus 1 is the first.
+    pub buses: &'p [BusPort],
+    /// One for each line; line 1 is the first.
+    pub lines: &'p [Rs485Port],
+    names: PhantomData<fn(N)>,
+}
+
+impl<N> Clone for PortsOf<'_, N> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<N> Copy for PortsOf<'_, N> {}
+
+impl<'p, N: Names> PortsOf<'p, N> {
+    /// Those of the robot's buses and lines.
+    ///
+    /// # Panics
+    /// If they are others than declared.
+    #[must_use]
+    pub fn new(buses: &'p [BusPort], lines: &'p [Rs485Port]) -> Self {
+        assert!(buses.len() == N::BUSES.len() && lines.len() == usize::from(N::LINES));
+        Self { buses, lines, names: PhantomData }
+    }
+
+    /// The port of a motor.
+    #[must_use]
+    pub fn motor(self, name: N) -> MotorPort<'p> {
+        name.slot().port(self.buses, self.lines)
+    }
+}
+
+impl<'p, N, const BUSES: usize, const LINES: usize> From<&'p Ports<N, BUSES, LINES>>
+    for PortsOf<'p, N>
+{
+    fn from(ports: &'p Ports<N, BUSES, LINES>) -> Self {
+        let Ports { buses, lines, names } = ports;
+        Self { buses, lines, names: *names }
     }
 }
 

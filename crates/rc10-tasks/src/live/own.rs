@@ -60,6 +60,35 @@ impl Mechanism {
     }
 }
 
+/// A switch or marker of the robot's own: closed while it is pressed. A PC sees 1 and 0.
+#[derive(Debug)]
+pub struct Contact(Signal);
+
+impl Contact {
+    /// One that has not been read.
+    #[must_use]
+    pub const fn new(label: &'static str) -> Self {
+        Self(Signal { states: "open,closed", ..Signal::new(label, "") })
+    }
+
+    /// Says how it was read.
+    pub fn set(&self, is_closed: bool) {
+        self.0.set(f32::from(u8::from(is_closed)));
+    }
+
+    /// Whether it was closed when it was read last, a millisecond ago at most; one that was never read is open.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.0.get() > 0.0
+    }
+
+    /// The signal that it is.
+    #[must_use]
+    pub const fn signal(&self) -> &Signal {
+        &self.0
+    }
+}
+
 impl Signal {
     /// The stage in which it gave up, if it is of a [`Mechanism`] that did.
     #[must_use]
@@ -167,14 +196,17 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 }
 
 /// Declares what a robot has of its [own](crate::Common::own), a field for each: signals and parameters for a PC,
-/// and topics of its tasks.
+/// and topics of its tasks. What it has none of is left out.
 ///
 /// ```
 /// rc10_tasks::live! {
 ///     /// What can be watched and tuned.
 ///     pub struct Own {
 ///         mechanisms {
-///             arm: "arm"; // its stage: may be left out
+///             arm: "arm"; // its stage
+///         }
+///         contacts {
+///             bottom: "lift bottom"; // `contact bottom: input 1;` in `robot!` reads it
 ///         }
 ///         signals {
 ///             tilt: "lift tilt", "deg";
@@ -183,7 +215,7 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 ///             shooting: "shooting speed", "rpm", 1500.0, [0.0, 6000.0];
 ///         }
 ///         fields {
-///             /// The height that the arm shall have: what its tasks share. May be left out.
+///             /// The height that the arm shall have: what its tasks share.
 ///             height: rc10_message::Latest<f32, 1>;
 ///         }
 ///     }
@@ -202,16 +234,18 @@ macro_rules! live {
     (
         $(#[$meta:meta])* $vis:vis struct $Name:ident {
             $(mechanisms { $($mechanism:ident: $mechanism_label:literal;)* })?
-            signals { $($signal:ident: $signal_label:literal, $signal_unit:literal;)* }
-            parameters { $($parameter:ident: $label:literal, $unit:literal, $initial:expr, $range:expr;)* }
+            $(contacts { $($contact:ident: $contact_label:literal;)* })?
+            $(signals { $($signal:ident: $signal_label:literal, $signal_unit:literal;)* })?
+            $(parameters { $($parameter:ident: $label:literal, $unit:literal, $initial:expr, $range:expr;)* })?
             $(fields { $($(#[$of:meta])* $field:ident: $Type:ty;)* })?
         }
     ) => {
         $(#[$meta])*
         $vis struct $Name {
             $($(#[doc = $mechanism_label] pub $mechanism: $crate::live::Mechanism,)*)?
-            $(#[doc = $signal_label] pub $signal: $crate::live::Signal,)*
-            $(#[doc = $label] pub $parameter: $crate::live::Parameter,)*
+            $($(#[doc = $contact_label] pub $contact: $crate::live::Contact,)*)?
+            $($(#[doc = $signal_label] pub $signal: $crate::live::Signal,)*)?
+            $($(#[doc = $label] pub $parameter: $crate::live::Parameter,)*)?
             $($($(#[$of])* pub $field: $Type,)*)?
         }
 
@@ -221,8 +255,9 @@ macro_rules! live {
             fn default() -> Self {
                 Self {
                     $($($mechanism: $crate::live::Mechanism::new($mechanism_label),)*)?
-                    $($signal: $crate::live::Signal::new($signal_label, $signal_unit),)*
-                    $($parameter: const { $crate::live::Parameter::new($label, $unit, $initial, $range) },)*
+                    $($($contact: $crate::live::Contact::new($contact_label),)*)?
+                    $($($signal: $crate::live::Signal::new($signal_label, $signal_unit),)*)?
+                    $($($parameter: const { $crate::live::Parameter::new($label, $unit, $initial, $range) },)*)?
                     $($($field: <$Type>::default(),)*)?
                 }
             }
@@ -231,11 +266,12 @@ macro_rules! live {
         impl $crate::live::Live for $Name {
             fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l $crate::live::Signal)) {
                 $($(see(self.$mechanism.signal());)*)?
-                $(see(&self.$signal);)*
+                $($(see(self.$contact.signal());)*)?
+                $($(see(&self.$signal);)*)?
                 let _ = see;
             }
             fn parameters<'l>(&'l self, see: &mut dyn FnMut(&'l $crate::live::Parameter)) {
-                $(see(&self.$parameter);)*
+                $($(see(&self.$parameter);)*)?
                 let _ = see;
             }
         }

@@ -78,8 +78,8 @@ const BRIGHTNESS: u8 = 24;
 
 /// Serves the soldered parts for ever: outputs on, heading of the IMU, which it warms, lamp,
 /// supply, a beep at a start (three after a crash), stop by the key.
-pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+pub async fn serve<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     soldered: Soldered,
     outputs: &[Output],
 ) {
@@ -166,8 +166,8 @@ async fn switch_on((first, second, five_volts): OutputPins, outputs: &[Output]) 
 }
 
 /// Reads the IMU, and tells the heading; keeps the temperature of its die and when that was read.
-async fn tell_heading<N: Names, const BUSES: usize, const LINES: usize>(
-    shared: &Common<'_, N, BUSES, LINES, impl Live>,
+async fn tell_heading<N: Names>(
+    shared: &Common<'_, N, impl Live>,
     parts: ImuParts,
     temperature: &Cell<Option<(f32, Micros)>>,
 ) {

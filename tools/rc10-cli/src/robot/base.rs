@@ -25,10 +25,8 @@ impl Base {
     /// # motors! {
     /// #     pub enum Name;
     /// #     pub struct Motors;
-    /// #     buses: [100.0];
-    /// #     lines: 0;
-    /// #     Left: Dji = Entry::new("left", Bus(1), Config::new(&M3508, 1)),
-    /// #     Right: Dji = Entry::new("right", Bus(1), Config::new(&M3508, 2)),
+    /// #     Left: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
+    /// #     Right: Dji = Entry::new(Bus(1), Config::new(&M3508, 2)),
     /// # }
     /// let base = Base::new([Name::Left, Name::Right], Chassis::differential(0.05, 0.4).with_mass(8.0));
     /// ```

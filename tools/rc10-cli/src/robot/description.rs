@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Context, Result, anyhow};
 use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
-use rc10_sim::{Serial, World};
+use rc10_sim::imu::Hwt101;
+use rc10_sim::{Nanos, Serial, World};
+use rc10_tasks::Program;
 use rc10_time::Micros;
 
 use crate::robot::base::Base;
+use crate::robot::build::build_firmware_in;
 use crate::robot::mistake::Mistake;
 use crate::robot::motor::{Motor, Place, Plant};
 use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
@@ -28,6 +31,9 @@ pub struct Description {
     pub base: Option<Base>,
     /// Own signals of the estimated pose: [`Robot::estimate`](crate::Robot::estimate).
     pub estimate: Option<PoseSignals>,
+    /// Label of the own signal with the yaw by the IMU, degrees counter-clockwise, all turns counted, which a run
+    /// compares with the wheels.
+    pub yaw: Option<&'static str>,
     /// Own signals of the reference pose: [`Robot::reference`](crate::Robot::reference).
     pub reference: Option<PoseSignals>,
     /// Remote control with its operator's script, if there is one.
@@ -65,7 +71,7 @@ pub struct SerialPart {
     /// The chip's UART: 1 for USART1.
     pub uart: u8,
     /// Puts its simulated twin at the end of a link.
-    pub twin: fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial>,
+    pub twin: SerialTwin,
 }
 
 /// A switch or marker on a motor's shaft: [`rc10_sim::Contact`].
@@ -83,6 +89,85 @@ impl ContactPart {
     pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
         Self { motor: motor.index(), closed }
     }
+}
+
+/// A part of a robot in simulation, under its name in the declaration.
+#[derive(Clone, Copy, Debug)]
+pub enum Twin {
+    /// What is at the other end of a serial port.
+    Serial(&'static str, SerialTwin),
+    /// Where a contact is closed.
+    Contact(&'static str, fn() -> ContactPart),
+}
+
+/// Puts the twin of a serial part at the end of a link.
+pub type SerialTwin = fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial>;
+
+impl Twin {
+    const fn label(&self) -> &'static str {
+        match self {
+            Self::Serial(label, _) | Self::Contact(label, _) => label,
+        }
+    }
+}
+
+/// A program in simulation: `rc10_cli::main_of` runs it.
+pub trait Simulated: Program {
+    /// The twins of its parts, one for each: others than declared do not compile.
+    const TWINS: &'static [Twin] = &[];
+
+    /// Its description: [`Description::of_program`], and what more is to be said.
+    fn description() -> Description;
+}
+
+const fn assert_twins(
+    serials: &[rc10_tasks::program::SerialPart],
+    contacts: &[(&str, u8)],
+    twins: &[Twin],
+) {
+    assert!(
+        twins.len() == serials.len() + contacts.len(),
+        "`TWINS` has not one twin for each `serial` and `contact` of the declaration"
+    );
+    let mut at = 0;
+    while at < twins.len() {
+        let (mut found, mut part) = (false, 0);
+        while part < serials.len() {
+            found |=
+                matches!(twins[at], Twin::Serial(label, _) if is_same(label, serials[part].label));
+            part += 1;
+        }
+        part = 0;
+        while part < contacts.len() {
+            found |=
+                matches!(twins[at], Twin::Contact(label, _) if is_same(label, contacts[part].0));
+            part += 1;
+        }
+        assert!(
+            found,
+            "`TWINS` has a twin that the declaration does not have as a `serial` or `contact`"
+        );
+        at += 1;
+    }
+}
+
+const fn is_same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    let mut at = 0;
+    while at < one.len() && at < other.len() && one[at] == other[at] {
+        at += 1;
+    }
+    at == one.len() && at == other.len()
+}
+
+/// UART of the IMU, on the board that has a port for one.
+const IMU_UART: u8 = 7;
+
+/// An HWT101 or WT901 on the base.
+fn wit(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> {
+    let base = base.context("the IMU must stand on a base")?;
+    let phase = world.chance(Nanos::new(5_000_000));
+    Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base, phase)))
 }
 
 /// Labels of the three signals of a pose: m forward and m to the left of the odometry's start, and
@@ -105,9 +190,7 @@ impl Description {
     /// # motors! {
     /// #     pub enum Name;
     /// #     pub struct Motors;
-    /// #     buses: [100.0];
-    /// #     lines: 0;
-    /// #     Arm: Dji = Entry::new("arm", Bus(1), Config::new(&M2006, 1)),
+    /// #     Arm: Dji = Entry::new(Bus(1), Config::new(&M2006, 1)),
     /// # }
     /// let robot = Description::of(|name| match name {
     ///     Name::Arm => Plant::inertia(0.02),
@@ -122,6 +205,30 @@ impl Description {
             buses: u8::try_from(N::BUSES.len()).unwrap_or(u8::MAX),
             lines: (0..N::LINES).map(|line| LinePart { uart: 2 + line }).collect(),
             ..Self::default()
+        }
+    }
+
+    /// The robot of a program, as [`of`](Self::of): with its console, its firmware in the folder `firmware` of its
+    /// package, its IMU on the base, and the twins of its parts.
+    #[must_use]
+    pub fn of_program<P: Simulated>(plant: impl Fn(P::Name) -> Plant) -> Self {
+        const { assert_twins(P::SERIALS, P::CONTACTS, P::TWINS) };
+        let twin = |label: &str| P::TWINS.iter().find(|twin| twin.label() == label);
+        let imu = P::HAS_IMU.then_some(SerialPart { label: "IMU", uart: IMU_UART, twin: wit });
+        let serials = P::SERIALS.iter().filter_map(|part| match twin(part.label)? {
+            &Twin::Serial(label, twin) => Some(SerialPart { label, uart: part.uart, twin }),
+            Twin::Contact(..) => None,
+        });
+        let contacts = P::CONTACTS.iter().filter_map(|(label, _)| match twin(label)? {
+            Twin::Contact(_, part) => Some(part()),
+            Twin::Serial(..) => None,
+        });
+        Self {
+            console: Some(P::CONSOLE),
+            firmware: Some(|board| build_firmware_in(P::FOLDER, board)),
+            serials: imu.into_iter().chain(serials).collect(),
+            contacts: contacts.collect(),
+            ..Self::of(plant)
         }
     }
 

@@ -1,6 +1,7 @@
 //! A robot for the tools, and its operator.
 
 pub mod base;
+pub mod build;
 pub mod description;
 pub mod mistake;
 pub mod motor;

@@ -5,6 +5,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use rc10_emu::fault::{Fault, Kind};
 use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus, Vt03};
 use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
+use rc10_tasks::Program;
 use rc10_time::Micros;
 
 pub use rc10_module::remote::Receiver;
@@ -37,6 +38,14 @@ pub struct ScriptLine {
     pub label: &'static str,
     /// Positions of all controls.
     pub controls: Controls,
+}
+
+impl ScriptLine {
+    /// Controls from this many milliseconds on.
+    #[must_use]
+    pub const fn new(millis: u64, label: &'static str, controls: Controls) -> Self {
+        Self { at: Micros::from_millis(millis), label, controls }
+    }
 }
 
 /// A time in which a transmitter is off.
@@ -121,6 +130,12 @@ impl RemoteControl {
             repeats_after,
             lost: Vec::new(),
         }
+    }
+
+    /// Creates the remote of a program, as [`new`](Self::new).
+    #[must_use]
+    pub fn of<P: Program>(script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
+        Self::new(P::RECEIVER, script, repeats_after)
     }
 
     /// Sets the losses from a run's faults; fails if one begins before another has ended.

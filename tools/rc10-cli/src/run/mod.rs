@@ -1,7 +1,6 @@
 //! Runs of a robot: in the simulator, and its firmware on the emulated chip.
 
 pub mod board;
-pub mod build;
 pub mod emulation;
 pub mod foreign;
 pub mod line;

@@ -4,17 +4,17 @@ use std::iter::zip;
 use std::pin::Pin;
 use std::rc::Rc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use embassy_time::Instant;
 use rc10_emu::fault::{Fault, Kind};
 use rc10_module::Reception;
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
-use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
+use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
 use rc10_sim::fault::is_called;
-use rc10_sim::{Contact, Faults, TaskName, Tasks, UartPort};
+use rc10_sim::{Contact, Faults, Serial, TaskName, Tasks, UartPort};
 use rc10_tasks::live::{self, Link, Live};
-use rc10_tasks::{Common, remote};
+use rc10_tasks::{Common, Program, heading, remote, status};
 use rc10_time::Micros;
 
 use crate::args::Injected;
@@ -42,13 +42,14 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
-    contacts: Option<(usize, ReadContacts<'r>)>,
+    /// Numbers of serial parts, behind the others, and of contacts; and their task.
+    parts: Option<([usize; 2], StartParts<'r>)>,
     console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
     /// Whether it runs even if motors do not fit on a bus.
     is_forced: bool,
 }
 
-type ReadContacts<'r> = Box<dyn FnOnce(&[Contact]) -> Option<Task<'r>> + 'r>;
+type StartParts<'r> = Box<dyn FnOnce(Vec<UartPort>, Vec<Contact>) -> Task<'r> + 'r>;
 
 type Task<'r> = (TaskName, Pin<Box<dyn Future<Output = ()> + 'r>>);
 
@@ -66,29 +67,54 @@ impl<'r> Robot<'r> {
         Self { description, ..Self::default() }
     }
 
-    /// Creates a robot with the buses, lines and arm switch of its declaration, a console for a PC
-    /// and, if a remote is described, the task for its receiver.
-    #[must_use]
-    pub fn of<N: Names, const BUSES: usize, const LINES: usize>(
+    /// Creates the robot of a program with all its tasks, in the world of `description`.
+    ///
+    /// # Errors
+    /// The motors cannot be attached, or a line cannot have the reply time of the program.
+    pub fn of<P: Program>(
         description: Description,
-        started: Started<'r, BUSES, LINES>,
-        shared: &'r Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> Self {
-        let (Started { buses, lines }, ports) = (started, shared.ports);
-        let has_remote = description.remote.is_some();
-        let robot = Self::new(description).switch(&shared.switch).live(shared);
-        let robot = zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
-        let robot =
-            zip(lines, &ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
-        if !has_remote {
-            return robot;
+        shared: &'r Common<'_, P::Name, P::Own>,
+        motors: &'r mut P::Motors,
+    ) -> Result<Self> {
+        let (ports, switch) = (shared.ports, &shared.switch);
+        let mut buses: Vec<_> = ports.buses.iter().map(|_| MotorBus::new(switch)).collect();
+        let mut lines: Vec<_> = ports.lines.iter().map(|_| Rs485Bus::new(switch)).collect();
+        if let Some(reply) = P::REPLY {
+            let lines_of = lines.into_iter().map(|line| line.with_reply_timeout(reply));
+            lines = lines_of.collect::<Result<_, _>>()?;
         }
-        robot.remote(&shared.remote_reception, async |receiver, port| match port {
-            ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
-            ReceiverPort::Pulses(mut port) => {
-                remote::listen_pulses(shared, async || port.rising_edge().await).await
-            }
-        })
+        let on_lines: &mut [_] = &mut lines.iter_mut().collect::<Vec<_>>();
+        P::attach(motors, &mut buses.iter_mut().collect::<Vec<_>>(), on_lines)?;
+
+        let (has_remote, yaw) = (description.remote.is_some(), description.yaw);
+        let mut robot = Self::new(description).switch(switch).live(shared);
+        robot = zip(buses, ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
+        robot = zip(lines, ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
+        let signal = |label| robot.ports.signals.iter().find(|signal| signal.label == label);
+        if let Some((label, Signal { read, .. })) = yaw.and_then(|it| Some((it, signal(it)?))) {
+            robot.ports.yaw = Some((label, Rc::clone(read)));
+        }
+        if has_remote {
+            robot = robot.remote(&shared.remote_reception, async |receiver, port| match port {
+                ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
+                ReceiverPort::Pulses(mut port) => {
+                    remote::listen_pulses(shared, async || port.rising_edge().await).await
+                }
+            });
+        }
+        if P::HAS_IMU {
+            robot = robot.serial(&shared.imu_reception, async |port| {
+                heading::listen_for(shared, port).await;
+            });
+        }
+        let counts = [P::SERIALS.len(), P::CONTACTS.len()];
+        robot.ports.parts.extend(&shared.receptions[..counts[0]]);
+        if counts != [0; 2] {
+            let name = TaskName::of::<P>();
+            let start = move |serials, contacts| boxed(name, P::parts(shared, serials, contacts));
+            robot.parts = Some((counts, Box::new(start)));
+        }
+        Ok(robot.task(P::run(shared)).task(status::run(shared)))
     }
 
     /// Adds the next bus, and its port for tasks.
@@ -115,40 +141,10 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds the task that reads the contacts on motors' shafts: inputs, low while they are closed,
-    /// in the order of the description.
-    ///
-    /// ```
-    /// # use rc10_cli::{Description, Robot};
-    /// # async fn run(index: impl embedded_hal::digital::InputPin) {}
-    /// # let robot = Robot::new(Description::default());
-    /// let robot = robot.contacts(|[index]| run(index));
-    /// ```
-    #[must_use]
-    #[track_caller]
-    pub fn contacts<const N: usize, F: Future + 'r>(
-        mut self,
-        read: impl FnOnce([Contact; N]) -> F + 'r,
-    ) -> Self {
-        let name = TaskName::of::<F>();
-        let read: ReadContacts<'r> =
-            Box::new(move |contacts| Some(boxed(name, read(contacts.to_vec().try_into().ok()?))));
-        self.contacts = Some((N, read));
-        self
-    }
-
     /// Sets the arm switch, for the times in reports.
     #[must_use]
     pub const fn switch(mut self, switch: &'r ArmSwitch) -> Self {
         self.ports.switch = Some(switch);
-        self
-    }
-
-    /// Sets the yaw by the IMU, degrees counter-clockwise, all turns counted, which a run compares
-    /// with the wheels. `signal` is the label of the own signal with the yaw of a real robot.
-    #[must_use]
-    pub fn yaw(mut self, signal: &'static str, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
-        self.ports.yaw = Some((signal, Rc::new(yaw)));
         self
     }
 
@@ -207,10 +203,7 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds the console for a PC, and the robot's own signals and parameters; a run records the signals.
-    pub(crate) fn live<N: Names, const BUSES: usize, const LINES: usize>(
-        self,
-        shared: &'r Common<'_, N, BUSES, LINES, impl Live>,
-    ) -> Self {
+    pub(crate) fn live<N: Names>(self, shared: &'r Common<'_, N, impl Live>) -> Self {
         let mut robot = self;
         let own: &dyn Live = &shared.own;
         let seen = Rc::new(live::RobotView::new(shared));
@@ -396,14 +389,12 @@ impl<'r> Robot<'r> {
         if let (Some(serve), Some(line)) = (self.console, &around.console) {
             own.push(serve(line.port()));
         }
-        if let Some((described, read)) = self.contacts {
-            let count = around.contacts.len();
-            own.push(read(&around.contacts).with_context(|| {
-                format!("{described} contacts are read, but {count} are around it")
-            })?);
+        let mut links = around.serials.iter().map(Serial::port);
+        for (speak, port) in self.serials.into_iter().zip(&mut links) {
+            own.push(speak(port));
         }
-        for (speak, link) in self.serials.into_iter().zip(&around.serials) {
-            own.push(speak(link.port()));
+        if let Some((_, start)) = self.parts {
+            own.push(start(links.collect(), around.contacts.clone()));
         }
         own.into_iter().for_each(|(name, task)| tasks.add_as(name, task));
         hang::watch(&tasks.running());
@@ -419,11 +410,11 @@ impl<'r> Robot<'r> {
     /// Checks the motors on buses and lines against the description, whose names the figures have.
     fn check(&self) -> Result<()> {
         let Description { buses, lines, serials, contacts, .. } = &self.description;
-        let read = self.contacts.as_ref().map_or(0, |(count, _)| *count);
+        let [spoken, read] = self.parts.as_ref().map_or([0; 2], |(counts, _)| *counts);
         for (is, described, what) in [
             (self.buses.len(), usize::from(*buses), "buses"),
             (self.lines.len(), lines.len(), "lines"),
-            (self.serials.len(), serials.len(), "parts on UARTs"),
+            (self.serials.len() + spoken, serials.len(), "parts on UARTs"),
             (read, contacts.len(), "contacts are read"),
         ] {
             ensure!(is == described, "{is} {what}, but {described} described");
@@ -536,9 +527,6 @@ mod tests {
             .fold(robot, |robot, label| robot.signal(label, "", |_| None));
         let error = robot.into_buses().err().map(|error| error.to_string());
         assert_eq!(error.as_deref(), Some("two signals are called `wall`"));
-        let robot = Robot::new(Description::default()).contacts(|[_]| async {});
-        let error = robot.into_buses().err().map(|error| error.to_string());
-        assert_eq!(error.as_deref(), Some("1 contacts are read, but 0 described"));
         let robot = Robot::new(Description::default()).signal("x", "m", |_| None);
         let error = robot.estimate(["x", "y", "yaw"]).into_buses().err().map(|it| it.to_string());
         let missing = "its pose is said by a signal `y`, which there is not";

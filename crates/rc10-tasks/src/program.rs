@@ -1,0 +1,257 @@
+//! A robot as a program: [`robot!`](crate::robot!) declares what it has, [`Program`] says what it does. Chip, simulator
+//! and emulated chip run the same.
+//!
+//! ```
+//! use rc10_motor::Place::Bus;
+//! use rc10_motor::dji::{Config, Dji, M3508};
+//! use rc10_motor::{Entry, Target};
+//! use rc10_message::Every;
+//! use rc10_tasks::{Arming, Program};
+//!
+//! rc10_tasks::robot! {
+//!     motors {
+//!         Wheel: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
+//!     }
+//! }
+//!
+//! impl Program for Robot {
+//!     async fn run(shared: &Shared<'_>) -> ! {
+//!         let (mut arming, mut every) = (Arming::of::<Self>(), Every::millis(10));
+//!         loop {
+//!             every.next().await;
+//!             if let Some(remote) = shared.obey(&mut arming) {
+//!                 shared.command(Name::Wheel, Target::Coast);
+//!             }
+//!         }
+//!     }
+//! }
+//! # assert_eq!(rc10_motor::Names::label(Name::Wheel), "wheel");
+//! ```
+
+use embassy_time::{Duration, Ticker};
+use embedded_hal::digital::InputPin;
+use embedded_io_async::{Read, Write};
+use rc10_module::remote::Receiver;
+use rc10_motor::unitree::Rs485Bus;
+use rc10_motor::{MotorBus, Names, SetupError};
+use rc10_time::Micros;
+
+use crate::arming::ArmingConfig;
+use crate::common::Common;
+use crate::live::{Contact, Live};
+
+/// A part on a UART of the board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SerialPart {
+    /// Label of the part.
+    pub label: &'static str,
+    /// The chip's UART: 10 for USART10.
+    pub uart: u8,
+    /// Bits a second, 8 data bits, no parity.
+    pub baud: u32,
+}
+
+/// Most parts on UARTs, beside remote, console, IMU and RS-485.
+pub const MOST_SERIALS: usize = 4;
+
+/// What a robot has, as its declaration says: [`robot!`](crate::robot!) implements it.
+pub trait Declared: 'static {
+    /// Names of the motors.
+    type Name: Names;
+    /// The robot's own signals, parameters and topics.
+    type Own: Live + Default;
+    /// Where the motors stand.
+    type Motors: Default;
+    /// Its parts on UARTs.
+    const SERIALS: &'static [SerialPart];
+    /// Labels of its contacts, and the board's input of each, counted from 1.
+    const CONTACTS: &'static [(&'static str, u8)];
+    /// The folder of the robot's package.
+    const FOLDER: &'static str;
+
+    /// Makes the motors and attaches them to buses and lines, which have none yet.
+    ///
+    /// # Errors
+    /// [`SetupError`] for other buses and lines than the declared.
+    fn attach<'m>(
+        motors: &'m mut Self::Motors,
+        buses: &mut [&mut MotorBus<'m>],
+        lines: &mut [&mut Rs485Bus<'m>],
+    ) -> Result<(), SetupError>;
+
+    /// Listens to all parts on UARTs, and reads all contacts: ports and pins in the order of the declaration.
+    fn parts(
+        shared: &Common<'_, Self::Name, Self::Own>,
+        serials: impl IntoIterator<Item: Read + Write>,
+        contacts: impl IntoIterator<Item: InputPin>,
+    ) -> impl Future<Output = ()>;
+}
+
+/// What a robot does, and what it needs of its board.
+pub trait Program: Declared {
+    /// The receiver of the remote control.
+    const RECEIVER: Receiver = Receiver::Dr16;
+    /// Which switches arm, disarm and stop, and which sticks must be at rest: [`Arming::of`](crate::Arming::of) checks
+    /// it against the receiver when it is compiled.
+    const ARMING: ArmingConfig = ArmingConfig::DEFAULT;
+    /// Bits a second at the console: 921,600, which every USB adapter can, or 2,000,000.
+    const CONSOLE: u32 = 921_600;
+    /// Whether an HWT101 or WT901 is at the board's port for an IMU. A board with an IMU soldered on has no such port.
+    const HAS_IMU: bool = false;
+    /// LEDs of the strip that shows the state, and their brightness of 255, on a board with a port for one.
+    const STRIP: (usize, u8) = (0, 0);
+    /// The longest time from a command on an RS-485 line to the end of its reply, if not the line's own.
+    const REPLY: Option<Micros> = None;
+
+    /// The robot's tasks, which do not end: several of them by `join`.
+    fn run(shared: &Common<'_, Self::Name, Self::Own>) -> impl Future<Output = Never>;
+}
+
+/// The type `!`, which a trait cannot name yet.
+pub type Never = <fn() -> ! as Returns>::Output;
+
+/// What a function returns.
+#[doc(hidden)]
+pub trait Returns {
+    /// Its type.
+    type Output;
+}
+
+impl<T> Returns for fn() -> T {
+    type Output = T;
+}
+
+/// Reads a contact every millisecond, for ever: low is closed. One that cannot be read is open.
+pub async fn read_contact(mut pin: impl InputPin, contact: &Contact) -> ! {
+    let mut ticker = Ticker::every(Duration::from_millis(1));
+    loop {
+        contact.set(pin.is_low().unwrap_or(false));
+        ticker.next().await;
+    }
+}
+
+/// Declares what a robot has: its motors, a line each, and before them what it has beside motors.
+///
+/// ```ignore
+/// rc10::robot! {
+///     own Own;                                            // its signals, parameters and topics, by `live!`
+///     serial wall: uart 10 at 115_200, wall::listen;      // a part on a UART, and who listens to it
+///     contact bottom: input 1;                            // a switch to ground: `Own` has a contact `bottom`
+///     motors {
+///         LiftLeft: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
+///     }
+/// }
+/// ```
+///
+/// The listener is an `async fn(&Shared<'_>, &Reception, impl Read + Write) -> !`.
+///
+/// It makes [`motors!`](rc10_motor::motors!)' `Name` and `Motors`; `Ports` and `Shared`, which its tasks share; and `Robot`,
+/// which is [`Declared`](crate::program::Declared) and for which the robot implements
+/// [`Program`](crate::Program).
+#[macro_export]
+macro_rules! robot {
+    (
+        $(own $Own:ty;)?
+        $(serial $serial:ident: uart $uart:literal at $baud:expr, $listen:path;)*
+        $(contact $contact:ident: input $input:literal;)*
+        motors { $($motors:tt)+ }
+    ) => {
+        $crate::rc10_motor::motors! {
+            /// Names of the robot's motors.
+            pub enum Name;
+            /// The robot's motors: they stand here, and buses and lines borrow them.
+            pub struct Motors;
+            $($motors)+
+        }
+
+        /// The ports of the robot's buses, lines and motors.
+        pub type Ports = $crate::rc10_motor::embassy::Ports<
+            Name,
+            { <Name as $crate::rc10_motor::Names>::BUSES.len() },
+            { <Name as $crate::rc10_motor::Names>::LINES as usize },
+        >;
+
+        /// Everything that the robot's tasks share.
+        pub type Shared<'p> = $crate::Common<'p, Name, $crate::or_unit!($($Own)?)>;
+
+        /// The robot: what it has is declared, what it does is its [`Program`]($crate::Program).
+        #[derive(Clone, Copy, Debug)]
+        pub struct Robot;
+
+        impl $crate::program::Declared for Robot {
+            type Name = Name;
+            type Own = $crate::or_unit!($($Own)?);
+            type Motors = Motors;
+            const SERIALS: &'static [$crate::program::SerialPart] = &[$($crate::program::SerialPart {
+                label: stringify!($serial),
+                uart: $uart,
+                baud: $baud,
+            }),*];
+            const CONTACTS: &'static [(&'static str, u8)] = &[$((stringify!($contact), $input)),*];
+            const FOLDER: &'static str = env!("CARGO_MANIFEST_DIR");
+
+            fn attach<'m>(
+                motors: &'m mut Motors,
+                buses: &mut [&mut $crate::rc10_motor::MotorBus<'m>],
+                lines: &mut [&mut $crate::rc10_motor::unitree::Rs485Bus<'m>],
+            ) -> Result<(), $crate::rc10_motor::SetupError> {
+                motors.attach(buses, lines)
+            }
+
+            #[allow(unused_mut, unused_variables, reason = "a robot without such parts")]
+            async fn parts(
+                shared: &Shared<'_>,
+                serials: impl IntoIterator<
+                    Item: $crate::embedded_io_async::Read + $crate::embedded_io_async::Write,
+                >,
+                contacts: impl IntoIterator<Item: $crate::embedded_hal::digital::InputPin>,
+            ) {
+                let (mut serials, mut contacts) = (serials.into_iter(), contacts.into_iter());
+                let mut receptions = shared.receptions.iter();
+                $crate::all!(
+                    $({
+                        let part = serials.next().zip(receptions.next());
+                        async move {
+                            if let Some((port, reception)) = part {
+                                $listen(shared, reception, port).await;
+                            }
+                        }
+                    },)*
+                    $({
+                        let pin = contacts.next();
+                        async move {
+                            if let Some(pin) = pin {
+                                $crate::program::read_contact(pin, &shared.own.$contact).await;
+                            }
+                        }
+                    },)*
+                )
+                .await;
+            }
+        }
+    };
+}
+
+/// The type, or `()` without one.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! or_unit {
+    () => {
+        ()
+    };
+    ($Type:ty) => {
+        $Type
+    };
+}
+
+/// All of these futures at once.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! all {
+    () => {
+        core::future::ready(())
+    };
+    ($first:expr, $($more:expr,)*) => {
+        $crate::embassy_futures::join::join($first, $crate::all!($($more,)*))
+    };
+}
