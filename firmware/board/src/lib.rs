@@ -17,6 +17,7 @@ pub mod dm_mc02;
 #[cfg(feature = "h723zg")]
 pub mod h723zg;
 mod note;
+mod parts;
 mod program;
 pub mod robot;
 
@@ -56,4 +57,4 @@ impl Output {
 }
 
 #[doc(hidden)]
-pub use {embassy_futures, rc10_bsp, rc10_motor, rc10_tasks, static_cell};
+pub use {embassy_futures, embassy_stm32, rc10_bsp, rc10_motor, rc10_tasks, static_cell};

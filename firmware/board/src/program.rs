@@ -14,12 +14,13 @@
 ///
 /// `outputs: [First];` behind the console switches on these outputs only, of a board that has them.
 ///
-/// Switches to ground, at the board's part `switches`, are further arguments of the tasks, one or two:
+/// Switches to ground, at the board's part `switches`, are further arguments of the tasks, up to eight:
 /// `tasks: |shared, index| task::run(shared, index);`. Each is an `InputPin` with a pull-up, low while it is closed.
 ///
 /// The IMU is on the serial port that the board has for it. A board with an IMU soldered on takes no notice of it.
 ///
-/// An RS-485 line, the board's part `rs485`, stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
+/// RS-485 lines, the board's parts `rs485` and `rs485_2`, stand between the buses and the console, one clause each:
+/// `line: rs485 at 4_000_000, replies in REPLY;`.
 ///
 /// The robot's crate has `Ports`, `Motors` and `table::{BUSES, RECEIVER}`, as `rc10_motor::motors!` and its
 /// table make them, and `Shared`, which is a [`rc10_tasks::Common`].
@@ -41,7 +42,7 @@ macro_rules! robot {
     (
         robot: $robot:ident;
         buses: $buses:ident($($bus:ident),+);
-        $(line: $line:ident at $baud:expr, replies in $reply:expr;)?
+        $(line: $line:ident at $baud:expr, replies in $reply:expr;)*
         console: $console:expr;
         $(imu: $imu:ident;)?
         $(outputs: [$($output:ident),*];)?
@@ -108,7 +109,7 @@ macro_rules! robot {
                 let shared = &*SHARED.init_with(|| Shared::new($crate::robot::ports(&PORTS)));
                 $crate::robot::check_chip(&shared.switch);
                 let mut motors = $crate::robot::buses(&MOTOR_BUSES, &shared.switch);
-                let mut lines = $crate::motor_lines!(shared $(, $reply)?);
+                let mut lines = $crate::motor_lines!(shared $(, $reply)*);
                 MOTORS.take().attach(
                     &mut motors.each_mut().map(|bus| &mut **bus),
                     &mut lines.each_mut().map(|line| &mut **line),
@@ -120,7 +121,7 @@ macro_rules! robot {
                 let buses = $crate::robot::$buses(ports, motors, &shared.ports.buses)?;
                 CONTROL.start(interrupt::UART9).spawn(buses);
                 supervisor::start(board.supervisor, Irqs, Priority::P3);
-                $($crate::start_line!(shared, lines, board.$line, $baud);)?
+                $crate::start_lines!(shared, lines, board $(, $line at $baud)*);
 
                 let text = $crate::robot::console_port(board.text, Irqs, Priority::P7, $console)?;
                 $($crate::start_imu!(shared, spawner, board, $imu);)?
@@ -151,89 +152,6 @@ macro_rules! robot {
     };
 }
 
-/// The RS-485 lines of a robot: one, or none.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! motor_lines {
-    ($shared:ident) => {{
-        let none: [&'static mut $crate::rc10_motor::unitree::Rs485Bus<'static>; 0] = [];
-        none
-    }};
-    ($shared:ident, $reply:expr) => {{
-        use $crate::rc10_motor::unitree::Rs485Bus;
-        static MOTOR_LINE: StaticCell<Rs485Bus<'static>> = StaticCell::new();
-        let line = Rs485Bus::new(&$shared.switch).with_reply_timeout($reply)?;
-        [MOTOR_LINE.init(line)]
-    }};
-}
-
-/// Starts it, with the interrupts of its UART.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! start_line {
-    ($shared:ident, $lines:ident, $parts:expr, $baud:expr) => {
-        use ::embassy_stm32::peripherals::USART2;
-
-        bind_interrupts!(struct OfLine {
-            USART2 => serial::Interrupt<USART2>;
-            DMA2_STREAM2 => serial::Interrupt<USART2>;
-            DMA2_STREAM3 => serial::Interrupt<USART2>;
-        });
-        $crate::executor! {
-            /// Runs the line.
-            LINE_CONTROL on UART8
-        }
-
-        let config = serial::SerialConfig::new($baud);
-        let (ring, buffer) = (
-            $crate::rc10_bsp::dma_buffer!(u8; 256),
-            $crate::rc10_bsp::dma_buffer!(u8; 32),
-        );
-        let uart = Serial::start($parts, OfLine, &config, ring, buffer, Priority::P7)?;
-        interrupt::UART8.set_priority(Priority::P7);
-        let [line] = $lines;
-        let task = $crate::robot::line(uart, line, &$shared.ports.lines[0])?;
-        LINE_CONTROL.start(interrupt::UART8).spawn(task);
-    };
-}
-
-/// Listens to the IMU, at the rate that it is sold with.
-#[cfg(feature = "h723zg")]
-#[doc(hidden)]
-#[macro_export]
-macro_rules! start_imu {
-    ($shared:ident, $spawner:ident, $board:ident, wit) => {
-        use ::embassy_stm32::peripherals::UART7;
-
-        bind_interrupts!(struct OfImu {
-            UART7 => serial::Interrupt<UART7>;
-            DMA1_STREAM5 => serial::Interrupt<UART7>;
-            DMA1_STREAM6 => serial::Interrupt<UART7>;
-        });
-
-        #[::embassy_executor::task]
-        async fn imu(shared: &'static Shared<'static>, port: Serial) {
-            $crate::rc10_tasks::heading::listen_for(shared, port).await;
-        }
-
-        let config = serial::SerialConfig::new(115_200);
-        let (ring, buffer) = (
-            $crate::rc10_bsp::dma_buffer!(u8; 128),
-            $crate::rc10_bsp::dma_buffer!(u8; 32),
-        );
-        let port = Serial::start($board.imu, OfImu, &config, ring, buffer, Priority::P7)?;
-        $spawner.spawn(imu($shared, port)?);
-    };
-}
-
-/// The robot, whose IMU is soldered on.
-#[cfg(feature = "dm-mc02")]
-#[doc(hidden)]
-#[macro_export]
-macro_rules! start_imu {
-    ($shared:ident, $spawner:ident, $board:ident, wit) => {};
-}
-
 /// The outputs of supply that are switched on: these, or all.
 #[doc(hidden)]
 #[macro_export]
@@ -243,24 +161,5 @@ macro_rules! outputs {
     };
     ([$($output:ident),*]) => {
         &[$($crate::Output::$output),*]
-    };
-}
-
-/// The switches that the robot's tasks read: the others' pins are left alone.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! switches {
-    ($parts:ident) => {
-        let _ = $parts;
-    };
-    ($parts:ident, $first:ident) => {
-        let $first = $crate::robot::switch($parts.first.0);
-    };
-    ($parts:ident, $first:ident, $second:ident) => {
-        let $first = $crate::robot::switch($parts.first.0);
-        let $second = $crate::robot::switch($parts.second.0);
-    };
-    ($parts:ident, $($more:ident),+) => {
-        compile_error!("the boards have two inputs for switches");
     };
 }

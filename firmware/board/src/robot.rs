@@ -202,8 +202,8 @@ pub fn two_buses(
     run_buses([runner(a, c, e), runner(b, d, f)])
 }
 
-/// An RS-485 line.
-#[embassy_executor::task]
+/// An RS-485 line, of two at most.
+#[embassy_executor::task(pool_size = 2)]
 pub fn line(
     port: Serial,
     motors: &'static mut Rs485Bus<'static>,
@@ -238,6 +238,19 @@ pub fn remote(
     // What comes in 5 ms twice over, at the highest rate of what may be there.
     let ring = dma_buffer!(u8; 1024);
     Ok(SerialReceiver::start(parts, interrupts, &config(settings), ring, priority)?)
+}
+
+/// The bytes of a port's ring: what comes in 5 ms twice over, 64 to 1024.
+#[must_use]
+pub const fn ring(baud: u32) -> usize {
+    let bytes = (baud as usize / 1000).next_power_of_two();
+    if bytes < 64 {
+        64
+    } else if bytes > 1024 {
+        1024
+    } else {
+        bytes
+    }
 }
 
 /// Settings of the UART for a receiver at the board's pin.
