@@ -28,8 +28,11 @@ const BOARDS: [Board; 2] = [
 ];
 const ROBOT: &str = include_str!("../firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
-/// What it calls, and its own words: the parts of its buses and its line.
-const PROGRAM: &str = include_str!("../firmware/board/src/program.rs");
+/// What it calls and may call, and its own words: the parts of its buses and its line.
+const PROGRAM: &str = concat!(
+    include_str!("../firmware/board/src/program.rs"),
+    include_str!("../firmware/board/src/parts.rs")
+);
 const MIXED: &str = include_str!("../examples/mixed/firmware/src/main.rs");
 const USB: &str = include_str!("../firmware/usb/src/main.rs");
 /// The signals of each pin of the emulated chip, by alternate function.
@@ -174,10 +177,12 @@ fn alternate_functions_are_those_of_the_chip() {
 fn who_uses_a_part_is_true() {
     for (pin, [part, .., source, users]) in table(&OURS) {
         let takes = |code: &str| {
-            let part = format!("board.{part}");
-            code.match_indices(&part).any(|(at, _)| {
-                let behind = code[at + part.len()..].chars().next();
-                behind.is_some_and(|next| !next.is_alphanumeric() && next != '_')
+            // By itself, or by a macro that starts it.
+            [format!("board.{part}"), format!("board, {part}")].iter().any(|part| {
+                code.match_indices(part).any(|(at, _)| {
+                    let behind = code[at + part.len()..].chars().next();
+                    behind.is_some_and(|next| !next.is_alphanumeric() && next != '_')
+                })
             })
         };
         let names = |code: &str| code.split([' ', '(', ')', ',']).any(|word| word == part);

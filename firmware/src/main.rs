@@ -13,14 +13,14 @@ use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::bind_interrupts;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
-use embassy_stm32::peripherals::{DMA1_CH7, UART5, UART7, USART1};
+use embassy_stm32::peripherals::{DMA1_CH7, UART5, USART1};
 use embassy_time::{Duration, Instant};
 use rc10_board::board::{Board, PulseParts, StripParts};
 use rc10_board::robot::{self, Unstartable};
 use rc10_bsp::can::Bus;
 use rc10_bsp::pulse_input::{self, PulseInput};
 use rc10_bsp::pulse_output::{self, PulseOutput};
-use rc10_bsp::serial::{self, Serial, SerialConfig};
+use rc10_bsp::serial;
 use rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
 use rc10_message::Cycles;
 use rc10_module::led::ws2812::BITS;
@@ -38,17 +38,12 @@ bind_interrupts!(struct Irqs {
     DMA1_STREAM1 => serial::Interrupt<USART1>;
     UART5 => serial::Interrupt<UART5>;
     DMA1_STREAM2 => serial::Interrupt<UART5>;
-    UART7 => serial::Interrupt<UART7>;
-    DMA1_STREAM5 => serial::Interrupt<UART7>;
-    DMA1_STREAM6 => serial::Interrupt<UART7>;
     DMA1_STREAM7 => pulse_output::Interrupt<DMA1_CH7>;
     TIM8_UP_TIM13 => pulse_input::Interrupt;
 });
 
 /// Interrupt priority of all that is no motor: UARTs, timers, their DMA.
 const PERIPHERALS: Priority = Priority::P7;
-/// The HWT101.
-const IMU: SerialConfig = SerialConfig::new(115_200);
 
 /// After the buses' start, when all else begins: past its set-up, and half way between two ticks.
 const BETWEEN: Duration = Duration::from_micros(2_166);
@@ -106,9 +101,8 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
 
     let text = robot::console_port(board.text, Irqs, PERIPHERALS, CONSOLE)?;
     spawner.spawn(tasks::console(shared, text, started + BETWEEN)?);
-    // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
-    let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));
-    let imu = Serial::start(board.imu, Irqs, &IMU, ring, buffer, PERIPHERALS)?;
+    // An HWT101.
+    let imu = rc10_board::start_serial!(board, uart_7, 115_200)?;
     spawner.spawn(tasks::imu(shared, imu)?);
     match RECEIVER.serial() {
         Some(_) => {

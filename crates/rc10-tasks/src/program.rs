@@ -64,8 +64,12 @@ pub trait Declared: 'static {
     type Motors: Default;
     /// Its parts on UARTs.
     const SERIALS: &'static [SerialPart];
-    /// Labels of its contacts, and the board's input of each, counted from 1.
-    const CONTACTS: &'static [(&'static str, u8)];
+    /// Labels of its contacts.
+    const CONTACTS: &'static [&'static str];
+    /// Whether an IMU is at the board's port for one.
+    const HAS_IMU: bool;
+    /// For each RS-485 line the longest time from a command to the end of its reply.
+    const REPLIES: &'static [Micros];
     /// The folder of the robot's package.
     const FOLDER: &'static str;
 
@@ -96,12 +100,6 @@ pub trait Program: Declared {
     const ARMING: ArmingConfig = ArmingConfig::DEFAULT;
     /// Bits a second at the console: 921,600, which every USB adapter can, or 2,000,000.
     const CONSOLE: u32 = 921_600;
-    /// Whether an HWT101 or WT901 is at the board's port for an IMU. A board with an IMU soldered on has no such port.
-    const HAS_IMU: bool = false;
-    /// LEDs of the strip that shows the state, and their brightness of 255, on a board with a port for one.
-    const STRIP: (usize, u8) = (0, 0);
-    /// The longest time from a command on an RS-485 line to the end of its reply, if not the line's own.
-    const REPLY: Option<Micros> = None;
 
     /// The robot's tasks, which do not end: several of them by `join`.
     fn run(shared: &Common<'_, Self::Name, Self::Own>) -> impl Future<Output = Never>;
@@ -135,15 +133,19 @@ pub async fn read_contact(mut pin: impl InputPin, contact: &Contact) -> ! {
 /// ```ignore
 /// rc10::robot! {
 ///     own Own;                                            // its signals, parameters and topics, by `live!`
-///     serial wall: uart 10 at 115_200, wall::listen;      // a part on a UART, and who listens to it
-///     contact bottom: input 1;                            // a switch to ground: `Own` has a contact `bottom`
+///     imu wit;                                            // HWT101 or WT901, on a board that has none soldered on
+///     strip 8, brightness 40;                             // LEDs that show its state, brightness of 255
+///     line rs485 at 4_000_000, replies in REPLY;          // an RS-485 line, and how long a motor may take to reply
+///     serial wall: uart_10 at 115_200, wall::listen;      // a part on a UART, and who listens to it
+///     contact bottom: input_1;                            // a switch to ground: `Own` has a contact `bottom`
 ///     motors {
 ///         LiftLeft: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
 ///     }
 /// }
 /// ```
 ///
-/// The listener is an `async fn(&Shared<'_>, &Reception, impl Read + Write) -> !`.
+/// All but the motors may be left out; what there is stands in this order. The ports are named as on the
+/// board. The listener is an `async fn(&Shared<'_>, &Reception, impl Read + Write) -> !`.
 ///
 /// It makes [`motors!`](rc10_motor::motors!)' `Name` and `Motors`; `Ports` and `Shared`, which its tasks share; and `Robot`,
 /// which is [`Declared`](crate::program::Declared) and for which the robot implements
@@ -152,10 +154,23 @@ pub async fn read_contact(mut pin: impl InputPin, contact: &Contact) -> ! {
 macro_rules! robot {
     (
         $(own $Own:ty;)?
-        $(serial $serial:ident: uart $uart:literal at $baud:expr, $listen:path;)*
-        $(contact $contact:ident: input $input:literal;)*
+        $(imu $imu:ident;)?
+        $(strip $leds:expr, brightness $brightness:expr;)?
+        $(line $line:ident at $bits:expr, replies in $reply:expr;)*
+        $(serial $serial:ident: $uart:ident at $baud:expr, $listen:path;)*
+        $(contact $contact:ident: $input:ident;)*
         motors { $($motors:tt)+ }
     ) => {
+        $crate::parts! {
+            ($)
+            ($($imu)?) ($($leds, $brightness)?) ($($line $bits, $reply;)*) ($($uart $baud;)*) ($($input)*)
+        }
+
+        const _: () = assert!(
+            <Robot as $crate::Declared>::REPLIES.len() == <Name as $crate::rc10_motor::Names>::LINES as usize,
+            "the declaration has not one `line` for each RS-485 line that motors are on"
+        );
+
         $crate::rc10_motor::motors! {
             /// Names of the robot's motors.
             pub enum Name;
@@ -184,10 +199,12 @@ macro_rules! robot {
             type Motors = Motors;
             const SERIALS: &'static [$crate::program::SerialPart] = &[$($crate::program::SerialPart {
                 label: stringify!($serial),
-                uart: $uart,
+                uart: $crate::uart!($uart),
                 baud: $baud,
             }),*];
-            const CONTACTS: &'static [(&'static str, u8)] = &[$((stringify!($contact), $input)),*];
+            const CONTACTS: &'static [&'static str] = &[$(stringify!($contact)),*];
+            const HAS_IMU: bool = $crate::is_any!($($imu)?);
+            const REPLIES: &'static [$crate::rc10_time::Micros] = &[$($reply),*];
             const FOLDER: &'static str = env!("CARGO_MANIFEST_DIR");
 
             fn attach<'m>(
@@ -229,6 +246,51 @@ macro_rules! robot {
                 .await;
             }
         }
+    };
+}
+
+/// Hands the parts to a macro of the board: `my_robot::__parts!([rc10_board::start_parts] arguments)`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! parts {
+    (($d:tt) $($parts:tt)*) => {
+        #[doc(hidden)]
+        #[macro_export]
+        macro_rules! __parts {
+            ([$d($d callback:tt)+] $d($d argument:tt)*) => {
+                $d($d callback)+! { ($d($d argument)*) $($parts)* }
+            };
+        }
+    };
+}
+
+/// The number of the chip's UART at a port of the boards.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! uart {
+    (uart_3) => {
+        3
+    };
+    (uart_7) => {
+        7
+    };
+    (uart_10) => {
+        10
+    };
+    ($other:ident) => {
+        compile_error!("the boards' serial ports are uart_3, uart_7 and uart_10")
+    };
+}
+
+/// Whether there is anything.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! is_any {
+    () => {
+        false
+    };
+    ($it:tt) => {
+        true
     };
 }
 

@@ -58,12 +58,12 @@ pub struct Board {
     pub text: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
     /// The receiver of a remote control that speaks serially. It only talks.
     pub remote: ReceiverParts<UART5, DMA1_CH2>,
-    /// Laser ranging.
-    pub laser: SerialParts<USART3, DMA1_CH3, DMA1_CH4>,
-    /// An IMU that speaks serially.
-    pub imu: SerialParts<UART7, DMA1_CH5, DMA1_CH6>,
-    /// Positioning by tracking wheels.
-    pub positioning: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,
+    /// A sensor: laser ranging, say.
+    pub uart_3: SerialParts<USART3, DMA1_CH3, DMA1_CH4>,
+    /// Another one, of [`robot!`](crate::robot!) its IMU.
+    pub uart_7: SerialParts<UART7, DMA1_CH5, DMA1_CH6>,
+    /// Another one: positioning by tracking wheels, say.
+    pub uart_10: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,
     /// RS-485 with driver enable: Unitree motors.
     pub rs485: SerialParts<USART2, DMA2_CH2, DMA2_CH3>,
     /// The receiver of a remote control that speaks in pulses.
@@ -198,9 +198,9 @@ impl Board {
             // UART, receive pin, transmit pin, stream that receives, stream that sends.
             text: SerialParts::new(p.USART1, p.PB7, p.PB6, p.DMA1_CH0, p.DMA1_CH1),
             remote: ReceiverParts::new(p.UART5, p.PD2, p.DMA1_CH2),
-            laser: SerialParts::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH3, p.DMA1_CH4),
-            imu: SerialParts::new(p.UART7, p.PE7, p.PE8, p.DMA1_CH5, p.DMA1_CH6),
-            positioning: SerialParts::new(p.USART10, p.PE2, p.PE3, p.DMA2_CH0, p.DMA2_CH1),
+            uart_3: SerialParts::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH3, p.DMA1_CH4),
+            uart_7: SerialParts::new(p.UART7, p.PE7, p.PE8, p.DMA1_CH5, p.DMA1_CH6),
+            uart_10: SerialParts::new(p.USART10, p.PE2, p.PE3, p.DMA2_CH0, p.DMA2_CH1),
             rs485: SerialParts::new(p.USART2, p.PD6, p.PD5, p.DMA2_CH2, p.DMA2_CH3)
                 .with_driver_enable(p.PD4),
             pulses: PulseParts { timer: p.TIM13, pin: p.PF8 },

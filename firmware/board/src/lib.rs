@@ -17,6 +17,7 @@ pub mod dm_mc02;
 #[cfg(feature = "h723zg")]
 pub mod h723zg;
 mod note;
+mod parts;
 mod program;
 pub mod robot;
 
@@ -56,4 +57,9 @@ impl Output {
 }
 
 #[doc(hidden)]
-pub use {embassy_futures, rc10_bsp, rc10_motor, rc10_tasks, static_cell};
+pub use {
+    cortex_m_rt, embassy_executor, embassy_stm32, embassy_time, rc10_bsp, rc10_message, rc10_motor, rc10_tasks,
+    static_cell,
+};
+
+use defmt_rtt as _;

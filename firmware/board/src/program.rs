@@ -31,24 +31,26 @@ macro_rules! program {
         mod program {
             use $crate::board::{self, Board, Soldered};
             use $crate::embassy_executor::{self, Executor, InterruptExecutor, Spawner};
+            use $crate::embassy_stm32::gpio::Input;
             use $crate::embassy_stm32::interrupt::{self, InterruptExt, Priority};
-            use $crate::embassy_stm32::peripherals::{IWDG1, UART5, USART1, USART2};
+            use $crate::embassy_stm32::peripherals::{IWDG1, UART5, USART1};
             use $crate::embassy_stm32::{Peri, bind_interrupts};
             use $crate::embassy_time::Instant;
-            use $crate::rc10_bsp::can::{Bus, FdcanPort};
+            use $crate::rc10_bsp::can::FdcanPort;
+            use $crate::rc10_bsp::pulse_input::PulseInput;
             use $crate::rc10_bsp::serial::{self, Serial, SerialReceiver};
-            use $crate::rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
+            use $crate::rc10_bsp::{CORE_CLOCK, supervisor};
             use $crate::rc10_message::Cycles;
             use $crate::rc10_motor::embassy::BusPort;
-            use $crate::rc10_motor::{MotorBus, Names, unitree::Rs485Bus};
+            use $crate::rc10_motor::{MotorBus, Names};
             use $crate::rc10_tasks::{Declared, Program, remote};
             use $crate::robot::{self, Unstartable};
             use $crate::static_cell::{ConstStaticCell, StaticCell};
             use $robot::{Motors, Name, Ports, Robot, Shared};
 
             const BUSES: usize = <Name as Names>::BUSES.len();
-            const LINES: usize = <Name as Names>::LINES as usize;
-            const _: () = board::assert_has::<Robot>();
+            const SERIALS: usize = Robot::SERIALS.len();
+            const CONTACTS: usize = Robot::CONTACTS.len();
 
             bind_interrupts!(struct Irqs {
                 TIM7 => supervisor::Interrupt;
@@ -57,9 +59,6 @@ macro_rules! program {
                 DMA1_STREAM1 => serial::Interrupt<USART1>;
                 UART5 => serial::Interrupt<UART5>;
                 DMA1_STREAM2 => serial::Interrupt<UART5>;
-                USART2 => serial::Interrupt<USART2>;
-                DMA2_STREAM2 => serial::Interrupt<USART2>;
-                DMA2_STREAM3 => serial::Interrupt<USART2>;
             });
 
             // Large values are made where they stay: moved, they would go over the stack.
@@ -68,8 +67,6 @@ macro_rules! program {
             static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
             static MOTOR_BUSES: [StaticCell<MotorBus<'static>>; BUSES] =
                 [const { StaticCell::new() }; BUSES];
-            static MOTOR_LINES: [StaticCell<Rs485Bus<'static>>; LINES] =
-                [const { StaticCell::new() }; LINES];
             static EXECUTOR: StaticCell<Executor> = StaticCell::new();
 
             /// Cycles of each wake, in which a bus sends and the next computes; without the interrupt's own.
@@ -79,11 +76,6 @@ macro_rules! program {
                 /// Runs the buses.
                 CONTROL on UART9, measured by TICKS
             }
-            $crate::executor! {
-                /// Runs the lines.
-                LINE_CONTROL on UART8
-            }
-
             #[$crate::cortex_m_rt::entry]
             fn main() -> ! {
                 EXECUTOR.init(Executor::new()).run(|spawner| {
@@ -95,40 +87,34 @@ macro_rules! program {
 
             // Not inlined, so that its stack is free again when the tasks run.
             #[inline(never)]
-            fn start(spawner: Spawner, mut board: Board) -> Result<(), Unstartable> {
+            fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
                 let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
                 shared.bus_cycles = Some(&TICKS);
                 let shared = &*shared;
                 robot::check_chip(&shared.switch);
                 let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
-                let mut lines = robot::lines::<Robot, LINES>(&MOTOR_LINES, &shared.switch)?;
+                let mut lines = $robot::__parts!([$crate::motor_lines] shared);
                 MOTORS.take().attach(
                     &mut motors.each_mut().map(|bus| &mut **bus),
                     &mut lines.each_mut().map(|line| &mut **line),
                 )?;
 
                 interrupt::UART9.set_priority(Priority::P6);
-                let all = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
-                let ports = robot::first(all);
+                let ports = robot::start_buses(board.bus_1, board.bus_2, board.bus_3);
                 let started = Instant::now();
                 CONTROL.start(interrupt::UART9).spawn(buses(ports, motors, shared.ports.buses)?);
                 supervisor::start(board.supervisor, Irqs, Priority::P3);
-                if LINES > 0 {
-                    interrupt::UART8.set_priority(Priority::P7);
-                    let uart = robot::line_port(board.rs485, Irqs, Priority::P7)?;
-                    for (line, port) in lines.into_iter().zip(shared.ports.lines) {
-                        LINE_CONTROL.start(interrupt::UART8).spawn(robot::line(uart, line, port)?);
-                        break;
-                    }
-                }
+                $robot::__parts!([$crate::start_lines] shared, lines, board);
 
                 let text = robot::console_port(board.text, Irqs, Priority::P7, Robot::CONSOLE)?;
                 spawner.spawn(tend(shared, board.watchdog, text, started)?);
-                $crate::start_parts!(Robot, shared, spawner, board);
                 if Robot::RECEIVER.serial().is_some() {
                     let port = robot::remote(board.remote, Irqs, Robot::RECEIVER, Priority::P7)?;
                     spawner.spawn(listen(shared, port)?);
+                } else {
+                    spawner.spawn(listen_pulses(shared, $crate::start_pulses!(board))?);
                 }
+                $robot::__parts!([$crate::start_parts] shared, spawner, board);
                 spawner.spawn(serve(shared, board.soldered)?);
                 spawner.spawn(run(shared)?);
                 // A bus wakes every third of a millisecond. All else wakes between, to leave them punctual.
@@ -159,6 +145,20 @@ macro_rules! program {
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
             async fn listen(shared: &'static Shared<'static>, port: SerialReceiver) {
                 remote::listen(shared, Robot::RECEIVER, port).await;
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn listen_pulses(shared: &'static Shared<'static>, mut input: PulseInput) {
+                remote::listen_pulses(shared, async || input.rising_edge().await).await;
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn parts(
+                shared: &'static Shared<'static>,
+                serials: [Serial; SERIALS],
+                contacts: [Input<'static>; CONTACTS],
+            ) {
+                Robot::parts(shared, serials, contacts).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]

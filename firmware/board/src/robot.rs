@@ -10,27 +10,30 @@ use embassy_stm32::Peri;
 use embassy_stm32::gpio::{Input, Pin, Pull};
 use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::{self, Binding};
-use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, DMA1_CH2, IWDG1, UART5, USART1};
+use embassy_stm32::peripherals::{
+    DMA1_CH0, DMA1_CH1, DMA1_CH2, FDCAN1, FDCAN2, FDCAN3, IWDG1, UART5, USART1,
+};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use embedded_io_async::{Read, Write};
 use heapless::String;
-use rc10_bsp::can::FdcanPort;
+use rc10_bsp::can::{Bus, BusParts, FdcanPort};
 use rc10_bsp::crash::{self, LastCrash};
 use rc10_bsp::dma_buffer;
+use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{
     self, BaudError, Parity, ReceiverParts, Serial, SerialConfig, SerialParts, SerialReceiver,
     StopBits,
 };
 use rc10_bsp::watchdog::Watchdog;
 use rc10_bsp::{CrystalState, TIMER_CLOCK};
-use rc10_module::led::ws2812::PulseTiming;
+use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
 use rc10_module::remote::{self, Receiver, SerialSettings};
-use rc10_motor::embassy::{BusPort, Ports, Rs485Port, Runner, run_buses, run_rs485};
+use rc10_motor::embassy::{BusPort, Ports, PortsOf, Rs485Port, Runner, run_buses, run_rs485};
 use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, MotorBus, Names, SetupError, TxBatch, Unfit};
 use rc10_tasks::live::{self, Link, Live};
-use rc10_tasks::{Common, TickWatch, status};
+use rc10_tasks::{Common, TickWatch, status, status_led};
 use static_cell::StaticCell;
 
 use crate::board::{Board, CRYSTAL, NAME, REMOTE_HAS_INVERTER};
@@ -46,6 +49,9 @@ pub const WS2812: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
     Ok(timing) => timing,
     Err(_) => panic!("the timers' clock hits no pulse width of a WS2812"),
 };
+
+/// After the buses' start, when all else begins: past its set-up, and half way between two ticks.
+pub const BETWEEN: Duration = Duration::from_micros(2_166);
 
 /// The longest line of text, its end included.
 const LINE: usize = 512;
@@ -122,21 +128,35 @@ pub fn check_chip(switch: &ArmSwitch) {
 /// An executor on an interrupt, which is that of a peripheral that the board does not use.
 #[macro_export]
 macro_rules! executor {
-    ($(#[$meta:meta])* $EXECUTOR:ident on $INTERRUPT:ident) => {
+    ($(#[$meta:meta])* $EXECUTOR:ident on $INTERRUPT:ident $(, measured by $TIMES:ident)?) => {
         $(#[$meta])*
-        static $EXECUTOR: embassy_executor::InterruptExecutor =
-            embassy_executor::InterruptExecutor::new();
+        static $EXECUTOR: $crate::embassy_executor::InterruptExecutor =
+            $crate::embassy_executor::InterruptExecutor::new();
 
-        #[embassy_stm32::interrupt]
-        unsafe fn $INTERRUPT() {
+        // SAFETY: the vector table's name for this interrupt.
+        #[allow(non_snake_case)]
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn $INTERRUPT() {
             // SAFETY: this is the interrupt that the executor is started with, and its only caller.
-            unsafe { $EXECUTOR.on_interrupt() }
+            let run = || unsafe { $EXECUTOR.on_interrupt() };
+            $crate::run!(run $(, $TIMES)?);
         }
     };
 }
 
+#[doc(hidden)]
+#[macro_export]
+macro_rules! run {
+    ($run:ident) => {
+        $run()
+    };
+    ($run:ident, $TIMES:ident) => {
+        $TIMES.measure($crate::rc10_bsp::cycle_count, $run)
+    };
+}
+
 /// Ports of buses and lines, made in place: on their way they would take 10 KiB of stack.
-pub fn ports<N: Names>(
+pub fn ports<N: Names, const BUSES: usize, const LINES: usize>(
     place: &'static StaticCell<Ports<N, BUSES, LINES>>,
 ) -> &'static Ports<N, BUSES, LINES> {
     // For the check of the numbers that this does.
@@ -178,32 +198,58 @@ fn runner(
     Runner::new(can, motors, shared, rc10_message::now())
 }
 
-/// Three buses: frames in, motors, frames out, every millisecond.
+/// The first buses of the board, started: as many as the robot has.
+#[must_use]
+pub fn start_buses<const BUSES: usize>(
+    bus_1: BusParts<FDCAN1>,
+    bus_2: BusParts<FDCAN2>,
+    bus_3: BusParts<FDCAN3>,
+) -> [FdcanPort; BUSES] {
+    let (mut bus_1, mut bus_2, mut bus_3) = (Some(bus_1), Some(bus_2), Some(bus_3));
+    core::array::from_fn(|bus| {
+        let port = match bus {
+            0 => bus_1.take().map(Bus::start),
+            1 => bus_2.take().map(Bus::start),
+            _ => bus_3.take().map(Bus::start),
+        };
+        port.expect("a robot has at most three buses")
+    })
+}
+
+/// All buses: frames in, motors, frames out, every millisecond.
 ///
 /// One task: a timer walks past all tasks' timers. An `async fn` would keep 2 KiB a bus twice.
-#[embassy_executor::task]
-pub fn three_buses(
-    ports: [FdcanPort; 3],
-    motors: [&'static mut MotorBus<'static>; 3],
-    shared: &'static [BusPort; 3],
+pub fn run<const BUSES: usize>(
+    ports: [FdcanPort; BUSES],
+    motors: [&'static mut MotorBus<'static>; BUSES],
+    shared: &'static [BusPort],
 ) -> impl Future<Output = ()> {
-    let ([a, b, c], [d, e, f], [g, h, i]) = (ports, motors, shared.each_ref());
-    run_buses([runner(a, d, g), runner(b, e, h), runner(c, f, i)])
+    let mut others = motors.into_iter().zip(shared);
+    run_buses(ports.map(|port| {
+        let (motors, shared) = others.next().expect("as many as ports");
+        runner(port, motors, shared)
+    }))
 }
 
-/// The same of two.
-#[embassy_executor::task]
-pub fn two_buses(
-    ports: [FdcanPort; 2],
-    motors: [&'static mut MotorBus<'static>; 2],
-    shared: &'static [BusPort; 2],
-) -> impl Future<Output = ()> {
-    let ([a, b], [c, d], [e, f]) = (ports, motors, shared.each_ref());
-    run_buses([runner(a, c, e), runner(b, d, f)])
+/// Shows the state of the robot on a strip of WS2812.
+pub async fn show<N: Names, const LEDS: usize>(
+    shared: &Common<'_, N, impl Live>,
+    mut output: PulseOutput,
+    brightness: u8,
+) {
+    let pulses = Pulses::new(WS2812, async |widths: &[u16]| output.send(widths).await);
+    let strip = Strip::<_, LEDS>::new(pulses).with_brightness(brightness);
+    status_led::run(shared, strip, LEDS).await;
 }
 
-/// An RS-485 line.
-#[embassy_executor::task]
+/// Pulses of all LEDs of a strip, and two without a pulse.
+#[must_use]
+pub const fn pulses(leds: usize) -> usize {
+    leds * BITS + 2
+}
+
+/// An RS-485 line, of two at most.
+#[embassy_executor::task(pool_size = 2)]
 pub fn line(
     port: Serial,
     motors: &'static mut Rs485Bus<'static>,
@@ -240,6 +286,19 @@ pub fn remote(
     Ok(SerialReceiver::start(parts, interrupts, &config(settings), ring, priority)?)
 }
 
+/// The bytes of a port's ring: what comes in 5 ms twice over, 64 to 1024.
+#[must_use]
+pub const fn ring(baud: u32) -> usize {
+    let bytes = (baud as usize / 1000).next_power_of_two();
+    if bytes < 64 {
+        64
+    } else if bytes > 1024 {
+        1024
+    } else {
+        bytes
+    }
+}
+
 /// Settings of the UART for a receiver at the board's pin.
 const fn config(settings: SerialSettings) -> SerialConfig {
     SerialConfig {
@@ -255,10 +314,7 @@ const fn config(settings: SerialSettings) -> SerialConfig {
 }
 
 /// Feeds the watchdog while every bus and line ticks.
-pub async fn watch<N: Names>(
-    watchdog: Peri<'static, IWDG1>,
-    ports: &Ports<N, BUSES, LINES>,
-) -> ! {
+pub async fn watch<N: Names>(watchdog: Peri<'static, IWDG1>, ports: PortsOf<'_, N>) -> ! {
     let mut watchdog = Watchdog::start(watchdog, WATCHDOG);
     if !watchdog.is_set() {
         defmt::warn!("the watchdog does not take its timeout: a hung robot may not restart");
@@ -267,7 +323,7 @@ pub async fn watch<N: Names>(
     let mut ticks = TickWatch::new(ports);
     loop {
         ticker.next().await;
-        watchdog.feed_if(|| ticks.have_all_ticked(ports));
+        watchdog.feed_if(|| ticks.have_all_ticked());
     }
 }
 

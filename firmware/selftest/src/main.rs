@@ -17,10 +17,11 @@ use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::peripherals::{
-    DMA1_CH7, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, I2C2, TIM24, USART1, USART2, USART3, USART10,
+    DMA1_CH7, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, I2C2, TIM24, USART1, USART3,
 };
 use embassy_stm32::{bind_interrupts, dma, exti, i2c, timer};
 use rc10_board::board::Board;
+use rc10_board::start_serial;
 use rc10_bsp::serial::{Serial, SerialConfig};
 use rc10_bsp::{dma_buffer, pulse_input, pulse_output, serial};
 
@@ -35,12 +36,6 @@ bind_interrupts!(struct Irqs {
     USART3 => serial::Interrupt<USART3>;
     DMA1_STREAM3 => serial::Interrupt<USART3>;
     DMA1_STREAM4 => serial::Interrupt<USART3>;
-    USART10 => serial::Interrupt<USART10>;
-    DMA2_STREAM0 => serial::Interrupt<USART10>;
-    DMA2_STREAM1 => serial::Interrupt<USART10>;
-    USART2 => serial::Interrupt<USART2>;
-    DMA2_STREAM2 => serial::Interrupt<USART2>;
-    DMA2_STREAM3 => serial::Interrupt<USART2>;
     DMA1_STREAM7 => pulse_output::Interrupt<DMA1_CH7>;
     TIM8_UP_TIM13 => pulse_input::Interrupt;
     DMA2_STREAM4 => dma::InterruptHandler<DMA2_CH4>;
@@ -73,9 +68,11 @@ async fn main(spawner: Spawner) {
     };
     let mut report = Report::new(text);
     report.run("CAN", can::exchange(board.bus_2, board.standby)).await;
-    report.run("serial", serial_ports::echo(board.positioning)).await;
-    report.run("serial faults", serial_ports::faults(board.laser)).await;
-    report.run("RS-485", motors::line(spawner, board.rs485)).await;
+    let echo = start_serial!(board, uart_10, 115_200);
+    report.run("serial", serial_ports::echo(echo)).await;
+    report.run("serial faults", serial_ports::faults(board.uart_3)).await;
+    let line = start_serial!(board, rs485, 4_000_000);
+    report.run("RS-485", motors::line(spawner, line)).await;
     report.run("SPI", buses::spi(board.spi)).await;
     report.run("I2C", buses::i2c(board.i2c)).await;
     report.run("servo", timers::servo(board.servos, board.capture)).await;

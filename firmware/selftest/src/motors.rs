@@ -1,18 +1,16 @@
 //! Two GO-M8010 on RS-485 at 4 Mbit/s.
 
 use embassy_executor::Spawner;
-use embassy_stm32::peripherals::{DMA2_CH2, DMA2_CH3, USART2};
 use embassy_time::Timer;
 use rc10_app::Rpm;
-use rc10_bsp::dma_buffer;
-use rc10_bsp::serial::{Serial, SerialConfig, SerialParts};
+use rc10_bsp::serial::{BaudError, Serial};
 use rc10_motor::embassy::{Rs485Port, run_rs485};
 use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus};
 use rc10_motor::{ArmSwitch, Link, Safety, Target};
 use static_cell::StaticCell;
 
 use crate::report::Outcome;
-use crate::{Irqs, PRIORITY, say, want};
+use crate::{say, want};
 
 static SWITCH: ArmSwitch = ArmSwitch::new();
 static PORT: Rs485Port = Rs485Port::new();
@@ -24,10 +22,7 @@ async fn drive(port: Serial, line: Rs485Bus<'static>) {
 }
 
 /// Both follow a speed.
-pub async fn line(spawner: Spawner, parts: SerialParts<USART2, DMA2_CH2, DMA2_CH3>) -> Outcome {
-    let (ring, buffer) = (dma_buffer!(u8; 256), dma_buffer!(u8; 32));
-    let config = SerialConfig::new(4_000_000);
-    let port = Serial::start(parts, Irqs, &config, ring, buffer, PRIORITY);
+pub async fn line(spawner: Spawner, port: Result<Serial, BaudError>) -> Outcome {
     let Ok(port) = port else { return Err(say!("no such baud rate")) };
     let (Ok(first), Ok(second)) =
         (GoM8010::new(LineConfig::new(0)), GoM8010::new(LineConfig::new(1)))

@@ -1,11 +1,13 @@
 //! UARTs, with a device at the other end that sends back what comes.
 
 use embassy_futures::join::join;
-use embassy_stm32::peripherals::{DMA1_CH3, DMA1_CH4, DMA2_CH0, DMA2_CH1, USART3, USART10};
+use embassy_stm32::peripherals::{DMA1_CH3, DMA1_CH4, USART3};
 use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 use rc10_bsp::dma_buffer;
-use rc10_bsp::serial::{Parity, Serial, SerialConfig, SerialError, SerialParts, StopBits};
+use rc10_bsp::serial::{
+    BaudError, Parity, Serial, SerialConfig, SerialError, SerialParts, StopBits,
+};
 
 use crate::report::Outcome;
 use crate::{Irqs, PRIORITY, say, want};
@@ -14,10 +16,7 @@ use crate::{Irqs, PRIORITY, say, want};
 const MESSAGE: usize = 1000;
 
 /// 115,200 baud, 8N1: a long message comes back whole, while the next piece of it is being sent.
-pub async fn echo(parts: SerialParts<USART10, DMA2_CH0, DMA2_CH1>) -> Outcome {
-    let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 48));
-    let config = SerialConfig::new(115_200);
-    let port = Serial::start(parts, Irqs, &config, ring, buffer, PRIORITY);
+pub async fn echo(port: Result<Serial, BaudError>) -> Outcome {
     let Ok(port) = port else { return Err(say!("no such baud rate")) };
     let (mut receiver, mut transmitter) = port.split();
     let byte = |index: usize| (index * 7 + index / 256).to_le_bytes()[0];

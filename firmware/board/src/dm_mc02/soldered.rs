@@ -88,7 +88,7 @@ pub async fn serve<N: Names>(
     let mut ticks = TickWatch::new(shared.ports);
     loop {
         Timer::after(TICKS).await;
-        if ticks.have_all_ticked(shared.ports) {
+        if ticks.have_all_ticked() {
             break;
         }
     }

@@ -122,7 +122,7 @@ pub trait Simulated: Program {
 
 const fn assert_twins(
     serials: &[rc10_tasks::program::SerialPart],
-    contacts: &[(&str, u8)],
+    contacts: &[&str],
     twins: &[Twin],
 ) {
     assert!(
@@ -140,7 +140,7 @@ const fn assert_twins(
         part = 0;
         while part < contacts.len() {
             found |=
-                matches!(twins[at], Twin::Contact(label, _) if is_same(label, contacts[part].0));
+                matches!(twins[at], Twin::Contact(label, _) if is_same(label, contacts[part]));
             part += 1;
         }
         assert!(
@@ -219,7 +219,7 @@ impl Description {
             &Twin::Serial(label, twin) => Some(SerialPart { label, uart: part.uart, twin }),
             Twin::Contact(..) => None,
         });
-        let contacts = P::CONTACTS.iter().filter_map(|(label, _)| match twin(label)? {
+        let contacts = P::CONTACTS.iter().filter_map(|label| match twin(label)? {
             Twin::Contact(_, part) => Some(part()),
             Twin::Serial(..) => None,
         });

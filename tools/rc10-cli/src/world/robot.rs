@@ -78,11 +78,8 @@ impl<'r> Robot<'r> {
     ) -> Result<Self> {
         let (ports, switch) = (shared.ports, &shared.switch);
         let mut buses: Vec<_> = ports.buses.iter().map(|_| MotorBus::new(switch)).collect();
-        let mut lines: Vec<_> = ports.lines.iter().map(|_| Rs485Bus::new(switch)).collect();
-        if let Some(reply) = P::REPLY {
-            let lines_of = lines.into_iter().map(|line| line.with_reply_timeout(reply));
-            lines = lines_of.collect::<Result<_, _>>()?;
-        }
+        let lines = P::REPLIES.iter().map(|reply| Rs485Bus::new(switch).with_reply_timeout(*reply));
+        let mut lines: Vec<_> = lines.collect::<Result<_, _>>()?;
         let on_lines: &mut [_] = &mut lines.iter_mut().collect::<Vec<_>>();
         P::attach(motors, &mut buses.iter_mut().collect::<Vec<_>>(), on_lines)?;
 

@@ -1,0 +1,210 @@
+//! The ports of the boards by their names, each started in one line, with its interrupts and streams.
+
+/// Starts a serial port of the board, 8N1: a `Result<Serial, BaudError>`.
+///
+/// ```ignore
+/// let port = rc10_board::start_serial!(board, uart_10, 115_200)?;
+/// ```
+///
+/// | port | board | |
+/// |---|---|---|
+/// | `uart_3` | h723zg | |
+/// | `uart_7`, `uart_10` | both | on the DM-MC02 with the switched 5 V |
+/// | `rs485` | both | the UART drives the transceiver's enable |
+/// | `rs485_2` | DM-MC02 | the same |
+///
+/// The baud rate is a constant. Only the ports that are started take flash.
+#[macro_export]
+macro_rules! start_serial {
+    ($board:ident, uart_3, $baud:expr) => {
+        $crate::start_serial!($board.uart_3, USART3, DMA1_STREAM3, DMA1_STREAM4, $baud)
+    };
+    ($board:ident, uart_7, $baud:expr) => {
+        $crate::start_serial!($board.uart_7, UART7, DMA1_STREAM5, DMA1_STREAM6, $baud)
+    };
+    ($board:ident, uart_10, $baud:expr) => {
+        $crate::start_serial!($board.uart_10, USART10, DMA2_STREAM0, DMA2_STREAM1, $baud)
+    };
+    ($board:ident, rs485, $baud:expr) => {
+        $crate::start_serial!($board.rs485, USART2, DMA2_STREAM2, DMA2_STREAM3, $baud)
+    };
+    ($board:ident, rs485_2, $baud:expr) => {
+        $crate::start_serial!($board.rs485_2, USART3, DMA1_STREAM3, DMA1_STREAM4, $baud)
+    };
+    ($board:ident, $other:ident, $baud:expr) => {
+        compile_error!("the boards' serial ports are uart_3, uart_7, uart_10, rs485 and rs485_2")
+    };
+    ($parts:expr, $uart:ident, $receives:ident, $sends:ident, $baud:expr) => {{
+        use $crate::rc10_bsp::serial::{Interrupt, Serial, SerialConfig};
+        use $crate::embassy_stm32::peripherals::$uart;
+        $crate::embassy_stm32::bind_interrupts!(struct OfPort {
+            $uart => Interrupt<$uart>;
+            $receives => Interrupt<$uart>;
+            $sends => Interrupt<$uart>;
+        });
+        let ring = $crate::rc10_bsp::dma_buffer!(u8; $crate::robot::ring($baud));
+        let buffer = $crate::rc10_bsp::dma_buffer!(u8; 64);
+        let priority = $crate::embassy_stm32::interrupt::Priority::P7;
+        Serial::start($parts, OfPort, &SerialConfig::new($baud), ring, buffer, priority)
+    }};
+}
+
+/// Starts the input of a receiver that speaks in pulses: a `PulseInput`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_pulses {
+    ($board:ident) => {{
+        $crate::embassy_stm32::bind_interrupts!(struct OfPulses {
+            TIM8_UP_TIM13 => $crate::rc10_bsp::pulse_input::Interrupt;
+        });
+        let $crate::board::PulseParts { timer, pin } = $board.pulses;
+        PulseInput::start(timer, pin, OfPulses, Priority::P7)
+    }};
+}
+
+/// The RS-485 lines of a robot: an array of as many.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! motor_lines {
+    (
+        ($shared:ident) $imu:tt $strip:tt ($($line:ident $baud:expr, $reply:expr;)*)
+        $serials:tt $contacts:tt
+    ) => {{
+        use $crate::rc10_motor::unitree::Rs485Bus;
+        let lines: [&'static mut Rs485Bus<'static>; _] = [$({
+            static LINE: $crate::static_cell::StaticCell<Rs485Bus<'static>> =
+                $crate::static_cell::StaticCell::new();
+            LINE.init(Rs485Bus::new(&$shared.switch).with_reply_timeout($reply)?)
+        }),*];
+        lines
+    }};
+}
+
+/// Starts the lines, all on one executor.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_lines {
+    ($args:tt $imu:tt $strip:tt () $serials:tt $contacts:tt) => {};
+    (
+        ($shared:ident, $lines:ident, $board:ident) $imu:tt $strip:tt
+        ($($line:ident $baud:expr, $reply:expr;)+)
+        $serials:tt $contacts:tt
+    ) => {
+        $crate::executor! {
+            /// Runs the lines.
+            LINE_CONTROL on UART8
+        }
+        interrupt::UART8.set_priority(Priority::P7);
+        let control = LINE_CONTROL.start(interrupt::UART8);
+        let uarts = [$($crate::start_serial!($board, $line, $baud)?),+];
+        for ((uart, line), port) in uarts.into_iter().zip($lines).zip($shared.ports.lines) {
+            control.spawn($crate::robot::line(uart, line, port)?);
+        }
+    };
+}
+
+/// Starts what a robot has beside motors, remote and console.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_parts {
+    (
+        ($shared:ident, $spawner:ident, $board:ident) ($($imu:ident)?)
+        ($($leds:expr, $brightness:expr)?) $lines:tt
+        ($($serial:ident $baud:expr;)*) ($($input:ident)*)
+    ) => {
+        $($crate::start_imu!($shared, $spawner, $board, $imu);)?
+        $($crate::start_strip!($shared, $spawner, $board, $leds, $brightness);)?
+        let serials: [Serial; _] = [$($crate::start_serial!($board, $serial, $baud)?),*];
+        let contacts: [Input<'static>; _] = [$($crate::input!($board, $input)),*];
+        if SERIALS + CONTACTS > 0 {
+            $spawner.spawn(parts($shared, serials, contacts)?);
+        }
+    };
+}
+
+/// Listens to the IMU, at the rate that it is sold with.
+#[cfg(feature = "h723zg")]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_imu {
+    ($shared:ident, $spawner:ident, $board:ident, wit) => {
+        #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+        async fn listen_to_imu(shared: &'static Shared<'static>, port: Serial) {
+            $crate::rc10_tasks::heading::listen_for(shared, port).await;
+        }
+        let port = $crate::start_serial!($board, uart_7, 115_200)?;
+        $spawner.spawn(listen_to_imu($shared, port)?);
+    };
+}
+
+/// The robot, whose IMU is soldered on.
+#[cfg(feature = "dm-mc02")]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_imu {
+    ($shared:ident, $spawner:ident, $board:ident, wit) => {};
+}
+
+/// Shows the state of the robot on an LED strip.
+#[cfg(feature = "h723zg")]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_strip {
+    ($shared:ident, $spawner:ident, $board:ident, $leds:expr, $brightness:expr) => {
+        use $crate::rc10_bsp::pulse_output::{self, PulseOutput};
+        $crate::embassy_stm32::bind_interrupts!(struct OfStrip {
+            DMA1_STREAM7 => pulse_output::Interrupt<$crate::embassy_stm32::peripherals::DMA1_CH7>;
+        });
+        #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+        async fn show(shared: &'static Shared<'static>, output: PulseOutput) {
+            $crate::robot::show::<_, { $leds }>(shared, output, $brightness).await;
+        }
+        let $crate::board::StripParts { timer, pin, stream } = $board.strip;
+        let buffer = $crate::rc10_bsp::dma_buffer!(u32; $crate::robot::pulses($leds));
+        let period = $crate::robot::WS2812.period;
+        let output =
+            PulseOutput::start(timer, pin, stream, OfStrip, period, buffer, Priority::P7);
+        $spawner.spawn(show($shared, output)?);
+    };
+}
+
+/// The robot, which has a lamp soldered on.
+#[cfg(feature = "dm-mc02")]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_strip {
+    ($shared:ident, $spawner:ident, $board:ident, $leds:expr, $brightness:expr) => {};
+}
+
+/// An input of the board for a switch to ground, with a pull-up.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! input {
+    ($board:ident, input_1) => {
+        $crate::robot::switch($board.switches.first.0)
+    };
+    ($board:ident, input_2) => {
+        $crate::robot::switch($board.switches.second.0)
+    };
+    ($board:ident, input_3) => {
+        $crate::robot::switch($board.switches.third.0)
+    };
+    ($board:ident, input_4) => {
+        $crate::robot::switch($board.switches.fourth.0)
+    };
+    ($board:ident, input_5) => {
+        $crate::robot::switch($board.switches.fifth.0)
+    };
+    ($board:ident, input_6) => {
+        $crate::robot::switch($board.switches.sixth.0)
+    };
+    ($board:ident, input_7) => {
+        $crate::robot::switch($board.switches.seventh.0)
+    };
+    ($board:ident, input_8) => {
+        $crate::robot::switch($board.switches.eighth.0)
+    };
+    ($board:ident, $other:ident) => {
+        compile_error!("the boards' inputs are input_1 to input_8")
+    };
+}
