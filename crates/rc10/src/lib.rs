@@ -61,7 +61,7 @@ pub mod prelude {
 #[cfg(feature = "sim")]
 pub mod sim {
     pub use rc10_cli::*;
-    pub use rc10_sim as world;
+    pub use rc10_sim as simulator;
 
     /// The names that most descriptions need.
     pub mod prelude {

@@ -1,5 +1,5 @@
-use rc10_app::mechanism::{Feeder, Homing, HomingStatus, Measured, MotorCommand, Phase, Stage};
-use rc10_app::{Seconds, TotalAngle};
+use rc10::app::mechanism::{Feeder, Homing, HomingStatus, Measured, MotorCommand, Phase, Stage};
+use rc10::prelude::*;
 
 use crate::table::{FEEDER, INDEXING, INDEXING_FORWARD};
 

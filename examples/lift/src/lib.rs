@@ -12,27 +12,22 @@
 mod indexed;
 mod lift;
 #[cfg(feature = "sim")]
-pub mod plant;
-#[cfg(feature = "sim")]
 pub mod simulation;
 pub mod table;
 pub mod task;
 
 pub use lift::{Goal, Lift};
-pub use table::{Motors, Name};
+pub use table::{Motors, Name, Ports, Robot, Shared};
 
-/// The robot's buses as its tasks see them, and its motors by name.
-pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
-
-/// Everything that its tasks share.
-pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
-
-rc10_tasks::live! {
+rc10::live! {
     /// Signals and mechanisms for a PC.
     pub struct Own {
         mechanisms {
             lift: "lift";
             feeder: "feeder";
+        }
+        contacts {
+            index: "feeder index";
         }
         signals {
             blamed: "lift blames motor", "";
@@ -41,6 +36,5 @@ rc10_tasks::live! {
             fed: "pieces fed", "";
             jams: "feeder jams", "";
         }
-        parameters {}
     }
 }

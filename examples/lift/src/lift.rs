@@ -1,12 +1,11 @@
 use core::array::from_fn;
+use rc10::prelude::*;
 
-use rc10_app::mechanism::{
+use rc10::app::mechanism::{
     Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Measured, MotorCommand,
     Stage,
 };
-use rc10_app::{
-    AngleProfile, AngleSetpoint, ConfigError, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
-};
+use rc10::app::{AngleProfile, AngleSetpoint, ConfigError, ProfileLimits};
 
 use crate::table::{HOMING, LIFT_LIMITS, RANGE, TOGETHER};
 

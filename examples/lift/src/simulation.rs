@@ -1,31 +1,69 @@
-//! The robot as the tools see it, and with its tasks in a simulated world.
+//! The robot for the tools on a PC: the loads of its motors, and the operator's script.
 
-use rc10_cli::run::build::build_firmware_of;
-use rc10_cli::{ContactPart, Description, RemoteControl, Robot};
-use rc10_tasks::status;
+use crate::Robot;
+use crate::table::{Name, WEIGHT};
+use rc10::sim::prelude::*;
 
-use crate::plant::{INDEX, SCRIPT, plant};
-use crate::table::RECEIVER;
-use crate::{Motors, Name, Shared, task};
+impl Simulated for Robot {
+    const TWINS: &'static [Twin] =
+        &[Twin::Contact("index", || ContactPart::new(Name::Feeder, INDEX))];
 
-/// The description of the robot.
-#[must_use]
-pub fn description() -> Description {
-    Description {
-        remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, None)),
-        contacts: vec![ContactPart::new(Name::Feeder, INDEX)],
-        firmware: Some(|board| build_firmware_of("lift-firmware", board)),
-        ..Description::of(plant)
+    fn description() -> Description {
+        Description {
+            remote: Some(RemoteControl::of::<Self>(&SCRIPT, None)),
+            ..Description::of_program::<Self>(plant)
+        }
     }
 }
 
-/// The robot with its tasks, before it runs.
-///
-/// # Errors
-/// None that this declaration has.
-pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
-    let robot = Robot::of(description(), motors.start(&shared.switch)?, shared);
-    let robot = robot.contacts(|[index]| task::run(shared, index));
-    let robot = robot.task(status::run(shared));
-    Ok(robot)
+/// Where the bottom is, in degrees since power-on: the lift begins above it, and not level.
+#[must_use]
+pub const fn bottom(name: Name) -> f64 {
+    match name {
+        Name::LiftLeft => -60.0,
+        _ => -45.0,
+    }
 }
+
+/// Between the bottom and the upper stop, degrees.
+pub const TRAVEL: f64 = 1100.0;
+
+/// Where the feeder's marker is, degrees since power-on in any turn. It is found backwards: the pockets
+/// stand at its upper end.
+pub const INDEX: [f64; 2] = [-110.0, -104.0];
+
+/// At the output shaft; our estimates.
+#[must_use]
+pub fn plant(name: Name) -> Plant {
+    match name {
+        Name::Feeder => Plant::inertia(0.002),
+        lift => Plant {
+            load: -f64::from(WEIGHT),
+            nonlinear: Nonlinear { backlash: 0.3, ..Nonlinear::NONE },
+            travel: Some([bottom(lift), bottom(lift) + TRAVEL]),
+            ..Plant::inertia(0.01)
+        },
+    }
+}
+
+/// The operator's controls, from these times on.
+pub const SCRIPT: [ScriptLine; 13] = [
+    ScriptLine::new(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
+    ScriptLine::new(100, "arm: it homes", ARMED),
+    ScriptLine::new(2000, "to the middle", Controls { right: Stick { x: 1.0, y: 0.0 }, ..ARMED }),
+    ScriptLine::new(2100, "stick let go", ARMED),
+    ScriptLine::new(3600, "feed", FEED),
+    ScriptLine::new(3700, "switch back", ARMED),
+    ScriptLine::new(4100, "to the top", Controls { right: Stick { x: 0.0, y: 1.0 }, ..ARMED }),
+    ScriptLine::new(4200, "feed", FEED),
+    ScriptLine::new(4300, "switch back", ARMED),
+    ScriptLine::new(5600, "lower slowly", Controls { left: Stick { x: 0.0, y: -0.4 }, ..ARMED }),
+    ScriptLine::new(6600, "stay", ARMED),
+    ScriptLine::new(7000, "to the bottom", Controls { right: Stick { x: 0.0, y: -1.0 }, ..ARMED }),
+    ScriptLine::new(7100, "stick let go", ARMED),
+];
+
+/// Armed, sticks let go.
+const ARMED: Controls = Controls::REST;
+
+const FEED: Controls = Controls { left_switch: Switch::Up, ..ARMED };

@@ -1,38 +1,26 @@
 //! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
-use rc10_app::mechanism::{
+use rc10::app::mechanism::{
     AxesConfig, AxesHomingConfig, Braking, FeederConfig, HomingConfig, JamConfig, Reference,
     SoftLimits, Stall,
 };
-use rc10_app::{
-    CountsPerTurn, Degrees, Direction, FeedForward, Gravity, ProfileLimits, Rpm, RpmPerSecond,
-    Seconds, TotalAngle,
-};
-use rc10_module::remote::Receiver;
-use rc10_motor::Place::Bus;
-use rc10_motor::dji::{Config, Dji, M2006, M3508};
-use rc10_motor::{Entry, Safety};
-use rc10_tasks::ArmingConfig;
+use rc10::app::{CountsPerTurn, Gravity, ProfileLimits};
+use rc10::prelude::*;
 
-rc10_motor::motors! {
-    /// Names of the motors.
-    pub enum Name;
-    /// The robot's motors: they stand here, and the buses borrow them.
-    pub struct Motors;
-    LiftLeft: Dji = lift("lift left", Config::new(&M3508, 1)),
-    LiftRight: Dji = lift("lift right", Config::new(&M3508, 2).with_direction(Direction::Reversed)),
-    Feeder: Dji = Entry::new(Bus(2), Config::new(&M2006, 1).with_feed_forward(FEEDING)),
+rc10::robot! {
+    own crate::Own;
+    contact index: input_1;
+    motors {
+        LiftLeft: Dji = lift(Config::new(&M3508, 1)),
+        LiftRight: Dji = lift(Config::new(&M3508, 2).with_direction(Direction::Reversed)),
+        Feeder: Dji = Entry::new(Bus(2), Config::new(&M2006, 1).with_feed_forward(FEEDING)),
+    }
 }
 
 /// A lift that coasts falls. Both motors count upwards: the right one looks the other way.
-const fn lift(label: &'static str, config: Config) -> Entry<Config> {
-    Entry::new(Bus(1), config.with_feed_forward(LIFTING))
-        .with_label(label)
-        .with_safety(Safety::HOLD)
+const fn lift(config: Config) -> Entry<Config> {
+    Entry::new(Bus(1), config.with_feed_forward(LIFTING)).with_safety(Safety::HOLD)
 }
-
-/// The buses that are used, of the three that the board has.
-pub const BUSES: usize = 2;
 
 /// The lift's motors.
 pub const LIFT: [Name; 2] = [Name::LiftLeft, Name::LiftRight];
@@ -156,9 +144,3 @@ const _: () = assert!(
         && LIFT_LIMITS.validate().is_ok()
         && TOGETHER.validate().is_ok()
 );
-
-/// The receiver of the remote control.
-pub const RECEIVER: Receiver = Receiver::Dr16;
-
-/// Right switch down disarms, left switch down stops.
-pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);

@@ -9,53 +9,42 @@
 //!
 //! Pieces that are asked for while the feeder homes are fed afterwards. Armed again, what was not fed is forgotten.
 //!
-//! [`rc10_tasks::arming`] says how it is armed, and what happens when the remote is lost.
+//! [`rc10::tasks::arming`] says how it is armed, and what happens when the remote is lost.
 
-use embassy_time::{Duration, Ticker};
-use embedded_hal::digital::InputPin;
-use rc10_app::Seconds;
-use rc10_app::mechanism::Measured;
-use rc10_module::remote::{Remote, Switch};
-use rc10_motor::{ArmState, Target};
-use rc10_tasks::Arming;
+use rc10::app::mechanism::Measured;
+use rc10::prelude::*;
 
 use crate::indexed::IndexedFeeder;
 use crate::lift::{Goal, Lift};
-use crate::table::{ARMING, HEIGHTS, LIFT, Name};
-use crate::{Own, Shared};
-
-/// Period of the task, ms.
-pub const PERIOD: u64 = 5;
-const DT: Seconds = Seconds::new(PERIOD as f32 * 1e-3);
+use crate::table::{HEIGHTS, LIFT, Name};
+use crate::{Own, Robot, Shared};
 
 /// A stick that is out by less is let go.
 const REST: f32 = 0.1;
 /// A stick that is out by more chooses a height.
 const CHOICE: f32 = 0.7;
 
-/// Arms the robot, and drives it, every 5 ms. `index` is low while the feeder's marker is there.
-pub async fn run(shared: &Shared<'_>, mut index: impl InputPin) -> ! {
-    let mut arming = Arming::new(ARMING);
-    let mut machine = Machine::default();
-    let mut ticker = Ticker::every(Duration::from_millis(PERIOD));
-    loop {
-        ticker.next().await;
-        let before = shared.switch.state();
-        let obeyed = shared.obey(&mut arming);
-        let motors = LIFT.map(|name| shared.motor(name).status().measured());
-        let feeder = shared.motor(Name::Feeder).status().measured();
-        // Without a remote no motor is commanded: 50 ms later each is safe.
-        if let Some(remote) = obeyed {
-            if before != ArmState::Armed {
-                machine.begin(&motors, &feeder, &remote);
+impl Program for Robot {
+    async fn run(shared: &Shared<'_>) -> ! {
+        let (mut arming, mut every) = (Arming::of::<Self>(), Every::millis(5));
+        let mut machine = Machine::default();
+        loop {
+            let tick = every.next().await;
+            let before = shared.switch.state();
+            let obeyed = shared.obey(&mut arming);
+            let motors = LIFT.map(|name| shared.motor(name).status().measured());
+            let feeder = shared.motor(Name::Feeder).status().measured();
+            // Without a remote no motor is commanded: 50 ms later each is safe.
+            if let Some(remote) = obeyed {
+                if before != ArmState::Armed {
+                    machine.begin(&motors, &feeder, &remote);
+                }
+                machine.follow(&remote, &motors, shared, tick.dt);
+                let command = machine.feeder.step(&feeder, shared.own.index.is_closed(), tick.dt);
+                shared.command(Name::Feeder, Target::from(command));
             }
-            machine.follow(&remote, &motors, shared);
-            // What cannot be read is open: homing ends without it.
-            let closed = index.is_low().unwrap_or(false);
-            let command = machine.feeder.step(&feeder, closed, DT);
-            shared.command(Name::Feeder, Target::from(command));
+            machine.tell(&motors, &shared.own);
         }
-        machine.tell(&motors, &shared.own);
     }
 }
 
@@ -78,9 +67,15 @@ impl Machine {
         self.feeds = remote.left_switch == Switch::Up;
     }
 
-    fn follow(&mut self, remote: &Remote, motors: &[Measured; 2], shared: &Shared<'_>) {
+    fn follow(
+        &mut self,
+        remote: &Remote,
+        motors: &[Measured; 2],
+        shared: &Shared<'_>,
+        dt: Seconds,
+    ) {
         self.goal = chosen(remote, self.goal);
-        let commands = self.lift.step(self.goal, motors, DT);
+        let commands = self.lift.step(self.goal, motors, dt);
         for (name, command) in LIFT.into_iter().zip(commands) {
             shared.command(name, command.into());
         }

@@ -9,7 +9,7 @@ mod indexing;
 use bench::{ARMED, Bench, DISARMED, FEED, HIGHEST, LOWEST, MIDDLE, STOPPED, Stage, armed, moved};
 use lift::Name;
 use lift::table::{FEEDER, HEIGHTS, LIFT, RANGE};
-use rc10_sim::Scale;
+use rc10::sim::simulator::Scale;
 
 fn height(number: usize) -> f64 {
     HEIGHTS[number].microdegrees() as f64 * 1e-6
@@ -142,7 +142,7 @@ fn a_blocked_motor_stops_it_and_is_named() {
                     }
                     tilt = tilt.max(bench.tilt);
                     // Free again, it is armed again, and finds its bottom again.
-                    bench.set_travel(blocked, Some([0.0, lift::plant::TRAVEL]));
+                    bench.set_travel(blocked, Some([0.0, lift::simulation::TRAVEL]));
                     bench.hands(DISARMED, 100);
                     bench.hands(ARMED, 90);
                     assert_eq!(bench.stage(), Stage::Homing);

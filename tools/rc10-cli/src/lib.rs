@@ -255,6 +255,17 @@ pub fn simulated<P: Program>(
     })
 }
 
+/// The robot of a program, in its own world, before it runs.
+///
+/// # Errors
+/// Those of [`Robot::of`].
+pub fn robot_of<'r, P: Simulated>(
+    shared: &'r Common<'_, P::Name, P::Own>,
+    motors: &'r mut P::Motors,
+) -> anyhow::Result<Robot<'r>> {
+    Robot::of::<P>(P::description(), shared, motors)
+}
+
 /// Does something with the state and the motors of a robot that has not begun.
 pub fn with<P: Program, R>(
     work: impl FnOnce(&Common<'_, P::Name, P::Own>, &mut P::Motors) -> R,

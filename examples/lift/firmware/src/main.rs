@@ -2,12 +2,4 @@
 #![no_std]
 #![no_main]
 
-use defmt_rtt as _;
-use lift::task;
-
-rc10_board::robot! {
-    robot: lift;
-    buses: two_buses(bus_1, bus_2);
-    console: 921_600;
-    tasks: |shared, index| task::run(shared, index);
-}
+rc10_board::program!(lift);

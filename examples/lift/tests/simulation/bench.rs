@@ -1,14 +1,14 @@
 //! The robot in its world, with hands on its remote and on its motors.
 
-use lift::plant::{INDEX, TRAVEL};
+use lift::simulation::{INDEX, TRAVEL};
 use lift::table::{LIFT, WEIGHT};
-use lift::{Motors, Name, Ports, Shared, simulation};
-use rc10_cli::world::environment::Environment;
-use rc10_motor::{Motion, Names, Target};
-use rc10_sim::Tasks;
-use rc10_sim::remote::{Controls, Stick, Switch};
-use rc10_tasks::live::{Mechanism, Signal};
-use rc10_time::Micros;
+use lift::{Motors, Name, Ports, Robot, Shared};
+use rc10::motor::{Motion, Names, Target};
+use rc10::sim::simulator::Tasks;
+use rc10::sim::simulator::remote::{Controls, Stick, Switch};
+use rc10::sim::world::environment::Environment;
+use rc10::tasks::live::{Mechanism, Signal};
+use rc10::time::Micros;
 
 /// A robot that runs.
 pub struct Bench<'r> {
@@ -57,7 +57,7 @@ pub fn indexed<R>(
 ) -> R {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10::sim::robot_of::<Robot>(&shared, &mut motors).unwrap();
     let mut description = robot.description().clone();
     description.contacts[0].closed = index;
     let mut around = Environment::new(&description, seed).unwrap();
@@ -91,7 +91,7 @@ pub fn armed<R>(seed: u64, heights: [f64; 2], scenario: impl FnOnce(&mut Bench<'
 }
 
 impl Bench<'_> {
-    pub fn motor(&self, name: Name) -> &rc10_sim::Esc {
+    pub fn motor(&self, name: Name) -> &rc10::sim::simulator::Esc {
         &self.around.motors[name.index()]
     }
 
@@ -240,7 +240,7 @@ pub enum Stage {
 
 /// The coarse stage of a mechanism.
 pub fn stage(mechanism: &Mechanism) -> Stage {
-    use rc10_motor::rc10_app::mechanism::Stage as Exact;
+    use rc10::app::mechanism::Stage as Exact;
     match Exact::ALL[usize::try_from(number(mechanism.signal())).unwrap()] {
         Exact::NotBegun => Stage::Idle,
         Exact::Ready | Exact::Clearing => Stage::Ready,

@@ -1,16 +1,18 @@
 //! The feeder finds its index, and its pockets stand there from then on.
 
 use core::cell::Cell;
+use core::pin::Pin;
 
-use embedded_hal::digital::{ErrorKind, ErrorType, InputPin};
 use lift::table::FEEDER;
-use lift::{Motors, Name, Ports, Shared, simulation, task};
-use rc10_cli::world::environment::Environment;
-use rc10_cli::{Description, Robot};
-use rc10_motor::{Motion, Names, Target};
-use rc10_time::Micros;
+use lift::{Motors, Name, Ports, Robot, Shared};
+use rc10::motor::{Motion, Target};
+use rc10::sim::simulator::{Tasks, World};
+use rc10::tasks::embedded_hal::digital::{ErrorKind, ErrorType, InputPin};
+use rc10::tasks::live::Contact;
+use rc10::tasks::program::read_contact;
+use rc10::time::Micros;
 
-use crate::bench::{ARMED, Bench, DISARMED, FEED, Stage, indexed, stage};
+use crate::bench::{ARMED, Bench, DISARMED, FEED, Stage, indexed};
 use crate::{feed, ride};
 
 const MARKER: f64 = 6.0;
@@ -197,25 +199,20 @@ impl InputPin for Broken {
 
 #[test]
 fn an_input_that_cannot_be_read_is_an_open_contact() {
-    let ports = Ports::new();
-    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let description = Description { contacts: Vec::new(), ..simulation::description() };
-    let mut around = Environment::new(&description, 1).unwrap();
-    let robot = Robot::of(description, motors.start(&shared.switch).unwrap(), &shared);
-    let mut tasks = robot.task(task::run(&shared, Broken)).tasks(&around).unwrap();
-    around.run(&mut tasks, Micros::from_millis(5000));
-    assert_eq!(stage(&shared.own.feeder), Stage::Failed);
-    // It has looked all round, backwards.
-    let turned = around.motors[Name::Feeder.index()].state().load_degrees;
-    assert!(turned < -360.0, "{turned}");
+    let contact = Contact::new("index");
+    contact.set(true);
+    let mut tasks = Tasks::new();
+    tasks.add(async { read_contact(Broken, &contact).await });
+    let _ = World::new(1).run(Pin::new(&mut tasks), Micros::from_millis(2));
+    assert!(!contact.is_closed());
 }
 
 /// Contacts with a defect, as a run injects them: one that bounces is no trouble, of the others the run
 /// says why the feeder gave up.
 #[test]
 fn a_contact_with_a_defect_is_named() {
-    use rc10_cli::run::simulate::simulate;
-    use rc10_motor::rc10_app::mechanism::Stage;
+    use rc10::app::mechanism::Stage;
+    use rc10::sim::run::simulate::simulate;
     for (fault, wanted) in [
         ("bounces:feeder@0s", Stage::Ready),
         ("torn:feeder@0s", Stage::NotTouched),
@@ -223,13 +220,13 @@ fn a_contact_with_a_defect_is_named() {
     ] {
         let ports = Ports::new();
         let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-        let mut robot = simulation::robot(&shared, &mut motors).unwrap();
+        let mut robot = rc10::sim::robot_of::<Robot>(&shared, &mut motors).unwrap();
         robot.set_faults(&[fault.parse().unwrap()]).unwrap();
         let recording = simulate(robot, 1, Micros::from_millis(10_000)).unwrap();
         let told = recording.signals.iter().find(|it| it.label == "feeder").unwrap().last;
         assert_eq!(told, Some(f64::from(wanted as u8)), "{fault}");
         // The fault is not told to the verdict here: it is as if the contact were so.
-        let found = rc10_cli::judge::problems(&recording);
+        let found = rc10::sim::judge::problems(&recording);
         let gave_up = found.iter().find(|it| it.kind == "gave-up").map(ToString::to_string);
         assert_eq!(gave_up.is_some(), wanted.gave_up(), "{fault}: {gave_up:?}");
         if let Some(text) = gave_up {

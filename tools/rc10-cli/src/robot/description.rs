@@ -139,8 +139,7 @@ const fn assert_twins(
         }
         part = 0;
         while part < contacts.len() {
-            found |=
-                matches!(twins[at], Twin::Contact(label, _) if is_same(label, contacts[part]));
+            found |= matches!(twins[at], Twin::Contact(label, _) if is_same(label, contacts[part]));
             part += 1;
         }
         assert!(
