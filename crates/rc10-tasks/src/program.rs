@@ -51,6 +51,17 @@ pub struct SerialPart {
     pub baud: u32,
 }
 
+/// An RS-485 line of motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LinePart {
+    /// The chip's UART: 2 for USART2.
+    pub uart: u8,
+    /// Bits a second, 8 data bits, no parity.
+    pub baud: u32,
+    /// The longest time from a command to the end of its reply.
+    pub reply: Micros,
+}
+
 /// Most parts on UARTs, beside remote, console, IMU and RS-485.
 pub const MOST_SERIALS: usize = 4;
 
@@ -68,8 +79,10 @@ pub trait Declared: 'static {
     const CONTACTS: &'static [&'static str];
     /// Whether an IMU is at the board's port for one.
     const HAS_IMU: bool;
-    /// For each RS-485 line the longest time from a command to the end of its reply.
-    const REPLIES: &'static [Micros];
+    /// The number of LEDs of the strip that shows its state, and their brightness of 255.
+    const STRIP: Option<(usize, u8)>;
+    /// The RS-485 lines of its motors.
+    const RS485: &'static [LinePart];
     /// The folder of the robot's package.
     const FOLDER: &'static str;
 
@@ -163,11 +176,11 @@ macro_rules! robot {
     ) => {
         $crate::parts! {
             ($)
-            ($($imu)?) ($($leds, $brightness)?) ($($line $bits, $reply;)*) ($($uart $baud;)*) ($($input)*)
+            ($($imu)?) [$($leds)?] ($($line)*) ($($uart)*) ($($input)*)
         }
 
         const _: () = assert!(
-            <Robot as $crate::Declared>::REPLIES.len() == <Name as $crate::rc10_motor::Names>::LINES as usize,
+            <Robot as $crate::Declared>::RS485.len() == <Name as $crate::rc10_motor::Names>::LINES as usize,
             "the declaration has not one `line` for each RS-485 line that motors are on"
         );
 
@@ -204,7 +217,12 @@ macro_rules! robot {
             }),*];
             const CONTACTS: &'static [&'static str] = &[$(stringify!($contact)),*];
             const HAS_IMU: bool = $crate::is_any!($($imu)?);
-            const REPLIES: &'static [$crate::rc10_time::Micros] = &[$($reply),*];
+            const STRIP: Option<(usize, u8)> = $crate::or_none!($(($leds, $brightness))?);
+            const RS485: &'static [$crate::program::LinePart] = &[$($crate::program::LinePart {
+                uart: $crate::uart!($line),
+                baud: $bits,
+                reply: $reply,
+            }),*];
             const FOLDER: &'static str = env!("CARGO_MANIFEST_DIR");
 
             fn attach<'m>(
@@ -268,6 +286,12 @@ macro_rules! parts {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! uart {
+    (rs485) => {
+        2
+    };
+    (rs485_2) => {
+        3
+    };
     (uart_3) => {
         3
     };
@@ -278,7 +302,19 @@ macro_rules! uart {
         10
     };
     ($other:ident) => {
-        compile_error!("the boards' serial ports are uart_3, uart_7 and uart_10")
+        compile_error!("the boards' serial ports are uart_3, uart_7, uart_10, rs485 and rs485_2")
+    };
+}
+
+/// An option of what there is.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! or_none {
+    () => {
+        None
+    };
+    ($it:expr) => {
+        Some($it)
     };
 }
 

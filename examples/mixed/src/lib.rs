@@ -8,16 +8,8 @@
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "sim")]
-pub mod plant;
-#[cfg(feature = "sim")]
 pub mod simulation;
 pub mod table;
 pub mod task;
 
-pub use table::{Motors, Name};
-
-/// The robot's buses and its line as its tasks see them, and its motors by name.
-pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }, 1>;
-
-/// Everything that its tasks share.
-pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 1>;
+pub use table::{Motors, Name, Ports, Robot, Shared};

@@ -1,49 +1,39 @@
-//! The robot as the tools see it, and with its tasks in a simulated world.
+//! The robot for the tools on a PC: the loads of its motors, and the script.
 
-use rc10_cli::run::build::build_firmware_of;
-use rc10_cli::{Description, Event, RemoteControl, Robot, Script};
-use rc10_motor::Started;
-use rc10_motor::rc10_time::Micros;
-use rc10_tasks::status;
+use rc10::sim::prelude::*;
+use rc10::sim::{Event, Script};
 
-use crate::plant::{HANDS, plant};
-use crate::table::{BUSES, RECEIVER, REPLY};
-use crate::task::{self, SCRIPT};
-use crate::{Motors, Shared};
+use crate::Robot;
+use crate::table::Name;
+use crate::task::SCRIPT;
 
-/// The description of the robot.
-#[must_use]
-pub fn description() -> Description {
-    let event = |&(at, label, _): &(u32, &'static str, _)| Event {
-        at: Micros::from_millis(at.into()),
-        label,
-    };
-    Description {
-        script: Script { events: SCRIPT.iter().map(event).collect(), repeats_after: None },
-        remote: Some(RemoteControl::new(RECEIVER, &HANDS, None)),
-        firmware: Some(|board| build_firmware_of("mixed-firmware", board)),
-        ..Description::of(plant)
+impl Simulated for Robot {
+    fn description() -> Description {
+        let event = |&(at, label, _): &(u32, &'static str, _)| Event {
+            at: Micros::from_millis(at.into()),
+            label,
+        };
+        Description {
+            script: Script { events: SCRIPT.iter().map(event).collect(), repeats_after: None },
+            remote: Some(RemoteControl::of::<Self>(&HANDS, None)),
+            ..Description::of_program::<Self>(plant)
+        }
     }
 }
 
-/// The robot with its tasks, before it runs.
-///
-/// # Errors
-/// None that this declaration has.
-pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
-    with(shared, motors.start(&shared.switch)?)
+/// Inertias in kg m² at the output shaft; our estimates.
+fn plant(name: Name) -> Plant {
+    Plant::inertia(match name {
+        Name::Wheel => 0.003,
+        Name::Arm | Name::Hip | Name::Turret => 0.02,
+        Name::Wrist => 0.005,
+        Name::Flywheel => 0.03,
+        _ => 0.01,
+    })
 }
 
-/// The same with buses and a line that have their motors.
-///
-/// # Errors
-/// Those of [`robot`].
-pub fn with<'r>(
-    shared: &'r Shared<'_>,
-    started: Started<'r, BUSES, 1>,
-) -> anyhow::Result<Robot<'r>> {
-    let Started { buses, lines: [line] } = started;
-    let started = Started { buses, lines: [line.with_reply_timeout(REPLY)?] };
-    let robot = Robot::of(description(), started, shared);
-    Ok(robot.task(task::run(shared)).task(status::run(shared)))
-}
+/// The operator's controls: they arm the robot.
+const HANDS: [ScriptLine; 2] = [
+    ScriptLine::new(0, "switches down", Controls { right_switch: Switch::Down, ..Controls::REST }),
+    ScriptLine::new(100, "arm", Controls::REST),
+];

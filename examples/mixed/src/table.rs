@@ -1,45 +1,36 @@
 //! The motor table: the motors of six vendors on two buses and a line.
 
 use core::num::NonZeroU8;
+use rc10::prelude::*;
 
-use rc10_module::remote::Receiver;
-use rc10_motor::Place::{Bus, Line};
-use rc10_motor::cybergear::{self, CyberGear};
-use rc10_motor::damiao::{self, Damiao};
-use rc10_motor::lk::{self, Lk};
-use rc10_motor::odrive::{self, ODrive};
-use rc10_motor::rc10_app::{Amps, Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
-use rc10_motor::rc10_time::Micros;
-use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
-use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc};
-use rc10_motor::{Entry, Safety};
-use rc10_tasks::ArmingConfig;
+use rc10::motor::cybergear::{self, CyberGear};
+use rc10::motor::damiao::{self, Damiao};
+use rc10::motor::lk::{self, Lk};
+use rc10::motor::odrive::{self, ODrive};
+use rc10::motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
+use rc10::motor::vesc::{self, Currents, ElectricalScale, Vesc};
 
-rc10_motor::motors! {
-    /// Names of the motors.
-    pub enum Name;
-    /// The robot's motors: they stand here, and the buses and the line borrow them.
-    pub struct Motors;
-    Wheel: Vesc = Entry::new(Bus(1), WHEEL)
-        .with_safety(Safety::BRAKE)
-        .with_jog(Rpm::new(300.0)),
-    Arm: Damiao = Entry::new(Bus(1), ARM).with_safety(Safety::HOLD),
-    Hip: GoModule = Entry::new(Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
-    Wrist: CyberGear = Entry::new(Bus(2), WRIST),
-    Turret: Lk = Entry::new(Bus(2), TURRET).with_safety(Safety::HOLD),
-    Flywheel: ODrive = Entry::new(Bus(2), FLYWHEEL),
-    Leg0: GoM8010 = leg("leg 0", 0),
-    Leg1: GoM8010 = leg("leg 1", 1),
-    Leg2: GoM8010 = leg("leg 2", 2),
-    Leg3: GoM8010 = leg("leg 3", 3),
-    Leg4: GoM8010 = leg("leg 4", 4),
-    Leg5: GoM8010 = leg("leg 5", 5),
-    Leg6: GoM8010 = leg("leg 6", 6),
-    Leg7: GoM8010 = leg("leg 7", 7),
+rc10::robot! {
+    line rs485 at 4_000_000, replies in REPLY;
+    motors {
+        Wheel: Vesc = Entry::new(Bus(1), WHEEL)
+            .with_safety(Safety::BRAKE)
+            .with_jog(Rpm::new(300.0)),
+        Arm: Damiao = Entry::new(Bus(1), ARM).with_safety(Safety::HOLD),
+        Hip: GoModule = Entry::new(Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
+        Wrist: CyberGear = Entry::new(Bus(2), WRIST),
+        Turret: Lk = Entry::new(Bus(2), TURRET).with_safety(Safety::HOLD),
+        Flywheel: ODrive = Entry::new(Bus(2), FLYWHEEL),
+        Leg0: GoM8010 = leg(0),
+        Leg1: GoM8010 = leg(1),
+        Leg2: GoM8010 = leg(2),
+        Leg3: GoM8010 = leg(3),
+        Leg4: GoM8010 = leg(4),
+        Leg5: GoM8010 = leg(5),
+        Leg6: GoM8010 = leg(6),
+        Leg7: GoM8010 = leg(7),
+    }
 }
-
-/// Number of CAN buses.
-pub const BUSES: usize = 2;
 
 /// The legs.
 pub const LEGS: [Name; 8] = [
@@ -53,8 +44,8 @@ pub const LEGS: [Name; 8] = [
     Name::Leg7,
 ];
 
-const fn leg(label: &'static str, id: u8) -> Entry<LineConfig> {
-    Entry::new(Line(1), LineConfig::new(id)).with_label(label).with_safety(Safety::HOLD)
+const fn leg(id: u8) -> Entry<LineConfig> {
+    Entry::new(Line(1), LineConfig::new(id)).with_safety(Safety::HOLD)
 }
 
 /// Seven pole pairs, no gear, currents below what VESC Tool allows it.
@@ -117,9 +108,3 @@ pub const FLYWHEEL: odrive::Config = odrive::Config::new(
 /// The longest time from a command to a leg to the end of its reply: nearly twice what that takes if
 /// the leg thinks for 20 µs, so that one that is silent costs the others little.
 pub const REPLY: Micros = Micros::new(200);
-
-/// The receiver of the remote control.
-pub const RECEIVER: Receiver = Receiver::Dr16;
-
-/// Right switch down disarms, left switch down stops.
-pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);

@@ -1,13 +1,10 @@
 //! The task: the robot follows a script.
 
-use embassy_time::{Duration, Ticker};
-use rc10_motor::rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::rc10_time::Micros;
-use rc10_motor::{Impedance, Names, Target};
-use rc10_tasks::Arming;
+use rc10::motor::Impedance;
+use rc10::prelude::*;
 
-use crate::Shared;
-use crate::table::{ARMING, LEGS, Name};
+use crate::table::{LEGS, Name};
+use crate::{Robot, Shared};
 
 /// Script of the robot: milliseconds, a label, and new targets.
 pub type Step = (u32, &'static str, &'static [(Name, Target)]);
@@ -77,20 +74,20 @@ pub const SCRIPT: &[Step] = &[
 
 /// Arms the robot by its remote, and repeats every 10 ms what the script said last to each motor. Without
 /// the remote no motor is commanded: 50 ms later each is safe.
-pub async fn run(shared: &Shared<'_>) -> ! {
-    let mut arming = Arming::new(ARMING);
-    let mut ticker = Ticker::every(Duration::from_millis(10));
-    loop {
-        ticker.next().await;
-        if shared.obey(&mut arming).is_none() {
-            continue;
-        }
-        let now = rc10_message::now();
-        let begun = SCRIPT.iter().filter(|(at, ..)| Micros::from_millis((*at).into()) <= now);
-        for name in Name::ALL {
-            let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
-            let Some((_, target)) = said.rfind(|(whose, _)| whose == name) else { continue };
-            shared.command(*name, *target);
+impl Program for Robot {
+    async fn run(shared: &Shared<'_>) -> ! {
+        let (mut arming, mut every) = (Arming::of::<Self>(), Every::millis(10));
+        loop {
+            let now = every.next().await.now;
+            if shared.obey(&mut arming).is_none() {
+                continue;
+            }
+            let begun = SCRIPT.iter().filter(|(at, ..)| Micros::from_millis((*at).into()) <= now);
+            for name in Name::ALL {
+                let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
+                let Some((_, target)) = said.rfind(|(whose, _)| whose == name) else { continue };
+                shared.command(*name, *target);
+            }
         }
     }
 }

@@ -5,14 +5,12 @@
 //! switch is moved back or a stick is moved, when the robot is not armed any more, when it is too far
 //! from the path, and when it is later than [`PATIENCE`].
 
-use rc10_app::maths::hypot;
-use rc10_app::path::{Follower, PathStatus, Plan, Planner};
-use rc10_app::{
+use rc10::app::maths::hypot;
+use rc10::app::path::{Follower, PathStatus, Plan, Planner};
+use rc10::app::{
     FieldFrame, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig, OdometryInput, Pose,
-    Seconds, Twist,
 };
-use rc10_module::remote::{Remote, Switch};
-use rc10_tasks::{BaseDriver, Drive as _, DrivenBase};
+use rc10::prelude::*;
 
 use crate::table::{BASE, FOLLOWER, HOLD, HOLD_GAINS, PATH, PATH_LIMITS, PATIENCE, TAKES_OVER};
 use crate::{Name, Shared};
@@ -45,7 +43,7 @@ impl Navigation {
     pub fn step(&mut self, shared: &Shared<'_>, is_armed: bool, dt: Seconds) -> Pose {
         let motion = BASE.measured(shared);
         let heard = shared.heading.read();
-        let heading = heard.and_then(|heading| heading.value.total(rc10_message::now()));
+        let heading = heard.and_then(|heading| heading.value.total(rc10::message::now()));
         shared.own.heading.set(heading.map_or(f32::NAN, |heading| heading.degrees().get()));
         let heading = heading.filter(|_| is_armed);
         let input = OdometryInput { twist: motion.twist, slip: motion.slip(), heading };

@@ -11,21 +11,13 @@
 pub mod base;
 pub mod mechanisms;
 #[cfg(feature = "sim")]
-pub mod plant;
-#[cfg(feature = "sim")]
 pub mod simulation;
 pub mod table;
 pub mod task;
 
-pub use table::{Motors, Name};
+pub use table::{Motors, Name, Ports, Robot, Shared};
 
-/// The robot's buses as its tasks see them, and its motors by name.
-pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
-
-/// Everything that its tasks share.
-pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
-
-rc10_tasks::live! {
+rc10::live! {
     /// Where it believes to be, where it is to be, and what it does: for a PC.
     pub struct Own {
         signals {
@@ -38,6 +30,5 @@ rc10_tasks::live! {
             heading: "heading", "deg";
             activity: "activity", "";
         }
-        parameters {}
     }
 }

@@ -1,9 +1,9 @@
 //! The mechanisms on the base: an arm, a turret and a flywheel.
 
-use rc10_app::profile::synchronise;
-use rc10_app::{AngleProfile, ProfileLimits, Rpm, Seconds, TotalAngle};
-use rc10_module::remote::{Remote, Switch};
-use rc10_motor::{Motion, Target};
+use rc10::app::profile::synchronise;
+use rc10::app::{AngleProfile, ProfileLimits};
+use rc10::motor::Motion;
+use rc10::prelude::*;
 
 use crate::Shared;
 use crate::table::{

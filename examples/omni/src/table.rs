@@ -2,40 +2,29 @@
 
 use core::f32::consts::{FRAC_PI_2, PI};
 use core::num::NonZeroU8;
+use rc10::prelude::*;
 
-use rc10_app::path::{FollowerConfig, Path, PathLimits, Waypoint};
-use rc10_app::{
-    Amps, Base, Body, Cascade, Degrees, FeedForward, GainSchedule, Gains, Gear, Gravity,
-    HeadingHoldConfig, PidConfig, ProfileLimits, Radians, Rpm, RpmPerSecond, Seconds, Twist,
-    TwistLimits,
-};
-use rc10_module::remote::Receiver;
-use rc10_motor::Place::Bus;
-use rc10_motor::damiao::{self, Damiao};
-use rc10_motor::dji::{self, Dji, GM6020_VOLTAGE, M3508};
-use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc};
-use rc10_motor::{Entry, Safety};
-use rc10_tasks::{ArmingConfig, DrivenBase};
+use rc10::app::path::{FollowerConfig, Path, PathLimits, Waypoint};
+use rc10::app::{GainSchedule, Gains, Gravity, HeadingHoldConfig, ProfileLimits, Radians};
+use rc10::motor::damiao::{self, Damiao};
+use rc10::motor::vesc::{self, Currents, ElectricalScale, Vesc};
 
-rc10_motor::motors! {
-    /// Names of the motors.
-    pub enum Name;
-    /// The robot's motors: they stand here, and the buses borrow them.
-    pub struct Motors;
-    FrontLeft: Dji = wheel("wheel front left", 1),
-    RearLeft: Dji = wheel("wheel rear left", 2),
-    RearRight: Dji = wheel("wheel rear right", 3),
-    FrontRight: Dji = wheel("wheel front right", 4),
-    Arm: Damiao = Entry::new(Bus(2), ARM).with_safety(Safety::HOLD),
-    Turret: Dji = Entry::new(Bus(2), dji::Config::new(&GM6020_VOLTAGE, 1)),
-    Flywheel: Vesc = Entry::new(Bus(3), FLYWHEEL),
+rc10::robot! {
+    own crate::Own;
+    imu wit;
+    motors {
+        WheelFrontLeft: Dji = wheel(1),
+        WheelRearLeft: Dji = wheel(2),
+        WheelRearRight: Dji = wheel(3),
+        WheelFrontRight: Dji = wheel(4),
+        Arm: Damiao = Entry::new(Bus(2), ARM).with_safety(Safety::HOLD),
+        Turret: Dji = Entry::new(Bus(2), Config::new(&GM6020_VOLTAGE, 1)),
+        Flywheel: Vesc = Entry::new(Bus(3), FLYWHEEL),
+    }
 }
 
-/// The buses of the board.
-pub const BUSES: usize = 3;
-
-const fn wheel(label: &'static str, id: u8) -> Entry<dji::Config> {
-    Entry::new(Bus(1), dji::Config::new(&M3508, id).with_feed_forward(ROLLING)).with_label(label)
+const fn wheel(id: u8) -> Entry<Config> {
+    Entry::new(Bus(1), Config::new(&M3508, id).with_feed_forward(ROLLING))
 }
 
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
@@ -69,20 +58,19 @@ pub const FLYWHEEL: vesc::Config = vesc::Config::new(
     Currents { limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(10.0) },
 );
 
-/// The receiver of the remote control.
-pub const RECEIVER: Receiver = Receiver::Dr16;
-
-/// Right switch down disarms, left switch down stops.
-pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
-
 /// The base: omni wheels of 76 mm radius, 250 mm from the middle, in the order of [`Base::omni_4`]. They stay
 /// below the 480 rpm that an M3508 reaches unloaded.
 pub const BASE: DrivenBase<Name, 4> = DrivenBase {
-    wheels: [Name::FrontLeft, Name::RearLeft, Name::RearRight, Name::FrontRight],
+    wheels: [
+        Name::WheelFrontLeft,
+        Name::WheelRearLeft,
+        Name::WheelRearRight,
+        Name::WheelFrontRight,
+    ],
     geometry: Base::omni_4(0.076, 0.25, Rpm::new(400.0)),
     // With everything on it.
     body: Body { mass: 12.0, yaw_inertia: 0.7 },
-    torque_constant: dji::Config::new(&M3508, 1).torque_constant(),
+    torque_constant: Config::new(&M3508, 1).torque_constant(),
     // At which its wheels do not slip.
     limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
     full_stick: Twist::new(1.5, 1.5, 4.0),

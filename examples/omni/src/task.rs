@@ -8,48 +8,36 @@
 //! | right stick | to the side: turns the base, and takes over; away: raises the arm |
 //! | dial | turns the turret |
 //!
-//! [`rc10_tasks::arming`] says how it is armed, and what happens when the remote is lost.
+//! [`rc10::tasks::arming`] says how it is armed, and what happens when the remote is lost.
 
-use embassy_time::{Duration, Ticker};
-use rc10_app::Seconds;
-use rc10_motor::ArmState;
-use rc10_tasks::Arming;
-
-use crate::Shared;
 use crate::base::{Driver, Navigation, tell};
 use crate::mechanisms::Mechanisms;
-use crate::table::ARMING;
+use crate::{Robot, Shared};
+use rc10::prelude::*;
 
-/// Period of the task, ms.
-pub const PERIOD: u64 = 10;
-
-/// Arms the robot, and drives it, every 10 ms.
-pub async fn run(shared: &Shared<'_>) -> ! {
-    let mut arming = Arming::new(ARMING);
-    let mut navigation = Navigation::default();
-    let mut driven = None;
-    let mut last = rc10_message::now();
-    let mut ticker = Ticker::every(Duration::from_millis(PERIOD));
-    loop {
-        ticker.next().await;
-        let now = rc10_message::now();
-        let dt = Seconds::from_micros(now.since(last).get());
-        last = now;
-        let was_armed = shared.switch.state() == ArmState::Armed;
-        let obeyed = shared.obey(&mut arming);
-        let pose = navigation.step(shared, was_armed, dt);
-        if !was_armed {
-            driven = None;
+impl Program for Robot {
+    async fn run(shared: &Shared<'_>) -> ! {
+        let (mut arming, mut every) = (Arming::of::<Self>(), Every::millis(10));
+        let mut navigation = Navigation::default();
+        let mut driven = None;
+        loop {
+            let dt = every.next().await.dt;
+            let was_armed = shared.switch.state() == ArmState::Armed;
+            let obeyed = shared.obey(&mut arming);
+            let pose = navigation.step(shared, was_armed, dt);
+            if !was_armed {
+                driven = None;
+            }
+            // Without a remote no motor is commanded: 50 ms later each is safe.
+            let Some(remote) = obeyed else {
+                driven = None;
+                tell(shared, None, None);
+                continue;
+            };
+            let begin = || (Driver::default(), Mechanisms::new(shared));
+            let (base, mechanisms) = driven.get_or_insert_with(begin);
+            base.step(shared, &remote, pose, dt);
+            mechanisms.step(shared, &remote, dt);
         }
-        // Without a remote no motor is commanded: 50 ms later each is safe.
-        let Some(remote) = obeyed else {
-            driven = None;
-            tell(shared, None, None);
-            continue;
-        };
-        let begin = || (Driver::default(), Mechanisms::new(shared));
-        let (base, mechanisms) = driven.get_or_insert_with(begin);
-        base.step(shared, &remote, pose, dt);
-        mechanisms.step(shared, &remote, dt);
     }
 }

@@ -3,26 +3,26 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use omni::base::Activity;
-use omni::plant::{ALONG, ARMED, at, stick};
-use omni::{Motors, Name, Ports, Shared, simulation};
-use rc10_cli::Description;
-use rc10_cli::judge::path::PathFigures;
-use rc10_cli::recording::Recording;
-use rc10_cli::recording::sample::PathPoint;
-use rc10_cli::robot::remote::ScriptLine;
-use rc10_cli::run::simulate::simulate;
-use rc10_motor::{Link, Names};
-use rc10_sim::remote::{Controls, Switch};
-use rc10_time::Micros;
+use omni::simulation::{ALONG, ARMED, stick};
+use omni::{Motors, Name, Ports, Robot, Shared};
+use rc10::motor::{Link, Names};
+use rc10::sim::judge::path::PathFigures;
+use rc10::sim::recording::Recording;
+use rc10::sim::recording::sample::PathPoint;
+use rc10::sim::robot::remote::ScriptLine;
+use rc10::sim::run::simulate::simulate;
+use rc10::sim::simulator::remote::{Controls, Switch};
+use rc10::sim::{Description, Simulated as _};
+use rc10::time::Micros;
 
 fn run(fault: Option<&str>, millis: u64) -> Recording {
-    run_in(simulation::description(), 1, fault, millis)
+    run_in(Robot::description(), 1, fault, millis)
 }
 
 fn run_in(world: Description, seed: u64, fault: Option<&str>, millis: u64) -> Recording {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let mut robot = simulation::robot_in(world, &shared, &mut motors).unwrap();
+    let mut robot = rc10::sim::Robot::of::<Robot>(world, &shared, &mut motors).unwrap();
     let faults: Vec<_> = fault.iter().map(|fault| fault.parse().unwrap()).collect();
     robot.set_faults(&faults).unwrap();
     simulate(robot, seed, Micros::from_millis(millis)).unwrap()
@@ -31,12 +31,15 @@ fn run_in(world: Description, seed: u64, fault: Option<&str>, millis: u64) -> Re
 const DISARMED: Controls = Controls { right_switch: Switch::Down, ..ARMED };
 
 /// Nothing but the path, from 0.3 s on.
-const PATH: [ScriptLine; 3] =
-    [at(0, "switches down", DISARMED), at(100, "arm", ARMED), at(300, "along the path", ALONG)];
+const PATH: [ScriptLine; 3] = [
+    ScriptLine::new(0, "switches down", DISARMED),
+    ScriptLine::new(100, "arm", ARMED),
+    ScriptLine::new(300, "along the path", ALONG),
+];
 
 /// The robot with another operator.
 fn operated(script: &[ScriptLine]) -> Description {
-    let mut world = simulation::description();
+    let mut world = Robot::description();
     let remote = world.remote.as_mut().unwrap();
     (remote.script, remote.repeats_after) = (script.to_vec(), None);
     world
@@ -81,7 +84,7 @@ fn it_does_what_the_sticks_say() {
     let sample = |name: Name, millis: usize| run.motors[name.index()].samples[millis / 10 - 1];
     #[expect(clippy::cast_possible_truncation, reason = "a speed")]
     let motion = |millis| {
-        let rpm = |name| rc10_motor::rc10_app::Rpm::new(sample(name, millis).rpm as f32);
+        let rpm = |name| rc10::app::Rpm::new(sample(name, millis).rpm as f32);
         omni::table::BASE.geometry.forward(omni::table::BASE.wheels.map(rpm)).twist
     };
     for (millis, [forward, left, turn]) in
@@ -108,8 +111,8 @@ fn it_keeps_its_heading_by_hand() {
     const AHEAD: [ScriptLine; 4] = [
         PATH[0],
         PATH[1],
-        at(300, "ahead", Controls { left: stick(0.0, 1.0), ..ARMED }),
-        at(2300, "stand", ARMED),
+        ScriptLine::new(300, "ahead", Controls { left: stick(0.0, 1.0), ..ARMED }),
+        ScriptLine::new(2300, "stand", ARMED),
     ];
     let mut world = operated(&AHEAD);
     // A worn wheel: of itself, the base turns by 2.4 degrees on 2 m.
@@ -204,8 +207,8 @@ fn sticks_take_over() {
         PATH[0],
         PATH[1],
         PATH[2],
-        at(2000, "sideways", Controls { left: stick(-0.5, 0.0), ..ALONG }),
-        at(3000, "stand", ALONG),
+        ScriptLine::new(2000, "sideways", Controls { left: stick(-0.5, 0.0), ..ALONG }),
+        ScriptLine::new(3000, "stand", ALONG),
     ];
     let run = run_in(operated(&TAKEN), 1, None, 5000);
     assert!(does(&run, 1950, Activity::Following));
@@ -225,8 +228,8 @@ fn the_switch_gives_the_path_up_and_starts_another() {
         PATH[0],
         PATH[1],
         PATH[2],
-        at(2000, "by hand", ARMED),
-        at(3500, "along the path again", ALONG),
+        ScriptLine::new(2000, "by hand", ARMED),
+        ScriptLine::new(3500, "along the path again", ALONG),
     ];
     let run = run_in(operated(&TWICE), 1, None, 10_500);
     assert!(does(&run, 1950, Activity::Following) && does(&run, 2100, Activity::ByHand));

@@ -8,21 +8,13 @@
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "sim")]
-pub mod plant;
-#[cfg(feature = "sim")]
 pub mod simulation;
 pub mod table;
 pub mod task;
 
-pub use table::{Motors, Name};
+pub use table::{Motors, Name, Ports, Robot, Shared};
 
-/// The robot's buses as its tasks see them, and its motors by name.
-pub type Ports = rc10_motor::embassy::Ports<Name, { table::BUSES }>;
-
-/// Everything that its tasks share.
-pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
-
-rc10_tasks::live! {
+rc10::live! {
     /// Where it is by its wheels: signals for a PC.
     pub struct Own {
         signals {
@@ -31,6 +23,5 @@ rc10_tasks::live! {
             heading: "odometry heading", "rad";
             slip: "wheels slip", "m/s";
         }
-        parameters {}
     }
 }

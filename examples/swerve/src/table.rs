@@ -1,32 +1,21 @@
 //! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
-use rc10_app::{
-    Body, Cascade, FeedForward, Gravity, HeadingHoldConfig, PidConfig, Point, RobotFrame, Rpm,
-    RpmPerSecond, Steering, Swerve, TotalAngle, Twist, TwistLimits,
-};
-use rc10_module::remote::Receiver;
-use rc10_motor::Entry;
-use rc10_motor::Place::Bus;
-use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, M3508};
-use rc10_tasks::{ArmingConfig, DrivenSwerve};
+use rc10::app::{Gravity, HeadingHoldConfig, Point, RobotFrame, Steering, Swerve};
+use rc10::prelude::*;
 
-rc10_motor::motors! {
-    /// Names of the motors.
-    pub enum Name;
-    /// The robot's motors: they stand here, and the buses borrow them.
-    pub struct Motors;
-    DriveFrontLeft: Dji = drive("drive front left", 1),
-    DriveFrontRight: Dji = drive("drive front right", 2),
-    DriveRearLeft: Dji = drive("drive rear left", 3),
-    DriveRearRight: Dji = drive("drive rear right", 4),
-    SteerFrontLeft: Dji = steer("steer front left", 1),
-    SteerFrontRight: Dji = steer("steer front right", 2),
-    SteerRearLeft: Dji = steer("steer rear left", 3),
-    SteerRearRight: Dji = steer("steer rear right", 4),
+rc10::robot! {
+    own crate::Own;
+    motors {
+        DriveFrontLeft: Dji = drive(1),
+        DriveFrontRight: Dji = drive(2),
+        DriveRearLeft: Dji = drive(3),
+        DriveRearRight: Dji = drive(4),
+        SteerFrontLeft: Dji = steer(1),
+        SteerFrontRight: Dji = steer(2),
+        SteerRearLeft: Dji = steer(3),
+        SteerRearRight: Dji = steer(4),
+    }
 }
-
-/// The buses that are used, of the three that the board has.
-pub const BUSES: usize = 2;
 
 /// The motors that turn the wheels, in the order of [`BASE`].
 pub const DRIVES: [Name; 4] =
@@ -48,9 +37,9 @@ pub const AHEAD: [TotalAngle; 4] = [
     TotalAngle::from_degrees(98),
 ];
 
-const fn drive(label: &'static str, id: u8) -> Entry<Config> {
+const fn drive(id: u8) -> Entry<Config> {
     let config = Config::new(&M3508, id).with_feed_forward(ROLLING);
-    Entry::new(Bus(1), config).with_label(label).with_jog(Rpm::new(20.0))
+    Entry::new(Bus(1), config).with_jog(Rpm::new(20.0))
 }
 
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
@@ -58,8 +47,8 @@ const fn drive(label: &'static str, id: u8) -> Entry<Config> {
 const ROLLING: FeedForward =
     FeedForward { friction: 0.4, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
-const fn steer(label: &'static str, id: u8) -> Entry<Config> {
-    Entry::new(Bus(2), Config::new(&GM6020_CURRENT, id).with_cascade(STEERING)).with_label(label)
+const fn steer(id: u8) -> Entry<Config> {
+    Entry::new(Bus(2), Config::new(&GM6020_CURRENT, id).with_cascade(STEERING))
 }
 
 /// A fork with its wheel and the rotor are 0.0024 kg m², and a GM6020 makes 0.741 N m/A: stiffer than
@@ -92,12 +81,6 @@ pub const BASE: DrivenSwerve<Name, 4> = DrivenSwerve {
 /// Front left, front right, rear left, rear right.
 const PLACES: [Point<RobotFrame>; 4] =
     [Point::new(0.2, 0.2), Point::new(0.2, -0.2), Point::new(-0.2, 0.2), Point::new(-0.2, -0.2)];
-
-/// The receiver of the remote control.
-pub const RECEIVER: Receiver = Receiver::Dr16;
-
-/// Right switch down disarms, left switch down stops.
-pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
 /// It keeps looking where it looks by its wheels: the robot has no IMU.
 pub const HEADING_HOLD: HeadingHoldConfig =

@@ -4,15 +4,15 @@
 
 use std::ops::Range;
 
-use rc10_cli::judge::path::PathFigures;
-use rc10_cli::recording::Recording;
-use rc10_cli::recording::sample::BaseMeasurement;
-use rc10_cli::run::simulate::simulate;
-use rc10_module::remote::DEAD_BAND;
-use rc10_motor::Link;
-use rc10_time::Micros;
+use rc10::module::remote::DEAD_BAND;
+use rc10::motor::Link;
+use rc10::sim::judge::path::PathFigures;
+use rc10::sim::recording::Recording;
+use rc10::sim::recording::sample::BaseMeasurement;
+use rc10::sim::run::simulate::simulate;
+use rc10::time::Micros;
 use swerve::table::BASE;
-use swerve::{Motors, Ports, Shared, simulation};
+use swerve::{Motors, Ports, Robot, Shared};
 
 /// When a stick is moved in the script, and the motion that it asks for: m/s and rad/s.
 const ASKED: [(usize, [f64; 3]); 6] = [
@@ -27,7 +27,7 @@ const ASKED: [(usize, [f64; 3]); 6] = [
 fn run(seed: u64, fault: Option<&str>, millis: u64) -> Recording {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let mut robot = simulation::robot(&shared, &mut motors).unwrap();
+    let mut robot = rc10::sim::robot_of::<Robot>(&shared, &mut motors).unwrap();
     let faults: Vec<_> = fault.iter().map(|fault| fault.parse().unwrap()).collect();
     robot.set_faults(&faults).unwrap();
     simulate(robot, seed, Micros::from_millis(millis)).unwrap()

@@ -12,19 +12,14 @@
 //! | middle | drive: left stick moves, right stick turns |
 //! | down | emergency stop, whatever the rest says |
 //!
-//! [`rc10_tasks::arming`] says how the robot is armed, and what happens when the remote is lost.
+//! [`rc10::tasks::arming`] says how the robot is armed, and what happens when the remote is lost.
 
-use embassy_time::{Duration, Ticker};
-use rc10_app::angle::shortest_way_degrees;
-use rc10_app::{Rpm, TotalAngle, Twist};
-use rc10_module::remote::{Remote, Switch};
-use rc10_motor::ArmState;
-use rc10_tasks::{Arming, Drive as _};
-use rc10_time::Micros;
+use rc10::app::angle::shortest_way_degrees;
+use rc10::prelude::*;
 
-use crate::robot::{BaseCommand, Goal, MechanismCommand, Shared};
+use crate::robot::{BaseCommand, Goal, MechanismCommand};
 use crate::table::{
-    ARMING, BASE, FEEDER, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP, Name,
+    BASE, FEEDER, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP, Name, Robot, Shared,
 };
 
 /// Period of the driver task.
@@ -32,16 +27,15 @@ pub const PERIOD: Micros = Micros::from_millis(10);
 
 /// The driver's task.
 pub async fn run(shared: &Shared<'_>) -> ! {
-    let (mut arming, mut driver) = (Arming::new(ARMING), Driver::new());
-    let mut ticker = Ticker::every(Duration::from_micros(PERIOD.get()));
+    let (mut arming, mut driver) = (Arming::of::<Robot>(), Driver::new());
+    let mut every = Every::new(PERIOD);
     loop {
-        ticker.next().await;
+        let now = every.next().await.now;
         let before = shared.switch.state();
         let Some(motion) = driver.step(shared.obey(&mut arming)) else { continue };
-        let now = rc10_message::now();
         if before == ArmState::Disarmed {
             let angle = |motor| shared.motor(motor).status().feedback.total_angle;
-            driver.begin([angle(Name::Yaw), angle(Name::Pitch)], lift_height(shared));
+            driver.begin([angle(Name::GimbalYaw), angle(Name::GimbalPitch)], lift_height(shared));
         }
         shared.own.motion.set(motion, now);
         shared.own.mechanisms.set(driver.mechanisms, now);
@@ -149,7 +143,7 @@ const HOME: MechanismCommand = MechanismCommand {
 
 #[cfg(test)]
 mod tests {
-    use rc10_module::remote::Stick;
+    use rc10::module::remote::Stick;
 
     use super::*;
 

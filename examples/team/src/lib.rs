@@ -7,7 +7,6 @@
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: turns the remote control into commands for base and mechanisms, and handles its loss.
 //! * `simulation`: the robot for the tools on a PC, with an operator's script.
-//! * [`imu`]: what the IMU on its serial port says.
 //!
 //! Each task is an `async fn run(shared: &Shared<'_>) -> !`. The chip's executor or a simulated world polls
 //! it.
@@ -16,7 +15,6 @@
 
 pub mod chassis;
 pub mod driver;
-pub mod imu;
 pub mod mechanisms;
 #[cfg(feature = "sim")]
 mod operator;
@@ -25,7 +23,5 @@ mod robot;
 pub mod simulation;
 pub mod table;
 
-pub use robot::{BaseCommand, Goal, MechanismCommand, Own, Ports, Shared};
-#[cfg(feature = "sim")]
-pub use simulation::{description, main, robot, robot_of};
-pub use table::{Motors, Name};
+pub use robot::{BaseCommand, Goal, MechanismCommand, Own};
+pub use table::{Motors, Name, Ports, Robot, Shared};

@@ -1,15 +1,12 @@
 //! The mechanisms task: gimbal, feeder and lift. Gimbal and lift follow profiles, so that they arrive
 //! without a swing, and know in advance what effort that takes.
 
-use rc10_app::{
-    AngleProfile, AngleSetpoint, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
-};
-use rc10_message::{Overrun, Statistics, periodic};
-use rc10_motor::{ArmState, Link, Request, Target};
-use rc10_time::Micros;
+use rc10::app::{AngleProfile, AngleSetpoint, ProfileLimits};
+use rc10::motor::Link;
+use rc10::prelude::*;
 
-use crate::robot::{Goal, Shared};
-use crate::table::{FEEDER, GIMBAL_LIMITS, LIFT, LIFT_LIMITS, Name};
+use crate::robot::Goal;
+use crate::table::{FEEDER, GIMBAL_LIMITS, LIFT, LIFT_LIMITS, Name, Shared};
 
 /// Period of the mechanisms' task.
 pub const PERIOD: Micros = Micros::from_millis(10);
@@ -22,8 +19,9 @@ pub async fn run(shared: &Shared<'_>) -> ! {
     // does not move before it has one: of an armed robot it holds, and nothing was asked of it.
     let mut zeroed = [false; LIFT.len()];
     let (mut yaw, mut pitch, mut lift) = (None, None, None);
-    let timing = Statistics::new();
-    periodic(PERIOD, Overrun::Skip, &timing, async |tick| {
+    let mut every = Every::new(PERIOD);
+    loop {
+        let tick = every.next().await;
         for (motor, zeroed) in LIFT.into_iter().zip(&mut zeroed) {
             if *zeroed {
                 continue;
@@ -35,11 +33,11 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         shared.own.tilt.set(tilt(shared).unwrap_or(f32::NAN));
         let Some(wish) = shared.own.mechanisms.newer_than(OLDEST_COMMAND, tick.now) else {
             (yaw, pitch, lift) = (None, None, None);
-            return;
+            continue;
         };
-        let dt = Seconds::from_micros(tick.since_last.get());
+        let dt = tick.dt;
         for (motor, profile, target) in
-            [(Name::Yaw, &mut yaw, wish.yaw), (Name::Pitch, &mut pitch, wish.pitch)]
+            [(Name::GimbalYaw, &mut yaw, wish.yaw), (Name::GimbalPitch, &mut pitch, wish.pitch)]
         {
             let setpoint = follow(profile, shared, &[motor], &GIMBAL_LIMITS, target, dt);
             shared.command(motor, Target::Motion(setpoint.into()));
@@ -53,8 +51,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
                 shared.command(motor, Target::Motion(setpoint.into()));
             }
         }
-    })
-    .await
+    }
 }
 
 /// The setpoint of motors that move together, on their way to a target. The way begins where they

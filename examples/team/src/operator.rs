@@ -1,11 +1,8 @@
 //! The script of the team's remote: ten seconds that show everything. Controls:
 //! `crate::driver`.
 
-use rc10_cli::robot::remote::ScriptLine;
-use rc10_sim::remote::{Controls, Stick, Switch};
-use rc10_time::Micros;
-
 use crate::table::{BASE, FEEDER, GIMBAL_RATES, LIFT_RATE};
+use rc10::sim::prelude::*;
 
 /// Period of the script.
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);

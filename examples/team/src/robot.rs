@@ -1,16 +1,12 @@
-use rc10_app::{FieldFrame, Rpm, TotalAngle, Twist};
-use rc10_message::{Latest, Statistics};
-use rc10_tasks::Common;
+use rc10::app::FieldFrame;
+use rc10::join::join3;
+use rc10::message::Statistics;
+use rc10::prelude::*;
 
-use crate::table::{BUSES, FEEDER, Name};
+use crate::table::{FEEDER, Robot, Shared};
+use crate::{chassis, driver, mechanisms};
 
-/// The robot's buses as its tasks see them, and its motors by name.
-pub type Ports = rc10_motor::embassy::Ports<Name, BUSES>;
-
-/// Everything that the tasks share.
-pub type Shared<'p> = Common<'p, Name, BUSES, 0, Own>;
-
-rc10_tasks::live! {
+rc10::live! {
     /// Signals and parameters for a PC beside the motors' own, and the commands of its tasks.
     pub struct Own {
         signals {
@@ -28,6 +24,16 @@ rc10_tasks::live! {
             /// Timing of the chassis task.
             chassis_timing: Statistics;
         }
+    }
+}
+
+impl Program for Robot {
+    // What a USB adapter for it must be able to.
+    const CONSOLE: u32 = 2_000_000;
+
+    /// The driver comes last: motors start a tick after arming.
+    async fn run(shared: &Shared<'_>) -> ! {
+        join3(chassis::run(shared), mechanisms::run(shared), driver::run(shared)).await.0
     }
 }
 

@@ -1,38 +1,31 @@
 //! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
-use rc10_app::{
-    Base, Body, Cascade, Degrees, FeedForward, Gravity, PidConfig, ProfileLimits, Rpm, Twist,
-    TwistLimits,
-};
-use rc10_module::remote::Receiver;
-use rc10_motor::Place::Bus;
-use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
-use rc10_motor::rc10_app::Direction;
-use rc10_motor::{Entry, Safety};
-use rc10_tasks::{ArmingConfig, DrivenBase};
+use rc10::app::{Gravity, ProfileLimits};
+use rc10::prelude::*;
 
-rc10_motor::motors! {
-    /// Names of the motors.
-    pub enum Name;
-    /// The robot's motors: they stand here, and the buses borrow them.
-    pub struct Motors;
-    FrontLeft: Dji = wheel("wheel front left", Config::new(&M3508, 1)),
-    FrontRight: Dji = wheel("wheel front right", mirrored(2)),
-    RearLeft: Dji = wheel("wheel rear left", Config::new(&M3508, 3)),
-    RearRight: Dji = wheel("wheel rear right", mirrored(4)),
-    Yaw: Dji = Entry::new(Bus(2), YAW).with_label("gimbal yaw"),
-    Pitch: Dji = Entry::new(Bus(2), PITCH).with_label("gimbal pitch"),
-    Feeder: Dji = Entry::new(Bus(2), Config::new(&M2006, 3)),
-    LiftFrontLeft: Dji = lift("lift front left", Config::new(&M3508, 1)),
-    LiftFrontRight: Dji = lift("lift front right", mirrored(2)),
-    LiftRearLeft: Dji = lift("lift rear left", Config::new(&M3508, 3)),
-    LiftRearRight: Dji = lift("lift rear right", mirrored(4)),
+rc10::robot! {
+    own crate::Own;
+    imu wit;
+    strip LEDS, brightness LED_BRIGHTNESS;
+    motors {
+        WheelFrontLeft: Dji = wheel(Config::new(&M3508, 1)),
+        WheelFrontRight: Dji = wheel(mirrored(2)),
+        WheelRearLeft: Dji = wheel(Config::new(&M3508, 3)),
+        WheelRearRight: Dji = wheel(mirrored(4)),
+        GimbalYaw: Dji = Entry::new(Bus(2), YAW),
+        GimbalPitch: Dji = Entry::new(Bus(2), PITCH),
+        Feeder: Dji = Entry::new(Bus(2), Config::new(&M2006, 3)),
+        LiftFrontLeft: Dji = lift(Config::new(&M3508, 1)),
+        LiftFrontRight: Dji = lift(mirrored(2)),
+        LiftRearLeft: Dji = lift(Config::new(&M3508, 3)),
+        LiftRearRight: Dji = lift(mirrored(4)),
+    }
 }
 
 /// On blocks, a PC may turn it: to see which one it is, and which way it turns.
-const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
+const fn wheel(config: Config) -> Entry<Config> {
     let cascade = Cascade { feed_forward: ROLLING, ..LOADED };
-    Entry::new(Bus(1), config.with_cascade(cascade)).with_label(label).with_jog(Rpm::new(20.0))
+    Entry::new(Bus(1), config.with_cascade(cascade)).with_jog(Rpm::new(20.0))
 }
 
 /// An M3508's loops with an integral that is firmer than a bare motor's: it also learns the load.
@@ -49,9 +42,9 @@ const fn mirrored(id: u8) -> Config {
 }
 
 /// A lift that coasts falls.
-const fn lift(label: &'static str, config: Config) -> Entry<Config> {
+const fn lift(config: Config) -> Entry<Config> {
     let cascade = Cascade { feed_forward: LIFTING, ..LOADED };
-    Entry::new(Bus(3), config.with_cascade(cascade)).with_label(label).with_safety(Safety::HOLD)
+    Entry::new(Bus(3), config.with_cascade(cascade)).with_safety(Safety::HOLD)
 }
 
 /// The current that a shaft of the lift takes, in A: 1 N m of weight and 0.0137 kg m², by an
@@ -89,9 +82,6 @@ const PITCH: Config = Config::new(&GM6020_VOLTAGE, 2).with_cascade(Cascade {
     ..GM6020_VOLTAGE.cascade
 });
 
-/// The buses of the board.
-pub const BUSES: usize = 3;
-
 /// The lift's motors.
 pub const LIFT: [Name; 4] =
     [Name::LiftFrontLeft, Name::LiftFrontRight, Name::LiftRearLeft, Name::LiftRearRight];
@@ -99,7 +89,12 @@ pub const LIFT: [Name; 4] =
 /// The base: wheels of 76 mm radius, 400 mm by 440 mm apart, in the order of [`Base::mecanum`]. They stay
 /// below the 480 rpm that an M3508 reaches unloaded.
 pub const BASE: DrivenBase<Name, 4> = DrivenBase {
-    wheels: [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight],
+    wheels: [
+        Name::WheelFrontLeft,
+        Name::WheelFrontRight,
+        Name::WheelRearLeft,
+        Name::WheelRearRight,
+    ],
     geometry: Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0)),
     // With everything on it.
     body: Body { mass: 20.0, yaw_inertia: 1.2 },
@@ -109,16 +104,6 @@ pub const BASE: DrivenBase<Name, 4> = DrivenBase {
     // m/s and rad/s.
     full_stick: Twist::new(2.0, 2.0, 6.0),
 };
-
-/// The receiver of the remote control that is plugged in.
-pub const RECEIVER: Receiver = Receiver::Dr16;
-
-/// The switches that arm, disarm and stop. Other positions of both have a meaning of their own in
-/// [`driver`](crate::driver): change it together with this, and the simulated operator's script.
-pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
-
-/// Bits a second of the console: what a USB adapter for it must be able to.
-pub const CONSOLE: u32 = 2_000_000;
 
 /// LEDs of the strip that shows how the robot is.
 pub const LEDS: usize = 8;

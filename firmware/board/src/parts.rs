@@ -67,14 +67,14 @@ macro_rules! start_pulses {
 #[macro_export]
 macro_rules! motor_lines {
     (
-        ($shared:ident) $imu:tt $strip:tt ($($line:ident $baud:expr, $reply:expr;)*)
-        $serials:tt $contacts:tt
+        ($shared:ident) $imu:tt $strip:tt ($($line:ident)*) $serials:tt $contacts:tt
     ) => {{
         use $crate::rc10_motor::unitree::Rs485Bus;
         let lines: [&'static mut Rs485Bus<'static>; _] = [$({
             static LINE: $crate::static_cell::StaticCell<Rs485Bus<'static>> =
                 $crate::static_cell::StaticCell::new();
-            LINE.init(Rs485Bus::new(&$shared.switch).with_reply_timeout($reply)?)
+            let part = const { $crate::robot::line_part::<Robot>($crate::rc10_tasks::uart!($line)) };
+            LINE.init(Rs485Bus::new(&$shared.switch).with_reply_timeout(part.reply)?)
         }),*];
         lines
     }};
@@ -86,8 +86,7 @@ macro_rules! motor_lines {
 macro_rules! start_lines {
     ($args:tt $imu:tt $strip:tt () $serials:tt $contacts:tt) => {};
     (
-        ($shared:ident, $lines:ident, $board:ident) $imu:tt $strip:tt
-        ($($line:ident $baud:expr, $reply:expr;)+)
+        ($shared:ident, $lines:ident, $board:ident) $imu:tt $strip:tt ($($line:ident)+)
         $serials:tt $contacts:tt
     ) => {
         $crate::executor! {
@@ -96,7 +95,11 @@ macro_rules! start_lines {
         }
         interrupt::UART8.set_priority(Priority::P7);
         let control = LINE_CONTROL.start(interrupt::UART8);
-        let uarts = [$($crate::start_serial!($board, $line, $baud)?),+];
+        let uarts = [$($crate::start_serial!(
+            $board,
+            $line,
+            $crate::robot::line_part::<Robot>($crate::rc10_tasks::uart!($line)).baud
+        )?),+];
         for ((uart, line), port) in uarts.into_iter().zip($lines).zip($shared.ports.lines) {
             control.spawn($crate::robot::line(uart, line, port)?);
         }
@@ -108,13 +111,16 @@ macro_rules! start_lines {
 #[macro_export]
 macro_rules! start_parts {
     (
-        ($shared:ident, $spawner:ident, $board:ident) ($($imu:ident)?)
-        ($($leds:expr, $brightness:expr)?) $lines:tt
-        ($($serial:ident $baud:expr;)*) ($($input:ident)*)
+        ($shared:ident, $spawner:ident, $board:ident) ($($imu:ident)?) [$($leds:tt)*] $lines:tt
+        ($($serial:ident)*) ($($input:ident)*)
     ) => {
         $($crate::start_imu!($shared, $spawner, $board, $imu);)?
-        $($crate::start_strip!($shared, $spawner, $board, $leds, $brightness);)?
-        let serials: [Serial; _] = [$($crate::start_serial!($board, $serial, $baud)?),*];
+        $crate::start_strip!($shared, $spawner, $board, $($leds)*);
+        let serials: [Serial; _] = [$($crate::start_serial!(
+            $board,
+            $serial,
+            $crate::robot::baud::<Robot>($crate::rc10_tasks::uart!($serial))
+        )?),*];
         let contacts: [Input<'static>; _] = [$($crate::input!($board, $input)),*];
         if SERIALS + CONTACTS > 0 {
             $spawner.spawn(parts($shared, serials, contacts)?);
@@ -150,17 +156,19 @@ macro_rules! start_imu {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! start_strip {
-    ($shared:ident, $spawner:ident, $board:ident, $leds:expr, $brightness:expr) => {
+    ($shared:ident, $spawner:ident, $board:ident,) => {};
+    ($shared:ident, $spawner:ident, $board:ident, $($any:tt)+) => {
+        const STRIP: (usize, u8) = $crate::robot::strip::<Robot>();
         use $crate::rc10_bsp::pulse_output::{self, PulseOutput};
         $crate::embassy_stm32::bind_interrupts!(struct OfStrip {
             DMA1_STREAM7 => pulse_output::Interrupt<$crate::embassy_stm32::peripherals::DMA1_CH7>;
         });
         #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
         async fn show(shared: &'static Shared<'static>, output: PulseOutput) {
-            $crate::robot::show::<_, { $leds }>(shared, output, $brightness).await;
+            $crate::robot::show::<_, { STRIP.0 }>(shared, output, STRIP.1).await;
         }
         let $crate::board::StripParts { timer, pin, stream } = $board.strip;
-        let buffer = $crate::rc10_bsp::dma_buffer!(u32; $crate::robot::pulses($leds));
+        let buffer = $crate::rc10_bsp::dma_buffer!(u32; $crate::robot::pulses(STRIP.0));
         let period = $crate::robot::WS2812.period;
         let output =
             PulseOutput::start(timer, pin, stream, OfStrip, period, buffer, Priority::P7);
@@ -173,7 +181,7 @@ macro_rules! start_strip {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! start_strip {
-    ($shared:ident, $spawner:ident, $board:ident, $leds:expr, $brightness:expr) => {};
+    ($shared:ident, $spawner:ident, $board:ident, $($any:tt)*) => {};
 }
 
 /// An input of the board for a switch to ground, with a pull-up.

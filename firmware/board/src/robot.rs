@@ -33,6 +33,7 @@ use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, MotorBus, Names, SetupError, TxBatch, Unfit};
 use rc10_tasks::live::{self, Link, Live};
+use rc10_tasks::program::{Declared, LinePart};
 use rc10_tasks::{Common, TickWatch, status, status_led};
 use static_cell::StaticCell;
 
@@ -229,6 +230,41 @@ pub fn run<const BUSES: usize>(
         let (motors, shared) = others.next().expect("as many as ports");
         runner(port, motors, shared)
     }))
+}
+
+/// The declared line on a UART.
+#[must_use]
+pub const fn line_part<P: Declared>(uart: u8) -> LinePart {
+    let mut at = 0;
+    while at < P::RS485.len() {
+        if P::RS485[at].uart == uart {
+            return P::RS485[at];
+        }
+        at += 1;
+    }
+    panic!("no such line is declared")
+}
+
+/// The declared rate of the part on a UART.
+#[must_use]
+pub const fn baud<P: Declared>(uart: u8) -> u32 {
+    let mut at = 0;
+    while at < P::SERIALS.len() {
+        if P::SERIALS[at].uart == uart {
+            return P::SERIALS[at].baud;
+        }
+        at += 1;
+    }
+    panic!("no such part is declared")
+}
+
+/// LEDs and brightness of the declared strip.
+#[must_use]
+pub const fn strip<P: Declared>() -> (usize, u8) {
+    match P::STRIP {
+        Some(strip) => strip,
+        None => panic!("no strip is declared"),
+    }
 }
 
 /// Shows the state of the robot on a strip of WS2812.

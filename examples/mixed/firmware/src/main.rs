@@ -4,13 +4,4 @@
 #![no_std]
 #![no_main]
 
-use defmt_rtt as _;
-use mixed::{table::REPLY, task};
-
-rc10_board::robot! {
-    robot: mixed;
-    buses: two_buses(bus_1, bus_2);
-    line: rs485 at 4_000_000, replies in REPLY;
-    console: 921_600;
-    tasks: |shared| task::run(shared);
-}
+rc10_board::program!(mixed);

@@ -2,12 +2,4 @@
 #![no_std]
 #![no_main]
 
-use defmt_rtt as _;
-use swerve::task;
-
-rc10_board::robot! {
-    robot: swerve;
-    buses: two_buses(bus_1, bus_2);
-    console: 921_600;
-    tasks: |shared| task::run(shared);
-}
+rc10_board::program!(swerve);

@@ -78,7 +78,7 @@ impl<'r> Robot<'r> {
     ) -> Result<Self> {
         let (ports, switch) = (shared.ports, &shared.switch);
         let mut buses: Vec<_> = ports.buses.iter().map(|_| MotorBus::new(switch)).collect();
-        let lines = P::REPLIES.iter().map(|reply| Rs485Bus::new(switch).with_reply_timeout(*reply));
+        let lines = P::RS485.iter().map(|line| Rs485Bus::new(switch).with_reply_timeout(line.reply));
         let mut lines: Vec<_> = lines.collect::<Result<_, _>>()?;
         let on_lines: &mut [_] = &mut lines.iter_mut().collect::<Vec<_>>();
         P::attach(motors, &mut buses.iter_mut().collect::<Vec<_>>(), on_lines)?;

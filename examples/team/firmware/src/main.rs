@@ -1,0 +1,5 @@
+//! The team's robot on the chip.
+#![no_std]
+#![no_main]
+
+rc10_board::program!(team);
