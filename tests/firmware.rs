@@ -86,7 +86,7 @@ fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
     let ports = team::Ports::new();
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
     let file = match setup.board {
         Some(Board::DM_MC02) => &program("rc10-firmware-dm-mc02"),
         _ => firmware(),
@@ -244,8 +244,8 @@ fn feedback_waits(faults: &[&str]) -> u64 {
     let mut all = 0;
     // Identifiers of feedback and command, the place in the command, and a fast rotor, rpm.
     let motors = [
-        (Name::FrontLeft, 0x201, 0x200, 0, 9000_i16),
-        (Name::Yaw, 0x205, 0x1FE, 0, 400),
+        (Name::WheelFrontLeft, 0x201, 0x200, 0, 9000_i16),
+        (Name::GimbalYaw, 0x205, 0x1FE, 0, 400),
         (Name::LiftFrontLeft, 0x201, 0x200, 0, 9000),
     ];
     run(&setup(faults), |emulation| {
@@ -877,12 +877,12 @@ fn onset(rpm: &[f64]) -> usize {
 fn the_chip_drives_as_the_simulator_does() {
     // The operator: forward from 200 ms on, to the left from 1100 ms on.
     let end = 1050_u64;
-    let wheel = Name::FrontLeft as usize;
+    let wheel = Name::WheelFrontLeft as usize;
     let simulated: Vec<(f64, f64)> = {
         let ports = team::Ports::new();
         let shared = Shared::new(&ports);
         let mut motors = Motors::new();
-        let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+        let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
         let description = robot.description().clone();
         let mut around = rc10_cli::world::environment::Environment::new(&description, 1).unwrap();
         let mut tasks = robot.tasks(&around).unwrap();
@@ -890,7 +890,7 @@ fn the_chip_drives_as_the_simulator_does() {
             .map(|millisecond| {
                 let until = Micros::from_millis(millisecond);
                 around.run(&mut tasks, until);
-                let target = match shared.motor(Name::FrontLeft).status().target {
+                let target = match shared.motor(Name::WheelFrontLeft).status().target {
                     rc10_motor::Target::Motion(motion) => f64::from(motion.speed.get()),
                     _ => 0.0,
                 };

@@ -2,16 +2,17 @@
 //! `cargo test --test all following -- --nocapture` prints the figures.
 
 use rc10_app::Twist;
+use rc10_cli::Simulated as _;
 use rc10_cli::recording::{MotorTrack, Recording};
 use rc10_cli::robot::remote::ScriptLine;
 use rc10_cli::run::simulate::simulate;
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{Description, RemoteControl, Robot};
-use rc10_motor::{Names, Started, Target, TargetKind};
+use rc10_motor::{Names, Target, TargetKind};
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::Drive as _;
 use rc10_time::Micros;
-use team::table::{BASE, LIFT, Name, RECEIVER};
+use team::table::{BASE, LIFT, Name};
 
 /// A run with these mistakes; with the operator's own script unless there is another.
 fn run(
@@ -23,12 +24,11 @@ fn run(
     let ports = team::Ports::new();
     let io = &team::Shared::new(&ports);
     let mut motors = team::Motors::new();
-    let buses = motors.start(&io.switch).unwrap().buses;
-    let mut description = team::description();
+    let mut description = team::Robot::description();
     if let Some(script) = script {
-        description.remote = Some(RemoteControl::new(RECEIVER, script, None));
+        description.remote = Some(RemoteControl::of::<team::Robot>(script, None));
     }
-    let mut robot = team::robot_of(description, io, buses);
+    let mut robot = Robot::of::<team::Robot>(description, io, &mut motors).unwrap();
     let mistakes: Vec<_> = mistakes.iter().map(|mistake| mistake.parse().unwrap()).collect();
     robot.set_mistakes(&mistakes).unwrap();
     simulate(robot, seed, Micros::from_millis(millis)).unwrap()
@@ -89,7 +89,8 @@ fn gimbal_lift_and_wheels_follow_though_everything_is_off_by_30_percent() {
     let (mut worst, mut latest) = ([0.0_f64; 4], [0.0_f64; 3]);
     for seed in 0..12 {
         let run = run(&off(seed), None, seed, 10_000);
-        let gimbal = [Name::Yaw, Name::Pitch].map(|it| rms(track(&run, it), TargetKind::Motion));
+        let gimbal =
+            [Name::GimbalYaw, Name::GimbalPitch].map(|it| rms(track(&run, it), TargetKind::Motion));
         let most = |names: [Name; 4], kind| {
             names.into_iter().map(|it| rms(track(&run, it), kind)).fold(0.0, f64::max)
         };
@@ -98,8 +99,8 @@ fn gimbal_lift_and_wheels_follow_though_everything_is_off_by_30_percent() {
         let lift =
             LIFT.map(|it| rms_within(track(&run, it), 1000, 8600)).into_iter().fold(0.0, f64::max);
         let arrivals = [
-            arrival(track(&run, Name::Yaw), 6800, 8050, 1.0),
-            arrival(track(&run, Name::Pitch), 6800, 8050, 1.0),
+            arrival(track(&run, Name::GimbalYaw), 6800, 8050, 1.0),
+            arrival(track(&run, Name::GimbalPitch), 6800, 8050, 1.0),
             arrival(track(&run, LIFT[0]), 7800, 8550, 2.0),
         ];
         println!(
@@ -176,9 +177,9 @@ fn each_wheel_gets_the_effort_of_its_share_of_the_body() {
     let ports = team::Ports::new();
     let shared = &team::Shared::new(&ports);
     let mut motors = team::Motors::new();
-    let started = Started { buses: motors.start(&shared.switch).unwrap().buses, lines: [] };
-    let description = Description { serials: Vec::new(), ..team::description() };
-    let robot = Robot::of(description, started, shared);
+    let buses = motors.start(&shared.switch).unwrap().buses;
+    let description = Description { serials: Vec::new(), ..team::Robot::description() };
+    let robot = Robot::on(description, buses, [], shared);
     let mut around = Environment::new(robot.description(), 1).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     let ahead = 20.0 * 0.076 / 4.0 / 0.3;

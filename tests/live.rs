@@ -76,7 +76,7 @@ fn with_seed(seed: u64, baud: u32, test: impl for<'r> FnOnce(&mut Scene<'r>, &'r
     let ports = Ports::new();
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
     let around = Environment::new(robot.description(), seed).unwrap().with_console(baud);
     let tasks = robot.tasks(&around).unwrap();
     test(&mut Scene { around, tasks, client: Client::new() }, &shared);
@@ -177,7 +177,7 @@ fn two_pcs_that_set_at_once_come_one_after_the_other_and_both_are_told() {
     let ports = Ports::new();
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
     let mut around = Environment::new(robot.description(), 1).unwrap().with_console(BAUD);
     let second = ConsoleLine::new(&mut around.world, BAUD);
     let mut tasks = robot.tasks(&around).unwrap();
@@ -457,7 +457,7 @@ fn found(
     let ports = Ports::new();
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
     let kit = Kit::of(&robot);
     let (mut judge, mut page) = (Judge::new(&kit), Vec::new());
     let folder = Scratch::new(&format!("loops-{seed}-{}", factors.len()));

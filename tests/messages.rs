@@ -65,7 +65,7 @@ async fn call() {
 }
 
 async fn turn_a_wheel(shared: &Shared<'_>) -> Result<(), rc10_motor::TargetError> {
-    let wheel = shared.motor(Name::FrontLeft);
+    let wheel = shared.motor(Name::WheelFrontLeft);
     wheel.command(Target::Speed(Rpm::new(60.0)))?;
     let outcome = wheel.request(Request::ClearFault).await;
     println!("{outcome:?}, and it turns at {}", wheel.status().feedback.speed.get());
@@ -77,7 +77,7 @@ fn the_code_of_the_page_runs() {
     let (ports, ended) = (team::Ports::new(), Cell::new(false));
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);
+    let robot = rc10_cli::robot_of::<team::Robot>(shared, &mut motors).unwrap();
     let mut around = Environment::new(robot.description(), 1).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     tasks.add(async { listen().await.unwrap() });

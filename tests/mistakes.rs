@@ -146,8 +146,7 @@ fn run(mistake: &str, millis: u64) -> Recording {
     let ports = team::Ports::new();
     let shared = &team::Shared::new(&ports);
     let mut motors = team::Motors::new();
-    let buses = motors.start(&shared.switch).unwrap().buses;
-    let mut robot = team::robot(shared, buses);
+    let mut robot = rc10_cli::robot_of::<team::Robot>(shared, &mut motors).unwrap();
     if !mistake.is_empty() {
         robot.set_mistakes(&[mistake.parse().unwrap()]).unwrap();
     }
@@ -195,7 +194,7 @@ fn other_vendors_devices_can_have_another_identifier_too() {
     for label in ["wheel", "wrist", "turret", "flywheel", "leg 2"] {
         let ports = ::mixed::Ports::new();
         let (shared, mut motors) = (::mixed::Shared::new(&ports), ::mixed::Motors::new());
-        let mut robot = ::mixed::simulation::robot(&shared, &mut motors).unwrap();
+        let mut robot = ::rc10_cli::robot_of::<mixed::Robot>(&shared, &mut motors).unwrap();
         robot.set_mistakes(&[format!("id:{label}=9").parse().unwrap()]).unwrap();
         let run = simulate(robot, 1, Micros::from_millis(300)).unwrap();
         for track in &run.motors {

@@ -1,7 +1,7 @@
 //! The robot of many vendors follows its script, on both buses and the line, by what its simulated
 //! shafts really do.
 
-use mixed::{Motors, Ports, Shared, simulation};
+use mixed::{Motors, Ports, Shared};
 use rc10_cli::recording::{MotorTrack, Recording};
 use rc10_cli::run::simulate::simulate;
 use rc10_motor::{DriveMode, Link};
@@ -10,7 +10,7 @@ use rc10_time::Micros;
 fn run(seed: u64) -> Recording {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<mixed::Robot>(&shared, &mut motors).unwrap();
     simulate(robot, seed, Micros::from_millis(10_000)).unwrap()
 }
 

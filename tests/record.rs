@@ -24,22 +24,21 @@ use rc10_time::Micros;
 fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
     let ports = team::Ports::new();
     let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
-    let buses = motors.start(&shared.switch).unwrap().buses;
-    take(team::robot(&shared, buses))
+    take(rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap())
 }
 
 /// Hands the mixed robot over.
 fn of_mixed<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
     let ports = mixed::Ports::new();
     let (shared, mut motors) = (mixed::Shared::new(&ports), mixed::Motors::new());
-    take(mixed::simulation::robot(&shared, &mut motors).unwrap())
+    take(rc10_cli::robot_of::<mixed::Robot>(&shared, &mut motors).unwrap())
 }
 
 /// Hands the robot of `examples/omni` over.
 fn of_omni<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
     let ports = omni::Ports::new();
     let (shared, mut motors) = (omni::Shared::new(&ports), omni::Motors::new());
-    take(omni::simulation::robot(&shared, &mut motors).unwrap())
+    take(rc10_cli::robot_of::<omni::Robot>(&shared, &mut motors).unwrap())
 }
 
 /// A run, written to a record.

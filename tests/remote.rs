@@ -45,8 +45,7 @@ fn scene_with<T>(
     let ports = team::Ports::new();
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
-    let buses = motors.start(&shared.switch).unwrap().buses;
-    let mut robot = team::robot(shared, buses);
+    let mut robot = rc10_cli::robot_of::<team::Robot>(shared, &mut motors).unwrap();
     robot.set_remote(receiver).unwrap();
     let mut around = Environment::new(robot.description(), seed).unwrap();
     around.operator = None;
@@ -126,7 +125,7 @@ fn lose_while_driving<'r>(mut scene: Scene<'r>, moment: Micros) -> Scene<'r> {
     scene.arm_by_hand();
     scene.hands(DRIVE);
     scene.run(millis(800));
-    assert!(scene.rpm(Name::FrontLeft) > 100.0, "{}", scene.rpm(Name::FrontLeft));
+    assert!(scene.rpm(Name::WheelFrontLeft) > 100.0, "{}", scene.rpm(Name::WheelFrontLeft));
     scene.run(moment);
     let _ = scene.last_current();
     scene.transmitter(false);
@@ -153,9 +152,11 @@ fn every_motor_coasts_within_120_ms_of_the_last_good_frame() {
                     assert!(reaction >= millis(75), "{what}");
                     (soonest, latest) = (soonest.min(reaction), latest.max(reaction));
                     assert_eq!(scene.arm(), ArmState::Suspended, "{what}");
-                    for name in
-                        BASE.wheels.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder])
-                    {
+                    for name in BASE.wheels.into_iter().chain([
+                        Name::GimbalYaw,
+                        Name::GimbalPitch,
+                        Name::Feeder,
+                    ]) {
                         assert_eq!(
                             (scene.drive(name), scene.is_driven(name)),
                             (DriveMode::Coast, false)
@@ -190,7 +191,7 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
                 let mut scene = lose_while_driving(scene, Micros::new(moment));
                 scene.run(millis(gap));
                 assert_eq!(scene.arm(), ArmState::Suspended, "{receiver} {gap} ms");
-                let rolling = scene.rpm(Name::FrontLeft);
+                let rolling = scene.rpm(Name::WheelFrontLeft);
                 scene.transmitter(true);
                 let back = scene.now();
                 let mut resumed = None;
@@ -219,7 +220,7 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
                 let resumed = resumed.unwrap().since(back);
                 assert!(resumed <= millis(130), "{receiver} {gap} ms: {resumed}");
                 // It had slowed down, and is as fast as before.
-                let speed = scene.rpm(Name::FrontLeft);
+                let speed = scene.rpm(Name::WheelFrontLeft);
                 assert!(speed > rolling + 10.0 || gap < 200, "{receiver}: {rolling} to {speed}");
                 assert!((speed - 0.6 * full_speed()).abs() < 8.0, "{receiver}: {speed}");
             });
@@ -249,11 +250,11 @@ fn after_a_second_it_is_disarmed_and_only_a_hand_arms_it() {
                 for name in BASE.wheels.into_iter().chain(LIFT) {
                     assert_eq!((scene.drive(name), scene.is_driven(name)), (DriveMode::Off, false));
                 }
-                assert!(scene.rpm(Name::FrontLeft).abs() < 1.0);
+                assert!(scene.rpm(Name::WheelFrontLeft).abs() < 1.0);
                 scene.arm_by_hand();
                 scene.hands(DRIVE);
                 scene.run(millis(800));
-                assert!(scene.rpm(Name::FrontLeft) > 100.0, "{receiver}");
+                assert!(scene.rpm(Name::WheelFrontLeft) > 100.0, "{receiver}");
             });
         }
     }
@@ -298,7 +299,7 @@ fn a_short_gap_has_no_effect() {
                 assert_eq!(scene.arm(), ArmState::Armed, "{receiver}");
                 scene.transmitter(false);
             }
-            assert!(scene.rpm(Name::FrontLeft) > 100.0);
+            assert!(scene.rpm(Name::WheelFrontLeft) > 100.0);
         });
     }
 }
@@ -324,7 +325,7 @@ fn after_every_fault_of_the_line_the_next_frame_arrives() {
                 }
                 // The last one hits a frame that is still to come.
                 scene.run(millis(30));
-                assert!(scene.rpm(Name::FrontLeft) > 100.0);
+                assert!(scene.rpm(Name::WheelFrontLeft) > 100.0);
                 // The last fault waits for a byte.
                 scene.run(millis(30));
                 let SerialCounters { overrun, injected, .. } = wire.counters();
@@ -350,7 +351,7 @@ fn every_receiver_drives_the_script() {
             let ports = team::Ports::new();
             let shared = &Shared::new(&ports);
             let mut motors = Motors::new();
-            let mut robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);
+            let mut robot = rc10_cli::robot_of::<team::Robot>(shared, &mut motors).unwrap();
             robot.set_remote(receiver).unwrap();
             simulate(robot, seed, millis(4_400)).unwrap()
         };
@@ -425,11 +426,11 @@ fn wheels_begin_at_rest_whatever_was_wished_for_while_disarmed() {
         assert_eq!(scene.arm(), ArmState::Disarmed);
         scene.shared.switch.arm().unwrap();
         wish(&mut scene, 8);
-        let target = scene.shared.motor(Name::FrontLeft).status().target;
+        let target = scene.shared.motor(Name::WheelFrontLeft).status().target;
         let Target::Motion(first) = target else { panic!("{target:?}") };
         assert!(first.speed.get() < 20.0, "{first:?}");
         wish(&mut scene, 1000);
-        let target = scene.shared.motor(Name::FrontLeft).status().target;
+        let target = scene.shared.motor(Name::WheelFrontLeft).status().target;
         let Target::Motion(last) = target else { panic!("{target:?}") };
         assert!(last.speed.get() > 100.0, "{last:?}");
     });

@@ -60,9 +60,9 @@ fn the_robot_does_what_its_script_says() {
     let ports = team::Ports::new();
     let io = &team::Shared::new(&ports);
     let mut motors = team::Motors::new();
-    let buses = motors.start(&io.switch).unwrap().buses;
     let length = rc10_time::Micros::from_millis(10_000);
-    let recording = simulate(team::robot(io, buses), 3, length).unwrap();
+    let recording =
+        simulate(rc10_cli::robot_of::<team::Robot>(io, &mut motors).unwrap(), 3, length).unwrap();
     let path = recording.base.unwrap().path;
     let sample = |millis: usize| millis / 10 - 1;
     let at = |millis| path[sample(millis)];
@@ -80,15 +80,15 @@ fn the_robot_does_what_its_script_says() {
         let motor = &recording.motors[name as usize];
         motor.samples[sample(millis)].measured
     };
-    assert!(measured(Name::Yaw, 5600) < 140.0 && measured(Name::Yaw, 6400) > 220.0);
+    assert!(measured(Name::GimbalYaw, 5600) < 140.0 && measured(Name::GimbalYaw, 6400) > 220.0);
     assert!((measured(Name::Feeder, 6500) - 180.0).abs() < 5.0);
     // It follows a moving goal from behind.
     assert!((measured(Name::LiftRearRight, 8500) - 720.0).abs() < 5.0);
     // During the stop the lift holds and everything else coasts; then they run again.
     let drive = |name: Name, millis| recording.motors[name as usize].samples[sample(millis)].drive;
     assert_eq!(drive(Name::LiftFrontLeft, 9000), DriveMode::Hold);
-    assert_eq!(drive(Name::FrontLeft, 9000), DriveMode::Coast);
-    assert_eq!(drive(Name::FrontLeft, 9500), DriveMode::Run);
+    assert_eq!(drive(Name::WheelFrontLeft, 9000), DriveMode::Coast);
+    assert_eq!(drive(Name::WheelFrontLeft, 9500), DriveMode::Run);
     assert!((measured(Name::LiftFrontLeft, 9000) - 720.0).abs() < 5.0);
 }
 
@@ -293,7 +293,7 @@ fn faults_of_parts_have_their_effects_and_no_others() {
         let ports = team::Ports::new();
         let io = &team::Shared::new(&ports);
         let mut motors = team::Motors::new();
-        let mut robot = team::robot(io, motors.start(&io.switch).unwrap().buses);
+        let mut robot = rc10_cli::robot_of::<team::Robot>(io, &mut motors).unwrap();
         let faults = [fault.parse().unwrap()];
         robot.set_faults(&faults).unwrap();
         let mut recording = simulate(robot, 1, rc10_time::Micros::from_millis(3000)).unwrap();

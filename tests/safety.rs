@@ -172,8 +172,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     let ports = team::Ports::new();
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
-    let buses = motors.start(&shared.switch).unwrap().buses;
-    let robot = team::robot(shared, buses);
+    let robot = rc10_cli::robot_of::<team::Robot>(shared, &mut motors).unwrap();
     let mut around = Environment::new(robot.description(), 4).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     let stop = Micros::new(7_400_300);
@@ -205,14 +204,14 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     for (now, before) in lift(&around).into_iter().zip(still) {
         assert!((now - before).abs() < 1.5, "{before} to {now}");
     }
-    for name in [Name::FrontLeft, Name::Yaw, Name::LiftRearRight] {
+    for name in [Name::WheelFrontLeft, Name::GimbalYaw, Name::LiftRearRight] {
         let drive = shared.motor(name).status().drive;
         assert_eq!(drive, name.entry().safety.state.mode());
     }
     shared.switch.reset();
     shared.switch.arm().unwrap();
     around.run(&mut tasks, stop + Micros::from_millis(950));
-    assert_eq!(shared.motor(Name::FrontLeft).status().drive, DriveMode::Run);
+    assert_eq!(shared.motor(Name::WheelFrontLeft).status().drive, DriveMode::Run);
 }
 
 /// A gripper pushes against its end stop; then it is stopped. It must let go.

@@ -26,7 +26,7 @@ const BOARDS: [Board; 2] = [
         streams: 14,
     },
 ];
-const ROBOT: &str = include_str!("../firmware/src/main.rs");
+const ROBOT: &str = include_str!("../examples/team/firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
 /// What it calls and may call, and its own words: the parts of its buses and its line.
 const PROGRAM: &str = concat!(

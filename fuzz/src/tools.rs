@@ -42,8 +42,7 @@ fn pieces(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
     let ports = team::Ports::new();
     let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
-    let buses = motors.start(&shared.switch).unwrap().buses;
-    take(team::robot(&shared, buses))
+    take(rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap())
 }
 
 /// The PC's end of a link: sound frames of anything, and noise.

@@ -23,7 +23,10 @@ fn on_board<R>(faults: &[&str], scenario: impl FnOnce(&mut Emulation<'_>) -> R) 
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn it_drives_by_its_own_imu() {
-    let setup = Setup { console: Some(team::table::CONSOLE), ..setup_on(BOARD, &[]) };
+    let setup = Setup {
+        console: Some(<team::Robot as rc10_tasks::Program>::CONSOLE),
+        ..setup_on(BOARD, &[])
+    };
     run(&setup, |emulation| {
         let mut pc = Watched::new(emulation);
         let (heading, _) = pc.client.signals().find(|(_, it)| it.label == "heading").unwrap();

@@ -2,7 +2,8 @@
 //! index.
 
 use lift::table::{FEEDER, HEIGHTS, LIFT};
-use lift::{Motors, Name, Ports, Shared, plant, simulation};
+use lift::{Motors, Name, Ports, Shared, simulation};
+use rc10_cli::Simulated as _;
 use rc10_cli::recording::Recording;
 use rc10_cli::run::emulation::Emulation;
 use rc10_cli::{ContactPart, Robot};
@@ -21,7 +22,7 @@ fn record(length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
 fn record_on(name: &str, length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<lift::Robot>(&shared, &mut motors).unwrap();
     let emulation = Emulation::new(&program(name), robot, &setup(&[])).unwrap();
     let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
     judge(&mut emulation, recording);
@@ -33,7 +34,7 @@ fn heights(emulation: &Emulation<'_>) -> [f64; 2] {
         let degrees = emulation.motors[name.index()].state().load_degrees;
         // The right one is mounted the other way round.
         let up = if name == Name::LiftLeft { degrees } else { -degrees };
-        up - plant::bottom(name)
+        up - simulation::bottom(name)
     })
 }
 
@@ -70,7 +71,7 @@ fn then_it_goes_to_a_height_and_is_level() {
 /// Pieces that the feeder's shaft has fed since a pocket stood at the marker.
 fn pieces(emulation: &Emulation<'_>) -> f64 {
     let turned = emulation.motors[Name::Feeder.index()].state().load_degrees;
-    (turned - plant::INDEX[1]) / 45.0
+    (turned - simulation::INDEX[1]) / 45.0
 }
 
 #[test]
@@ -99,10 +100,10 @@ fn its_feeder_finds_its_index_by_a_pin_and_feeds_from_there() {
 fn more_contacts_than_the_board_has_inputs_are_refused() {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let mut description = simulation::description();
-    description.contacts = vec![ContactPart::new(Name::Feeder, plant::INDEX); 3];
-    let started = motors.start(&shared.switch).unwrap();
-    let robot = Robot::of(description, started, &shared).contacts(|[_, _, _]| async {});
+    let mut description = lift::Robot::description();
+    description.contacts = vec![ContactPart::new(Name::Feeder, simulation::INDEX); 3];
+    let buses = motors.start(&shared.switch).unwrap().buses;
+    let robot = Robot::on(description, buses, [], &shared).parts([0, 3], |_, _| async {});
     let error = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).err().unwrap();
     assert_eq!(error.to_string(), "h723zg has 2 inputs for switches, the robot 3 contacts");
 }

@@ -2,7 +2,7 @@
 //! buses.
 
 use mixed::table::{LEGS as NAMES, REPLY};
-use mixed::{Motors, Ports, Shared, simulation};
+use mixed::{Motors, Ports, Shared};
 use rc10_cli::recording::MotorTrack;
 use rc10_cli::run::emulation::{Emulation, Setup};
 use rc10_emu::peripherals::Width;
@@ -35,7 +35,7 @@ fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
 fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<mixed::Robot>(&shared, &mut motors).unwrap();
     scenario(Emulation::new(&program("mixed-firmware"), robot, setup).unwrap())
 }
 

@@ -1,10 +1,12 @@
 //! The firmware of `examples/omni`: motors of three vendors on three buses, an IMU, a remote control,
 //! and a path.
 
+use rc10_cli::Simulated as _;
+use rc10_cli::robot::remote::ScriptLine;
 use std::fs;
 
-use omni::plant::{ALONG, ARMED, at};
-use omni::{Motors, Name, Ports, Shared, simulation};
+use omni::simulation::{ALONG, ARMED};
+use omni::{Motors, Name, Ports, Shared};
 use rc10_cli::Description;
 use rc10_cli::live::{Answer, BAUD, Losses};
 use rc10_cli::record::{RecordWriter, replay};
@@ -33,7 +35,7 @@ fn record_by(
     length: u64,
     judge: impl FnOnce(&mut Emulation<'_>, Recording),
 ) {
-    record_in(simulation::description(), name, setup, length, judge);
+    record_in(omni::Robot::description(), name, setup, length, judge);
 }
 
 fn record_in(
@@ -45,7 +47,7 @@ fn record_in(
 ) {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot_in(world, &shared, &mut motors).unwrap();
+    let robot = rc10_cli::Robot::of::<omni::Robot>(world, &shared, &mut motors).unwrap();
     let emulation = Emulation::new(&program(name), robot, setup).unwrap();
     let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
     judge(&mut emulation, recording);
@@ -94,10 +96,13 @@ pub(super) fn drives(name: &str, board: Board) {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn it_follows_its_path_and_comes_back() {
     let disarmed = Controls { right_switch: Switch::Down, ..ARMED };
-    let mut world = simulation::description();
+    let mut world = omni::Robot::description();
     let remote = world.remote.as_mut().unwrap();
-    remote.script =
-        vec![at(0, "down", disarmed), at(100, "arm", ARMED), at(200, "along the path", ALONG)];
+    remote.script = vec![
+        ScriptLine::new(0, "down", disarmed),
+        ScriptLine::new(100, "arm", ARMED),
+        ScriptLine::new(200, "along the path", ALONG),
+    ];
     remote.repeats_after = None;
     record_in(world, "omni-firmware", &setup(&[]), 6500, |emulation, recording| {
         is_clean(&emulation.rig, &Figures::of(&emulation.rig));
@@ -120,7 +125,7 @@ fn it_follows_its_path_and_comes_back() {
 fn a_pc_watches_and_tunes_it() {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<omni::Robot>(&shared, &mut motors).unwrap();
     let setup = Setup { console: Some(BAUD), ..setup(&[]) };
     let mut emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
     let mut pc = Watched::new(&mut emulation);
@@ -139,7 +144,7 @@ fn a_pc_watches_and_tunes_it() {
         .unwrap();
     let told = pc.samples.last().unwrap().values.iter().find(|(index, _)| *index == number);
     let told = f64::from(told.unwrap().1);
-    let shaft = pc.emulation.motors[Name::FrontLeft.index()].state().output_rpm;
+    let shaft = pc.emulation.motors[Name::WheelFrontLeft.index()].state().output_rpm;
     let difference = (told.abs() - shaft.abs()).abs();
     assert!(difference < 4.0 && told.abs() > 20.0, "{told} rpm, {shaft} by the shaft");
     let (gain, value) = pc.parameter("wheel front left", "speed_kp");
@@ -161,7 +166,7 @@ fn a_bus_that_is_cut_costs_its_motors_only_and_they_return() {
         assert!(recording.motors.iter().all(|track| track.last.link == Link::Online));
         // Driven before, and again afterwards.
         for millis in [400..500, 800..1000] {
-            assert!(current(&recording, Name::FrontLeft, millis) > 0.1);
+            assert!(current(&recording, Name::WheelFrontLeft, millis) > 0.1);
         }
         let log = log(emulation);
         assert!(log.contains("armed, 3 of 7 motors online;"), "{log}");
@@ -213,7 +218,7 @@ fn its_record_makes_the_same_report() {
     let path = folder.join("run.mcap");
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<omni::Robot>(&shared, &mut motors).unwrap();
     let setup = setup(&["remote-lost@0.6s", "cut:2@0.3s..0.5s"]);
     let emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
     let record = RecordWriter::new(&path, false, &emulation.heading()).unwrap();
@@ -221,7 +226,7 @@ fn its_record_makes_the_same_report() {
     run.faults = setup.faults;
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<omni::Robot>(&shared, &mut motors).unwrap();
     let (again, cut) = replay(&mut fs::File::open(&path).unwrap(), robot).unwrap();
     assert_eq!(cut, None);
     assert!(again.source == Source::Emulation && run.remote.as_ref().unwrap().losses.len() == 1);

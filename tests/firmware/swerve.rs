@@ -6,7 +6,7 @@ use rc10_cli::recording::Recording;
 use rc10_cli::run::emulation::Emulation;
 use rc10_emu::Figures;
 use rc10_time::Micros;
-use swerve::{Motors, Ports, Shared, simulation};
+use swerve::{Motors, Ports, Shared};
 
 use super::{is_clean, keeps_its_period, log, program, setup};
 
@@ -14,7 +14,7 @@ use super::{is_clean, keeps_its_period, log, program, setup};
 fn record(faults: &[&str], length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<swerve::Robot>(&shared, &mut motors).unwrap();
     let emulation = Emulation::new(&program("swerve-firmware"), robot, &setup(faults)).unwrap();
     let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
     judge(&mut emulation, recording);

@@ -1,5 +1,6 @@
 //! What the program does not read, and what it warns of, is told by the command.
 
+use rc10_cli::Simulated as _;
 use std::collections::VecDeque;
 
 use rc10_cli::CommandLine;
@@ -25,7 +26,7 @@ impl SerialDevice for Mute {
 
 /// Exit code and output of `emu --strict` of the team's robot, with these parts on its UARTs.
 fn emulated(name: &str, parts: &[SerialPart]) -> (u8, String) {
-    let mut description = team::description();
+    let mut description = team::Robot::description();
     description.serials = parts.into();
     let scratch = Scratch::new(name);
     let file = std::env::var("RC10_FIRMWARE").unwrap();
@@ -33,8 +34,7 @@ fn emulated(name: &str, parts: &[SerialPart]) -> (u8, String) {
     let line = ["rc10", "emu", "--strict", "--seconds", "1.3", "--out", out, &file];
     let (ports, unread) = (team::Ports::new(), Reception::new());
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let buses = motors.start(&shared.switch).unwrap().buses;
-    let robot = team::robot_of(description, &shared, buses);
+    let robot = rc10_cli::Robot::of::<team::Robot>(description, &shared, &mut motors).unwrap();
     let robot = parts.iter().skip(1).fold(robot, |it, _| it.serial(&unread, async |_| {}));
     let mut text = Vec::new();
     let code = CommandLine::parse(line).unwrap().run_to(robot, &mut text).unwrap();
@@ -44,7 +44,7 @@ fn emulated(name: &str, parts: &[SerialPart]) -> (u8, String) {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_part_that_the_chip_never_reads_is_told() {
-    let [imu] = team::description().serials.try_into().unwrap();
+    let [imu] = team::Robot::description().serials.try_into().unwrap();
     let twin = |world: &mut rc10_sim::World, base: Option<&rc10_sim::Base>| {
         Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base.unwrap(), Nanos::ZERO)))
     };
@@ -56,7 +56,7 @@ fn a_part_that_the_chip_never_reads_is_told() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn an_imu_that_says_nothing_is_told() {
-    let [imu] = team::description().serials.try_into().unwrap();
+    let [imu] = team::Robot::description().serials.try_into().unwrap();
     let twin = |world: &mut rc10_sim::World, _: Option<&rc10_sim::Base>| {
         Ok(world.add_serial(Hwt101::SERIAL, Mute))
     };

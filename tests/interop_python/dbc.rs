@@ -1,5 +1,6 @@
 //! `cantools` loads each DBC file, finds in it what we put there, and decodes frames to our values.
 
+use rc10_cli::Simulated as _;
 use std::fmt::Write;
 use std::fs;
 use std::process::Command;
@@ -22,7 +23,7 @@ fn cantools_decodes_every_frame_to_our_values() {
     let folder = Scratch::new("dbc");
     let mut lines = String::new();
     let mut files = Vec::new();
-    let robots = [("team", team::description()), ("mixed", mixed::simulation::description())];
+    let robots = [("team", team::Robot::description()), ("mixed", mixed::Robot::description())];
     for (robot, description) in &robots {
         for bus in 1..=description.buses {
             files.push((format!("{robot}{bus}"), of_bus(description, bus)));
@@ -53,7 +54,7 @@ fn cantools_decodes_every_frame_to_our_values() {
 /// Every signal of every motor of the robot is in its bus's file, at its place, under its label.
 #[test]
 fn nothing_of_the_robot_is_left_out() {
-    let robot = team::description();
+    let robot = team::Robot::description();
     for bus in 1..=robot.buses {
         let dbc = of_bus(&robot, bus);
         for motor in robot.on_bus(bus) {

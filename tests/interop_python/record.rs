@@ -21,7 +21,7 @@ fn mcap_ros2_reads_every_value_of_a_record() {
     let path = folder.join("run.mcap");
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
     let record = RecordWriter::new(&path, false, &heading(&robot, 4)).unwrap();
     let run = simulate_into(robot, 4, LENGTH, Some(record)).unwrap();
     let printed = must_succeed(Command::new(python).arg(script("read_record.py")).arg(&path));

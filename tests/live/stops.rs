@@ -424,7 +424,7 @@ fn a_jog_that_waited_behind_a_slow_request_turns_nothing() {
     let ports = mixed::Ports::new();
     let shared = mixed::Shared::new(&ports);
     let mut motors = mixed::Motors::new();
-    let robot = mixed::simulation::robot(&shared, &mut motors).unwrap();
+    let robot = rc10_cli::robot_of::<mixed::Robot>(&shared, &mut motors).unwrap();
     let mut around = Environment::new(robot.description(), 1).unwrap().with_console(BAUD);
     around.operator = None;
     let line = around.console.clone().unwrap();

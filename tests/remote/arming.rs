@@ -80,7 +80,7 @@ fn with_arming(
     let hand = rc10_sim::remote::Remote::new();
     let mut world = World::new(seed);
     let port = ReceiverWire::new(receiver, &mut world, &hand).port();
-    let (switch, reception, timing) = (ArmSwitch::new(), Reception::new(), Statistics::new());
+    let (switch, reception) = (ArmSwitch::new(), Reception::new());
     let newest = Latest::<Remote, 1>::new();
     let arming = RefCell::new(Arming::new(config));
     let mut tasks = Tasks::new();

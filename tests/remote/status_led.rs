@@ -43,7 +43,7 @@ fn what_matters_most_is_shown() {
         assert_eq!(scene.status_led(), LampState::Armed);
 
         // A motor without power is a fault, armed or not; a remote that is missing is more.
-        scene.power(Name::Pitch, false);
+        scene.power(Name::GimbalPitch, false);
         scene.run(millis(300));
         assert_eq!((scene.status_led(), scene.arm()), (LampState::Fault, ArmState::Armed));
         scene.transmitter(false);
@@ -60,7 +60,7 @@ fn what_matters_most_is_shown() {
         scene.hands(STOP);
         scene.run(millis(100));
         assert_eq!((scene.status_led(), scene.arm()), (LampState::Stopped, ArmState::EStopped));
-        scene.power(Name::Pitch, true);
+        scene.power(Name::GimbalPitch, true);
         scene.transmitter(false);
         scene.run(millis(2000));
         assert_eq!((scene.status_led(), scene.arm()), (LampState::Stopped, ArmState::EStopped));

@@ -1,11 +1,12 @@
 //! Two weeks without a power cycle: at each moment at which a counter of time begins again two robots do
 //! what they do behind power-on, bit for bit.
 
+use rc10_cli::Simulated as _;
 use std::cell::Cell;
 use std::collections::BTreeSet;
 
 use embassy_time::{Duration, Ticker};
-use mixed::{simulation, table::ARMING, task::SCRIPT};
+use mixed::task::SCRIPT;
 use rc10_app::Rpm;
 use rc10_can::CanFrame;
 use rc10_cli::Robot;
@@ -102,8 +103,8 @@ fn team(start: Micros) -> Vec<Look> {
     let ports = team::Ports::new();
     let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);
-    let robot = robot.task(jog(shared.motor(Name::FrontLeft)));
+    let robot = rc10_cli::robot_of::<team::Robot>(shared, &mut motors).unwrap();
+    let robot = robot.task(jog(shared.motor(Name::WheelFrontLeft)));
     let around = Environment::starting_at(start, robot.description(), 3).unwrap();
     let tasks = robot.tasks(&around).unwrap();
     let motors: Vec<_> = Name::ALL.iter().map(|name| shared.motor(*name)).collect();
@@ -116,7 +117,7 @@ fn vendors(start: Micros) -> Vec<Look> {
     let (shared, mut motors) = (&mixed::Shared::new(&ports), mixed::Motors::new());
     let commands = Cell::new(true);
     let task = async {
-        let mut arming = Arming::new(ARMING);
+        let mut arming = Arming::of::<mixed::Robot>();
         let mut ticker = Ticker::every(Duration::from_millis(10));
         loop {
             ticker.next().await;
@@ -127,8 +128,8 @@ fn vendors(start: Micros) -> Vec<Look> {
             }
         }
     };
-    let started = motors.start(&shared.switch).unwrap();
-    let robot = Robot::of(simulation::description(), started, shared);
+    let rc10_motor::Started { buses, lines } = motors.start(&shared.switch).unwrap();
+    let robot = Robot::on(mixed::Robot::description(), buses, lines, shared);
     let robot = robot.task(jog(shared.motor(mixed::Name::Wheel)));
     let robot = robot.task(task).task(status::run(shared));
     let around = Environment::starting_at(start, robot.description(), 3).unwrap();

@@ -12,7 +12,7 @@ use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, M3508};
 use rc10_motor::embassy::Ports;
-use rc10_motor::{ArmState, Entry, MotorBus, Safety, Started, Target};
+use rc10_motor::{ArmState, Entry, MotorBus, Safety, Target};
 use rc10_sim::Contact;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::{Arming, ArmingConfig, Common};
@@ -103,7 +103,7 @@ const GOOD: Beginner = Beginner {
 };
 
 impl Beginner {
-    async fn work(self, shared: &Common<'_, Name, 1, 0, Own>, contact: Contact) {
+    async fn work(self, shared: &Common<'_, Name, Own>, contact: Contact) {
         let mut arming = Arming::new(ArmingConfig::DEFAULT);
         let mut ticker = Ticker::every(Span::from_millis(10));
         let mut homing = Homing::new();
@@ -167,22 +167,19 @@ impl Beginner {
         let description = Description {
             remote: Some(RemoteControl::new(Receiver::Dr16, script, None)),
             contacts: vec![ContactPart::new(Name::Arm, self.closed)],
+            yaw: Some("heading"),
             ..Description::of(|Name::Arm| Plant {
                 load: -f64::from(WEIGHT),
                 ..Plant::inertia(0.05)
             })
         };
         let ports = Ports::<Name, 1>::new();
-        let shared = Common::<_, 1, 0, Own>::new(&ports);
+        let shared = Common::<_, Own>::new(&ports);
         let mut motor = Dji::new(config(self.weight, self.gain)).unwrap();
         let mut bus = MotorBus::new(&shared.switch);
         bus.attach(&mut motor, Safety::HOLD).unwrap();
-        let started = Started { buses: [bus], lines: [] };
-        let robot = Robot::of(description, started, &shared)
-            .contacts(|[contact]: [Contact; 1]| self.work(&shared, contact))
-            .yaw("heading", |_| {
-                Some(f64::from(shared.own.heading.get())).filter(|it| !it.is_nan())
-            });
+        let robot = Robot::on(description, [bus], [], &shared)
+            .parts([0, 1], |_, mut contacts| self.work(&shared, contacts.remove(0)));
         let folder = Scratch::new(std::thread::current().name().unwrap_or("run"));
         let out = folder.to_str().unwrap();
         let line = ["own", "run", "--strict", "--seconds", "4", "--out", out];

@@ -14,7 +14,7 @@ use rc10_cli::world::robot::Robot;
 use super::*;
 
 /// The packages of the robots.
-const ROBOTS: [&str; 6] = ["rc10", "lift", "mixed", "omni", "starter", "swerve"];
+const ROBOTS: [&str; 6] = ["team", "lift", "mixed", "omni", "starter", "swerve"];
 
 /// Sets a robot up and hands it over.
 fn with_robot<T>(package: &str, work: impl FnOnce(Robot<'_>) -> T) -> T {
@@ -22,7 +22,7 @@ fn with_robot<T>(package: &str, work: impl FnOnce(Robot<'_>) -> T) -> T {
         ($robot:ident) => {{
             let ports = $robot::Ports::new();
             let (shared, mut motors) = ($robot::Shared::new(&ports), $robot::Motors::new());
-            work($robot::simulation::robot(&shared, &mut motors).unwrap())
+            work(rc10_cli::robot_of::<$robot::Robot>(&shared, &mut motors).unwrap())
         }};
     }
     match package {
@@ -31,11 +31,7 @@ fn with_robot<T>(package: &str, work: impl FnOnce(Robot<'_>) -> T) -> T {
         "omni" => shipped!(omni),
         "starter" => shipped!(starter),
         "swerve" => shipped!(swerve),
-        _ => {
-            let ports = team::Ports::new();
-            let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
-            work(team::robot(&shared, motors.start(&shared.switch).unwrap().buses))
-        }
+        _ => shipped!(team),
     }
 }
 
@@ -98,7 +94,7 @@ impl Good {
     }
 }
 
-/// `RC10_HOURS=100 cargo test -p rc10 --test all -- hours --ignored --nocapture`; a part of them
+/// `RC10_HOURS=100 cargo test -p rc10-tool --test all -- hours --ignored --nocapture`; a part of them
 /// by `RC10_HOURS=25..50`.
 #[test]
 #[ignore = "takes hours"]

@@ -1,6 +1,6 @@
 //! The shipped robots, with other gains for one of their motors.
 
-use mixed::simulation;
+use rc10_cli::Simulated as _;
 use rc10_cli::run::simulate::simulate;
 use rc10_cli::world::robot::Robot;
 use rc10_motor::rc10_app::Cascade;
@@ -31,16 +31,20 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             let mut all = motors::<team::Name>(change);
             let mut buses = [(); 3].map(|()| MotorBus::new(&shared.switch));
             attach(&mut all, &mut buses.each_mut(), &mut []);
-            run(team::robot(shared, buses))
+            let robot = Robot::on(team::Robot::description(), buses, [], shared);
+            run(robot.program::<team::Robot>(shared))
         }
         Which::Mixed => {
             let ports = mixed::Ports::new();
             let shared = &mixed::Shared::new(&ports);
             let mut all = motors::<mixed::Name>(change);
-            let mut started = Started::new(&shared.switch);
+            let mut started = Started::<2, 1>::new(&shared.switch);
             let Started { buses, lines } = &mut started;
             attach(&mut all, &mut buses.each_mut(), &mut lines.each_mut());
-            run(simulation::with(shared, started).unwrap())
+            let Started { buses, lines } = started;
+            let lines = lines.map(|line| line.with_reply_timeout(mixed::table::REPLY).unwrap());
+            let world = mixed::Robot::description();
+            run(Robot::on(world, buses, lines, shared).program::<mixed::Robot>(shared))
         }
     }
 }

@@ -11,7 +11,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::cargo::{chip, free, host, root, run as run_command};
-use crate::firmware::{DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
+use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, deny, emulate, floors, golden, scaffold, size};
 
@@ -246,15 +246,10 @@ pub fn run(is_whole: bool) -> Result<()> {
 
 /// The shipped robots drive, and have no problems. They are as the tests have compiled them.
 fn robots() -> Result<()> {
-    // A newcomer's first command names no package.
-    let robots = [
-        ("", "team"),
-        ("--package lift", "lift"),
-        ("--package mixed", "mixed"),
-        ("--package omni", "omni"),
-        ("--package swerve", "swerve"),
-    ];
-    robots.into_iter().try_for_each(|(package, robot)| {
+    firmware::robots()?.iter().try_for_each(|firmware| {
+        let robot = firmware.trim_end_matches("-firmware");
+        // A newcomer's first command names no package.
+        let package = if firmware == TEAM { String::new() } else { format!("--package {robot}") };
         let arguments = format!("run --strict --out target/rc10-{robot}");
         run_command(&mut host(&format!("run {package} -- {arguments}")))
     })

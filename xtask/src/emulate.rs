@@ -13,7 +13,7 @@ use crate::cargo::{host, run as run_command};
 /// If one of them fails.
 pub fn run(program: &Path, names: &[&str]) -> Result<()> {
     let run = |test: &str, which: &str, names: &[&str]| {
-        let test = format!("test --package rc10 --test {test} -- --{which} --show-output");
+        let test = format!("test --package rc10-tool --test {test} -- --{which} --show-output");
         run_command(host(&test).args(names).env("RC10_FIRMWARE", program))
     };
     run("firmware", "include-ignored", names)?;

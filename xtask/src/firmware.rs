@@ -10,13 +10,23 @@ use crate::cargo::{chip, root, run};
 use crate::setup::{TARGET, chip_toolchain};
 
 /// The team's robot.
-pub const TEAM: &str = "rc10-firmware";
-/// The firmware of the examples.
-pub const EXAMPLES: [&str; 5] =
-    ["lift-firmware", "mixed-firmware", "omni-firmware", "starter-firmware", "swerve-firmware"];
+pub const TEAM: &str = "team-firmware";
 /// The board that is not the default one, and the programs that are run on it.
 pub const DM_MC02: &str = "dm-mc02";
 pub const ON_DM_MC02: [&str; 3] = [TEAM, "lift-firmware", "omni-firmware"];
+
+/// The firmware of every robot of the checkout: a folder in `examples` that has one.
+pub fn robots() -> Result<Vec<String>> {
+    let mut robots = Vec::new();
+    for folder in fs::read_dir(root().join("examples")).context("no examples")? {
+        let folder = folder?;
+        if folder.path().join("firmware/Cargo.toml").is_file() {
+            robots.push(format!("{}-firmware", folder.file_name().display()));
+        }
+    }
+    robots.sort();
+    Ok(robots)
+}
 
 /// Builds a program of the workspace `firmware/` for release, for its default board or another one; says where
 /// its ELF file is.
@@ -36,11 +46,8 @@ pub fn build_with(package: &str, board: Option<&str>, rustc: Option<&Path>) -> R
     let features = format!("--no-default-features --features {board}");
     run(&mut chip(&format!("{arguments} {features}"), rustc))?;
     let own = elf(&format!("{package}-{board}"));
-    // The team's robot has a program of its own for each board. Others have one, whose file the next build for
-    // another board replaces.
-    if package != TEAM {
-        fs::copy(&default, &own).with_context(|| format!("cannot copy {}", default.display()))?;
-    }
+    // The next build for another board replaces its file.
+    fs::copy(&default, &own).with_context(|| format!("cannot copy {}", default.display()))?;
     Ok(own)
 }
 
@@ -49,8 +56,8 @@ pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
     for package in ON_DM_MC02 {
         build_with(package, Some(DM_MC02), rustc)?;
     }
-    for package in EXAMPLES.into_iter().chain(["interop", "selftest"]) {
-        build_with(package, None, rustc)?;
+    for package in robots()?.into_iter().chain(["interop", "selftest"].map(str::to_owned)) {
+        build_with(&package, None, rustc)?;
     }
     build_with(TEAM, None, rustc)
 }
@@ -59,7 +66,7 @@ pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
 pub fn flash_nothing(rustc: Option<&Path>) -> Result<()> {
     let nothing = format!("run --release --config target.{TARGET}.runner=\"true\"");
     run(&mut chip(&nothing, rustc))?;
-    let other = format!("--no-default-features --features {DM_MC02} --bin {TEAM}-{DM_MC02}");
+    let other = format!("--no-default-features --features {DM_MC02}");
     run(&mut chip(&format!("{nothing} {other}"), rustc))
 }
 

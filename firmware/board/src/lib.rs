@@ -58,8 +58,8 @@ impl Output {
 
 #[doc(hidden)]
 pub use {
-    cortex_m_rt, embassy_executor, embassy_stm32, embassy_time, rc10_bsp, rc10_message, rc10_motor, rc10_tasks,
-    static_cell,
+    cortex_m_rt, embassy_executor, embassy_stm32, embassy_time, rc10_bsp, rc10_message, rc10_motor,
+    rc10_tasks, static_cell,
 };
 
 use defmt_rtt as _;

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    team::main()
+    rc10_cli::main_of::<team::Robot>()
 }

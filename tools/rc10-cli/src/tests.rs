@@ -1,8 +1,8 @@
 //! The team's robot for unit tests. That crate's own description is made with another build of this one.
 
-use rc10_motor::{MotorBus, Started};
+use rc10_motor::MotorBus;
 use team::Shared;
-use team::table::{BASE, BUSES, Name};
+use team::table::{BASE, Name};
 
 use crate::{Base, Description, Plant, Robot};
 
@@ -11,6 +11,6 @@ pub fn description() -> Description {
     Description { base, ..Description::of(|_: Name| Plant::inertia(0.01)) }
 }
 
-pub fn robot<'r>(shared: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> {
-    Robot::of(description(), Started { buses, lines: [] }, shared)
+pub fn robot<'r>(shared: &'r Shared<'_>, buses: [MotorBus<'r>; 3]) -> Robot<'r> {
+    Robot::on(description(), buses, [], shared)
 }

@@ -171,6 +171,7 @@ mod tests {
     use crate::live::client::Signal;
     use crate::record::topic;
     use crate::recording::problem::Severity;
+    use crate::{Description, Robot};
 
     /// Hands over a judge of the team's robot, and topics with which that tells of its motors' links and
     /// of its arming.
@@ -178,8 +179,9 @@ mod tests {
         let ports = team::Ports::new();
         let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
         let buses = motors.start(&shared.switch).unwrap().buses;
-        let robot = crate::tests::robot(&shared, buses).yaw("heading", |_| None);
-        let crane = Common::<_, 3, 0, Crane>::new(&ports);
+        let world = Description { yaw: Some("heading"), ..crate::tests::description() };
+        let robot = Robot::on(world, buses, [], &shared);
+        let crane = Common::<_, Crane>::new(&ports);
         let kit = Kit::of(&robot.live(&crane));
         let motors = kit.description().motors.iter().map(|motor| motor.label);
         let mut topics: Vec<_> = motors.map(|label| made("motors", label, 1, "link")).collect();

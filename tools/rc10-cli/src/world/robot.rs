@@ -76,42 +76,74 @@ impl<'r> Robot<'r> {
         shared: &'r Common<'_, P::Name, P::Own>,
         motors: &'r mut P::Motors,
     ) -> Result<Self> {
-        let (ports, switch) = (shared.ports, &shared.switch);
-        let mut buses: Vec<_> = ports.buses.iter().map(|_| MotorBus::new(switch)).collect();
-        let lines = P::RS485.iter().map(|line| Rs485Bus::new(switch).with_reply_timeout(line.reply));
+        let switch = &shared.switch;
+        let mut buses: Vec<_> = shared.ports.buses.iter().map(|_| MotorBus::new(switch)).collect();
+        let lines =
+            P::RS485.iter().map(|line| Rs485Bus::new(switch).with_reply_timeout(line.reply));
         let mut lines: Vec<_> = lines.collect::<Result<_, _>>()?;
         let on_lines: &mut [_] = &mut lines.iter_mut().collect::<Vec<_>>();
         P::attach(motors, &mut buses.iter_mut().collect::<Vec<_>>(), on_lines)?;
+        Ok(Self::on(description, buses, lines, shared).program::<P>(shared))
+    }
 
+    /// Creates a robot without tasks on buses and lines that have its motors: with its arm switch, a console for a
+    /// PC and, if a remote is described, the task for its receiver.
+    #[must_use]
+    pub fn on<N: Names>(
+        description: Description,
+        buses: impl IntoIterator<Item = MotorBus<'r>>,
+        lines: impl IntoIterator<Item = Rs485Bus<'r>>,
+        shared: &'r Common<'_, N, impl Live>,
+    ) -> Self {
+        let ports = shared.ports;
         let (has_remote, yaw) = (description.remote.is_some(), description.yaw);
-        let mut robot = Self::new(description).switch(switch).live(shared);
+        let mut robot = Self::new(description).switch(&shared.switch).live(shared);
         robot = zip(buses, ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
         robot = zip(lines, ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
         let signal = |label| robot.ports.signals.iter().find(|signal| signal.label == label);
         if let Some((label, Signal { read, .. })) = yaw.and_then(|it| Some((it, signal(it)?))) {
             robot.ports.yaw = Some((label, Rc::clone(read)));
         }
-        if has_remote {
-            robot = robot.remote(&shared.remote_reception, async |receiver, port| match port {
-                ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
-                ReceiverPort::Pulses(mut port) => {
-                    remote::listen_pulses(shared, async || port.rising_edge().await).await
-                }
-            });
+        if !has_remote {
+            return robot;
         }
+        robot.remote(&shared.remote_reception, async |receiver, port| match port {
+            ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
+            ReceiverPort::Pulses(mut port) => {
+                remote::listen_pulses(shared, async || port.rising_edge().await).await
+            }
+        })
+    }
+
+    /// Adds the tasks of a program.
+    #[must_use]
+    pub fn program<P: Program>(mut self, shared: &'r Common<'_, P::Name, P::Own>) -> Self {
         if P::HAS_IMU {
-            robot = robot.serial(&shared.imu_reception, async |port| {
+            self = self.serial(&shared.imu_reception, async |port| {
                 heading::listen_for(shared, port).await;
             });
         }
         let counts = [P::SERIALS.len(), P::CONTACTS.len()];
-        robot.ports.parts.extend(&shared.receptions[..counts[0]]);
+        self.ports.parts.extend(&shared.receptions[..counts[0]]);
         if counts != [0; 2] {
-            let name = TaskName::of::<P>();
-            let start = move |serials, contacts| boxed(name, P::parts(shared, serials, contacts));
-            robot.parts = Some((counts, Box::new(start)));
+            self = self.parts(counts, |serials, contacts| P::parts(shared, serials, contacts));
         }
-        Ok(robot.task(P::run(shared)).task(status::run(shared)))
+        self.task(P::run(shared)).task(status::run(shared))
+    }
+
+    /// Adds the task of this many serial parts, behind the others, and contacts: it gets their ports and pins in the
+    /// order of the description.
+    #[must_use]
+    #[track_caller]
+    pub fn parts<F: Future + 'r>(
+        mut self,
+        counts: [usize; 2],
+        start: impl FnOnce(Vec<UartPort>, Vec<Contact>) -> F + 'r,
+    ) -> Self {
+        let name = TaskName::of::<F>();
+        let start = move |serials, contacts| boxed(name, start(serials, contacts));
+        self.parts = Some((counts, Box::new(start)));
+        self
     }
 
     /// Adds the next bus, and its port for tasks.
