@@ -5,10 +5,14 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 fn main() {
-    println!("cargo::rerun-if-changed=memory.x");
+    // Of the checkout that this crate is in, wherever the robot is.
+    let memory = "../../memory.x";
+    println!("cargo::rerun-if-changed={memory}");
     println!("cargo::rerun-if-env-changed=DEFMT_LOG");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy("memory.x", out.join("memory.x")).expect("memory.x is there");
+    let map = fs::read_to_string(memory).expect("memory.x is at the top of the checkout");
+    // defmt's part of the linker script: every program with this crate has its log.
+    fs::write(out.join("memory.x"), map + "\nINCLUDE defmt.x\n").expect("OUT_DIR can be written");
     println!("cargo::rustc-link-search={}", out.display());
 
     let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();

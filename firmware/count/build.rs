@@ -5,7 +5,7 @@ use std::{env, fs};
 
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy("../board/memory.x", out.join("memory.x")).expect("../board/memory.x is there");
+    fs::copy("../../memory.x", out.join("memory.x")).expect("../../memory.x is there");
     println!("cargo:rustc-link-search={}", out.display());
-    println!("cargo:rerun-if-changed=../board/memory.x");
+    println!("cargo:rerun-if-changed=../../memory.x");
 }

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::cargo::{chip, free, host, root, run as run_command};
 use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
-use crate::{count, deny, emulate, floors, golden, scaffold, size};
+use crate::{count, deny, emulate, floors, golden, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
@@ -210,7 +210,6 @@ pub fn run(is_whole: bool) -> Result<()> {
     report.rare("two wheels", || two_wheels().into());
     report.rare("new robot", || new_robot(rustc.is_ok()).into());
     report.rare("package", || package().into());
-    report.rare("scaffold", || scaffold::run().into());
     report.step("docs", || {
         run_command(
             host("doc --workspace --exclude viewers --no-deps").env("RUSTDOCFLAGS", "-Dwarnings"),

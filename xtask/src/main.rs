@@ -11,7 +11,6 @@ mod first;
 mod floors;
 mod fuzz;
 mod golden;
-mod scaffold;
 mod setup;
 mod size;
 
@@ -32,7 +31,6 @@ cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools,
 cargo xtask first   CPU seconds of the first compile, that of cargo run
 cargo xtask deny    licences and sources of all packages, and that no lock file is stale
 cargo xtask golden [check]   makes the golden files of rc10-app anew, with numpy, scipy and ruckig; or compares them
-cargo xtask scaffold   lines that the examples cost beside table, kinematics and tasks
 cargo xtask new-robot   rc10 new outside the tree: compiled, driven, tested, on the emulated chip
 cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s each; needs nightly";
 
@@ -50,7 +48,6 @@ fn main() -> ExitCode {
             println!("{}", elf.display());
             Ok(())
         },
-        Some("scaffold") => scaffold::run,
         Some("first") => first::run,
         Some("floors") => || floors::run(std::env::args().nth(2).as_deref()),
         Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),

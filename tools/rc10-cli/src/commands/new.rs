@@ -148,9 +148,7 @@ impl Checkout {
         let firmware = self.read("examples/starter/firmware/Cargo.toml")?;
         // In the checkout it is a member of the workspace of all programs for the chip.
         let mut own: Vec<_> = firmware.lines().collect();
-        own.retain(|line| {
-            ["workspace = \"", "build = ", "#"].iter().all(|it| !line.starts_with(it))
-        });
+        own.retain(|line| ["workspace = \"", "#"].iter().all(|it| !line.starts_with(it)));
         let own = own.join("\n") + "\n";
         let default = format!("default = [{:?}]", self.board.name);
         let own = replaced(&own, "default = [\"h723zg\"]", &default)?;
@@ -164,9 +162,7 @@ impl Checkout {
         let head = "[workspace]\nresolver = \"3\"\n\n";
         let manifest = renamed("Cargo.toml", &(head.to_owned() + &heading + &own));
         files.push(("firmware/Cargo.toml".into(), manifest));
-        let same =
-            ["firmware/build.rs", "Cargo.lock", "firmware/Cargo.lock", "rust-toolchain.toml"];
-        for file in same {
+        for file in ["Cargo.lock", "firmware/Cargo.lock", "rust-toolchain.toml"] {
             files.push((file.into(), self.read(file)?));
         }
         let config = self.read(".cargo/config.toml")?;
@@ -202,9 +198,8 @@ impl Checkout {
             } else if let Some(package) =
                 name.strip_prefix("profile.").and_then(|name| name.split_once(".package."))
             {
-                // Not of this checkout's other robots, nor of its tests.
-                let is_other = package.1.ends_with("-firmware") && package.1 != "starter-firmware";
-                if !is_other && !["proptest", "rsemu"].contains(&package.1) {
+                // Not of this checkout's programs and tests.
+                if !["count", "interop", "proptest", "rsemu", "selftest"].contains(&package.1) {
                     head += text;
                 }
             } else if name == "workspace.package"
