@@ -1,19 +1,19 @@
 //! Two wheels, in simulation: `cargo run`.
 //!
 //! [`robot`] is the robot. Here stands what the simulator must know of it beyond that, and that is
-//! all: the command line, the tables and the report come from `rc10-cli`.
+//! all: the command line, the tables and the report come from `rc10::sim`.
 
 mod robot;
 
 use std::process::ExitCode;
 
-use rc10_cli::{Description, Event, Plant, Robot, Script};
-use rc10_motor::{SetupError, Started};
+use rc10::motor::{SetupError, Started};
+use rc10::sim::{Description, Event, Plant, Robot, Script};
 
 use robot::{Motors, Name, SCRIPT, Shared, drive};
 
 fn main() -> ExitCode {
-    rc10_cli::main_for(&description(), |command| {
+    rc10::sim::main_for(&description(), |command| {
         let (shared, mut motors) = (Shared::new(), Motors::new());
         command.run(ready(&shared, &mut motors)?)
     })
@@ -39,8 +39,8 @@ fn description() -> Description {
 
 #[cfg(test)]
 mod tests {
-    use rc10_cli::run::simulate::simulate;
-    use rc10_motor::rc10_time::Micros;
+    use rc10::sim::run::simulate::simulate;
+    use rc10::time::Micros;
 
     use super::*;
 

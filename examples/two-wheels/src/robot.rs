@@ -1,12 +1,12 @@
 //! The robot: its table, what its tasks share, and its task.
 
-use rc10_message::{Overrun, Statistics, periodic};
-use rc10_motor::Place::Bus;
-use rc10_motor::dji::{Config, Dji, M3508};
-use rc10_motor::embassy::Ports;
-use rc10_motor::rc10_app::{Base, Direction, Rpm, Twist};
-use rc10_motor::rc10_time::Micros;
-use rc10_motor::{ArmSwitch, Entry, Link, Names, Target, motors};
+use rc10::app::{Base, Direction, Rpm, Twist};
+use rc10::message::{Every, Statistics};
+use rc10::motor::Place::Bus;
+use rc10::motor::dji::{Config, Dji, M3508};
+use rc10::motor::embassy::Ports;
+use rc10::motor::{ArmSwitch, Entry, Link, Names, Target, motors};
+use rc10::time::Micros;
 
 motors! {
     /// Names of the wheels.
@@ -69,10 +69,12 @@ impl Shared {
 pub async fn drive(shared: &Shared) -> ! {
     // Refused after an emergency stop, and if the bus does not fit: it stays disarmed then.
     let _ = shared.switch.arm();
-    periodic(Micros::from_millis(10), Overrun::Skip, &shared.timing, async |tick| {
-        let line = SCRIPT.iter().rev().find(|(from, ..)| *from <= tick.now);
+    let mut every = Every::millis(10).with_statistics(&shared.timing);
+    loop {
+        let now = every.next().await.now;
+        let line = SCRIPT.iter().rev().find(|(from, ..)| *from <= now);
         // A twist that is not finite has no wheel speeds.
-        let Some(Ok(wheels)) = line.map(|(_, _, twist)| BASE.inverse(*twist)) else { return };
+        let Some(Ok(wheels)) = line.map(|(_, _, twist)| BASE.inverse(*twist)) else { continue };
         for (wheel, speed) in [Name::Left, Name::Right].into_iter().zip(wheels.speeds) {
             if shared.ports.motor(wheel).command(Target::Speed(speed)).is_err() {
                 // A mistake in this program: rather none drives than one alone. The motor's status
@@ -80,6 +82,5 @@ pub async fn drive(shared: &Shared) -> ! {
                 shared.switch.emergency_stop();
             }
         }
-    })
-    .await
+    }
 }
