@@ -91,22 +91,20 @@ impl Measurement {
         self.sum.div_ceil(self.calls * self.units)
     }
 
-    /// Its budgets.
-    fn budgets(&self) -> impl Iterator<Item = (u64, Of)> {
-        let own = BUDGETS.iter().filter(|(start, ..)| self.name.starts_with(start));
-        own.map(|&(_, budget, of)| (budget, of))
+    fn budgets(&self) -> impl Iterator<Item = &(&str, u64, Of)> {
+        BUDGETS.iter().filter(|(start, ..)| self.name.starts_with(start))
     }
 
     /// The budget that it is above, if so.
     fn broken_budget(&self) -> Option<u64> {
-        let is_broken = |(budget, of): &(u64, Of)| {
+        let is_broken = |(_, budget, of): &&(&str, u64, Of)| {
             *budget
                 < match of {
                     Of::Mean => self.each(),
                     Of::Worst => self.worst.div_ceil(self.units),
                 }
         };
-        self.budgets().find(is_broken).map(|(budget, _)| budget)
+        self.budgets().find(is_broken).map(|(_, budget, _)| *budget)
     }
 }
 
@@ -124,11 +122,10 @@ pub fn run(program: &Path) -> Result<()> {
         "instructions", "calls", "mean", "worst", "per unit"
     );
     for one in &measurements {
-        let mean = one.sum / one.calls;
-        let budgets: String =
-            one.budgets().map(|(budget, of)| format!("  {budget} {of:?}")).collect();
-        let (calls, worst, each) = (one.calls, one.worst, one.each());
-        println!("{:<32}{calls:>8}{mean:>8}{worst:>8}{each:>10}{budgets}", one.name);
+        let (mean, worst, each) = (one.sum / one.calls, one.worst, one.each());
+        print!("{:<32}{:>8}{mean:>8}{worst:>8}{each:>10}", one.name, one.calls);
+        one.budgets().for_each(|(_, budget, of)| print!("  {budget} {of:?}"));
+        println!();
     }
     let above: Vec<_> = measurements
         .iter()

@@ -56,6 +56,7 @@ fn main() -> ExitCode {
         Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),
         Some("emulate") => || {
             let names: Vec<_> = std::env::args().skip(2).collect();
+            let names: Vec<_> = names.iter().map(String::as_str).collect();
             let program = match names[..] {
                 [] => firmware::build_all(setup::chip_toolchain()?.as_deref())?,
                 _ => firmware::build(firmware::TEAM, None)?,
