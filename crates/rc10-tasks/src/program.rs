@@ -31,7 +31,7 @@
 use embassy_time::{Duration, Ticker};
 use embedded_hal::digital::InputPin;
 use embedded_io_async::{Read, Write};
-use rc10_module::remote::Receiver;
+use rc10_module::remote::{ChannelOrder, Receiver};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{MotorBus, Names, SetupError};
 use rc10_time::Micros;
@@ -108,6 +108,8 @@ pub trait Declared: 'static {
 pub trait Program: Declared {
     /// The receiver of the remote control.
     const RECEIVER: Receiver = Receiver::Dr16;
+    /// Which channel of the transmitter is what, of a receiver that is none of DJI's.
+    const CHANNELS: ChannelOrder = Self::RECEIVER.channels();
     /// Which switches arm, disarm and stop, and which sticks must be at rest: [`Arming::of`](crate::Arming::of) checks
     /// it against the receiver when it is compiled.
     const ARMING: ArmingConfig = ArmingConfig::DEFAULT;

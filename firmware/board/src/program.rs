@@ -144,12 +144,13 @@ macro_rules! program {
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
             async fn listen(shared: &'static Shared<'static>, port: SerialReceiver) {
-                remote::listen(shared, Robot::RECEIVER, port).await;
+                remote::listen(shared, Robot::RECEIVER, Robot::CHANNELS, port).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
             async fn listen_pulses(shared: &'static Shared<'static>, mut input: PulseInput) {
-                remote::listen_pulses(shared, async || input.rising_edge().await).await;
+                let edges = async || input.rising_edge().await;
+                remote::listen_pulses(shared, Robot::CHANNELS, edges).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]

@@ -15,7 +15,7 @@ use rc10_time::Micros;
 
 use crate::robot::description::Description;
 use crate::robot::operator::Operator;
-use crate::robot::remote::{Receiver, ReceiverWire};
+use crate::robot::remote::{Receiver, ReceiverWire, mixer};
 use crate::world::built::Built;
 use crate::world::console::ConsoleLine;
 
@@ -128,6 +128,7 @@ impl Environment {
         if let Some(control) = &description.remote {
             let hands = Remote::new();
             operator = Some(Operator::new(&hands, control));
+            hands.set_mixer(mixer(&control.channels));
             let receiver = control.receiver;
             let wire = ReceiverWire::new(receiver, &mut world, &hands);
             remote = Some(RemoteLink { remote: hands, receiver, wire });

@@ -96,7 +96,7 @@ impl<'r> Robot<'r> {
         shared: &'r Common<'_, N, impl Live>,
     ) -> Self {
         let ports = shared.ports;
-        let (has_remote, yaw) = (description.remote.is_some(), description.yaw);
+        let (control, yaw) = (description.remote.clone(), description.yaw);
         let mut robot = Self::new(description).switch(&shared.switch).live(shared);
         robot = zip(buses, ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
         robot = zip(lines, ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
@@ -104,13 +104,18 @@ impl<'r> Robot<'r> {
         if let Some((label, Signal { read, .. })) = yaw.and_then(|it| Some((it, signal(it)?))) {
             robot.ports.yaw = Some((label, Rc::clone(read)));
         }
-        if !has_remote {
-            return robot;
-        }
-        robot.remote(&shared.remote_reception, async |receiver, port| match port {
-            ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
-            ReceiverPort::Pulses(mut port) => {
-                remote::listen_pulses(shared, async || port.rising_edge().await).await
+        let Some(mut control) = control else { return robot };
+        robot.remote(&shared.remote_reception, async move |receiver, port| {
+            // Another one may have been plugged in.
+            let _ = control.plug(receiver);
+            match port {
+                ReceiverPort::Serial(port) => {
+                    remote::listen(shared, receiver, control.channels, port).await
+                }
+                ReceiverPort::Pulses(mut port) => {
+                    let edges = async || port.rising_edge().await;
+                    remote::listen_pulses(shared, control.channels, edges).await
+                }
             }
         })
     }
