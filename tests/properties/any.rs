@@ -107,7 +107,7 @@ fn cascade() -> impl Strategy<Value = Cascade> {
                 integral_limit: integral_limit.abs(),
                 integral_separation: if separated { 10.0 } else { f32::INFINITY },
                 deadband: if separated { 0.5 } else { 0.0 },
-                ..PidConfig::new(kp.abs(), ki.abs(), kd.abs(), limit.abs().max(f32::MIN_POSITIVE))
+                ..PidConfig::within(limit.abs().max(f32::MIN_POSITIVE)).kp(kp.abs()).ki(ki.abs()).kd(kd.abs())
             },
         )
     };

@@ -385,8 +385,8 @@ mod tests {
 
     const MS: Seconds = Seconds::new(0.001);
     const CONFIG: Cascade = Cascade {
-        speed: PidConfig::new(0.4, 2.0, 0.0, 20.0),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 400.0),
+        speed: PidConfig::within(20.0).kp(0.4).ki(2.0),
+        angle: PidConfig::within(400.0).kp(1.3),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: FeedForward::NONE,

@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use rc10_app::{PidConfig, PidState, Seconds};
-//! let config = PidConfig::new(0.5, 2.0, 0.0, 20.0);
+//! let config = PidConfig::within(20.0).kp(0.5).ki(2.0);
 //! let mut state = PidState::new();
 //! let amps = state.update(&config, 100.0, 90.0, 0.0, Seconds::new(0.001));
 //! assert!(amps > 5.0 && amps <= 20.0);
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn the_integral_is_trapezoidal() {
-        let config = PidConfig::new(0.0, 1.0, 0.0, 1e6);
+        let config = PidConfig::within(1e6).ki(1.0);
         let mut state = PidState::new();
         // The integral of t over 1 s is 1/2; a rectangle rule would give 0.5005.
         for step in 1..=1000_u16 {
@@ -379,7 +379,7 @@ mod tests {
 
     #[test]
     fn a_setpoint_step_gives_no_derivative_kick_but_a_moving_measurement_does() {
-        let config = PidConfig::new(0.0, 0.0, 1.0, 1e6);
+        let config = PidConfig::within(1e6).kd(1.0);
         let mut state = PidState::new();
         assert!(state.update(&config, 0.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
         assert!(state.update(&config, 100.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
@@ -388,7 +388,7 @@ mod tests {
 
     #[test]
     fn the_derivative_is_filtered() {
-        let config = PidConfig { derivative_filter: 0.009, ..PidConfig::new(0.0, 0.0, 1.0, 1e6) };
+        let config = PidConfig { derivative_filter: 0.009, ..PidConfig::within(1e6).kd(1.0) };
         let mut state = PidState::new();
         state.update(&config, 0.0, 0.0, 0.0, MS);
         // A step of 1 in 1 ms is a rate of 1000; a tenth of it comes through, and decays by 0.9.
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn a_weighted_setpoint_pushes_less_and_settles_the_same() {
-        let config = PidConfig { setpoint_weight: 0.25, ..PidConfig::new(2.0, 10.0, 0.0, 1e3) };
+        let config = PidConfig { setpoint_weight: 0.25, ..PidConfig::within(1e3).kp(2.0).ki(10.0) };
         let mut state = PidState::new();
         let first = state.update(&config, 100.0, 0.0, 0.0, MS);
         assert!((first - 50.5).abs() < 1e-3, "{first}");
@@ -414,7 +414,7 @@ mod tests {
 
     #[test]
     fn back_calculation_holds_the_output_near_its_limit() {
-        let config = PidConfig { tracking: 50.0, ..PidConfig::new(1.0, 20.0, 0.0, 50.0) };
+        let config = PidConfig { tracking: 50.0, ..PidConfig::within(50.0).kp(1.0).ki(20.0) };
         let mut state = PidState::new();
         for _ in 0..2000 {
             state.update(&config, 100.0, 0.0, 0.0, MS);
@@ -435,7 +435,7 @@ mod tests {
     #[test]
     fn r5_the_integral_works_unless_separation_is_asked_for() {
         let mut state = PidState::new();
-        let mut config = PidConfig::new(0.0, 10.0, 0.0, 100.0);
+        let mut config = PidConfig::within(100.0).ki(10.0);
         for _ in 0..100 {
             state.update(&config, 1.0, 0.0, 0.0, MS);
         }
@@ -451,7 +451,7 @@ mod tests {
     #[test]
     fn after_saturation_the_integral_does_not_hold_the_output_back() {
         // A plant that cannot follow for 2 s: it stays at 0 while 100 is wanted.
-        let config = PidConfig::new(1.0, 20.0, 0.0, 50.0);
+        let config = PidConfig::within(50.0).kp(1.0).ki(20.0);
         let mut state = PidState::new();
         for _ in 0..2000 {
             state.update(&config, 100.0, 0.0, 0.0, MS);
@@ -464,7 +464,7 @@ mod tests {
     #[test]
     fn the_integral_still_reaches_what_a_load_takes() {
         // A load of 40 of the 50 the output may be: the integral has to carry all of it.
-        let config = PidConfig::new(1.0, 20.0, 0.0, 50.0);
+        let config = PidConfig::within(50.0).kp(1.0).ki(20.0);
         let (mut state, mut speed) = (PidState::new(), 0.0_f32);
         for _ in 0..5000 {
             speed += (state.update(&config, 100.0, speed, 0.0, MS) - 40.0) * 0.01;
@@ -474,7 +474,7 @@ mod tests {
 
     #[test]
     fn feed_forward_passes_through_and_is_limited_with_the_rest() {
-        let config = PidConfig::new(1.0, 0.0, 0.0, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0);
         let mut state = PidState::new();
         assert!((state.update(&config, 1.0, 0.0, 5.0, MS) - 6.0).abs() < 1e-6);
         assert!((state.update(&config, 1.0, 0.0, 50.0, MS) - 10.0).abs() < 1e-6);
@@ -482,7 +482,7 @@ mod tests {
 
     #[test]
     fn nothing_that_is_not_finite_gets_in() {
-        let config = PidConfig::new(1.0, 10.0, 0.1, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0).ki(10.0).kd(0.1);
         let mut state = PidState::new();
         state.update(&config, 5.0, 1.0, 0.0, MS);
         let before = state;
@@ -499,17 +499,17 @@ mod tests {
 
     #[test]
     fn an_output_that_stays_as_it_was_obeys_a_lowered_limit() {
-        let config = PidConfig::new(1.0, 0.0, 0.0, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0);
         let mut state = PidState::new();
         state.update(&config, 8.0, 0.0, 0.0, MS);
-        let lowered = PidConfig::new(1.0, 0.0, 0.0, 2.0);
+        let lowered = PidConfig::within(2.0).kp(1.0);
         assert!((state.update(&lowered, f32::NAN, 0.0, 0.0, MS) - 2.0).abs() < 1e-6);
         assert!((state.output() - 2.0).abs() < 1e-6);
     }
 
     #[test]
     fn a_deadband_keeps_small_errors_quiet() {
-        let config = PidConfig { deadband: 0.5, ..PidConfig::new(1.0, 10.0, 0.0, 10.0) };
+        let config = PidConfig { deadband: 0.5, ..PidConfig::within(10.0).kp(1.0).ki(10.0) };
         let mut state = PidState::new();
         for _ in 0..100 {
             assert!(state.update(&config, 0.4, 0.0, 0.0, MS).abs() < f32::EPSILON);
@@ -518,7 +518,7 @@ mod tests {
 
     #[test]
     fn preset_takes_over_without_a_kick() {
-        let config = PidConfig::new(1.0, 1.0, 0.0, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0).ki(1.0);
         let mut state = PidState::new();
         state.preset(4.0);
         assert!((state.update(&config, 100.0, 100.0, 0.0, MS) - 4.0).abs() < 1e-6);

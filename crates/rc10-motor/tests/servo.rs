@@ -15,8 +15,8 @@ const RANGE: SpringRange = SpringRange { kp: 100.0, kd: 5.0, speed: Rpm::new(300
 
 fn cascade() -> Cascade {
     Cascade {
-        speed: PidConfig::new(0.1, 0.0, 0.0, 5.0),
-        angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
+        speed: PidConfig::within(5.0).kp(0.1),
+        angle: PidConfig::within(100.0).kp(3.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(600.0),
         feed_forward: FeedForward::NONE,
@@ -240,7 +240,7 @@ fn springs_that_the_device_cannot_make_are_refused() {
 
 #[test]
 fn a_stop_forgets_what_pushed_against_an_obstacle_and_a_hold_keeps_what_carries_a_load() {
-    let speed = PidConfig::new(0.1, 5.0, 0.0, 5.0);
+    let speed = PidConfig::within(5.0).kp(0.1).ki(5.0);
     for (mode, is_kept) in [(DriveMode::Brake, false), (DriveMode::Hold, true)] {
         let mut servo = Servo::new(TargetKind::Current, Cascade { speed, ..cascade() }).unwrap();
         servo.set_target(Target::Speed(Rpm::new(20.0))).unwrap();

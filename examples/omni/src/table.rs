@@ -51,8 +51,8 @@ pub const ARM: damiao::Config = damiao::Config::new(
     0x11,
     0x31,
     damiao::Control::Mit(Cascade {
-        speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        speed: PidConfig::within(7.0).kp(0.063).ki(0.5),
+        angle: PidConfig::within(150.0).kp(1.3),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         // It weighs 0.5 N m where it is level, and has 0.02 kg m².

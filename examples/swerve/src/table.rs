@@ -67,8 +67,8 @@ const fn steer(label: &'static str, id: u8) -> Entry<Config> {
 /// A fork with its wheel and the rotor are 0.0024 kg m², and a GM6020 makes 0.741 N m/A: stiffer than
 /// the gains that it comes with, which are for a turret.
 const STEERING: Cascade = Cascade {
-    speed: PidConfig::new(0.035, 0.5, 0.0, 3.0),
-    angle: PidConfig::new(4.0, 0.0, 0.0, 250.0),
+    speed: PidConfig::within(3.0).kp(0.035).ki(0.5),
+    angle: PidConfig::within(250.0).kp(4.0),
     outer_divider: 1,
     acceleration: RpmPerSecond::new(3000.0),
     feed_forward: FeedForward { friction: 0.15, acceleration: 0.00034, ..FeedForward::NONE },

@@ -38,7 +38,7 @@ const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
 }
 
 /// An M3508's loops with an integral that is firmer than a bare motor's: it also learns the load.
-const LOADED: Cascade = Cascade { speed: PidConfig::new(0.4, 4.0, 0.0, 20.0), ..M3508.cascade };
+const LOADED: Cascade = Cascade { speed: PidConfig::within(20.0).kp(0.4).ki(4.0), ..M3508.cascade };
 
 /// The current that a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and
 /// rotor are 0.0052 kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is in [`BASE`].
@@ -67,8 +67,8 @@ const LIFTING: FeedForward = FeedForward {
 
 /// 0.0204 kg m² on 0.741 N m/A: loaded, the loops can be firmer than those of a bare motor.
 const YAW: Config = Config::new(&GM6020_CURRENT, 1).with_cascade(Cascade {
-    speed: PidConfig::new(0.12, 0.6, 0.0, 3.0),
-    angle: PidConfig::new(1.5, 0.0, 0.0, 250.0),
+    speed: PidConfig::within(3.0).kp(0.12).ki(0.6),
+    angle: PidConfig::within(250.0).kp(1.5),
     feed_forward: FeedForward {
         friction: 0.054,
         speed: 0.000_14,
@@ -80,8 +80,8 @@ const YAW: Config = Config::new(&GM6020_CURRENT, 1).with_cascade(Cascade {
 
 /// The same as shares of 24 V: back-EMF of 0.741 V s/rad, and 1.8 ohms for the current.
 const PITCH: Config = Config::new(&GM6020_VOLTAGE, 2).with_cascade(Cascade {
-    speed: PidConfig::new(0.006, 0.06, 0.0, 1.0),
-    angle: PidConfig::new(1.2, 0.0, 0.0, 250.0),
+    speed: PidConfig::within(1.0).kp(0.006).ki(0.06),
+    angle: PidConfig::within(250.0).kp(1.2),
     feed_forward: FeedForward {
         friction: 0.004,
         speed: 0.003_24,
