@@ -3,8 +3,8 @@
 use plotters::chart::SeriesLabelPosition::{LowerRight, UpperRight};
 use rc10_app::cascade::{Seek, Step};
 use rc10_app::{
-    AngleProfile, Cascade, CascadeState, FeedForward, PidConfig, PidState, ProfileLimits, Rpm,
-    RpmPerSecond, Seconds, TotalAngle,
+    AngleLimits, AngleProfile, Cascade, CascadeState, FeedForward, PidConfig, PidState, Rpm,
+    RpmPerSecond, RpmPerSecondSquared, Seconds, TotalAngle,
 };
 
 use super::drawing::{BLUE, GREEN, GREY, Line, ORANGE, Panel, level, line};
@@ -39,7 +39,11 @@ fn driven(config: &PidConfig, setpoint: f32, load: f32) -> [Vec<(f32, f32)>; 2] 
 
 /// rpm/s per A of a gimbal, which turns by 180 degrees on a profile.
 const GIMBAL: f32 = 100.0;
-const LIMITS: ProfileLimits = ProfileLimits { velocity: 80.0, acceleration: 400.0, jerk: 8000.0 };
+const LIMITS: AngleLimits = AngleLimits {
+    velocity: Rpm::new(80.0),
+    acceleration: RpmPerSecond::new(400.0),
+    jerk: RpmPerSecondSquared::new(8000.0),
+};
 
 /// How far it is behind, in degrees. `along`: whether it is told the motion, or angles alone.
 fn behind(feed_forward: FeedForward, along: bool) -> Vec<(f32, f32)> {
@@ -88,8 +92,8 @@ pub fn panels() -> Vec<Panel> {
     let [wound_up, wound_effort] = driven(&PidConfig::within(1e6).kp(0.08).ki(0.6), 800.0, 8.0);
     let [drawn_back, drawn_effort] = driven(&tracking, 800.0, 8.0);
 
-    let exact = FeedForward { acceleration: 1.0 / GIMBAL, ..FeedForward::NONE };
-    let off = FeedForward { acceleration: 0.7 / GIMBAL, ..FeedForward::NONE };
+    let exact = FeedForward { per_rpm_s: 1.0 / GIMBAL, ..FeedForward::NONE };
+    let off = FeedForward { per_rpm_s: 0.7 / GIMBAL, ..FeedForward::NONE };
     let panel = |x, y, legend, lines: Vec<Line>| Panel { x, y, legend, height: 190, lines };
     vec![
         panel(

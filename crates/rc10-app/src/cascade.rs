@@ -266,7 +266,7 @@ impl CascadeState {
         let ramped = self.approach(config, target, dt);
         let ramps = ramped != 0.0;
         let acceleration = if ramps { ramped } else { acceleration };
-        let by_inertia = config.feed_forward.acceleration * acceleration + inertia;
+        let by_inertia = config.feed_forward.per_rpm_s * acceleration + inertia;
         let tells = by_inertia.abs() > LEAST_LOAD * full;
         if tells {
             self.learn(config, by_inertia, measured, full, dt);
@@ -469,7 +469,7 @@ mod tests {
             let angle = 6.0 * (100.0 * early * early + 100.0 * (t - early));
             (angle, 200.0 * early, a)
         };
-        let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
+        let known = FeedForward { per_rpm_s: 0.01, ..FeedForward::NONE };
         let (with, without) =
             (follow(&Cascade { feed_forward: known, ..CONFIG }, motion), follow(&CONFIG, motion));
         // The soft start takes a part of the first 20 ms.
@@ -479,7 +479,7 @@ mod tests {
     /// The load learned while it accelerates at 500 rpm/s for 0.3 s, `inertia` times as heavy as
     /// known.
     fn learned(inertia: f32) -> CascadeState {
-        let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
+        let known = FeedForward { per_rpm_s: 0.01, ..FeedForward::NONE };
         let config = Cascade { feed_forward: known, ..CONFIG };
         let (mut state, mut rpm) = (CascadeState::new(), 0.0_f32);
         for tick in 0..300_u16 {

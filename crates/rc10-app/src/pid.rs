@@ -22,8 +22,9 @@ use crate::units::Seconds;
 
 /// Gains and limits. Units: those of the output per those of the measurement.
 ///
-/// Start with [`PidConfig::new`], which switches every refinement off, and set the fields you need.
+/// Start with [`PidConfig::within`], which switches every refinement off, and set the fields you need.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct PidConfig {
     /// Output per error.
     pub kp: f32,
@@ -39,8 +40,8 @@ pub struct PidConfig {
     pub integral_separation: f32,
     /// Smaller errors count as zero.
     pub deadband: f32,
-    /// Time constant of the filter of the derivative, s; 0: none. A tenth of kd / kp is usual.
-    pub derivative_filter: f32,
+    /// Time constant of the filter of the derivative; 0: none. A tenth of kd / kp is usual.
+    pub derivative_filter: Seconds,
     /// The share of the setpoint for `kp`, 0 ..= 1: below 1 a step of it overshoots less.
     pub setpoint_weight: f32,
     /// Rate of back-calculation, 1/s, usually 1 to 10 times ki / kp; 0: conditional integration.
@@ -48,13 +49,13 @@ pub struct PidConfig {
 }
 
 impl PidConfig {
-    /// Three gains and the output limit; the integral may use the whole output.
-    pub const fn new(kp: f32, ki: f32, kd: f32, output_limit: f32) -> Self {
+    /// No gains, and an output within ± this, of which the integral may use all.
+    pub const fn within(output_limit: f32) -> Self {
         Self {
-            kp,
-            ki,
-            kd,
-            derivative_filter: 0.0,
+            kp: 0.0,
+            ki: 0.0,
+            kd: 0.0,
+            derivative_filter: Seconds::ZERO,
             setpoint_weight: 1.0,
             tracking: 0.0,
             output_limit,
@@ -64,13 +65,28 @@ impl PidConfig {
         }
     }
 
+    /// The same with this output per error.
+    pub const fn kp(self, kp: f32) -> Self {
+        Self { kp, ..self }
+    }
+
+    /// The same with this output per error and second.
+    pub const fn ki(self, ki: f32) -> Self {
+        Self { ki, ..self }
+    }
+
+    /// The same with this output per measured change per second.
+    pub const fn kd(self, kd: f32) -> Self {
+        Self { kd, ..self }
+    }
+
     /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         // A negative gain runs away.
         ok!(not_negative("kp", self.kp));
         ok!(not_negative("ki", self.ki));
         ok!(not_negative("kd", self.kd));
-        ok!(not_negative("derivative_filter", self.derivative_filter));
+        ok!(not_negative("derivative_filter", self.derivative_filter.get()));
         let weight = self.setpoint_weight;
         let is_share = weight >= 0.0 && weight <= 1.0;
         ok!(ConfigError::check(is_share, "setpoint_weight", weight, "0 to 1"));
@@ -223,7 +239,7 @@ impl PidState {
             return self.first_step(config, setpoint, measured, feed_forward, dt);
         }
         let change = measured - self.last_measured;
-        let rate = filtered(config.derivative_filter, self.rate, change, dt);
+        let rate = filtered(config.derivative_filter.get(), self.rate, change, dt);
         let beside = feed_forward - config.kd * rate;
         let seen = Seen::Moved(measured, rate);
         self.integrate_and_limit(config, error, left_out, beside, true, dt, seen)
@@ -261,7 +277,8 @@ impl PidState {
     ) -> f32 {
         let PidInput { error, mut feed_forward, integrate } = input;
         if config.kd != 0.0 {
-            feed_forward -= config.kd * self.derivative(config.derivative_filter, change(), dt);
+            feed_forward -=
+                config.kd * self.derivative(config.derivative_filter.get(), change(), dt);
         }
         let seen = Seen::Nothing;
         self.integrate_and_limit(config, error, 0.0, feed_forward, integrate, dt.get(), seen)
@@ -388,7 +405,8 @@ mod tests {
 
     #[test]
     fn the_derivative_is_filtered() {
-        let config = PidConfig { derivative_filter: 0.009, ..PidConfig::within(1e6).kd(1.0) };
+        let config =
+            PidConfig { derivative_filter: Seconds::new(0.009), ..PidConfig::within(1e6).kd(1.0) };
         let mut state = PidState::new();
         state.update(&config, 0.0, 0.0, 0.0, MS);
         // A step of 1 in 1 ms is a rate of 1000; a tenth of it comes through, and decays by 0.9.

@@ -42,11 +42,11 @@ impl<const N: usize> GainSchedule<N> {
         ok!(ConfigError::check(N > 0, "points", 0.0, "at least one"));
         let mut index = 0;
         while index < N {
-            let (value, Gains { kp, ki, kd }) = points[index];
+            let (value, gains) = points[index];
             ok!(finite("points", value));
             let rises = index == 0 || points[index - 1].0 < value;
             ok!(ConfigError::check(rises, "points", value, "above the value before it"));
-            ok!(PidConfig::within(1.0).kp(kp).ki(ki).kd(kd).validate());
+            ok!(PidConfig::within(1.0).with_gains(gains).validate());
             index += 1;
         }
         Ok(Self { points })
@@ -89,7 +89,6 @@ impl<const N: usize> GainSchedule<N> {
 
 impl PidConfig {
     /// The same with other gains.
-    #[must_use]
     pub const fn with_gains(self, gains: Gains) -> Self {
         let Gains { kp, ki, kd } = gains;
         Self { kp, ki, kd, ..self }

@@ -186,7 +186,7 @@ fn a_limit_that_is_lowered_during_a_soft_start_holds_at_once() {
 #[test]
 fn a_measurement_that_comes_a_tick_late_is_no_acceleration() {
     let feed_forward =
-        FeedForward { friction: 0.054, speed: 0.0, acceleration: 0.0029, gravity: Gravity::None };
+        FeedForward { friction: 0.054, per_rpm: 0.0, per_rpm_s: 0.0029, gravity: Gravity::None };
     let config = Cascade {
         speed: PidConfig::within(3.0).kp(0.12),
         angle: PidConfig::within(250.0).kp(1.5),

@@ -6,7 +6,7 @@ use rc10_app::{PidConfig, PidState, Seconds};
 
 const PLAIN: PidConfig = PidConfig::within(20.0).kp(0.4).ki(2.0);
 const WHOLE: PidConfig = PidConfig {
-    derivative_filter: 0.005,
+    derivative_filter: Seconds::new(0.005),
     setpoint_weight: 0.7,
     tracking: 20.0,
     deadband: 0.01,

@@ -56,7 +56,7 @@ fn gains(chance: &mut Chance) -> Gains {
 fn pid(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
     let schedule = GainSchedule::new([(-1.0, gains(chance)), (1.0, gains(chance))]);
     let config = PidConfig {
-        derivative_filter: chance.up_to(0.02),
+        derivative_filter: Seconds::new(chance.up_to(0.02)),
         setpoint_weight: chance.up_to(1.0),
         tracking: if chance.within(1.0) > 0.0 { chance.up_to(100.0) } else { 0.0 },
         deadband: if chance.within(1.0) > 0.5 { 0.2 } else { 0.0 },
@@ -81,8 +81,8 @@ fn cascade(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
     };
     let feed_forward = FeedForward {
         friction: chance.up_to(0.3),
-        speed: chance.within(0.01),
-        acceleration: chance.up_to(0.01),
+        per_rpm: chance.within(0.01),
+        per_rpm_s: chance.up_to(0.01),
         gravity,
     };
     let config = Cascade {

@@ -24,7 +24,7 @@ pub struct HeaterConfig {
 /// the proportional part, and a filter for steps of an eighth of a degree.
 const LOOP: PidConfig = PidConfig {
     setpoint_weight: 0.95,
-    derivative_filter: 5.0,
+    derivative_filter: Seconds::new(5.0),
     tracking: 0.05,
     ..PidConfig::within(f32::INFINITY).kp(0.4).ki(0.004).kd(4.0)
 };
