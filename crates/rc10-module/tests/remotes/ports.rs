@@ -90,7 +90,9 @@ fn no_read_is_dropped_to_hear_a_pause() {
     let (end, dropped) = (line.now, Rc::new(Cell::new(0)));
     let port = Careless { line, dropped: Rc::clone(&dropped) };
     let (heard, reception) = (Cell::new(0), Reception::new());
-    let task = listen(Receiver::Dr16, Receiver::Dr16.channels(), port, &reception, |_, _| heard.set(heard.get() + 1));
+    let task = listen(Receiver::Dr16, Receiver::Dr16.channels(), port, &reception, |_, _| {
+        heard.set(heard.get() + 1)
+    });
     assert_eq!(run_until(end, task), None);
     // The last one, with the task.
     assert_eq!((heard.get(), dropped.get()), (10, 1));

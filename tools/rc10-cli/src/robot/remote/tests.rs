@@ -10,6 +10,7 @@ pub(crate) fn control() -> RemoteControl {
     };
     RemoteControl {
         receiver: Receiver::Dr16,
+        channels: Receiver::Dr16.channels(),
         receivers: vec![Receiver::Dr16, Receiver::Ppm],
         uart: 5,
         pulse_pin: ('F', 8),
