@@ -15,10 +15,9 @@ use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{DMA1_CH7, UART5, USART1};
 use embassy_time::{Duration, Instant};
-use rc10_board::board::{Board, PulseParts, StripParts};
+use rc10_board::board::{Board, StripParts};
 use rc10_board::robot::{self, Unstartable};
 use rc10_bsp::can::Bus;
-use rc10_bsp::pulse_input::{self, PulseInput};
 use rc10_bsp::pulse_output::{self, PulseOutput};
 use rc10_bsp::serial;
 use rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
@@ -39,7 +38,6 @@ bind_interrupts!(struct Irqs {
     UART5 => serial::Interrupt<UART5>;
     DMA1_STREAM2 => serial::Interrupt<UART5>;
     DMA1_STREAM7 => pulse_output::Interrupt<DMA1_CH7>;
-    TIM8_UP_TIM13 => pulse_input::Interrupt;
 });
 
 /// Interrupt priority of all that is no motor: UARTs, timers, their DMA.
@@ -110,9 +108,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
             spawner.spawn(tasks::remote(shared, port)?);
         }
         None => {
-            let PulseParts { timer, pin } = board.pulses;
-            let input = PulseInput::start(timer, pin, Irqs, PERIPHERALS);
-            spawner.spawn(tasks::pulses(shared, input)?);
+            spawner.spawn(tasks::pulses(shared, rc10_board::start_pulses!(board))?);
         }
     }
     // A bus wakes every third of a millisecond. All else wakes between, to leave them punctual.

@@ -67,6 +67,42 @@ macro_rules! start_listener {
     }};
 }
 
+/// Starts the input of a receiver that speaks in pulses: a `PulseInput`.
+///
+/// ```ignore
+/// let mut input = rc10_board::start_pulses!(board);
+/// remote::listen_pulses(shared, async || input.rising_edge().await).await
+/// ```
+#[cfg(feature = "h723zg")]
+#[macro_export]
+macro_rules! start_pulses {
+    ($board:ident) => {
+        $crate::start_pulses_by!($board, TIM8_UP_TIM13)
+    };
+}
+
+/// Starts the input of a receiver that speaks in pulses: a `PulseInput`.
+#[cfg(feature = "dm-mc02")]
+#[macro_export]
+macro_rules! start_pulses {
+    ($board:ident) => {
+        $crate::start_pulses_by!($board, TIM4)
+    };
+}
+
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_pulses_by {
+    ($board:ident, $interrupt:ident) => {{
+        $crate::embassy_stm32::bind_interrupts!(struct OfPulses {
+            $interrupt => $crate::board::PulseInterrupt;
+        });
+        let $crate::board::PulseParts { timer, pin } = $board.pulses;
+        let priority = $crate::embassy_stm32::interrupt::Priority::P7;
+        $crate::rc10_bsp::pulse_input::PulseInput::start(timer, pin, OfPulses, priority)
+    }};
+}
+
 /// Listens to the IMU, at the rate that it is sold with.
 #[cfg(feature = "h723zg")]
 #[doc(hidden)]
@@ -101,22 +137,30 @@ macro_rules! motor_lines {
     }};
 }
 
-/// Starts the lines, all on one executor.
+/// Starts the lines, two at most, both on one executor.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! start_lines {
     ($shared:ident, $lines:ident, $board:ident) => {};
-    ($shared:ident, $lines:ident, $board:ident $(, $line:ident at $baud:expr)+) => {
+    (
+        $shared:ident, $lines:ident, $board:ident,
+        $line:ident at $baud:expr $(, $line_2:ident at $baud_2:expr)?
+    ) => {
         $crate::executor! {
             /// Runs the lines.
             LINE_CONTROL on UART8
         }
         interrupt::UART8.set_priority(Priority::P7);
         let control = LINE_CONTROL.start(interrupt::UART8);
-        let uarts = [$($crate::start_serial!($board, $line, $baud)?),+];
-        for ((uart, line), port) in uarts.into_iter().zip($lines).zip(&$shared.ports.lines) {
+        let mut lines = $lines.into_iter().zip(&$shared.ports.lines);
+        if let Some((line, port)) = lines.next() {
+            let uart = $crate::start_serial!($board, $line, $baud)?;
             control.spawn($crate::robot::line(uart, line, port)?);
         }
+        $(if let Some((line, port)) = lines.next() {
+            let uart = $crate::start_serial!($board, $line_2, $baud_2)?;
+            control.spawn($crate::robot::line_2(uart, line, port)?);
+        })?
     };
 }
 
