@@ -100,9 +100,9 @@ fn more_contacts_than_the_board_has_inputs_are_refused() {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let mut description = simulation::description();
-    description.contacts = vec![ContactPart::new(Name::Feeder, plant::INDEX); 3];
+    description.contacts = vec![ContactPart::new(Name::Feeder, plant::INDEX); 9];
     let started = motors.start(&shared.switch).unwrap();
-    let robot = Robot::of(description, started, &shared).contacts(|[_, _, _]| async {});
+    let robot = Robot::of(description, started, &shared).contacts(|_: [_; 9]| async {});
     let error = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).err().unwrap();
-    assert_eq!(error.to_string(), "h723zg has 2 inputs for switches, the robot 3 contacts");
+    assert_eq!(error.to_string(), "h723zg has 8 inputs for switches, the robot 9 contacts");
 }

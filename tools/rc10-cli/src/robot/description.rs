@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
-use rc10_sim::{Serial, World};
+use rc10_sim::{Esc, Serial, World};
 use rc10_time::Micros;
 
 use crate::robot::base::Base;
@@ -36,6 +36,10 @@ pub struct Description {
     pub serials: Vec<SerialPart>,
     /// Switches and markers on motors' shafts, in the order of the board's inputs for them.
     pub contacts: Vec<ContactPart>,
+    /// What is measured at the board's inputs for voltages, in their order.
+    pub voltages: Vec<VoltagePart>,
+    /// Labels of the servos at the board's outputs for them, in their order.
+    pub servos: Vec<&'static str>,
     /// Bit rate of the firmware's console, if not 921,600.
     pub console: Option<u32>,
     /// Script, for reports.
@@ -83,6 +87,15 @@ impl ContactPart {
     pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
         Self { motor: motor.index(), closed }
     }
+}
+
+/// A voltage that the robot measures: [`rc10_sim::Voltage`].
+#[derive(Clone, Copy, Debug)]
+pub struct VoltagePart {
+    /// The voltage divided by that at the chip's pin, 1 without a divider.
+    pub divider: f64,
+    /// The voltage now, volts: by the motors in the order of the description, and the base.
+    pub volts: fn(motors: &[Esc], base: Option<&rc10_sim::Base>) -> f64,
 }
 
 /// Labels of the three signals of a pose: m forward and m to the left of the odometry's start, and

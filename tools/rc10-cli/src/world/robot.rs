@@ -12,7 +12,7 @@ use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
 use rc10_sim::fault::is_called;
-use rc10_sim::{Contact, Faults, TaskName, Tasks, UartPort};
+use rc10_sim::{Contact, Faults, Servo, TaskName, Tasks, UartPort, Voltage};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 use rc10_time::Micros;
@@ -42,13 +42,13 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
-    contacts: Option<(usize, ReadContacts<'r>)>,
+    pins: Option<([usize; 3], TakePins<'r>)>,
     console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
     /// Whether it runs even if motors do not fit on a bus.
     is_forced: bool,
 }
 
-type ReadContacts<'r> = Box<dyn FnOnce(&[Contact]) -> Option<Task<'r>> + 'r>;
+type TakePins<'r> = Box<dyn FnOnce(&Environment) -> Option<Task<'r>> + 'r>;
 
 type Task<'r> = (TaskName, Pin<Box<dyn Future<Output = ()> + 'r>>);
 
@@ -127,13 +127,42 @@ impl<'r> Robot<'r> {
     #[must_use]
     #[track_caller]
     pub fn contacts<const N: usize, F: Future + 'r>(
-        mut self,
+        self,
         read: impl FnOnce([Contact; N]) -> F + 'r,
     ) -> Self {
+        self.pins(|contacts, [], []| read(contacts))
+    }
+
+    /// The same of the task that has the voltages and the servos, too. A servo's pulse is a signal of its label, µs.
+    ///
+    /// ```
+    /// # use rc10_cli::{Description, Robot};
+    /// # async fn run(_: impl embedded_hal::digital::InputPin, _: impl AsyncFnMut() -> Option<f32>, _: impl embedded_hal::pwm::SetDutyCycle) {}
+    /// # let robot = Robot::new(Description::default());
+    /// let robot = robot.pins(|[end], [mut pressure], [gripper]| {
+    ///     run(end, async move || pressure.read().await, gripper)
+    /// });
+    /// ```
+    #[must_use]
+    #[track_caller]
+    pub fn pins<const N: usize, const V: usize, const S: usize, F: Future + 'r>(
+        mut self,
+        take: impl FnOnce([Contact; N], [Voltage; V], [Servo; S]) -> F + 'r,
+    ) -> Self {
         let name = TaskName::of::<F>();
-        let read: ReadContacts<'r> =
-            Box::new(move |contacts| Some(boxed(name, read(contacts.to_vec().try_into().ok()?))));
-        self.contacts = Some((N, read));
+        let servos: Vec<_> =
+            self.description.servos.iter().map(|label| (*label, Servo::default())).collect();
+        for (label, servo) in servos.clone() {
+            self = self.signal(label, "us", move |_| servo.pulse());
+        }
+        let take: TakePins<'r> = Box::new(move |around| {
+            let contacts = around.contacts.clone().try_into().ok()?;
+            let voltages = around.voltages.clone().try_into().ok()?;
+            let servos = servos.into_iter().map(|(_, servo)| servo).collect::<Vec<_>>();
+            let servos = servos.try_into().ok()?;
+            Some(boxed(name, take(contacts, voltages, servos)))
+        });
+        self.pins = Some(([N, V, S], take));
         self
     }
 
@@ -396,11 +425,8 @@ impl<'r> Robot<'r> {
         if let (Some(serve), Some(line)) = (self.console, &around.console) {
             own.push(serve(line.port()));
         }
-        if let Some((described, read)) = self.contacts {
-            let count = around.contacts.len();
-            own.push(read(&around.contacts).with_context(|| {
-                format!("{described} contacts are read, but {count} are around it")
-            })?);
+        if let Some((_, take)) = self.pins {
+            own.push(take(around).context("what is around it are other pins than described")?);
         }
         for (speak, link) in self.serials.into_iter().zip(&around.serials) {
             own.push(speak(link.port()));
@@ -418,13 +444,16 @@ impl<'r> Robot<'r> {
 
     /// Checks the motors on buses and lines against the description, whose names the figures have.
     fn check(&self) -> Result<()> {
-        let Description { buses, lines, serials, contacts, .. } = &self.description;
-        let read = self.contacts.as_ref().map_or(0, |(count, _)| *count);
+        let Description { buses, lines, serials, contacts, voltages, servos, .. } =
+            &self.description;
+        let [read, measured, driven] = self.pins.as_ref().map_or([0; 3], |(counts, _)| *counts);
         for (is, described, what) in [
             (self.buses.len(), usize::from(*buses), "buses"),
             (self.lines.len(), lines.len(), "lines"),
             (self.serials.len(), serials.len(), "parts on UARTs"),
             (read, contacts.len(), "contacts are read"),
+            (measured, voltages.len(), "voltages are read"),
+            (driven, servos.len(), "servos are driven"),
         ] {
             ensure!(is == described, "{is} {what}, but {described} described");
         }
