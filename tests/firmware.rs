@@ -40,6 +40,8 @@ mod line;
 mod live;
 #[path = "firmware/omni.rs"]
 mod omni_robot;
+#[path = "firmware/parts.rs"]
+mod parts;
 #[path = "firmware/phases.rs"]
 mod phases;
 #[path = "firmware/priorities.rs"]

@@ -16,7 +16,7 @@ pub const EXAMPLES: [&str; 5] =
     ["lift-firmware", "mixed-firmware", "omni-firmware", "starter-firmware", "swerve-firmware"];
 /// The board that is not the default one, and the programs that are run on it.
 pub const DM_MC02: &str = "dm-mc02";
-pub const ON_DM_MC02: [&str; 3] = [TEAM, "lift-firmware", "omni-firmware"];
+pub const ON_DM_MC02: [&str; 4] = [TEAM, "lift-firmware", "omni-firmware", "parts"];
 
 /// Builds a program of the workspace `firmware/` for release, for its default board or another one; says where
 /// its ELF file is.
@@ -49,7 +49,7 @@ pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
     for package in ON_DM_MC02 {
         build_with(package, Some(DM_MC02), rustc)?;
     }
-    for package in EXAMPLES.into_iter().chain(["interop", "selftest"]) {
+    for package in EXAMPLES.into_iter().chain(["interop", "parts", "selftest"]) {
         build_with(package, None, rustc)?;
     }
     build_with(TEAM, None, rustc)
