@@ -173,12 +173,35 @@ fn alternate_functions_are_those_of_the_chip() {
     assert!(checked >= 62, "{checked}");
 }
 
+/// The inputs and outputs of the emulated boards, in the order of the code.
+#[test]
+fn the_emulated_boards_have_the_same_ports() {
+    for (board, emulated) in BOARDS.iter().zip(rc10_emu::Board::ALL) {
+        let parts = parts(board);
+        let of = |what: &str| -> Vec<String> {
+            let names = parts.iter().filter(|(part, _)| part.starts_with(what));
+            names
+                .flat_map(|(_, names)| names)
+                .filter(|name| is_pin(name))
+                .map(|it| (*it).into())
+                .collect()
+        };
+        let name = |(port, pin): &(char, usize)| format!("P{port}{pin}");
+        let names = |pins: &[(char, usize)]| pins.iter().map(name).collect::<Vec<_>>();
+        assert_eq!(of("switches"), names(&emulated.switches), "{}", emulated.name);
+        assert_eq!(of("servo_"), names(&emulated.servos), "{}", emulated.name);
+        assert_eq!(of("voltage_"), names(emulated.voltages), "{}", emulated.name);
+        assert_eq!(of("pulses"), names(&[emulated.pulses]), "{}", emulated.name);
+    }
+}
+
 #[test]
 fn who_uses_a_part_is_true() {
     for (pin, [part, .., source, users]) in table(&OURS) {
         let takes = |code: &str| {
             // By itself, or by a macro that starts it.
-            [format!("board.{part}"), format!("board, {part}")].iter().any(|part| {
+            let by_macro = [format!("board, {part}"), format!("start_{part}!(board")];
+            by_macro.iter().chain([&format!("board.{part}")]).any(|part| {
                 code.match_indices(part).any(|(at, _)| {
                     let behind = code[at + part.len()..].chars().next();
                     behind.is_some_and(|next| !next.is_alphanumeric() && next != '_')

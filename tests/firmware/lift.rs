@@ -101,9 +101,9 @@ fn more_contacts_than_the_board_has_inputs_are_refused() {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let mut description = lift::Robot::description();
-    description.contacts = vec![ContactPart::new(Name::Feeder, simulation::INDEX); 3];
+    description.contacts = vec![ContactPart::new(Name::Feeder, simulation::INDEX); 9];
     let buses = motors.start(&shared.switch).unwrap().buses;
-    let robot = Robot::on(description, buses, [], &shared).parts([0, 3], |_, _| async {});
+    let robot = Robot::on(description, buses, [], &shared).parts([0, 9, 0, 0], |_| async {});
     let error = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).err().unwrap();
-    assert_eq!(error.to_string(), "h723zg has 2 inputs for switches, the robot 3 contacts");
+    assert_eq!(error.to_string(), "h723zg has 8 inputs for switches, the robot 9 contacts");
 }

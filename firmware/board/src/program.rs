@@ -39,6 +39,8 @@ macro_rules! program {
             use $crate::rc10_bsp::can::FdcanPort;
             use $crate::rc10_bsp::pulse_input::PulseInput;
             use $crate::rc10_bsp::serial::{self, Serial, SerialReceiver};
+            use $crate::rc10_bsp::servo::ServoOutput;
+            use $crate::rc10_bsp::voltage::VoltageInput;
             use $crate::rc10_bsp::{CORE_CLOCK, supervisor};
             use $crate::rc10_message::Cycles;
             use $crate::rc10_motor::embassy::BusPort;
@@ -51,6 +53,8 @@ macro_rules! program {
             const BUSES: usize = <Name as Names>::BUSES.len();
             const SERIALS: usize = Robot::SERIALS.len();
             const CONTACTS: usize = Robot::CONTACTS.len();
+            const VOLTAGES: usize = Robot::VOLTAGES.len();
+            const SERVOS: usize = Robot::SERVOS.len();
 
             bind_interrupts!(struct Irqs {
                 TIM7 => supervisor::Interrupt;
@@ -158,8 +162,11 @@ macro_rules! program {
                 shared: &'static Shared<'static>,
                 serials: [Serial; SERIALS],
                 contacts: [Input<'static>; CONTACTS],
+                voltages: [VoltageInput; VOLTAGES],
+                servos: [ServoOutput; SERVOS],
             ) {
-                Robot::parts(shared, serials, contacts).await;
+                let voltages = voltages.map(|mut input| async move || input.read().await);
+                Robot::parts(shared, serials, contacts, voltages, servos).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]

@@ -284,9 +284,19 @@ pub const fn pulses(leds: usize) -> usize {
     leds * BITS + 2
 }
 
-/// An RS-485 line, of two at most.
-#[embassy_executor::task(pool_size = 2)]
+/// An RS-485 line.
+#[embassy_executor::task]
 pub fn line(
+    port: Serial,
+    motors: &'static mut Rs485Bus<'static>,
+    shared: &'static Rs485Port,
+) -> impl Future<Output = ()> {
+    run_rs485(port, motors, shared)
+}
+
+/// Another one: a task's memory is there for each that a program has, not for each that it may have.
+#[embassy_executor::task]
+pub fn line_2(
     port: Serial,
     motors: &'static mut Rs485Bus<'static>,
     shared: &'static Rs485Port,

@@ -64,7 +64,13 @@ pub struct Board {
     /// The key, which connects the pin to ground; a pull-up is beside it.
     pub key: Option<(char, usize)>,
     /// Inputs for switches to ground, without a pull-up.
-    pub switches: [(char, usize); 2],
+    pub switches: [(char, usize); 8],
+    /// Outputs for servos.
+    pub servos: [(char, usize); 4],
+    /// Inputs for voltages, beside that of the supply.
+    pub voltages: &'static [(char, usize)],
+    /// Input for a receiver that sends pulses.
+    pub pulses: (char, usize),
 }
 
 /// Where a BMI088 is.
@@ -109,7 +115,10 @@ impl Board {
         imu: None,
         heater: None,
         key: None,
-        switches: [('G', 2), ('G', 3)],
+        switches: [('G', 2), ('G', 3), ('G', 5), ('G', 6), ('G', 7), ('G', 8), ('G', 9), ('G', 10)],
+        servos: [('D', 12), ('D', 13), ('D', 14), ('D', 15)],
+        voltages: &[('B', 0), ('B', 1), ('C', 0), ('C', 1)],
+        pulses: ('F', 8),
     };
     /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
     pub const DM_MC02: Self = Self {
@@ -125,7 +134,19 @@ impl Board {
         // Ten of 470 ohms in parallel.
         heater: Some(Heater { pin: ('B', 1), ohms: 47 }),
         key: Some(('A', 15)),
-        switches: [('E', 14), ('E', 0)],
+        switches: [
+            ('E', 14),
+            ('E', 0),
+            ('E', 1),
+            ('C', 10),
+            ('C', 11),
+            ('C', 12),
+            ('B', 8),
+            ('B', 9),
+        ],
+        servos: [('E', 9), ('E', 13), ('A', 0), ('A', 2)],
+        voltages: &[('A', 5)],
+        pulses: ('D', 14),
     };
     /// All boards.
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];

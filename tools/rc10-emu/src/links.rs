@@ -4,7 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use anyhow::{Result, ensure};
-use rc10_sim::{Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, UartFault};
+use rc10_sim::{
+    Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, Servo, UartFault, Voltage,
+};
 
 use crate::machine::Machine;
 use crate::peripherals::{Character, Format, Outgoing, Sampled, Sampling, Soc, Wire};
@@ -115,16 +117,40 @@ struct ContactLink {
     was_closed: bool,
 }
 
+struct VoltageLink {
+    pin: (char, usize),
+    voltage: Voltage,
+    divider: f64,
+    microvolts: u32,
+}
+
+struct ServoLink {
+    pin: (char, usize),
+    servo: Servo,
+    /// When the last pulse began.
+    rose: Nanos,
+}
+
+/// Two periods of a servo's pulses.
+const NO_PULSES: Nanos = Nanos::new(40_000_000);
+
 #[derive(Default)]
 pub(crate) struct Links {
     serials: Vec<SerialLink>,
     pulses: Vec<PulseLink>,
     contacts: Vec<ContactLink>,
+    voltages: Vec<VoltageLink>,
+    servos: Vec<ServoLink>,
 }
 
 impl Links {
     pub fn is_empty(&self) -> bool {
-        self.serials.is_empty() && self.pulses.is_empty() && self.contacts.is_empty()
+        let Self { serials, pulses, contacts, voltages, servos } = self;
+        serials.is_empty()
+            && pulses.is_empty()
+            && contacts.is_empty()
+            && voltages.is_empty()
+            && servos.is_empty()
     }
 
     /// Moves data of the world, which is at `now`, to the chip, which is not later.
@@ -141,10 +167,29 @@ impl Links {
                 soc.drive_pin(*port, *pin, closed.then_some(false), now);
             }
         }
+        for VoltageLink { pin: (port, pin), voltage, divider, microvolts } in &mut self.voltages {
+            // A negative one is none to the converter.
+            let now_there = (voltage.volts() / *divider * 1e6) as u32;
+            if std::mem::replace(microvolts, now_there) != now_there {
+                soc.set_voltage(*port, *pin, now_there, now);
+            }
+        }
     }
 
-    pub fn speak(&mut self, soc: &mut Soc) {
+    pub fn speak(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
+        for ServoLink { pin: (port, pin), servo, rose } in &mut self.servos {
+            for edge in soc.take_edges(*port, *pin) {
+                if edge.high {
+                    *rose = edge.at;
+                } else {
+                    servo.tell(Some(edge.at.since(*rose).get() as f64 / 1e3));
+                }
+            }
+            if servo.pulse().is_some() && now.since(*rose) > NO_PULSES {
+                servo.tell(None);
+            }
+        }
     }
 }
 
@@ -213,6 +258,32 @@ impl Machine {
         ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);
         self.soc().drive_pin(pin.0, pin.1, was_closed.then_some(false), self.now());
         self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
+        Ok(())
+    }
+
+    /// Puts a voltage behind a divider at a pin (port 'A' ..= 'K', 0 ..= 15): at most 3.3 V times that can be told.
+    ///
+    /// # Errors
+    /// If no converter that is modelled measures there.
+    pub fn connect_voltage(
+        &mut self,
+        pin: (char, usize),
+        voltage: &Voltage,
+        divider: f64,
+    ) -> Result<()> {
+        self.set_voltage(pin.0, pin.1, 0)?;
+        let voltage = voltage.clone();
+        self.links.voltages.push(VoltageLink { pin, voltage, divider, microvolts: 0 });
+        Ok(())
+    }
+
+    /// Puts a servo at a pin (port 'A' ..= 'K', 0 ..= 15), which is told each pulse when it ends.
+    ///
+    /// # Errors
+    /// If the chip has no such pin.
+    pub fn connect_servo(&mut self, pin: (char, usize), servo: &Servo) -> Result<()> {
+        self.record_pin(pin.0, pin.1)?;
+        self.links.servos.push(ServoLink { pin, servo: servo.clone(), rose: Nanos::ZERO });
         Ok(())
     }
 

@@ -12,6 +12,7 @@
 //!   host of either has a [`UartPort`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
 //! * [`Contact`]: a switch or marker that a motor's shaft closes, and the input that it pulls low.
+//! * [`Servo`], [`Voltage`]: what a servo is told, and what is measured.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
 //! * [`Base`]: motors under a body that rolls and slides, on wheels of any kind ([`Chassis`]).
@@ -85,6 +86,7 @@ pub mod lk;
 mod motor;
 mod occupancy;
 pub mod odrive;
+mod pins;
 mod plant;
 mod pulses;
 mod random;
@@ -110,6 +112,7 @@ pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use line::{Heard, Line, LineConfig, LineCounters, LineEntry};
 pub use motor::Shaft;
+pub use pins::{Servo, Voltage};
 pub use plant::{Nonlinear, Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
 pub use random::Random;

@@ -7,7 +7,7 @@ use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
 use rc10_sim::imu::Hwt101;
-use rc10_sim::{Nanos, Serial, World};
+use rc10_sim::{Esc, Nanos, Serial, World};
 use rc10_tasks::Program;
 use rc10_time::Micros;
 
@@ -42,6 +42,10 @@ pub struct Description {
     pub serials: Vec<SerialPart>,
     /// Switches and markers on motors' shafts, in the order of the board's inputs for them.
     pub contacts: Vec<ContactPart>,
+    /// What is measured at the board's inputs for voltages, in their order.
+    pub voltages: Vec<VoltagePart>,
+    /// Labels of the servos at the board's outputs for them, in their order.
+    pub servos: Vec<&'static str>,
     /// Bit rate of the firmware's console, if not 921,600.
     pub console: Option<u32>,
     /// Script, for reports.
@@ -91,6 +95,18 @@ impl ContactPart {
     }
 }
 
+/// A voltage that the robot measures: [`rc10_sim::Voltage`].
+#[derive(Clone, Copy, Debug)]
+pub struct VoltagePart {
+    /// The voltage divided by that at the chip's pin, 1 without a divider.
+    pub divider: f64,
+    /// The voltage now, volts.
+    pub volts: Volts,
+}
+
+/// A voltage now, V: by the motors in the order of the description, and the base.
+pub type Volts = fn(motors: &[Esc], base: Option<&rc10_sim::Base>) -> f64;
+
 /// A part of a robot in simulation, under its name in the declaration.
 #[derive(Clone, Copy, Debug)]
 pub enum Twin {
@@ -98,6 +114,8 @@ pub enum Twin {
     Serial(&'static str, SerialTwin),
     /// Where a contact is closed.
     Contact(&'static str, fn() -> ContactPart),
+    /// What is measured.
+    Voltage(&'static str, Volts),
 }
 
 /// Puts the twin of a serial part at the end of a link.
@@ -106,7 +124,7 @@ pub type SerialTwin = fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Re
 impl Twin {
     const fn label(&self) -> &'static str {
         match self {
-            Self::Serial(label, _) | Self::Contact(label, _) => label,
+            Self::Serial(label, _) | Self::Contact(label, _) | Self::Voltage(label, _) => label,
         }
     }
 }
@@ -120,32 +138,29 @@ pub trait Simulated: Program {
     fn description() -> Description;
 }
 
-const fn assert_twins(
-    serials: &[rc10_tasks::program::SerialPart],
-    contacts: &[&str],
-    twins: &[Twin],
-) {
+const fn assert_twins<P: Simulated>() {
     assert!(
-        twins.len() == serials.len() + contacts.len(),
-        "`TWINS` has not one twin for each `serial` and `contact` of the declaration"
+        P::TWINS.len() == P::SERIALS.len() + P::CONTACTS.len() + P::VOLTAGES.len(),
+        "`TWINS` has not one twin for each `serial`, `contact` and `voltage` of the declaration"
     );
     let mut at = 0;
-    while at < twins.len() {
+    while at < P::TWINS.len() {
         let (mut found, mut part) = (false, 0);
-        while part < serials.len() {
-            found |=
-                matches!(twins[at], Twin::Serial(label, _) if is_same(label, serials[part].label));
-            part += 1;
+        match P::TWINS[at] {
+            Twin::Serial(label, _) => while part < P::SERIALS.len() {
+                found |= is_same(label, P::SERIALS[part].label);
+                part += 1;
+            },
+            Twin::Contact(label, _) => while part < P::CONTACTS.len() {
+                found |= is_same(label, P::CONTACTS[part]);
+                part += 1;
+            },
+            Twin::Voltage(label, _) => while part < P::VOLTAGES.len() {
+                found |= is_same(label, P::VOLTAGES[part].0);
+                part += 1;
+            },
         }
-        part = 0;
-        while part < contacts.len() {
-            found |= matches!(twins[at], Twin::Contact(label, _) if is_same(label, contacts[part]));
-            part += 1;
-        }
-        assert!(
-            found,
-            "`TWINS` has a twin that the declaration does not have as a `serial` or `contact`"
-        );
+        assert!(found, "`TWINS` has a twin that the declaration does not have, or of another sort");
         at += 1;
     }
 }
@@ -211,22 +226,28 @@ impl Description {
     /// package, its IMU on the base, and the twins of its parts.
     #[must_use]
     pub fn of_program<P: Simulated>(plant: impl Fn(P::Name) -> Plant) -> Self {
-        const { assert_twins(P::SERIALS, P::CONTACTS, P::TWINS) };
+        const { assert_twins::<P>() };
         let twin = |label: &str| P::TWINS.iter().find(|twin| twin.label() == label);
         let imu = P::HAS_IMU.then_some(SerialPart { label: "IMU", uart: IMU_UART, twin: wit });
         let serials = P::SERIALS.iter().filter_map(|part| match twin(part.label)? {
             &Twin::Serial(label, twin) => Some(SerialPart { label, uart: part.uart, twin }),
-            Twin::Contact(..) => None,
+            Twin::Contact(..) | Twin::Voltage(..) => None,
         });
         let contacts = P::CONTACTS.iter().filter_map(|label| match twin(label)? {
             Twin::Contact(_, part) => Some(part()),
-            Twin::Serial(..) => None,
+            Twin::Serial(..) | Twin::Voltage(..) => None,
+        });
+        let voltages = P::VOLTAGES.iter().filter_map(|(label, divider)| match twin(label)? {
+            &Twin::Voltage(_, volts) => Some(VoltagePart { divider: f64::from(*divider), volts }),
+            Twin::Serial(..) | Twin::Contact(..) => None,
         });
         Self {
             console: Some(P::CONSOLE),
             firmware: Some(|board| build_firmware_in(P::FOLDER, board)),
             serials: imu.into_iter().chain(serials).collect(),
             contacts: contacts.collect(),
+            voltages: voltages.collect(),
+            servos: P::SERVOS.to_vec(),
             ..Self::of(plant)
         }
     }

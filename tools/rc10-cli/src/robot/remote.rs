@@ -21,8 +21,6 @@ pub struct RemoteControl {
     pub receivers: Vec<Receiver>,
     /// The chip's UART for receivers that send bytes.
     pub uart: u8,
-    /// The chip's pin for receivers that send pulses.
-    pub pulse_pin: (char, usize),
     /// Script of the operator, in the order of time. Before its first line all sticks are at rest.
     pub script: Vec<ScriptLine>,
     /// Period after which the script repeats, if it does.
@@ -130,7 +128,7 @@ pub enum ReceiverPort {
 }
 
 impl RemoteControl {
-    /// Creates a remote for any receiver, at UART5 and PF8, whose script may repeat after a period.
+    /// Creates a remote for any receiver, at UART5 or the board's input for pulses, whose script may repeat after a period.
     #[must_use]
     pub fn new(receiver: Receiver, script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
         Self {
@@ -138,7 +136,6 @@ impl RemoteControl {
             channels: receiver.channels(),
             receivers: Receiver::ALL.into(),
             uart: 5,
-            pulse_pin: ('F', 8),
             script: script.into(),
             repeats_after,
             lost: Vec::new(),

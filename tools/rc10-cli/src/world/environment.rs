@@ -9,7 +9,8 @@ use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
+    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, Voltage,
+    WheelMotors, World,
 };
 use rc10_time::Micros;
 
@@ -35,6 +36,8 @@ pub struct Environment {
     pub serials: Vec<Serial>,
     /// The switches and markers on motors' shafts, in the order of [`Description::contacts`].
     pub contacts: Vec<Contact>,
+    /// The voltages, in the order of [`Description::voltages`].
+    pub voltages: Vec<Voltage>,
     /// The remote with the receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
     /// The operator of the remote.
@@ -124,6 +127,11 @@ impl Environment {
             let contact = Contact::new(esc, part.closed);
             contacts.push(contact.with_context(|| format!("contacts, {}", motor.label))?);
         }
+        let voltages = description.voltages.iter().map(|part| {
+            let (volts, motors, base) = (part.volts, motors.clone(), base.clone());
+            Voltage::new(move || volts(&motors, base.as_ref()))
+        });
+        let voltages = voltages.collect();
         let (mut remote, mut operator) = (None, None);
         if let Some(control) = &description.remote {
             let hands = Remote::new();
@@ -134,7 +142,19 @@ impl Environment {
             remote = Some(RemoteLink { remote: hands, receiver, wire });
         }
         let console = None;
-        Ok(Self { world, wires, lines, motors, base, serials, contacts, remote, operator, console })
+        Ok(Self {
+            world,
+            wires,
+            lines,
+            motors,
+            base,
+            serials,
+            contacts,
+            voltages,
+            remote,
+            operator,
+            console,
+        })
     }
 
     /// The faults of a description in this environment; fails if a bus or line does not exist.

@@ -12,7 +12,7 @@ use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
 use rc10_sim::fault::is_called;
-use rc10_sim::{Contact, Faults, Serial, TaskName, Tasks, UartPort};
+use rc10_sim::{Contact, Faults, Serial, Servo, TaskName, Tasks, UartPort, Voltage};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, Program, heading, remote, status};
 use rc10_time::Micros;
@@ -42,14 +42,27 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
-    /// Numbers of serial parts, behind the others, and of contacts; and their task.
-    parts: Option<([usize; 2], StartParts<'r>)>,
+    /// Numbers of serial parts, behind the others, of contacts, voltages and servos; and their task.
+    parts: Option<([usize; 4], StartParts<'r>)>,
     console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
     /// Whether it runs even if motors do not fit on a bus.
     is_forced: bool,
 }
 
-type StartParts<'r> = Box<dyn FnOnce(Vec<UartPort>, Vec<Contact>) -> Task<'r> + 'r>;
+type StartParts<'r> = Box<dyn FnOnce(Parts) -> Task<'r> + 'r>;
+
+/// Ports and pins of what a robot has beside motors.
+#[derive(Default)]
+pub struct Parts {
+    /// The ports of parts on UARTs.
+    pub serials: Vec<UartPort>,
+    /// The contacts.
+    pub contacts: Vec<Contact>,
+    /// The voltages.
+    pub voltages: Vec<Voltage>,
+    /// The servos.
+    pub servos: Vec<Servo>,
+}
 
 type Task<'r> = (TaskName, Pin<Box<dyn Future<Output = ()> + 'r>>);
 
@@ -128,25 +141,33 @@ impl<'r> Robot<'r> {
                 heading::listen_for(shared, port).await;
             });
         }
-        let counts = [P::SERIALS.len(), P::CONTACTS.len()];
-        self.ports.parts.extend(&shared.receptions[..counts[0]]);
-        if counts != [0; 2] {
-            self = self.parts(counts, |serials, contacts| P::parts(shared, serials, contacts));
+        self.ports.parts.extend(&shared.receptions[..P::SERIALS.len()]);
+        let counts = [P::SERIALS.len(), P::CONTACTS.len(), P::VOLTAGES.len(), P::SERVOS.len()];
+        if counts != [0; 4] {
+            self = self.parts(counts, |Parts { serials, contacts, voltages, servos }| {
+                let read = |mut voltage: Voltage| async move || voltage.read().await;
+                P::parts(shared, serials, contacts, voltages.into_iter().map(read), servos)
+            });
         }
         self.task(P::run(shared)).task(status::run(shared))
     }
 
-    /// Adds the task of this many serial parts, behind the others, and contacts: it gets their ports and pins in the
-    /// order of the description.
+    /// Adds the task of this many serial parts, behind the others, contacts, voltages and servos: it gets their ports
+    /// and pins in the order of the description. A servo's pulse is a signal of its label, µs.
     #[must_use]
     #[track_caller]
     pub fn parts<F: Future + 'r>(
         mut self,
-        counts: [usize; 2],
-        start: impl FnOnce(Vec<UartPort>, Vec<Contact>) -> F + 'r,
+        counts: [usize; 4],
+        start: impl FnOnce(Parts) -> F + 'r,
     ) -> Self {
         let name = TaskName::of::<F>();
-        let start = move |serials, contacts| boxed(name, start(serials, contacts));
+        let servos: Vec<_> = self.description.servos.iter().map(|_| Servo::default()).collect();
+        for (label, servo) in zip(self.description.servos.clone(), servos.clone()) {
+            let label = String::leak(format!("{label} pulse"));
+            self = self.signal(label, "us", move |_| servo.pulse());
+        }
+        let start = move |parts| boxed(name, start(Parts { servos, ..parts }));
         self.parts = Some((counts, Box::new(start)));
         self
     }
@@ -428,7 +449,8 @@ impl<'r> Robot<'r> {
             own.push(speak(port));
         }
         if let Some((_, start)) = self.parts {
-            own.push(start(links.collect(), around.contacts.clone()));
+            let (contacts, voltages) = (around.contacts.clone(), around.voltages.clone());
+            own.push(start(Parts { serials: links.collect(), contacts, voltages, ..Parts::default() }));
         }
         own.into_iter().for_each(|(name, task)| tasks.add_as(name, task));
         hang::watch(&tasks.running());
@@ -443,13 +465,17 @@ impl<'r> Robot<'r> {
 
     /// Checks the motors on buses and lines against the description, whose names the figures have.
     fn check(&self) -> Result<()> {
-        let Description { buses, lines, serials, contacts, .. } = &self.description;
-        let [spoken, read] = self.parts.as_ref().map_or([0; 2], |(counts, _)| *counts);
+        let Description { buses, lines, serials, contacts, voltages, servos, .. } =
+            &self.description;
+        let [spoken, read, measured, driven] =
+            self.parts.as_ref().map_or([0; 4], |(counts, _)| *counts);
         for (is, described, what) in [
             (self.buses.len(), usize::from(*buses), "buses"),
             (self.lines.len(), lines.len(), "lines"),
             (self.serials.len() + spoken, serials.len(), "parts on UARTs"),
             (read, contacts.len(), "contacts are read"),
+            (measured, voltages.len(), "voltages are read"),
+            (driven, servos.len(), "servos are driven"),
         ] {
             ensure!(is == described, "{is} {what}, but {described} described");
         }
