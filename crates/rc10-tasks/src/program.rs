@@ -184,7 +184,8 @@ pub const fn assert_in_order(ports: &[&str], name: &str) {
     let mut at = 0;
     while at < ports.len() {
         let (port, name) = (ports[at].as_bytes(), name.as_bytes());
-        let is_next = port.len() == name.len() + 1 && port[name.len()] as usize == b'1' as usize + at;
+        let is_next =
+            port.len() == name.len() + 1 && port[name.len()] as usize == b'1' as usize + at;
         assert!(is_next, "inputs, voltages and servos are taken in their order: _1, _2, and so on");
         at += 1;
     }

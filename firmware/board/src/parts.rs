@@ -77,7 +77,8 @@ macro_rules! start_pulses_by {
             $interrupt => $crate::board::PulseInterrupt;
         });
         let $crate::board::PulseParts { timer, pin } = $board.pulses;
-        PulseInput::start(timer, pin, OfPulses, Priority::P7)
+        let priority = $crate::embassy_stm32::interrupt::Priority::P7;
+        $crate::rc10_bsp::pulse_input::PulseInput::start(timer, pin, OfPulses, priority)
     }};
 }
 

@@ -147,18 +147,24 @@ const fn assert_twins<P: Simulated>() {
     while at < P::TWINS.len() {
         let (mut found, mut part) = (false, 0);
         match P::TWINS[at] {
-            Twin::Serial(label, _) => while part < P::SERIALS.len() {
-                found |= is_same(label, P::SERIALS[part].label);
-                part += 1;
-            },
-            Twin::Contact(label, _) => while part < P::CONTACTS.len() {
-                found |= is_same(label, P::CONTACTS[part]);
-                part += 1;
-            },
-            Twin::Voltage(label, _) => while part < P::VOLTAGES.len() {
-                found |= is_same(label, P::VOLTAGES[part].0);
-                part += 1;
-            },
+            Twin::Serial(label, _) => {
+                while part < P::SERIALS.len() {
+                    found |= is_same(label, P::SERIALS[part].label);
+                    part += 1;
+                }
+            }
+            Twin::Contact(label, _) => {
+                while part < P::CONTACTS.len() {
+                    found |= is_same(label, P::CONTACTS[part]);
+                    part += 1;
+                }
+            }
+            Twin::Voltage(label, _) => {
+                while part < P::VOLTAGES.len() {
+                    found |= is_same(label, P::VOLTAGES[part].0);
+                    part += 1;
+                }
+            }
         }
         assert!(found, "`TWINS` has a twin that the declaration does not have, or of another sort");
         at += 1;

@@ -450,7 +450,12 @@ impl<'r> Robot<'r> {
         }
         if let Some((_, start)) = self.parts {
             let (contacts, voltages) = (around.contacts.clone(), around.voltages.clone());
-            own.push(start(Parts { serials: links.collect(), contacts, voltages, ..Parts::default() }));
+            own.push(start(Parts {
+                serials: links.collect(),
+                contacts,
+                voltages,
+                ..Parts::default()
+            }));
         }
         own.into_iter().for_each(|(name, task)| tasks.add_as(name, task));
         hang::watch(&tasks.running());
