@@ -9,8 +9,8 @@
 //!
 //! // Efforts in N m.
 //! let cascade = Cascade {
-//!     speed: PidConfig::new(0.05, 0.5, 0.0, 3.0),
-//!     angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
+//!     speed: PidConfig::within(3.0).kp(0.05).ki(0.5),
+//!     angle: PidConfig::within(100.0).kp(3.0),
 //!     outer_divider: 1,
 //!     acceleration: RpmPerSecond::new(500.0),
 //!     feed_forward: FeedForward::NONE,
@@ -391,7 +391,7 @@ const TURN: i32 = 360_000_000;
 
 fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
     // Its limits stand already; one of them may be zero.
-    PidConfig::new(0.0, 0.0, 0.0, 1.0).with_gains(gains).validate()?;
+    PidConfig::within(1.0).with_gains(gains).validate()?;
     *pid = pid.with_gains(gains);
     Ok(())
 }
@@ -404,8 +404,8 @@ mod tests {
 
     fn servo() -> Servo {
         let cascade = Cascade {
-            speed: PidConfig::new(0.1, 0.0, 0.0, 5.0),
-            angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
+            speed: PidConfig::within(5.0).kp(0.1),
+            angle: PidConfig::within(100.0).kp(3.0),
             outer_divider: 1,
             acceleration: RpmPerSecond::new(1e5),
             feed_forward: rc10_app::FeedForward::NONE,

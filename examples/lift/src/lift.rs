@@ -5,7 +5,7 @@ use rc10_app::mechanism::{
     Stage,
 };
 use rc10_app::{
-    AngleProfile, AngleSetpoint, ConfigError, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
+    AngleLimits, AngleProfile, AngleSetpoint, ConfigError, Rpm, RpmPerSecond, Seconds, TotalAngle,
 };
 
 use crate::table::{HOMING, LIFT_LIMITS, RANGE, TOGETHER};
@@ -170,7 +170,7 @@ fn aim(profile: &mut AngleProfile, goal: Goal) -> Result<(), ConfigError> {
         Goal::Move(share) => {
             let end = if share > 0.0 { RANGE.upper } else { RANGE.lower };
             let velocity = LIFT_LIMITS.velocity * share.abs();
-            profile.set_target(&ProfileLimits { velocity, ..LIFT_LIMITS }, end, Rpm::ZERO)
+            profile.set_target(&AngleLimits { velocity, ..LIFT_LIMITS }, end, Rpm::ZERO)
         }
     }
 }

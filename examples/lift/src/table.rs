@@ -5,8 +5,8 @@ use rc10_app::mechanism::{
     SoftLimits, Stall,
 };
 use rc10_app::{
-    CountsPerTurn, Degrees, Direction, FeedForward, Gravity, ProfileLimits, Rpm, RpmPerSecond,
-    Seconds, TotalAngle,
+    AngleLimits, CountsPerTurn, Degrees, Direction, FeedForward, Gravity, Rpm, RpmPerSecond,
+    RpmPerSecondSquared, Seconds, TotalAngle,
 };
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
@@ -50,8 +50,8 @@ const TORQUE: f32 = Config::new(&M3508, 1).torque_constant();
 /// What a shaft of the lift takes, in A: friction of the gearbox, inertia and weight.
 const LIFTING: FeedForward = FeedForward {
     friction: 0.1 / TORQUE,
-    speed: 0.0026 * RADIANS / TORQUE,
-    acceleration: INERTIA * RADIANS / TORQUE,
+    per_rpm: 0.0026 * RADIANS / TORQUE,
+    per_rpm_s: INERTIA * RADIANS / TORQUE,
     gravity: Gravity::Lift(WEIGHT / TORQUE),
 };
 
@@ -98,8 +98,11 @@ pub const HEIGHTS: [TotalAngle; 3] =
     [TotalAngle::from_degrees(20), TotalAngle::from_degrees(540), TotalAngle::from_degrees(1060)];
 
 /// How the lift moves: 80 rpm, reached in 0.3 s. The motors' loops reach 1000 rpm/s.
-pub const LIFT_LIMITS: ProfileLimits =
-    ProfileLimits { velocity: 80.0, acceleration: 400.0, jerk: 5000.0 };
+pub const LIFT_LIMITS: AngleLimits = AngleLimits {
+    velocity: Rpm::new(80.0),
+    acceleration: RpmPerSecond::new(400.0),
+    jerk: RpmPerSecondSquared::new(5000.0),
+};
 
 /// How the two motors are kept together.
 pub const TOGETHER: AxesConfig = AxesConfig {
@@ -136,7 +139,7 @@ pub const INDEXING_FORWARD: TotalAngle = TotalAngle::from_degrees(25);
 pub const FEEDER: FeederConfig = FeederConfig {
     pieces: CountsPerTurn::new(8, 1),
     direction: Direction::Forward,
-    rate: 4.0,
+    pieces_per_s: 4.0,
     acceleration: RpmPerSecond::new(500.0),
     tolerance: Degrees::new(4.0),
     jam: JamConfig {

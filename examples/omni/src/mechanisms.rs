@@ -1,7 +1,7 @@
 //! The mechanisms on the base: an arm, a turret and a flywheel.
 
 use rc10_app::profile::synchronise;
-use rc10_app::{AngleProfile, ProfileLimits, Rpm, Seconds, TotalAngle};
+use rc10_app::{AngleLimits, AngleProfile, Rpm, Seconds, TotalAngle};
 use rc10_module::remote::{Remote, Switch};
 use rc10_motor::{Motion, Target};
 
@@ -70,7 +70,7 @@ impl Mechanisms {
     fn raise(&mut self, stick: f32) {
         if (stick - self.raised).abs() > 0.0 {
             self.raised = stick;
-            let limits = ProfileLimits { velocity: stick.abs() * ARM_RATE.get(), ..ARM_LIMITS };
+            let limits = AngleLimits { velocity: ARM_RATE * stick.abs(), ..ARM_LIMITS };
             let end = self.range[usize::from(stick > 0.0)];
             let _ = match stick.abs() > 0.0 {
                 true => self.arm.set_target(&limits, end, Rpm::ZERO),
@@ -83,7 +83,7 @@ impl Mechanisms {
     fn turn(&mut self, dial: f32) {
         if (dial - self.dialled).abs() > 0.0 {
             self.dialled = dial;
-            let _ = self.turret.set_speed(&TURRET_LIMITS, Rpm::new(-dial * TURRET_RATE.get()));
+            let _ = self.turret.set_speed(&TURRET_LIMITS, TURRET_RATE * -dial);
         }
     }
 }

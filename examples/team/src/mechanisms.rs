@@ -1,9 +1,7 @@
 //! The mechanisms task: gimbal, feeder and lift. Gimbal and lift follow profiles, so that they arrive
 //! without a swing, and know in advance what effort that takes.
 
-use rc10_app::{
-    AngleProfile, AngleSetpoint, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
-};
+use rc10_app::{AngleLimits, AngleProfile, AngleSetpoint, Rpm, RpmPerSecond, Seconds, TotalAngle};
 use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::{ArmState, Link, Request, Target};
 use rc10_time::Micros;
@@ -64,7 +62,7 @@ fn follow(
     profile: &mut Option<AngleProfile>,
     shared: &Shared<'_>,
     motors: &[Name],
-    limits: &ProfileLimits,
+    limits: &AngleLimits,
     goal: Goal,
     dt: Seconds,
 ) -> AngleSetpoint {

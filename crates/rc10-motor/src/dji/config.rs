@@ -64,8 +64,8 @@ const fn gear(rotor: u32, output: u32) -> Gear {
 const fn cascade(speed: [f32; 3], angle: [f32; 2], acceleration: f32) -> Cascade {
     let ([kp, ki, effort], [angle_kp, rpm]) = (speed, angle);
     Cascade {
-        speed: PidConfig::new(kp, ki, 0.0, effort),
-        angle: PidConfig::new(angle_kp, 0.0, 0.0, rpm),
+        speed: PidConfig::within(effort).kp(kp).ki(ki),
+        angle: PidConfig::within(rpm).kp(angle_kp),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(acceleration),
         feed_forward: FeedForward::NONE,
