@@ -28,6 +28,9 @@ pub type Shared<'p> = rc10_tasks::Common<'p, Name, { table::BUSES }, 0, Own>;
 rc10_tasks::live! {
     /// Where it believes to be, where it is to be, and what it does: for a PC.
     pub struct Own {
+        mechanisms {
+            arm: "arm stage";
+        }
         signals {
             x: "odometry x", "m";
             y: "odometry y", "m";

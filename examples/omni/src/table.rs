@@ -3,11 +3,12 @@
 use core::f32::consts::{FRAC_PI_2, PI};
 use core::num::NonZeroU8;
 
+use rc10_app::mechanism::AbsoluteEncoder;
 use rc10_app::path::{FollowerConfig, Path, PathLimits, Waypoint};
 use rc10_app::{
     Amps, AngleLimits, Base, Body, Cascade, Degrees, FeedForward, GainSchedule, Gains, Gear,
     Gravity, HeadingHoldConfig, PidConfig, Radians, Rpm, RpmPerSecond, RpmPerSecondSquared,
-    Seconds, Twist, TwistLimits,
+    Seconds, TotalAngle, Twist, TwistLimits,
 };
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
@@ -134,8 +135,16 @@ pub const REST: f32 = 0.02;
 
 /// Speed of the arm with the stick at its end: 90 degrees per second.
 pub const ARM_RATE: Rpm = Rpm::new(15.0);
-/// The angles that it may take, degrees.
-pub const ARM_RANGE: [i32; 2] = [0, 120];
+/// Its encoder says 0 where it is level. It rests on a stop 5 degrees below, where that says 355.
+pub const ARM_ENCODER: AbsoluteEncoder = AbsoluteEncoder {
+    level: TotalAngle::ZERO,
+    gear: Gear::DIRECT,
+    lower: TotalAngle::from_degrees(-5),
+    upper: TotalAngle::from_degrees(130),
+    tolerance: Degrees::new(3.0),
+};
+/// The angles that it is driven to, from its level.
+pub const ARM_RANGE: [TotalAngle; 2] = [TotalAngle::ZERO, TotalAngle::from_degrees(120)];
 /// Limits of the arm's motion.
 pub const ARM_LIMITS: AngleLimits = AngleLimits {
     velocity: ARM_RATE,
@@ -157,6 +166,7 @@ const _: () = assert!(
     FOLLOWER.validate().is_ok()
         && PATH_LIMITS.validate().is_ok()
         && HOLD.validate().is_ok()
+        && ARM_ENCODER.validate().is_ok()
         && ARM_LIMITS.validate().is_ok()
         && TURRET_LIMITS.validate().is_ok()
 );

@@ -205,6 +205,9 @@ fn why_it_gave_up(stage: Stage) -> String {
         Stage::TouchesDiffer => ": does the stop give way, or does the motor slip?",
         Stage::Apart | Stage::Lags => ": is one of them blocked, or off its gear?",
         Stage::AngleGap => ": its motor was not heard for so long that it may have turned unseen",
+        Stage::OutOfTravel => {
+            ": was its motor mounted anew, or has a belt slipped? Read its level again"
+        }
         Stage::Jammed => ": no try has cleared it",
         _ => "",
     };
