@@ -52,7 +52,7 @@ use commands::decode::DecodeArgs;
 use terminal::{Plain, tell};
 
 pub use crate::robot::base::Base;
-pub use crate::robot::description::{ContactPart, Description, LinePart, SerialPart};
+pub use crate::robot::description::{ArmPart, ContactPart, Description, LinePart, SerialPart};
 pub use crate::robot::mistake::Mistake;
 pub use crate::robot::motor::{Device, Motor, Place, Plant};
 pub use crate::robot::remote::{Receiver, RemoteControl};

@@ -14,6 +14,7 @@
 //! * [`Contact`]: a switch or marker that a motor's shaft closes, and the input that it pulls low.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
+//! * [`ArmLink`]: links that hang on each other, each on a motor.
 //! * [`Base`]: motors under a body that rolls and slides, on wheels of any kind ([`Chassis`]).
 //!
 //! | vendor | devices |
@@ -67,6 +68,7 @@
 //! heard or a newer one takes its place; suspended transmission and passive error frames.
 #![forbid(unsafe_code)]
 
+mod arm;
 mod base;
 mod contact;
 mod controller;
@@ -100,6 +102,7 @@ pub mod vesc;
 mod wire;
 mod world;
 
+pub use arm::ArmLink;
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
 pub use contact::{Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};

@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
-use rc10_sim::{Serial, World};
+use rc10_sim::{ArmLink, Serial, World};
 use rc10_time::Micros;
 
 use crate::robot::base::Base;
@@ -26,6 +26,8 @@ pub struct Description {
     pub lines: Vec<LinePart>,
     /// The base on its wheels, if that is simulated.
     pub base: Option<Base>,
+    /// Arms whose links hang on each other. (The weight of a single one is in its motor's [`Plant`].)
+    pub arms: Vec<ArmPart>,
     /// Own signals of the estimated pose: [`Robot::estimate`](crate::Robot::estimate).
     pub estimate: Option<PoseSignals>,
     /// Own signals of the reference pose: [`Robot::reference`](crate::Robot::reference).
@@ -66,6 +68,21 @@ pub struct SerialPart {
     pub uart: u8,
     /// Puts its simulated twin at the end of a link.
     pub twin: fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial>,
+}
+
+/// An arm: the links that hang on each other, each on a motor.
+#[derive(Clone, Debug)]
+pub struct ArmPart {
+    /// Indices into [`Description::motors`], and their links.
+    pub(crate) links: Vec<(usize, ArmLink)>,
+}
+
+impl ArmPart {
+    /// Creates an arm from the base outwards, in the robot's directions: they count upwards.
+    #[must_use]
+    pub fn new<N: Names>(links: impl IntoIterator<Item = (N, ArmLink)>) -> Self {
+        Self { links: links.into_iter().map(|(motor, link)| (motor.index(), link)).collect() }
+    }
 }
 
 /// A switch or marker on a motor's shaft: [`rc10_sim::Contact`].

@@ -9,7 +9,8 @@ use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
+    ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks,
+    WheelMotors, World,
 };
 use rc10_time::Micros;
 
@@ -82,24 +83,31 @@ impl Environment {
             built.finish(index, &twin).with_context(|| format!("mistake, {}", motor.label))?;
             motors.push(twin);
         }
+        let mounted = |line: usize| {
+            let motor = built.motors.get(line).zip(motors.get(line));
+            let (motor, esc) =
+                motor.with_context(|| format!("there is no motor in line {line}"))?;
+            let mounting = match motor.direction {
+                Direction::Forward => Mounting::Normal,
+                Direction::Reversed => Mounting::Mirrored,
+            };
+            anyhow::Ok((esc, mounting))
+        };
+        for arm in &built.arms {
+            let link = |(line, link): &(usize, ArmLink)| {
+                mounted(*line).map(|(esc, mounting)| (esc, mounting, *link))
+            };
+            let links: Vec<_> = arm.links.iter().map(link).collect::<Result<_>>().context("arm")?;
+            world.add_arm(links).context("arm")?;
+        }
         let mut base = None;
         if let Some((under, chassis)) = description.base.as_ref().zip(built.chassis) {
-            let mounted = |line: usize| {
-                let motor = built.motors.get(line).zip(motors.get(line));
-                let (motor, esc) =
-                    motor.with_context(|| format!("base: there is no motor in line {line}"))?;
-                let mounting = match motor.direction {
-                    Direction::Forward => Mounting::Normal,
-                    Direction::Reversed => Mounting::Mirrored,
-                };
-                anyhow::Ok((esc, mounting))
-            };
             let mut steering = under.steering.iter();
             let mut wheels = Vec::new();
             for (line, wheel) in under.wheels.iter().zip(&chassis.wheels) {
                 let steers = wheel.steering.and_then(|_| steering.next());
-                let steering = steers.map(|line| mounted(*line)).transpose()?;
-                wheels.push(WheelMotors { drive: mounted(*line)?, steering });
+                let steering = steers.map(|line| mounted(*line)).transpose().context("base")?;
+                wheels.push(WheelMotors { drive: mounted(*line).context("base")?, steering });
             }
             let is_whole = under.wheels.len() == chassis.wheels.len() && steering.next().is_none();
             ensure!(
