@@ -6,7 +6,7 @@ use rc10_sim::Nonlinear;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_time::Micros;
 
-use crate::table::{Name, WEIGHT};
+use crate::table::{HOISTED, Name, WEIGHT};
 
 /// Where the bottom is, in degrees since power-on: the lift begins above it, and not level.
 #[must_use]
@@ -24,11 +24,21 @@ pub const TRAVEL: f64 = 1100.0;
 /// stand at its upper end.
 pub const INDEX: [f64; 2] = [-110.0, -104.0];
 
+/// Where the bottom of the hoist is, degrees since power-on, and how far it goes up from there.
+pub const HOIST: [f64; 2] = [-200.0, 1900.0];
+/// Its switch is closed below this height.
+pub const HOIST_SWITCH: f64 = 20.0;
+
 /// At the output shaft; our estimates.
 #[must_use]
 pub fn plant(name: Name) -> Plant {
     match name {
         Name::Feeder => Plant::inertia(0.002),
+        Name::Hoist => Plant {
+            load: -f64::from(HOISTED),
+            travel: Some([HOIST[0], HOIST[0] + HOIST[1]]),
+            ..Plant::inertia(0.01)
+        },
         lift => Plant {
             load: -f64::from(WEIGHT),
             nonlinear: Nonlinear { backlash: 0.3, ..Nonlinear::NONE },
@@ -39,11 +49,13 @@ pub fn plant(name: Name) -> Plant {
 }
 
 /// The operator's controls, from these times on.
-pub const SCRIPT: [ScriptLine; 13] = [
+pub const SCRIPT: [ScriptLine; 15] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm: it homes", ARMED),
     at(2000, "to the middle", Controls { right: Stick { x: 1.0, y: 0.0 }, ..ARMED }),
     at(2100, "stick let go", ARMED),
+    at(2600, "hoist up", Controls { dial: 1.0, ..ARMED }),
+    at(3400, "hoist stays", ARMED),
     at(3600, "feed", FEED),
     at(3700, "switch back", ARMED),
     at(4100, "to the top", Controls { right: Stick { x: 0.0, y: 1.0 }, ..ARMED }),

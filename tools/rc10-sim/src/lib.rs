@@ -11,7 +11,7 @@
 //! * [`Line`]: an RS-485 line. [`Serial`]: a serial link in full duplex to one [`SerialDevice`]. The
 //!   host of either has a [`UartPort`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
-//! * [`Contact`]: a switch or marker that a motor's shaft closes, and the input that it pulls low.
+//! * [`Contact`]: a switch or marker that a motor's shaft closes, and the input of its wire.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
 //! * [`ArmLink`]: links that hang on each other, each on a motor.
@@ -104,7 +104,7 @@ mod world;
 
 pub use arm::ArmLink;
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
-pub use contact::{Contact, NoRange};
+pub use contact::{Closed, Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
 pub use device::{Beyond, Device, EscFault, EscState, Outbox, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};

@@ -9,5 +9,5 @@ rc10_board::robot! {
     robot: lift;
     buses: two_buses(bus_1, bus_2);
     console: 921_600;
-    tasks: |shared, index| task::run(shared, index);
+    tasks: |shared, index, bottom| task::run(shared, index, bottom);
 }

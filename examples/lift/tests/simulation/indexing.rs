@@ -202,7 +202,7 @@ fn an_input_that_cannot_be_read_is_an_open_contact() {
     let description = Description { contacts: Vec::new(), ..simulation::description() };
     let mut around = Environment::new(&description, 1).unwrap();
     let robot = Robot::of(description, motors.start(&shared.switch).unwrap(), &shared);
-    let mut tasks = robot.task(task::run(&shared, Broken)).tasks(&around).unwrap();
+    let mut tasks = robot.task(task::run(&shared, Broken, Broken)).tasks(&around).unwrap();
     around.run(&mut tasks, Micros::from_millis(5000));
     assert_eq!(stage(&shared.own.feeder), Stage::Failed);
     // It has looked all round, backwards.

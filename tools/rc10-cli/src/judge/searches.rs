@@ -198,7 +198,7 @@ fn why_it_gave_up(stage: Stage) -> String {
              travel or the time too short?"
         }
         Stage::NeverOpened => {
-            " while it backed off: is it inverted (an input is low while the contact is closed), or stuck?"
+            " while it backed off: is it inverted (`Active` is not as it is wired), torn, or stuck?"
         }
         Stage::NotBackedOff => ": is it blocked, or the time too short?",
         Stage::NotTouchedAgain => " on the way to the second touch: is the contact loose?",

@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
-use rc10_sim::{ArmLink, Serial, World};
+use rc10_sim::{ArmLink, Closed, Serial, World};
 use rc10_time::Micros;
 
 use crate::robot::base::Base;
@@ -90,15 +90,23 @@ impl ArmPart {
 pub struct ContactPart {
     /// The motor: an index into [`Description::motors`].
     pub(crate) motor: usize,
-    /// Angles since the start, degrees in the motor's direction, between which it is closed.
-    pub closed: [f64; 2],
+    /// Where it is closed, in the robot's direction.
+    pub closed: Closed,
+    /// Whether it is wired by its contact that opens.
+    pub opens: bool,
 }
 
 impl ContactPart {
-    /// Creates a contact on the shaft of a motor, closed between these angles of each turn.
+    /// Creates a contact on the shaft of a motor, closed there: two angles are those of each turn.
     #[must_use]
-    pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
-        Self { motor: motor.index(), closed }
+    pub fn new<N: Names>(motor: N, closed: impl Into<Closed>) -> Self {
+        Self { motor: motor.index(), closed: closed.into(), opens: false }
+    }
+
+    /// The same, wired by its contact that opens: [`Contact::opening`](rc10_sim::Contact::opening).
+    #[must_use]
+    pub const fn opening(self) -> Self {
+        Self { opens: true, ..self }
     }
 }
 

@@ -129,8 +129,11 @@ impl Environment {
             let line = part.motor;
             let (motor, esc) = (built.motors.get(line).zip(motors.get(line)))
                 .with_context(|| format!("contacts: there is no motor in line {line}"))?;
-            let contact = Contact::new(esc, part.closed);
-            contacts.push(contact.with_context(|| format!("contacts, {}", motor.label))?);
+            let is_mirrored = motor.direction == Direction::Reversed;
+            let closed = if is_mirrored { part.closed.mirrored() } else { part.closed };
+            let contact = Contact::new(esc, closed);
+            let contact = contact.with_context(|| format!("contacts, {}", motor.label))?;
+            contacts.push(if part.opens { contact.opening() } else { contact });
         }
         let (mut remote, mut operator) = (None, None);
         if let Some(control) = &description.remote {
@@ -267,7 +270,7 @@ mod tests {
                 ),
             ),
         ] {
-            let contacts = vec![ContactPart { motor, closed }];
+            let contacts = vec![ContactPart { motor, closed: closed.into(), opens: false }];
             let motors = vec![arm.clone(); 4];
             let description = Description { motors, buses: 2, contacts, ..<_>::default() };
             let said = Environment::new(&description, 1).err().map(|error| format!("{error:#}"));

@@ -115,8 +115,8 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds the task that reads the contacts on motors' shafts: inputs, low while they are closed,
-    /// in the order of the description.
+    /// Adds the task that reads the contacts on motors' shafts: inputs as they are wired, in the order of the
+    /// description. [`limit_switch::Contact`](rc10_module::limit_switch::Contact) says of one whether it is closed.
     ///
     /// ```
     /// # use rc10_cli::{Description, Robot};
