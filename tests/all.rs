@@ -30,5 +30,6 @@ mod record;
 mod remote;
 mod run;
 mod safety;
+mod two_joints;
 mod verdict;
 mod wiring;

@@ -21,7 +21,7 @@
 use crate::config::{ConfigError, finite, not_negative};
 use crate::maths;
 use crate::ok;
-use crate::units::{Degrees, Rpm, RpmPerSecond};
+use crate::units::{Degrees, NewtonMetres, Rpm, RpmPerSecond};
 
 /// The effort of a motion, in the actuator's unit: A, N m or a share of the full voltage.
 ///
@@ -80,6 +80,67 @@ impl Gravity {
                 finite("gravity.level", level.get())
             }
         }
+    }
+}
+
+/// The weights of an arm of two joints: each motor holds its own link and what hangs on it.
+///
+/// The first joint counts upwards from the horizontal. The second is **relative**, as a motor at the elbow
+/// counts: 0 where the arm is stretched. (A belt from the base keeps the second link's angle to the ground:
+/// then each joint has a [`Gravity::Arm`] of its own, the first with the whole second mass at `upper_length_m`.)
+///
+/// [`torques`](Self::torques) over the motor's torque constant go beside the feed-forward of its loops, which
+/// then has no gravity: as the `effort` of a motion.
+///
+/// ```
+/// use rc10_app::{Degrees, TwoJointArm};
+/// const ARM: TwoJointArm = TwoJointArm {
+///     upper_mass_kg: 1.0,
+///     upper_centre_m: 0.15,
+///     upper_length_m: 0.3,
+///     fore_mass_kg: 0.5,
+///     fore_centre_m: 0.1,
+/// };
+/// const _: () = assert!(ARM.validate().is_ok());
+/// // Upper arm level, forearm hanging down: it pulls at the elbow's place, and does not turn it.
+/// let [shoulder, elbow] = ARM.torques([Degrees::ZERO, Degrees::new(-90.0)]);
+/// assert!((shoulder.get() - 9.80665 * (0.15 + 0.15)).abs() < 1e-4 && elbow.get().abs() < 1e-4);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoJointArm {
+    /// Mass of the first link, with the elbow's motor on it, kg; 0 or more.
+    pub upper_mass_kg: f32,
+    /// From the first joint to the first link's centre of mass, m.
+    pub upper_centre_m: f32,
+    /// From the first joint to the second, m; 0 or more.
+    pub upper_length_m: f32,
+    /// Mass of the second link, with what it carries, kg; 0 or more.
+    pub fore_mass_kg: f32,
+    /// From the second joint to the second link's centre of mass, m.
+    pub fore_centre_m: f32,
+}
+
+/// Standard gravity, m/s².
+const GRAVITY: f32 = 9.806_65;
+
+impl TwoJointArm {
+    /// Checks every field; the error names the first that is wrong, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        ok!(not_negative("upper_mass_kg", self.upper_mass_kg));
+        ok!(finite("upper_centre_m", self.upper_centre_m));
+        ok!(not_negative("upper_length_m", self.upper_length_m));
+        ok!(not_negative("fore_mass_kg", self.fore_mass_kg));
+        finite("fore_centre_m", self.fore_centre_m)
+    }
+
+    /// The torques that hold it at these angles of its joints.
+    #[must_use]
+    pub fn torques(&self, [shoulder, elbow]: [Degrees; 2]) -> [NewtonMetres; 2] {
+        let cos = |angle: Degrees| maths::sin_cos(angle.get().to_radians()).1;
+        let fore = self.fore_mass_kg * self.fore_centre_m * cos(shoulder + elbow);
+        let upper =
+            self.upper_mass_kg * self.upper_centre_m + self.fore_mass_kg * self.upper_length_m;
+        [upper * cos(shoulder) + fore, fore].map(|moment| NewtonMetres::new(GRAVITY * moment))
     }
 }
 
@@ -154,6 +215,24 @@ mod tests {
         for (degrees, effort) in [(90.0, 2.0), (0.0, 0.0), (150.0, 1.0), (270.0, -2.0)] {
             assert!((arm.at(Degrees::new(degrees)) - effort).abs() < 1e-5, "{degrees}");
         }
+    }
+
+    #[test]
+    fn an_arm_of_two_joints_is_checked() {
+        let arm = TwoJointArm {
+            upper_mass_kg: 1.0,
+            upper_centre_m: -0.1,
+            upper_length_m: 0.3,
+            fore_mass_kg: 0.0,
+            fore_centre_m: 0.1,
+        };
+        assert_eq!(arm.validate(), Ok(()));
+        let field = |arm: TwoJointArm| arm.validate().unwrap_err().field;
+        assert_eq!(field(TwoJointArm { upper_mass_kg: -1.0, ..arm }), "upper_mass_kg");
+        assert_eq!(field(TwoJointArm { upper_centre_m: f32::NAN, ..arm }), "upper_centre_m");
+        assert_eq!(field(TwoJointArm { upper_length_m: -0.1, ..arm }), "upper_length_m");
+        assert_eq!(field(TwoJointArm { fore_mass_kg: f32::INFINITY, ..arm }), "fore_mass_kg");
+        assert_eq!(field(TwoJointArm { fore_centre_m: f32::NAN, ..arm }), "fore_centre_m");
     }
 
     #[test]

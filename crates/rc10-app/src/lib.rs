@@ -47,7 +47,7 @@ pub use angle::{CountsPerTurn, TotalAngle};
 pub use base::{Base, BaseError, BaseMotion, Body, Tread, Wheel, WheelSpeeds};
 pub use cascade::{Cascade, CascadeState};
 pub use config::ConfigError;
-pub use feed_forward::{FeedForward, Gravity};
+pub use feed_forward::{FeedForward, Gravity, TwoJointArm};
 pub use heading_hold::{HeadingHold, HeadingHoldConfig};
 pub use odometry::{Covariance, Odometry, OdometryConfig, OdometryInput};
 pub use pid::{PidConfig, PidInput, PidState};

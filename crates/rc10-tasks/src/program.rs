@@ -33,6 +33,8 @@ use embedded_hal::digital::InputPin;
 use embedded_hal::pwm::SetDutyCycle;
 use embedded_io_async::{Read, Write};
 use rc10_app::Degrees;
+use rc10_module::limit_switch;
+pub use rc10_module::limit_switch::Active;
 use rc10_module::remote::{ChannelOrder, Receiver};
 use rc10_module::servo::{self, Servo};
 use rc10_motor::unitree::Rs485Bus;
@@ -78,8 +80,8 @@ pub trait Declared: 'static {
     type Motors: Default;
     /// Its parts on UARTs.
     const SERIALS: &'static [SerialPart];
-    /// Labels of its contacts, in the order of the board's inputs.
-    const CONTACTS: &'static [&'static str];
+    /// Labels of its contacts, in the order of the board's inputs, and the level of a pressed one.
+    const CONTACTS: &'static [(&'static str, Active)];
     /// Labels of its voltages, in the order of the board's inputs for them, each with the divider before the input.
     const VOLTAGES: &'static [(&'static str, f32)];
     /// Labels of its servos, in the order of the board's outputs for them.
@@ -144,11 +146,12 @@ impl<T> Returns for fn() -> T {
     type Output = T;
 }
 
-/// Reads a contact every millisecond, for ever: low is closed. One that cannot be read is open.
-pub async fn read_contact(mut pin: impl InputPin, contact: &Contact) -> ! {
+/// Reads a contact every millisecond, for ever. A pin that cannot be read counts as high, as with a torn wire.
+pub async fn read_contact(pin: impl InputPin, active: Active, contact: &Contact) -> ! {
+    let mut pin = limit_switch::Contact::new(pin, active);
     let mut ticker = Ticker::every(Duration::from_millis(1));
     loop {
-        contact.set(pin.is_low().unwrap_or(false));
+        contact.set(pin.is_closed());
         ticker.next().await;
     }
 }
@@ -200,7 +203,8 @@ pub const fn assert_in_order(ports: &[&str], name: &str) {
 ///     strip 8, brightness 40;                             // LEDs that show its state, brightness of 255
 ///     line rs485 at 4_000_000, replies in REPLY;          // an RS-485 line, and how long a motor may take to reply
 ///     serial wall: uart_10 at 115_200, wall::listen;      // a part on a UART, and who listens to it
-///     contact bottom: input_1;                            // a switch to ground: `Own` has a contact `bottom`
+///     contact bottom: input_1 opens;                      // a switch to ground, by the contact that opens when it is
+///                                                         // pressed, or without the word: `Own` has a contact `bottom`
 ///     voltage pressure: voltage_1, divider 2.0;           // measured every 10 ms: `Own` has a signal `pressure`, V
 ///     servo gripper: servo_1, GRIPPER;                    // its angle is the signal `gripper` of `Own`, degrees
 ///     motors {
@@ -223,7 +227,7 @@ macro_rules! robot {
         $(strip $leds:expr, brightness $brightness:expr;)?
         $(line $line:ident at $bits:expr, replies in $reply:expr;)*
         $(serial $serial:ident: $uart:ident at $baud:expr, $listen:path;)*
-        $(contact $contact:ident: $input:ident;)*
+        $(contact $contact:ident: $input:ident $($opens:ident)?;)*
         $(voltage $voltage:ident: $pin:ident, divider $divider:expr;)*
         $(servo $servo:ident: $output:ident, $config:expr;)*
         motors { $($motors:tt)+ }
@@ -274,7 +278,8 @@ macro_rules! robot {
                 uart: $crate::uart!($uart),
                 baud: $baud,
             }),*];
-            const CONTACTS: &'static [&'static str] = &[$(stringify!($contact)),*];
+            const CONTACTS: &'static [(&'static str, $crate::program::Active)] =
+                &[$((stringify!($contact), $crate::active!($($opens)?))),*];
             const VOLTAGES: &'static [(&'static str, f32)] = &[$((stringify!($voltage), $divider)),*];
             const SERVOS: &'static [&'static str] = &[$(stringify!($servo)),*];
             const HAS_IMU: bool = $crate::is_any!($($imu)?);
@@ -320,7 +325,8 @@ macro_rules! robot {
                         let pin = contacts.next();
                         async move {
                             if let Some(pin) = pin {
-                                $crate::program::read_contact(pin, &shared.own.$contact).await;
+                                let active = $crate::active!($($opens)?);
+                                $crate::program::read_contact(pin, active, &shared.own.$contact).await;
                             }
                         }
                     },)*
@@ -396,6 +402,18 @@ macro_rules! or_none {
     };
     ($it:expr) => {
         Some($it)
+    };
+}
+
+/// The level of a pressed contact, by how it is wired.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! active {
+    () => {
+        $crate::program::Active::Low
+    };
+    (opens) => {
+        $crate::program::Active::High
     };
 }
 

@@ -66,9 +66,11 @@ pub mod sim {
     /// The names that most descriptions need.
     pub mod prelude {
         pub use rc10_cli::robot::remote::ScriptLine;
-        pub use rc10_cli::{Base, ContactPart, Description, Plant, RemoteControl, Simulated, Twin};
-        pub use rc10_sim::Nonlinear;
+        pub use rc10_cli::{
+            ArmPart, Base, ContactPart, Description, Plant, RemoteControl, Simulated, Twin,
+        };
         pub use rc10_sim::remote::{Controls, Stick, Switch};
+        pub use rc10_sim::{ArmLink, Closed, Nonlinear};
         pub use rc10_time::Micros;
     }
 }

@@ -4,6 +4,7 @@ use core::f32::consts::{FRAC_PI_2, PI};
 use core::num::NonZeroU8;
 use rc10::prelude::*;
 
+use rc10::app::mechanism::AbsoluteEncoder;
 use rc10::app::path::{FollowerConfig, Path, PathLimits, Waypoint};
 use rc10::app::{
     AngleLimits, GainSchedule, Gains, Gravity, HeadingHoldConfig, Radians, RpmPerSecondSquared,
@@ -122,8 +123,16 @@ pub const REST: f32 = 0.02;
 
 /// Speed of the arm with the stick at its end: 90 degrees per second.
 pub const ARM_RATE: Rpm = Rpm::new(15.0);
-/// The angles that it may take, degrees.
-pub const ARM_RANGE: [i32; 2] = [0, 120];
+/// Its encoder says 0 where it is level. It rests on a stop 5 degrees below, where that says 355.
+pub const ARM_ENCODER: AbsoluteEncoder = AbsoluteEncoder {
+    level: TotalAngle::ZERO,
+    gear: Gear::DIRECT,
+    lower: TotalAngle::from_degrees(-5),
+    upper: TotalAngle::from_degrees(130),
+    tolerance: Degrees::new(3.0),
+};
+/// The angles that it is driven to, from its level.
+pub const ARM_RANGE: [TotalAngle; 2] = [TotalAngle::ZERO, TotalAngle::from_degrees(120)];
 /// Limits of the arm's motion.
 pub const ARM_LIMITS: AngleLimits = AngleLimits {
     velocity: ARM_RATE,
@@ -145,6 +154,7 @@ const _: () = assert!(
     FOLLOWER.validate().is_ok()
         && PATH_LIMITS.validate().is_ok()
         && HOLD.validate().is_ok()
+        && ARM_ENCODER.validate().is_ok()
         && ARM_LIMITS.validate().is_ok()
         && TURRET_LIMITS.validate().is_ok()
 );

@@ -58,7 +58,7 @@ use terminal::{Plain, tell};
 
 pub use crate::robot::base::Base;
 pub use crate::robot::description::{
-    ContactPart, Description, LinePart, SerialPart, Simulated, Twin, VoltagePart,
+    ArmPart, ContactPart, Description, LinePart, SerialPart, Simulated, Twin, VoltagePart,
 };
 pub use crate::robot::mistake::Mistake;
 pub use crate::robot::motor::{Device, Motor, Place, Plant};

@@ -114,7 +114,7 @@ struct PulseLink {
 struct ContactLink {
     pin: (char, usize),
     contact: Contact,
-    was_closed: bool,
+    was_low: bool,
 }
 
 struct VoltageLink {
@@ -161,10 +161,10 @@ impl Links {
                 soc.drive_pin(*port, *pin, Some(high), at);
             }
         }
-        for ContactLink { pin: (port, pin), contact, was_closed } in &mut self.contacts {
-            let closed = contact.is_closed();
-            if std::mem::replace(was_closed, closed) != closed {
-                soc.drive_pin(*port, *pin, closed.then_some(false), now);
+        for ContactLink { pin: (port, pin), contact, was_low } in &mut self.contacts {
+            let is_low = contact.pulls_low();
+            if std::mem::replace(was_low, is_low) != is_low {
+                soc.drive_pin(*port, *pin, is_low.then_some(false), now);
             }
         }
         for VoltageLink { pin: (port, pin), voltage, divider, microvolts } in &mut self.voltages {
@@ -248,16 +248,17 @@ impl Machine {
         Ok(())
     }
 
-    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
+    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): while it does not pull it low, nothing
+    /// drives it.
     ///
     /// # Errors
     /// If the pin does not lead outside.
     pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
-        let was_closed = contact.is_closed();
+        let was_low = contact.pulls_low();
         let leads_outside = self.board().package.bonds(pin.0, pin.1);
         ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);
-        self.soc().drive_pin(pin.0, pin.1, was_closed.then_some(false), self.now());
-        self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
+        self.soc().drive_pin(pin.0, pin.1, was_low.then_some(false), self.now());
+        self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_low });
         Ok(())
     }
 

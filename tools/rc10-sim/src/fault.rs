@@ -35,9 +35,9 @@ pub enum Defect {
     Noise,
     /// `power:NAME`: it has no power.
     Power,
-    /// `stuck:NAME`: a contact stays closed.
+    /// `stuck:NAME`: a contact stays closed, as a switch that jams while it is pressed.
     Stuck,
-    /// `torn:NAME`: a contact stays open, as with a torn wire.
+    /// `torn:NAME`: the wire of a contact is torn: open, or closed where it is wired by the contact that opens.
     Torn,
     /// `bounces:NAME`: a contact opens and closes for 10 ms at each of its edges.
     Bounces,

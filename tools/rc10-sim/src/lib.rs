@@ -15,6 +15,7 @@
 //! * [`Servo`], [`Voltage`]: what a servo is told, and what is measured.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
+//! * [`ArmLink`]: links that hang on each other, each on a motor.
 //! * [`Base`]: motors under a body that rolls and slides, on wheels of any kind ([`Chassis`]).
 //!
 //! | vendor | devices |
@@ -68,6 +69,7 @@
 //! heard or a newer one takes its place; suspended transmission and passive error frames.
 #![forbid(unsafe_code)]
 
+mod arm;
 mod base;
 mod contact;
 mod controller;
@@ -102,8 +104,9 @@ pub mod vesc;
 mod wire;
 mod world;
 
+pub use arm::ArmLink;
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
-pub use contact::{Contact, NoRange};
+pub use contact::{Closed, Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
 pub use device::{Beyond, Device, EscFault, EscState, Outbox, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};

@@ -198,13 +198,16 @@ fn why_it_gave_up(stage: Stage) -> String {
              travel or the time too short?"
         }
         Stage::NeverOpened => {
-            " while it backed off: is it inverted (an input is low while the contact is closed), or stuck?"
+            " while it backed off: is it inverted (`Active` is not as it is wired), torn, or stuck?"
         }
         Stage::NotBackedOff => ": is it blocked, or the time too short?",
         Stage::NotTouchedAgain => " on the way to the second touch: is the contact loose?",
         Stage::TouchesDiffer => ": does the stop give way, or does the motor slip?",
         Stage::Apart | Stage::Lags => ": is one of them blocked, or off its gear?",
         Stage::AngleGap => ": its motor was not heard for so long that it may have turned unseen",
+        Stage::OutOfTravel => {
+            ": was its motor mounted anew, or has a belt slipped? Read its level again"
+        }
         Stage::Jammed => ": no try has cleared it",
         _ => "",
     };

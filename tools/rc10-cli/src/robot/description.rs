@@ -7,8 +7,9 @@ use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
 use rc10_sim::imu::Hwt101;
-use rc10_sim::{Esc, Nanos, Serial, World};
+use rc10_sim::{ArmLink, Closed, Esc, Nanos, Serial, World};
 use rc10_tasks::Program;
+use rc10_tasks::program::Active;
 use rc10_time::Micros;
 
 use crate::robot::base::Base;
@@ -29,6 +30,8 @@ pub struct Description {
     pub lines: Vec<LinePart>,
     /// The base on its wheels, if that is simulated.
     pub base: Option<Base>,
+    /// Arms whose links hang on each other. (The weight of a single one is in its motor's [`Plant`].)
+    pub arms: Vec<ArmPart>,
     /// Own signals of the estimated pose: [`Robot::estimate`](crate::Robot::estimate).
     pub estimate: Option<PoseSignals>,
     /// Label of the own signal with the yaw by the IMU, degrees counter-clockwise, all turns counted, which a run
@@ -78,20 +81,43 @@ pub struct SerialPart {
     pub twin: SerialTwin,
 }
 
+/// An arm: the links that hang on each other, each on a motor.
+#[derive(Clone, Debug)]
+pub struct ArmPart {
+    /// Indices into [`Description::motors`], and their links.
+    pub(crate) links: Vec<(usize, ArmLink)>,
+}
+
+impl ArmPart {
+    /// Creates an arm from the base outwards, in the robot's directions: they count upwards.
+    #[must_use]
+    pub fn new<N: Names>(links: impl IntoIterator<Item = (N, ArmLink)>) -> Self {
+        Self { links: links.into_iter().map(|(motor, link)| (motor.index(), link)).collect() }
+    }
+}
+
 /// A switch or marker on a motor's shaft: [`rc10_sim::Contact`].
 #[derive(Clone, Copy, Debug)]
 pub struct ContactPart {
     /// The motor: an index into [`Description::motors`].
     pub(crate) motor: usize,
-    /// Angles since the start, degrees in the motor's direction, between which it is closed.
-    pub closed: [f64; 2],
+    /// Where it is closed, in the robot's direction.
+    pub closed: Closed,
+    /// Whether it is wired by its contact that opens.
+    pub opens: bool,
 }
 
 impl ContactPart {
-    /// Creates a contact on the shaft of a motor, closed between these angles of each turn.
+    /// Creates a contact on the shaft of a motor, closed there: two angles are those of each turn.
     #[must_use]
-    pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
-        Self { motor: motor.index(), closed }
+    pub fn new<N: Names>(motor: N, closed: impl Into<Closed>) -> Self {
+        Self { motor: motor.index(), closed: closed.into(), opens: false }
+    }
+
+    /// The same, wired by its contact that opens: [`Contact::opening`](rc10_sim::Contact::opening).
+    #[must_use]
+    pub const fn opening(self) -> Self {
+        Self { opens: true, ..self }
     }
 }
 
@@ -155,7 +181,7 @@ const fn assert_twins<P: Simulated>() {
             }
             Twin::Contact(label, _) => {
                 while part < P::CONTACTS.len() {
-                    found |= is_same(label, P::CONTACTS[part]);
+                    found |= is_same(label, P::CONTACTS[part].0);
                     part += 1;
                 }
             }
@@ -239,8 +265,10 @@ impl Description {
             &Twin::Serial(label, twin) => Some(SerialPart { label, uart: part.uart, twin }),
             Twin::Contact(..) | Twin::Voltage(..) => None,
         });
-        let contacts = P::CONTACTS.iter().filter_map(|label| match twin(label)? {
-            Twin::Contact(_, part) => Some(part()),
+        let contacts = P::CONTACTS.iter().filter_map(|(label, active)| match twin(label)? {
+            Twin::Contact(_, part) => {
+                Some(ContactPart { opens: *active == Active::High, ..part() })
+            }
             Twin::Serial(..) | Twin::Voltage(..) => None,
         });
         let voltages = P::VOLTAGES.iter().filter_map(|(label, divider)| match twin(label)? {

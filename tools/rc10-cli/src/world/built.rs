@@ -7,7 +7,7 @@ use rc10_sim::odrive::Axis;
 use rc10_sim::vesc::Vesc;
 use rc10_sim::{Chassis, Esc, Scale};
 
-use crate::robot::description::Description;
+use crate::robot::description::{ArmPart, Description};
 use crate::robot::mistake::{Mistake, Quantity};
 use crate::robot::motor::{Device, Motor};
 
@@ -17,6 +17,8 @@ pub struct Built {
     pub motors: Vec<Motor>,
     /// The base.
     pub chassis: Option<Chassis>,
+    /// The arms.
+    pub(crate) arms: Vec<ArmPart>,
     /// Changes to motors, by index into `motors`, made when they are plugged in.
     changes: Vec<(usize, Mistake)>,
 }
@@ -30,6 +32,7 @@ impl Built {
         let mut built = Self {
             motors: description.motors.clone(),
             chassis: description.base.as_ref().map(|base| base.chassis.clone()),
+            arms: description.arms.clone(),
             changes: Vec::new(),
         };
         for mistake in &description.mistakes {
@@ -77,6 +80,10 @@ impl Built {
                     let plant = &mut self.motors[at].plant;
                     plant.load *= factor;
                     plant.nonlinear.gravity_torque *= factor;
+                    let links = self.arms.iter_mut().flat_map(|arm| &mut arm.links);
+                    links
+                        .filter(|(motor, _)| *motor == at)
+                        .for_each(|(_, link)| link.mass *= factor);
                 }
             }
             Mistake::Shaft(_, name, _) => {

@@ -9,7 +9,7 @@ use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, Voltage,
+    ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, Voltage,
     WheelMotors, World,
 };
 use rc10_time::Micros;
@@ -85,24 +85,31 @@ impl Environment {
             built.finish(index, &twin).with_context(|| format!("mistake, {}", motor.label))?;
             motors.push(twin);
         }
+        let mounted = |line: usize| {
+            let motor = built.motors.get(line).zip(motors.get(line));
+            let (motor, esc) =
+                motor.with_context(|| format!("there is no motor in line {line}"))?;
+            let mounting = match motor.direction {
+                Direction::Forward => Mounting::Normal,
+                Direction::Reversed => Mounting::Mirrored,
+            };
+            anyhow::Ok((esc, mounting))
+        };
+        for arm in &built.arms {
+            let link = |(line, link): &(usize, ArmLink)| {
+                mounted(*line).map(|(esc, mounting)| (esc, mounting, *link))
+            };
+            let links: Vec<_> = arm.links.iter().map(link).collect::<Result<_>>().context("arm")?;
+            world.add_arm(links).context("arm")?;
+        }
         let mut base = None;
         if let Some((under, chassis)) = description.base.as_ref().zip(built.chassis) {
-            let mounted = |line: usize| {
-                let motor = built.motors.get(line).zip(motors.get(line));
-                let (motor, esc) =
-                    motor.with_context(|| format!("base: there is no motor in line {line}"))?;
-                let mounting = match motor.direction {
-                    Direction::Forward => Mounting::Normal,
-                    Direction::Reversed => Mounting::Mirrored,
-                };
-                anyhow::Ok((esc, mounting))
-            };
             let mut steering = under.steering.iter();
             let mut wheels = Vec::new();
             for (line, wheel) in under.wheels.iter().zip(&chassis.wheels) {
                 let steers = wheel.steering.and_then(|_| steering.next());
-                let steering = steers.map(|line| mounted(*line)).transpose()?;
-                wheels.push(WheelMotors { drive: mounted(*line)?, steering });
+                let steering = steers.map(|line| mounted(*line)).transpose().context("base")?;
+                wheels.push(WheelMotors { drive: mounted(*line).context("base")?, steering });
             }
             let is_whole = under.wheels.len() == chassis.wheels.len() && steering.next().is_none();
             ensure!(
@@ -124,8 +131,11 @@ impl Environment {
             let line = part.motor;
             let (motor, esc) = (built.motors.get(line).zip(motors.get(line)))
                 .with_context(|| format!("contacts: there is no motor in line {line}"))?;
-            let contact = Contact::new(esc, part.closed);
-            contacts.push(contact.with_context(|| format!("contacts, {}", motor.label))?);
+            let is_mirrored = motor.direction == Direction::Reversed;
+            let closed = if is_mirrored { part.closed.mirrored() } else { part.closed };
+            let contact = Contact::new(esc, closed);
+            let contact = contact.with_context(|| format!("contacts, {}", motor.label))?;
+            contacts.push(if part.opens { contact.opening() } else { contact });
         }
         let voltages = description.voltages.iter().map(|part| {
             let (volts, motors, base) = (part.volts, motors.clone(), base.clone());
@@ -280,7 +290,7 @@ mod tests {
                 ),
             ),
         ] {
-            let contacts = vec![ContactPart { motor, closed }];
+            let contacts = vec![ContactPart { motor, closed: closed.into(), opens: false }];
             let motors = vec![arm.clone(); 4];
             let description = Description { motors, buses: 2, contacts, ..<_>::default() };
             let said = Environment::new(&description, 1).err().map(|error| format!("{error:#}"));
