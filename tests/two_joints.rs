@@ -15,11 +15,9 @@ use rc10_time::Micros;
 rc10_motor::motors! {
     enum Name;
     struct Motors;
-    buses: [100.0; 1];
-    lines: 0;
-    Shoulder: Dji = Entry::new("shoulder", Bus(1), Config::new(&M3508, 1)),
+    Shoulder: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
     // Its motor looks the other way.
-    Elbow: Dji = Entry::new("elbow", Bus(1), Config::new(&M3508, 2).with_direction(Direction::Reversed)),
+    Elbow: Dji = Entry::new(Bus(1), Config::new(&M3508, 2).with_direction(Direction::Reversed)),
 }
 
 const ARM: TwoJointArm = TwoJointArm {
@@ -40,10 +38,11 @@ fn moves(pose: [f64; 2], believed: &TwoJointArm) -> [f64; 2] {
         ..Description::of(|_: Name| Plant::inertia(0.05))
     };
     let ports = Ports::<Name, 1>::new();
-    let shared = Common::<_, 1>::new(&ports);
+    let shared = Common::<_>::new(&ports);
     let mut motors = Motors::new();
     let mut around = Environment::new(&description, 1).unwrap();
-    let robot = Robot::of(description, motors.start(&shared.switch).unwrap(), &shared);
+    let buses = motors.start(&shared.switch).unwrap().buses;
+    let robot = Robot::on(description, buses, [], &shared);
     let amps = Config::new(&M3508, 1).torque_constant();
     let mut tasks = robot
         .task(async {

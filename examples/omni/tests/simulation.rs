@@ -5,6 +5,7 @@
 use omni::base::Activity;
 use omni::simulation::{ALONG, ARMED, stick};
 use omni::{Motors, Name, Ports, Robot, Shared};
+use rc10::app::mechanism::Stage;
 use rc10::motor::{Link, Names};
 use rc10::sim::judge::path::PathFigures;
 use rc10::sim::recording::Recording;
@@ -138,7 +139,11 @@ fn arm_and_turret_go_where_their_profiles_do() {
 #[test]
 fn an_arm_that_is_where_it_cannot_be_is_not_driven() {
     // Without its stop it hangs at 40 degrees below level, as if its encoder were mounted anew.
-    let mut world = operated(&[PATH[0], at(600, "arm", ARMED), at(700, "up", ARM_UP)]);
+    let mut world = operated(&[
+        PATH[0],
+        ScriptLine::new(600, "arm", ARMED),
+        ScriptLine::new(700, "up", ARM_UP),
+    ]);
     let run = |world, told: Stage| {
         let run = run_in(world, 1, None, 2000);
         let stage = run.signals.iter().find(|signal| signal.label == "arm stage").unwrap().last;
