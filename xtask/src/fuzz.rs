@@ -1,11 +1,10 @@
 //! Fuzzing: bytes thrown at every decoder, by libFuzzer, which sees what code they reach.
 
-use std::fs;
 use std::process::Command;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 
-use crate::cargo::{answer, host, root, run as run_command};
+use crate::cargo::{answer, cargo, paths, root, run as run_command};
 
 /// Seconds for each target, unless told.
 const SECONDS: u32 = 60;
@@ -45,12 +44,9 @@ pub fn run(arguments: impl Iterator<Item = String>) -> Result<()> {
 
 /// The names of all targets.
 fn targets() -> Result<Vec<String>> {
-    let folder = root().join("fuzz/fuzz_targets");
-    let mut names = Vec::new();
-    for file in fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
-        let path = file?.path();
-        names.extend(path.file_stem().map(|name| name.to_string_lossy().into_owned()));
-    }
+    let files = paths(&root().join("fuzz/fuzz_targets"))?;
+    let names = files.iter().filter_map(|path| path.file_stem());
+    let mut names: Vec<_> = names.map(|name| name.to_string_lossy().into_owned()).collect();
     names.sort();
     Ok(names)
 }
@@ -63,7 +59,7 @@ fn install() -> Result<()> {
         run_command(Command::new("rustup").args(install))?;
     }
     if !there(Command::new("cargo").arg("fuzz")) {
-        run_command(&mut host("install cargo-fuzz"))?;
+        cargo("install cargo-fuzz")?;
     }
     Ok(())
 }
