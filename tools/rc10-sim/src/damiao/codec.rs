@@ -30,17 +30,8 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// The mode of a value of register 10; `None` for another value.
-    #[must_use]
-    pub const fn from_register(value: u32) -> Option<Self> {
-        Some(match value {
-            1 => Self::Mit,
-            2 => Self::PositionVelocity,
-            3 => Self::Velocity,
-            4 => Self::ForcePosition,
-            _ => return None,
-        })
-    }
+    pub(super) const ALL: [Self; 4] =
+        [Self::Mit, Self::PositionVelocity, Self::Velocity, Self::ForcePosition];
 
     /// Offset of its commands' identifiers from the motor's own.
     #[must_use]
