@@ -66,8 +66,8 @@ fn needed<T>(found: Result<T>, lacks: &str) -> Result<T> {
 }
 
 fn need_component(name: &str) -> Result<()> {
-    let lacks = || Skipped(format!("cargo {name} is not there and cannot be installed"));
-    ensure!(component(name), lacks());
+    let lacks = Skipped(format!("cargo {name} is not there and cannot be installed"));
+    ensure!(component(name), lacks);
     Ok(())
 }
 
@@ -164,10 +164,8 @@ pub fn run(is_whole: bool) -> Result<()> {
     });
     report.rare("lint chip", || {
         // clippy is a compiler of its own and knows only its own toolchain's targets.
-        if !matches!(rustc(), Ok(None)) {
-            let why = "the active toolchain's clippy has no chip target";
-            return Err(Skipped(why.to_owned()).into());
-        }
+        let lacks = Skipped("the active toolchain's clippy has no chip target".to_owned());
+        ensure!(matches!(rustc(), Ok(None)), lacks);
         need_component("clippy")?;
         let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
         cargo(&format!("clippy {bsp} -- -D warnings"))?;
@@ -192,7 +190,7 @@ pub fn run(is_whole: bool) -> Result<()> {
         golden::run(true)
     });
     report.rare("viewers", || cargo("test --package viewers -- --show-output"));
-    report.rare("other PCs", || compiles_for(&OTHER_PCS));
+    report.rare("other PCs", compiles_for_other_pcs);
     report.step("robots", robots);
     report.rare("two wheels", two_wheels);
     report.rare("new robot", || new_robot(rustc().is_ok()));
@@ -226,15 +224,9 @@ fn docs(command: &mut Command) -> Result<()> {
 /// The shipped robots drive, and have no problems. They are as the tests have compiled them.
 fn robots() -> Result<()> {
     // A newcomer's first command names no package.
-    let robots = [
-        ("", "team"),
-        ("--package lift", "lift"),
-        ("--package mixed", "mixed"),
-        ("--package omni", "omni"),
-        ("--package swerve", "swerve"),
-    ];
-    robots.into_iter().try_for_each(|(package, robot)| {
-        cargo(&format!("run {package} -- run --strict --out target/rc10-{robot}"))
+    cargo("run -- run --strict --out target/rc10-team")?;
+    ["lift", "mixed", "omni", "swerve"].into_iter().try_for_each(|robot| {
+        cargo(&format!("run --package {robot} -- run --strict --out target/rc10-{robot}"))
     })
 }
 
@@ -364,15 +356,13 @@ fn add_a_motor(robot: &Path) -> Result<()> {
 }
 
 /// The compiler has no complaint about the tools on other PCs.
-fn compiles_for(targets: &[&str]) -> Result<()> {
-    let added = |target: &&&str| {
-        let added = run_command(Command::new("rustup").args(["target", "add", target]));
-        added.map_err(|error| println!("NOT COMPILED for {target}: {error:#}")).is_ok()
-    };
-    let targets: Vec<_> =
-        targets.iter().filter(added).map(|it| format!(" --target {it}")).collect();
-    if targets.is_empty() {
-        return Ok(());
+fn compiles_for_other_pcs() -> Result<()> {
+    let mut targets = String::new();
+    for target in OTHER_PCS {
+        match run_command(Command::new("rustup").args(["target", "add", target])) {
+            Ok(()) => targets += &format!(" --target {target}"),
+            Err(error) => println!("NOT COMPILED for {target}: {error:#}"),
+        }
     }
-    cargo(&format!("check --package rc10{}", targets.concat()))
+    if targets.is_empty() { Ok(()) } else { cargo(&format!("check --package rc10{targets}")) }
 }

@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 use crate::cargo::{answer, cargo, paths, root, run as run_command};
 
 /// Seconds for each target, unless told.
-const SECONDS: u32 = 60;
+const SECONDS: &str = "60";
 /// No frame sequence needs more bytes to show something.
 const LONGEST: u32 = 512;
 
@@ -18,13 +18,8 @@ const LONGEST: u32 = 512;
 /// If a rule is broken, there is no such target, or the tools cannot be installed.
 pub fn run(arguments: impl Iterator<Item = String>) -> Result<()> {
     let mut arguments = arguments.peekable();
-    let seconds = match arguments.peek().map(|text| text.parse::<u32>()) {
-        Some(Ok(seconds)) => {
-            arguments.next();
-            seconds
-        }
-        _ => SECONDS,
-    };
+    let seconds = arguments.next_if(|text| text.parse::<u32>().is_ok());
+    let seconds = seconds.as_deref().unwrap_or(SECONDS);
     let all = targets()?;
     let named: Vec<String> = arguments.collect();
     for name in &named {

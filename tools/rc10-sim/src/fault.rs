@@ -104,33 +104,26 @@ pub enum Kind<O = Infallible> {
 /// Faults that the simulator reads and does not cause: those of an emulated chip, for example.
 pub trait Others: Clone + PartialEq + fmt::Display {
     /// The names, as a user writes them; each with a space before it.
-    const NAMES: &str;
-
-    /// Reads a name and what stands behind its colon; `None` if there is no such fault.
-    fn read(name: &str, argument: Option<&str>) -> Option<Result<Self, String>>;
-
-    /// Whether it happens at one moment and cannot be taken back.
-    fn is_sudden(&self) -> bool;
-
-    /// Why it is written without a time, if it is there from power-on.
-    fn untimed(&self) -> Option<&'static str>;
-}
-
-impl Others for Infallible {
     const NAMES: &str = "";
 
+    /// Reads a name and what stands behind its colon; `None` if there is no such fault.
     fn read(_name: &str, _argument: Option<&str>) -> Option<Result<Self, String>> {
         None
     }
 
+    /// Whether it happens at one moment and cannot be taken back.
     fn is_sudden(&self) -> bool {
-        match *self {}
+        false
     }
 
+    /// Why it is written without a time, if it is there from power-on.
     fn untimed(&self) -> Option<&'static str> {
-        match *self {}
+        None
     }
 }
+
+/// No others.
+impl Others for Infallible {}
 
 impl<O: Others> Kind<O> {
     fn is_sudden(&self) -> bool {

@@ -36,7 +36,6 @@ impl Occupancy {
     }
 
     /// Per cent of the time.
-    #[expect(clippy::cast_precision_loss, reason = "104 days of nanoseconds are exact")]
     pub(crate) fn load(&self, now: Nanos) -> f64 {
         let all = now.since(self.start);
         if all == Nanos::ZERO {

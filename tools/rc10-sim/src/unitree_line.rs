@@ -242,11 +242,9 @@ impl Device for GoM8010 {
             return Heard::Nothing;
         }
         (self.command, self.commanded_at) = (command, now);
-        if command.status == 2 {
-            self.calibrating_until = Some(now + CALIBRATION);
-            return Heard::Command;
-        }
-        if command.id == EVERYBODY {
+        let calibrates = command.status == 2;
+        self.calibrating_until = calibrates.then(|| now + CALIBRATION);
+        if calibrates || command.id == EVERYBODY {
             return Heard::Command;
         }
         Heard::Question(self.answer(shaft).write().to_vec(), self.think)
