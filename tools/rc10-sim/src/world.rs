@@ -44,6 +44,13 @@ pub(crate) struct Inner {
 }
 
 impl Inner {
+    /// Looks into a world, or changes it, at its time now.
+    pub(crate) fn with<T>(world: &RefCell<Self>, f: impl FnOnce(&mut Self, Nanos) -> T) -> T {
+        let inner = &mut *world.borrow_mut();
+        let now = inner.clock.now_ns();
+        f(inner, now)
+    }
+
     fn next_event(&self) -> Nanos {
         let wires = self.wires.iter().filter_map(Wire::next_event);
         let units = self.units.iter().filter_map(Unit::next_event).map(Nanos::from);
