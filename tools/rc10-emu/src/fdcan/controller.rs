@@ -11,7 +11,7 @@ use super::receive::Receive;
 use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
 use super::timing::{Period, Timestamp};
 use super::transmit::Transmit;
-use crate::peripherals::AccessKind;
+use crate::peripherals::{AccessKind, Answer};
 
 /// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
 /// PSR.BO; ISO 11898-1).
@@ -283,7 +283,7 @@ impl Controller {
 
     // Registers.
 
-    pub fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;
@@ -330,7 +330,7 @@ impl Controller {
         }
     }
 
-    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> Result<(), AccessKind> {
+    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> Answer {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;

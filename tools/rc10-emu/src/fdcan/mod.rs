@@ -32,16 +32,18 @@ mod transmit;
 use std::sync::{Arc, Mutex};
 
 use rc10_can::{BusError, CanFrame};
-use rc10_sim::{Activity, Controller, Nanos, Outcome};
+use rc10_sim::{Activity, Nanos, Outcome};
 
-use crate::peripherals::{AccessKind, lock};
+use crate::peripherals::{AccessKind, Answer, lock};
+use calibration::Calibration;
+use controller::Controller;
 pub use counters::{Counters, Spread};
 use ram::MessageRam;
 
 /// FDCAN1, FDCAN2, FDCAN3 and their message RAM. Controllers are counted from 0.
 pub struct Fdcans {
-    controllers: [controller::Controller; 3],
-    calibration: calibration::Calibration,
+    controllers: [Controller; 3],
+    calibration: Calibration,
     kernel_hz: u64,
     ram: MessageRam,
 }
@@ -52,7 +54,7 @@ impl Fdcans {
     pub fn new(seed: u64) -> Self {
         Self {
             controllers: Default::default(),
-            calibration: calibration::Calibration::new(),
+            calibration: Calibration::new(),
             kernel_hz: 0,
             ram: MessageRam::new(seed),
         }
@@ -60,7 +62,7 @@ impl Fdcans {
 
     /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
     pub fn reset(&mut self) {
-        self.controllers.iter_mut().for_each(controller::Controller::reset);
+        self.controllers.iter_mut().for_each(Controller::reset);
         self.calibration.registers.reset();
         self.apply_clock();
     }
@@ -69,7 +71,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register.
-    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Answer<u32> {
         self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.read(offset, now)
     }
 
@@ -77,13 +79,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register.
-    pub fn write(
-        &mut self,
-        index: usize,
-        offset: u32,
-        value: u32,
-        now: Nanos,
-    ) -> Result<(), AccessKind> {
+    pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> Answer {
         self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.write(offset, value, now)
     }
 
@@ -91,7 +87,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register.
-    pub fn read_calibration(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub fn read_calibration(&self, offset: u32) -> Answer<u32> {
         self.calibration.registers.read(offset)
     }
 
@@ -99,7 +95,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register, or it is locked: FDCAN1 has not both INIT and CCE.
-    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Result<(), AccessKind> {
+    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Answer {
         let unlocked = self.controllers[0].may_configure();
         self.calibration.write(offset, value, unlocked)?;
         self.apply_clock();
@@ -191,10 +187,7 @@ impl Node {
     }
 
     /// Does something with the controller, if it exists.
-    fn with<R: Default>(
-        &self,
-        act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
-    ) -> R {
+    fn with<R: Default>(&self, act: impl FnOnce(&mut Controller, &mut MessageRam) -> R) -> R {
         let mut fdcans = lock(&self.fdcans);
         let Fdcans { controllers, ram, .. } = &mut *fdcans;
         controllers.get_mut(self.index).map_or_else(R::default, |one| act(one, ram))
@@ -204,7 +197,7 @@ impl Node {
     fn at<R: Default>(
         &self,
         now: Nanos,
-        act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
+        act: impl FnOnce(&mut Controller, &mut MessageRam) -> R,
     ) -> R {
         self.with(|one, ram| {
             one.settle(now);
@@ -213,7 +206,7 @@ impl Node {
     }
 }
 
-impl Controller for Node {
+impl rc10_sim::Controller for Node {
     fn is_on_bus(&self) -> bool {
         self.with(|one, _| one.is_on_bus())
     }

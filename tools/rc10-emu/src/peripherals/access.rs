@@ -64,9 +64,12 @@ pub enum AccessKind {
     Adc(AdcFault),
 }
 
+/// What an access gives, or why it is refused.
+pub(crate) type Answer<T = ()> = Result<T, AccessKind>;
+
 impl AccessKind {
     /// Refuses an access for this reason, if it is so.
-    pub(crate) fn when(self, is_so: bool) -> Result<(), Self> {
+    pub(crate) fn when(self, is_so: bool) -> Answer {
         if is_so { Err(self) } else { Ok(()) }
     }
 }

@@ -7,7 +7,7 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::facts::{Facts, I2CS};
 use crate::time::time_of;
 
@@ -346,7 +346,7 @@ impl I2c {
                 || facts.writes(request) && self.is(1, TRANSMIT_DMA) && self.wants_byte())
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         self.advance(now);
         Ok(match offset {
             0x00 | 0x04 => self.control[offset as usize / 4],
@@ -367,7 +367,7 @@ impl I2c {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         self.advance(now);
         match write.offset {
             0x00 => {
@@ -419,7 +419,7 @@ impl I2c {
         Ok(())
     }
 
-    fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_control_2(&mut self, write: Write, now: Nanos) -> Answer {
         if !self.is(1, ENABLE) {
             // START and STOP mean nothing then.
             self.control[1] = write.over(self.control[1]) & !(START | STOP);

@@ -3,7 +3,7 @@
 use rc10_sim::{Nanos, UartFault};
 
 use super::facts::{Facts, I2CS, USARTS};
-use super::gpio::PINS;
+use super::gpio::{PINS, pins_where};
 use super::i2c::I2cDevice;
 use super::pins::{Signal, pin_of, signal_at};
 use super::soc::{Soc, port_index};
@@ -147,19 +147,17 @@ impl Soc {
 
     /// Pins of a port that are low because of an I2C that they are connected to, a bit each.
     pub(super) fn held_low(&self, port: usize) -> u32 {
-        let is_low = |pin: &usize| match signal_at(&self.ports, port, *pin) {
+        pins_where(|pin| match signal_at(&self.ports, port, pin) {
             Some(Signal::I2cClock(i2c)) => self.i2cs[i2c].holds_low()[0],
             Some(Signal::I2cData(i2c)) => self.i2cs[i2c].holds_low()[1],
             _ => false,
-        };
-        (0..PINS).filter(is_low).map(|pin| 1 << pin).sum()
+        })
     }
 
     /// Keeps from now on the edges of a pin that the chip drives. `false`: no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
-        let Some(recorder) = self.recorder(port, pin, now) else { return false };
-        recorder.edges.get_or_insert_default();
-        true
+        let recorder = self.recorder(port, pin, now);
+        recorder.map(|recorder| recorder.edges.get_or_insert_default()).is_some()
     }
 
     /// Sums up from now on how long the chip holds a pin high. `false`: no such pin.
@@ -455,26 +453,18 @@ impl Soc {
     }
 
     fn look_at_holders(&mut self, now: Nanos) {
-        let mut released = Vec::new();
         for holder in &mut self.holders {
             let (port, pin) = holder.clock;
             let low = self.ports[port].output(pin) == Some(false);
             let rose = std::mem::replace(&mut holder.clock_was_low, low) && !low;
             holder.clocks -= u32::from(rose && holder.clocks > 0);
-            if holder.clocks == 0 {
-                released.push((holder.i2c, holder.data));
-            }
         }
-        if released.is_empty() {
-            return;
-        }
-        self.holders.retain(|holder| holder.clocks > 0);
-        for (i2c, (port, pin)) in released {
+        let released = self.holders.extract_if(.., |holder| holder.clocks == 0);
+        for Holder { i2c, data: (port, pin), .. } in released {
             self.ports[port].drive(pin, Some(true));
             self.i2cs[i2c].hold(false, now);
+            self.pins_changed = true;
         }
-        // The data line has risen.
-        self.pins_changed = true;
     }
 
     /// Lets the next item of a stream (DMA 1 or 2, stream 0 to 7) fail. `false`: no such stream.

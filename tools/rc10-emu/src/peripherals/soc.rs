@@ -6,13 +6,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
 
-use super::access::{Access, AccessKind, BusFault, PinFault, Width, Write};
+use super::access::{Access, AccessKind, Answer, BusFault, PinFault, Width, Write};
 use super::adc::Adc;
 use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::facts::{I2CS, SPIS, USARTS};
-use super::gpio::{PINS, Port};
+use super::gpio::{PINS, Port, pins_where};
 use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
@@ -431,13 +431,7 @@ impl Soc {
         Ok(row.block)
     }
 
-    fn read_block(
-        &mut self,
-        block: Block,
-        offset: u32,
-        width: Width,
-        now: Nanos,
-    ) -> Result<u32, AccessKind> {
+    fn read_block(&mut self, block: Block, offset: u32, width: Width, now: Nanos) -> Answer<u32> {
         match block {
             Block::Rcc => self.rcc.read(offset),
             Block::Power => self.power.read(offset, now),
@@ -473,7 +467,7 @@ impl Soc {
         }
     }
 
-    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Answer {
         match block {
             Block::Rcc => self.write_rcc(write, now),
             Block::Power => self.power.write(write, now),
@@ -524,7 +518,7 @@ impl Soc {
         }
     }
 
-    fn write_rcc(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_rcc(&mut self, write: Write, now: Nanos) -> Answer {
         let is_held =
             |rcc: &Rcc, row: &Row| row.switch.is_some_and(|switch| rcc.holds_in_reset(switch));
         let before = MAP.iter().map(|row| is_held(&self.rcc, row)).collect::<Vec<_>>();
@@ -633,14 +627,10 @@ impl Soc {
     fn cut_pins(&mut self) {
         let package = self.options.board.package;
         for (index, letter) in (0..PORTS).zip('A'..) {
-            let pins = |holds: &dyn Fn(usize) -> bool| -> u32 {
-                (0..PINS).filter(|&pin| holds(pin)).map(|pin| 1 << pin).sum()
-            };
-            let absent = pins(&|pin| !package.bonds(letter, pin));
+            let absent = pins_where(|pin| !package.bonds(letter, pin));
             // PC2SO is bit 26, PC3SO bit 27.
             let switches = self.syscfg.value(registers::PMCR) >> 24;
-            let open =
-                pins(&|pin| package.is_behind_switch(letter, pin) && switches >> pin & 1 != 0);
+            let open = switches & pins_where(|pin| package.is_behind_switch(letter, pin));
             self.ports[index].cut = absent | open;
             let used = self.ports[index].cut_in_use();
             let new = used & !self.pins_told[index];
@@ -743,15 +733,12 @@ impl Soc {
 
     /// Levels of EXTI's lines 0 ..= 15: each is the pin of its number of the port that SYSCFG says.
     fn exti_levels(&self) -> u32 {
-        (0..PINS)
-            .map(|pin| {
-                // Four lines in each of EXTICR1 ..= EXTICR4.
-                let register = registers::EXTICR[pin / 4];
-                let port = self.syscfg.value(register) >> (4 * (pin % 4)) & 0xF;
-                let high = self.ports.get(port as usize).is_some_and(|port| port.input(pin));
-                u32::from(high) << pin
-            })
-            .sum()
+        pins_where(|pin| {
+            // Four lines in each of EXTICR1 ..= EXTICR4.
+            let register = registers::EXTICR[pin / 4];
+            let port = self.syscfg.value(register) >> (4 * (pin % 4)) & 0xF;
+            self.ports.get(port as usize).is_some_and(|port| port.input(pin))
+        })
     }
 
     fn transfer(&mut self, now: Nanos) {
@@ -805,15 +792,13 @@ impl Soc {
     }
 
     fn read_ahead(&mut self, dma: usize, stream: usize) {
-        while let Some(from) = self.dmas[dma].streams[stream].ahead() {
-            let mut bytes = [0; 4];
-            let known = self.memory.read(from & !3, &mut bytes).is_ok();
-            if !self.reaches(from, false, known) {
-                self.dmas[dma].streams[stream].moved(false, Nanos::ZERO);
-                return;
+        while let Some((from, width)) = self.dmas[dma].streams[stream].ahead() {
+            let item = self.read_item(from, width);
+            let stream = &mut self.dmas[dma].streams[stream];
+            match item {
+                Some(value) => stream.held.push_back((0, value)),
+                None => return stream.moved(false, Nanos::ZERO),
             }
-            let value = u32::from_le_bytes(bytes) >> (8 * (from & 3));
-            self.dmas[dma].streams[stream].hold(0, value);
         }
     }
 
@@ -855,36 +840,34 @@ impl Soc {
         now: Nanos,
     ) -> Option<()> {
         let Transfer { from, to, width, buffered } = transfer;
-        let length = width.bytes() as usize;
         let value = if is_peripheral(from) {
             self.access_read(from, width, now).ok()?
         } else if buffered {
-            self.dmas[dma].streams[stream].give()?.1 & width.mask()
+            self.dmas[dma].streams[stream].held.pop_front()?.1
         } else {
-            let mut bytes = [0; 4];
-            let known = self.memory.read(from, &mut bytes[..length]).is_ok();
-            if !self.reaches(from, false, known) {
-                return None;
-            }
-            u32::from_le_bytes(bytes)
+            self.read_item(from, width)?
         };
         if is_peripheral(to) {
             self.access_write(to, width, value, now).ok().map(drop)
         } else if buffered {
-            self.dmas[dma].streams[stream].hold(to, value);
+            self.dmas[dma].streams[stream].held.push_back((to, value));
             Some(())
         } else {
             self.write_item(to, value, width)
         }
     }
 
+    fn read_item(&mut self, from: u32, width: Width) -> Option<u32> {
+        let mut bytes = [0; 4];
+        let known = self.memory.read(from, &mut bytes[..width.bytes() as usize]).is_ok();
+        self.reaches(from, false, known).then(|| u32::from_le_bytes(bytes))
+    }
+
     fn write_item(&mut self, to: u32, value: u32, width: Width) -> Option<()> {
         // A plain write does not program the flash.
         let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
-        let reached = self.reaches(to, true, known);
-        let bytes = value.to_le_bytes();
-        let length = width.bytes() as usize;
-        if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
+        let bytes = &value.to_le_bytes()[..width.bytes() as usize];
+        if self.reaches(to, true, known) { self.memory.write(to, bytes).ok() } else { None }
     }
 }
 

@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Width, Write};
+use super::access::{AccessKind, Answer, Width, Write};
 use super::facts::{Facts, SPIS};
 use crate::time::time_of;
 
@@ -310,12 +310,7 @@ impl Spi {
                 || facts.writes(request) && config & TRANSMIT_DMA != 0 && self.has_room())
     }
 
-    pub(super) fn read(
-        &mut self,
-        offset: u32,
-        width: Width,
-        now: Nanos,
-    ) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, width: Width, now: Nanos) -> Answer<u32> {
         self.advance(now);
         Ok(match offset {
             0x00 => self.control,
@@ -339,7 +334,7 @@ impl Spi {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         self.advance(now);
         let enabled = self.is(ENABLE);
         match write.offset {
@@ -387,7 +382,7 @@ impl Spi {
         Ok(())
     }
 
-    fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_control(&mut self, write: Write, now: Nanos) -> Answer {
         let was_enabled = self.is(ENABLE);
         let wanted = write.over(self.control);
         // CSTART is set by the program, and cleared by the end of a transfer.

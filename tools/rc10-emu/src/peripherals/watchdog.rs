@@ -5,7 +5,7 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::clocks::LSI_HZ;
 use crate::time::{periods_in, time_of};
 
@@ -77,7 +77,7 @@ impl Watchdog {
         self.counting_from = self.counting_from.map(|_| now);
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(super) fn read(&self, offset: u32) -> Answer<u32> {
         let updating = |late: &Late, bit: u32| u32::from(late.updated_at.is_some()) << bit;
         Ok(match offset {
             0x00 => 0,
@@ -91,7 +91,7 @@ impl Watchdog {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         let value = write.ones();
         match write.offset {
             0x00 => {

@@ -62,7 +62,7 @@ impl Transmitter {
         let value = value & how.format.mask();
         let Sending { format, bit_fs, inverted, .. } = *how;
         let character = Character { value, format, start, bit_fs, inverted, fault: None };
-        let end = after(start, bit_fs, 8 * u64::from(format.half_bits()));
+        let end = after(start, bit_fs, format.sixteenths());
         self.sending = Some((character, end));
         self.begins_at = self.tells.then_some(start);
     }

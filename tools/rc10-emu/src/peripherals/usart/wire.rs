@@ -51,9 +51,9 @@ impl Format {
         self.data_bits + if self.parity.is_some() { 1 } else { 0 }
     }
 
-    /// Length in half bits.
-    pub(crate) const fn half_bits(self) -> u32 {
-        2 + 2 * self.word() + self.half_stops
+    /// Length in sixteenths of a bit, start and stop included.
+    pub(super) const fn sixteenths(self) -> u64 {
+        8 * (2 + 2 * self.word() + self.half_stops) as u64
     }
 
     pub(super) const fn mask(self) -> u16 {
@@ -99,17 +99,15 @@ impl Character {
     /// The end of its last stop bit.
     #[must_use]
     pub fn end(&self) -> Nanos {
-        self.at(8 * u64::from(self.format.half_bits()))
+        self.at(self.format.sixteenths())
     }
 
     /// Calls with each level of an idle-high wire, and its begin in sixteenths of a bit.
     fn levels(&self, mut level: impl FnMut(u64, bool)) {
-        let end = 8 * u64::from(self.format.half_bits());
         let stop = 16 * (1 + u64::from(self.format.word()));
         level(0, false);
         if self.fault == Some(UartFault::Break) {
-            level(end, true);
-            return;
+            return level(self.format.sixteenths(), true);
         }
         let parity = self.format.parity_of(self.value).unwrap_or(false);
         let mut word =
