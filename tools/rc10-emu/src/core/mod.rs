@@ -216,7 +216,7 @@ impl Core {
             self.enter(exception, self.r[15]);
             return Some(Step::Instruction);
         }
-        self.asleep &= !self.system.is_any_pending();
+        self.asleep &= self.system.most_urgent().is_none();
         if self.asleep {
             self.clocks = 1;
             return Some(Step::Asleep);

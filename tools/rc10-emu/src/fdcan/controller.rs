@@ -9,9 +9,10 @@ use super::link::Link;
 use super::ram::MessageRam;
 use super::receive::Receive;
 use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
-use super::timing::{Period, Timestamp};
+use super::timing::{Timestamp, bit_of};
 use super::transmit::Transmit;
 use crate::peripherals::{AccessKind, Answer};
+use crate::time::{Period, time_of};
 
 /// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
 /// PSR.BO; ISO 11898-1).
@@ -84,7 +85,7 @@ impl Controller {
         if self.kernel_hz == 0 {
             return NEVER;
         }
-        self.now + Period::of_clock(self.kernel_hz).many(periods)
+        self.now + time_of(periods, self.kernel_hz)
     }
 
     /// CCCR.INIT as it reads.
@@ -108,7 +109,7 @@ impl Controller {
     }
 
     pub fn bit(&self) -> Option<Period> {
-        Period::of_bit(self.registers.at(at::NBTP), self.kernel_hz)
+        bit_of(self.registers.at(at::NBTP), self.kernel_hz)
     }
 
     /// The difference of other nodes' bits that it follows, of NBTP: NTSEG1, NTSEG2, NSJW.
@@ -120,7 +121,7 @@ impl Controller {
     fn set_timestamp_rate(&mut self) {
         let prescaler = self.registers.field(at::TSCC, 16, 4) + 1;
         let counts_bits = self.registers.field(at::TSCC, 0, 2) == 1;
-        let tick = self.bit().filter(|_| counts_bits).map(|bit| bit.times(prescaler));
+        let tick = self.bit().filter(|_| counts_bits).map(|bit| bit.times(prescaler.into()));
         self.timestamp.set_tick(tick, self.now);
     }
 

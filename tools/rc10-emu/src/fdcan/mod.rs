@@ -35,6 +35,7 @@ use rc10_can::{BusError, CanFrame};
 use rc10_sim::{Activity, Nanos, Outcome};
 
 use crate::peripherals::{AccessKind, Answer, lock};
+use crate::time::Period;
 use calibration::Calibration;
 use controller::Controller;
 pub use counters::{Counters, Spread};
@@ -214,7 +215,7 @@ impl rc10_sim::Controller for Node {
         self.with(|one, _| one.is_connected())
     }
     fn bit_time_ns(&self) -> Option<u32> {
-        self.with(|one, _| one.bit().map(timing::Period::nanos))
+        self.with(|one, _| one.bit().map(Period::nanos))
     }
     fn tolerance_ppm(&self) -> u32 {
         self.with(|one, _| one.tolerance_ppm())

@@ -12,7 +12,7 @@ use super::controller::Controller;
 use super::ram::{self, MessageRam};
 use super::registers::{Registers, at, cccr, field, ir};
 use super::ring::{Ring, Shape};
-use super::timing::Period;
+use crate::time::time_of;
 
 const BUFFERS: u32 = 32;
 /// Periods of a scan for each buffer: a word of the message RAM. Our estimate.
@@ -150,7 +150,7 @@ impl Controller {
             return Nanos::ZERO;
         }
         let buffers = u64::from(self.layout().all().count_ones());
-        Period::of_clock(self.kernel_hz).many(SCAN * buffers)
+        time_of(SCAN * buffers, self.kernel_hz)
     }
 
     /// Does everything that is due by now.

@@ -17,11 +17,12 @@ use rc10_sim::Nanos;
 use super::access::{AccessKind, Answer, Write};
 use super::clocks::{
     self, CFGR, CSI_HZ, Clocks, D1CCIPR, D1CFGR, D2CCIP1R, D2CCIP2R, D2CFGR, D3CCIPR, HSI_HZ,
-    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones,
+    LSE_HZ, LSI_HZ, Pll, Sources, Tones,
 };
 use super::map::Switch;
 use super::registers::{Register, Registers, field, masked, plain};
 use crate::machine::Options;
+use crate::time::Period;
 
 /// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -449,9 +450,10 @@ impl Rcc {
             4 => self.if_ready(HSI48, HSI48_HZ),
             _ => 0,
         };
-        let lsi = Tone::new(self.if_ready(LSI, LSI_HZ), 1);
-        let hse = Tone::new(hse, for_rtc).filter(|_| for_rtc > 1);
-        [lsi, Tone::new(lse, 1), hse, Tone::new(output, field(config, 18, 4)), None]
+        let divided = |hz, by: u32| Period::new(by.into(), hz);
+        let lsi = divided(self.if_ready(LSI, LSI_HZ), 1);
+        let hse = divided(hse, for_rtc).filter(|_| for_rtc > 1);
+        [lsi, divided(lse, 1), hse, divided(output, field(config, 18, 4)), None]
     }
 
     pub(super) fn clocks(&self) -> Clocks {

@@ -7,7 +7,7 @@ use rc10_sim::Nanos;
 
 use super::access::{AccessKind, Answer, Write};
 use super::clocks::LSI_HZ;
-use crate::time::{periods_in, time_of};
+use crate::time::{Period, time_of};
 
 const KEY_START: u32 = 0xCCCC;
 const KEY_FEED: u32 = 0xAAAA;
@@ -57,18 +57,17 @@ impl Watchdog {
         Self { reload: largest, window: largest, counter: COUNTER_MASK, ..Self::default() }
     }
 
-    fn period(&self) -> u64 {
-        4 << self.prescaler.in_force.min(6)
+    fn period(&self) -> Period {
+        Period { cycles: 4 << self.prescaler.in_force.min(6), hz: LSI_HZ }
     }
 
     fn bite_at(&self) -> Option<Nanos> {
-        let periods = (u64::from(self.counter) + 1) * self.period();
-        self.counting_from.map(|start| start + time_of(periods, LSI_HZ))
+        self.counting_from.map(|start| start + self.period().many(u64::from(self.counter) + 1))
     }
 
     fn count(&self, now: Nanos) -> u32 {
         let from = self.counting_from.unwrap_or(now);
-        let ticks = periods_in(now.since(from), LSI_HZ) / self.period();
+        let ticks = self.period().count_in(now.since(from));
         self.counter.saturating_sub(u32::try_from(ticks).unwrap_or(u32::MAX))
     }
 

@@ -178,16 +178,12 @@ impl Default for Wire {
 }
 
 impl Wire {
-    fn final_level(&self) -> bool {
-        self.edges.back().map_or(self.level, |&(_, level)| level)
-    }
-
     fn push(&mut self, at: Nanos, level: bool) {
         if self.edges.back().is_some_and(|&(last, _)| last == at) {
             // A level of no length does not exist.
             self.edges.pop_back();
         }
-        if level != self.final_level() {
+        if level != self.edges.back().map_or(self.level, |&(_, last)| last) {
             self.edges.push_back((at, level));
         }
     }
@@ -211,7 +207,11 @@ impl Wire {
 
     /// A disturbance damages the character on the wire, or looks like a damaged one.
     pub fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
-        let last = self.last.filter(|last| at >= last.start && at < last.at(stop_sample(last)));
+        // Its stop bit has not been sampled.
+        let is_on_wire = |last: &Character| {
+            at >= last.start && at < last.at(stop_sixteenths(last.format, false))
+        };
+        let last = self.last.filter(is_on_wire);
         let damaged = last.unwrap_or(Character { start: at, ..otherwise });
         while self.edges.back().is_some_and(|&(edge, _)| edge >= damaged.start) {
             self.edges.pop_back();
@@ -266,11 +266,6 @@ impl Wire {
         let parity = expected.is_some_and(|bit| u16::from(bit) != word >> format.data_bits & 1);
         Some(Sampled { word, framing, parity, noise })
     }
-}
-
-/// Time at which a receiver has sampled the stop bit of a character, in sixteenths of a bit.
-const fn stop_sample(character: &Character) -> u64 {
-    stop_sixteenths(character.format, false)
 }
 
 /// Sixteenths from the start to the end of the sampling of the stop bit: its 10th sample; of two,
