@@ -6,6 +6,7 @@ use std::rc::Rc;
 use anyhow::{Result, ensure};
 use rc10_sim::{Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, UartFault};
 
+use crate::board::Pin;
 use crate::machine::Machine;
 use crate::peripherals::{Character, Format, Outgoing, Sampled, Sampling, Soc, Wire};
 
@@ -105,12 +106,12 @@ impl PulseEnd for PulseEar {
 }
 
 struct PulseLink {
-    pin: (char, usize),
+    pin: Pin,
     ear: Rc<RefCell<PulseEar>>,
 }
 
 struct ContactLink {
-    pin: (char, usize),
+    pin: Pin,
     contact: Contact,
     was_closed: bool,
 }
@@ -190,11 +191,11 @@ impl Machine {
         is_there
     }
 
-    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
+    /// Puts a pin on a line of pulses.
     ///
     /// # Errors
     /// If the chip has no such pin.
-    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
+    pub fn connect_pulses(&mut self, pin: Pin, pulses: &Pulses) -> Result<()> {
         let is_there = self.soc().drive_pin(pin.0, pin.1, Some(false), self.now());
         ensure!(is_there, "there is no pin P{}{}", pin.0, pin.1);
         let ear = Rc::<RefCell<PulseEar>>::default();
@@ -203,11 +204,11 @@ impl Machine {
         Ok(())
     }
 
-    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
+    /// Puts a contact to ground at a pin: open, nothing drives it.
     ///
     /// # Errors
     /// If the pin does not lead outside.
-    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
+    pub fn connect_contact(&mut self, pin: Pin, contact: &Contact) -> Result<()> {
         let was_closed = contact.is_closed();
         let leads_outside = self.board().package.bonds(pin.0, pin.1);
         ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);

@@ -84,8 +84,7 @@ impl Profile {
     }
 
     /// The lowest stack pointer ever seen; `None` before the first instruction.
-    #[must_use]
-    pub fn lowest_stack(&self) -> Option<u32> {
+    pub(crate) fn lowest_stack(&self) -> Option<u32> {
         (self.lowest_stack != u32::MAX).then_some(self.lowest_stack)
     }
 

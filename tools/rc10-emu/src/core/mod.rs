@@ -38,7 +38,7 @@ use self::exceptions::Fault;
 use self::system::System;
 
 /// External interrupts of the STM32H723, in words of 32: 0 ..= 162 (RM0468, NVIC chapter).
-pub const INTERRUPT_WORDS: usize = 6;
+pub(crate) const INTERRUPT_WORDS: usize = 6;
 
 /// Program counter of a core that locked up (B1.5.15).
 const LOCKED_UP: u32 = 0xFFFF_FFFE;
@@ -155,7 +155,7 @@ impl Core {
     }
 
     /// Starts anew, as after a reset of the chip; memories keep their contents.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.system = System::new();
         #[cfg(test)]
         self.watch.reset(&self.bus.memory);
@@ -323,13 +323,13 @@ impl Core {
     }
 
     /// Lets the core's own timer count while the core sleeps, or waits for a bus.
-    pub fn sleep(&mut self, clocks: u64) {
+    pub(crate) fn sleep(&mut self, clocks: u64) {
         self.attention |= self.system.count(clocks);
     }
 
     /// Lets the core's own counters go on while the core waits for a bus: timer and cycle counter.
     #[inline]
-    pub fn wait(&mut self, clocks: u64) {
+    pub(crate) fn wait(&mut self, clocks: u64) {
         self.system.count_cycles(clocks);
         if self.system.timer_runs() {
             self.sleep(clocks);
@@ -337,37 +337,35 @@ impl Core {
     }
 
     /// Lets the cycle counter go on by some clocks more, or less, than [`step`](Self::step) said.
-    pub const fn correct_cycles(&mut self, by: i64) {
+    pub(crate) const fn correct_cycles(&mut self, by: i64) {
         // It wraps.
         self.system.count_cycles(by.cast_unsigned());
     }
 
     /// The levels of the external interrupts: bit n of word n / 32.
-    pub fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {
+    pub(crate) fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {
         self.attention |= std::mem::replace(&mut self.system.levels, levels) != levels;
     }
 
     /// The level of the non-maskable interrupt.
-    pub const fn set_nmi(&mut self, level: bool) {
+    pub(crate) const fn set_nmi(&mut self, level: bool) {
         self.attention |= level;
         self.system.nmi = level;
     }
 
     /// Whether the program asked for a reset of the chip; forgets it.
-    pub const fn take_reset_request(&mut self) -> bool {
+    pub(crate) const fn take_reset_request(&mut self) -> bool {
         std::mem::replace(&mut self.system.wants_reset, false)
     }
 
     /// Number of the exception that is handled; 0 in thread mode.
     #[inline]
-    #[must_use]
-    pub const fn exception(&self) -> u16 {
+    pub(crate) const fn exception(&self) -> u16 {
         (self.psr & EXCEPTION) as u16
     }
 
     /// The priority of an exception as its register has it now, 0 to 255: lower is more urgent.
-    #[must_use]
-    pub fn priority(&self, exception: u16) -> u8 {
+    pub(crate) fn priority(&self, exception: u16) -> u8 {
         // Reset, NMI and hard fault have none: nothing is more urgent.
         u8::try_from(self.system.group_priority(exception.into())).unwrap_or(0)
     }
@@ -381,8 +379,7 @@ impl Core {
 
     /// The stack pointer.
     #[inline]
-    #[must_use]
-    pub const fn stack_pointer(&self) -> u32 {
+    pub(crate) const fn stack_pointer(&self) -> u32 {
         self.r[13]
     }
 
@@ -399,7 +396,7 @@ impl Core {
     }
 
     /// Goes on at an address, with the first registers set to `arguments`: for injected faults.
-    pub fn call(&mut self, address: u32, arguments: [u32; 3]) {
+    pub(crate) fn call(&mut self, address: u32, arguments: [u32; 3]) {
         self.r[..3].copy_from_slice(&arguments);
         self.r[15] = address & !1;
         // Not in the middle of an IT block of the interrupted code.
@@ -408,7 +405,7 @@ impl Core {
 
     /// Goes on at an address of an endless loop with all interrupts masked (PRIMASK): an injected
     /// fault. `false`: the program masks them itself.
-    pub const fn hold(&mut self, address: u32) -> bool {
+    pub(crate) const fn hold(&mut self, address: u32) -> bool {
         if self.primask {
             return false;
         }
@@ -420,7 +417,7 @@ impl Core {
     }
 
     /// Ends that loop, if it is still in it: everything is again as it was.
-    pub fn release(&mut self) {
+    pub(crate) fn release(&mut self) {
         if let Some((address, at, psr)) = self.held.take()
             && address == self.r[15]
         {

@@ -9,6 +9,7 @@ use super::link::Link;
 use super::ram::MessageRam;
 use super::receive::Receive;
 use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
+use super::ring::{EVENTS, Ring};
 use super::timing::{Timestamp, bit_of};
 use super::transmit::Transmit;
 use crate::peripherals::{AccessKind, Answer};
@@ -45,6 +46,7 @@ pub(super) struct Controller {
     errors: Errors,
     pub(super) receive: Receive,
     pub(super) transmit: Transmit,
+    pub(super) rings: [Ring; 3],
     /// The frame that ended last was its own.
     sent_last: bool,
     suspended_until: Nanos,
@@ -293,7 +295,6 @@ impl Controller {
         if register.access != Access::Active {
             return Ok(self.registers.at(register));
         }
-        let lost = |flag| u32::from(self.flags & flag != 0) << 25;
         Ok(match register {
             at::TSCV => self.stamp(self.now),
             // The timeout counter does not count.
@@ -304,15 +305,15 @@ impl Controller {
             at::HPMS => self.receive.high_priority,
             at::NDAT1 => self.receive.new_data(0),
             at::NDAT2 => self.receive.new_data(1),
-            at::RXF0S => self.fifo_status(0) | lost(ir::RF0L),
-            at::RXF1S => self.fifo_status(1) | lost(ir::RF0L << 4),
+            at::RXF0S => self.ring_status(0),
+            at::RXF1S => self.ring_status(1),
             at::TXFQS => self.queue_status(),
             at::TXBRP => self.transmit.told_pending(),
             at::TXBAR => self.transmit.adding,
             at::TXBCR => self.transmit.being_cancelled(),
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
-            at::TXEFS => self.event_status() | lost(ir::TEFL),
+            at::TXEFS => self.ring_status(EVENTS),
             at::CCCR => self.registers.at(register) & !cccr::INIT | u32::from(self.told_init()),
             at::TEST => self.registers.at(register),
             // Acknowledge and request registers read as zero.
@@ -374,7 +375,7 @@ impl Controller {
             at::TXBCR => return self.ask_to_cancel(value),
             at::RXF0A => self.acknowledge(0, value),
             at::RXF1A => self.acknowledge(1, value),
-            at::TXEFA => self.acknowledge_event(value),
+            at::TXEFA => self.acknowledge(EVENTS, value),
             // The others are read-only; TOCV stands at its preset.
             _ => return,
         };
@@ -449,7 +450,8 @@ impl Controller {
             self.registers.set(at::TEST, 0);
         }
         if cce && old & cccr::CCE == 0 {
-            self.receive.reset();
+            self.rings = Default::default();
+            self.receive.high_priority = 0;
             self.reset_transmit();
         }
         if new & cccr::MON != 0 {

@@ -162,8 +162,7 @@ impl Fdcans {
     }
 
     /// Bits a second of a controller, and nanoseconds of one; `None` while it takes no part.
-    #[must_use]
-    pub fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
+    pub(crate) fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
         let bit = self.controllers.get(index)?.bit_in_use()?;
         Some((bit.rate(), bit.nanos()))
     }

@@ -1,6 +1,14 @@
 //! The FIFO that both receive FIFOs and the transmit event FIFO are.
 
-use super::registers::{field, ir};
+use super::controller::Controller;
+use super::registers::{Register, at, field, ir};
+
+/// FIFO 0, FIFO 1, and that of transmit events: configuration register, elements at most, and the
+/// place of its flags in IR. Bit 31 is reserved in TXEFC and reads as 0: no overwriting.
+pub(super) const RINGS: [(Register, u32, u32); 3] =
+    [(at::RXF0C, 64, 0), (at::RXF1C, 64, 4), (at::TXEFC, 32, 12)];
+/// The one of transmit events.
+pub(super) const EVENTS: usize = 2;
 
 /// Configuration of a FIFO; RXF0C, RXF1C and TXEFC share this layout.
 #[derive(Clone, Copy)]
@@ -14,13 +22,39 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    pub const fn new(register: u32, largest: u32) -> Self {
+    const fn new(register: u32, largest: u32) -> Self {
         let size = field(register, 16, 7);
         Self {
             size: if size < largest { size } else { largest },
             watermark: field(register, 24, 7),
             overwrites: register >> 31 != 0,
         }
+    }
+}
+
+impl Controller {
+    pub fn shape(&self, ring: usize) -> Shape {
+        let (register, largest, _) = RINGS[ring];
+        Shape::new(self.registers.at(register), largest)
+    }
+
+    /// The index that a new element is written to; `None`: it is lost.
+    pub fn put(&mut self, ring: usize) -> Option<u32> {
+        let (index, flags) = self.rings[ring].put(self.shape(ring));
+        self.flags |= flags << RINGS[ring].2;
+        index
+    }
+
+    /// RXF0A, RXF1A, TXEFA; `false` if that element is not in the FIFO.
+    pub fn acknowledge(&mut self, ring: usize, index: u32) -> bool {
+        let index = index % RINGS[ring].1;
+        self.rings[ring].acknowledge(index, self.shape(ring))
+    }
+
+    /// RXF0S, RXF1S, TXEFS.
+    pub fn ring_status(&self, ring: usize) -> u32 {
+        let has_lost = self.flags >> RINGS[ring].2 & ir::RF0L != 0;
+        self.rings[ring].status(self.shape(ring)) | u32::from(has_lost) << 25
     }
 }
 
@@ -33,7 +67,7 @@ pub(super) struct Ring {
 impl Ring {
     /// The index that a new element is written to, if it is not lost, and the flags that this
     /// raises in IR, with those of FIFO 0.
-    pub fn put(&mut self, shape: Shape) -> (Option<u32>, u32) {
+    fn put(&mut self, shape: Shape) -> (Option<u32>, u32) {
         if self.level < shape.size {
             let index = (self.get + self.level) % shape.size;
             self.level += 1;
@@ -54,7 +88,7 @@ impl Ring {
     }
 
     /// Frees all elements up to and including this one; `false` if it is not in the FIFO.
-    pub const fn acknowledge(&mut self, index: u32, shape: Shape) -> bool {
+    const fn acknowledge(&mut self, index: u32, shape: Shape) -> bool {
         if index >= shape.size {
             return false;
         }
@@ -68,7 +102,7 @@ impl Ring {
     }
 
     /// The status register without its message-lost bit.
-    pub const fn status(&self, shape: Shape) -> u32 {
+    const fn status(&self, shape: Shape) -> u32 {
         if shape.size == 0 {
             return 0;
         }

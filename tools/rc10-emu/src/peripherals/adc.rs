@@ -16,6 +16,7 @@ use rc10_sim::Nanos;
 use super::access::{AccessKind, Answer, Write};
 use super::clocks::{Clocks, Limit, PRESCALERS, TooFast};
 use super::registers::{Register, Registers, field, fixed, masked, plain};
+use crate::board::Pin;
 use crate::time::time_of;
 
 /// Number of its interrupt, and DMAMUX1's of its request. Source: stm32-metapac.
@@ -182,7 +183,7 @@ impl Adc {
     }
 
     /// The voltage at a pin from now on. `false`: no input of this converter is there.
-    pub(super) fn set_voltage(&mut self, pin: (char, usize), microvolts: u32) -> bool {
+    pub(super) fn set_voltage(&mut self, pin: Pin, microvolts: u32) -> bool {
         let name = format!("{}{}", pin.0, pin.1);
         let input = INPUTS.iter().position(|input| *input == name);
         input.map(|input| self.inputs[input] = microvolts).is_some()

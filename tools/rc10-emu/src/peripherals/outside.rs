@@ -10,7 +10,7 @@ use super::soc::{Soc, port_index};
 use super::spi::SpiDevice;
 use super::timer::{CHANNELS, TIMERS};
 use super::usart::{Character, Format, Outgoing, SentByte, Usart};
-use crate::board::SupplySense;
+use crate::board::{Pin, SupplySense};
 
 /// A change of a pin's level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +105,7 @@ pub(super) struct Holder {
 }
 
 /// Port and number of a pin; `None`: there is no such pin.
-fn pin_at(pin: (char, usize)) -> Option<(usize, usize)> {
+fn pin_at(pin: Pin) -> Option<(usize, usize)> {
     port_index(pin.0).filter(|_| pin.1 < PINS).map(|port| (port, pin.1))
 }
 
@@ -239,7 +239,7 @@ impl Soc {
     }
 
     /// Puts a wire from a pin that the chip drives to one that listens. `false`: no such pin.
-    pub fn join_pins(&mut self, from: (char, usize), to: (char, usize), now: Nanos) -> bool {
+    pub fn join_pins(&mut self, from: Pin, to: Pin, now: Nanos) -> bool {
         self.advance(now);
         let (Some(from), Some(to)) = (pin_at(from), pin_at(to)) else { return false };
         self.jumpers.push(Jumper { from, to, level: None });
@@ -404,12 +404,7 @@ impl Soc {
     }
 
     /// Puts a device on an SPI (1 to 5), selected by a low output. `false`: no such SPI or pin.
-    pub fn attach_spi(
-        &mut self,
-        spi: u8,
-        select: (char, usize),
-        device: Box<dyn SpiDevice>,
-    ) -> bool {
+    pub fn attach_spi(&mut self, spi: u8, select: Pin, device: Box<dyn SpiDevice>) -> bool {
         let spi = usize::from(spi).checked_sub(1).and_then(|index| self.spis.get_mut(index));
         let (Some(spi), Some(select)) = (spi, pin_at(select)) else { return false };
         spi.attach(select, device);
@@ -429,14 +424,7 @@ impl Soc {
 
     /// Lets a device hold an I2C's data line low until it has seen some clocks from the clock pin
     /// as an output. Both lines have pull-ups from now on. `false`: no such I2C or pins.
-    pub fn hold_data(
-        &mut self,
-        i2c: u8,
-        clock: (char, usize),
-        data: (char, usize),
-        clocks: u32,
-        now: Nanos,
-    ) -> bool {
+    pub fn hold_data(&mut self, i2c: u8, clock: Pin, data: Pin, clocks: u32, now: Nanos) -> bool {
         self.advance(now);
         let (Some(i2c), Some(clock), Some(data)) =
             (index_of(&I2CS, i2c), pin_at(clock), pin_at(data))

@@ -204,7 +204,7 @@ impl Soc {
     }
 
     /// Reports an access without an answer; instructions are not fetched from peripherals.
-    pub fn refuse(&mut self, address: u32, write: bool) -> BusFault {
+    pub(crate) fn refuse(&mut self, address: u32, write: bool) -> BusFault {
         self.report(address, write, AccessKind::Unowned);
         BusFault
     }
@@ -251,7 +251,7 @@ impl Soc {
     /// posted write counts as a read: the next access waits for it. APB2 to APB4 count as APB1.
     #[must_use]
     pub fn access_clocks(&self, address: u32) -> u64 {
-        if !is_peripheral(address) {
+        if !PERIPHERALS.contains(&address) {
             return 0;
         }
         let (bus, apb) = map::way_to(address);
@@ -840,14 +840,14 @@ impl Soc {
         now: Nanos,
     ) -> Option<()> {
         let Transfer { from, to, width, buffered } = transfer;
-        let value = if is_peripheral(from) {
+        let value = if PERIPHERALS.contains(&from) {
             self.access_read(from, width, now).ok()?
         } else if buffered {
             self.dmas[dma].streams[stream].held.pop_front()?.1
         } else {
             self.read_item(from, width)?
         };
-        if is_peripheral(to) {
+        if PERIPHERALS.contains(&to) {
             self.access_write(to, width, value, now).ok().map(drop)
         } else if buffered {
             self.dmas[dma].streams[stream].held.push_back((to, value));
@@ -874,10 +874,6 @@ impl Soc {
 /// A lock. The state that a panic left behind is as good as any state of a chip.
 pub(crate) fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn is_peripheral(address: u32) -> bool {
-    address.checked_sub(PERIPHERALS.0).is_some_and(|offset| offset < PERIPHERALS.1)
 }
 
 fn raise(levels: &mut [u32; INTERRUPT_WORDS], number: usize) {

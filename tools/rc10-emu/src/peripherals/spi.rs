@@ -203,19 +203,16 @@ impl Spi {
         if self.size != 0 && self.done >= self.size || full && self.is(SUSPEND_AT_OVERRUN) {
             return;
         }
-        let value = match self.communication() {
-            RECEIVES => 0,
-            _ => match self.to_send.pop_front() {
-                Some(value) => value,
-                None => return,
-            },
-        };
-        self.frame = Some((value, now + time_of(self.frame_bits(), self.clock_hz())));
+        let receives = self.communication() == RECEIVES;
+        let value = if receives { Some(0) } else { self.to_send.pop_front() };
+        let end = now + time_of(self.frame_bits(), self.clock_hz());
+        self.frame = value.map(|value| (value, end));
     }
 
     fn exchange(&mut self, value: u16, at: Nanos) -> u16 {
-        let mode = u8::try_from((self.config[1] >> 24 & 1) | (self.config[1] >> 25 & 1) << 1);
-        let (mode, clock_hz) = (mode.unwrap_or(0), self.clock_hz());
+        // CPOL, CPHA.
+        let mode = u8::try_from(self.config[1] >> 24 & 3).unwrap_or(0);
+        let clock_hz = self.clock_hz();
         let unused = 16 - self.frame_bits().min(16);
         let mask = u16::MAX >> unused;
         let turned = |value: u16| {
@@ -226,19 +223,18 @@ impl Spi {
             return 0;
         }
         let sent = if output { turned(value & mask) } else { 0 };
-        let mut answer = None;
-        for attached in self.devices.iter_mut().filter(|attached| attached.selected) {
-            let one = if attached.device.understands(mode, clock_hz) {
-                attached.exchange(sent, 16 - unused, at) & mask
+        let selected = self.devices.iter_mut().filter(|attached| attached.selected);
+        let answers = selected.map(|attached| {
+            if attached.device.understands(mode, clock_hz) {
+                attached.exchange(sent, 16 - unused, at)
             } else {
                 // It takes the bits at the wrong edges.
-                0xA5A5 & mask
-            };
-            // A device that drives low wins.
-            answer = Some(answer.map_or(one, |others: u16| others & one));
-        }
-        // No device drives the line: it reads low. Our choice.
-        if input { turned(answer.unwrap_or(0)) } else { 0 }
+                0xA5A5
+            }
+        });
+        // A device that drives low wins. No device drives the line: it reads low. Our choice.
+        let answer = answers.reduce(|one, other| one & other).unwrap_or(0) & mask;
+        if input { turned(answer) } else { 0 }
     }
 
     pub(super) fn next_event(&self) -> Option<Nanos> {

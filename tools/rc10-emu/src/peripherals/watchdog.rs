@@ -102,9 +102,8 @@ impl Watchdog {
                 if key == KEY_FEED {
                     self.feed(now);
                 }
-                return Ok(());
             }
-            0x0C => return Ok(()),
+            0x0C => {}
             0x04 | 0x08 | 0x10 if !self.unlocked => return Err(AccessKind::Protected),
             0x04 => self.prescaler.write(value & 7, now),
             0x08 => self.reload.write(value & COUNTER_MASK, now),

@@ -36,8 +36,7 @@ impl Format {
     pub const EIGHT_E_2: Self = Self { half_stops: 4, ..Self::EIGHT_E_1 };
 
     /// The usual format of characters of this length in bits, start and stop included.
-    #[must_use]
-    pub const fn of_length(bits: u32) -> Option<Self> {
+    pub(crate) const fn of_length(bits: u32) -> Option<Self> {
         match bits {
             10 => Some(Self::EIGHT_N_1),
             11 => Some(Self::EIGHT_E_1),
