@@ -383,16 +383,11 @@ impl Core {
         self.r[13]
     }
 
-    /// Return address of the executed function, at its first instruction.
+    /// R0 ..= R15. At a function's first instruction the first ones are its arguments, R14 is its
+    /// return address.
     #[must_use]
-    pub const fn link_register(&self) -> u32 {
-        self.r[14]
-    }
-
-    /// The first arguments of the executed function, at its first instruction.
-    #[must_use]
-    pub const fn arguments(&self) -> [u32; 3] {
-        [self.r[0], self.r[1], self.r[2]]
+    pub const fn registers(&self) -> [u32; 16] {
+        self.r
     }
 
     /// Goes on at an address, with the first registers set to `arguments`: for injected faults.

@@ -16,7 +16,7 @@ use super::gpio::{PINS, Port, pins_where};
 use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
-use super::pins::{Signal, is_connected};
+use super::pins::{Signal, pin_of};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
@@ -602,7 +602,7 @@ impl Soc {
         self.cut_pins();
         self.find_signals();
         let ports = &self.ports;
-        let connected = |signal| is_connected(ports, signal);
+        let connected = |signal| pin_of(ports, signal).is_some();
         for (index, usart) in self.usarts.iter_mut().enumerate() {
             let pins = [Signal::SerialReceive(index), Signal::SerialTransmit(index)];
             usart.set_pins(pins.map(connected), now);

@@ -203,14 +203,14 @@ impl Usart {
         if !self.is(1, ENABLE | TRANSMITTER) {
             return None;
         }
-        // DEAT, DEDT.
-        let times = || [21, 16].map(|shift| u64::from(self.control[0] >> shift & 0x1F));
+        // DEAT, DEDT, in samples.
+        let samples = if self.is(1, OVERSAMPLE_8) { 8 } else { 16 };
+        let time = |shift: u32| 16 * u64::from(self.control[0] >> shift & 0x1F) / samples;
         Some(Sending {
             format: self.format(),
             bit_fs: self.bit_fs()?,
             inverted: self.is(2, INVERT_TRANSMIT),
-            driver: self.is(3, DRIVER_ENABLE).then(times).map(Into::into),
-            samples: if self.is(1, OVERSAMPLE_8) { 8 } else { 16 },
+            driver: self.is(3, DRIVER_ENABLE).then(|| (time(21), time(16))),
         })
     }
 
