@@ -2,8 +2,9 @@
 
 use rc10_can::CanFrame;
 
+use super::controller::Controller;
 use super::ram::MessageRam;
-use super::registers::{Registers, at, field};
+use super::registers::{at, field};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
@@ -40,13 +41,9 @@ const INTO_BUFFER: u32 = 7;
 /// EFT: a range over identifiers as sent, without XIDAM.
 const EXTENDED_RANGE_UNMASKED: u32 = 3;
 
-/// The first element that matches decides; `new_data` has a bit for each receive buffer.
-pub(super) fn judge(
-    frame: &CanFrame,
-    registers: &Registers,
-    new_data: u64,
-    ram: &mut MessageRam,
-) -> Verdict {
+/// The first element that matches decides.
+pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> Verdict {
+    let (registers, new_data) = (&of.registers, of.receive.new_data);
     let extended = frame.is_extended_id();
     let global = registers.at(at::GFC);
     let (reject_remote, unmatched) =

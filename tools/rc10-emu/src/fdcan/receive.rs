@@ -18,7 +18,7 @@ mod stored {
 #[derive(Default)]
 pub(super) struct Receive {
     /// NDAT1 and NDAT2: receive buffers that were not read yet.
-    new_data: u64,
+    pub new_data: u64,
     /// HPMS.
     pub high_priority: u32,
 }
@@ -37,7 +37,7 @@ impl Receive {
 impl Controller {
     /// Stores a frame where the filters want it.
     pub fn accept(&mut self, frame: &CanFrame, timestamp: u32, ram: &mut MessageRam) {
-        let verdict = filters::judge(frame, &self.registers, self.receive.new_data, ram);
+        let verdict = filters::judge(self, frame, ram);
         let unmatched = if verdict.element.is_none() { 1 << 31 } else { 0 };
         let element = verdict.element.unwrap_or(0);
         let control = unmatched | element << 24 | ram::length_field(frame) | timestamp;
