@@ -235,7 +235,7 @@ impl Core {
         self.at = at;
         self.clocks = 1;
         let found = self.slots[Decoded::slot(at)];
-        let decoded = if found.is_at(at) && self.bus.executes(at) {
+        let decoded = if found.address == at && self.bus.executes(at) {
             found
         } else {
             match self.decode(at) {
@@ -246,8 +246,8 @@ impl Core {
         self.r[15] = at.wrapping_add(4);
         self.next = at.wrapping_add(decoded.bytes());
         let psr = self.psr;
-        let done =
-            if psr & IT == 0 { decoded.execute(self) } else { self.execute_in_block(decoded) };
+        let Decoded { run, bits, .. } = decoded;
+        let done = if psr & IT == 0 { run(self, bits) } else { self.execute_in_block(decoded) };
         if let Err(fault) = done {
             // It may be executed again, in its place of an IT block.
             self.psr = self.psr & !IT | psr & IT;
@@ -260,7 +260,8 @@ impl Core {
         let state = self.psr >> 8 & 0xFC | self.psr >> 25 & 3;
         let next = if state & 7 == 0 { 0 } else { state & 0xE0 | state << 1 & 0x1F };
         self.set_it_state(next);
-        if self.holds(state >> 4) { decoded.without_flags().execute(self) } else { Ok(()) }
+        let Decoded { run, bits, .. } = decoded.without_flags();
+        if self.holds(state >> 4) { run(self, bits) } else { Ok(()) }
     }
 
     const fn set_it_state(&mut self, state: u32) {

@@ -19,12 +19,6 @@ pub(super) struct Verdict {
     pub priority: bool,
 }
 
-impl Verdict {
-    const fn unmatched(destination: Destination) -> Self {
-        Self { destination, element: None, priority: false }
-    }
-}
-
 /// A filter element of either list. Field numbers are those of the manual.
 struct Element {
     /// SFT, EFT.
@@ -49,7 +43,7 @@ pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> 
     let (reject_remote, unmatched) =
         if extended { (1 << 0, field(global, 2, 2)) } else { (1 << 1, field(global, 4, 2)) };
     if frame.is_remote() && global & reject_remote != 0 {
-        return Verdict::unmatched(Destination::Nowhere);
+        return Verdict { destination: Destination::Nowhere, element: None, priority: false };
     }
     let (list, largest, words) = if extended { (at::XIDFC, 64, 2) } else { (at::SIDFC, 128, 1) };
     let elements = registers.field(list, 16, 8).min(largest);
@@ -71,10 +65,9 @@ pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> 
             return element.verdict(index);
         }
     }
-    Verdict::unmatched(match unmatched {
-        fifo @ (0 | 1) => Destination::Fifo(fifo),
-        _ => Destination::Nowhere,
-    })
+    let destination =
+        if unmatched < 2 { Destination::Fifo(unmatched) } else { Destination::Nowhere };
+    Verdict { destination, element: None, priority: false }
 }
 
 fn standard_at(address: u32, ram: &mut MessageRam) -> Element {

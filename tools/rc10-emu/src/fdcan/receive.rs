@@ -64,7 +64,7 @@ impl Controller {
             }
             Destination::Fifo(fifo) => {
                 let ring = fifo as usize;
-                let was_full = self.rings[ring].is_full(self.shape(ring));
+                let was_full = self.is_full(ring);
                 if let Some(index) = self.put(ring) {
                     let start = self.registers.start_word(RINGS[ring].0);
                     store(start, self.registers.field(at::RXESC, 4 * fifo, 3), index);

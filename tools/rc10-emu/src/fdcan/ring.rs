@@ -1,7 +1,7 @@
 //! The FIFO that both receive FIFOs and the transmit event FIFO are.
 
 use super::controller::Controller;
-use super::registers::{Register, at, field, ir};
+use super::registers::{Register, at, ir};
 
 /// FIFO 0, FIFO 1, and that of transmit events: configuration register, elements at most, and the
 /// place of its flags in IR. Bit 31 is reserved in TXEFC and reads as 0: no overwriting.
@@ -10,104 +10,82 @@ pub(super) const RINGS: [(Register, u32, u32); 3] =
 /// The one of transmit events.
 pub(super) const EVENTS: usize = 2;
 
-/// Configuration of a FIFO; RXF0C, RXF1C and TXEFC share this layout.
-#[derive(Clone, Copy)]
-pub(super) struct Shape {
-    /// Elements; 0: none are kept.
-    pub size: u32,
-    /// Fill level that raises the watermark flag; 0 or above the size: never.
-    pub watermark: u32,
-    /// A full FIFO gives up its oldest element rather than the new one.
-    pub overwrites: bool,
-}
-
-impl Shape {
-    const fn new(register: u32, largest: u32) -> Self {
-        let size = field(register, 16, 7);
-        Self {
-            size: if size < largest { size } else { largest },
-            watermark: field(register, 24, 7),
-            overwrites: register >> 31 != 0,
-        }
-    }
-}
-
-impl Controller {
-    pub fn shape(&self, ring: usize) -> Shape {
-        let (register, largest, _) = RINGS[ring];
-        Shape::new(self.registers.at(register), largest)
-    }
-
-    /// The index that a new element is written to; `None`: it is lost.
-    pub fn put(&mut self, ring: usize) -> Option<u32> {
-        let (index, flags) = self.rings[ring].put(self.shape(ring));
-        self.flags |= flags << RINGS[ring].2;
-        index
-    }
-
-    /// RXF0A, RXF1A, TXEFA; `false` if that element is not in the FIFO.
-    pub fn acknowledge(&mut self, ring: usize, index: u32) -> bool {
-        let index = index % RINGS[ring].1;
-        self.rings[ring].acknowledge(index, self.shape(ring))
-    }
-
-    /// RXF0S, RXF1S, TXEFS.
-    pub fn ring_status(&self, ring: usize) -> u32 {
-        let has_lost = self.flags >> RINGS[ring].2 & ir::RF0L != 0;
-        self.rings[ring].status(self.shape(ring)) | u32::from(has_lost) << 25
-    }
-}
-
 #[derive(Default)]
 pub(super) struct Ring {
     get: u32,
     level: u32,
 }
 
-impl Ring {
-    /// The index that a new element is written to, if it is not lost, and the flags that this
-    /// raises in IR, with those of FIFO 0.
-    fn put(&mut self, shape: Shape) -> (Option<u32>, u32) {
-        if self.level < shape.size {
-            let index = (self.get + self.level) % shape.size;
-            self.level += 1;
-            let at = |level, flag| if self.level == level { flag } else { 0 };
+/// Configuration of a FIFO; RXF0C, RXF1C and TXEFC share this layout.
+struct Shape {
+    /// Elements; 0: none are kept.
+    size: u32,
+    /// Fill level that raises the watermark flag; 0 or above the size: never.
+    watermark: u32,
+    /// A full FIFO gives up its oldest element rather than the new one.
+    overwrites: bool,
+}
+
+impl Controller {
+    fn shape(&self, ring: usize) -> Shape {
+        let (register, largest, _) = RINGS[ring];
+        Shape {
+            size: self.registers.field(register, 16, 7).min(largest),
+            watermark: self.registers.field(register, 24, 7),
+            overwrites: self.registers.has(register, 1 << 31),
+        }
+    }
+
+    pub fn is_full(&self, ring: usize) -> bool {
+        self.rings[ring].level >= self.shape(ring).size
+    }
+
+    /// The index that a new element is written to; `None`: it is lost.
+    pub fn put(&mut self, ring: usize) -> Option<u32> {
+        let (shape, place) = (self.shape(ring), RINGS[ring].2);
+        let ring = &mut self.rings[ring];
+        let (index, flags) = if ring.level < shape.size {
+            let index = (ring.get + ring.level) % shape.size;
+            ring.level += 1;
+            let at = |level, flag| if ring.level == level { flag } else { 0 };
             let flags = at(shape.watermark, ir::RF0W) | at(shape.size, ir::RF0F);
             (Some(index), ir::RF0N | flags)
         } else if shape.overwrites && shape.size > 0 {
-            let index = self.get;
-            self.get = (self.get + 1) % shape.size;
+            let index = ring.get;
+            ring.get = (ring.get + 1) % shape.size;
             (Some(index), ir::RF0N)
         } else {
             (None, ir::RF0L)
-        }
+        };
+        self.flags |= flags << place;
+        index
     }
 
-    pub const fn is_full(&self, shape: Shape) -> bool {
-        self.level >= shape.size
-    }
-
-    /// Frees all elements up to and including this one; `false` if it is not in the FIFO.
-    const fn acknowledge(&mut self, index: u32, shape: Shape) -> bool {
-        if index >= shape.size {
+    /// RXF0A, RXF1A, TXEFA: frees all elements up to and including this one; `false` if it is not
+    /// in the FIFO.
+    pub fn acknowledge(&mut self, ring: usize, index: u32) -> bool {
+        let (size, index) = (self.shape(ring).size, index % RINGS[ring].1);
+        let ring = &mut self.rings[ring];
+        if index >= size {
             return false;
         }
-        let freed = (index + shape.size - self.get) % shape.size + 1;
-        if freed > self.level {
+        let freed = (index + size - ring.get) % size + 1;
+        if freed > ring.level {
             return false;
         }
-        self.get = (index + 1) % shape.size;
-        self.level -= freed;
+        ring.get = (index + 1) % size;
+        ring.level -= freed;
         true
     }
 
-    /// The status register without its message-lost bit.
-    const fn status(&self, shape: Shape) -> u32 {
-        if shape.size == 0 {
-            return 0;
+    /// RXF0S, RXF1S, TXEFS.
+    pub fn ring_status(&self, ring: usize) -> u32 {
+        let lost = u32::from(self.flags >> RINGS[ring].2 & ir::RF0L != 0) << 25;
+        let (size, Ring { get, level }) = (self.shape(ring).size, &self.rings[ring]);
+        if size == 0 {
+            return lost;
         }
-        let put = (self.get + self.level) % shape.size;
-        let full = (self.level == shape.size) as u32;
-        self.level | self.get << 8 | put << 16 | full << 24
+        let full = u32::from(*level == size);
+        lost | level | get << 8 | (get + level) % size << 16 | full << 24
     }
 }
