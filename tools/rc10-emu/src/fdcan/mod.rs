@@ -1,7 +1,7 @@
 //! The STM32H7's three FDCAN controllers and the message RAM they share, for classic CAN.
 //!
-//! Each is Bosch's `M_CAN`, release 3.2.1. [`Fdcans`] is what the processor sees: registers,
-//! message RAM, interrupt lines. [`Node`] is what a wire sees: a [`Controller`].
+//! Each is Bosch's `M_CAN`, release 3.2.1. [`Fdcans`] is what the processor sees: registers, message
+//! RAM, interrupt lines. [`Node`] is what a wire sees: a [`Controller`](rc10_sim::Controller).
 //!
 //! Not modelled, beside CAN FD frames (counted and cancelled): the bits themselves. A frame is
 //! received when it ends, not at the last bit of its end-of-frame but one; a sender's broken frame

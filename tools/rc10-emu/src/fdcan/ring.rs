@@ -85,7 +85,7 @@ impl Controller {
         if size == 0 {
             return lost;
         }
-        let full = u32::from(*level == size);
-        lost | level | get << 8 | (get + level) % size << 16 | full << 24
+        let (put, full) = ((get + level) % size, u32::from(*level == size));
+        lost | level | get << 8 | put << 16 | full << 24
     }
 }
