@@ -201,11 +201,11 @@ impl Program {
                 return Ok(Ran { measurements: named.collect(), walked });
             }
             if at == self.walked {
-                let [number, high, low] = core.arguments();
+                let [number, high, low, ..] = core.registers();
                 walked.push((number, u64::from(high) << 32 | u64::from(low)));
             }
             if call.is_none() && self.measured.contains_key(&at) {
-                call = Some((at, core.link_register() & !1, 0));
+                call = Some((at, core.registers()[14] & !1, 0));
             }
             if let Some((entry, _, taken)) = &mut call {
                 *taken += 1;

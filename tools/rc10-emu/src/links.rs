@@ -8,6 +8,7 @@ use rc10_sim::{
     Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, Servo, UartFault, Voltage,
 };
 
+use crate::board::Pin;
 use crate::machine::Machine;
 use crate::peripherals::{Character, Format, Outgoing, Sampled, Sampling, Soc, Wire};
 
@@ -107,25 +108,25 @@ impl PulseEnd for PulseEar {
 }
 
 struct PulseLink {
-    pin: (char, usize),
+    pin: Pin,
     ear: Rc<RefCell<PulseEar>>,
 }
 
 struct ContactLink {
-    pin: (char, usize),
+    pin: Pin,
     contact: Contact,
     was_low: bool,
 }
 
 struct VoltageLink {
-    pin: (char, usize),
+    pin: Pin,
     voltage: Voltage,
     divider: f64,
     microvolts: u32,
 }
 
 struct ServoLink {
-    pin: (char, usize),
+    pin: Pin,
     servo: Servo,
     /// When the last pulse began.
     rose: Nanos,
@@ -235,11 +236,11 @@ impl Machine {
         is_there
     }
 
-    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
+    /// Puts a pin on a line of pulses.
     ///
     /// # Errors
     /// If the chip has no such pin.
-    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
+    pub fn connect_pulses(&mut self, pin: Pin, pulses: &Pulses) -> Result<()> {
         let is_there = self.soc().drive_pin(pin.0, pin.1, Some(false), self.now());
         ensure!(is_there, "there is no pin P{}{}", pin.0, pin.1);
         let ear = Rc::<RefCell<PulseEar>>::default();
@@ -253,7 +254,7 @@ impl Machine {
     ///
     /// # Errors
     /// If the pin does not lead outside.
-    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
+    pub fn connect_contact(&mut self, pin: Pin, contact: &Contact) -> Result<()> {
         let was_low = contact.pulls_low();
         let leads_outside = self.board().package.bonds(pin.0, pin.1);
         ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);
@@ -266,12 +267,7 @@ impl Machine {
     ///
     /// # Errors
     /// If no converter that is modelled measures there.
-    pub fn connect_voltage(
-        &mut self,
-        pin: (char, usize),
-        voltage: &Voltage,
-        divider: f64,
-    ) -> Result<()> {
+    pub fn connect_voltage(&mut self, pin: Pin, voltage: &Voltage, divider: f64) -> Result<()> {
         self.set_voltage(pin.0, pin.1, 0)?;
         let voltage = voltage.clone();
         self.links.voltages.push(VoltageLink { pin, voltage, divider, microvolts: 0 });
@@ -282,7 +278,7 @@ impl Machine {
     ///
     /// # Errors
     /// If the chip has no such pin.
-    pub fn connect_servo(&mut self, pin: (char, usize), servo: &Servo) -> Result<()> {
+    pub fn connect_servo(&mut self, pin: Pin, servo: &Servo) -> Result<()> {
         self.record_pin(pin.0, pin.1)?;
         self.links.servos.push(ServoLink { pin, servo: servo.clone(), rose: Nanos::ZERO });
         Ok(())
