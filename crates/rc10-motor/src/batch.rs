@@ -52,26 +52,22 @@ impl TxBatch {
     pub fn lane(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
         let key = CanFrame::key_of(id);
         // Neighbours share a frame, so the newest one is nearly always the one.
-        match self.frames.iter_mut().rev().find(|frame| frame.key() == key) {
+        let frame = self.frames.iter_mut().rev().find(|frame| frame.key() == key);
+        match frame.map(|frame| write(frame, offset, bytes)) {
             None => self.open(id, offset, bytes),
-            Some(frame) => {
-                if write(frame, offset, bytes) {
-                    Ok(())
-                } else {
-                    Err(self.refuse(id.into()))
-                }
-            }
+            Some(true) => Ok(()),
+            Some(false) => Err(self.refuse(id.into())),
         }
     }
 
     #[cold] // One motor in four: inlined, every lane pays for it.
     fn open(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
-        let mut data = [0; 8];
-        match data.get_mut(offset..).and_then(|rest| rest.first_chunk_mut()) {
-            Some(lane) => *lane = bytes,
-            None => return Err(self.refuse(id.into())),
+        let mut frame = CanFrame::eight_bytes(id, [0; 8]);
+        if write(&mut frame, offset, bytes) {
+            self.push(frame)
+        } else {
+            Err(self.refuse(id.into()))
         }
-        self.push(CanFrame::eight_bytes(id, data))
     }
 
     #[cold] // An error: kept out of the way of the lanes.
