@@ -58,9 +58,10 @@ const STOPPED: u8 = 2;
 /// Stopped, and without torque: it was not armed, or has been disarmed since.
 const STOPPED_OFF: u8 = 3;
 const SUSPENDED: u8 = 4;
-/// From here on disarmed until the next start, each for one of these reasons.
-const UNFIT: u8 = 5;
-const REASONS: [Unfit; 3] = [Unfit::Overload, Unfit::Clock, Unfit::Chip];
+/// Disarmed until the next start: [`Unfit::Overload`], [`Unfit::Clock`], [`Unfit::Chip`].
+const OVERLOAD: u8 = 5;
+const CLOCK: u8 = 6;
+const CHIP: u8 = 7;
 
 /// Why a robot cannot be armed until it is started again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -105,7 +106,7 @@ impl ArmSwitch {
     pub fn state(&self) -> ArmState {
         match self.load() {
             ARMED => ArmState::Armed,
-            DISARMED | UNFIT.. => ArmState::Disarmed,
+            DISARMED | OVERLOAD | CLOCK | CHIP => ArmState::Disarmed,
             SUSPENDED => ArmState::Suspended,
             _ => ArmState::EStopped,
         }
@@ -126,12 +127,22 @@ impl ArmSwitch {
 
     /// Disarms the robot until it is started again, because it is unsafe. The first reason stays.
     pub fn forbid(&self, why: Unfit) {
-        self.always(|_| UNFIT + why as u8);
+        let unfit = match why {
+            Unfit::Overload => OVERLOAD,
+            Unfit::Clock => CLOCK,
+            Unfit::Chip => CHIP,
+        };
+        self.always(|_| unfit);
     }
 
     /// Why the robot cannot be armed, if it cannot.
     pub fn unfit(&self) -> Option<Unfit> {
-        REASONS.get(usize::from(self.load().checked_sub(UNFIT)?)).copied()
+        match self.load() {
+            OVERLOAD => Some(Unfit::Overload),
+            CLOCK => Some(Unfit::Clock),
+            CHIP => Some(Unfit::Chip),
+            _ => None,
+        }
     }
 
     /// Lets every motor coast, also one that holds during an emergency stop, which stays latched.
@@ -157,7 +168,7 @@ impl ArmSwitch {
             let state = state_of(word);
             let stopped =
                 if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF };
-            (state < UNFIT).then(|| with(word.wrapping_add(ONE_STOP), stopped))
+            (state < OVERLOAD).then(|| with(word.wrapping_add(ONE_STOP), stopped))
         });
     }
 
@@ -191,7 +202,7 @@ impl ArmSwitch {
     fn always(&self, step: impl Fn(u8) -> u8) {
         self.update(&|word| {
             let state = state_of(word);
-            (state < UNFIT).then(|| with(word, step(state)))
+            (state < OVERLOAD).then(|| with(word, step(state)))
         });
     }
 

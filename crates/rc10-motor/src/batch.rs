@@ -62,12 +62,12 @@ impl TxBatch {
 
     #[cold] // One motor in four: inlined, every lane pays for it.
     fn open(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
-        let mut frame = CanFrame::eight_bytes(id, [0; 8]);
-        if write(&mut frame, offset, bytes) {
-            self.push(frame)
-        } else {
-            Err(self.refuse(id.into()))
+        let mut data = [0; 8];
+        match data.get_mut(offset..).and_then(|rest| rest.first_chunk_mut()) {
+            Some(lane) => *lane = bytes,
+            None => return Err(self.refuse(id.into())),
         }
+        self.push(CanFrame::eight_bytes(id, data))
     }
 
     #[cold] // An error: kept out of the way of the lanes.

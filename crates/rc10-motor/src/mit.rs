@@ -390,7 +390,13 @@ pub(crate) const fn unpack_signed<const BITS: u32>(raw: u32, limit: f32) -> f32 
 
 /// `x` as it may go onto a wire as f32: infinities become the largest number, NaN zero.
 pub(crate) fn sendable(x: f32) -> f32 {
-    if x.is_nan() { 0.0 } else { x.clamp(f32::MIN, f32::MAX) }
+    if x.is_finite() {
+        x
+    } else if x.is_nan() {
+        0.0
+    } else {
+        f32::MAX.copysign(x)
+    }
 }
 
 #[cfg(test)]

@@ -201,9 +201,12 @@ impl Command {
             frame(message, sendable(low).to_le_bytes(), sendable(high).to_le_bytes())
         };
         // Of a command with up to two numbers: the one that is NaN.
-        let checked = |frame, numbers: [(f32, &'static str); 2]| {
-            let nan = numbers.into_iter().find(|(number, _)| number.is_nan());
-            nan.map_or(Ok(frame), |(_, field)| Err(NotANumber { field, neutral: frame }))
+        let checked = |frame, numbers: [(f32, &'static str); 2]| match numbers
+            .iter()
+            .find(|(number, _)| number.is_nan())
+        {
+            None => Ok(frame),
+            Some(&(_, field)) => Err(NotANumber { field, neutral: frame }),
         };
         match *self {
             Self::State(state) => Ok(frame(STATE, [state.0, 0, 0, 0], [0; 4])),
