@@ -261,15 +261,14 @@ fn gains_and_limits_reach_the_loop_they_are_meant_for() {
     let mut shaft = at(0, 0.0);
     assert_eq!(servo.request(Request::SpeedGains(gains(1.0)), &mut shaft), Ok(Response::Done));
     assert_eq!(servo.request(Request::AngleGains(gains(4.0)), &mut shaft), Ok(Response::Done));
-    let Cascade { speed, angle, .. } = *servo.cascade();
+    let Cascade { speed, angle, .. } = servo.loops().cascade;
     assert_eq!((speed.kp, speed.ki, speed.kd, speed.output_limit), (1.0, 2.0, 3.0, 5.0));
     assert_eq!((angle.kp, angle.ki, angle.kd, angle.output_limit), (4.0, 2.0, 3.0, 100.0));
-    assert_eq!(servo.loops().cascade, *servo.cascade());
     assert_eq!(servo.loops().effort, TargetKind::Current);
     for (limit, of_the_loop, of_all) in [(3.0, 3.0, 3.0), (6.0, 5.0, 6.0), (100.0, 5.0, 8.0)] {
         let request = Request::CurrentLimit(Amps::new(limit));
         assert_eq!(servo.request(request, &mut shaft), Ok(Response::Done));
-        near(servo.cascade().speed.output_limit, of_the_loop);
+        near(servo.loops().cascade.speed.output_limit, of_the_loop);
         servo.set_target(Target::Current(Amps::new(50.0))).unwrap();
         near(after(40, &mut servo, DriveMode::Run, &shaft), of_all);
     }

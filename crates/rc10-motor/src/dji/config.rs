@@ -5,6 +5,7 @@ use rc10_app::{Cascade, ConfigError, Direction, FeedForward, Gear, PidConfig, Rp
 use rc10_can::IdPattern;
 
 use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
+use crate::shaft::gear;
 
 /// Properties of a DJI model. Controllers of the same protocol are one more constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,13 +51,6 @@ impl Effort {
             Self::Current(amps) => amps,
             Self::Voltage => 1.0,
         }
-    }
-}
-
-const fn gear(rotor: u32, output: u32) -> Gear {
-    match Gear::new(rotor, output) {
-        Some(gear) => gear,
-        None => Gear::DIRECT,
     }
 }
 
