@@ -5,8 +5,7 @@ use clap::Args;
 use rc10_emu::fault::Fault;
 use rc10_time::Micros;
 
-use crate::robot::mistake;
-use crate::robot::mistake::Mistake;
+use crate::robot::mistake::{self, Mistake};
 
 /// Help text of `--fault`.
 const FAULTS: &str = "\

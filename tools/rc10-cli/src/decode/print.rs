@@ -1,7 +1,6 @@
 //! Text for people, JSON for programs.
 
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
@@ -12,8 +11,8 @@ use rc10_motor::{FrameError, MotorStatus};
 use serde_json::{Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
-use crate::formats::candump;
-use crate::formats::candump::{CandumpLine, SecondsOf};
+use crate::formats::candump::{self, CandumpLine, SecondsOf};
+use crate::recording::sample::rounded;
 use crate::robot::description::Description;
 use crate::robot::motor::Motor;
 
@@ -59,18 +58,8 @@ impl<'o> Printer<'o> {
     }
 }
 
-/// A number rounded to `places` decimals, never a negative zero.
-fn rounded(value: f64, places: i32) -> f64 {
-    let power = 10_f64.powi(places);
-    (value * power).round() / power + 0.0
-}
-
 fn three(value: f32) -> f64 {
     rounded(value.into(), 3)
-}
-
-fn device(motor: &Motor) -> String {
-    motor.name().to_string()
 }
 
 /// Widths of the columns that name a motor: that of the longest text in them.
@@ -83,20 +72,15 @@ impl Columns {
     fn of(robot: &Description) -> Self {
         let width =
             |column: fn(&Motor) -> usize| robot.motors.iter().map(column).max().unwrap_or(0);
-        Self { label: width(|motor| motor.label.len()), device: width(|motor| device(motor).len()) }
+        let device = width(|motor| motor.name().to_string().len());
+        Self { label: width(|motor| motor.label.len()), device }
     }
 
-    fn name(&self, motor: &Motor) -> String {
-        self.columns(motor.label, &device(motor))
-    }
-
-    fn several(&self) -> String {
-        self.columns("several", "")
-    }
-
-    fn columns(&self, label: &str, device: &str) -> String {
-        let Self { label: label_width, device: device_width } = *self;
-        format!("{label:<label_width$}  {device:<device_width$}")
+    /// The columns of a motor, or of several.
+    fn name(&self, motor: Option<&Motor>) -> String {
+        let label = motor.map_or("several", |motor| motor.label);
+        let device = motor.map_or_else(String::new, |motor| motor.name().to_string());
+        format!("{label:<0$}  {device:<1$}", self.label, self.device)
     }
 }
 
@@ -158,14 +142,12 @@ fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> Str
     let start = format!("{at:>17}  {:<5}", line.channel);
     match meaning {
         Meaning::Feedback { motor, feedback, .. } => {
-            let celsius = feedback.temperature().map_or_else(
-                || "  - degC".to_owned(),
-                |temperature| format!("{:>3} degC", temperature.get()),
-            );
+            let celsius = feedback.temperature().map(|temperature| temperature.get().to_string());
+            let celsius = celsius.unwrap_or_else(|| "-".to_owned());
             format!(
                 "{start}  {}  angle {:>7.3} deg  total {:>11.3} deg  speed {:>8.2} rpm  \
-                 current {:>7.3} A  {celsius}",
-                columns.name(motor),
+                 current {:>7.3} A  {celsius:>3} degC",
+                columns.name(Some(motor)),
                 three(feedback.angle.get()),
                 rounded(millionths(feedback.total_angle.microdegrees()), 3),
                 rounded(feedback.speed.get().into(), 2),
@@ -173,15 +155,15 @@ fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> Str
             )
         }
         Meaning::Message { motor, message } => {
-            let whose = motor.map_or_else(|| columns.several(), |motor| columns.name(motor));
-            let text = format!("{start}  {whose}  {}", message.name);
+            let text = format!("{start}  {}  {}", columns.name(*motor), message.name);
             match signals_text(message, &line.frame) {
                 signals if signals.is_empty() => text,
                 signals => format!("{text}  {signals}"),
             }
         }
         Meaning::Unasked { motor } => {
-            format!("{start}  {}  an answer to a request: {}", columns.name(motor), line.frame)
+            let (whose, frame) = (columns.name(Some(motor)), line.frame);
+            format!("{start}  {whose}  an answer to a request: {frame}")
         }
         Meaning::Command(lanes) => {
             let lanes: Vec<String> = lanes.iter().map(lane_text).collect();
@@ -190,7 +172,7 @@ fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> Str
         }
         Meaning::Malformed { motor, error } => {
             let command = || format!("command {:03X}", line.frame.raw_id());
-            let whose = motor.map_or_else(command, |motor| columns.name(motor));
+            let whose = motor.map_or_else(command, |motor| columns.name(Some(motor)));
             format!("{start}  {whose}  MALFORMED: {}: {}", reason(line, *motor, *error), line.frame)
         }
         Meaning::Unknown => start,
@@ -404,7 +386,8 @@ fn summary_text(
     for (name, bus) in buses(summary) {
         writeln!(out, "\n{name} is bus {bus}")?;
         for (motor, status) in decoder.motors(bus) {
-            writeln!(out, "  {}  {}", columns.name(motor), motor_summary(motor, &status))?;
+            let summary = motor_summary(motor, &status);
+            writeln!(out, "  {}  {summary}", columns.name(Some(motor)))?;
         }
     }
     if *unknown > 0 {

@@ -150,11 +150,6 @@ impl MotorLook {
         look
     }
 
-    /// Newest measurements.
-    pub const fn feedback(&self) -> &Feedback {
-        &self.status.feedback
-    }
-
     /// A sample of the look, with empty cells; without a followed target it has the speed.
     #[must_use]
     pub fn seen(&self) -> MotorSample {

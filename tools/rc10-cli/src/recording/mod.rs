@@ -11,7 +11,6 @@ pub mod sample;
 pub mod signal;
 pub mod wheels;
 
-use crate::recording::sample::Source;
 use std::fmt;
 
 use rc10_emu::fault::Fault;
@@ -27,7 +26,7 @@ use crate::recording::effort::EffortTrack;
 use crate::recording::problem::Problem;
 use crate::recording::remote::RemoteTrack;
 use crate::recording::sample::{
-    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, Source, hex_digits,
 };
 use crate::recording::signal::SignalTrack;
 use crate::recording::wheels::Wheels;

@@ -1,8 +1,7 @@
 //! Samples of a run: motors, buses and base at one moment, and the range of values between two.
 
-use rc10_motor::ArmState;
 use rc10_motor::embassy::BusStatus;
-use rc10_motor::{DriveMode, Link, MotorCounters, TargetKind};
+use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, TargetKind};
 use rc10_sim::Base;
 use rc10_time::Micros;
 use sha2::{Digest, Sha256};
@@ -192,6 +191,12 @@ pub struct WireEnd {
 pub(crate) fn seconds(time: Micros) -> f64 {
     // Divided, not multiplied: correctly rounded, so that 0.9 s is printed as 0.9.
     time.get() as f64 / 1e6
+}
+
+/// A number rounded to `places` decimals, never a negative zero.
+pub(crate) fn rounded(value: f64, places: i32) -> f64 {
+    let power = 10_f64.powi(places);
+    (value * power).round() / power + 0.0
 }
 
 pub(crate) fn time_of(index: usize) -> Micros {

@@ -107,15 +107,10 @@ impl<'r> Emulation<'r> {
         for (part, link) in description.serials.iter().zip(&serials) {
             machine.connect_serial(part.uart, link, false).context(part.label)?;
         }
-        let inputs = board.switches;
-        ensure!(
-            contacts.len() <= inputs.len(),
-            "{} has {} inputs for switches, the robot {} contacts",
-            board.name,
-            inputs.len(),
-            contacts.len()
-        );
-        for (contact, pin) in contacts.iter().zip(inputs) {
+        let (name, inputs, wanted) = (board.name, board.switches.len(), contacts.len());
+        let fit = wanted <= inputs;
+        ensure!(fit, "{name} has {inputs} inputs for switches, the robot {wanted} contacts");
+        for (contact, pin) in contacts.iter().zip(board.switches) {
             machine.connect_contact(pin, contact).context("contacts")?;
         }
         if let Some(line) = &console {

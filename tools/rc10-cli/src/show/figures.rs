@@ -63,9 +63,8 @@ impl Figures {
     /// The figures of a run.
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
-        let motors = recording.motors.iter();
-        let motors: Vec<_> =
-            motors.map(|track| MotorFigures::of(track, recording.source)).collect();
+        let of = |track| MotorFigures::of(track, recording.source);
+        let motors: Vec<_> = recording.motors.iter().map(of).collect();
         let tables = Tables {
             motors: motor_table(recording, &motors),
             buses: bus_table(recording),
@@ -116,10 +115,7 @@ impl MotorFigures {
     /// The error of each kind of target: `6.70 deg angle, 7.09 rpm speed`.
     #[must_use]
     pub fn errors(&self) -> String {
-        let one = |tracking: &Tracking| {
-            let Tracking { kind, .. } = *tracking;
-            format!("{:.2} {} {}", tracking.rms(), unit(kind), noun(kind))
-        };
+        let one = |it: &Tracking| format!("{:.2} {} {}", it.rms(), unit(it.kind), noun(it.kind));
         self.tracking.iter().map(one).collect::<Vec<_>>().join(", ")
     }
 }
@@ -189,14 +185,8 @@ pub(crate) fn optional(value: Option<f64>, digits: usize, unit: &str) -> String 
 /// 1234567 as "1 234 567", with spaces that do not break.
 pub(crate) fn grouped(count: u64) -> String {
     let digits = count.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.char_indices() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push('\u{202f}');
-        }
-        text.push(digit);
-    }
-    text
+    let groups = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy);
+    groups.collect::<Vec<_>>().join("\u{202f}")
 }
 
 /// A column of a table: its title, and its entry of a row.
@@ -409,11 +399,10 @@ pub fn headline(recording: &Recording, figures: &Figures) -> String {
 pub fn remote_lines(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
-    let heard = heard.as_ref().map_or_else(String::new, |heard| {
+    let heard = heard.map_or_else(String::new, |heard| {
         let Counters { frames, damaged, skipped, port_errors, .. } = heard;
-        format!(
-            "; {frames} heard, {damaged} damaged, {skipped} bytes skipped, {port_errors} port errors"
-        )
+        let good = format!("; {frames} heard, {damaged} damaged");
+        format!("{good}, {skipped} bytes skipped, {port_errors} port errors")
     });
     let losses: String = losses.iter().map(|loss| sentence(loss) + "\n").collect();
     let Sent { frames, live, .. } = sent;

@@ -11,6 +11,8 @@ use crate::robot::description::Description;
 use crate::robot::mistake::{Mistake, Quantity};
 use crate::robot::motor::{Device, Motor};
 
+const NO_BASE: &str = "this robot has no base that is simulated";
+
 /// Motors and base of a description with its mistakes.
 pub struct Built {
     /// The motors, in the order of the description, each with the load of its place.
@@ -67,8 +69,7 @@ impl Built {
                 (self.motors[second].on, self.motors[second].device) = one;
             }
             Mistake::Mass(factor) => {
-                let chassis =
-                    self.chassis.take().context("this robot has no base that is simulated")?;
+                let chassis = self.chassis.take().context(NO_BASE)?;
                 let mass = chassis.mass * factor;
                 self.chassis = Some(chassis.with_mass(mass));
             }
@@ -84,9 +85,7 @@ impl Built {
                 self.changes.extend(all.map(|at| (at, mistake.clone())));
             }
             Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
-                let chassis =
-                    self.chassis.as_mut().context("this robot has no base that is simulated")?;
-                for wheel in &mut chassis.wheels {
+                for wheel in &mut self.chassis.as_mut().context(NO_BASE)?.wheels {
                     *match mistake {
                         Mistake::Radius(_) => &mut wheel.radius,
                         Mistake::Track(_) => &mut wheel.y,

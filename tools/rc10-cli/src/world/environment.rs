@@ -1,6 +1,5 @@
 //! The environment of a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
-use rc10_sim::Nanos;
 use std::convert::Infallible;
 use std::pin::Pin;
 
@@ -9,7 +8,8 @@ use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
+    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Nanos, Serial, Tasks, WheelMotors,
+    World,
 };
 use rc10_time::Micros;
 
@@ -82,12 +82,14 @@ impl Environment {
             built.finish(index, &twin).with_context(|| format!("mistake, {}", motor.label))?;
             motors.push(twin);
         }
+        let in_line = |line: usize, what: &str| {
+            let motor = built.motors.get(line).zip(motors.get(line));
+            motor.with_context(|| format!("{what}: there is no motor in line {line}"))
+        };
         let mut base = None;
         if let Some((under, chassis)) = description.base.as_ref().zip(built.chassis) {
             let mounted = |line: usize| {
-                let motor = built.motors.get(line).zip(motors.get(line));
-                let (motor, esc) =
-                    motor.with_context(|| format!("base: there is no motor in line {line}"))?;
+                let (motor, esc) = in_line(line, "base")?;
                 let mounting = match motor.direction {
                     Direction::Forward => Mounting::Normal,
                     Direction::Reversed => Mounting::Mirrored,
@@ -101,13 +103,11 @@ impl Environment {
                 let steering = steers.map(|line| mounted(*line)).transpose()?;
                 wheels.push(WheelMotors { drive: mounted(*line)?, steering });
             }
-            let is_whole = under.wheels.len() == chassis.wheels.len() && steering.next().is_none();
+            let (turn, steer, all) =
+                (under.wheels.len(), under.steering.len(), chassis.wheels.len());
             ensure!(
-                is_whole,
-                "base: {} motors turn and {} steer, but that is not what its {} wheels need",
-                under.wheels.len(),
-                under.steering.len(),
-                chassis.wheels.len()
+                turn == all && steering.next().is_none(),
+                "base: {turn} motors turn and {steer} steer, but that is not what its {all} wheels need"
             );
             base = Some(world.add_base(chassis, wheels).context("base")?);
         }
@@ -118,9 +118,7 @@ impl Environment {
         }
         let mut contacts = Vec::new();
         for part in &description.contacts {
-            let line = part.motor;
-            let (motor, esc) = (built.motors.get(line).zip(motors.get(line)))
-                .with_context(|| format!("contacts: there is no motor in line {line}"))?;
+            let (motor, esc) = in_line(part.motor, "contacts")?;
             let contact = Contact::new(esc, part.closed);
             contacts.push(contact.with_context(|| format!("contacts, {}", motor.label))?);
         }
