@@ -103,7 +103,7 @@ fn decode_log(
                 }
                 // The bus may be watched live.
                 if args.file == Path::new("-") {
-                    printer.flush()?;
+                    printer.out.flush()?;
                 }
             }
             Err(error) => {

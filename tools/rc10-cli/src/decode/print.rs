@@ -17,7 +17,7 @@ use crate::robot::description::Description;
 use crate::robot::motor::Motor;
 
 pub(crate) struct Printer<'o> {
-    out: &'o mut dyn Write,
+    pub(crate) out: &'o mut dyn Write,
     json: bool,
     columns: Columns,
     separator: &'static str,
@@ -29,10 +29,6 @@ impl<'o> Printer<'o> {
             out.write_all(b"{\"frames\": [")?;
         }
         Ok(Self { out, json, columns: Columns::of(robot), separator: "\n" })
-    }
-
-    pub(crate) fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
     }
 
     pub(crate) fn frame(
@@ -217,6 +213,7 @@ fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -
         "bus": bus,
         "direction": direction,
     });
+    let frame = || line.frame.to_string();
     let rest = match meaning {
         Meaning::Feedback { motor, raw, feedback } => json!({
             "kind": "feedback",
@@ -247,7 +244,7 @@ fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -
             });
             json!({
                 "kind": "message",
-                "frame": line.frame.to_string(),
+                "frame": frame(),
                 "motor": motor.map(|motor| motor.label),
                 "model": motor.map(|motor| motor.name().model),
                 "id": motor.map(|motor| motor.name().id),
@@ -256,23 +253,20 @@ fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -
                 "signals": signals.collect::<Value>(),
             })
         }
-        Meaning::Unasked { motor } => json!({
-            "kind": "unasked",
-            "frame": line.frame.to_string(),
-            "motor": motor.label,
-        }),
-        Meaning::Command(lanes) => json!({
-            "kind": "command",
-            "frame": line.frame.to_string(),
-            "lanes": lanes.iter().map(lane_object).collect::<Value>(),
-        }),
+        Meaning::Unasked { motor } => {
+            json!({ "kind": "unasked", "frame": frame(), "motor": motor.label })
+        }
+        Meaning::Command(lanes) => {
+            let lanes: Value = lanes.iter().map(lane_object).collect();
+            json!({ "kind": "command", "frame": frame(), "lanes": lanes })
+        }
         Meaning::Malformed { motor, error } => json!({
             "kind": "malformed",
-            "frame": line.frame.to_string(),
+            "frame": frame(),
             "motor": motor.map(|motor| motor.label),
             "error": reason(line, *motor, *error),
         }),
-        Meaning::Unknown => json!({ "kind": "unknown", "frame": line.frame.to_string() }),
+        Meaning::Unknown => json!({ "kind": "unknown", "frame": frame() }),
     };
     if let (Value::Object(object), Value::Object(rest)) = (&mut object, rest) {
         object.extend(rest);

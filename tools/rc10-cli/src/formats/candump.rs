@@ -73,14 +73,11 @@ pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, String> {
     if rest.is_empty() || rest.starts_with('#') {
         return Ok(None);
     }
-    let at = match rest.strip_prefix('(') {
-        None => None,
-        Some(time) => {
-            let (time, behind) = time.split_once(')').ok_or(TIME)?;
-            rest = behind;
-            Some(micros(time).ok_or(TIME)?)
-        }
-    };
+    let mut at = None;
+    if let Some(time) = rest.strip_prefix('(') {
+        let (time, behind) = time.split_once(')').ok_or(TIME)?;
+        (at, rest) = (Some(micros(time).ok_or(TIME)?), behind);
+    }
     let channel = word(&mut rest).ok_or(NOT_A_FRAME)?;
     if channel.contains('#') {
         return Err("no interface, such as can0, stands before the frame".into());

@@ -355,22 +355,18 @@ fn feed_forward(about: About, effort: &EffortTrack, found: &mut Vec<Problem>) {
     let (unit, limit) = (effort.unit(), f64::from(effort.loops.cascade.speed.output_limit));
     let friction = f64::from(effort.loops.cascade.feed_forward.friction);
     let least = load::LEAST * limit;
-    for (fit, is_weight) in [(effort.load.weight, true), (effort.load.motion, false)] {
+    let weight = ("its weight takes", "its `gravity`");
+    let motion = ("its motion takes", "`speed` and `friction` of its feed-forward");
+    for (fit, good, (what, of)) in [
+        (effort.load.weight, 1.0 / load::SIZE..=load::SIZE, weight),
+        (effort.load.motion, load::AGAINST..=f64::INFINITY, motion),
+    ] {
         let [said, took, apart] = fit.means();
         let is_judged = fit.windows >= load::WINDOWS && said >= least && apart >= least + friction;
         let factor = fit.factor();
-        let is_good = if is_weight {
-            (1.0 / load::SIZE..=load::SIZE).contains(&factor)
-        } else {
-            factor >= load::AGAINST
-        };
-        if !is_judged || is_good {
+        if !is_judged || good.contains(&factor) {
             continue;
         }
-        let (what, of) = match is_weight {
-            true => ("its weight takes", "its `gravity`"),
-            false => ("its motion takes", "`speed` and `friction` of its feed-forward"),
-        };
         let cause = if factor < 0.0 { "the sign is wrong" } else { "the size is wrong" };
         let text = format!(
             "{what} {factor:.1} times what {of} says ({took:.2} {unit} where {said:.2} {unit} are said): \

@@ -157,17 +157,14 @@ impl RecordFile {
     /// Fails if the record cannot be written, or the last sync failed.
     pub(crate) fn sync(&mut self) -> Result<()> {
         self.flush()?;
-        match self.syncing.take().map(|last| (last.is_finished(), last)) {
-            Some((false, last)) => self.syncing = Some(last),
-            last => {
-                if let Some(Ok(Err(error))) = last.map(|(_, last)| last.join()) {
-                    return Err(self.keep(error.into()));
-                }
-                if let Ok(file) = self.file.try_clone() {
-                    let sync = move || file.sync_data();
-                    self.syncing = thread::Builder::new().spawn(sync).ok();
-                }
-            }
+        if self.syncing.as_ref().is_some_and(|last| !last.is_finished()) {
+            return Ok(());
+        }
+        if let Some(Ok(Err(error))) = self.syncing.take().map(JoinHandle::join) {
+            return Err(self.keep(error.into()));
+        }
+        if let Ok(file) = self.file.try_clone() {
+            self.syncing = thread::Builder::new().spawn(move || file.sync_data()).ok();
         }
         Ok(())
     }

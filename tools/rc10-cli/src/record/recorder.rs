@@ -13,8 +13,8 @@ use crate::recording::look::{Moment, MotorLook};
 use crate::recording::margin::Margins;
 use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::{
-    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, RemoteSample, SAMPLE_PERIOD,
-    Source, Sum, WheelMeasurement, WireEnd, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, NOWHERE, PathPoint, RemoteSample,
+    SAMPLE_PERIOD, Source, Sum, WheelMeasurement, WireEnd, hex_digits,
 };
 use crate::recording::signal::SignalRecorder;
 use crate::recording::wheels::Wheels;
@@ -213,7 +213,7 @@ impl<'d> Recorder<'d> {
         if let Some(base) = &self.description.base {
             let wheels = self.wheels(base);
             let Description { estimate, reference, .. } = self.description;
-            let pose = |labels| self.pose(labels).unwrap_or(PathPoint::NOWHERE);
+            let pose = |labels| self.pose(labels).unwrap_or(NOWHERE);
             let [estimate, reference] = [estimate, reference].map(|labels| labels.map(pose));
             if let Some(track) = &mut self.recording.base {
                 track.path.push(moment.robot.pose);

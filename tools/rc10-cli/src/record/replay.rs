@@ -325,14 +325,10 @@ impl<'d> Replay<'d> {
             if !is_heading && track.states != Stage::NAMES {
                 continue;
             }
+            let about = problem::About::Part(track.label);
             let text =
                 "not known: the program on the robot does not tell it; is it older than this one?";
-            let problem = Problem::information(
-                problem::About::Part(track.label),
-                "not-told",
-                text.to_owned(),
-            );
-            recording.found.push(problem);
+            recording.found.push(Problem::information(about, "not-told", text.to_owned()));
             if is_heading {
                 recording.headings.clear();
             }

@@ -104,11 +104,8 @@ impl Recording {
     /// SHA-256 over the hashes of all buses' logs, in hex digits.
     #[must_use]
     pub fn trace_hash(&self) -> String {
-        let mut hash = Sha256::new();
-        for bus in &self.buses {
-            hash.update(&bus.log_hash);
-        }
-        hex_digits(hash)
+        let all = |hash: Sha256, bus: &BusTrack| hash.chain_update(&bus.log_hash);
+        hex_digits(self.buses.iter().fold(Sha256::new(), all))
     }
 }
 

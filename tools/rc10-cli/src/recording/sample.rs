@@ -2,9 +2,11 @@
 
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, TargetKind};
-use rc10_sim::Base;
 use rc10_time::Micros;
 use sha2::{Digest, Sha256};
+
+/// A position of the base.
+pub use rc10_sim::Pose as PathPoint;
 
 /// Period of samples.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
@@ -149,29 +151,8 @@ pub struct WheelMeasurement {
     pub steered: f64,
 }
 
-impl PathPoint {
-    pub(crate) const NOWHERE: Self = Self { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
-
-    /// True position of a base; NaN without one.
-    pub(crate) fn of(base: Option<&Base>) -> Self {
-        base.map(Base::pose).map_or(Self::NOWHERE, |pose| Self {
-            x: pose.x,
-            y: pose.y,
-            yaw: pose.yaw,
-        })
-    }
-}
-
-/// A position of the base.
-#[derive(Clone, Copy, Debug)]
-pub struct PathPoint {
-    /// Metres forward of the start.
-    pub x: f64,
-    /// Metres to the left of the start.
-    pub y: f64,
-    /// Radians, counter-clockwise.
-    pub yaw: f64,
-}
+/// The position of a base that is not known.
+pub(crate) const NOWHERE: PathPoint = PathPoint { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
 
 pub(crate) fn hex_digits(hash: Sha256) -> String {
     format!("{:x}", hash.finalize())

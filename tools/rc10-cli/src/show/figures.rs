@@ -240,8 +240,12 @@ fn motor_table(recording: &Recording, figures: &[MotorFigures]) -> Table {
         ("model", |(track, _)| words(track.motor.name())),
         ("bus", |(track, _)| words(crate::robot::motor::short(track.motor.on))),
         ("link", |(track, _)| {
-            let link = track.last.link;
-            Entry { bad: link != Link::Online, ..words(link_name(link)) }
+            let (name, bad) = match track.last.link {
+                Link::NeverSeen => ("never heard", true),
+                Link::Online => ("online", false),
+                Link::Lost => ("lost", true),
+            };
+            Entry { bad, ..words(name) }
         }),
         ("drive", |(track, _)| words(drive_name(track.last.drive))),
         ("loop", |(_, figures)| {
@@ -286,8 +290,12 @@ fn bus_table(recording: &Recording) -> Table {
     let columns: &[Column<&BusTrack>] = &[
         ("bus", |track| words(format!("bus {}", track.number))),
         ("plan", |track| {
-            let verdict = track.last.load.verdict();
-            Entry { bad: verdict == Verdict::DoesNotFit, ..words(verdict_name(verdict)) }
+            let (name, bad) = match track.last.load.verdict() {
+                Verdict::Fits => ("fits", false),
+                Verdict::Tight => ("tight", false),
+                Verdict::DoesNotFit => ("does not fit", true),
+            };
+            Entry { bad, ..words(name) }
         }),
         ("planned load: least", |track| percent(track.last.load.least.into())),
         ("typical", |track| percent(track.last.load.typical.into())),
@@ -338,14 +346,6 @@ fn line_table(recording: &Recording) -> Option<Table> {
     (!rows.is_empty()).then(|| Table::new(columns, 1, hidden, &rows))
 }
 
-pub(crate) const fn link_name(link: Link) -> &'static str {
-    match link {
-        Link::NeverSeen => "never heard",
-        Link::Online => "online",
-        Link::Lost => "lost",
-    }
-}
-
 pub(crate) const fn drive_name(drive: DriveMode) -> &'static str {
     match drive {
         DriveMode::Off => "off",
@@ -353,14 +353,6 @@ pub(crate) const fn drive_name(drive: DriveMode) -> &'static str {
         DriveMode::Brake => "brake",
         DriveMode::Hold => "hold",
         DriveMode::Run => "run",
-    }
-}
-
-const fn verdict_name(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Fits => "fits",
-        Verdict::Tight => "tight",
-        Verdict::DoesNotFit => "does not fit",
     }
 }
 

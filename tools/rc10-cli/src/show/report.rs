@@ -182,21 +182,15 @@ fn driven(path: &[PathPoint]) -> f64 {
 
 /// The driver's events, or those of a real robot; events at the same time are merged.
 fn merged_events(recording: &Recording) -> Vec<(Micros, String)> {
-    let mut merged: Vec<(Micros, String)> = Vec::new();
     let events = match recording.source {
         Source::Robot => happened(recording),
         _ => recording.events.iter().map(|event| (event.at, event.label.to_owned())).collect(),
     };
-    for (at, what) in events {
-        match merged.last_mut() {
-            Some((before, label)) if *before == at => {
-                label.push_str(" + ");
-                label.push_str(&what);
-            }
-            _ => merged.push((at, what)),
-        }
-    }
-    merged
+    let merged = |events: &[(Micros, String)]| {
+        let labels: Vec<_> = events.iter().map(|(_, label)| label.as_str()).collect();
+        (events[0].0, labels.join(" + "))
+    };
+    events.chunk_by(|(at, _), (next, _)| at == next).map(merged).collect()
 }
 
 fn events(recording: &Recording) -> String {

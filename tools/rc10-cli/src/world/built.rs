@@ -58,11 +58,10 @@ impl Built {
                 ensure!(first != second, "that is one motor");
                 let [one, other] = [&self.motors[first], &self.motors[second]];
                 let [model, its] = [one.name().model, other.name().model];
+                let [a, b] = [one.label, other.label];
                 ensure!(
                     model == its,
-                    "{} is a {model}, {} a {its}: they cannot stand for one another",
-                    one.label,
-                    other.label
+                    "{a} is a {model}, {b} a {its}: they cannot stand for one another"
                 );
                 let [one, other] = [one, other].map(|motor| (motor.on, motor.device));
                 (self.motors[first].on, self.motors[first].device) = other;

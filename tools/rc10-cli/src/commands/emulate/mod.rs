@@ -110,18 +110,19 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
     for text in &texts {
-        write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
+        write_file(&args.out, &text.file_name, text.lines.as_bytes())?;
     }
-    let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.injected.faults, &log);
+    let (rig, recording, run, log) = (&emulation.rig, &recording, &figures, log.as_slice());
+    let outcome = Outcome { rig, figures: rc10_emu::Figures::of(rig), recording, run, log };
     if args.json {
         writeln!(out, "{:#}", outcome.to_json())?;
     } else {
         outcome.write(out, took)?;
-        print_files(&recording, &args.out, out)?;
+        print_files(recording, &args.out, out)?;
         for text in &texts {
-            writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
+            writeln!(out, "text  {}", args.out.join(&text.file_name).display())?;
         }
-        write!(out, "\n{}", verdict(&recording, &figures))?;
+        write!(out, "\n{}", verdict(recording, run))?;
     }
     Ok(figures.any_problems())
 }

@@ -19,12 +19,11 @@ use crate::show::figures::{
 const TOP_FUNCTIONS: usize = 12;
 
 pub(super) struct Outcome<'a> {
-    rig: &'a Rig,
-    figures: Figures,
-    recording: &'a Recording,
-    run: &'a RunFigures,
-    faults: &'a [Fault],
-    log: &'a [LogLine],
+    pub rig: &'a Rig,
+    pub figures: Figures,
+    pub recording: &'a Recording,
+    pub run: &'a RunFigures,
+    pub log: &'a [LogLine],
 }
 
 fn micros(time: Nanos) -> f64 {
@@ -53,21 +52,11 @@ fn spread(period: Spread) -> Value {
     json!({ "min": micros(min), "mean": micros(period.mean()), "max": micros(max) })
 }
 
-impl<'a> Outcome<'a> {
-    pub(super) fn new(
-        rig: &'a Rig,
-        recording: &'a Recording,
-        run: &'a RunFigures,
-        faults: &'a [Fault],
-        log: &'a [LogLine],
-    ) -> Self {
-        Self { rig, figures: Figures::of(rig), recording, run, faults, log }
-    }
-
+impl Outcome<'_> {
     fn timeline(&self) -> Vec<(Nanos, String)> {
         let machine = &self.rig.machine;
         let mut lines: Vec<(Nanos, String)> = Vec::new();
-        for Fault { kind, from, until } in self.faults {
+        for Fault { kind, from, until } in &self.recording.faults {
             let begins = if until.is_some() { " begins" } else { "" };
             lines.push((*from, format!("fault {kind}{begins}")));
             let ended = until.filter(|&until| until <= self.figures.length);

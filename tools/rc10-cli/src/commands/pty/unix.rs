@@ -49,7 +49,7 @@ pub fn serve(
     let flow = if args.lockstep { Flow::Lossless } else { Flow::Lossy(ROOM) };
     let adapter = Adapter::new(around.wires[bus].clone(), flow, args.alone);
     let terminal = Terminal::new(args.link.as_deref())?;
-    let path = terminal.path().display();
+    let path = terminal.path.display();
     writeln!(
         out,
         "pty {path}\n\

@@ -90,15 +90,11 @@ pub fn parse(line: &[u8]) -> Result<SlcanCommand, Malformed> {
 
 fn frame(line: &[u8]) -> Option<CanFrame> {
     let (&letter, rest) = line.split_first()?;
-    let (id, rest): (Id, _) = match letter {
-        b't' | b'r' => {
-            let (id, rest) = rest.split_at_checked(3)?;
-            (StandardId::new(u16::try_from(hex(id)?).ok()?)?.into(), rest)
-        }
-        b'T' | b'R' => {
-            let (id, rest) = rest.split_at_checked(8)?;
-            (ExtendedId::new(hex(id)? & !EXTENDED)?.into(), rest)
-        }
+    let is_extended = letter.is_ascii_uppercase();
+    let (id, rest) = rest.split_at_checked(if is_extended { 8 } else { 3 })?;
+    let id: Id = match letter {
+        b't' | b'r' => StandardId::new(hex(id)? as u16)?.into(),
+        b'T' | b'R' => ExtendedId::new(hex(id)? & !EXTENDED)?.into(),
         _ => return None,
     };
     let (&len @ b'0'..=b'8', digits) = rest.split_first()? else { return None };
