@@ -5,8 +5,7 @@ use clap::Args;
 use rc10_emu::fault::Fault;
 use rc10_time::Micros;
 
-use crate::robot::mistake;
-use crate::robot::mistake::Mistake;
+use crate::robot::mistake::{self, Mistake};
 
 /// Help text of `--fault`.
 const FAULTS: &str = "\
@@ -43,11 +42,9 @@ pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {
 
 /// Fails if a fault would begin after the end of the run.
 pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
-    match faults.iter().find(|fault| fault.from >= end.into()) {
-        Some(Fault { kind, from, .. }) => {
-            let [from, end] = [from.micros(), end].map(|time| time.get() as f64 * 1e-6);
-            bail!("{kind} would begin at {from} s, after the end at {end} s: see --seconds")
-        }
-        None => Ok(()),
+    if let Some(Fault { kind, from, .. }) = faults.iter().find(|fault| fault.from >= end.into()) {
+        let [from, end] = [from.micros(), end].map(|time| time.get() as f64 * 1e-6);
+        bail!("{kind} would begin at {from} s, after the end at {end} s: see --seconds")
     }
+    Ok(())
 }

@@ -44,10 +44,10 @@ use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port};
 use rc10_tasks::{Common, Program};
 use rc10_time::Micros;
 
-use crate::commands::emulate::EmuArgs;
+use crate::commands::emulate::{EmuArgs, emulate};
 use crate::commands::new::NewArgs;
 use crate::commands::pty::PtyArgs;
-use crate::commands::report::{CsvArgs, ReportArgs};
+use crate::commands::report::{CsvArgs, ReportArgs, csv, report};
 use crate::commands::run::RunArgs;
 use crate::formats::dbc::DbcArgs;
 use crate::live::commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
@@ -171,23 +171,18 @@ impl CommandLine {
         let out = &mut Plain(out);
         Ok(match self.0 {
             Command::Run(args) => strict(args.strict, commands::run::run(&args, robot, out)?),
-            Command::Emu(args) => {
-                strict(args.strict, commands::emulate::emulate(&args, robot, out)?)
-            }
+            Command::Emu(args) => strict(args.strict, emulate(&args, robot, out)?),
             Command::Live(args) => live::live(&args, robot, out).map(|()| 0)?,
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
-            Command::Report(args) => {
-                strict(args.strict, commands::report::report(&args, robot, out)?)
-            }
-            Command::Csv(args) => commands::report::csv(&args, out).map(|()| 0)?,
+            Command::Report(args) => strict(args.strict, report(&args, robot, out)?),
+            Command::Csv(args) => csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {
-                let broken =
-                    commands::decode::decode(&args, robot, out, &mut Plain(io::stderr().lock()))?;
-                u8::from(broken)
+                let err = &mut Plain(io::stderr().lock());
+                commands::decode::decode(&args, robot, out, err)?.into()
             }
             Command::Dbc(args) => formats::dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
             Command::New(args) => commands::new::new(&args, out).map(|()| 0)?,

@@ -5,12 +5,12 @@ use rc10_emu::fault::{Fault, Kind};
 use rc10_emu::{Board, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
-use rc10_sim::{Bus, Esc, Nanos, Servo, TraceEntry};
+use rc10_sim::{Base, Bus, Esc, Nanos, Servo, TraceEntry};
 use rc10_time::Micros;
 use sha2::{Digest as _, Sha256};
 
 use crate::recording::look::{BusLook, Moment, RobotLook};
-use crate::recording::sample::{PathPoint, hex_digits};
+use crate::recording::sample::{NOWHERE, hex_digits};
 use crate::robot::description::Description;
 use crate::robot::mistake::Mistake;
 use crate::robot::motor::{Device, Place};
@@ -59,7 +59,7 @@ pub struct Emulation<'r> {
     /// The line from the console to a PC, if there is one.
     pub console: Option<ConsoleLine>,
     pub(crate) description: Description,
-    base: Option<rc10_sim::Base>,
+    base: Option<Base>,
     pub(crate) seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
@@ -175,7 +175,7 @@ impl<'r> Emulation<'r> {
 
     /// The base on its wheels, if that is simulated.
     #[must_use]
-    pub const fn base(&self) -> Option<&rc10_sim::Base> {
+    pub const fn base(&self) -> Option<&Base> {
         self.base.as_ref()
     }
 
@@ -253,14 +253,14 @@ impl Running for Emulation<'_> {
             let motor = self.description.number(entry)?;
             match self.description.motors.get(entry)?.on {
                 Place::Bus(bus) => self.listeners.get(index(bus)?)?.status(motor, now),
-                Place::Line(line) => self.lines.get(index(line)?)?.motor(motor, now),
+                Place::Line(line) => self.lines.get(index(line)?)?.motors.status(motor, now),
             }
         };
         heard().unwrap_or(MotorStatus::NEW)
     }
 
     fn moment(&self, _: Micros) -> Moment {
-        let pose = PathPoint::of(self.base.as_ref());
+        let pose = self.base.as_ref().map_or(NOWHERE, Base::pose);
         Moment {
             // What the chip hears of its IMU is not seen from here.
             robot: RobotLook { pose, ..RobotLook::default() },

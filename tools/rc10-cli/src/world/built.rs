@@ -11,6 +11,8 @@ use crate::robot::description::{ArmPart, Description};
 use crate::robot::mistake::{Mistake, Quantity};
 use crate::robot::motor::{Device, Motor};
 
+const NO_BASE: &str = "this robot has no base that is simulated";
+
 /// Motors and base of a description with its mistakes.
 pub struct Built {
     /// The motors, in the order of the description, each with the load of its place.
@@ -59,19 +61,17 @@ impl Built {
                 ensure!(first != second, "that is one motor");
                 let [one, other] = [&self.motors[first], &self.motors[second]];
                 let [model, its] = [one.name().model, other.name().model];
+                let [a, b] = [one.label, other.label];
                 ensure!(
                     model == its,
-                    "{} is a {model}, {} a {its}: they cannot stand for one another",
-                    one.label,
-                    other.label
+                    "{a} is a {model}, {b} a {its}: they cannot stand for one another"
                 );
                 let [one, other] = [one, other].map(|motor| (motor.on, motor.device));
                 (self.motors[first].on, self.motors[first].device) = other;
                 (self.motors[second].on, self.motors[second].device) = one;
             }
             Mistake::Mass(factor) => {
-                let chassis =
-                    self.chassis.take().context("this robot has no base that is simulated")?;
+                let chassis = self.chassis.take().context(NO_BASE)?;
                 let mass = chassis.mass * factor;
                 self.chassis = Some(chassis.with_mass(mass));
             }
@@ -91,9 +91,7 @@ impl Built {
                 self.changes.extend(all.map(|at| (at, mistake.clone())));
             }
             Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
-                let chassis =
-                    self.chassis.as_mut().context("this robot has no base that is simulated")?;
-                for wheel in &mut chassis.wheels {
+                for wheel in &mut self.chassis.as_mut().context(NO_BASE)?.wheels {
                     *match mistake {
                         Mistake::Radius(_) => &mut wheel.radius,
                         Mistake::Track(_) => &mut wheel.y,

@@ -1,6 +1,5 @@
 //! The environment of a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
-use rc10_sim::Nanos;
 use std::convert::Infallible;
 use std::pin::Pin;
 
@@ -9,8 +8,8 @@ use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, Voltage,
-    WheelMotors, World,
+    ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Nanos, Serial, Tasks,
+    Voltage, WheelMotors, World,
 };
 use rc10_time::Micros;
 
@@ -111,13 +110,11 @@ impl Environment {
                 let steering = steers.map(|line| mounted(*line)).transpose().context("base")?;
                 wheels.push(WheelMotors { drive: mounted(*line).context("base")?, steering });
             }
-            let is_whole = under.wheels.len() == chassis.wheels.len() && steering.next().is_none();
+            let (turn, steer, all) =
+                (under.wheels.len(), under.steering.len(), chassis.wheels.len());
             ensure!(
-                is_whole,
-                "base: {} motors turn and {} steer, but that is not what its {} wheels need",
-                under.wheels.len(),
-                under.steering.len(),
-                chassis.wheels.len()
+                turn == all && steering.next().is_none(),
+                "base: {turn} motors turn and {steer} steer, but that is not what its {all} wheels need"
             );
             base = Some(world.add_base(chassis, wheels).context("base")?);
         }

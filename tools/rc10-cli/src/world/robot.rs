@@ -258,26 +258,25 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds the console for a PC, and the robot's own signals and parameters; a run records the signals.
-    pub(crate) fn live<N: Names>(self, shared: &'r Common<'_, N, impl Live>) -> Self {
-        let mut robot = self;
+    pub(crate) fn live<N: Names>(mut self, shared: &'r Common<'_, N, impl Live>) -> Self {
         let own: &dyn Live = &shared.own;
         let seen = Rc::new(live::RobotView::new(shared));
         let served = Rc::clone(&seen);
-        robot.ports.whole = Some(Rc::new(move || seen.whole()));
+        self.ports.whole = Some(Rc::new(move || seen.whole()));
         own.signals(&mut |signal| {
             let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
             let live::Signal { label, unit, states, .. } = *signal;
-            robot.ports.signals.push(Signal { label, unit, states, read: Rc::new(read) });
+            self.ports.signals.push(Signal { label, unit, states, read: Rc::new(read) });
         });
-        own.parameters(&mut |parameter| robot.ports.parameters.push(parameter));
+        own.parameters(&mut |parameter| self.ports.parameters.push(parameter));
         let name = TaskName::of::<Link<ConsolePort>>();
-        robot.console = Some(Box::new(move |port| {
+        self.console = Some(Box::new(move |port| {
             boxed(name, async move {
                 let link = Link::new(port.clone());
                 link.serve(&served, port, Instant::from_ticks(0)).await;
             })
         }));
-        robot
+        self
     }
 
     /// Adds the task of the next part on a UART, and the counters of its bytes.
@@ -310,20 +309,17 @@ impl<'r> Robot<'r> {
         let Description { buses, lines, remote, serials, contacts, motors, .. } =
             &mut self.description;
         Faults::check(faults, usize::from(*buses), lines.len())?;
-        for fault in faults {
-            let Kind::Part(defect, name) = &fault.kind else { continue };
+        for Fault { kind, .. } in faults {
+            let Kind::Part(defect, name) = kind else { continue };
             let (what, labels): (_, Vec<&str>) = if defect.is_of_contact() {
                 let motors = contacts.iter().filter_map(|it| motors.get(it.motor));
                 ("contact", motors.map(|motor| motor.label).collect())
             } else {
                 ("part on a UART", serials.iter().map(|part| part.label).collect())
             };
-            ensure!(
-                labels.iter().any(|label| is_called(label, name)),
-                "{}: there is no {what} `{name}`; there are: {}",
-                fault.kind,
-                if labels.is_empty() { "none".into() } else { labels.join(", ") }
-            );
+            let is_there = labels.iter().any(|label| is_called(label, name));
+            let all = if labels.is_empty() { "none".into() } else { labels.join(", ") };
+            ensure!(is_there, "{kind}: there is no {what} `{name}`; there are: {all}");
         }
         match remote {
             Some(remote) => remote.lose(faults)?,
@@ -501,11 +497,8 @@ impl<'r> Robot<'r> {
         }
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
             let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;
-            ensure!(
-                fits || self.is_forced,
-                "{}\n--force runs it all the same",
-                overload(number, bus, &self.description)
-            );
+            let text = || overload(number, bus, &self.description);
+            ensure!(fits || self.is_forced, "{}\n--force runs it all the same", text());
             self.check_place(Place::Bus(number), bus.motors().map(|(_, name)| name))?;
         }
         for (number, line) in (1..=u8::MAX).zip(&self.lines) {
@@ -521,12 +514,8 @@ impl<'r> Robot<'r> {
         let list = |motors: &[MotorName]| {
             motors.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
         };
-        ensure!(
-            attached == described,
-            "{on} has the motors [{}], but described are [{}]",
-            list(&attached),
-            list(&described)
-        );
+        let (is, said) = (list(&attached), list(&described));
+        ensure!(attached == described, "{on} has the motors [{is}], but described are [{said}]");
         Ok(())
     }
 }
