@@ -26,6 +26,7 @@ mod order;
 mod plots;
 mod ports;
 mod properties;
+mod readme;
 mod record;
 mod remote;
 mod run;
