@@ -59,9 +59,9 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     let kit = Kit::of(&robot);
     let source = args.at.source();
     let stop = stop()?;
-    let session = Session::new(source.open(robot, true)?);
-    let viewers = Viewers::new(&args.viewers)?;
     let pages = Pages::serve(args.page)?;
+    let session = Session::new(source.open_for_shells(robot, pages.port)?);
+    let viewers = Viewers::new(&args.viewers)?;
     if let Some(address) = viewers.address() {
         writeln!(out, "foxglove  {address}")?;
     }

@@ -1,4 +1,5 @@
-//! Connections to a robot: at a port of this PC, over TCP, in the simulator, on the emulated chip.
+//! Connections to a robot: at a port of this PC, over TCP, in the simulator, on the emulated chip; begun here or
+//! kept running by another program.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs as _};
@@ -12,28 +13,37 @@ use rc10_time::Micros;
 
 use crate::args::{Injected, seed};
 use crate::live::line::{RobotConnection, Source};
+use crate::live::reach;
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;
+use crate::terminal::tell;
 use crate::world::console::{BAUD, ConsoleLine};
 use crate::world::robot::Robot;
+
+/// Choice of a robot that runs.
+#[derive(Args, Clone, Debug, Default)]
+pub struct RunningArgs {
+    /// The robot's serial port, such as /dev/ttyUSB0 or COM3; tcp:HOST:PORT of a serial server; or sim or emu, which
+    /// another rc10 live keeps running, sim:8010 by its page [default: the only one that there is]
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["sim", "emu"])]
+    pub port: Option<String>,
+    /// Bits a second of the console [default: what this robot's firmware has]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
+    pub baud: Option<u32>,
+}
 
 /// Choice of the robot's connection.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SourceArgs {
-    /// The robot's serial port, such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT of a serial server [default:
-    /// the only one that there is]
-    #[arg(long, value_name = "PORT", conflicts_with_all = ["sim", "emu"])]
-    pub port: Option<String>,
-    /// The robot in the simulator
+    #[command(flatten)]
+    pub(crate) running: RunningArgs,
+    /// A robot in the simulator, begun for this
     #[arg(long, conflicts_with = "emu")]
     pub sim: bool,
-    /// The robot's firmware on the emulated chip; without ELF it is built first
+    /// The robot's firmware on the emulated chip, begun for this; without ELF it is built first
     #[arg(long, value_name = "ELF", num_args = 0..=1)]
     pub emu: Option<Option<PathBuf>>,
-    /// Bits a second of the console [default: what this robot's firmware has]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
-    pub baud: Option<u32>,
     /// Seed of everything random in the world
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
@@ -44,7 +54,7 @@ pub struct SourceArgs {
 /// Choice of the robot's connection, with its port as the first argument.
 #[derive(Args, Clone, Debug, Default)]
 pub struct PlaceArgs {
-    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
+    /// The robot's port; the same as --port
     #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
     pub place: Option<String>,
     #[command(flatten)]
@@ -55,23 +65,42 @@ impl PlaceArgs {
     /// The choice without the first argument.
     #[must_use]
     pub fn source(&self) -> SourceArgs {
-        let port = self.place.clone().or_else(|| self.named.port.clone());
-        SourceArgs { port, ..self.named.clone() }
+        let mut source = self.named.clone();
+        source.running.port = self.place.clone().or(source.running.port);
+        source
     }
 }
 
-impl SourceArgs {
+impl RunningArgs {
     /// Bit rate of a robot's console.
     #[must_use]
     pub fn baud_of(&self, robot: &Robot<'_>) -> u32 {
         self.baud.or(robot.description().console).unwrap_or(BAUD)
     }
 
+    /// Opens the connection. Fails if it cannot be opened, with the reason and what helps.
+    pub fn open(&self, robot: &Robot<'_>) -> Result<RobotConnection<'static>> {
+        let port = self.port.clone().map_or_else(only_place, Ok)?;
+        let (is_kept, baud) = (reach::is_name(&port), self.baud_of(robot));
+        let name = if is_kept { reach::find(&port)?.to_string() } else { port.clone() };
+        if self.port.is_none() {
+            tell(format_args!("the only robot here: {name}"));
+        }
+        let open = move || match port.strip_prefix("tcp:") {
+            _ if is_kept => with_limits(reach::find(&port)?.connect()?),
+            Some(address) => tcp(address),
+            None => serial(&port, baud),
+        };
+        Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, is_real: true })
+    }
+}
+
+impl SourceArgs {
     /// Opens the connection. A simulation or emulation runs as fast as it can, or if `paced` in
     /// real time at most. Fails if it cannot be opened, with the reason and what helps.
     pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<RobotConnection<'r>> {
         if self.sim {
-            let (baud, mut robot) = (self.baud_of(&robot), robot);
+            let (baud, mut robot) = (self.running.baud_of(&robot), robot);
             robot.inject(&self.injected, "--sim")?;
             robot.fit(false)?;
             let simulation = Simulation::new(robot, self.seed, Some(baud))?;
@@ -87,29 +116,46 @@ impl SourceArgs {
         }
         ensure!(
             self.injected.faults.is_empty() && self.injected.mistakes.is_empty(),
-            "--fault and --mistake are for --sim and --emu: a real robot needs no such help"
+            "--fault and --mistake are for --sim and --emu that are begun here"
         );
-        let name = match &self.port {
-            Some(name) => name.clone(),
-            None => only_port()?,
-        };
-        let (port, baud) = (name.clone(), self.baud_of(&robot));
-        let open = move || match port.strip_prefix("tcp:") {
-            Some(address) => tcp(address),
-            None => serial(&port, baud),
-        };
-        let source = Box::new(Wire::new(open)?);
-        Ok(RobotConnection { source, name, is_real: true })
+        self.running.open(&robot)
+    }
+
+    /// Opens the connection, paced. Shells reach what is begun here, by the port of its page.
+    pub(super) fn open_for_shells<'r>(
+        &self,
+        robot: Robot<'r>,
+        page: u16,
+    ) -> Result<RobotConnection<'r>> {
+        let connection = self.open(robot, true)?;
+        if connection.is_real {
+            return Ok(connection);
+        }
+        let kind = if self.sim { "sim" } else { "emu" };
+        let (connection, outcome) = connection.share(format!("{kind}:{page}"));
+        if let Err(why) = outcome {
+            tell(format_args!("rc10 set and others do not reach this robot: {why:#}"));
+        }
+        Ok(connection)
     }
 }
 
-fn only_port() -> Result<String> {
+/// The only place at which a robot may be.
+fn only_place() -> Result<String> {
     let ports = serialport::available_ports().unwrap_or_default();
-    let names: Vec<_> = ports.into_iter().map(|port| port.port_name).collect();
-    match names.as_slice() {
-        [one] => Ok(one.clone()),
-        [] => bail!("no serial port is there: plug the robot in, or try --sim"),
-        many => bail!("which of the serial ports is the robot? {}", many.join(", ")),
+    let ports = ports.into_iter().map(|port| (port.port_name.clone(), port.port_name));
+    let kept = reach::all().into_iter().map(|it| (it.name.clone(), it.to_string()));
+    let places: Vec<_> = ports.chain(kept).collect();
+    match places.as_slice() {
+        [(one, _)] => Ok(one.clone()),
+        [] => bail!(
+            "no serial port is there, and no robot runs on this PC: plug the robot in, or begin with \
+             rc10 live --sim"
+        ),
+        many => {
+            let names: Vec<_> = many.iter().map(|(_, name)| name.as_str()).collect();
+            bail!("which robot? --port with one of these: {}", names.join(", "))
+        }
     }
 }
 
@@ -126,7 +172,7 @@ fn emulated<'r>(
         (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
     };
     let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let console = Some(args.baud_of(&robot));
+    let console = Some(args.running.baud_of(&robot));
     let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };
     let named = || path.display().to_string();
@@ -251,7 +297,10 @@ fn tcp(address: &str) -> Result<Box<dyn Port>> {
         .with_context(|| format!("tcp:{address}: it is to be tcp:HOST:PORT"))?;
     let found = found.next().with_context(|| format!("tcp:{address}: there is no such host"))?;
     let stream = TcpStream::connect_timeout(&found, CONNECTS);
-    let stream = stream.with_context(|| format!("tcp:{address}: nothing answers there"))?;
+    with_limits(stream.with_context(|| format!("tcp:{address}: nothing answers there"))?)
+}
+
+fn with_limits(stream: TcpStream) -> Result<Box<dyn Port>> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(TAKES))?;
     stream.set_nodelay(true)?;
