@@ -153,25 +153,20 @@ pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 
 /// Changes parameters, all or none. Fails without a robot or such a parameter, or if it refuses.
 pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let mut wanted = Vec::new();
-    for change in &args.changes {
-        let (name, value) = change
-            .split_once('=')
-            .with_context(|| format!("`{change}`: it is to be NAME=VALUE"))?;
-        let value: f32 =
-            value.parse().with_context(|| format!("`{change}`: `{value}` is no number"))?;
-        wanted.push((name, value));
-    }
+    let wanted = args.changes.iter().map(|change| {
+        let both = change.split_once('=');
+        let (name, value) = both.with_context(|| format!("`{change}`: it is to be NAME=VALUE"))?;
+        let number = value.parse();
+        let number = number.with_context(|| format!("`{change}`: `{value}` is no number"))?;
+        Ok((name.to_owned(), number))
+    });
+    let wanted: Vec<(String, f32)> = wanted.collect::<Result<_>>()?;
     let mut session = meet(args.running.open(&robot)?)?;
-    let mut changes = Vec::new();
-    for (name, value) in wanted {
-        changes.push((session.parameter(name)?, value));
-    }
-    let numbers: Vec<_> = changes.iter().map(|(it, value)| (it.index, *value)).collect();
-    session.set(&numbers)?;
-    for (before, value) in changes {
-        let (name, before, robot) = (full_name(&before), before.value, session.name());
-        writeln!(out, "{name} = {value}, before {before}: {robot}")?;
+    let before = wanted.iter().map(|(name, _)| session.parameter(name));
+    let before: Vec<_> = before.collect::<Result<_>>()?;
+    session.set(&wanted)?;
+    for ((name, value), before) in wanted.iter().zip(before) {
+        writeln!(out, "{name} = {value}, before {}: {}", before.value, session.name())?;
     }
     Ok(())
 }

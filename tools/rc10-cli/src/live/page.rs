@@ -206,31 +206,28 @@ impl LivePage<'_, '_> {
 
     fn handle(&mut self, (request, tell): PendingRequest) {
         let now = self.session.now();
-        let sent = match request {
+        // The number of the robot's answer, or one at once.
+        let outcome = match request {
             PageRequest::Watch(period, signals) => {
                 self.chosen = (period, signals);
-                let count = self.choose();
-                let _ = tell.send(Ok(count.into()));
-                return;
+                Ok(Err(self.choose().into()))
             }
-            PageRequest::Record(on) => {
-                let _ = tell.send(self.switch_record(on).map_err(|error| format!("{error:#}")));
-                return;
+            PageRequest::Record(on) => self.switch_record(on).map(Err),
+            PageRequest::Advise(name, value) => self.advise(&name, value).map(Err),
+            PageRequest::Urge(what) => Ok(Ok(self.session.client.urge(what, now))),
+            PageRequest::Set(wanted) => {
+                self.may_ask().and_then(|()| self.session.ask(&wanted)).map(Ok)
             }
-            PageRequest::Advise(name, value) => {
-                let _ = tell.send(self.advise(&name, value).map_err(|error| format!("{error:#}")));
-                return;
-            }
-            PageRequest::Urge(what) => Ok(self.session.client.urge(what, now)),
-            PageRequest::Set(wanted) => self.may_ask().and_then(|()| self.set(wanted)),
             PageRequest::Do(action, label, speed) => {
-                self.may_ask().and_then(|()| self.act(&action, &label, speed))
+                self.may_ask().and_then(|()| self.act(&action, &label, speed)).map(Ok)
             }
         };
-        match sent {
-            Ok(id) => self.waiting.push((id, now, tell)),
-            Err(why) => drop(tell.send(Err(format!("{why:#}")))),
-        }
+        // The page may have gone.
+        let _ = match outcome {
+            Ok(Ok(id)) => return self.waiting.push((id, now, tell)),
+            Ok(Err(value)) => tell.send(Ok(value)),
+            Err(why) => tell.send(Err(format!("{why:#}"))),
+        };
     }
 
     /// The effect of a gain before it is sent; null if nothing is known against it.
@@ -261,15 +258,6 @@ impl LivePage<'_, '_> {
             "the robot has not answered what was asked before"
         );
         Ok(())
-    }
-
-    fn set(&mut self, wanted: Vec<(String, f32)>) -> Result<u16> {
-        let mut changes = Vec::new();
-        for (name, value) in wanted {
-            changes.push((self.session.parameter(&name)?.index, value));
-        }
-        let id = self.session.client.set(&changes);
-        id.with_context(|| format!("at most {} changes at once", rc10_link::CHANGES))
     }
 
     fn act(&mut self, action: &str, label: &str, speed: f32) -> Result<u16> {

@@ -4,12 +4,12 @@
 //! says the first key before anything else and is answered with the second. So nothing is heard of another
 //! user or of a page in a browser, and a program that has got the port of an old file is no robot.
 
-use std::{env, fmt, fs};
 use std::hash::{BuildHasher as _, RandomState};
 use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use std::{env, fmt, fs};
 
 use anyhow::{Context, Result, bail, ensure};
 

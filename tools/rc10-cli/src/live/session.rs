@@ -101,10 +101,18 @@ impl<'r> Session<'r> {
         }
     }
 
+    /// Asks for changes of parameters by their full names, all or none; returns the number of the answer.
+    /// Fails unless there are such parameters, and for too many.
+    pub fn ask(&mut self, wanted: &[(String, f32)]) -> Result<u16> {
+        let number = |(name, value): &(String, f32)| Ok((self.parameter(name)?.index, *value));
+        let changes: Vec<_> = wanted.iter().map(number).collect::<Result<_>>()?;
+        let id = self.client.set(&changes);
+        id.with_context(|| format!("at most {} changes at once", rc10_link::CHANGES))
+    }
+
     /// Changes parameters, all or none; fails if the robot refuses or does not answer.
-    pub fn set(&mut self, changes: &[(u16, f32)]) -> Result<()> {
-        let id = self.client.set(changes);
-        let id = id.with_context(|| format!("at most {} at once", rc10_link::CHANGES))?;
+    pub fn set(&mut self, wanted: &[(String, f32)]) -> Result<()> {
+        let id = self.ask(wanted)?;
         match self.until(|client| client.answer(id))? {
             Answer::Refused(why) => bail!("refused: {why}"),
             Answer::Done | Answer::Register(_) => Ok(()),

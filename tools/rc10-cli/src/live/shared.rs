@@ -232,7 +232,9 @@ impl<'r> Shared<'r> {
         let mut only = None;
         if let Tell::Answer { id, .. } = &mut tell {
             let place = self.asked.iter().position(|it| it.0 == *id);
-            let Some((_, program, own)) = place.and_then(|it| self.asked.remove(it)) else { return };
+            let Some((_, program, own)) = place.and_then(|it| self.asked.remove(it)) else {
+                return;
+            };
             (*id, only) = (own, Some(program));
         }
         let mut frame = Writer::<{ BODY + AROUND }>::new();
@@ -244,7 +246,8 @@ impl<'r> Shared<'r> {
     /// Hands on of a sample what each program watches, no oftener than it wants.
     fn sample(&mut self, head: Head, words: &[[u8; 4]]) {
         let group = usize::from(head.group);
-        let Some(all) = self.groups.get_mut(group).filter(|it| it.order.len() == words.len()) else {
+        let Some(all) = self.groups.get_mut(group).filter(|it| it.order.len() == words.len())
+        else {
             // Of the signals that were watched before.
             return;
         };
@@ -381,7 +384,8 @@ mod tests {
         }
 
         fn connect(&self, said: &[u8]) -> TcpStream {
-            let mut stream = TcpStream::connect(self.shared.listener.local_addr().unwrap()).unwrap();
+            let mut stream =
+                TcpStream::connect(self.shared.listener.local_addr().unwrap()).unwrap();
             stream.write_all(said).unwrap();
             stream.set_nonblocking(true).unwrap();
             stream
@@ -526,7 +530,7 @@ mod tests {
         client.step(Micros::ZERO);
         scene.line.asked();
         scene.ask(&stream, &mut client, 5);
-        scene.line.sample(0, 0, &[1.0; VALUES]);
+        scene.line.sample(1_000_000, 0, &[1.0; VALUES]);
         scene.step();
         scene.hear(&stream, &mut client);
         let values = client.take_samples().pop().unwrap().values;
@@ -538,23 +542,19 @@ mod tests {
     fn a_shell_that_does_not_read_loses_frames() {
         let mut scene = Scene::new();
         let (slow, quick) = (scene.shell(), scene.shell());
-        let (parameters, changes, damaged, skipped) = (0, 0, [0; 3], 0);
-        let (declaration, signals, version) = (Declaration(7), 0, VERSION);
-        let welcome = |at| {
-            let counts = (signals, parameters);
-            let (signals, parameters) = counts;
-            Tell::Welcome {
-                version,
-                signals,
-                parameters,
-                at,
-                changes,
-                damaged,
-                skipped,
-                declaration,
-            }
+        let (signals, parameters, damaged, declaration) = (0, 0, [0; 3], Declaration(7));
+        let (version, changes, skipped) = (VERSION, 0, 0);
+        let welcome = move |at| Tell::Welcome {
+            version,
+            signals,
+            parameters,
+            at,
+            changes,
+            damaged,
+            skipped,
+            declaration,
         };
-        let mut heard = Vec::new();
+        let mut heard: Vec<u8> = Vec::new();
         let mut piece = vec![0; 1 << 20];
         let mut said = 0;
         // More than a PC keeps for a connection.
@@ -564,12 +564,14 @@ mod tests {
             }
             said += scene.line.0.borrow().1.len();
             scene.step();
-            heard.extend(&piece[..read(&quick, &mut piece).unwrap()]);
+            let count = read(&quick, &mut piece).unwrap();
+            heard.extend(&piece[..count]);
             assert!(scene.shared.programs.iter().all(|it| it.out.len() <= ROOM));
         }
         assert!(scene.shared.programs[1].out.len() > ROOM - 100, "{said} B are not enough");
         scene.until(|_| {
-            heard.extend(&piece[..read(&quick, &mut piece).unwrap()]);
+            let count = read(&quick, &mut piece).unwrap();
+            heard.extend(&piece[..count]);
             heard.len() >= said
         });
         // What the slow one finds is whole.

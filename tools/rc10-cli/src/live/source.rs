@@ -2,7 +2,7 @@
 //! kept running by another program.
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs as _};
+use std::net::TcpStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use std::{fs, io};
@@ -14,6 +14,7 @@ use rc10_time::Micros;
 use crate::args::{Injected, seed};
 use crate::live::line::{RobotConnection, Source};
 use crate::live::reach;
+use crate::live::viewers::address;
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;
@@ -26,7 +27,7 @@ use crate::world::robot::Robot;
 pub struct RunningArgs {
     /// The robot's serial port, such as /dev/ttyUSB0 or COM3; tcp:HOST:PORT of a serial server; or sim or emu, which
     /// another rc10 live keeps running, sim:8010 by its page [default: the only one that there is]
-    #[arg(long, value_name = "PORT", conflicts_with_all = ["sim", "emu"])]
+    #[arg(long, value_name = "PORT")]
     pub port: Option<String>,
     /// Bits a second of the console [default: what this robot's firmware has]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
@@ -39,10 +40,10 @@ pub struct SourceArgs {
     #[command(flatten)]
     pub(crate) running: RunningArgs,
     /// A robot in the simulator, begun for this
-    #[arg(long, conflicts_with = "emu")]
+    #[arg(long, conflicts_with_all = ["emu", "port"])]
     pub sim: bool,
     /// The robot's firmware on the emulated chip, begun for this; without ELF it is built first
-    #[arg(long, value_name = "ELF", num_args = 0..=1)]
+    #[arg(long, value_name = "ELF", num_args = 0..=1, conflicts_with = "port")]
     pub emu: Option<Option<PathBuf>>,
     /// Seed of everything random in the world
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
@@ -291,13 +292,9 @@ impl<F: Fn() -> Result<Box<dyn Port>>> Source for Wire<F> {
     }
 }
 
-fn tcp(address: &str) -> Result<Box<dyn Port>> {
-    let mut found = address
-        .to_socket_addrs()
-        .with_context(|| format!("tcp:{address}: it is to be tcp:HOST:PORT"))?;
-    let found = found.next().with_context(|| format!("tcp:{address}: there is no such host"))?;
-    let stream = TcpStream::connect_timeout(&found, CONNECTS);
-    with_limits(stream.with_context(|| format!("tcp:{address}: nothing answers there"))?)
+fn tcp(text: &str) -> Result<Box<dyn Port>> {
+    let stream = TcpStream::connect_timeout(&address(text).context("tcp:HOST:PORT")?, CONNECTS);
+    with_limits(stream.with_context(|| format!("tcp:{text}: nothing answers there"))?)
 }
 
 fn with_limits(stream: TcpStream) -> Result<Box<dyn Port>> {

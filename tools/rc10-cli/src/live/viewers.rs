@@ -66,7 +66,7 @@ enum Floats {
     Tcp(TcpListener, Vec<TcpStream>),
 }
 
-fn address(text: &str) -> Result<SocketAddr> {
+pub(super) fn address(text: &str) -> Result<SocketAddr> {
     let mut found = text.to_socket_addrs().with_context(|| format!("{text}: not HOST:PORT"))?;
     found.next().with_context(|| format!("{text}: there is no such host"))
 }
