@@ -10,7 +10,6 @@ use rc10_link::Urgent;
 use rc10_time::Micros;
 
 use super::client::Urgency;
-use super::line::RobotConnection;
 use super::plan::{plan, watch};
 use super::record::{LiveRecord, room, tell_leftovers};
 use super::session::{Session, full_name};
@@ -111,16 +110,9 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
     bail!("the robot has not answered: it may not be stopped")
 }
 
-/// A session with a robot that has described itself; fails if it has not.
-fn meet(connection: RobotConnection<'_>) -> Result<Session<'_>> {
-    let mut session = Session::new(connection);
-    session.meet()?;
-    Ok(session)
-}
-
 /// Lists the robot's parameters; fails without a robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let session = meet(args.at.source().open(robot, false)?)?;
+    let session = Session::meet(args.at.source().open(robot, false)?)?;
     if args.rust {
         let changed =
             session.client.parameters().filter(|it| it.value.to_bits() != it.initial.to_bits());
@@ -144,7 +136,7 @@ pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
 
 /// Prints the values of parameters, one a line. Fails without a robot or without such a parameter.
 pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let session = meet(args.running.open(&robot)?)?;
+    let session = Session::meet(args.running.open(&robot)?)?;
     for name in &args.names {
         writeln!(out, "{}", session.parameter(name)?.value)?;
     }
@@ -161,7 +153,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
         Ok((name.to_owned(), number))
     });
     let wanted: Vec<(String, f32)> = wanted.collect::<Result<_>>()?;
-    let mut session = meet(args.running.open(&robot)?)?;
+    let mut session = Session::meet(args.running.open(&robot)?)?;
     let before = wanted.iter().map(|(name, _)| session.parameter(name));
     let before: Vec<_> = before.collect::<Result<_>>()?;
     session.set(&wanted)?;
@@ -175,7 +167,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
-    let mut session = meet(args.at.source().open(robot, false)?)?;
+    let mut session = Session::meet(args.at.source().open(robot, false)?)?;
     let (topics, left) = plan(&session.client);
     if let Some(first) = left.first() {
         let (count, first) = (left.len(), &first.name);

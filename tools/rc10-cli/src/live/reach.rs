@@ -6,20 +6,23 @@
 
 use std::hash::{BuildHasher as _, RandomState};
 use std::io::{Read as _, Write as _};
-use std::net::{Ipv4Addr, SocketAddr, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use std::{env, fmt, fs};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 
 use crate::files::write_file;
 
 /// Time limit of a robot's answer to the key.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// Length of a key.
+pub(super) const KEY: usize = 32;
+
 /// A robot that runs, or did when its file was written.
-pub(super) struct Running {
+pub(super) struct LocalRobot {
     /// Name on a command line: `sim:8010`, by the port of its page.
     pub(super) name: String,
     /// Name for people.
@@ -54,24 +57,25 @@ fn make(folder: &Path) -> Result<()> {
     Ok(fs::create_dir_all(folder)?)
 }
 
-impl fmt::Display for Running {
+impl fmt::Display for LocalRobot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} at {}", self.title, self.name)
     }
 }
 
-impl Running {
-    /// Writes the file of a robot that is served at this port; fails without a folder for it.
-    pub(super) fn announce(name: String, title: &str, port: u16) -> Result<Self> {
-        let (folder, title) = (folder()?, title.to_owned());
+impl LocalRobot {
+    /// Listens for shells, and writes the file; fails without a folder for it.
+    pub(super) fn announce(name: String, title: &str) -> Result<(Self, TcpListener)> {
+        let folder = folder()?;
         make(&folder).with_context(|| format!("cannot make {} private", folder.display()))?;
-        let key = || {
-            let [a, b] = [0, 1].map(|half| RandomState::new().hash_one(half));
-            format!("{a:016x}{b:016x}")
-        };
-        let (keys, file) = ([key(), key()], name.replace(':', "-"));
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+        listener.set_nonblocking(true)?;
+        let half = |half| RandomState::new().hash_one(half);
+        let keys = [0, 1].map(|_| format!("{:016x}{:016x}", half(0), half(1)));
+        let (port, file) = (listener.local_addr()?.port(), name.replace(':', "-"));
         write_file(&folder, &file, format!("{port} {} {} {title}", keys[0], keys[1]).as_bytes())?;
-        Ok(Self { name, title, keys, port, file: folder.join(file) })
+        let file = folder.join(file);
+        Ok((Self { name, title: title.to_owned(), keys, port, file }, listener))
     }
 
     fn read(file: PathBuf) -> Option<Self> {
@@ -114,20 +118,10 @@ pub(super) fn is_name(port: &str) -> bool {
 }
 
 /// All that answer, by their names.
-pub(super) fn all() -> Vec<Running> {
+pub(super) fn all() -> Vec<LocalRobot> {
     let files = folder().and_then(|folder| Ok(fs::read_dir(folder)?)).into_iter().flatten();
-    let files = files.filter_map(|file| Running::read(file.ok()?.path()));
+    let files = files.filter_map(|file| LocalRobot::read(file.ok()?.path()));
     let mut all: Vec<_> = files.filter(|it| it.connect().is_ok()).collect();
     all.sort_by(|one, other| one.name.cmp(&other.name));
     all
-}
-
-/// The robot of this name; fails unless one answers, and for `sim` or `emu` alone unless it is the only one.
-pub(super) fn find(wanted: &str) -> Result<Running> {
-    let mut found = all();
-    let names = |all: &[Running]| all.iter().map(Running::to_string).collect::<Vec<_>>().join(", ");
-    let others = if found.is_empty() { "none".into() } else { names(&found) };
-    found.retain(|it| it.name.split(':').next() == Some(wanted) || it.name == wanted);
-    ensure!(found.len() < 2, "which robot? --port with one of these: {}", names(&found));
-    found.pop().with_context(|| format!("no robot `{wanted}` runs on this PC; these do: {others}"))
 }

@@ -82,10 +82,12 @@ impl<'r> Session<'r> {
         })
     }
 
-    /// Runs until the robot has described itself; fails if it does not.
-    pub fn meet(&mut self) -> Result<()> {
-        self.until(|client| client.is_described().then_some(()))
-            .with_context(|| format!("{}: no robot", self.connection.name))
+    /// A session with a robot that has described itself; fails if it does not.
+    pub fn meet(connection: RobotConnection<'r>) -> Result<Self> {
+        let mut session = Self::new(connection);
+        let met = session.until(|client| client.is_described().then_some(()));
+        met.with_context(|| format!("{}: no robot", session.name()))?;
+        Ok(session)
     }
 
     fn until<T>(&mut self, mut look: impl FnMut(&mut Client) -> Option<T>) -> Result<T> {

@@ -5,8 +5,8 @@
 //! and one that sends much is read slowly: neither delays the robot, or a stop.
 
 use std::collections::{BTreeSet, VecDeque};
-use std::io::{ErrorKind, Read as _, Write as _};
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
 
 use anyhow::Result;
 use rc10_link::frame::{AROUND, BODY, FromPc, FromRobot, Writer};
@@ -16,26 +16,17 @@ use rc10_module::Stream;
 use rc10_time::Micros;
 
 use super::client::frame;
-use super::line::{RobotConnection, Source};
-use super::reach::Running;
+use super::line::Source;
+use super::reach::{KEY, LocalRobot};
 
-/// Limit of shells, and of connections that have not said the key.
+/// Limit of connections.
 const MOST: usize = 8;
-/// Steps for which the key is awaited: 2 s.
-const AWAITED: u32 = 500;
-/// Bytes that are read of a shell in a step: all shells together leave room on a line of 921,600 baud.
+/// Bytes that are read of a connection in a step: all together leave room on a line of 921,600 baud.
 const PIECE: usize = 32;
 /// Limit of bytes that a shell has not read: further frames are lost.
 const ROOM: usize = 256 * 1024;
 /// Limit of questions that are not answered yet.
 const ASKED: usize = 256;
-
-/// A connection that has not said the key yet.
-struct Stranger {
-    stream: TcpStream,
-    said: Vec<u8>,
-    steps: u32,
-}
 
 /// The signals that a program watches in a group.
 #[derive(Default)]
@@ -50,8 +41,8 @@ struct Watched {
 /// A program at the line.
 struct Program {
     number: u32,
-    /// The connection of a shell.
-    stream: Option<TcpStream>,
+    /// The connection of a shell, and how much of the key it has said.
+    shell: Option<(TcpStream, usize)>,
     asks: Stream<FromPc>,
     heard: Vec<Ask>,
     groups: [Watched; GROUPS],
@@ -71,8 +62,7 @@ pub(super) struct Shared<'r> {
     source: Box<dyn Source + 'r>,
     now: Micros,
     listener: TcpListener,
-    announced: Running,
-    strangers: Vec<Stranger>,
+    robot: LocalRobot,
     /// The first keeps the robot running.
     programs: Vec<Program>,
     groups: [Sampled; GROUPS],
@@ -82,28 +72,9 @@ pub(super) struct Shared<'r> {
     heard: Stream<FromRobot>,
 }
 
-impl<'r> RobotConnection<'r> {
-    /// Lets shells in under this name. If that fails the connection is as it was, with the reason.
-    pub(super) fn share(self, name: String) -> (Self, Result<()>) {
-        let listen = || -> Result<_> {
-            let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
-            listener.set_nonblocking(true)?;
-            let port = listener.local_addr()?.port();
-            Ok((listener, Running::announce(name, &self.name, port)?))
-        };
-        let (listener, announced) = match listen() {
-            Ok(both) => both,
-            Err(why) => return (self, Err(why)),
-        };
-        let name = announced.to_string();
-        let source = Box::new(Shared::new(self.source, listener, announced));
-        (Self { source, name, ..self }, Ok(()))
-    }
-}
-
 impl Drop for Shared<'_> {
     fn drop(&mut self) {
-        self.announced.forget();
+        self.robot.forget();
     }
 }
 
@@ -111,7 +82,7 @@ impl Source for Shared<'_> {
     fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
         self.admit();
         let (mut first, mut rest) = (Vec::new(), Vec::new());
-        self.programs.retain_mut(|it| it.hear(out, self.now));
+        self.programs.retain_mut(|it| it.hear(out, self.now, &self.robot.keys).is_some());
         for at in 0..self.programs.len() {
             for ask in std::mem::take(&mut self.programs[at].heard) {
                 let ask = self.pass(at, ask);
@@ -130,10 +101,6 @@ impl Source for Shared<'_> {
         self.programs.retain_mut(Program::send);
         Ok((std::mem::take(&mut self.programs[0].out), now))
     }
-
-    fn trouble(&self) -> Option<&str> {
-        self.source.trouble()
-    }
 }
 
 /// Reads what is there; `None` if the connection has ended.
@@ -141,22 +108,26 @@ fn read(mut stream: &TcpStream, bytes: &mut [u8]) -> Option<usize> {
     match stream.read(bytes) {
         Ok(0) => None,
         Ok(count) => Some(count),
-        Err(error) => is_for_later(error.kind()).then_some(0),
+        Err(error) => is_for_later(&error).then_some(0),
     }
 }
 
-const fn is_for_later(error: ErrorKind) -> bool {
-    matches!(error, ErrorKind::WouldBlock | ErrorKind::Interrupted)
+fn is_for_later(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 
 impl<'r> Shared<'r> {
-    fn new(source: Box<dyn Source + 'r>, listener: TcpListener, announced: Running) -> Self {
+    /// Lets shells in at a listener that does not block.
+    pub(super) fn new(
+        source: Box<dyn Source + 'r>,
+        listener: TcpListener,
+        robot: LocalRobot,
+    ) -> Self {
         Self {
             source,
             now: Micros::ZERO,
             listener,
-            announced,
-            strangers: Vec::new(),
+            robot,
             programs: vec![Program::new(0, None)],
             groups: Default::default(),
             asked: VecDeque::new(),
@@ -165,31 +136,17 @@ impl<'r> Shared<'r> {
         }
     }
 
-    /// Takes new connections, and makes those that say the key programs.
+    /// Takes new connections. Where there is no room the oldest that has not said the key leaves.
     fn admit(&mut self) {
         for _ in 0..MOST {
             let Ok((stream, _)) = self.listener.accept() else { break };
-            if stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).is_ok() {
-                self.strangers.push(Stranger { stream, said: Vec::new(), steps: 0 });
+            let number = self.programs.last().map_or(0, |it| it.number + 1);
+            if self.programs.len() > MOST {
+                let Some(at) = self.programs.iter().position(|it| !it.is_known()) else { break };
+                self.programs.remove(at);
             }
-        }
-        let more = self.strangers.len().saturating_sub(MOST);
-        self.strangers.drain(..more);
-        let [key, answer] = self.announced.keys.each_ref().map(|key| key.as_bytes());
-        for mut it in std::mem::take(&mut self.strangers) {
-            let mut rest = vec![0; key.len() - it.said.len()];
-            let Some(count) = read(&it.stream, &mut rest) else { continue };
-            it.said.extend(&rest[..count]);
-            it.steps += 1;
-            if it.said != key {
-                if key.starts_with(&it.said) && it.steps < AWAITED {
-                    self.strangers.push(it);
-                }
-            } else if self.programs.len() <= MOST {
-                let number = self.programs.last().map_or(0, |it| it.number + 1);
-                let mut program = Program::new(number, Some(it.stream));
-                program.out.extend(answer);
-                self.programs.push(program);
+            if stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).is_ok() {
+                self.programs.push(Program::new(number, Some((stream, 0))));
             }
         }
     }
@@ -278,40 +235,54 @@ impl<'r> Shared<'r> {
 }
 
 impl Program {
-    fn new(number: u32, stream: Option<TcpStream>) -> Self {
+    fn new(number: u32, shell: Option<(TcpStream, usize)>) -> Self {
         let (groups, asks) = (Default::default(), Stream::new(FromPc));
-        Self { number, stream, asks, heard: Vec::new(), groups, out: Vec::new() }
+        Self { number, shell, asks, heard: Vec::new(), groups, out: Vec::new() }
     }
 
-    /// Hears a shell over its connection, the one that keeps the robot by `out`; whether it is still there.
-    fn hear(&mut self, out: &[u8], now: Micros) -> bool {
+    fn is_known(&self) -> bool {
+        self.shell.as_ref().is_none_or(|(_, said)| *said == KEY)
+    }
+
+    /// Hears a shell over its connection, the one that keeps the robot by `out`; `None` if it has ended or is a
+    /// stranger.
+    fn hear(&mut self, out: &[u8], now: Micros, [key, answer]: &[String; 2]) -> Option<()> {
         let mut piece = [0; PIECE];
-        let bytes = match &self.stream {
+        let bytes = match &mut self.shell {
             None => out,
-            Some(stream) => match read(stream, &mut piece) {
-                Some(count) => &piece[..count],
-                None => return false,
-            },
+            Some((stream, KEY)) => {
+                let count = read(stream, &mut piece)?;
+                &piece[..count]
+            }
+            Some((stream, said)) => {
+                let rest = &key.as_bytes()[*said..];
+                let count = read(stream, &mut piece[..rest.len()])?;
+                *said += count;
+                if *said == KEY {
+                    self.out.extend(answer.bytes());
+                }
+                return (piece[..count] == rest[..count]).then_some(());
+            }
         };
         if !bytes.is_empty() {
             self.asks.receive(bytes, now, |ask| self.heard.push(ask));
         }
-        true
+        Some(())
     }
 
     fn put(&mut self, frame: &[u8]) {
-        if self.out.len() + frame.len() <= ROOM {
+        if self.is_known() && self.out.len() + frame.len() <= ROOM {
             self.out.extend(frame);
         }
     }
 
     /// Sends what there is room for; whether the program is still there.
     fn send(&mut self) -> bool {
-        let Some(stream) = &mut self.stream else { return true };
+        let Some((stream, _)) = &mut self.shell else { return true };
         while !self.out.is_empty() {
             match stream.write(&self.out) {
                 Ok(count) => drop(self.out.drain(..count)),
-                Err(error) => return is_for_later(error.kind()),
+                Err(error) => return is_for_later(&error),
             }
         }
         true
@@ -378,8 +349,8 @@ mod tests {
             let keys = ["k".repeat(32), "a".repeat(32)];
             let port = listener.local_addr().unwrap().port();
             let (name, file) = ("sim:1".into(), "/dev/null/none".into());
-            let announced = Running { name, title: String::new(), keys, port, file };
-            let shared = Shared::new(Box::new(line.clone()), listener, announced);
+            let robot = LocalRobot { name, title: String::new(), keys, port, file };
+            let shared = Shared::new(Box::new(line.clone()), listener, robot);
             Self { line, shared, keeper: Client::new() }
         }
 
@@ -409,8 +380,6 @@ mod tests {
 
         fn shell(&mut self) -> TcpStream {
             let stream = self.connect(&[b'k'; 32]);
-            let before = self.shared.programs.len();
-            self.until(|scene| scene.shared.programs.len() > before);
             self.until(|_| read(&stream, &mut [0; 32]) == Some(32));
             stream
         }
@@ -595,12 +564,8 @@ mod tests {
             scene.until(|_| read(&stream, &mut [0; 8]).is_none());
         }
         let silent: Vec<_> = (0..3 * MOST).map(|_| scene.connect(b"k")).collect();
-        scene.shell();
-        assert!(scene.shared.strangers.len() <= MOST);
-        for _ in 0..AWAITED {
-            scene.step();
-        }
-        assert!(scene.shared.strangers.is_empty());
+        drop(scene.shell());
+        assert!(scene.shared.programs.len() <= 1 + MOST);
         drop(silent);
         // Garbage behind the key is no question.
         scene.until(|scene| scene.shared.programs.len() == 1);

@@ -13,7 +13,8 @@ use rc10_time::Micros;
 
 use crate::args::{Injected, seed};
 use crate::live::line::{RobotConnection, Source};
-use crate::live::reach;
+use crate::live::reach::{self, LocalRobot};
+use crate::live::shared::Shared;
 use crate::live::viewers::address;
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
@@ -81,15 +82,20 @@ impl RunningArgs {
 
     /// Opens the connection. Fails if it cannot be opened, with the reason and what helps.
     pub fn open(&self, robot: &Robot<'_>) -> Result<RobotConnection<'static>> {
-        let port = self.port.clone().map_or_else(only_place, Ok)?;
-        let (is_kept, baud) = (reach::is_name(&port), self.baud_of(robot));
-        let name = if is_kept { reach::find(&port)?.to_string() } else { port.clone() };
+        let (port, name) = match &self.port {
+            Some(port) if !reach::is_name(port) => (port.clone(), port.clone()),
+            wanted => only(wanted.as_deref(), places(wanted.is_none()))?,
+        };
         if self.port.is_none() {
             tell(format_args!("the only robot here: {name}"));
         }
+        let baud = self.baud_of(robot);
         let open = move || match port.strip_prefix("tcp:") {
-            _ if is_kept => with_limits(reach::find(&port)?.connect()?),
             Some(address) => tcp(address),
+            None if reach::is_name(&port) => {
+                let robot = reach::all().into_iter().find(|it| it.name == port);
+                with_limits(robot.with_context(|| format!("{port} has ended"))?.connect()?)
+            }
             None => serial(&port, baud),
         };
         Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, is_real: true })
@@ -128,36 +134,41 @@ impl SourceArgs {
         robot: Robot<'r>,
         page: u16,
     ) -> Result<RobotConnection<'r>> {
-        let connection = self.open(robot, true)?;
-        if connection.is_real {
-            return Ok(connection);
-        }
+        let RobotConnection { mut source, mut name, is_real } = self.open(robot, true)?;
         let kind = if self.sim { "sim" } else { "emu" };
-        let (connection, outcome) = connection.share(format!("{kind}:{page}"));
-        if let Err(why) = outcome {
-            tell(format_args!("rc10 set and others do not reach this robot: {why:#}"));
+        if !is_real {
+            match LocalRobot::announce(format!("{kind}:{page}"), &name) {
+                Ok((robot, listener)) => {
+                    name = robot.to_string();
+                    source = Box::new(Shared::new(source, listener, robot));
+                }
+                Err(why) => tell(format_args!("other shells do not reach this robot: {why:#}")),
+            }
         }
-        Ok(connection)
+        Ok(RobotConnection { source, name, is_real })
     }
 }
 
-/// The only place at which a robot may be.
-fn only_place() -> Result<String> {
-    let ports = serialport::available_ports().unwrap_or_default();
-    let ports = ports.into_iter().map(|port| (port.port_name.clone(), port.port_name));
-    let kept = reach::all().into_iter().map(|it| (it.name.clone(), it.to_string()));
-    let places: Vec<_> = ports.chain(kept).collect();
-    match places.as_slice() {
-        [(one, _)] => Ok(one.clone()),
-        [] => bail!(
-            "no serial port is there, and no robot runs on this PC: plug the robot in, or begin with \
-             rc10 live --sim"
-        ),
-        many => {
-            let names: Vec<_> = many.iter().map(|(_, name)| name.as_str()).collect();
-            bail!("which robot? --port with one of these: {}", names.join(", "))
-        }
-    }
+/// Ports at which a robot may be, with names for people: serial ones if wanted, and robots that run on this PC.
+fn places(with_serial: bool) -> Vec<(String, String)> {
+    let ports = serialport::available_ports().unwrap_or_default().into_iter();
+    let ports = ports.filter(|_| with_serial).map(|it| (it.port_name.clone(), it.port_name));
+    let running = reach::all().into_iter().map(|it| (it.name.clone(), it.to_string()));
+    ports.chain(running).collect()
+}
+
+/// The only place of a name, or of a kind; fails with a list if there are more.
+fn only(wanted: Option<&str>, mut places: Vec<(String, String)>) -> Result<(String, String)> {
+    let is_it = |port: &str, wanted| port == wanted || port.split(':').next() == Some(wanted);
+    places.retain(|(port, _)| wanted.is_none_or(|wanted| is_it(port, wanted)));
+    let names: Vec<_> = places.iter().map(|(_, name)| name.as_str()).collect();
+    ensure!(names.len() < 2, "which robot? --port with one of these: {}", names.join(", "));
+    places.pop().with_context(|| match wanted {
+        Some(name) => format!("no robot `{name}` runs on this PC"),
+        None => "no serial port is there, and no robot runs on this PC: plug the robot in, or begin with \
+                 rc10 live --sim"
+            .into(),
+    })
 }
 
 /// Puts a program into a chip: the robot's own firmware, unless one is named. Where it is, too.
@@ -332,5 +343,32 @@ fn refusal(name: &str, error: &serialport::Error) -> String {
         }
         _ if text.contains("busy") => format!("{name}: another program has it open"),
         _ => format!("{name}: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A real robot is never taken for a simulated one, or the other way round.
+    #[test]
+    fn with_several_robots_none_is_chosen() {
+        let of = |wanted, ports: &[&str]| {
+            let places =
+                ports.iter().map(|port| ((*port).to_owned(), format!("a robot at {port}")));
+            only(wanted, places.collect()).map_or_else(|why| why.to_string(), |(port, _)| port)
+        };
+        let real = "/dev/ttyUSB0";
+        assert_eq!(of(None, &[real]), real);
+        assert_eq!(of(None, &["sim:8010"]), "sim:8010");
+        let both =
+            "which robot? --port with one of these: a robot at /dev/ttyUSB0, a robot at sim:8010";
+        assert_eq!(of(None, &[real, "sim:8010"]), both);
+        let several = ["sim:8010", "sim:8011", "emu:8012"];
+        assert_eq!(of(Some("emu"), &several), "emu:8012");
+        assert_eq!(of(Some("sim:8011"), &several), "sim:8011");
+        assert!(of(Some("sim"), &several).ends_with("a robot at sim:8010, a robot at sim:8011"));
+        assert_eq!(of(Some("sim:801"), &several), "no robot `sim:801` runs on this PC");
+        assert!(of(None, &[]).contains("plug the robot in"));
     }
 }
