@@ -103,11 +103,6 @@ fn is_there(error: &anyhow::Error) -> bool {
     error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
 }
 
-/// A speed for a jog; the robot refuses speeds that are too high.
-fn tenths(rpm: f32) -> i16 {
-    (rpm * 10.0).round().clamp(-32_767.0, 32_767.0) as i16
-}
-
 /// The session with the robot, and the pages that show it.
 struct LivePage<'r, 'k> {
     session: Session<'r>,
@@ -265,7 +260,8 @@ impl LivePage<'_, '_> {
         let motor = client.motor(label);
         let motor = motor.with_context(|| format!("the robot has no motor `{label}`"))?;
         Ok(client.act(match action {
-            "jog" => Action::Jog(motor, tenths(speed)),
+            // The robot refuses a speed that is too high.
+            "jog" => Action::Jog(motor, (speed * 10.0).round() as i16),
             "zero" => Action::Zero(motor),
             "clear" => Action::ClearFault(motor),
             _ => bail!("there is no `{action}`"),
@@ -326,10 +322,8 @@ impl LivePage<'_, '_> {
         });
         let is_whole = client.is_described();
         let urgency = |what| {
-            client.urgency(what, session.now()).map(|urgency| match urgency {
-                Urgency::Sent => "sent",
-                Urgency::NotHeard => "not heard",
-            })
+            let urgency = client.urgency(what, session.now());
+            urgency.map(|it| if it == Urgency::Sent { "sent" } else { "not heard" })
         };
         json!({
             "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),
