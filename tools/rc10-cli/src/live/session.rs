@@ -91,11 +91,16 @@ impl<'r> Session<'r> {
     }
 
     fn until<T>(&mut self, mut look: impl FnMut(&mut Client) -> Option<T>) -> Result<T> {
-        let begin = self.now;
+        let (mut begin, mut known) = (self.now, 0);
         loop {
             self.step()?;
             if let Some(found) = look(&mut self.client) {
                 return Ok(found);
+            }
+            // An emulated chip may take long to describe itself.
+            let told = self.client.signals().count() + self.client.parameters().count();
+            if told > known {
+                (begin, known) = (self.now, told);
             }
             if self.now.since(begin) > PATIENCE {
                 bail!("{}", self.trouble().unwrap_or_else(|| "it does not answer".into()));
