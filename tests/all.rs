@@ -17,6 +17,7 @@ mod live;
 mod live_http;
 mod live_page;
 mod live_port;
+mod live_reach;
 mod load;
 mod messages;
 mod mistakes;

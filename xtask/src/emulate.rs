@@ -1,5 +1,5 @@
-//! The firmware on an emulated chip: the scenarios of `tests/firmware.rs`, and the page of `tests/live_page.rs`
-//! before it.
+//! The firmware on an emulated chip: the scenarios of `tests/firmware.rs`, and the page and the
+//! shells of `tests/live_page.rs` and `tests/live_reach.rs` before it.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -21,7 +21,7 @@ pub fn run(program: &Path, names: &[impl AsRef<OsStr>]) -> Result<()> {
     };
     run_command(command("firmware", "include-ignored").args(names))?;
     if names.is_empty() {
-        run_command(command("all", "ignored").arg("live_page::"))
+        run_command(command("all", "ignored").args(["live_page::", "live_reach::"]))
     } else {
         Ok(())
     }
