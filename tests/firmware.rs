@@ -40,6 +40,8 @@ mod line;
 mod live;
 #[path = "firmware/omni.rs"]
 mod omni_robot;
+#[path = "firmware/owl.rs"]
+mod owl_robot;
 #[path = "firmware/phases.rs"]
 mod phases;
 #[path = "firmware/priorities.rs"]

@@ -151,6 +151,9 @@ pub const ARM: TwoJointArm = TwoJointArm {
 /// Of the joints' motors, N m/A.
 pub const JOINT_TORQUE: f32 = Config::new(&GM6020_CURRENT, 1).torque_constant();
 
+/// The sensor's voltage with enough air, V.
+pub const AIR: f32 = 3.0;
+
 /// Open at 0 degrees, closed at 90.
 const GRIPPER: servo::Config = servo::Config {
     ends: [(Degrees::new(0.0), 1000), (Degrees::new(90.0), 2000)],

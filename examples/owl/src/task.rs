@@ -3,7 +3,7 @@
 //! | control | the robot |
 //! |---|---|
 //! | right switch | down: disarmed; else armed: the lift homes, the arm stays where it is |
-//! | left switch | up: the gripper closes; down: emergency stop |
+//! | left switch | up: the gripper closes, if there is air; down: emergency stop |
 //! | right stick | drives, and brakes a metre from a wall; to the side: turns |
 //! | throttle | how high the lift is; it stays where it is left |
 //! | left stick to the side, dial | move shoulder and elbow |
@@ -14,7 +14,7 @@ use rc10::prelude::*;
 
 use crate::arm::Arm;
 use crate::lift::Lift;
-use crate::{BASE, NEAREST, Name, Robot, Shared};
+use crate::{AIR, BASE, NEAREST, Name, Robot, Shared};
 
 impl Program for Robot {
     const RECEIVER: Receiver = Receiver::Sbus;
@@ -52,7 +52,9 @@ impl Program for Robot {
             if let Some(arm) = &mut arm {
                 arm.step(shared, [remote.left.x, remote.dial], tick.dt);
             }
-            shared.own.gripper.set(if remote.left_switch == Switch::Up { 90.0 } else { 0.0 });
+            // It grips with air only.
+            let grips = remote.left_switch == Switch::Up && shared.own.pressure.get() > AIR;
+            shared.own.gripper.set(if grips { 90.0 } else { 0.0 });
         }
     }
 }
