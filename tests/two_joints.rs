@@ -31,6 +31,8 @@ const ARM: TwoJointArm = TwoJointArm {
 /// How far the joints have moved 1.5 s after they are let go, in degrees.
 fn moves(pose: [f64; 2], believed: &TwoJointArm) -> [f64; 2] {
     let [shoulder, elbow] = pose;
+    #[allow(clippy::cast_possible_truncation, reason = "an angle of a test")]
+    let degrees = |at: usize| Degrees::new(pose[at] as f32);
     let upper = ArmLink { mass: 1.2, centre: 0.16, length: 0.32, start: shoulder };
     let fore = ArmLink { mass: 0.7, centre: 0.13, length: 0.0, start: elbow };
     let description = Description {
@@ -57,9 +59,7 @@ fn moves(pose: [f64; 2], believed: &TwoJointArm) -> [f64; 2] {
                 let counted = [shoulder, elbow].map(|motor| motor.feedback.total_angle);
                 let zeros = *began.get_or_insert(counted);
                 let _ = shared.switch.arm();
-                let angle = |at: usize| {
-                    counted[at].minus(zeros[at]).degrees() + Degrees::new(pose[at] as f32)
-                };
+                let angle = |at: usize| counted[at].minus(zeros[at]).degrees() + degrees(at);
                 for (name, torque) in Name::ALL.iter().zip(believed.torques([angle(0), angle(1)])) {
                     shared.command(*name, Target::Current(Amps::new(torque.get() / amps)));
                 }

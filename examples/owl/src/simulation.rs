@@ -71,7 +71,7 @@ fn plant(name: Name) -> Plant {
     }
 }
 
-/// A TFmini on the robot, that looks at the wall: 100 frames a second.
+/// A `TFmini` on the robot, that looks at the wall: 100 frames a second.
 struct TfMini {
     base: Option<simulator::Base>,
     next: Nanos,
@@ -89,7 +89,9 @@ impl SerialDevice for TfMini {
     fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>) {
         self.next = now + Nanos::new(10_000_000);
         let x = self.base.as_ref().map_or(0.0, |base| base.pose().x);
-        let [low, high] = (((WALL - x) * 100.0).clamp(0.0, 1200.0) as u16).to_le_bytes();
+        #[expect(clippy::cast_possible_truncation, reason = "at most 1200")]
+        let centimetres = ((WALL - x) * 100.0).clamp(0.0, 1200.0) as u16;
+        let [low, high] = centimetres.to_le_bytes();
         let frame = [0x59, 0x59, low, high, 0xD7, 0x11, 0x90, 0x09];
         let sum = frame.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
         send.extend(frame.into_iter().chain([sum]));

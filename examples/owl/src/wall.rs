@@ -1,4 +1,4 @@
-//! A range finder that looks ahead: a TFmini at 115,200 baud.
+//! A range finder that looks ahead: a `TFmini` at 115,200 baud.
 
 use rc10::io::Read;
 use rc10::module::listen as listen_to;

@@ -1,4 +1,6 @@
 //! Each part of the robot does its work.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::float_cmp, reason = "pulses are whole microseconds")]
 
 use owl::simulation::{START, WALL};
 use owl::{Name, Robot};
