@@ -342,8 +342,8 @@ fn is_told(robot: &Path, settings: &str, word: &str) -> Result<()> {
 fn add_a_motor(robot: &Path) -> Result<()> {
     let page = fs::read_to_string(root().join("docs/new-robot.md"))?;
     for (file, begin, before) in [
-        ("src/table.rs", "    Loader: Dji = ", "}\n\n/// On blocks"),
-        ("src/task.rs", "        shared.command(Name::Loader", "        let feeder = "),
+        ("src/table.rs", "        Loader: Dji = ", "    }\n}\n\n/// On blocks"),
+        ("src/task.rs", "            shared.command(Name::Loader", "            let feeder = "),
     ] {
         let line = page.lines().find(|line| line.starts_with(begin));
         let line = line.with_context(|| format!("docs/new-robot.md has no line {begin}"))?;
