@@ -29,6 +29,7 @@ mod properties;
 mod record;
 mod remote;
 mod run;
+mod rust;
 mod safety;
 mod two_joints;
 mod verdict;
