@@ -31,6 +31,7 @@ mod readme;
 mod record;
 mod remote;
 mod run;
+mod rust;
 mod safety;
 mod two_joints;
 mod verdict;

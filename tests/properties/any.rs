@@ -168,7 +168,10 @@ pub fn motor() -> impl Strategy<Value = Dji> {
             if reversed {
                 config = config.with_direction(Direction::Reversed);
             }
+            let largest = config.cascade.speed.output_limit;
             config.cascade = cascade.unwrap_or(config.cascade);
+            let limit = &mut config.cascade.speed.output_limit;
+            *limit = limit.min(largest);
             Dji::new(config.with_feedback_rate(rate)).unwrap()
         },
     )

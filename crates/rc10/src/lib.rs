@@ -74,3 +74,18 @@ pub mod sim {
         pub use rc10_time::Micros;
     }
 }
+
+/// Pages of `docs` about a robot: their examples are compiled and run.
+#[cfg(all(doctest, feature = "sim"))]
+mod pages {
+    #[doc = include_str!("../../../docs/declaration.md")]
+    mod declaration {}
+    #[doc = include_str!("../../../docs/rust.md")]
+    mod rust {}
+    #[doc = include_str!("../../../docs/from-cpp.md")]
+    mod from_cpp {}
+    #[doc = include_str!("../../../docs/rust.zh-CN.md")]
+    mod rust_in_chinese {}
+    #[doc = include_str!("../../../docs/from-cpp.zh-CN.md")]
+    mod from_cpp_in_chinese {}
+}

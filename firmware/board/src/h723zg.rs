@@ -65,7 +65,7 @@ pub struct Board {
     pub remote: ReceiverParts<UART5, DMA1_CH2>,
     /// A sensor: laser ranging, say.
     pub uart_3: SerialParts<USART3, DMA1_CH3, DMA1_CH4>,
-    /// Another one, of [`robot!`](crate::robot!) its IMU.
+    /// Another one: the IMU's, of a robot that has one.
     pub uart_7: SerialParts<UART7, DMA1_CH5, DMA1_CH6>,
     /// Another one: positioning by tracking wheels, say.
     pub uart_10: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,

@@ -183,7 +183,8 @@ pub struct Config {
     pub direction: Direction,
     /// The feedback rate set in its controller.
     pub rate: FeedbackRate,
-    /// The control loops.
+    /// The control loops. The speed loop's output limit is at most what the model can: 20 A, 10 A or 3 A, or 1 for the
+    /// whole voltage.
     pub cascade: Cascade,
 }
 
@@ -238,7 +239,15 @@ impl Config {
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.model.ids(self.id));
-        self.cascade.validate()
+        ok!(self.cascade.validate());
+        let (limit, full) = (self.cascade.speed.output_limit, self.model.effort.full());
+        let must_be = match self.model.effort {
+            Effort::Current(_) => "at most the model's largest current, in A",
+            Effort::Voltage => "at most 1, the whole voltage",
+        };
+        let error = ConfigError::check(limit <= full, "output_limit", limit, must_be);
+        ok!(error, in "speed");
+        Ok(())
     }
 
     /// The identifiers on its bus, of a [valid](Self::validate) configuration; else no identifier.
