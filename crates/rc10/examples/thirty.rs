@@ -1,3 +1,5 @@
+//! Two wheels, driven by a remote control.
+
 use rc10::prelude::*;
 
 rc10::robot! {
@@ -7,8 +9,7 @@ rc10::robot! {
     }
 }
 
-/// Speed of the wheels with a stick at its end.
-const FULL: f32 = 200.0; // rpm
+const FULL: f32 = 200.0; // rpm of a wheel, with a stick at its end
 
 impl Program for Robot {
     async fn run(shared: &Shared<'_>) -> ! {
