@@ -164,7 +164,7 @@ fn it_may_point_at_a_commit() {
     let (done, text) =
         new(&folder, &["ibis", "--git", "https://example.org/rc10.git", "--rev", "0123abc"]);
     assert!(done, "{text}");
-    for (file, package) in [("Cargo.toml", "rc10-motor"), ("firmware/Cargo.toml", "rc10-board")] {
+    for (file, package) in [("Cargo.toml", "rc10"), ("firmware/Cargo.toml", "rc10-board")] {
         let text = fs::read_to_string(folder.join("ibis").join(file)).unwrap();
         let wanted =
             format!("{package} = {{ git = \"https://example.org/rc10.git\", rev = \"0123abc\"");
