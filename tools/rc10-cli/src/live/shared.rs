@@ -21,8 +21,8 @@ use super::reach::{KEY, LocalRobot};
 
 /// Limit of connections.
 const MOST: usize = 8;
-/// Bytes that are read of a connection in a step: all together leave room on a line of 921,600 baud.
-const PIECE: usize = 32;
+/// Bytes that are read of all shells in a step: those of 4 ms on a line of 921,600 baud.
+const PIECE: usize = 368;
 /// Limit of bytes that a shell has not read: further frames are lost.
 const ROOM: usize = 256 * 1024;
 /// Limit of questions that are not answered yet.
@@ -82,7 +82,8 @@ impl Source for Shared<'_> {
     fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
         self.admit();
         let (mut first, mut rest) = (Vec::new(), Vec::new());
-        self.programs.retain_mut(|it| it.hear(out, self.now, &self.robot.keys).is_some());
+        let (piece, keys) = (PIECE / self.programs.len(), &self.robot.keys);
+        self.programs.retain_mut(|it| it.hear(out, self.now, keys, piece).is_some());
         for at in 0..self.programs.len() {
             for ask in std::mem::take(&mut self.programs[at].heard) {
                 let ask = self.pass(at, ask);
@@ -246,12 +247,18 @@ impl Program {
 
     /// Hears a shell over its connection, the one that keeps the robot by `out`; `None` if it has ended or is a
     /// stranger.
-    fn hear(&mut self, out: &[u8], now: Micros, [key, answer]: &[String; 2]) -> Option<()> {
+    fn hear(
+        &mut self,
+        out: &[u8],
+        now: Micros,
+        [key, answer]: &[String; 2],
+        most: usize,
+    ) -> Option<()> {
         let mut piece = [0; PIECE];
         let bytes = match &mut self.shell {
             None => out,
             Some((stream, KEY)) => {
-                let count = read(stream, &mut piece)?;
+                let count = read(stream, &mut piece[..most])?;
                 &piece[..count]
             }
             Some((stream, said)) => {
