@@ -82,7 +82,7 @@ impl Source for Shared<'_> {
     fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
         self.admit();
         let (mut first, mut rest) = (Vec::new(), Vec::new());
-        let (piece, keys) = (PIECE / self.programs.len(), &self.robot.keys);
+        let (piece, keys) = (PIECE / self.programs.len().max(1), &self.robot.keys);
         self.programs.retain_mut(|it| it.hear(out, self.now, keys, piece).is_some());
         for at in 0..self.programs.len() {
             for ask in std::mem::take(&mut self.programs[at].heard) {

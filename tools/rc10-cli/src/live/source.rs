@@ -11,11 +11,10 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_time::Micros;
 
-use crate::args::{Injected, seed};
+use crate::args::{Injected, address, seed};
 use crate::live::line::{RobotConnection, Source};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
-use crate::live::viewers::address;
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;

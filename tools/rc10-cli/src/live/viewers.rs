@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Write as _};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _, UdpSocket};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -20,6 +20,7 @@ use serde_json::{Map, Value};
 use super::client::{Client, Sample, Signal};
 use super::foxglove::Foxglove;
 use super::plan::Topic;
+use crate::args::address;
 
 /// Choice of the viewers.
 #[derive(Args, Clone, Debug, Default)]
@@ -64,11 +65,6 @@ pub struct Viewers {
 enum Floats {
     Udp(UdpSocket, SocketAddr),
     Tcp(TcpListener, Vec<TcpStream>),
-}
-
-pub(super) fn address(text: &str) -> Result<SocketAddr> {
-    let mut found = text.to_socket_addrs().with_context(|| format!("{text}: not HOST:PORT"))?;
-    found.next().with_context(|| format!("{text}: there is no such host"))
 }
 
 fn udp(to: SocketAddr) -> Result<UdpSocket> {
