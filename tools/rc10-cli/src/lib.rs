@@ -240,7 +240,7 @@ pub fn main_of<P: Simulated>() -> ExitCode {
 /// Simulates the robot of a program in a world of `description` and `seed`, for this time.
 ///
 /// # Errors
-/// Those of [`Robot::of`] and of [`simulate`](run::simulate::simulate).
+/// Those of [`Robot::of`] and of [`simulate`].
 pub fn simulated<P: Program>(
     description: Description,
     seed: u64,
