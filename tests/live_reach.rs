@@ -158,9 +158,7 @@ fn of_two_robots_the_one_that_is_named_is_reached() {
     let ((_one, first), (_other, second)) = (home.keep(), home.keep());
     let names = [first, second].map(|page| format!("the simulated robot at sim:{page}"));
     // Also without a name, whatever serial ports there are.
-    for wanted in
-        [&["stop", "sim"][..], &["set", "feeder_speed=1"], &["get", "feeder_speed"], &["live"]]
-    {
+    for wanted in [&["set", "feeder_speed=1"][..], &["get", "feeder_speed"], &["live"]] {
         let (done, text) = home.run(wanted);
         assert!(!done && text.contains("which robot? --port with one of these: "), "{text}");
         assert!(names.iter().all(|name| text.contains(name)), "{text}");
@@ -172,6 +170,13 @@ fn of_two_robots_the_one_that_is_named_is_reached() {
     assert_eq!(text, "300\n");
     let (done, text) = home.run(&["get", "feeder_speed", "--port", "emu"]);
     assert!(!done && text.contains("no robot `emu` runs"), "{text}");
+    // A stop is for all of them.
+    let (done, text) = home.run(&["stop", "sim"]);
+    assert!(done && names.iter().all(|name| text.contains(name)), "{text}");
+    for page in [first, second] {
+        let stopped = f64::from(rc10_motor::ArmState::EStopped as u8);
+        until("stopped", || (shown(page, "signals", "arm", "value") - stopped).abs() < 1e-9);
+    }
     // `--sim` begins another one, and no other shell may think that it is this one.
     let (done, text) = home.run(&["set", "feeder_speed=1", "--sim"]);
     assert!(!done && text.contains("unexpected argument"), "{text}");

@@ -203,9 +203,11 @@ pub fn run(is_whole: bool) -> Result<()> {
             program = Some(build_with(TEAM, None, rustc)?);
             return Ok(());
         }
-        program = Some(build_all(rustc)?);
+        // Before the rest: what it leaves is the other board's.
         flash_nothing(rustc)?;
-        build_with("usb", None, rustc).map(drop)
+        build_with("usb", None, rustc)?;
+        program = Some(build_all(rustc)?);
+        Ok(())
     });
     let program = || program.as_deref().ok_or_else(|| Skipped("no firmware".to_owned()));
     report.step("size", || size::run(program()?));

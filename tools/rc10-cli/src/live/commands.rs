@@ -81,33 +81,48 @@ pub struct StopArgs {
     pub disarm: bool,
 }
 
-/// Stops a robot: repeats it until the robot confirms, or until Ctrl-C. Fails without an answer.
+/// Stops the robot, or without its port every robot that is here: repeats it until each confirms, or until Ctrl-C. Fails
+/// without an answer.
 pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let ended = stop()?;
     let RunningArgs { port, baud } = args.running.clone();
     let running = RunningArgs { port: args.place.clone().or(port), baud };
-    let mut session = Session::new(running.open(&robot)?);
-    let what = if args.disarm { Urgent::Disarm } else { Urgent::Stop };
-    let begin = session.now();
-    let id = session.client.urge(what, begin);
-    let mut is_told = false;
+    let (what, done) = match args.disarm {
+        true => (Urgent::Disarm, "disarmed"),
+        false => (Urgent::Stop, "stopped"),
+    };
+    let begun = |connection| {
+        let mut session = Session::new(connection);
+        let id = session.client.urge(what, session.now());
+        (session, id, false)
+    };
+    let mut waiting: Vec<_> = running.open_all(&robot)?.into_iter().map(begun).collect();
     while !ended.load(Ordering::Relaxed) {
-        session.step()?;
-        if session.client.answer(id).is_some() {
-            let millis = session.now().since(begin).get() / 1000;
-            let done = if args.disarm { "disarmed" } else { "stopped" };
-            writeln!(out, "{done} after {millis} ms: {}", session.name())?;
+        let mut at = 0;
+        while let Some((session, id, is_told)) = waiting.get_mut(at) {
+            session.step()?;
+            if session.client.answer(*id).is_some() {
+                let millis = session.now().get() / 1000;
+                writeln!(out, "{done} after {millis} ms: {}", session.name())?;
+                waiting.swap_remove(at);
+                continue;
+            }
+            if session.client.urgency(what, session.now()) == Some(Urgency::NotHeard) && !*is_told {
+                *is_told = true;
+                let why = session.trouble().unwrap_or_else(|| "it does not answer".into());
+                let name = session.name();
+                tell(format_args!(
+                    "NOT HEARD by the robot ({name}): {why}. It is sent on and on; Ctrl-C ends that"
+                ));
+            }
+            at += 1;
+        }
+        if waiting.is_empty() {
             return Ok(());
         }
-        if session.client.urgency(what, session.now()) == Some(Urgency::NotHeard) && !is_told {
-            is_told = true;
-            let why = session.trouble().unwrap_or_else(|| "it does not answer".into());
-            tell(format_args!(
-                "NOT HEARD by the robot: {why}. It is sent on and on; Ctrl-C ends that"
-            ));
-        }
     }
-    bail!("the robot has not answered: it may not be stopped")
+    let names: Vec<_> = waiting.iter().map(|(session, ..)| session.name()).collect();
+    bail!("no answer: {} may not be stopped", names.join(", "))
 }
 
 /// Lists the robot's parameters; fails without a robot.

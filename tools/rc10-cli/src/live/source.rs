@@ -81,13 +81,43 @@ impl RunningArgs {
 
     /// Opens the connection. Fails if it cannot be opened, with the reason and what helps.
     pub fn open(&self, robot: &Robot<'_>) -> Result<RobotConnection<'static>> {
-        let (port, name) = match &self.port {
-            Some(port) if !reach::is_name(port) => (port.clone(), port.clone()),
-            wanted => only(wanted.as_deref(), places(wanted.is_none()))?,
-        };
+        let place = only(self.places()?)?;
         if self.port.is_none() {
-            tell(format_args!("the only robot here: {name}"));
+            tell(format_args!("the only robot here: {}", place.1));
         }
+        self.connect(place, robot)
+    }
+
+    /// Opens every connection that may be meant: a stop reaches one robot too many rather than one too few. Tells what
+    /// cannot be opened, and fails if nothing can.
+    pub fn open_all(&self, robot: &Robot<'_>) -> Result<Vec<RobotConnection<'static>>> {
+        let places = self.places()?.into_iter();
+        let (open, refused): (Vec<_>, Vec<_>) =
+            places.map(|place| self.connect(place, robot)).partition(Result::is_ok);
+        let mut refused = refused.into_iter().filter_map(Result::err);
+        match refused.next() {
+            Some(why) if open.is_empty() => return Err(why),
+            first => first
+                .into_iter()
+                .chain(refused)
+                .for_each(|why| tell(format_args!("NOT HEARD: {why:#}"))),
+        }
+        Ok(open.into_iter().flatten().collect())
+    }
+
+    /// Ports that may be meant, with names for people.
+    fn places(&self) -> Result<Vec<(String, String)>> {
+        match &self.port {
+            Some(port) if !reach::is_name(port) => Ok(vec![(port.clone(), port.clone())]),
+            wanted => meant(wanted.as_deref(), places(wanted.is_none())),
+        }
+    }
+
+    fn connect(
+        &self,
+        (port, name): (String, String),
+        robot: &Robot<'_>,
+    ) -> Result<RobotConnection<'static>> {
         let baud = self.baud_of(robot);
         let open = move || match port.strip_prefix("tcp:") {
             Some(address) => tcp(address),
@@ -156,18 +186,27 @@ fn places(with_serial: bool) -> Vec<(String, String)> {
     ports.chain(running).collect()
 }
 
-/// The only place of a name, or of a kind; fails with a list if there are more.
-fn only(wanted: Option<&str>, mut places: Vec<(String, String)>) -> Result<(String, String)> {
+/// The places of a name, or of a kind; fails if there are none.
+fn meant(wanted: Option<&str>, mut places: Vec<(String, String)>) -> Result<Vec<(String, String)>> {
     let is_it = |port: &str, wanted| port == wanted || port.split(':').next() == Some(wanted);
     places.retain(|(port, _)| wanted.is_none_or(|wanted| is_it(port, wanted)));
+    ensure!(
+        !places.is_empty(),
+        match wanted {
+            Some(name) => format!("no robot `{name}` runs on this PC"),
+            None => "no serial port is there, and no robot runs on this PC: plug the robot in, or begin with \
+                     rc10 live --sim"
+                .into(),
+        }
+    );
+    Ok(places)
+}
+
+/// The only place; fails with a list if there are more.
+fn only(mut places: Vec<(String, String)>) -> Result<(String, String)> {
     let names: Vec<_> = places.iter().map(|(_, name)| name.as_str()).collect();
     ensure!(names.len() < 2, "which robot? --port with one of these: {}", names.join(", "));
-    places.pop().with_context(|| match wanted {
-        Some(name) => format!("no robot `{name}` runs on this PC"),
-        None => "no serial port is there, and no robot runs on this PC: plug the robot in, or begin with \
-                 rc10 live --sim"
-            .into(),
-    })
+    places.pop().context("no robot")
 }
 
 /// Puts a program into a chip: the robot's own firmware, unless one is named. Where it is, too.
@@ -355,7 +394,8 @@ mod tests {
         let of = |wanted, ports: &[&str]| {
             let places =
                 ports.iter().map(|port| ((*port).to_owned(), format!("a robot at {port}")));
-            only(wanted, places.collect()).map_or_else(|why| why.to_string(), |(port, _)| port)
+            let found = meant(wanted, places.collect()).and_then(only);
+            found.map_or_else(|why| why.to_string(), |(port, _)| port)
         };
         let real = "/dev/ttyUSB0";
         assert_eq!(of(None, &[real]), real);
