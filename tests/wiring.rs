@@ -208,11 +208,8 @@ fn who_uses_a_part_is_true() {
         };
         // A robot says which of these it has.
         let by_name = ["servo_", "voltage_"].iter().any(|name| part.starts_with(name));
-        let programs = [
-            ("R", takes(PROGRAM) || by_name),
-            ("S", takes(SELF_TEST)),
-            ("U", takes(USB)),
-        ];
+        let programs =
+            [("R", takes(PROGRAM) || by_name), ("S", takes(SELF_TEST)), ("U", takes(USB))];
         let takers = programs.into_iter().filter(|(_, takes)| *takes).map(|(letter, _)| letter);
         let expected = takers.collect::<Vec<_>>().join(" ");
         assert_eq!(users, expected, "who uses `{part}` ({pin})");

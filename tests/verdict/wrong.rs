@@ -104,15 +104,15 @@ fn a_sound_robot_has_no_problem() {
     assert!(text.contains("✓ All 2 motors online · no frame lost · no overruns"), "{text}");
 }
 
-/// The README's sentence about a bus that is too full.
+/// The sentence of `docs/verdict.md` about a bus that is too full.
 #[test]
 fn a_bus_that_is_too_full_is_refused_with_names_numbers_and_a_way_out() {
     let full = Own { motors: 8, ..SOUND };
     let refused = full.end(&[]).unwrap_err();
-    let readme = fs::read_to_string("README.md").unwrap();
+    let page = fs::read_to_string("docs/verdict.md").unwrap();
     let sentence = "10000 frames/s: 111 % of the bus without stuff bits, 118 % typically, 135 % at \
                     worst: does NOT fit";
-    assert!(readme.contains(sentence));
+    assert!(page.contains(sentence));
     let labels = LABELS.map(|label| format!("{label} (M3508 id "));
     for words in labels.iter().map(String::as_str).chain([
         &format!("bus 1: {sentence}")[..],

@@ -307,10 +307,12 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
             return Ok(());
         }
         own("run -- emu --strict --seconds 2")?;
-        // For the other board: made for it, and built for it.
-        new(&["owl", "--board", DM_MC02])?;
-        in_folder("owl", "test")?;
-        in_folder("owl", "run -- emu --strict --seconds 1")?;
+        // For the other board: made for it, with something of every kind beside its motors; and on the first one.
+        new(&["night-owl", "--board", DM_MC02])?;
+        become_owl(&place.join("night-owl"))?;
+        in_folder("night-owl", "test")?;
+        in_folder("night-owl", "run -- emu --strict --seconds 7")?;
+        in_folder("night-owl", "run -- emu --strict --seconds 7 --board h723zg")?;
         own(&format!("run -- emu --strict --seconds 1 --board {DM_MC02}"))?;
         is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")?;
         is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")
@@ -338,14 +340,27 @@ fn is_told(robot: &Path, settings: &str, word: &str) -> Result<()> {
     Ok(())
 }
 
-/// Adds a motor to a robot, by the lines that the docs say.
+/// Makes a robot of its name `examples/owl`.
+fn become_owl(robot: &Path) -> Result<()> {
+    fs::remove_file(robot.join("tests/drive.rs"))?;
+    for folder in ["src", "tests"] {
+        for file in fs::read_dir(root().join("examples/owl").join(folder))? {
+            let file = file?;
+            let text = fs::read_to_string(file.path())?.replace("owl::", "night_owl::");
+            fs::write(robot.join(folder).join(file.file_name()), text)?;
+        }
+    }
+    Ok(())
+}
+
+/// Does what the page of new robots says: a motor more.
 fn add_a_motor(robot: &Path) -> Result<()> {
     let page = fs::read_to_string(root().join("docs/new-robot.md"))?;
     for (file, begin, before) in [
-        ("src/table.rs", "        Loader: Dji = ", "    }\n}\n\n/// On blocks"),
-        ("src/task.rs", "            shared.command(Name::Loader", "            let feeder = "),
+        ("src/table.rs", "Loader: Dji = ", "    }\n}\n\n/// On blocks"),
+        ("src/task.rs", "shared.command(Name::Loader", "            let feeder = "),
     ] {
-        let line = page.lines().find(|line| line.starts_with(begin));
+        let line = page.lines().find(|line| line.trim_start().starts_with(begin));
         let line = line.with_context(|| format!("docs/new-robot.md has no line {begin}"))?;
         let path = robot.join(file);
         let text = fs::read_to_string(&path)?;

@@ -64,7 +64,7 @@ const BUDGETS: &[(&str, u64, Of)] = &[
 ];
 
 /// The value that a budget bounds.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Of {
     Mean,
     Worst,
@@ -91,17 +91,22 @@ impl Measurement {
         self.sum.div_ceil(self.calls * self.units)
     }
 
+    /// Its budgets.
+    fn budgets(&self) -> impl Iterator<Item = (u64, Of)> {
+        let own = BUDGETS.iter().filter(|(start, ..)| self.name.starts_with(start));
+        own.map(|&(_, budget, of)| (budget, of))
+    }
+
     /// The budget that it is above, if so.
     fn broken_budget(&self) -> Option<u64> {
-        let mut own = BUDGETS.iter().filter(|(start, ..)| self.name.starts_with(start));
-        let is_broken = |(_, budget, of): &&(&str, u64, Of)| {
+        let is_broken = |(budget, of): &(u64, Of)| {
             *budget
                 < match of {
                     Of::Mean => self.each(),
                     Of::Worst => self.worst.div_ceil(self.units),
                 }
         };
-        own.find(is_broken).map(|(_, budget, _)| *budget)
+        self.budgets().find(is_broken).map(|(budget, _)| budget)
     }
 }
 
@@ -114,10 +119,16 @@ pub fn run(program: &Path) -> Result<()> {
     let program = Program::parse(&file)?;
     let Ran { measurements, walked } = program.run()?;
     ensure!(!measurements.is_empty(), "the program calls nothing that is named count_*");
-    println!("{:<32}{:>8}{:>8}{:>8}{:>10}", "instructions", "calls", "mean", "worst", "per unit");
+    println!(
+        "{:<32}{:>8}{:>8}{:>8}{:>10}  budget",
+        "instructions", "calls", "mean", "worst", "per unit"
+    );
     for one in &measurements {
         let mean = one.sum / one.calls;
-        println!("{:<32}{:>8}{mean:>8}{:>8}{:>10}", one.name, one.calls, one.worst, one.each());
+        let budgets: String =
+            one.budgets().map(|(budget, of)| format!("  {budget} {of:?}")).collect();
+        let (calls, worst, each) = (one.calls, one.worst, one.each());
+        println!("{:<32}{calls:>8}{mean:>8}{worst:>8}{each:>10}{budgets}", one.name);
     }
     let mut complaints = Vec::new();
     for measurement in &measurements {

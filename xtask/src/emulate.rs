@@ -1,6 +1,7 @@
-//! The firmware on an emulated chip: the scenarios of `tests/firmware.rs`, and the page of `tests/live_page.rs`
-//! before it.
+//! The firmware on an emulated chip: the scenarios of `tests/firmware.rs`, and the page and the
+//! shells of `tests/live_page.rs` and `tests/live_reach.rs` before it.
 
+use std::ffi::OsStr;
 use std::path::Path;
 
 use anyhow::Result;
@@ -11,11 +12,17 @@ use crate::cargo::{host, run as run_command};
 ///
 /// # Errors
 /// If one of them fails.
-pub fn run(program: &Path, names: &[&str]) -> Result<()> {
-    let run = |test: &str, which: &str, names: &[&str]| {
+pub fn run(program: &Path, names: &[impl AsRef<OsStr>]) -> Result<()> {
+    let command = |test: &str, which: &str| {
         let test = format!("test --package rc10-tool --test {test} -- --{which} --show-output");
-        run_command(host(&test).args(names).env("RC10_FIRMWARE", program))
+        let mut command = host(&test);
+        command.env("RC10_FIRMWARE", program);
+        command
     };
-    run("firmware", "include-ignored", names)?;
-    if names.is_empty() { run("all", "ignored", &["live_page::"]) } else { Ok(()) }
+    run_command(command("firmware", "include-ignored").args(names))?;
+    if names.is_empty() {
+        run_command(command("all", "ignored").args(["live_page::", "live_reach::"]))
+    } else {
+        Ok(())
+    }
 }

@@ -6,6 +6,7 @@ mod check;
 mod count;
 mod deny;
 mod emulate;
+mod figures;
 mod firmware;
 mod first;
 mod floors;
@@ -23,10 +24,12 @@ cargo xtask setup   make this machine able to build for the chip, and to test ag
 cargo xtask check   what must hold before each commit; with --all, all that a CI machine runs
 cargo xtask firmware [PACKAGE [BOARD]]   build the firmware, say where it is; an example's, such as mixed-firmware;
                     for another board: dm-mc02
-cargo xtask emulate   the firmware on an emulated chip: every scenario, against its budgets
+cargo xtask emulate [NAME ..]   the firmware on an emulated chip: every scenario, against its budgets; or those
+                    of the team's robot with such names
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
+cargo xtask figures docs/figures.md anew, by the commands that stand there
 cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools, or of another crate's src
 cargo xtask first   CPU seconds of the first compile, that of cargo run
 cargo xtask deny    licences and sources of all packages, and that no lock file is stale
@@ -51,10 +54,16 @@ fn main() -> ExitCode {
         Some("first") => first::run,
         Some("floors") => || floors::run(std::env::args().nth(2).as_deref()),
         Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),
-        Some("emulate") => {
-            || emulate::run(&firmware::build_all(setup::chip_toolchain()?.as_deref())?, &[])
-        }
+        Some("emulate") => || {
+            let names: Vec<_> = std::env::args().skip(2).collect();
+            let program = match names[..] {
+                [] => firmware::build_all(setup::chip_toolchain()?.as_deref())?,
+                _ => firmware::build(firmware::TEAM, None)?,
+            };
+            emulate::run(&program, &names)
+        },
         Some("phases") => || emulate::run(&firmware::build(firmware::TEAM, None)?, &["phases::"]),
+        Some("figures") => figures::run,
         Some("size") => || size::run(&firmware::build(firmware::TEAM, None)?),
         Some("count") => || count::run(&firmware::build("count", None)?),
         Some("deny") => deny::run,

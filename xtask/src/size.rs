@@ -19,6 +19,7 @@ const RAM_BUDGET: u32 = 64 * 1024;
 pub fn run(program: &Path) -> Result<()> {
     let file = fs::read(program).with_context(|| format!("{}", program.display()))?;
     let size = Image::parse(&file)?;
+    println!("{}", size.compiler.as_deref().unwrap_or("an unknown compiler"));
     let line = |what, bytes: u32, budget: u32| {
         println!("{what:<6} {bytes:>7} of {budget:>7} bytes, {:>3} %", bytes * 100 / budget);
     };

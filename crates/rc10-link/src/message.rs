@@ -178,9 +178,9 @@ impl FromIterator<u16> for Bits {
     /// Numbers without room are left out.
     fn from_iter<I: IntoIterator<Item = u16>>(signals: I) -> Self {
         let mut bits = Self::new();
-        for signal in signals {
+        signals.into_iter().for_each(|signal| {
             bits.insert(signal);
-        }
+        });
         bits
     }
 }

@@ -301,7 +301,7 @@ impl Servo {
     /// Carries out what a servo can: the zero of its shaft, gains, and the limit of its own effort.
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed. [`RequestError::Unsupported`] for what the motor has to do.
+    /// [`RequestError`](crate::RequestError); nothing changed. Its `Unsupported` for what the motor has to do.
     pub fn request(&mut self, request: Request, shaft: &mut Shaft) -> Outcome {
         match request {
             Request::SpeedGains(gains) => with_gains(&mut self.cascade.speed, gains)?,

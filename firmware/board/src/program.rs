@@ -111,7 +111,8 @@ macro_rules! program {
                 $robot::__parts!([$crate::start_lines] shared, lines, board);
 
                 let text = robot::console_port(board.text, Irqs, Priority::P7, Robot::CONSOLE)?;
-                spawner.spawn(tend(shared, board.watchdog, text, started)?);
+                spawner.spawn(tend(shared, board.watchdog)?);
+                spawner.spawn(console(shared, text, started + robot::BETWEEN)?);
                 if Robot::RECEIVER.serial().is_some() {
                     let port = robot::remote(board.remote, Irqs, Robot::RECEIVER, Priority::P7)?;
                     spawner.spawn(listen(shared, port)?);
@@ -137,13 +138,13 @@ macro_rules! program {
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
-            async fn tend(
-                shared: &'static Shared<'static>,
-                watchdog: Peri<'static, IWDG1>,
-                text: Serial,
-                started: Instant,
-            ) {
-                robot::tend(shared, watchdog, text, started + robot::BETWEEN).await;
+            async fn tend(shared: &'static Shared<'static>, watchdog: Peri<'static, IWDG1>) {
+                robot::tend(shared, watchdog).await;
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn console(shared: &'static Shared<'static>, text: Serial, quiet: Instant) {
+                robot::console(shared, text.split(), quiet).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]

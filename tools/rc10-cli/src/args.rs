@@ -1,6 +1,8 @@
 //! Arguments that several commands have: what goes wrong on purpose, times, seeds.
 
-use anyhow::{Result, bail};
+use std::net::{SocketAddr, ToSocketAddrs as _};
+
+use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use rc10_emu::fault::Fault;
 use rc10_time::Micros;
@@ -34,6 +36,12 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
     let micros = format!("{whole}{fraction:0<6}").parse().ok();
     let micros = micros.filter(|micros| is_number && (1000..=3_600_000_000).contains(micros));
     micros.map(Micros::new).ok_or_else(|| WANTED.into())
+}
+
+/// An address of `HOST:PORT`.
+pub(crate) fn address(text: &str) -> Result<SocketAddr> {
+    let mut found = text.to_socket_addrs().with_context(|| format!("{text}: not HOST:PORT"))?;
+    found.next().with_context(|| format!("{text}: there is no such host"))
 }
 
 pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {

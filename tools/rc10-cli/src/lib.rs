@@ -89,7 +89,7 @@ enum Command {
     Get(GetArgs),
     /// Changes parameters of the robot that runs, until power-off
     Set(SetArgs),
-    /// Stops a robot at a serial port: sent until the robot says that it is stopped
+    /// Stops the robot that runs: sent until the robot says that it is stopped
     Stop(StopArgs),
     /// Records the robot that runs
     Record(RecordArgs),
@@ -121,6 +121,7 @@ Examples:
   rc10 live --sim                        plots and gains of the simulated robot, in the browser
   rc10 live                              of the robot at the only serial port; --emu: of its firmware
   rc10 set feeder_speed=200              a parameter of the robot that runs; rc10 params lists them
+  rc10 set feeder_speed=200 --port sim   of the one that rc10 live --sim keeps running
   rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
   rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
   rc10 report can0.log --bus can0=2      what a capture of bus 2 tells, as such a report
@@ -239,7 +240,7 @@ pub fn main_of<P: Simulated>() -> ExitCode {
 /// Simulates the robot of a program in a world of `description` and `seed`, for this time.
 ///
 /// # Errors
-/// Those of [`Robot::of`] and of [`simulate`](run::simulate::simulate).
+/// Those of [`Robot::of`] and of [`simulate`].
 pub fn simulated<P: Program>(
     description: Description,
     seed: u64,

@@ -69,7 +69,11 @@ impl Voltage {
     }
 
     /// The same, as the chip's input reads it.
-    #[expect(clippy::unused_async, reason = "that one waits for its converter")]
+    #[expect(
+        clippy::unused_async,
+        clippy::cast_possible_truncation,
+        reason = "that one waits for its converter, and reads less exactly"
+    )]
     pub async fn read(&mut self) -> Option<f32> {
         Some(self.volts() as f32)
     }

@@ -135,7 +135,6 @@ impl Receiver {
 impl Receiver {
     /// The order of its channels on most transmitters: [`ChannelOrder::AETR`], of pulses
     /// [`ChannelOrder::AIR_JOY`]. DJI's have their own.
-    #[must_use]
     pub const fn channels(self) -> ChannelOrder {
         match self {
             Self::Ppm => ChannelOrder::AIR_JOY,

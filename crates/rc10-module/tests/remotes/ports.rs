@@ -91,7 +91,7 @@ fn no_read_is_dropped_to_hear_a_pause() {
     let port = Careless { line, dropped: Rc::clone(&dropped) };
     let (heard, reception) = (Cell::new(0), Reception::new());
     let task = listen(Receiver::Dr16, Receiver::Dr16.channels(), port, &reception, |_, _| {
-        heard.set(heard.get() + 1)
+        heard.set(heard.get() + 1);
     });
     assert_eq!(run_until(end, task), None);
     // The last one, with the task.

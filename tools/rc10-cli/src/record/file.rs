@@ -1,15 +1,14 @@
 //! Reads MCAP files that may be damaged: one record after the other, in a bounded memory. No length
 //! in a file is believed before its bytes are there.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
-use mcap::records::{self, Record, op};
-use mcap::{MAGIC, parse_record};
+use anyhow::{Context, Result, anyhow, ensure};
+use mcap::MAGIC;
+use mcap::records::op;
 
 /// Longest record that is read, bytes: a chunk of ours has a megabyte.
 const MOST: u64 = 64 << 20;
@@ -18,7 +17,6 @@ const HEAD: u64 = 9;
 /// Place of the first record.
 const BEGIN: u64 = MAGIC.len() as u64;
 const EARLY: &str = "it ends too early";
-const DAMAGED: &str = "a record is damaged";
 
 pub(crate) struct Channel {
     pub(crate) topic: String,
@@ -69,10 +67,9 @@ fn read(
             op::FOOTER => return ends_or_begins(&mut file),
             op::CHUNK => {
                 let mut records = chunk(&body)?;
-                while !records.is_empty() {
-                    let (kind, body, others) = split(records).context(DAMAGED)?;
+                while !records.0.is_empty() {
+                    let (kind, body) = records.record()?;
                     item(kind, body, &mut schemas, &mut take)?;
-                    records = others;
                 }
             }
             _ => item(kind, &body, &mut schemas, &mut take)?,
@@ -114,56 +111,76 @@ fn item(
     schemas: &mut BTreeMap<u16, Option<Vec<String>>>,
     take: &mut impl FnMut(Item<'_>) -> Result<()>,
 ) -> Result<()> {
+    let mut rest = Rest(body);
     match kind {
-        op::MESSAGE => return take(message(body).context(DAMAGED)?),
-        op::SCHEMA | op::CHANNEL | op::METADATA => {}
-        _ => return Ok(()),
-    }
-    match parse_record(kind, body).ok().context(DAMAGED)? {
-        Record::Schema { header, data } => {
-            let columns = columns(&data).filter(|_| header.encoding == "ros2msg");
-            schemas.insert(header.id, columns);
+        op::SCHEMA => {
+            let (id, _, encoding) = (rest.number(2)? as u16, rest.text()?, rest.text()?);
+            let length = rest.number(4)?;
+            let columns = columns(rest.take(length)?).filter(|_| encoding == "ros2msg");
+            schemas.insert(id, columns);
             Ok(())
         }
-        Record::Channel(records::Channel { id, schema_id, topic, message_encoding, metadata }) => {
-            let columns = schemas.get(&schema_id).cloned().flatten();
-            let columns = columns.filter(|_| message_encoding == "cdr");
-            take(Item::Channel(id, Channel { topic, map: metadata, columns }))
+        op::CHANNEL => {
+            let (id, schema) = (rest.number(2)? as u16, rest.number(2)? as u16);
+            let (topic, encoding, map) = (rest.text()?, rest.text()?, rest.map()?);
+            let columns = schemas.get(&schema).cloned().flatten();
+            let columns = columns.filter(|_| encoding == "cdr");
+            take(Item::Channel(id, Channel { topic, map, columns }))
         }
-        Record::Metadata(it) => take(Item::Metadata(it.name, it.metadata)),
+        op::MESSAGE => {
+            let (id, _, time) = (rest.number(2)? as u16, rest.number(4)?, rest.number(8)?);
+            rest.take(8)?;
+            take(Item::Message(id, time, rest.0))
+        }
+        op::METADATA => take(Item::Metadata(rest.text()?, rest.map()?)),
         _ => Ok(()),
     }
 }
 
-/// A message. They are nearly all of a file, and read faster by hand.
-fn message(body: &[u8]) -> Option<Item<'_>> {
-    let (id, rest) = body.split_first_chunk()?;
-    let (_sequence, rest) = rest.split_first_chunk::<4>()?;
-    let (time, rest) = rest.split_first_chunk()?;
-    let (_published, bytes) = rest.split_first_chunk::<8>()?;
-    Some(Item::Message(u16::from_le_bytes(*id), u64::from_le_bytes(*time), bytes))
-}
-
 /// The records of a chunk without compression.
-fn chunk(body: &[u8]) -> Result<&[u8]> {
-    let Ok(Record::Chunk { header, data: Cow::Borrowed(records) }) = parse_record(op::CHUNK, body)
-    else {
-        bail!(DAMAGED);
-    };
-    let packed = header.compression;
+fn chunk(body: &[u8]) -> Result<Rest<'_>> {
+    let mut rest = Rest(body);
+    rest.take(24)?;
+    let (crc, packed, length) = (rest.number(4)? as u32, rest.text()?, rest.number(8)?);
     ensure!(packed.is_empty(), "a chunk is packed with {packed}; mcap decompress unpacks it");
-    let crc = header.uncompressed_crc;
+    let records = rest.take(length)?;
     // Zero from a writer that has no time for it.
     ensure!(crc == 0 || crc == crc32fast::hash(records), "the CRC of a chunk is wrong");
-    Ok(records)
+    Ok(Rest(records))
 }
 
-/// Kind and body of the first record of a chunk, and the others.
-fn split(records: &[u8]) -> Option<(u8, &[u8], &[u8])> {
-    let ([kind, length @ ..], rest) = records.split_first_chunk::<{ HEAD as usize }>()?;
-    let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
-    let (body, others) = rest.split_at_checked(length)?;
-    Some((*kind, body, others))
+struct Rest<'a>(&'a [u8]);
+
+impl<'a> Rest<'a> {
+    fn take(&mut self, count: u64) -> Result<&'a [u8]> {
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        let (taken, rest) = self.0.split_at_checked(count).context("a record is too short")?;
+        self.0 = rest;
+        Ok(taken)
+    }
+
+    fn number(&mut self, bytes: u64) -> Result<u64> {
+        Ok(self.take(bytes)?.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte)))
+    }
+
+    fn text(&mut self) -> Result<String> {
+        let length = self.number(4)?;
+        Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
+    }
+
+    fn map(&mut self) -> Result<BTreeMap<String, String>> {
+        let length = self.number(4)?;
+        let (mut rest, mut map) = (Rest(self.take(length)?), BTreeMap::new());
+        while !rest.0.is_empty() {
+            map.insert(rest.text()?, rest.text()?);
+        }
+        Ok(map)
+    }
+
+    fn record(&mut self) -> Result<(u8, &'a [u8])> {
+        let (kind, length) = (self.number(1)? as u8, self.number(8)?);
+        Ok((kind, self.take(length)?))
+    }
 }
 
 /// The names of a schema's numbers; `None` if it has other types than eight-byte numbers.

@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use crate::formats::candump;
 use crate::record::RecordWriter;
 use crate::recording::effort::EffortWatch;
+use crate::recording::load::Carrying;
 use crate::recording::look::{Moment, MotorLook};
 use crate::recording::margin::Margins;
 use crate::recording::remote::{Loss, RemoteTrack};
@@ -420,7 +421,9 @@ impl MotorRecorder {
         self.peak_current = self.peak_current.max(seen.current.abs());
         if let Some(watch) = &mut self.effort {
             watch.look(now, look.effort);
-            watch.look_at_load(now, look, &seen);
+            let MotorSample { kind, target, measured, .. } = seen;
+            let (feedback, effort) = (&look.status.feedback, look.effort);
+            watch.look_at_load(now, &Carrying { kind, target, measured, feedback, effort });
         }
         if self.is_new && self.last.kind != seen.kind {
             self.sums[0] = Sum::default();

@@ -4,13 +4,12 @@
 //! often as a real robot tells it, in windows of [`WINDOW`] in which the motor is driven
 //! throughout.
 
+use crate::recording::load::WINDOW;
 use rc10_motor::{Loops, TargetKind};
 use rc10_time::Micros;
 
-use crate::recording::load::{LoadTrack, LoadWatch, WINDOW};
-use crate::recording::look::MotorLook;
+use crate::recording::load::{Carrying, LoadTrack, LoadWatch};
 use crate::recording::margin::Margins;
-use crate::recording::sample::MotorSample;
 
 /// Looks in a window that are needed to judge it.
 pub const LEAST_LOOKS: usize = 10;
@@ -179,8 +178,8 @@ impl EffortWatch {
     }
 
     /// Takes a look at the load of the motor.
-    pub fn look_at_load(&mut self, now: Micros, look: &MotorLook, seen: &MotorSample) {
-        self.load.look(now, look, seen, &self.track.loops.cascade.feed_forward);
+    pub fn look_at_load(&mut self, now: Micros, seen: &Carrying<'_>) {
+        self.load.look(now, seen, &self.track.loops.cascade.feed_forward);
     }
 
     /// The summary of all windows.

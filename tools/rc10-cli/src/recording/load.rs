@@ -1,12 +1,9 @@
 //! Whether a motor's feed-forward is its load: while it stands or turns evenly as commanded, the
 //! effort of its loops is the load itself.
 
-use rc10_motor::TargetKind;
 use rc10_motor::rc10_app::{Degrees, FeedForward, Gravity, Rpm, RpmPerSecond};
+use rc10_motor::{Feedback, TargetKind};
 use rc10_time::Micros;
-
-use crate::recording::look::MotorLook;
-use crate::recording::sample::MotorSample;
 
 /// Length of a window.
 pub const WINDOW: Micros = Micros::from_millis(200);
@@ -67,6 +64,21 @@ pub struct LoadTrack {
     pub motion: Fit,
 }
 
+/// A look at the load of a motor.
+#[derive(Clone, Copy, Debug)]
+pub struct Carrying<'a> {
+    /// Kind of the target.
+    pub kind: TargetKind,
+    /// Target in the unit of the kind, while the motor follows one.
+    pub target: Option<f64>,
+    /// The measurement in the same unit.
+    pub measured: f64,
+    /// Newest measurements.
+    pub feedback: &'a Feedback,
+    /// Effort of the loops; `None` while they do not drive.
+    pub effort: Option<f64>,
+}
+
 /// Watches the load of one motor.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LoadWatch {
@@ -79,16 +91,8 @@ pub(crate) struct LoadWatch {
 }
 
 impl LoadWatch {
-    /// Takes a look, and the sample that is made of it.
-    pub(crate) fn look(
-        &mut self,
-        now: Micros,
-        look: &MotorLook,
-        seen: &MotorSample,
-        feed_forward: &FeedForward,
-    ) {
-        let &MotorSample { kind, target, measured, .. } = seen;
-        let (feedback, effort) = (look.status.feedback, look.effort);
+    pub(crate) fn look(&mut self, now: Micros, seen: &Carrying<'_>, feed_forward: &FeedForward) {
+        let Carrying { kind, target, measured, feedback, effort } = *seen;
         let is_angle = !matches!(kind, TargetKind::Speed | TargetKind::SpeedMotion);
         let follows = |target: f64| {
             let error = (target - measured).abs();
@@ -129,7 +133,6 @@ impl LoadWatch {
 
 #[cfg(test)]
 mod tests {
-    use rc10_motor::DriveMode;
     use rc10_motor::rc10_app::TotalAngle;
 
     use super::*;
@@ -143,13 +146,6 @@ mod tests {
         }
     }
 
-    fn driven(kind: TargetKind, target: f64, measured: f64, effort: f64) -> MotorLook {
-        let effort = Some(effort);
-        let mut look = MotorLook { kind, target, measured, effort, ..MotorLook::NEW };
-        look.status.drive = DriveMode::Run;
-        look
-    }
-
     /// Of a motor that stands, turns at 30 rpm, and stands at another angle, 1 s each.
     fn watched(gravity: Gravity, speed: f32, effort: impl Fn(f64, f64) -> f64) -> LoadTrack {
         let feed_forward = FeedForward { gravity, per_rpm: speed, ..FeedForward::NONE };
@@ -160,12 +156,17 @@ mod tests {
                 1500..2500 => (20.0 + 0.18 * (millis - 1500) as f64, 30.0),
                 _ => (200.0, 0.0),
             };
-            let kind = TargetKind::TotalAngle;
-            let mut look = driven(kind, degrees + 1.0, degrees, effort(degrees, rpm));
-            look.status.feedback.speed = Rpm::new(rpm as f32);
-            look.status.feedback.total_angle =
-                TotalAngle::from_microdegrees((degrees * 1e6) as i64);
-            watch.look(Micros::from_millis(millis), &look, &look.seen(), &feed_forward);
+            let mut feedback = Feedback::NEW;
+            feedback.speed = Rpm::new(rpm as f32);
+            feedback.total_angle = TotalAngle::from_microdegrees((degrees * 1e6) as i64);
+            let seen = Carrying {
+                kind: TargetKind::TotalAngle,
+                target: Some(degrees + 1.0),
+                measured: degrees,
+                feedback: &feedback,
+                effort: Some(effort(degrees, rpm)),
+            };
+            watch.look(Micros::from_millis(millis), &seen, &feed_forward);
         }
         watch.track
     }
@@ -188,9 +189,12 @@ mod tests {
         let mut watch = LoadWatch::default();
         for millis in 0..2000 {
             let rpm = rpm(millis % (WINDOW.get() / 1000));
-            let mut look = driven(TargetKind::Speed, rpm, rpm, 0.0);
-            look.status.feedback.speed = Rpm::new(rpm as f32);
-            watch.look(Micros::from_millis(millis), &look, &look.seen(), &FeedForward::NONE);
+            let mut feedback = Feedback::NEW;
+            feedback.speed = Rpm::new(rpm as f32);
+            let (target, measured, effort) = (Some(rpm), rpm, Some(0.0));
+            let seen =
+                Carrying { kind: TargetKind::Speed, target, measured, feedback: &feedback, effort };
+            watch.look(Micros::from_millis(millis), &seen, &FeedForward::NONE);
         }
         [watch.track.weight.windows, watch.track.motion.windows]
     }
