@@ -2,8 +2,8 @@
 //! CAN captures, writes DBC files, puts a simulated bus on a pseudo-terminal. The only place where
 //! robots, the simulator and the emulator meet.
 //!
-//! A robot crate needs no copy of this one: it hands a [`Robot`], which is a [`Description`] with
-//! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
+//! A robot crate needs no copy of this one: of a robot that is [`Simulated`], [`main_of`] is the same command line. A
+//! [`Robot`] that is made by hand, a [`Description`] with buses and tasks, goes to [`main_for`]: `examples/two-wheels`.
 //!
 //! * [`robot`]: a robot as plain data: motors, base, remote, script.
 //! * [`world`]: the simulated environment of a robot, and a robot with its tasks, ready to run.
