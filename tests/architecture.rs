@@ -91,7 +91,8 @@ fn every_file_that_the_page_names_is_there() {
     // Of the two vendors: all folders have the same files, and some have `wire/`.
     let motors = "crates/rc10-motor/src";
     let vendors = [format!("{motors}/dji"), format!("{motors}/unitree")];
-    let folders = ["", "crates", "tools", "crates/rc10-app/src", motors, &vendors[0], &vendors[1]];
+    let mut folders = vec!["", "crates", "tools", "firmware", "crates/rc10-app/src", motors];
+    folders.extend(vendors.iter().map(String::as_str));
     let mut checked = 0;
     for page in [HOUSE, WORDS] {
         for file in quoted(page).filter(|name| name.ends_with(".rs") || name.ends_with('/')) {

@@ -80,6 +80,7 @@ robots! {
     too_many_filters,
     too_many_patterns,
     too_many_standard_filters,
+    too_much_current,
     too_much_torque,
 }
 

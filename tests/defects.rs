@@ -110,7 +110,7 @@ fn r4_a_million_rotor_turns_are_counted_exactly() {
 
 #[test]
 fn r5_the_integral_works_without_any_separation_threshold() {
-    let config = PidConfig::new(0.0, 10.0, 0.0, 100.0);
+    let config = PidConfig::within(100.0).ki(10.0);
     let mut state = PidState::new();
     for _ in 0..1000 {
         state.update(&config, 1.0, 0.0, 0.0, MS);

@@ -40,6 +40,8 @@ mod line;
 mod live;
 #[path = "firmware/omni.rs"]
 mod omni_robot;
+#[path = "firmware/owl.rs"]
+mod owl_robot;
 #[path = "firmware/phases.rs"]
 mod phases;
 #[path = "firmware/priorities.rs"]
@@ -65,7 +67,7 @@ fn program(name: &str) -> Vec<u8> {
 
 fn firmware() -> &'static [u8] {
     static FILE: OnceLock<Vec<u8>> = OnceLock::new();
-    FILE.get_or_init(|| program("rc10-firmware"))
+    FILE.get_or_init(|| program("team-firmware"))
 }
 
 const fn millis(millis: u64) -> Nanos {
@@ -88,7 +90,7 @@ fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
     let mut motors = Motors::new();
     let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
     let file = match setup.board {
-        Some(Board::DM_MC02) => &program("rc10-firmware-dm-mc02"),
+        Some(Board::DM_MC02) => &program("team-firmware-dm-mc02"),
         _ => firmware(),
     };
     scenario(Emulation::new(file, robot, setup).unwrap())

@@ -385,7 +385,7 @@ fn a_robot_is_stopped_from_a_shell() {
     let Started(stop) = &mut Started(stop);
     let mut said = BufReader::new(stop.stderr.take().unwrap()).lines();
     let begin = Instant::now();
-    assert!(said.next().unwrap().unwrap().contains("NOT HEARD by the robot"));
+    assert!(said.next().unwrap().unwrap().contains("NOT HEARD by the robot ("));
     // Not before it is so, and once.
     assert!(begin.elapsed() >= Duration::from_millis(100));
     std::thread::sleep(Duration::from_millis(200));

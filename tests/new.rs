@@ -92,30 +92,30 @@ fn a_robot_has_its_own_name_throughout() {
 #[test]
 fn it_may_be_for_the_other_board() {
     let folder = Scratch::new("new-board");
-    let (done, text) = new(&folder, &["owl", "--board", "dm-mc02"]);
+    let (done, text) = new(&folder, &["ibis", "--board", "dm-mc02"]);
     assert!(done && text.contains("for the board dm-mc02 with an STM32H723VG"), "{text}");
     let (done, text) = new(&folder, &["elk"]);
     assert!(done && text.contains("for the board h723zg with an STM32H723ZG"), "{text}");
     let differences = |file: &str| {
-        let [owl, elk] = ["owl", "elk"].map(|name| {
+        let [ibis, elk] = ["ibis", "elk"].map(|name| {
             let text = fs::read_to_string(folder.join(name).join(file)).unwrap();
             text.replace(name, "NAME").lines().map(str::to_owned).collect::<Vec<_>>()
         });
-        assert_eq!(owl.len(), elk.len(), "{file}");
-        let pairs = owl.into_iter().zip(elk);
-        pairs.filter(|(owl, elk)| owl != elk).collect::<Vec<_>>()
+        assert_eq!(ibis.len(), elk.len(), "{file}");
+        let pairs = ibis.into_iter().zip(elk);
+        pairs.filter(|(ibis, elk)| ibis != elk).collect::<Vec<_>>()
     };
-    let pair = |owl: &str, elk: &str| vec![(owl.to_owned(), elk.to_owned())];
+    let pair = |ibis: &str, elk: &str| vec![(ibis.to_owned(), elk.to_owned())];
     let board = pair("default = [\"dm-mc02\"]", "default = [\"h723zg\"]");
     assert_eq!(differences("firmware/Cargo.toml"), board);
-    let [(owl, elk)] = &differences(".cargo/config.toml")[..] else { panic!("one line") };
-    assert!(owl.contains("--chip STM32H723VGTx ") && elk.contains("--chip STM32H723ZGTx "));
+    let [(ibis, elk)] = &differences(".cargo/config.toml")[..] else { panic!("one line") };
+    assert!(ibis.contains("--chip STM32H723VGTx ") && elk.contains("--chip STM32H723ZGTx "));
     for file in ["Cargo.toml", "firmware/src/main.rs", "firmware/.cargo/config.toml"] {
         assert!(differences(file).is_empty(), "{file}");
     }
     let (done, text) = new(&folder, &["bat", "--board", "nucleo"]);
     assert!(!done && text.contains("there is no such board: h723zg, dm-mc02"), "{text}");
-    assert_eq!(names(&folder), ["elk", "owl"]);
+    assert_eq!(names(&folder), ["elk", "ibis"]);
 }
 
 /// Every `config.toml` of cargo in a folder and those below it.
@@ -136,7 +136,7 @@ fn cargo_configs(folder: &Path) -> Vec<PathBuf> {
 #[test]
 fn every_runner_lets_a_fault_reach_its_handler_and_a_reset_the_next_run() {
     let folder = Scratch::new("new-runners");
-    assert!(new(&folder, &["owl"]).0);
+    assert!(new(&folder, &["ibis"]).0);
     let tree = cargo_configs(Path::new(env!("CARGO_MANIFEST_DIR")));
     for (configs, least) in [(tree, 2), (cargo_configs(&folder), 1)] {
         let texts: Vec<_> = configs.iter().map(|file| fs::read_to_string(file).unwrap()).collect();
@@ -162,10 +162,10 @@ fn every_runner_lets_a_fault_reach_its_handler_and_a_reset_the_next_run() {
 fn it_may_point_at_a_commit() {
     let folder = Scratch::new("new-git");
     let (done, text) =
-        new(&folder, &["owl", "--git", "https://example.org/rc10.git", "--rev", "0123abc"]);
+        new(&folder, &["ibis", "--git", "https://example.org/rc10.git", "--rev", "0123abc"]);
     assert!(done, "{text}");
-    for (file, package) in [("Cargo.toml", "rc10-motor"), ("firmware/Cargo.toml", "rc10-board")] {
-        let text = fs::read_to_string(folder.join("owl").join(file)).unwrap();
+    for (file, package) in [("Cargo.toml", "rc10"), ("firmware/Cargo.toml", "rc10-board")] {
+        let text = fs::read_to_string(folder.join("ibis").join(file)).unwrap();
         let wanted =
             format!("{package} = {{ git = \"https://example.org/rc10.git\", rev = \"0123abc\"");
         assert!(text.contains(&wanted) && !text.contains("path = \"/"), "{file}: {text}");

@@ -26,14 +26,12 @@ const BOARDS: [Board; 2] = [
         streams: 14,
     },
 ];
-const ROBOT: &str = include_str!("../examples/team/firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
-/// What it calls and may call, and its own words: the parts of its buses and its line.
+/// The program of a robot.
 const PROGRAM: &str = concat!(
     include_str!("../firmware/board/src/program.rs"),
     include_str!("../firmware/board/src/parts.rs")
 );
-const MIXED: &str = include_str!("../examples/mixed/firmware/src/main.rs");
 const USB: &str = include_str!("../firmware/usb/src/main.rs");
 /// The signals of each pin of the emulated chip, by alternate function.
 const PINS: &str = include_str!("../tools/rc10-emu/src/peripherals/pins.rs");
@@ -173,25 +171,45 @@ fn alternate_functions_are_those_of_the_chip() {
     assert!(checked >= 62, "{checked}");
 }
 
+/// The inputs and outputs of the emulated boards, in the order of the code.
+#[test]
+fn the_emulated_boards_have_the_same_ports() {
+    for (board, emulated) in BOARDS.iter().zip(rc10_emu::Board::ALL) {
+        let parts = parts(board);
+        let of = |what: &str| -> Vec<String> {
+            let names = parts.iter().filter(|(part, _)| part.starts_with(what));
+            names
+                .flat_map(|(_, names)| names)
+                .filter(|name| is_pin(name))
+                .map(|it| (*it).into())
+                .collect()
+        };
+        let name = |(port, pin): &(char, usize)| format!("P{port}{pin}");
+        let names = |pins: &[(char, usize)]| pins.iter().map(name).collect::<Vec<_>>();
+        assert_eq!(of("switches"), names(&emulated.switches), "{}", emulated.name);
+        assert_eq!(of("servo_"), names(&emulated.servos), "{}", emulated.name);
+        assert_eq!(of("voltage_"), names(emulated.voltages), "{}", emulated.name);
+        assert_eq!(of("pulses"), names(&[emulated.pulses]), "{}", emulated.name);
+    }
+}
+
 #[test]
 fn who_uses_a_part_is_true() {
     for (pin, [part, .., source, users]) in table(&OURS) {
         let takes = |code: &str| {
             // By itself, or by a macro that starts it.
-            [format!("board.{part}"), format!("board, {part}")].iter().any(|part| {
+            let by_macro = [format!("board, {part}"), format!("start_{part}!(board")];
+            by_macro.iter().chain([&format!("board.{part}")]).any(|part| {
                 code.match_indices(part).any(|(at, _)| {
                     let behind = code[at + part.len()..].chars().next();
                     behind.is_some_and(|next| !next.is_alphanumeric() && next != '_')
                 })
             })
         };
-        let names = |code: &str| code.split([' ', '(', ')', ',']).any(|word| word == part);
-        let programs = [
-            ("R", takes(ROBOT)),
-            ("S", takes(SELF_TEST)),
-            ("M", takes(PROGRAM) || names(MIXED)),
-            ("U", takes(USB)),
-        ];
+        // A robot says which of these it has.
+        let by_name = ["servo_", "voltage_"].iter().any(|name| part.starts_with(name));
+        let programs =
+            [("R", takes(PROGRAM) || by_name), ("S", takes(SELF_TEST)), ("U", takes(USB))];
         let takers = programs.into_iter().filter(|(_, takes)| *takes).map(|(letter, _)| letter);
         let expected = takers.collect::<Vec<_>>().join(" ");
         assert_eq!(users, expected, "who uses `{part}` ({pin})");

@@ -363,8 +363,8 @@ pub fn unitree_module(bytes: &[u8]) {
 
 /// Efforts in N m.
 const CASCADE: Cascade = Cascade {
-    speed: PidConfig::new(0.05, 0.5, 0.0, 5.0),
-    angle: PidConfig::new(2.0, 0.0, 0.0, 100.0),
+    speed: PidConfig::within(5.0).kp(0.05).ki(0.5),
+    angle: PidConfig::within(100.0).kp(2.0),
     outer_divider: 1,
     acceleration: RpmPerSecond::new(1000.0),
     feed_forward: FeedForward::NONE,

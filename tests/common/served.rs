@@ -52,9 +52,15 @@ pub fn http(port: u16, method: &str, path: &str, headers: &str, body: &str) -> (
 
 pub const JSON: &str = "Content-Type: application/json\r\n";
 
-/// Starts `rc10 live`, and gives its page's port.
+/// Starts `rc10 live`, and gives its page's port. It is not among the robots of this user.
 pub fn live(command: &mut Command) -> (Started, u16) {
-    let (live, line) = start(command, "http://");
+    let (live, line) =
+        start(command.env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR")), "http://");
+    (live, page_of(&line))
+}
+
+/// The port in the line of `rc10 live` with its address.
+pub fn page_of(line: &str) -> u16 {
     let url = line.split_whitespace().last().unwrap().trim_end_matches('/');
-    (live, url.rsplit(':').next().unwrap().parse().unwrap())
+    url.rsplit(':').next().unwrap().parse().unwrap()
 }

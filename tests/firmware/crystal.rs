@@ -64,7 +64,7 @@ fn another_crystal_is_told() {
 fn the_right_crystal_is_right_whatever_measures_it() {
     for deviation in [-20_000, -10_000, 10_000, 20_000] {
         for (board, name) in
-            [(Board::H723ZG, "rc10-firmware"), (Board::DM_MC02, "rc10-firmware-dm-mc02")]
+            [(Board::H723ZG, "team-firmware"), (Board::DM_MC02, "team-firmware-dm-mc02")]
         {
             let told =
                 alone(name, Options { board, hsi_deviation_ppm: deviation, ..Options::default() });
@@ -76,7 +76,7 @@ fn the_right_crystal_is_right_whatever_measures_it() {
     for deviation in [-10_000, 10_000] {
         let board = Board { crystal_hz: 24_000_000, ..Board::H723ZG };
         let told = alone(
-            "rc10-firmware",
+            "team-firmware",
             Options { board, hsi_deviation_ppm: deviation, ..Options::default() },
         );
         assert!(told.contains("the crystal has 2"), "{deviation} ppm: {told}");
@@ -90,7 +90,7 @@ fn the_right_crystal_is_right_whatever_measures_it() {
 fn the_oscillator_that_stands_in_is_as_exact_as_it_was_measured() {
     for (deviation, said) in [(12_000, "HSI is +1.20 %"), (-12_000, "HSI is -1.20 %")] {
         let options = Options { hsi_deviation_ppm: deviation, ..Options::default() };
-        let mut rig = rig_of("rc10-firmware", options);
+        let mut rig = rig_of("team-firmware", options);
         rig.run(millis(300)).unwrap();
         let struck = rig.machine.now();
         rig.machine.set_crystal(false);
@@ -117,7 +117,7 @@ fn the_oscillator_that_stands_in_is_as_exact_as_it_was_measured() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_crystal_that_cannot_be_measured_is_taken_as_it_is() {
-    let told = alone("rc10-firmware", Options { silent: &["TIM17"], ..Options::default() });
+    let told = alone("team-firmware", Options { silent: &["TIM17"], ..Options::default() });
     assert!(told.contains("the crystal could not be measured"), "{told}");
     assert!(!told.contains("cannot be armed"), "{told}");
 }
@@ -151,7 +151,7 @@ fn rig_of(name: &str, options: Options) -> Rig {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_dip_of_the_supply_is_told() {
-    let mut rig = rig_of("rc10-firmware", Options::default());
+    let mut rig = rig_of("team-firmware", Options::default());
     let mut said = |cause| {
         if let Some(cause) = cause {
             rig.machine.restart(cause);
@@ -172,7 +172,7 @@ fn a_dip_of_the_supply_is_told() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn another_chip_is_told() {
     let of = |identity| {
-        said("rc10-firmware", Options::default(), |machine| machine.soc().set_identity(identity))
+        said("team-firmware", Options::default(), |machine| machine.soc().set_identity(identity))
     };
     let told = of(0x2003_6450);
     let words = "this chip is no STM32H723 but has DEV_ID 0x450: the robot cannot be armed";
@@ -215,10 +215,10 @@ fn the_command_says_what_does_not_fit() {
         let firmware = std::env::var_os("RC10_FIRMWARE").unwrap();
         std::path::PathBuf::from(firmware).with_file_name(name).display().to_string()
     };
-    let (code, text) = said(&[&file("rc10-firmware"), "--crystal", "24"]);
+    let (code, text) = said(&[&file("team-firmware"), "--crystal", "24"]);
     let words = "the program is for a crystal of 25 MHz, the board's has 24: buses at 1000 kbit/s would run at 960 kbit/s";
     assert!(code == Some(3) && text.contains(words), "{code:?} {text}");
-    let (code, text) = said(&[&file("rc10-firmware-dm-mc02"), "--board", "h723zg"]);
+    let (code, text) = said(&[&file("team-firmware-dm-mc02"), "--board", "h723zg"]);
     let words = "the program is for dm-mc02 (STM32H723VG), the board is h723zg (STM32H723ZG)";
     assert!(code == Some(3) && text.contains(words), "{code:?} {text}");
 }

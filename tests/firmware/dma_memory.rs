@@ -39,7 +39,7 @@ fn judge(program: &[u8]) -> Result<(usize, u32), String> {
 #[test]
 #[ignore = "needs the chip's programs: cargo xtask emulate"]
 fn every_dma_buffer_lies_in_sram1() {
-    for (name, at_least) in [("rc10-firmware", 4), ("selftest", 11)] {
+    for (name, at_least) in [("team-firmware", 4), ("selftest", 11)] {
         let (buffers, bytes) = judge(&program(name)).unwrap();
         println!("{name}: {buffers} DMA buffers, {bytes} bytes");
         assert!(buffers >= at_least, "{name}: {buffers}");

@@ -1,5 +1,5 @@
-//! The firmware of `examples/lift`: two motors that find the bottom together, and a feeder that finds its
-//! index.
+//! The firmware of `examples/lift`: two motors that find the bottom together, a hoist that finds its own by a
+//! switch, and a feeder that finds its index.
 
 use lift::table::{FEEDER, HEIGHTS, LIFT};
 use lift::{Motors, Name, Ports, Shared, simulation};
@@ -53,7 +53,7 @@ fn it_finds_its_bottom() {
             assert!(least < -25.0 && most > 25.0, "{name:?}: {least} to {most} rpm");
         }
         let log = log(emulation);
-        assert!(log.lines().last().unwrap().contains("armed, 3 of 3 motors online"), "{log}");
+        assert!(log.lines().last().unwrap().contains("armed, 4 of 4 motors online"), "{log}");
     });
 }
 
@@ -66,6 +66,24 @@ fn then_it_goes_to_a_height_and_is_level() {
         assert!(heights.iter().all(|height| (height - middle).abs() < 1.0), "{heights:?}");
         assert!((heights[0] - heights[1]).abs() < 0.5, "{heights:?}");
     });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn its_hoist_finds_its_bottom_by_a_pin() {
+    for name in ["lift-firmware", "lift-firmware-dm-mc02"] {
+        record_on(name, 2500, |emulation, recording| {
+            is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+            let height =
+                -emulation.motors[Name::Hoist.index()].state().load_degrees - simulation::HOIST[0];
+            println!("{name}: {height:.2} degrees above its stop");
+            // At the edge of its switch, where it came slowly.
+            assert!((height - simulation::HOIST_SWITCH).abs() < 3.0, "{height}");
+            let rpm = recording.motors[Name::Hoist.index()].samples.iter().map(|sample| sample.rpm);
+            let [least, most] = [f64::min, f64::max].map(|of| rpm.clone().fold(0.0, of));
+            assert!(least < -30.0 && most > 30.0, "{least} to {most} rpm");
+        });
+    }
 }
 
 /// Pieces that the feeder's shaft has fed since a pocket stood at the marker.
@@ -101,9 +119,9 @@ fn more_contacts_than_the_board_has_inputs_are_refused() {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let mut description = lift::Robot::description();
-    description.contacts = vec![ContactPart::new(Name::Feeder, simulation::INDEX); 3];
+    description.contacts = vec![ContactPart::new(Name::Feeder, simulation::INDEX); 9];
     let buses = motors.start(&shared.switch).unwrap().buses;
-    let robot = Robot::on(description, buses, [], &shared).parts([0, 3], |_, _| async {});
+    let robot = Robot::on(description, buses, [], &shared).parts([0, 9, 0, 0], |_| async {});
     let error = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).err().unwrap();
-    assert_eq!(error.to_string(), "h723zg has 2 inputs for switches, the robot 3 contacts");
+    assert_eq!(error.to_string(), "h723zg has 8 inputs for switches, the robot 9 contacts");
 }

@@ -173,7 +173,7 @@ fn eight_motors_are_polled_every_millisecond() {
             let log = log(emulation);
             let last = log.lines().last().unwrap();
             assert!(last.contains("14 of 14 motors online"), "{last}");
-            assert!(last.contains("; line 1 4800 exchanges of ") && is_well(last), "{last}");
+            assert!(last.contains("; line 1 4816 exchanges of ") && is_well(last), "{last}");
         });
     }
 }
@@ -329,7 +329,7 @@ fn faults_of_the_line_are_counted_and_stay_there() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_listener_on_the_line_counts_as_the_chip_does() {
     give(&setup(&["noise:L1@0.25s", "power:L1@0.3s..0.31s"]), |emulation| {
-        let (mut emulation, recording) = emulation.record(Micros::new(506_100)).unwrap();
+        let (mut emulation, recording) = emulation.record(Micros::new(508_300)).unwrap();
         let log = log(&mut emulation);
         let traffic = recording.lines[0].traffic;
         // What the log's last line tells is 0.1 to 2.1 ms old: up to two rounds.

@@ -58,8 +58,8 @@ pub fn nodes() -> Vec<Node> {
 /// In MIT mode, as it is sold: the driver finds a motor in the mode of its configuration.
 fn damiao() -> Motor {
     let control = Control::Mit(Cascade {
-        speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        speed: PidConfig::within(7.0).kp(0.063).ki(0.5),
+        angle: PidConfig::within(150.0).kp(1.3),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: FeedForward::NONE,

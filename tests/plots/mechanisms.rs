@@ -2,7 +2,10 @@
 
 use plotters::chart::SeriesLabelPosition::UpperRight;
 use rc10_app::mechanism::{Axes, AxesConfig, Homing, HomingConfig, HomingStatus, Reference, Stall};
-use rc10_app::{AngleProfile, Degrees, Direction, ProfileLimits, Rpm, Seconds, TotalAngle};
+use rc10_app::{
+    AngleLimits, AngleProfile, Degrees, Direction, Rpm, RpmPerSecond, RpmPerSecondSquared, Seconds,
+    TotalAngle,
+};
 
 use super::axis::{Axis, BRAKING, Random, Stop};
 use super::drawing::{BLUE, GREEN, GREY, ORANGE, Panel, line};
@@ -63,7 +66,11 @@ fn lifted(config: &AxesConfig) -> Vec<(f32, f32)> {
         (motor.gain, motor.load, motor.friction) = (600.0, 3.0, 0.5);
     }
     motors[1].strength = 0.22;
-    let limits = ProfileLimits { velocity: 80.0, acceleration: 333.0, jerk: f32::INFINITY };
+    let limits = AngleLimits {
+        velocity: Rpm::new(80.0),
+        acceleration: RpmPerSecond::new(333.0),
+        jerk: RpmPerSecondSquared::new(f32::INFINITY),
+    };
     let mut profile = AngleProfile::at(TotalAngle::ZERO);
     profile.set_target(&limits, TotalAngle::from_degrees(1000), Rpm::ZERO).unwrap();
     let mut axes = Axes::<2>::new();

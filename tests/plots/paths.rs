@@ -18,8 +18,8 @@ const PATH: Path<4> = Path::sound([
     Waypoint::new(5.5, 1.5, LEFT),
 ]);
 const LIMITS: PathLimits = PathLimits {
-    twist: TwistLimits { linear_acceleration: 4.0, angular_acceleration: 15.0 },
-    max_speed: f32::INFINITY,
+    twist: TwistLimits { linear_m_s2: 4.0, angular_rad_s2: 15.0 },
+    max_speed_m_s: f32::INFINITY,
     wheel_share: 0.9,
 };
 

@@ -3,8 +3,8 @@
 use plotters::chart::SeriesLabelPosition::{LowerRight, UpperRight};
 use rc10_app::cascade::{Seek, Step};
 use rc10_app::{
-    AngleProfile, Cascade, CascadeState, FeedForward, PidConfig, PidState, ProfileLimits, Rpm,
-    RpmPerSecond, Seconds, TotalAngle,
+    AngleLimits, AngleProfile, Cascade, CascadeState, FeedForward, PidConfig, PidState, Rpm,
+    RpmPerSecond, RpmPerSecondSquared, Seconds, TotalAngle,
 };
 
 use super::drawing::{BLUE, GREEN, GREY, Line, ORANGE, Panel, level, line};
@@ -39,13 +39,17 @@ fn driven(config: &PidConfig, setpoint: f32, load: f32) -> [Vec<(f32, f32)>; 2] 
 
 /// rpm/s per A of a gimbal, which turns by 180 degrees on a profile.
 const GIMBAL: f32 = 100.0;
-const LIMITS: ProfileLimits = ProfileLimits { velocity: 80.0, acceleration: 400.0, jerk: 8000.0 };
+const LIMITS: AngleLimits = AngleLimits {
+    velocity: Rpm::new(80.0),
+    acceleration: RpmPerSecond::new(400.0),
+    jerk: RpmPerSecondSquared::new(8000.0),
+};
 
 /// How far it is behind, in degrees. `along`: whether it is told the motion, or angles alone.
 fn behind(feed_forward: FeedForward, along: bool) -> Vec<(f32, f32)> {
     let config = Cascade {
-        speed: PidConfig::new(0.3, 1.5, 0.0, 10.0),
-        angle: PidConfig::new(1.5, 0.0, 0.0, 200.0),
+        speed: PidConfig::within(10.0).kp(0.3).ki(1.5),
+        angle: PidConfig::within(200.0).kp(1.5),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(800.0),
         feed_forward,
@@ -77,7 +81,7 @@ fn behind(feed_forward: FeedForward, along: bool) -> Vec<(f32, f32)> {
 
 pub fn panels() -> Vec<Panel> {
     let time = 0.0..1.2;
-    let plain = PidConfig::new(0.08, 1.5, 0.0, LIMIT);
+    let plain = PidConfig::within(LIMIT).kp(0.08).ki(1.5);
     let weighted = PidConfig { setpoint_weight: 0.3, ..plain };
     let slow = PidConfig { ki: 0.6, ..plain };
     let tracking = PidConfig { tracking: 20.0, ..slow };
@@ -85,11 +89,11 @@ pub fn panels() -> Vec<Panel> {
     let [gentle, _] = driven(&weighted, 100.0, 0.0);
     let [conditional, effort] = driven(&slow, 800.0, 8.0);
     // Its limit is somewhere behind it, where it does not see it.
-    let [wound_up, wound_effort] = driven(&PidConfig::new(0.08, 0.6, 0.0, 1e6), 800.0, 8.0);
+    let [wound_up, wound_effort] = driven(&PidConfig::within(1e6).kp(0.08).ki(0.6), 800.0, 8.0);
     let [drawn_back, drawn_effort] = driven(&tracking, 800.0, 8.0);
 
-    let exact = FeedForward { acceleration: 1.0 / GIMBAL, ..FeedForward::NONE };
-    let off = FeedForward { acceleration: 0.7 / GIMBAL, ..FeedForward::NONE };
+    let exact = FeedForward { per_rpm_s: 1.0 / GIMBAL, ..FeedForward::NONE };
+    let off = FeedForward { per_rpm_s: 0.7 / GIMBAL, ..FeedForward::NONE };
     let panel = |x, y, legend, lines: Vec<Line>| Panel { x, y, legend, height: 190, lines };
     vec![
         panel(

@@ -6,7 +6,7 @@ use proptest::sample::select;
 use proptest::test_runner::RngSeed;
 use rc10_app::{
     Amps, CountsPerTurn, Degrees, FeedForward, Gear, Gravity, PidConfig, Rpm, RpmPerSecond,
-    TotalAngle,
+    Seconds, TotalAngle,
 };
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
@@ -102,12 +102,15 @@ fn cascade() -> impl Strategy<Value = Cascade> {
     let pid = || {
         (finite(), finite(), finite(), finite(), finite(), any::<bool>()).prop_map(
             |(kp, ki, kd, limit, integral_limit, separated)| PidConfig {
-                derivative_filter: if separated { 0.01 } else { 0.0 },
+                derivative_filter: Seconds::new(if separated { 0.01 } else { 0.0 }),
                 tracking: if separated { 20.0 } else { 0.0 },
                 integral_limit: integral_limit.abs(),
                 integral_separation: if separated { 10.0 } else { f32::INFINITY },
                 deadband: if separated { 0.5 } else { 0.0 },
-                ..PidConfig::new(kp.abs(), ki.abs(), kd.abs(), limit.abs().max(f32::MIN_POSITIVE))
+                ..PidConfig::within(limit.abs().max(f32::MIN_POSITIVE))
+                    .kp(kp.abs())
+                    .ki(ki.abs())
+                    .kd(kd.abs())
             },
         )
     };
@@ -122,7 +125,7 @@ fn cascade() -> impl Strategy<Value = Cascade> {
     let feed_forward = (any::<bool>(), finite(), finite(), finite(), gravity).prop_map(
         |(is_plain, friction, speed, acceleration, gravity)| {
             let (friction, acceleration) = (friction.abs(), acceleration.abs());
-            let whole = FeedForward { friction, speed, acceleration, gravity };
+            let whole = FeedForward { friction, per_rpm: speed, per_rpm_s: acceleration, gravity };
             if is_plain { FeedForward::of_speed(speed) } else { whole }
         },
     );
@@ -165,7 +168,10 @@ pub fn motor() -> impl Strategy<Value = Dji> {
             if reversed {
                 config = config.with_direction(Direction::Reversed);
             }
+            let largest = config.cascade.speed.output_limit;
             config.cascade = cascade.unwrap_or(config.cascade);
+            let limit = &mut config.cascade.speed.output_limit;
+            *limit = limit.min(largest);
             Dji::new(config.with_feedback_rate(rate)).unwrap()
         },
     )

@@ -88,10 +88,11 @@ fn with_arming(
         let hear = |remote, at| newest.set(remote, at);
         match port {
             ReceiverPort::Serial(port) => {
-                let _ = remote::listen(receiver, port, &reception, hear).await;
+                let _ = remote::listen(receiver, receiver.channels(), port, &reception, hear).await;
             }
             ReceiverPort::Pulses(mut port) => {
-                remote::listen_pulses(async || port.rising_edge().await, &reception, hear).await;
+                let edges = async || port.rising_edge().await;
+                remote::listen_pulses(receiver.channels(), edges, &reception, hear).await;
             }
         }
     });

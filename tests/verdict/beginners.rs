@@ -179,7 +179,7 @@ impl Beginner {
         let mut bus = MotorBus::new(&shared.switch);
         bus.attach(&mut motor, Safety::HOLD).unwrap();
         let robot = Robot::on(description, [bus], [], &shared)
-            .parts([0, 1], |_, mut contacts| self.work(&shared, contacts.remove(0)));
+            .parts([0, 1, 0, 0], |mut parts| self.work(&shared, parts.contacts.remove(0)));
         let folder = Scratch::new(std::thread::current().name().unwrap_or("run"));
         let out = folder.to_str().unwrap();
         let line = ["own", "run", "--strict", "--seconds", "4", "--out", out];

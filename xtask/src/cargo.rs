@@ -1,6 +1,7 @@
 //! Running other programs.
 
 use std::env;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -48,11 +49,22 @@ pub fn run(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
+/// Runs a cargo command in the root workspace.
+pub fn cargo(arguments: &str) -> Result<()> {
+    run(&mut host(arguments))
+}
+
 /// The output of a command, without its last line break; `None` if it cannot be started or fails.
 pub fn answer(command: &mut Command) -> Option<String> {
     let output = command.output().ok().filter(|output| output.status.success())?;
     let text = String::from_utf8(output.stdout).ok()?;
     Some(text.trim_end().to_owned())
+}
+
+/// The paths of what is in a folder.
+pub fn paths(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    entries.map(|entry| Ok(entry?.path())).collect()
 }
 
 fn shown(command: &Command) -> String {

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::{self, Command};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 
-use crate::cargo::{chip, free, host, root, run as run_command};
+use crate::cargo::{cargo, chip, free, host, root, run as run_command};
 use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, deny, emulate, floors, golden, size};
@@ -48,48 +48,55 @@ const PUBLISHED: [&str; 12] = [
 /// All of `rc10-bsp`'s, and a chip.
 const CHIP_FEATURES: &str = "stm32h723,usb,defmt,freeze-watchdog,embassy-stm32/stm32h723zg";
 
-enum Outcome {
-    Passed,
-    Failed(String),
-    Skipped(String),
-}
+/// Why a step cannot be done here: the error of one that did not fail.
+#[derive(Debug)]
+struct Skipped(String);
 
-impl fmt::Display for Outcome {
+impl fmt::Display for Skipped {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Passed => write!(f, "ok"),
-            Self::Failed(why) => write!(f, "FAILED: {why}"),
-            Self::Skipped(why) => write!(f, "SKIPPED: {why}"),
-        }
+        f.write_str(&self.0)
     }
 }
 
-impl From<Result<()>> for Outcome {
-    fn from(result: Result<()>) -> Self {
-        match result {
-            Ok(()) => Self::Passed,
-            Err(error) => Self::Failed(format!("{error:#}")),
-        }
-    }
+impl std::error::Error for Skipped {}
+
+/// What a step needs, or that it is skipped: `lacks` says what there is not.
+fn needed<T>(found: Result<T>, lacks: &str) -> Result<T> {
+    found.map_err(|error| Skipped(format!("{lacks}: {error:#}")).into())
+}
+
+fn need_component(name: &str) -> Result<()> {
+    let lacks = Skipped(format!("cargo {name} is not there and cannot be installed"));
+    ensure!(component(name), lacks);
+    Ok(())
 }
 
 struct Report {
     /// The rarer steps, too.
     is_whole: bool,
-    steps: Vec<(&'static str, Outcome, u64)>,
+    steps: Vec<(&'static str, Result<()>, u64)>,
+}
+
+/// The outcome of a step, as it is printed.
+fn shown(outcome: &Result<()>) -> String {
+    match outcome {
+        Ok(()) => "ok".to_owned(),
+        Err(error) if error.is::<Skipped>() => format!("SKIPPED: {error}"),
+        Err(error) => format!("FAILED: {error:#}"),
+    }
 }
 
 impl Report {
-    fn step(&mut self, name: &'static str, work: impl FnOnce() -> Outcome) {
+    fn step(&mut self, name: &'static str, work: impl FnOnce() -> Result<()>) {
         println!("\n== {name}");
         let start = Instant::now();
         let outcome = work();
-        println!("== {name}: {outcome}");
+        println!("== {name}: {}", shown(&outcome));
         self.steps.push((name, outcome, start.elapsed().as_secs()));
     }
 
     /// A step of the whole check alone.
-    fn rare(&mut self, name: &'static str, work: impl FnOnce() -> Outcome) {
+    fn rare(&mut self, name: &'static str, work: impl FnOnce() -> Result<()>) {
         if self.is_whole {
             self.step(name, work);
         }
@@ -103,22 +110,18 @@ impl Report {
         println!("\n== summary");
         println!("| step | s | |\n|---|---:|---|");
         for (name, outcome, seconds) in &self.steps {
-            println!("| {name} | {seconds} | {outcome} |");
+            println!("| {name} | {seconds} | {} |", shown(outcome));
         }
         let all: u64 = self.steps.iter().map(|(.., seconds)| seconds).sum();
         println!("| together | {all} | {:.1} min |", all as f64 / 60.0);
         let automatic = env::var("CI").is_ok_and(|value| value == "true");
-        let bad = |outcome: &Outcome| match outcome {
-            Outcome::Passed => false,
-            Outcome::Failed(_) => true,
-            Outcome::Skipped(_) => automatic,
+        let is_bad = |outcome: &Result<()>| {
+            outcome.as_ref().is_err_and(|error| automatic || !error.is::<Skipped>())
         };
-        let bad: Vec<_> =
-            self.steps.iter().filter(|step| bad(&step.1)).map(|step| step.0).collect();
-        if bad.is_empty() {
-            return Ok(());
-        }
-        bail!("not all right: {}", bad.join(", "))
+        let bad = self.steps.iter().filter(|(_, outcome, _)| is_bad(outcome));
+        let bad: Vec<_> = bad.map(|(name, ..)| *name).collect();
+        ensure!(bad.is_empty(), "not all right: {}", bad.join(", "));
+        Ok(())
     }
 }
 
@@ -132,125 +135,100 @@ pub fn run(is_whole: bool) -> Result<()> {
     let mut report = Report { is_whole, steps: Vec::new() };
     // The compiler for the steps on the chip, or why it is missing.
     let mut rustc: Result<Option<PathBuf>, String> = Err("not set up".to_owned());
-    report.step("setup", || match chip_toolchain() {
-        Ok(found) => {
-            rustc = Ok(found);
-            Outcome::Passed
-        }
-        Err(error) => {
-            rustc = Err(format!("{error:#}"));
-            Outcome::Skipped(format!("no chip build here: {error:#}"))
-        }
+    report.step("setup", || {
+        rustc = chip_toolchain().map_err(|error| format!("{error:#}"));
+        let lacks = |why| Skipped(format!("no chip build here: {why}")).into();
+        rustc.as_ref().map(drop).map_err(lacks)
     });
-    report.step("python", || match python() {
-        Ok(()) => Outcome::Passed,
-        Err(error) => Outcome::Skipped(format!("no tests against Python here: {error:#}")),
-    });
-    report.rare("deny", || deny::run().into());
+    let rustc = || rustc.as_ref().map(Option::as_deref).map_err(|why| Skipped(why.clone()));
+    report.step("python", || needed(python(), "no tests against Python here"));
+    report.rare("deny", deny::run);
     report.step("format", || {
-        with_component("fmt", || {
-            run_command(&mut host("fmt --all --check"))?;
-            run_command(&mut host(&format!("fmt {TWO_WHEELS} --check")))?;
-            let other_chips = format!("fmt --manifest-path {OTHER_CHIPS}/Cargo.toml --check");
-            run_command(&mut host(&other_chips))?;
-            run_command(&mut chip("fmt --all --check", None))
-        })
+        need_component("fmt")?;
+        cargo("fmt --all --check")?;
+        cargo(&format!("fmt {TWO_WHEELS} --check"))?;
+        cargo(&format!("fmt --manifest-path {OTHER_CHIPS}/Cargo.toml --check"))?;
+        run_command(&mut chip("fmt --all --check", None))
     });
     report.step("lint", || {
-        with_component("clippy", || {
-            run_command(&mut host(
-                "clippy --workspace --exclude viewers --all-targets -- -D warnings",
-            ))?;
-            // Alone, without its feature `embassy`, as other firmware uses it.
-            run_command(&mut host("clippy --package rc10-motor -- -D warnings"))?;
-            if !is_whole {
-                return Ok(());
-            }
-            // With Foxglove's SDK, which a plain build does not have.
-            run_command(&mut host("clippy --package viewers --all-targets -- -D warnings"))?;
-            run_command(&mut host(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings")))
-        })
+        need_component("clippy")?;
+        cargo("clippy --workspace --exclude viewers --all-targets -- -D warnings")?;
+        // Alone, without its feature `embassy`, as other firmware uses it.
+        cargo("clippy --package rc10-motor -- -D warnings")?;
+        if !is_whole {
+            return Ok(());
+        }
+        // With Foxglove's SDK, which a plain build does not have.
+        cargo("clippy --package viewers --all-targets -- -D warnings")?;
+        cargo(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings"))
     });
-    report.rare("lint chip", || match &rustc {
+    report.rare("lint chip", || {
         // clippy is a compiler of its own and knows only its own toolchain's targets.
-        Ok(None) => with_component("clippy", || {
-            let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
-            run_command(&mut host(&format!("clippy {bsp} -- -D warnings")))?;
-            run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
-            // A build has one chip, so the other board comes by itself.
-            let packages = ON_DM_MC02.map(|name| format!(" --package {name}")).concat();
-            let packages = format!("--package rc10-board{packages}");
-            let board = format!("--no-default-features --features {DM_MC02}");
-            run_command(&mut chip(
-                &format!("clippy --release {packages} {board} -- -D warnings"),
-                None,
-            ))?;
-            let docs = format!("doc --no-deps {bsp}");
-            run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))?;
-            for (board, chip_name) in [("h723zg", "stm32h723zg"), (DM_MC02, "stm32h723vg")] {
-                let features = format!("--features {board},embassy-stm32/{chip_name}");
-                let docs = format!("doc --no-deps --package rc10-board {features}");
-                run_command(chip(&docs, None).env("RUSTDOCFLAGS", "-Dwarnings"))?;
-            }
-            Ok(())
-        }),
-        _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
+        let lacks = Skipped("the active toolchain's clippy has no chip target".to_owned());
+        ensure!(matches!(rustc(), Ok(None)), lacks);
+        need_component("clippy")?;
+        let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
+        cargo(&format!("clippy {bsp} -- -D warnings"))?;
+        run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
+        // A build has one chip, so the other board comes by itself.
+        let packages = ON_DM_MC02.map(|name| format!(" --package {name}")).concat();
+        let packages = format!("--package rc10-board{packages}");
+        let board = format!("--no-default-features --features {DM_MC02}");
+        let board = format!("clippy --release {packages} {board} -- -D warnings");
+        run_command(&mut chip(&board, None))?;
+        docs(&mut host(&format!("doc --no-deps {bsp}")))?;
+        for (board, chip_name) in [("h723zg", "stm32h723zg"), (DM_MC02, "stm32h723vg")] {
+            let features = format!("--features {board},embassy-stm32/{chip_name}");
+            docs(&mut chip(&format!("doc --no-deps --package rc10-board {features}"), None))?;
+        }
+        Ok(())
     });
-    report.step("floors", || floors::run(None).into());
-    report.step("test", || run_command(&mut host("test --workspace --exclude viewers")).into());
-    report.rare("golden", || match golden::python() {
-        Ok(_) => golden::run(true).into(),
-        Err(error) => Outcome::Skipped(format!("no numpy, scipy and ruckig here: {error:#}")),
+    report.step("floors", || floors::run(None));
+    report.step("test", || cargo("test --workspace --exclude viewers"));
+    report.rare("golden", || {
+        needed(golden::python(), "no numpy, scipy and ruckig here")?;
+        golden::run(true)
     });
-    report.rare("viewers", || {
-        run_command(&mut host("test --package viewers -- --show-output")).into()
-    });
-    report.rare("other PCs", || compiles_for(&OTHER_PCS).into());
-    report.step("robots", || robots().into());
-    report.rare("two wheels", || two_wheels().into());
-    report.rare("new robot", || new_robot(rustc.is_ok()).into());
-    report.rare("package", || package().into());
-    report.step("docs", || {
-        run_command(
-            host("doc --workspace --exclude viewers --no-deps").env("RUSTDOCFLAGS", "-Dwarnings"),
-        )
-        .into()
-    });
+    report.rare("viewers", || cargo("test --package viewers -- --show-output"));
+    report.rare("other PCs", compiles_for_other_pcs);
+    report.step("robots", robots);
+    report.rare("two wheels", two_wheels);
+    report.rare("new robot", || new_robot(rustc().is_ok()));
+    report.rare("package", package);
+    report.step("docs", || docs(&mut host("doc --workspace --exclude viewers --no-deps")));
     let mut program = None;
     report.step("firmware", || {
-        with_chip(&rustc, |rustc| {
-            if !is_whole {
-                program = Some(build_with(TEAM, None, rustc)?);
-                return Ok(());
-            }
-            program = Some(build_all(rustc)?);
-            flash_nothing(rustc)?;
-            build_with("usb", None, rustc).map(drop)
-        })
+        let rustc = rustc()?;
+        if !is_whole {
+            program = Some(build_with(TEAM, None, rustc)?);
+            return Ok(());
+        }
+        // Before the rest: what it leaves is the other board's.
+        flash_nothing(rustc)?;
+        build_with("usb", None, rustc)?;
+        program = Some(build_all(rustc)?);
+        Ok(())
     });
-    report.step("size", || match &program {
-        Some(program) => size::run(program).into(),
-        None => Outcome::Skipped("no firmware".to_owned()),
-    });
-    report.step("emulate", || match &program {
-        Some(program) => emulate::run(program, if is_whole { &[] } else { &DAILY }).into(),
-        None => Outcome::Skipped("no firmware".to_owned()),
-    });
-    report.rare("other chips", || with_chip(&rustc, other_chips));
-    report.rare("count", || {
-        with_chip(&rustc, |rustc| count::run(&build_with("count", None, rustc)?))
-    });
+    let program = || program.as_deref().ok_or_else(|| Skipped("no firmware".to_owned()));
+    report.step("size", || size::run(program()?));
+    report.step("emulate", || emulate::run(program()?, if is_whole { &[] } else { &DAILY }));
+    report.rare("other chips", || other_chips(rustc()?));
+    report.rare("count", || count::run(&build_with("count", None, rustc()?)?));
     report.conclude()
+}
+
+/// Makes documentation in which nothing is amiss.
+fn docs(command: &mut Command) -> Result<()> {
+    run_command(command.env("RUSTDOCFLAGS", "-Dwarnings"))
 }
 
 /// The shipped robots drive, and have no problems. They are as the tests have compiled them.
 fn robots() -> Result<()> {
+    // A newcomer's first command names no package.
     firmware::robots()?.iter().try_for_each(|firmware| {
         let robot = firmware.trim_end_matches("-firmware");
-        // A newcomer's first command names no package.
         let package = if firmware == TEAM { String::new() } else { format!("--package {robot}") };
-        let arguments = format!("run --strict --out target/rc10-{robot}");
-        run_command(&mut host(&format!("run {package} -- {arguments}")))
+        cargo(&format!("run {package} -- run --strict --out target/rc10-{robot}"))
     })
 }
 
@@ -279,9 +257,9 @@ fn package() -> Result<()> {
 
 /// Builds it with its own lock file, runs its test, and itself.
 fn two_wheels() -> Result<()> {
-    run_command(&mut host(&format!("test {TWO_WHEELS}")))?;
+    cargo(&format!("test {TWO_WHEELS}"))?;
     let arguments = "run --strict --seconds 2 --out target/two-wheels";
-    run_command(&mut host(&format!("run {TWO_WHEELS} -- {arguments}")))
+    cargo(&format!("run {TWO_WHEELS} -- {arguments}"))
 }
 
 /// Builds the robot on other chips for each, with its own lock file. With the active toolchain's compiler
@@ -298,9 +276,8 @@ fn other_chips(rustc: Option<&Path>) -> Result<()> {
         if lints {
             own("clippy", "-- -D warnings")?;
             let port = format!("--package rc10-stm32-can --features {port} --target {TARGET}");
-            run_command(&mut host(&format!("clippy {port} -- -D warnings")))?;
-            let docs = format!("doc --no-deps {port}");
-            run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))?;
+            cargo(&format!("clippy {port} -- -D warnings"))?;
+            docs(&mut host(&format!("doc --no-deps {port}")))?;
         }
     }
     Ok(())
@@ -332,10 +309,12 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
             return Ok(());
         }
         own("run -- emu --strict --seconds 2")?;
-        // For the other board: made for it, and built for it.
-        new(&["owl", "--board", DM_MC02])?;
-        in_folder("owl", "test")?;
-        in_folder("owl", "run -- emu --strict --seconds 1")?;
+        // For the other board: made for it, with something of every kind beside its motors; and on the first one.
+        new(&["night-owl", "--board", DM_MC02])?;
+        become_owl(&place.join("night-owl"))?;
+        in_folder("night-owl", "test")?;
+        in_folder("night-owl", "run -- emu --strict --seconds 7")?;
+        in_folder("night-owl", "run -- emu --strict --seconds 7 --board h723zg")?;
         own(&format!("run -- emu --strict --seconds 1 --board {DM_MC02}"))?;
         is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")?;
         is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")
@@ -363,14 +342,27 @@ fn is_told(robot: &Path, settings: &str, word: &str) -> Result<()> {
     Ok(())
 }
 
-/// Adds a motor to a robot, by the lines that the docs say.
+/// Makes a robot of its name `examples/owl`.
+fn become_owl(robot: &Path) -> Result<()> {
+    fs::remove_file(robot.join("tests/drive.rs"))?;
+    for folder in ["src", "tests"] {
+        for file in fs::read_dir(root().join("examples/owl").join(folder))? {
+            let file = file?;
+            let text = fs::read_to_string(file.path())?.replace("owl::", "night_owl::");
+            fs::write(robot.join(folder).join(file.file_name()), text)?;
+        }
+    }
+    Ok(())
+}
+
+/// Does what the page of new robots says: a motor more.
 fn add_a_motor(robot: &Path) -> Result<()> {
     let page = fs::read_to_string(root().join("docs/new-robot.md"))?;
     for (file, begin, before) in [
-        ("src/table.rs", "    Loader: Dji = ", "}\n\n/// On blocks"),
-        ("src/task.rs", "        shared.command(Name::Loader", "        let feeder = "),
+        ("src/table.rs", "Loader: Dji = ", "    }\n}\n\n/// On blocks"),
+        ("src/task.rs", "shared.command(Name::Loader", "            let feeder = "),
     ] {
-        let line = page.lines().find(|line| line.starts_with(begin));
+        let line = page.lines().find(|line| line.trim_start().starts_with(begin));
         let line = line.with_context(|| format!("docs/new-robot.md has no line {begin}"))?;
         let path = robot.join(file);
         let text = fs::read_to_string(&path)?;
@@ -381,33 +373,13 @@ fn add_a_motor(robot: &Path) -> Result<()> {
 }
 
 /// The compiler has no complaint about the tools on other PCs.
-fn compiles_for(targets: &[&str]) -> Result<()> {
-    let added = |target: &&&str| {
-        let added = run_command(Command::new("rustup").args(["target", "add", target]));
-        added.map_err(|error| println!("NOT COMPILED for {target}: {error:#}")).is_ok()
-    };
-    let targets: Vec<_> =
-        targets.iter().filter(added).map(|it| format!(" --target {it}")).collect();
-    if targets.is_empty() {
-        return Ok(());
+fn compiles_for_other_pcs() -> Result<()> {
+    let mut targets = String::new();
+    for target in OTHER_PCS {
+        match run_command(Command::new("rustup").args(["target", "add", target])) {
+            Ok(()) => targets += &format!(" --target {target}"),
+            Err(error) => println!("NOT COMPILED for {target}: {error:#}"),
+        }
     }
-    run_command(&mut host(&format!("check --package rc10{}", targets.concat())))
-}
-
-fn with_component(name: &str, work: impl FnOnce() -> Result<()>) -> Outcome {
-    if component(name) {
-        work().into()
-    } else {
-        Outcome::Skipped(format!("cargo {name} is not there and cannot be installed"))
-    }
-}
-
-fn with_chip(
-    rustc: &Result<Option<PathBuf>, String>,
-    work: impl FnOnce(Option<&std::path::Path>) -> Result<()>,
-) -> Outcome {
-    match rustc {
-        Ok(rustc) => work(rustc.as_deref()).into(),
-        Err(why) => Outcome::Skipped(why.clone()),
-    }
+    if targets.is_empty() { Ok(()) } else { cargo(&format!("check --package rc10{targets}")) }
 }

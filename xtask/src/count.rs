@@ -127,14 +127,12 @@ pub fn run(program: &Path) -> Result<()> {
         one.budgets().for_each(|(_, budget, of)| print!("  {budget} {of:?}"));
         println!();
     }
-    let above: Vec<_> = measurements
-        .iter()
-        .filter_map(|measurement| Some((measurement, measurement.broken_budget()?)))
-        .collect();
     let mut complaints = Vec::new();
-    for (measurement, budget) in above {
-        program.explain(measurement);
-        complaints.push(format!("{} (at most {budget} per unit)", measurement.name));
+    for measurement in &measurements {
+        if let Some(budget) = measurement.broken_budget() {
+            program.explain(measurement);
+            complaints.push(format!("{} (at most {budget} per unit)", measurement.name));
+        }
     }
     ensure!(complaints.is_empty(), "too many instructions: {}", complaints.join(", "));
     same_walks(&walked)
@@ -211,11 +209,11 @@ impl Program {
                 return Ok(Ran { measurements: named.collect(), walked });
             }
             if at == self.walked {
-                let [number, high, low] = core.arguments();
+                let [number, high, low, ..] = core.registers();
                 walked.push((number, u64::from(high) << 32 | u64::from(low)));
             }
             if call.is_none() && self.measured.contains_key(&at) {
-                call = Some((at, core.link_register() & !1, 0));
+                call = Some((at, core.registers()[14] & !1, 0));
             }
             if let Some((entry, _, taken)) = &mut call {
                 *taken += 1;

@@ -13,7 +13,7 @@ use crate::setup::{TARGET, chip_toolchain};
 pub const TEAM: &str = "team-firmware";
 /// The board that is not the default one, and the programs that are run on it.
 pub const DM_MC02: &str = "dm-mc02";
-pub const ON_DM_MC02: [&str; 3] = [TEAM, "lift-firmware", "omni-firmware"];
+pub const ON_DM_MC02: [&str; 4] = [TEAM, "lift-firmware", "omni-firmware", "owl-firmware"];
 
 /// The firmware of every robot of the checkout: a folder in `examples` that has one.
 pub fn robots() -> Result<Vec<String>> {

@@ -5,13 +5,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use syn::visit::{self, Visit};
 use syn::{Attribute, Item, ItemUse, UseTree, Visibility};
 
-use crate::cargo::root;
+use crate::cargo::{paths, root};
 
 /// The tools' crate, and the floors that it may have.
 const TOOLS: &str = "tools/rc10-cli/src";
@@ -114,8 +114,7 @@ impl<'a> Visit<'a> for Uses {
 fn files(source: &Path) -> Result<BTreeMap<Place, Uses>> {
     let (mut found, mut folders) = (BTreeMap::new(), vec![source.to_path_buf()]);
     while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(&folder)? {
-            let path: PathBuf = entry?.path();
+        for path in paths(&folder)? {
             if path.is_dir() {
                 folders.push(path);
                 continue;
@@ -161,16 +160,16 @@ fn file_of(files: &BTreeMap<Place, Uses>, place: &[String]) -> Option<Place> {
     None
 }
 
-type Arrows<T> = BTreeMap<T, BTreeSet<T>>;
+type Arrows = BTreeMap<Place, BTreeSet<Place>>;
 
 /// The floors of what arrows lead from and to, the ground first; what is left is in circles, or above one.
-fn floors<T: Ord + Clone>(arrows: &Arrows<T>) -> (Vec<Vec<T>>, Vec<T>) {
+fn floors(arrows: &Arrows) -> (Vec<Vec<Place>>, Vec<Place>) {
     let (mut floors, mut placed) = (Vec::new(), BTreeSet::new());
     loop {
-        let stands = |(it, uses): &(&T, &BTreeSet<T>)| {
+        let stands = |(it, uses): &(&Place, &BTreeSet<Place>)| {
             !placed.contains(*it) && uses.iter().all(|used| placed.contains(used))
         };
-        let floor: Vec<T> = arrows.iter().filter(stands).map(|(it, _)| it.clone()).collect();
+        let floor: Vec<Place> = arrows.iter().filter(stands).map(|(it, _)| it.clone()).collect();
         if floor.is_empty() {
             let left = arrows.keys().filter(|it| !placed.contains(*it)).cloned();
             return (floors, left.collect());
@@ -186,9 +185,8 @@ fn floors<T: Ord + Clone>(arrows: &Arrows<T>) -> (Vec<Vec<T>>, Vec<T>) {
 /// If files or rooms import each other in a circle, or the tools have too many floors.
 pub fn run(source: Option<&str>) -> Result<()> {
     let files = files(&root().join(source.unwrap_or(TOOLS)))?;
-    let mut arrows: Arrows<Place> = BTreeMap::new();
-    let mut rooms: Arrows<String> = BTreeMap::new();
-    let room = |module: &Place| module.first().cloned().unwrap_or_else(|| "lib".to_owned());
+    let (mut arrows, mut rooms) = (Arrows::new(), Arrows::new());
+    let room = |module: &Place| module[..module.len().min(1)].to_vec();
     for (module, uses) in &files {
         let used = uses.paths.iter().filter_map(|place| file_of(&files, place));
         let used: BTreeSet<Place> = used.filter(|used| used != module).collect();
@@ -197,18 +195,13 @@ pub fn run(source: Option<&str>) -> Result<()> {
         arrows.insert(module.clone(), used);
     }
     let (levels, left) = floors(&arrows);
-    for (number, floor) in levels.iter().enumerate().rev() {
-        let number = number + 1;
-        let names = floor.iter().map(|module| match module.join("::") {
-            name if name.is_empty() => "lib".to_owned(),
-            name => name,
-        });
-        println!("floor {number}: {}", names.collect::<Vec<_>>().join(" "));
-    }
     let (room_levels, room_left) = floors(&rooms);
-    for (number, floor) in room_levels.iter().enumerate().rev() {
-        let number = number + 1;
-        println!("rooms on {number}: {}", floor.join(" "));
+    let name = |it: &Place| if it.is_empty() { "lib".to_owned() } else { it.join("::") };
+    let names = |floor: &[Place]| floor.iter().map(name).collect::<Vec<_>>().join(" ");
+    for (what, levels) in [("floor", &levels), ("rooms on", &room_levels)] {
+        for (number, floor) in levels.iter().enumerate().rev() {
+            println!("{what} {}: {}", number + 1, names(floor));
+        }
     }
     let count: usize = arrows.values().map(BTreeSet::len).sum();
     println!(
@@ -217,9 +210,8 @@ pub fn run(source: Option<&str>) -> Result<()> {
         levels.len(),
         rooms.len()
     );
-    let named = |left: &[Place]| left.iter().map(|it| it.join("::")).collect::<Vec<_>>().join(" ");
-    ensure!(left.is_empty(), "in a circle, or above one: {}", named(&left));
-    ensure!(room_left.is_empty(), "rooms in a circle, or above one: {}", room_left.join(" "));
+    ensure!(left.is_empty(), "in a circle, or above one: {}", names(&left));
+    ensure!(room_left.is_empty(), "rooms in a circle, or above one: {}", names(&room_left));
     ensure!(
         source.is_some() || levels.len() <= MOST,
         "{TOOLS} has {} floors, {MOST} are allowed",

@@ -1,14 +1,13 @@
 //! Fuzzing: bytes thrown at every decoder, by libFuzzer, which sees what code they reach.
 
-use std::fs;
 use std::process::Command;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 
-use crate::cargo::{answer, host, root, run as run_command};
+use crate::cargo::{answer, cargo, paths, root, run as run_command};
 
 /// Seconds for each target, unless told.
-const SECONDS: u32 = 60;
+const SECONDS: &str = "60";
 /// No frame sequence needs more bytes to show something.
 const LONGEST: u32 = 512;
 
@@ -19,13 +18,8 @@ const LONGEST: u32 = 512;
 /// If a rule is broken, there is no such target, or the tools cannot be installed.
 pub fn run(arguments: impl Iterator<Item = String>) -> Result<()> {
     let mut arguments = arguments.peekable();
-    let seconds = match arguments.peek().map(|text| text.parse::<u32>()) {
-        Some(Ok(seconds)) => {
-            arguments.next();
-            seconds
-        }
-        _ => SECONDS,
-    };
+    let seconds = arguments.next_if(|text| text.parse::<u32>().is_ok());
+    let seconds = seconds.as_deref().unwrap_or(SECONDS);
     let all = targets()?;
     let named: Vec<String> = arguments.collect();
     for name in &named {
@@ -45,12 +39,9 @@ pub fn run(arguments: impl Iterator<Item = String>) -> Result<()> {
 
 /// The names of all targets.
 fn targets() -> Result<Vec<String>> {
-    let folder = root().join("fuzz/fuzz_targets");
-    let mut names = Vec::new();
-    for file in fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
-        let path = file?.path();
-        names.extend(path.file_stem().map(|name| name.to_string_lossy().into_owned()));
-    }
+    let files = paths(&root().join("fuzz/fuzz_targets"))?;
+    let names = files.iter().filter_map(|path| path.file_stem());
+    let mut names: Vec<_> = names.map(|name| name.to_string_lossy().into_owned()).collect();
     names.sort();
     Ok(names)
 }
@@ -63,7 +54,7 @@ fn install() -> Result<()> {
         run_command(Command::new("rustup").args(install))?;
     }
     if !there(Command::new("cargo").arg("fuzz")) {
-        run_command(&mut host("install cargo-fuzz"))?;
+        cargo("install cargo-fuzz")?;
     }
     Ok(())
 }

@@ -5,9 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 
-use crate::cargo::{answer, root, run as run_command};
+use crate::cargo::{answer, paths, root, run as run_command};
 
 /// Numbers may differ by this much of themselves from one processor to the next: libraries of linear
 /// algebra sum in another order.
@@ -19,12 +19,8 @@ const DIFFERS: f64 = 1e-6;
 /// If there is no Python, a script fails, or a file is not what its script makes.
 pub fn run(check: bool) -> Result<()> {
     let (folder, python) = (folder(), python()?);
-    let mut scripts: Vec<PathBuf> = fs::read_dir(&folder)?
-        .map(|entry| Ok(entry?.path()))
-        .collect::<Result<Vec<_>>>()?
-        .into_iter()
-        .filter(|path| path.extension().is_some_and(|extension| extension == "py"))
-        .collect();
+    let mut scripts = paths(&folder)?;
+    scripts.retain(|path| path.extension().is_some_and(|extension| extension == "py"));
     scripts.sort();
     ensure!(!scripts.is_empty(), "{} has no scripts", folder.display());
     for script in scripts {
@@ -63,9 +59,7 @@ fn compare(there: &str, made: &str) -> Result<()> {
         ensure!(is_same, "line {number}: {old}, now {new}");
     }
     let (old, new) = (there.lines().count(), made.lines().count());
-    if old != new {
-        bail!("{old} lines, now {new}");
-    }
+    ensure!(old == new, "{old} lines, now {new}");
     Ok(())
 }
 

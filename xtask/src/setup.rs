@@ -12,7 +12,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::cargo::{answer, run};
+use crate::cargo::{answer, paths, root, run};
 
 /// The chip's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -106,13 +106,7 @@ fn has_target(rustc: &Path) -> bool {
         return false;
     };
     // The folder's name is answered whether it exists or not.
-    libraries(Path::new(&folder))
-        .is_ok_and(|found| found.iter().any(|path| is_library(path, "core")))
-}
-
-fn libraries(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).with_context(|| format!("{}", folder.display()))?;
-    entries.map(|entry| Ok(entry?.path())).collect()
+    paths(Path::new(&folder)).is_ok_and(|found| found.iter().any(|path| is_library(path, "core")))
 }
 
 fn is_library(path: &Path, name: &str) -> bool {
@@ -131,7 +125,7 @@ fn from_debian(rustc: &Path) -> Result<()> {
     let targets = Path::new(&sysroot).join("lib/rustlib");
 
     // An empty crate that needs `core` and `alloc` makes cargo build them.
-    let work = crate::cargo::root().join("target/chip-sysroot");
+    let work = root().join("target/chip-sysroot");
     fs::create_dir_all(work.join("src"))?;
     fs::write(
         work.join("Cargo.toml"),
@@ -159,7 +153,7 @@ fn from_debian(rustc: &Path) -> Result<()> {
     let built = work.join("target").join(TARGET).join("release/deps");
     let destination = targets.join(TARGET).join("lib");
     fs::create_dir_all(&destination).with_context(|| format!("{}", destination.display()))?;
-    for path in libraries(&built)? {
+    for path in paths(&built)? {
         let wanted = ["core", "alloc", "compiler_builtins"];
         if wanted.iter().any(|name| is_library(&path, name)) {
             fs::copy(&path, destination.join(path.file_name().unwrap_or_default()))?;

@@ -63,10 +63,10 @@ pub struct Base<const N: usize> {
 /// The body of a robot, all that moves with it included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
-    /// kg.
-    pub mass: f32,
-    /// kg m² about the vertical axis through the middle; of a box `mass` · (`l`² + `w`²) / 12.
-    pub yaw_inertia: f32,
+    /// Mass, kg.
+    pub mass_kg: f32,
+    /// Inertia about the vertical axis through the middle, kg m²; of a box mass · (`l`² + `w`²) / 12.
+    pub yaw_inertia_kg_m2: f32,
 }
 
 /// Wheel speeds from [`Base::inverse`].
@@ -237,9 +237,9 @@ impl<const N: usize> Base<N> {
     #[must_use]
     pub fn torques(&self, body: &Body, twist: Twist, change: Twist) -> [NewtonMetres; N] {
         // The axes turn with the robot.
-        let x = body.mass * (change.vx - twist.wz * twist.vy);
-        let y = body.mass * (change.vy + twist.wz * twist.vx);
-        let turn = body.yaw_inertia * change.wz;
+        let x = body.mass_kg * (change.vx - twist.wz * twist.vy);
+        let y = body.mass_kg * (change.vy + twist.wz * twist.vx);
+        let turn = body.yaw_inertia_kg_m2 * change.wz;
         #[expect(clippy::cast_possible_truncation, reason = "a constant")]
         const RPM: f32 = (1.0 / RADIANS_PER_SECOND) as f32;
         self.forward.map(|row| NewtonMetres::new(product(row, Twist::new(x, y, turn)) * RPM))
@@ -278,8 +278,8 @@ impl<const N: usize> Base<N> {
         while at < N {
             let [x, y, turn] = self.inverse[at];
             let along = solve::sqrt(x as f64 * x as f64 + y as f64 * y as f64);
-            let linear = along * limits.linear_acceleration as f64;
-            let angular = turn.abs() as f64 * limits.angular_acceleration as f64;
+            let linear = along * limits.linear_m_s2 as f64;
+            let angular = turn.abs() as f64 * limits.angular_rad_s2 as f64;
             #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
             let needed = (linear + angular) as f32;
             let is_kept = needed <= most.get();

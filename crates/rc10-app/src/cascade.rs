@@ -266,7 +266,7 @@ impl CascadeState {
         let ramped = self.approach(config, target, dt);
         let ramps = ramped != 0.0;
         let acceleration = if ramps { ramped } else { acceleration };
-        let by_inertia = config.feed_forward.acceleration * acceleration + inertia;
+        let by_inertia = config.feed_forward.per_rpm_s * acceleration + inertia;
         let tells = by_inertia.abs() > LEAST_LOAD * full;
         if tells {
             self.learn(config, by_inertia, measured, full, dt);
@@ -385,8 +385,8 @@ mod tests {
 
     const MS: Seconds = Seconds::new(0.001);
     const CONFIG: Cascade = Cascade {
-        speed: PidConfig::new(0.4, 2.0, 0.0, 20.0),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 400.0),
+        speed: PidConfig::within(20.0).kp(0.4).ki(2.0),
+        angle: PidConfig::within(400.0).kp(1.3),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: FeedForward::NONE,
@@ -469,7 +469,7 @@ mod tests {
             let angle = 6.0 * (100.0 * early * early + 100.0 * (t - early));
             (angle, 200.0 * early, a)
         };
-        let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
+        let known = FeedForward { per_rpm_s: 0.01, ..FeedForward::NONE };
         let (with, without) =
             (follow(&Cascade { feed_forward: known, ..CONFIG }, motion), follow(&CONFIG, motion));
         // The soft start takes a part of the first 20 ms.
@@ -479,7 +479,7 @@ mod tests {
     /// The load learned while it accelerates at 500 rpm/s for 0.3 s, `inertia` times as heavy as
     /// known.
     fn learned(inertia: f32) -> CascadeState {
-        let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
+        let known = FeedForward { per_rpm_s: 0.01, ..FeedForward::NONE };
         let config = Cascade { feed_forward: known, ..CONFIG };
         let (mut state, mut rpm) = (CascadeState::new(), 0.0_f32);
         for tick in 0..300_u16 {

@@ -4,11 +4,11 @@
 //! that turns it back; the stick passes through.
 //!
 //! It keeps the heading where the robot comes to a stand (yaw rate,
-//! [`HeadingHoldConfig::deceleration`]): the one where the stick was let go would throw it back.
+//! [`HeadingHoldConfig::deceleration_rad_s2`]): the one where the stick was let go would throw it back.
 //!
 //! ```
 //! use rc10_app::{HeadingHold, HeadingHoldConfig, Radians};
-//! let config = HeadingHoldConfig { kp: 6.0, kd: 0.1, max_rate: 3.0, deceleration: 12.0, deadband: 0.05 };
+//! let config = HeadingHoldConfig { kp: 6.0, kd: 0.1, max_rate_rad_s: 3.0, deceleration_rad_s2: 12.0, deadband_rad_s: 0.05 };
 //! let mut hold = HeadingHold::new();
 //! assert_eq!(hold.update(&config, 2.0, Radians::new(0.5), 1.9), 2.0); // the driver turns
 //! hold.update(&config, 0.0, Radians::new(0.5), 0.0); // lets go: 0.5 rad are kept
@@ -31,13 +31,13 @@ pub struct HeadingHoldConfig {
     /// Yaw rate that is taken off per measured yaw rate, without unit; ≥ 0.
     pub kd: f32,
     /// Largest yaw rate for turning back, in rad/s; > 0.
-    pub max_rate: f32,
-    /// How fast the robot stops turning, in rad/s²; > 0: the
-    /// [`angular_acceleration`](crate::TwistLimits::angular_acceleration) of its base, or a
-    /// little less. It turns back no faster than it can stop at the heading.
-    pub deceleration: f32,
+    pub max_rate_rad_s: f32,
+    /// How fast the robot stops turning, rad/s²; > 0: the
+    /// [`angular_rad_s2`](crate::TwistLimits::angular_rad_s2) of its base, or a little less. It turns
+    /// back no faster than it can stop at the heading.
+    pub deceleration_rad_s2: f32,
     /// A stick up to this, in rad/s, turns nothing; ≥ 0.
-    pub deadband: f32,
+    pub deadband_rad_s: f32,
 }
 
 impl HeadingHoldConfig {
@@ -45,9 +45,9 @@ impl HeadingHoldConfig {
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(positive("kp", self.kp));
         ok!(not_negative("kd", self.kd));
-        ok!(positive("max_rate", self.max_rate));
-        ok!(positive("deceleration", self.deceleration));
-        not_negative("deadband", self.deadband)
+        ok!(positive("max_rate_rad_s", self.max_rate_rad_s));
+        ok!(positive("deceleration_rad_s2", self.deceleration_rad_s2));
+        not_negative("deadband_rad_s", self.deadband_rad_s)
     }
 }
 
@@ -87,19 +87,19 @@ impl HeadingHold {
         if !(stick.is_finite() && heading.is_finite() && yaw_rate.is_finite()) {
             return stick;
         }
-        if stick.abs() > config.deadband {
+        if stick.abs() > config.deadband_rad_s {
             self.held = None;
             return stick;
         }
         let held = *self.held.get_or_insert_with(|| {
-            let stops_after = yaw_rate * yaw_rate.abs() / (2.0 * config.deceleration);
+            let stops_after = yaw_rate * yaw_rate.abs() / (2.0 * config.deceleration_rad_s2);
             Radians::new(shortest_way_f32(0.0, heading.get() + stops_after, TAU))
         });
         let left = shortest_way_f32(heading.get(), held.get(), TAU);
         // The speed from which it stops within the error.
-        let can_stop = maths::fast_sqrt(2.0 * config.deceleration * left.abs());
-        let back = maths::within(config.kp * left, can_stop.min(config.max_rate));
-        maths::within(back - config.kd * yaw_rate, config.max_rate)
+        let can_stop = maths::fast_sqrt(2.0 * config.deceleration_rad_s2 * left.abs());
+        let back = maths::within(config.kp * left, can_stop.min(config.max_rate_rad_s));
+        maths::within(back - config.kd * yaw_rate, config.max_rate_rad_s)
     }
 }
 
@@ -108,8 +108,13 @@ mod tests {
     use super::*;
     use core::f32::consts::PI;
 
-    const CONFIG: HeadingHoldConfig =
-        HeadingHoldConfig { kp: 8.0, kd: 0.0, max_rate: 4.0, deceleration: 12.0, deadband: 0.02 };
+    const CONFIG: HeadingHoldConfig = HeadingHoldConfig {
+        kp: 8.0,
+        kd: 0.0,
+        max_rate_rad_s: 4.0,
+        deceleration_rad_s2: 12.0,
+        deadband_rad_s: 0.02,
+    };
 
     /// A base that turns, as `TwistLimiter` lets it, in steps of 5 ms.
     struct Turning {
@@ -203,9 +208,18 @@ mod tests {
             let field = |config: HeadingHoldConfig| config.validate().unwrap_err().field;
             assert_eq!(field(HeadingHoldConfig { kp: bad, ..CONFIG }), "kp");
             assert_eq!(field(HeadingHoldConfig { kd: bad, ..CONFIG }), "kd");
-            assert_eq!(field(HeadingHoldConfig { max_rate: bad, ..CONFIG }), "max_rate");
-            assert_eq!(field(HeadingHoldConfig { deceleration: bad, ..CONFIG }), "deceleration");
-            assert_eq!(field(HeadingHoldConfig { deadband: bad, ..CONFIG }), "deadband");
+            assert_eq!(
+                field(HeadingHoldConfig { max_rate_rad_s: bad, ..CONFIG }),
+                "max_rate_rad_s"
+            );
+            assert_eq!(
+                field(HeadingHoldConfig { deceleration_rad_s2: bad, ..CONFIG }),
+                "deceleration_rad_s2"
+            );
+            assert_eq!(
+                field(HeadingHoldConfig { deadband_rad_s: bad, ..CONFIG }),
+                "deadband_rad_s"
+            );
         }
     }
 }

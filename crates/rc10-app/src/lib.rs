@@ -47,11 +47,11 @@ pub use angle::{CountsPerTurn, TotalAngle};
 pub use base::{Base, BaseError, BaseMotion, Body, Tread, Wheel, WheelSpeeds};
 pub use cascade::{Cascade, CascadeState};
 pub use config::ConfigError;
-pub use feed_forward::{FeedForward, Gravity};
+pub use feed_forward::{FeedForward, Gravity, TwoJointArm};
 pub use heading_hold::{HeadingHold, HeadingHoldConfig};
 pub use odometry::{Covariance, Odometry, OdometryConfig, OdometryInput};
 pub use pid::{PidConfig, PidInput, PidState};
-pub use profile::{AngleProfile, AngleSetpoint, Profile, ProfileLimits, Setpoint};
+pub use profile::{AngleLimits, AngleProfile, AngleSetpoint, Profile, ProfileLimits, Setpoint};
 pub use schedule::{GainSchedule, Gains};
 pub use swerve::{Steering, Swerve, SwerveState};
 pub use text::Text;
@@ -59,7 +59,7 @@ pub use transform::{FieldFrame, Frame, Point, Pose, RobotFrame};
 pub use twist::{Twist, TwistLimiter, TwistLimits, TwistNotFinite};
 pub use units::{
     Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, NewtonMetres, Radians, RotorRpm, Rpm,
-    RpmPerSecond, Seconds, Volts,
+    RpmPerSecond, RpmPerSecondSquared, Seconds, Volts,
 };
 
 /// The pages of `docs/control`: their examples are compiled and run.

@@ -17,8 +17,8 @@
 //!     Waypoint::new(2.0, 1.0, Radians::new(FRAC_PI_2)),
 //! ]);
 //! const LIMITS: PathLimits = PathLimits {
-//!     twist: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
-//!     max_speed: 2.0,
+//!     twist: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
+//!     max_speed_m_s: 2.0,
 //!     wheel_share: 0.9, // the rest is for the follower
 //! };
 //!
@@ -76,25 +76,25 @@ pub struct Waypoint {
     /// Radius of the arc that rounds the corner off, in metres; ≥ 0. The path then passes the
     /// waypoint on the inside, and the heading is reached in the arc's middle. With 0 it passes
     /// exactly through it, and stops there if it is a corner. 0 at both ends of the path.
-    pub radius: f32,
+    pub radius_m: f32,
     /// Highest speed here, in m/s; ≥ 0, infinite for no limit. With 0 the robot stops here.
-    pub max_speed: f32,
+    pub max_speed_m_s: f32,
 }
 
 impl Waypoint {
     /// Exactly through this place in metres, with this heading.
     pub const fn new(x: f32, y: f32, heading: Radians) -> Self {
-        Self { pose: Pose::new(x, y, heading), radius: 0.0, max_speed: f32::INFINITY }
+        Self { pose: Pose::new(x, y, heading), radius_m: 0.0, max_speed_m_s: f32::INFINITY }
     }
 
     /// The same, with an arc of this radius in metres in place of the corner.
-    pub const fn rounded(self, radius: f32) -> Self {
-        Self { radius, ..self }
+    pub const fn rounded(self, radius_m: f32) -> Self {
+        Self { radius_m, ..self }
     }
 
     /// The same, passed no faster than this, in m/s.
-    pub const fn at_most(self, max_speed: f32) -> Self {
-        Self { max_speed, ..self }
+    pub const fn at_most(self, max_speed_m_s: f32) -> Self {
+        Self { max_speed_m_s, ..self }
     }
 
     const fn validate(&self) -> Result<(), ConfigError> {
@@ -102,9 +102,9 @@ impl Waypoint {
         ok!(near("x", x), in "pose");
         ok!(near("y", y), in "pose");
         ok!(near("heading", heading.get()), in "pose");
-        ok!(not_negative("radius", self.radius));
+        ok!(not_negative("radius_m", self.radius_m));
         let must_be = "0 or more (infinite: no limit)";
-        ConfigError::check(self.max_speed >= 0.0, "max_speed", self.max_speed, must_be)
+        ConfigError::check(self.max_speed_m_s >= 0.0, "max_speed_m_s", self.max_speed_m_s, must_be)
     }
 }
 
@@ -147,9 +147,9 @@ impl<const N: usize> Path<N> {
             if let Err(error) = waypoints[at].validate() {
                 return Err(PathError::Waypoint { waypoint: at, error });
             }
-            let radius = waypoints[at].radius;
+            let radius = waypoints[at].radius_m;
             if (at == 0 || at + 1 == N) && radius > 0.0 {
-                let error = ConfigError::new("radius", radius, "0 at an end of the path");
+                let error = ConfigError::new("radius_m", radius, "0 at an end of the path");
                 return Err(PathError::Waypoint { waypoint: at, error });
             }
             at += 1;
@@ -166,10 +166,10 @@ impl<const N: usize> Path<N> {
             let mut takes = 0.0;
             if leg + 2 < N {
                 let turn = Turn::at(from, to, &waypoints[leg + 2]);
-                if to.radius > 0.0 && turn.is_back() {
+                if to.radius_m > 0.0 && turn.is_back() {
                     return Err(PathError::TurnsBack { waypoint: leg + 1 });
                 }
-                takes = turn.takes(to.radius);
+                takes = turn.takes(to.radius_m);
                 // The leg after it is checked in the next round, together with the next arc.
                 let (_, next) = leg::between(to, &waypoints[leg + 2]);
                 if takes > next {

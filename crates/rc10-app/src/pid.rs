@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use rc10_app::{PidConfig, PidState, Seconds};
-//! let config = PidConfig::new(0.5, 2.0, 0.0, 20.0);
+//! let config = PidConfig::within(20.0).kp(0.5).ki(2.0);
 //! let mut state = PidState::new();
 //! let amps = state.update(&config, 100.0, 90.0, 0.0, Seconds::new(0.001));
 //! assert!(amps > 5.0 && amps <= 20.0);
@@ -22,8 +22,9 @@ use crate::units::Seconds;
 
 /// Gains and limits. Units: those of the output per those of the measurement.
 ///
-/// Start with [`PidConfig::new`], which switches every refinement off, and set the fields you need.
+/// Start with [`PidConfig::within`], which switches every refinement off, and set the fields you need.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
 pub struct PidConfig {
     /// Output per error.
     pub kp: f32,
@@ -39,8 +40,8 @@ pub struct PidConfig {
     pub integral_separation: f32,
     /// Smaller errors count as zero.
     pub deadband: f32,
-    /// Time constant of the filter of the derivative, s; 0: none. A tenth of kd / kp is usual.
-    pub derivative_filter: f32,
+    /// Time constant of the filter of the derivative; 0: none. A tenth of kd / kp is usual.
+    pub derivative_filter: Seconds,
     /// The share of the setpoint for `kp`, 0 ..= 1: below 1 a step of it overshoots less.
     pub setpoint_weight: f32,
     /// Rate of back-calculation, 1/s, usually 1 to 10 times ki / kp; 0: conditional integration.
@@ -48,13 +49,13 @@ pub struct PidConfig {
 }
 
 impl PidConfig {
-    /// Three gains and the output limit; the integral may use the whole output.
-    pub const fn new(kp: f32, ki: f32, kd: f32, output_limit: f32) -> Self {
+    /// No gains, and an output within ± this, of which the integral may use all.
+    pub const fn within(output_limit: f32) -> Self {
         Self {
-            kp,
-            ki,
-            kd,
-            derivative_filter: 0.0,
+            kp: 0.0,
+            ki: 0.0,
+            kd: 0.0,
+            derivative_filter: Seconds::ZERO,
             setpoint_weight: 1.0,
             tracking: 0.0,
             output_limit,
@@ -64,13 +65,28 @@ impl PidConfig {
         }
     }
 
+    /// The same with this output per error.
+    pub const fn kp(self, kp: f32) -> Self {
+        Self { kp, ..self }
+    }
+
+    /// The same with this output per error and second.
+    pub const fn ki(self, ki: f32) -> Self {
+        Self { ki, ..self }
+    }
+
+    /// The same with this output per measured change per second.
+    pub const fn kd(self, kd: f32) -> Self {
+        Self { kd, ..self }
+    }
+
     /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         // A negative gain runs away.
         ok!(not_negative("kp", self.kp));
         ok!(not_negative("ki", self.ki));
         ok!(not_negative("kd", self.kd));
-        ok!(not_negative("derivative_filter", self.derivative_filter));
+        ok!(not_negative("derivative_filter", self.derivative_filter.get()));
         let weight = self.setpoint_weight;
         let is_share = weight >= 0.0 && weight <= 1.0;
         ok!(ConfigError::check(is_share, "setpoint_weight", weight, "0 to 1"));
@@ -223,7 +239,7 @@ impl PidState {
             return self.first_step(config, setpoint, measured, feed_forward, dt);
         }
         let change = measured - self.last_measured;
-        let rate = filtered(config.derivative_filter, self.rate, change, dt);
+        let rate = filtered(config.derivative_filter.get(), self.rate, change, dt);
         let beside = feed_forward - config.kd * rate;
         let seen = Seen::Moved(measured, rate);
         self.integrate_and_limit(config, error, left_out, beside, true, dt, seen)
@@ -261,7 +277,8 @@ impl PidState {
     ) -> f32 {
         let PidInput { error, mut feed_forward, integrate } = input;
         if config.kd != 0.0 {
-            feed_forward -= config.kd * self.derivative(config.derivative_filter, change(), dt);
+            feed_forward -=
+                config.kd * self.derivative(config.derivative_filter.get(), change(), dt);
         }
         let seen = Seen::Nothing;
         self.integrate_and_limit(config, error, 0.0, feed_forward, integrate, dt.get(), seen)
@@ -368,7 +385,7 @@ mod tests {
 
     #[test]
     fn the_integral_is_trapezoidal() {
-        let config = PidConfig::new(0.0, 1.0, 0.0, 1e6);
+        let config = PidConfig::within(1e6).ki(1.0);
         let mut state = PidState::new();
         // The integral of t over 1 s is 1/2; a rectangle rule would give 0.5005.
         for step in 1..=1000_u16 {
@@ -379,7 +396,7 @@ mod tests {
 
     #[test]
     fn a_setpoint_step_gives_no_derivative_kick_but_a_moving_measurement_does() {
-        let config = PidConfig::new(0.0, 0.0, 1.0, 1e6);
+        let config = PidConfig::within(1e6).kd(1.0);
         let mut state = PidState::new();
         assert!(state.update(&config, 0.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
         assert!(state.update(&config, 100.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
@@ -388,7 +405,8 @@ mod tests {
 
     #[test]
     fn the_derivative_is_filtered() {
-        let config = PidConfig { derivative_filter: 0.009, ..PidConfig::new(0.0, 0.0, 1.0, 1e6) };
+        let config =
+            PidConfig { derivative_filter: Seconds::new(0.009), ..PidConfig::within(1e6).kd(1.0) };
         let mut state = PidState::new();
         state.update(&config, 0.0, 0.0, 0.0, MS);
         // A step of 1 in 1 ms is a rate of 1000; a tenth of it comes through, and decays by 0.9.
@@ -399,7 +417,7 @@ mod tests {
 
     #[test]
     fn a_weighted_setpoint_pushes_less_and_settles_the_same() {
-        let config = PidConfig { setpoint_weight: 0.25, ..PidConfig::new(2.0, 10.0, 0.0, 1e3) };
+        let config = PidConfig { setpoint_weight: 0.25, ..PidConfig::within(1e3).kp(2.0).ki(10.0) };
         let mut state = PidState::new();
         let first = state.update(&config, 100.0, 0.0, 0.0, MS);
         assert!((first - 50.5).abs() < 1e-3, "{first}");
@@ -414,7 +432,7 @@ mod tests {
 
     #[test]
     fn back_calculation_holds_the_output_near_its_limit() {
-        let config = PidConfig { tracking: 50.0, ..PidConfig::new(1.0, 20.0, 0.0, 50.0) };
+        let config = PidConfig { tracking: 50.0, ..PidConfig::within(50.0).kp(1.0).ki(20.0) };
         let mut state = PidState::new();
         for _ in 0..2000 {
             state.update(&config, 100.0, 0.0, 0.0, MS);
@@ -435,7 +453,7 @@ mod tests {
     #[test]
     fn r5_the_integral_works_unless_separation_is_asked_for() {
         let mut state = PidState::new();
-        let mut config = PidConfig::new(0.0, 10.0, 0.0, 100.0);
+        let mut config = PidConfig::within(100.0).ki(10.0);
         for _ in 0..100 {
             state.update(&config, 1.0, 0.0, 0.0, MS);
         }
@@ -451,7 +469,7 @@ mod tests {
     #[test]
     fn after_saturation_the_integral_does_not_hold_the_output_back() {
         // A plant that cannot follow for 2 s: it stays at 0 while 100 is wanted.
-        let config = PidConfig::new(1.0, 20.0, 0.0, 50.0);
+        let config = PidConfig::within(50.0).kp(1.0).ki(20.0);
         let mut state = PidState::new();
         for _ in 0..2000 {
             state.update(&config, 100.0, 0.0, 0.0, MS);
@@ -464,7 +482,7 @@ mod tests {
     #[test]
     fn the_integral_still_reaches_what_a_load_takes() {
         // A load of 40 of the 50 the output may be: the integral has to carry all of it.
-        let config = PidConfig::new(1.0, 20.0, 0.0, 50.0);
+        let config = PidConfig::within(50.0).kp(1.0).ki(20.0);
         let (mut state, mut speed) = (PidState::new(), 0.0_f32);
         for _ in 0..5000 {
             speed += (state.update(&config, 100.0, speed, 0.0, MS) - 40.0) * 0.01;
@@ -474,7 +492,7 @@ mod tests {
 
     #[test]
     fn feed_forward_passes_through_and_is_limited_with_the_rest() {
-        let config = PidConfig::new(1.0, 0.0, 0.0, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0);
         let mut state = PidState::new();
         assert!((state.update(&config, 1.0, 0.0, 5.0, MS) - 6.0).abs() < 1e-6);
         assert!((state.update(&config, 1.0, 0.0, 50.0, MS) - 10.0).abs() < 1e-6);
@@ -482,7 +500,7 @@ mod tests {
 
     #[test]
     fn nothing_that_is_not_finite_gets_in() {
-        let config = PidConfig::new(1.0, 10.0, 0.1, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0).ki(10.0).kd(0.1);
         let mut state = PidState::new();
         state.update(&config, 5.0, 1.0, 0.0, MS);
         let before = state;
@@ -499,17 +517,17 @@ mod tests {
 
     #[test]
     fn an_output_that_stays_as_it_was_obeys_a_lowered_limit() {
-        let config = PidConfig::new(1.0, 0.0, 0.0, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0);
         let mut state = PidState::new();
         state.update(&config, 8.0, 0.0, 0.0, MS);
-        let lowered = PidConfig::new(1.0, 0.0, 0.0, 2.0);
+        let lowered = PidConfig::within(2.0).kp(1.0);
         assert!((state.update(&lowered, f32::NAN, 0.0, 0.0, MS) - 2.0).abs() < 1e-6);
         assert!((state.output() - 2.0).abs() < 1e-6);
     }
 
     #[test]
     fn a_deadband_keeps_small_errors_quiet() {
-        let config = PidConfig { deadband: 0.5, ..PidConfig::new(1.0, 10.0, 0.0, 10.0) };
+        let config = PidConfig { deadband: 0.5, ..PidConfig::within(10.0).kp(1.0).ki(10.0) };
         let mut state = PidState::new();
         for _ in 0..100 {
             assert!(state.update(&config, 0.4, 0.0, 0.0, MS).abs() < f32::EPSILON);
@@ -518,7 +536,7 @@ mod tests {
 
     #[test]
     fn preset_takes_over_without_a_kick() {
-        let config = PidConfig::new(1.0, 1.0, 0.0, 10.0);
+        let config = PidConfig::within(10.0).kp(1.0).ki(1.0);
         let mut state = PidState::new();
         state.preset(4.0);
         assert!((state.update(&config, 100.0, 100.0, 0.0, MS) - 4.0).abs() < 1e-6);

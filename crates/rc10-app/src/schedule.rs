@@ -42,11 +42,11 @@ impl<const N: usize> GainSchedule<N> {
         ok!(ConfigError::check(N > 0, "points", 0.0, "at least one"));
         let mut index = 0;
         while index < N {
-            let (value, Gains { kp, ki, kd }) = points[index];
+            let (value, gains) = points[index];
             ok!(finite("points", value));
             let rises = index == 0 || points[index - 1].0 < value;
             ok!(ConfigError::check(rises, "points", value, "above the value before it"));
-            ok!(PidConfig::new(kp, ki, kd, 1.0).validate());
+            ok!(PidConfig::within(1.0).with_gains(gains).validate());
             index += 1;
         }
         Ok(Self { points })
@@ -89,7 +89,6 @@ impl<const N: usize> GainSchedule<N> {
 
 impl PidConfig {
     /// The same with other gains.
-    #[must_use]
     pub const fn with_gains(self, gains: Gains) -> Self {
         let Gains { kp, ki, kd } = gains;
         Self { kp, ki, kd, ..self }
@@ -129,8 +128,8 @@ mod tests {
         assert_eq!(schedule.at(1.0), gains(2.0, 6.5, 20.0));
         assert_eq!(schedule.at(-1.0), gains(1.0, 8.0, 16.0));
         assert_eq!(schedule.at(4.0), gains(5.0, 2.0, 32.0));
-        let config = PidConfig::new(9.0, 9.0, 9.0, 7.0).with_gains(schedule.at(1.0));
-        assert_eq!(config, PidConfig::new(2.0, 6.5, 20.0, 7.0));
+        let config = PidConfig::within(7.0).kp(9.0).ki(9.0).kd(9.0).with_gains(schedule.at(1.0));
+        assert_eq!(config, PidConfig::within(7.0).kp(2.0).ki(6.5).kd(20.0));
     }
 
     #[test]

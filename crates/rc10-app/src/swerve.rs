@@ -207,11 +207,12 @@ impl<const N: usize> Swerve<N> {
         change: Twist,
     ) -> impl Fn(Point<RobotFrame>) -> [f32; 2] {
         #[expect(clippy::cast_precision_loss, reason = "a handful")]
-        let share = body.mass / N as f32;
+        let share = body.mass_kg / N as f32;
         // The axes turn with the robot.
         let (x, y) = (change.vx - twist.wz * twist.vy, change.vy + twist.wz * twist.vx);
         let Point { x: middle_x, y: middle_y, .. } = self.middle;
-        let moment = body.yaw_inertia * change.wz - body.mass * (middle_x * y - middle_y * x);
+        let moment =
+            body.yaw_inertia_kg_m2 * change.wz - body.mass_kg * (middle_x * y - middle_y * x);
         let turn = moment * self.inertia;
         move |place| {
             [share * x - turn * (place.y - middle_y), share * y + turn * (place.x - middle_x)]

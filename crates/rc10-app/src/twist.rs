@@ -117,16 +117,16 @@ impl TwistNotFinite {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwistLimits {
     /// Largest change of (vx, vy), m/s²; > 0: on rubber, friction times 9.81.
-    pub linear_acceleration: f32,
-    /// Largest change of the yaw rate, in rad/s²; > 0.
-    pub angular_acceleration: f32,
+    pub linear_m_s2: f32,
+    /// Largest change of the yaw rate, rad/s²; > 0.
+    pub angular_rad_s2: f32,
 }
 
 impl TwistLimits {
     /// Checks every field; the error names the first that is not finite or not positive.
     pub const fn validate(&self) -> Result<(), ConfigError> {
-        ok!(positive("linear_acceleration", self.linear_acceleration));
-        positive("angular_acceleration", self.angular_acceleration)
+        ok!(positive("linear_m_s2", self.linear_m_s2));
+        positive("angular_rad_s2", self.angular_rad_s2)
     }
 }
 
@@ -138,7 +138,7 @@ impl TwistLimits {
 ///
 /// ```
 /// use rc10_app::{Seconds, Twist, TwistLimiter, TwistLimits};
-/// let limits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
+/// let limits = TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 };
 /// let mut limiter: TwistLimiter = TwistLimiter::new();
 /// let twist = limiter.update(&limits, Twist::new(1.5, 2.0, 0.0), Seconds::new(0.01))?;
 /// assert!((twist.vx - 0.018).abs() < 1e-6 && (twist.vy - 0.024).abs() < 1e-6); // 3 m/s²
@@ -184,8 +184,8 @@ impl<F: Frame> TwistLimiter<F> {
             return Err(TwistNotFinite::of(target));
         }
         if dt.is_step() {
-            let linear = step_share(distance, limits.linear_acceleration * dt.get());
-            let angular = step_share(change.wz.abs(), limits.angular_acceleration * dt.get());
+            let linear = step_share(distance, limits.linear_m_s2 * dt.get());
+            let angular = step_share(change.wz.abs(), limits.angular_rad_s2 * dt.get());
             self.twist = Twist::new(
                 towards(self.twist.vx, target.vx, linear),
                 towards(self.twist.vy, target.vy, linear),
@@ -242,7 +242,7 @@ mod tests {
 
     #[test]
     fn the_acceleration_is_never_exceeded_and_the_change_is_straight() {
-        let limits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
+        let limits = TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 };
         let (mut random, mut limiter) = (Random(13), TwistLimiter::<RobotFrame>::new());
         let mut target = Twist::STOP;
         for step in 0..20_000 {
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn the_limiter_takes_the_shortest_time_and_arrives_exactly() {
-        let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
+        let limits = TwistLimits { linear_m_s2: 5.0, angular_rad_s2: 10.0 };
         let mut limiter = TwistLimiter::<FieldFrame>::new();
         let target = Twist::new(3.0, -4.0, 2.0);
         let mut step = 0;
@@ -280,7 +280,7 @@ mod tests {
 
     #[test]
     fn a_bad_target_or_time_leaves_the_limiter_unchanged() {
-        let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
+        let limits = TwistLimits { linear_m_s2: 5.0, angular_rad_s2: 10.0 };
         let mut limiter = TwistLimiter::<RobotFrame>::new();
         let measured = Twist::new(1.0, 0.5, -1.0);
         limiter.reset(measured);
@@ -297,20 +297,19 @@ mod tests {
         for dt in [0.0, -0.001, f32::NAN, f32::INFINITY] {
             assert_eq!(limiter.update(&limits, Twist::STOP, Seconds::new(dt)), Ok(before.twist()));
         }
-        let broken = TwistLimits { linear_acceleration: f32::NAN, angular_acceleration: -1.0 };
+        let broken = TwistLimits { linear_m_s2: f32::NAN, angular_rad_s2: -1.0 };
         assert_eq!(limiter.update(&broken, Twist::STOP, DT), Ok(before.twist()));
         assert_eq!(limiter, before);
     }
 
     #[test]
     fn limits_are_checked() {
-        let limits = |linear_acceleration, angular_acceleration| {
-            TwistLimits { linear_acceleration, angular_acceleration }.validate()
-        };
+        let limits =
+            |linear_m_s2, angular_rad_s2| TwistLimits { linear_m_s2, angular_rad_s2 }.validate();
         assert_eq!(limits(3.0, 10.0), Ok(()));
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            assert_eq!(limits(bad, 1.0).unwrap_err().field, "linear_acceleration");
-            assert_eq!(limits(1.0, bad).unwrap_err().field, "angular_acceleration");
+            assert_eq!(limits(bad, 1.0).unwrap_err().field, "linear_m_s2");
+            assert_eq!(limits(1.0, bad).unwrap_err().field, "angular_rad_s2");
         }
     }
 }

@@ -93,6 +93,8 @@ units! {
     ElectricalRpm: "erpm";
     /// Acceleration of an output shaft in revolutions per minute per second.
     RpmPerSecond: "rpm/s";
+    /// Jerk of an output shaft in revolutions per minute per second².
+    RpmPerSecondSquared: "rpm/s2";
     /// An angle in degrees; [`TotalAngle`](crate::TotalAngle) stays exact over many turns.
     Degrees: "deg";
     /// An angle in radians.

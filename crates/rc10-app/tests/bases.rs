@@ -70,7 +70,7 @@ fn wheel_speeds_have_the_right_size() {
 #[test]
 fn the_power_of_the_torques_is_that_of_the_body() {
     fn power<const N: usize>(base: &Base<N>, twist: Twist, change: Twist) -> [f32; 2] {
-        let body = Body { mass: 17.0, yaw_inertia: 0.9 };
+        let body = Body { mass_kg: 17.0, yaw_inertia_kg_m2: 0.9 };
         let speeds = base.inverse(twist).unwrap();
         assert!((speeds.scale - 1.0).abs() < 1e-6, "meant to be within the limit");
         let torques = base.torques(&body, twist, change);
@@ -79,8 +79,8 @@ fn the_power_of_the_torques_is_that_of_the_body() {
             .zip(speeds.speeds)
             .map(|(torque, speed)| torque.get() * speed.get() * core::f32::consts::PI / 30.0);
         // The turning of the axes does no work on the velocity.
-        let of_body = body.mass * (twist.vx * change.vx + twist.vy * change.vy)
-            + body.yaw_inertia * twist.wz * change.wz;
+        let of_body = body.mass_kg * (twist.vx * change.vx + twist.vy * change.vy)
+            + body.yaw_inertia_kg_m2 * twist.wz * change.wz;
         [of_wheels.sum(), of_body]
     }
     let mut random = Random(23);
@@ -353,13 +353,13 @@ fn forward_ignores_what_no_motion_explains() {
 
 #[test]
 fn limits_that_the_wheels_cannot_keep_are_told() {
-    let limits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
+    let limits = TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 };
     // The worst direction of a mecanum wheel is along its rollers' axis: √2 · 3 m/s² and
     // 0.45 m · 12 rad/s², of 76 mm: 126.88 rad/s².
     let needed = RpmPerSecond::new(1211.6);
     assert_eq!(MECANUM.validate_limits(&limits, needed + RpmPerSecond::new(0.1)), Ok(()));
     let error = MECANUM.validate_limits(&limits, needed - RpmPerSecond::new(0.1)).unwrap_err();
     assert!((error.value - 1211.6).abs() < 0.1, "{error}");
-    let bad = TwistLimits { linear_acceleration: -1.0, ..limits };
-    assert_eq!(MECANUM.validate_limits(&bad, needed).unwrap_err().field, "linear_acceleration");
+    let bad = TwistLimits { linear_m_s2: -1.0, ..limits };
+    assert_eq!(MECANUM.validate_limits(&bad, needed).unwrap_err().field, "linear_m_s2");
 }

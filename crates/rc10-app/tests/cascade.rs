@@ -5,7 +5,7 @@ use rc10_app::{Cascade, CascadeState, FeedForward, Gravity, PidConfig, RpmPerSec
 
 const MS: Seconds = Seconds::new(0.001);
 const FULL: f32 = 20.0;
-const NO_GAINS: PidConfig = PidConfig::new(0.0, 0.0, 0.0, 400.0);
+const NO_GAINS: PidConfig = PidConfig::within(400.0);
 
 /// A cascade whose speed reference follows at once.
 fn cascade(speed: PidConfig, angle: PidConfig) -> Cascade {
@@ -39,7 +39,7 @@ fn seek(state: &mut CascadeState, config: &Cascade, way: f32, rpm: f32, count: u
 
 #[test]
 fn the_speed_loops_derivative_acts_on_the_measured_speed_alone() {
-    let damped = cascade(PidConfig::new(0.0, 0.0, 0.02, FULL), NO_GAINS);
+    let damped = cascade(PidConfig::within(FULL).kd(0.02), NO_GAINS);
     // A reference that follows at once, and one on the way.
     for acceleration in [1e6, 1000.0] {
         let config = Cascade { acceleration: RpmPerSecond::new(acceleration), ..damped };
@@ -58,7 +58,7 @@ fn the_speed_loops_derivative_acts_on_the_measured_speed_alone() {
 
 #[test]
 fn a_speed_loop_with_a_derivative_takes_over_from_an_effort_without_a_kick() {
-    let config = cascade(PidConfig::new(0.0, 0.0, 0.02, FULL), NO_GAINS);
+    let config = cascade(PidConfig::within(FULL).kd(0.02), NO_GAINS);
     let mut state = CascadeState::new();
     (0..40).for_each(|_| state.give(5.0, FULL, MS));
     run(&mut state, &config, 100.0, 100.0);
@@ -67,11 +67,11 @@ fn a_speed_loop_with_a_derivative_takes_over_from_an_effort_without_a_kick() {
 
 #[test]
 fn new_gains_neither_reach_back_nor_leave_an_integral_behind() {
-    let carried = cascade(PidConfig::new(0.0, 10.0, 0.0, FULL), NO_GAINS);
+    let carried = cascade(PidConfig::within(FULL).ki(10.0), NO_GAINS);
     let mut state = CascadeState::new();
     (0..100).for_each(|_| run(&mut state, &carried, 10.0, 0.0));
     assert!(state.effort() > 9.0);
-    let damped = cascade(PidConfig::new(0.0, 0.0, 0.02, FULL), NO_GAINS);
+    let damped = cascade(PidConfig::within(FULL).kd(0.02), NO_GAINS);
     state.change_gains(&damped, 200.0);
     // Softly: by at most a tenth of full scale in a tick.
     for _ in 0..20 {
@@ -82,7 +82,7 @@ fn new_gains_neither_reach_back_nor_leave_an_integral_behind() {
     near(state.effort(), 0.0);
 
     // The same for the angle loop: no speed is asked for by an integral that is off.
-    let carried = cascade(NO_GAINS, PidConfig::new(0.0, 10.0, 0.0, 400.0));
+    let carried = cascade(NO_GAINS, PidConfig::within(400.0).ki(10.0));
     let mut state = CascadeState::new();
     (0..200).for_each(|count| seek(&mut state, &carried, 10.0, 0.0, count));
     assert!(state.reference() > 15.0);
@@ -102,7 +102,7 @@ fn new_gains_neither_reach_back_nor_leave_an_integral_behind() {
 #[test]
 fn the_angle_loop_integrates_over_all_the_ticks_between_its_steps() {
     for outer_divider in [1, 10, 50] {
-        let angle = PidConfig::new(0.0, 2.0, 0.0, 400.0);
+        let angle = PidConfig::within(400.0).ki(2.0);
         let config = Cascade { outer_divider, ..cascade(NO_GAINS, angle) };
         let mut state = CascadeState::new();
         (0..2000).for_each(|count| seek(&mut state, &config, 10.0, 0.0, count));
@@ -114,7 +114,7 @@ fn the_angle_loop_integrates_over_all_the_ticks_between_its_steps() {
 
 #[test]
 fn the_angle_loops_derivative_is_the_measured_speed_alone() {
-    let config = cascade(NO_GAINS, PidConfig::new(0.0, 0.0, 0.1, 400.0));
+    let config = cascade(NO_GAINS, PidConfig::within(400.0).kd(0.1));
     let mut state = CascadeState::new();
     // 10 rpm are 60 degrees a second, whatever way is left, and however the angle sought moves.
     for (count, way) in (0..300).zip([5.0, 5.0, 90.0, -90.0].into_iter().cycle()) {
@@ -126,7 +126,7 @@ fn the_angle_loops_derivative_is_the_measured_speed_alone() {
 #[test]
 fn cascades_with_different_counts_run_their_angle_loops_in_different_ticks() {
     // The speed that it asks for tells when it ran: the way is another one in each tick.
-    let config = cascade(NO_GAINS, PidConfig::new(1.0, 0.0, 0.0, 400.0));
+    let config = cascade(NO_GAINS, PidConfig::within(400.0).kp(1.0));
     for offset in 0..10_u32 {
         let (mut state, mut way) = (CascadeState::new(), 1.0_f32);
         let mut ran = |tick: u32| {
@@ -152,7 +152,7 @@ fn cascades_with_different_counts_run_their_angle_loops_in_different_ticks() {
 
 #[test]
 fn a_stop_keeps_what_carries_a_load_only_if_it_is_asked_to() {
-    let config = cascade(PidConfig::new(0.1, 10.0, 0.0, FULL), NO_GAINS);
+    let config = cascade(PidConfig::within(FULL).kp(0.1).ki(10.0), NO_GAINS);
     for keep_load in [false, true] {
         let mut state = CascadeState::new();
         // An obstacle: the integral pushes with all it has.
@@ -173,7 +173,7 @@ fn a_limit_that_is_lowered_during_a_soft_start_holds_at_once() {
     state.give(FULL, 1.0, MS);
     near(state.effort(), 1.0);
 
-    let config = cascade(PidConfig::new(0.1, 0.0, 0.0, 1.0), NO_GAINS);
+    let config = cascade(PidConfig::within(1.0).kp(0.1), NO_GAINS);
     let mut state = CascadeState::new();
     (0..5).for_each(|_| state.give(FULL, FULL, MS));
     near(state.effort(), 10.0);
@@ -186,10 +186,10 @@ fn a_limit_that_is_lowered_during_a_soft_start_holds_at_once() {
 #[test]
 fn a_measurement_that_comes_a_tick_late_is_no_acceleration() {
     let feed_forward =
-        FeedForward { friction: 0.054, speed: 0.0, acceleration: 0.0029, gravity: Gravity::None };
+        FeedForward { friction: 0.054, per_rpm: 0.0, per_rpm_s: 0.0029, gravity: Gravity::None };
     let config = Cascade {
-        speed: PidConfig::new(0.12, 0.0, 0.0, 3.0),
-        angle: PidConfig::new(1.5, 0.0, 0.0, 250.0),
+        speed: PidConfig::within(3.0).kp(0.12),
+        angle: PidConfig::within(250.0).kp(1.5),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(500.0),
         feed_forward,

@@ -11,20 +11,20 @@ fn the_time_is_the_least_within_two_percent() {
     for line in include_str!("golden/paths.csv").lines().skip(1) {
         let (base, numbers) = line.split_once(',').unwrap();
         let numbers: Vec<f32> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
-        let [linear_acceleration, angular_acceleration, max_speed, _, time] = numbers[..5] else {
+        let [linear_m_s2, angular_rad_s2, max_speed_m_s, _, time] = numbers[..5] else {
             panic!("{line}");
         };
         let waypoints: Vec<_> = numbers[5..]
             .chunks_exact(5)
             .map(|one| Waypoint {
-                radius: one[3],
+                radius_m: one[3],
                 ..Waypoint::new(one[0], one[1], Radians::new(one[2])).at_most(one[4])
             })
             .collect();
         let path: Path<5> = Path::new(waypoints.try_into().unwrap()).unwrap();
         let limits = PathLimits {
-            twist: TwistLimits { linear_acceleration, angular_acceleration },
-            max_speed,
+            twist: TwistLimits { linear_m_s2, angular_rad_s2 },
+            max_speed_m_s,
             wheel_share: 1.0,
         };
         let plan = match base {

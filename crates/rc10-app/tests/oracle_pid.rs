@@ -20,8 +20,11 @@ fn rows() -> impl Iterator<Item = Row> {
         else {
             panic!("{line}")
         };
-        let config =
-            PidConfig { derivative_filter, setpoint_weight, ..PidConfig::new(kp, ki, kd, 1e9) };
+        let config = PidConfig {
+            derivative_filter: Seconds::new(derivative_filter),
+            setpoint_weight,
+            ..PidConfig::within(1e9).kp(kp).ki(ki).kd(kd)
+        };
         Row { case, config, dt, setpoint, measured, output }
     })
 }

@@ -11,8 +11,8 @@ const LIMIT: Rpm = Rpm::new(450.0);
 const MECANUM: Base<4> = Base::mecanum(0.076, 0.20, 0.25, LIMIT);
 const OMNI_3: Base<3> = Base::omni_3(0.05, 0.2, LIMIT);
 const LIMITS: PathLimits = PathLimits {
-    twist: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
-    max_speed: 2.0,
+    twist: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
+    max_speed_m_s: 2.0,
     wheel_share: 0.9,
 };
 
@@ -79,12 +79,12 @@ fn check_limits<const N: usize, const WHEELS: usize>(
             assert!(speed <= most * 1.0001, "{ms} ms: {speed} rpm");
         }
         let ([vx, vy, wz], [ux, uy, uz]) = (numbers(now.twist), numbers(before.twist));
-        assert!(vx.hypot(vy) <= f64::from(limits.max_speed) * 1.0001, "{ms} ms: {now:?}");
+        assert!(vx.hypot(vy) <= f64::from(limits.max_speed_m_s) * 1.0001, "{ms} ms: {now:?}");
         let [ax, ay, az] = [vx - ux, vy - uy, wz - uz].map(|change| change * 1e3);
-        let TwistLimits { linear_acceleration, angular_acceleration } = limits.twist;
+        let TwistLimits { linear_m_s2, angular_rad_s2 } = limits.twist;
         // The times are f32s: 4 µs of 1 ms.
-        assert!(ax.hypot(ay) <= f64::from(linear_acceleration) * 1.005, "{ms} ms: {ax} {ay} m/s²");
-        assert!(az.abs() <= f64::from(angular_acceleration) * 1.005, "{ms} ms: {az} rad/s²");
+        assert!(ax.hypot(ay) <= f64::from(linear_m_s2) * 1.005, "{ms} ms: {ax} {ay} m/s²");
+        assert!(az.abs() <= f64::from(angular_rad_s2) * 1.005, "{ms} ms: {az} rad/s²");
         // The pose moves by the twist, and the twist by the acceleration.
         let [dx, dy] = [now.pose.x - before.pose.x, now.pose.y - before.pose.y].map(f64::from);
         let dz = f64::from(turn(before.pose.heading, now.pose.heading));
@@ -109,10 +109,10 @@ fn no_wheel_and_no_acceleration_is_ever_above_its_limit() {
         let path = random_path(&mut random);
         let limits = PathLimits {
             twist: TwistLimits {
-                linear_acceleration: 3.0 + random.within(2.0),
-                angular_acceleration: 12.0 + random.within(8.0),
+                linear_m_s2: 3.0 + random.within(2.0),
+                angular_rad_s2: 12.0 + random.within(8.0),
             },
-            max_speed: if round % 2 == 0 { f32::INFINITY } else { 1.5 },
+            max_speed_m_s: if round % 2 == 0 { f32::INFINITY } else { 1.5 },
             wheel_share: 0.7 + random.within(0.3),
         };
         check_limits(&Plan::new(&path, &MECANUM, &limits, 0.0).unwrap(), &MECANUM, &limits);
@@ -133,7 +133,7 @@ fn far_away_tiny_and_huge_paths_are_finite_and_within_the_speeds() {
             let (dx, dy) = (random.within(size), random.within(size));
             *one = waypoint(x + dx, y + dy, random.within(PI)).rounded(0.3 * dx.abs());
         }
-        waypoints[3].radius = 0.0;
+        waypoints[3].radius_m = 0.0;
         let Ok(path) = Path::new(waypoints) else { continue };
         paths += 1;
         let plan = Plan::new(&path, &MECANUM, &LIMITS, 0.0).unwrap();
@@ -195,7 +195,7 @@ fn it_stops_in_a_sharp_corner_to_either_side_and_where_it_goes_straight_back() {
 fn a_straight_path_takes_the_time_of_a_trapezoid() {
     let time = |length: f32, max_speed, start| {
         let path = Path::new([waypoint(-1.0, 0.0, 1.0), waypoint(length - 1.0, 0.0, 1.0)]).unwrap();
-        let limits = PathLimits { max_speed, ..LIMITS };
+        let limits = PathLimits { max_speed_m_s: max_speed, ..LIMITS };
         Plan::new(&path, &MECANUM, &limits, start).unwrap().duration().get()
     };
     // v / a + s / v, and 2 √(s / a). From the start speed u the way to a stand begins earlier, by
@@ -229,10 +229,10 @@ fn what_cannot_be_a_path_is_refused_with_the_waypoint() {
         }
     }
     for (field, one) in [
-        ("radius", ahead(1.0, 0.0).rounded(-0.1)),
-        ("radius", ahead(1.0, 0.0).rounded(f32::NAN)),
-        ("max_speed", ahead(1.0, 0.0).at_most(-1.0)),
-        ("max_speed", ahead(1.0, 0.0).at_most(f32::NAN)),
+        ("radius_m", ahead(1.0, 0.0).rounded(-0.1)),
+        ("radius_m", ahead(1.0, 0.0).rounded(f32::NAN)),
+        ("max_speed_m_s", ahead(1.0, 0.0).at_most(-1.0)),
+        ("max_speed_m_s", ahead(1.0, 0.0).at_most(f32::NAN)),
     ] {
         let error = Path::new([ahead(0.0, 0.0), one, ahead(2.0, 0.0)]).unwrap_err();
         let PathError::Waypoint { waypoint: 1, error } = error else { panic!("{error}") };
@@ -240,7 +240,7 @@ fn what_cannot_be_a_path_is_refused_with_the_waypoint() {
     }
     // At its ends there is no corner.
     let error = Path::new([ahead(0.0, 0.0), ahead(1.0, 0.0).rounded(0.1)]).unwrap_err();
-    assert!(text(error).contains("waypoint 1: `radius` is 0.1, but must be 0"), "{error}");
+    assert!(text(error).contains("waypoint 1: `radius_m` is 0.1, but must be 0"), "{error}");
     // A right angle takes its radius of both legs.
     let corner = |radius, length| {
         Path::new([ahead(0.0, 0.0), ahead(1.0, 0.0).rounded(radius), ahead(1.0, length)])
@@ -274,10 +274,10 @@ fn what_cannot_be_planned_is_refused() {
         other => panic!("{other:?}"),
     };
     for bad in [-1.0, 0.0, f32::NAN] {
-        assert_eq!(field(&PathLimits { max_speed: bad, ..LIMITS }, 0.0), "max_speed");
+        assert_eq!(field(&PathLimits { max_speed_m_s: bad, ..LIMITS }, 0.0), "max_speed_m_s");
         assert_eq!(field(&PathLimits { wheel_share: bad, ..LIMITS }, 0.0), "wheel_share");
-        let twist = TwistLimits { linear_acceleration: bad, ..LIMITS.twist };
-        assert_eq!(field(&PathLimits { twist, ..LIMITS }, 0.0), "linear_acceleration");
+        let twist = TwistLimits { linear_m_s2: bad, ..LIMITS.twist };
+        assert_eq!(field(&PathLimits { twist, ..LIMITS }, 0.0), "linear_m_s2");
     }
     assert_eq!(field(&PathLimits { wheel_share: 1.1, ..LIMITS }, 0.0), "wheel_share");
     assert_eq!(field(&LIMITS, f32::NAN), "start_speed");

@@ -2,7 +2,8 @@
 
 use rc10_app::profile::synchronise;
 use rc10_app::{
-    AngleProfile, Profile, ProfileLimits, Rpm, RpmPerSecond, Seconds, Setpoint, TotalAngle,
+    AngleLimits, AngleProfile, Profile, ProfileLimits, Rpm, RpmPerSecond, RpmPerSecondSquared,
+    Seconds, Setpoint, TotalAngle,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -390,9 +391,17 @@ fn a_target_that_moves_is_met_where_it_has_got_to() {
     }
 }
 
+fn shaft_limits() -> AngleLimits {
+    AngleLimits {
+        velocity: Rpm::new(300.0),
+        acceleration: RpmPerSecond::new(2000.0),
+        jerk: RpmPerSecondSquared::new(40_000.0),
+    }
+}
+
 #[test]
 fn a_shaft_far_from_zero_lands_on_the_microdegree() {
-    let limits = ProfileLimits { velocity: 300.0, acceleration: 2000.0, jerk: 40_000.0 };
+    let limits = shaft_limits();
     let here = TotalAngle::from_microdegrees(987_654_321_123_457);
     let mut shaft = AngleProfile::at(here);
     for microdegrees in [1, -1, 89_999_999, 360_000_001, -3_600_000_000_007, 12_345_678] {
@@ -417,7 +426,7 @@ fn a_shaft_far_from_zero_lands_on_the_microdegree() {
 
 #[test]
 fn after_an_hour_at_a_speed_a_shaft_is_where_it_has_to_be() {
-    let limits = ProfileLimits { velocity: 300.0, acceleration: 2000.0, jerk: 40_000.0 };
+    let limits = shaft_limits();
     let mut shaft = AngleProfile::at(TotalAngle::ZERO);
     shaft.set_target(&limits, TotalAngle::from_degrees(720), Rpm::new(60.0)).unwrap();
     while !shaft.has_arrived() {

@@ -15,5 +15,5 @@ pub use stm32h723::usb;
 pub use stm32h723::{
     CORE_CLOCK, Crystal, CrystalState, FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, crystal,
     cycle_count, dma, i2c, initialise, other_chip, pulse_input, pulse_output, pwm, quadrature,
-    serial, spi, supervisor, voltage, watchdog,
+    serial, servo, spi, supervisor, voltage, watchdog,
 };

@@ -5,9 +5,9 @@
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
 //! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
-//! * [`pwm`] with a bound, [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
+//! * [`servo`], [`pwm`] with a bound, [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
 //! * `usb`: a serial port on USB, with the feature of that name.
-//! * [`voltage`] of a supply.
+//! * [`voltage`] at pins.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
 //! * [`crash`]: after a panic or fault motors are made safe, the cause is kept, the chip restarts.
@@ -23,6 +23,7 @@ pub mod pulse_output;
 pub mod pwm;
 pub mod quadrature;
 pub mod serial;
+pub mod servo;
 pub mod spi;
 pub mod supervisor;
 mod supply;

@@ -102,8 +102,8 @@ impl<const N: usize> Writer<N> {
     }
 }
 
-/// The body of a frame that begins with these bytes.
-fn body(bytes: &[u8], most: usize) -> Found<&[u8]> {
+/// Examines the frame that begins with these bytes: `read` judges a sound body, and gets the frame's length.
+fn examine<M>(bytes: &[u8], most: usize, read: impl FnOnce(usize, &[u8]) -> Found<M>) -> Found<M> {
     let [begin, low, high, check] = match *bytes {
         [BEGIN] | [BEGIN, _] | [BEGIN, _, _] => return Found::More(HEAD),
         [a, b, c, d, ..] => [a, b, c, d],
@@ -117,7 +117,7 @@ fn body(bytes: &[u8], most: usize) -> Found<&[u8]> {
     let whole = HEAD + size + TAIL;
     let Some(frame) = bytes.get(..whole) else { return Found::More(whole) };
     let (body, sum) = frame[HEAD..].split_at(size);
-    if sum == crc(body).to_le_bytes() { Found::Frame(whole, body) } else { Found::Damaged }
+    if sum == crc(body).to_le_bytes() { read(whole, body) } else { Found::Damaged }
 }
 
 /// The protocol that a robot hears: [`Ask`]s. Sound ones that it does not know are skipped.
@@ -130,15 +130,10 @@ impl Protocol for FromPc {
 
     #[inline(never)]
     fn examine(&self, bytes: &[u8]) -> Found<Ask> {
-        match body(bytes, ASK) {
-            Found::Frame(whole, body) => match postcard::take_from_bytes(body) {
-                Ok((ask, _)) => Found::Frame(whole, ask),
-                Err(_) => Found::Other(whole),
-            },
-            Found::More(whole) => Found::More(whole),
-            Found::Damaged => Found::Damaged,
-            Found::Nothing | Found::Other(_) => Found::Nothing,
-        }
+        examine(bytes, ASK, |whole, body| match postcard::take_from_bytes(body) {
+            Ok((ask, _)) => Found::Frame(whole, ask),
+            Err(_) => Found::Other(whole),
+        })
     }
 }
 
@@ -151,15 +146,9 @@ impl Protocol for FromRobot {
     type Buffer = Vec<u8, { BODY + AROUND }>;
 
     fn examine(&self, bytes: &[u8]) -> Found<Self::Message> {
-        match body(bytes, BODY) {
-            Found::Frame(whole, body) => match Vec::from_slice(body) {
-                Ok(body) => Found::Frame(whole, body),
-                Err(_) => Found::Damaged,
-            },
-            Found::More(whole) => Found::More(whole),
-            Found::Damaged => Found::Damaged,
-            Found::Nothing | Found::Other(_) => Found::Nothing,
-        }
+        examine(bytes, BODY, |whole, body| {
+            Vec::from_slice(body).map_or(Found::Damaged, |body| Found::Frame(whole, body))
+        })
     }
 }
 

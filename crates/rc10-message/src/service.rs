@@ -156,7 +156,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         let timeout = Duration::from_micros(timeout.get().min(LONGEST_TIMEOUT));
         match with_timeout(timeout, &mut waiting).await {
             Ok(outcome) => outcome,
-            Err(_) => waiting.give_up(),
+            Err(_) => self.with(|state| state.end(waiting.sequence)),
         }
     }
 
@@ -295,27 +295,32 @@ impl<Request, Response, const CALLERS: usize> State<Request, Response, CALLERS> 
         self.slot(sequence)?.take().map(|slot| slot.stage)
     }
 
+    /// The caller leaves, because its server is done or its time is over: the outcome of its call.
+    fn end(&mut self, sequence: u32) -> Result<Response, CallError> {
+        let (count, error) = match self.leave(sequence) {
+            // Also in the last moment.
+            Some(Stage::Answered(response)) => return Ok(response),
+            Some(Stage::NotServed) => (&mut self.unserved, CallError::NotServed),
+            Some(Stage::Waiting(_)) => (&mut self.timed_out, CallError::NotTaken),
+            Some(Stage::Taken) | None => (&mut self.timed_out, CallError::TimedOut),
+        };
+        *count = count.wrapping_add(1);
+        Err(error)
+    }
+
     /// The outcome of a call that its server is done with; its caller has left then.
     fn outcome(
         &mut self,
         sequence: u32,
         context: &Context<'_>,
     ) -> Poll<Result<Response, CallError>> {
-        if let Some(Some(slot)) = self.slot(sequence)
-            && let Stage::Waiting(_) | Stage::Taken = slot.stage
-        {
+        // Without a slot it is polled again after its end.
+        let Some(Some(slot)) = self.slot(sequence) else { return Poll::Pending };
+        if let Stage::Waiting(_) | Stage::Taken = slot.stage {
             slot.caller.register(context.waker());
             return Poll::Pending;
         }
-        match self.leave(sequence) {
-            Some(Stage::Answered(response)) => Poll::Ready(Ok(response)),
-            Some(_) => {
-                self.unserved = self.unserved.wrapping_add(1);
-                Poll::Ready(Err(CallError::NotServed))
-            }
-            // Polled again after its end.
-            None => Poll::Pending,
-        }
+        Poll::Ready(self.end(sequence))
     }
 
     /// Ends a call that was taken, if its caller still waits.
@@ -389,26 +394,6 @@ pub struct AlreadyServed;
 struct Waiting<'s, Request, Response, const CALLERS: usize> {
     service: &'s Service<Request, Response, CALLERS>,
     sequence: u32,
-}
-
-impl<Request, Response, const CALLERS: usize> Waiting<'_, Request, Response, CALLERS> {
-    /// The time is over.
-    fn give_up(self) -> Result<Response, CallError> {
-        self.service.with(|state| {
-            let error = match state.leave(self.sequence) {
-                // In the last moment.
-                Some(Stage::Answered(response)) => return Ok(response),
-                Some(Stage::NotServed) => {
-                    state.unserved = state.unserved.wrapping_add(1);
-                    return Err(CallError::NotServed);
-                }
-                Some(Stage::Waiting(_)) => CallError::NotTaken,
-                Some(Stage::Taken) | None => CallError::TimedOut,
-            };
-            state.timed_out = state.timed_out.wrapping_add(1);
-            Err(error)
-        })
-    }
 }
 
 impl<Request, Response, const CALLERS: usize> Future for Waiting<'_, Request, Response, CALLERS> {

@@ -273,7 +273,6 @@ impl IncrementalEncoder {
     /// Counts in a time at a constant speed.
     fn counts_at(&self, speed: Rpm, time: Micros) -> f32 {
         let (counts, turns) = (self.config.scale.counts(), self.config.scale.turns());
-        #[expect(clippy::cast_precision_loss, reason = "compared and estimated, not added up")]
         let per_turn = counts as f32 / turns as f32;
         speed.get() / 60.0 * per_turn * Seconds::from_micros(time.get()).get()
     }
@@ -307,7 +306,6 @@ impl IncrementalEncoder {
             self.speed = Rpm::new(slower);
             return;
         }
-        #[expect(clippy::cast_precision_loss, reason = "seven digits are plenty")]
         let moved = total.saturating_sub(from) as f32;
         self.speed = Rpm::new(moved * one);
         self.window = (total, now);

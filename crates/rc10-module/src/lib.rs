@@ -81,6 +81,7 @@ mod listen;
 pub mod positioning;
 pub mod ranging;
 pub mod remote;
+pub mod servo;
 mod stream;
 mod sum;
 

@@ -22,6 +22,48 @@ pub enum Active {
     High,
 }
 
+impl Active {
+    /// Whether a switch with this level at its pin is pressed.
+    #[must_use]
+    pub const fn is_pressed(self, is_high: bool) -> bool {
+        is_high == matches!(self, Self::High)
+    }
+}
+
+/// A contact at a pin: closed or not, which is pressed or not, whatever the level of the pin.
+///
+/// It does not debounce: [`Homing`](rc10_app::mechanism::Homing) does.
+///
+/// ```
+/// # use core::convert::Infallible;
+/// # use embedded_hal::digital::{ErrorType, InputPin};
+/// # struct High;
+/// # impl ErrorType for High { type Error = Infallible; }
+/// # impl InputPin for High {
+/// #     fn is_high(&mut self) -> Result<bool, Infallible> { Ok(true) }
+/// #     fn is_low(&mut self) -> Result<bool, Infallible> { Ok(false) }
+/// # }
+/// use rc10_module::limit_switch::{Active, Contact};
+/// let mut bottom = Contact::new(High, Active::High); // wired by the contact that opens
+/// assert!(bottom.is_closed());
+/// ```
+pub struct Contact<P> {
+    pin: P,
+    active: Active,
+}
+
+impl<P: InputPin> Contact<P> {
+    /// Creates it at a pin, wired so.
+    pub const fn new(pin: P, active: Active) -> Self {
+        Self { pin, active }
+    }
+
+    /// Whether it is closed now. A pin that cannot be read counts as high, as with a torn wire.
+    pub fn is_closed(&mut self) -> bool {
+        self.active.is_pressed(!self.pin.is_low().unwrap_or(false))
+    }
+}
+
 /// Settings of a limit switch: its wiring, and its times of bouncing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -97,7 +139,7 @@ impl LimitSwitch {
 
     /// The pin is high or low at `now`. Where the switch is now.
     pub fn update(&mut self, is_high: bool, now: Micros) -> Position {
-        let is_pressed = is_high == (self.config.active == Active::High);
+        let is_pressed = self.config.active.is_pressed(is_high);
         let since = match self.contact {
             Some((same, since)) if same == is_pressed => since,
             changed => {

@@ -67,7 +67,6 @@ impl Range {
     #[inline]
     #[must_use]
     pub fn metres(self) -> Option<f32> {
-        #[expect(clippy::cast_precision_loss, reason = "exact up to 16 km")]
         self.millimetres().map(|millimetres| millimetres as f32 / 1000.0)
     }
 }

@@ -6,4 +6,5 @@ mod bmi088;
 mod heater;
 mod jrt;
 mod pages;
+mod servo;
 mod waiting;

@@ -57,7 +57,7 @@ fn every_parser_has_a_line_in_the_index() {
     }
     assert!(found >= 9, "{found} parsers");
     // Those that are no `Protocol`.
-    let others = ["Ppm", "Bmi088", "ws2812::Strip", "IncrementalEncoder", "LimitSwitch"];
+    let others = ["Ppm", "Bmi088", "ws2812::Strip", "IncrementalEncoder", "LimitSwitch", "Servo"];
     assert_eq!(parsers.len(), found + others.len(), "{parsers:?}");
     for other in others {
         assert!(parsers.contains(other), "{other} is not in the index");

@@ -52,15 +52,11 @@ impl TxBatch {
     pub fn lane(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
         let key = CanFrame::key_of(id);
         // Neighbours share a frame, so the newest one is nearly always the one.
-        match self.frames.iter_mut().rev().find(|frame| frame.key() == key) {
+        let frame = self.frames.iter_mut().rev().find(|frame| frame.key() == key);
+        match frame.map(|frame| write(frame, offset, bytes)) {
             None => self.open(id, offset, bytes),
-            Some(frame) => {
-                if write(frame, offset, bytes) {
-                    Ok(())
-                } else {
-                    Err(self.refuse(id.into()))
-                }
-            }
+            Some(true) => Ok(()),
+            Some(false) => Err(self.refuse(id.into())),
         }
     }
 

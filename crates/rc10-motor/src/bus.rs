@@ -9,9 +9,9 @@ use crate::arm::ArmSwitch;
 use crate::arm::Unfit;
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::CanIds;
-use crate::load::BusLoad;
 #[cfg(feature = "embassy")]
 use crate::load::Verdict;
+use crate::load::{BusLoad, LoadSum};
 use crate::motor::{CanMotor, FrameError};
 use crate::motors::{AttachError, MotorId, Motors};
 use crate::supervision::{Safety, count};
@@ -205,12 +205,13 @@ impl<'m> MotorBus<'m> {
 
     /// The share of a bus of `bits_per_second` that the attached motors need.
     pub fn load(&self, bits_per_second: u32) -> BusLoad {
-        BusLoad::of(self.motors.iter().map(CanMotor::can_ids), bits_per_second)
+        let mut sum = LoadSum::new(bits_per_second);
+        self.for_each_can_ids(|ids| sum.add(ids));
+        sum.load
     }
 
     /// Each motor's identifiers, in order: all at once would take much of a chip's stack.
-    pub fn for_each_can_ids(&self, f: impl FnMut(&CanIds)) {
-        let mut f = f;
+    pub fn for_each_can_ids(&self, mut f: impl FnMut(&CanIds)) {
         self.motors.iter().for_each(|motor| f(&motor.can_ids()));
     }
 

@@ -1,5 +1,6 @@
 use core::fmt;
 
+use embedded_can::StandardId;
 use rc10_app::{ConfigError, Text};
 use rc10_can::{CanFrame, IdPattern};
 use rc10_time::Micros;
@@ -21,25 +22,25 @@ use rc10_time::Micros;
 #[derive(Clone, Copy, Debug)]
 #[must_use]
 pub struct CanIds {
-    received: List<Frames, 8>,
-    transmitted: List<Frames, 8>,
-    listens: List<IdPattern, 2>,
+    received: List<8>,
+    transmitted: List<8>,
+    listens: List<2>,
 }
 
-/// Up to `N` things, in the order in which they were added.
+/// Up to `N` sorts of frames, in the order in which they were added.
 #[derive(Clone, Copy, Debug)]
-struct List<T, const N: usize> {
-    items: [T; N],
-    /// Number of things that were added, those that found no room included.
+struct List<const N: usize> {
+    items: [Frames; N],
+    /// Number of those that were added, those that found no room included.
     len: usize,
 }
 
-impl<T: Copy, const N: usize> List<T, N> {
-    const fn new(filler: T) -> Self {
-        Self { items: [filler; N], len: 0 }
+impl<const N: usize> List<N> {
+    const fn new() -> Self {
+        Self { items: [Frames::new(IdPattern::any_standard(), 0, Rate::Rare); N], len: 0 }
     }
 
-    const fn push(&mut self, item: T) {
+    const fn push(&mut self, item: Frames) {
         if self.len < N {
             self.items[self.len] = item;
         }
@@ -50,8 +51,16 @@ impl<T: Copy, const N: usize> List<T, N> {
         self.len <= N
     }
 
-    const fn items(&self) -> &[T] {
+    const fn items(&self) -> &[Frames] {
         self.items.split_at(if self.is_complete() { self.len } else { N }).0
+    }
+}
+
+/// A standard identifier, cut off above 11 bits; as a constant, too.
+pub(crate) const fn standard(raw: u16) -> StandardId {
+    match StandardId::new(raw & 0x7FF) {
+        Some(id) => id,
+        None => StandardId::MAX,
     }
 }
 
@@ -183,17 +192,29 @@ impl Frames {
     }
 
     /// An identifier that two devices both use, with nothing that tells their frames apart.
-    const fn clash(&self, other: &Self, is_sent_by_us: bool) -> Option<IdPattern> {
-        let is_apart = match (self.ownership, other.ownership) {
-            (Ownership::Guard(ours), Ownership::Guard(theirs)) => ours.excludes(theirs),
+    const fn clash(&self, other: &Self, pair: Pair) -> Option<IdPattern> {
+        let is_apart = match (pair, self.ownership, other.ownership) {
+            (Pair::Crossed, ..) => false,
+            (_, Ownership::Guard(ours), Ownership::Guard(theirs)) => ours.excludes(theirs),
             // One frame of ours that carries commands to both.
-            (Ownership::Bytes(ours), Ownership::Bytes(theirs)) => {
-                is_sent_by_us && ours & theirs == 0 && self.len == other.len
+            (Pair::Commands, Ownership::Bytes(ours), Ownership::Bytes(theirs)) => {
+                ours & theirs == 0 && self.len == other.len
             }
             _ => false,
         };
         if is_apart { None } else { self.pattern.overlap(&other.pattern) }
     }
+}
+
+/// Frames of two devices that are compared: it says what can tell them apart.
+#[derive(Clone, Copy)]
+enum Pair {
+    /// Both are feedback: guards.
+    Feedback,
+    /// Both are commands: guards, and lanes of one frame.
+    Commands,
+    /// Sent by or to one, and taken for a command by the other: nothing.
+    Crossed,
 }
 
 /// The share of a frame that belongs to one device.
@@ -247,12 +268,7 @@ impl fmt::Display for Clash {
 impl CanIds {
     /// The identifiers of a motor that occupies none yet.
     pub const fn new() -> Self {
-        let nothing = IdPattern::any_standard();
-        Self {
-            received: List::new(Frames::new(nothing, 0, Rate::Rare)),
-            transmitted: List::new(Frames::new(nothing, 0, Rate::Rare)),
-            listens: List::new(nothing),
-        }
+        Self { received: List::new(), transmitted: List::new(), listens: List::new() }
     }
 
     /// Adds frames the device sends; eight at most.
@@ -269,7 +285,7 @@ impl CanIds {
 
     /// Adds identifiers that the device obeys but we never use (a Damiao's low byte). Two at most.
     pub const fn listens_to(mut self, pattern: IdPattern) -> Self {
-        self.listens.push(pattern);
+        self.listens.push(Frames::new(pattern, 0, Rate::Rare));
         self
     }
 
@@ -294,8 +310,8 @@ impl CanIds {
         self.transmitted.items()
     }
 
-    /// Identifiers that the device obeys although they are never sent.
-    pub const fn listened_to(&self) -> &[IdPattern] {
+    /// Frames that the device obeys although they are never sent: only their pattern counts.
+    pub const fn listened_to(&self) -> &[Frames] {
         self.listens.items()
     }
 
@@ -308,10 +324,10 @@ impl CanIds {
 
     /// Why this motor and another cannot share a bus, if so.
     pub const fn clash(&self, other: &Self) -> Option<Clash> {
-        if let Some(id) = shared(self.received(), other.received(), false) {
+        if let Some(id) = shared(self.received(), other.received(), Pair::Feedback) {
             return Some(Clash::RxFrames(id));
         }
-        if let Some(id) = shared(self.transmitted(), other.transmitted(), true) {
+        if let Some(id) = shared(self.transmitted(), other.transmitted(), Pair::Commands) {
             return Some(Clash::TxFrames(id));
         }
         match (self.confused_by(other), other.confused_by(self)) {
@@ -323,59 +339,34 @@ impl CanIds {
     /// A frame sent by or to `other` that this device takes for a command.
     const fn confused_by(&self, other: &Self) -> Option<IdPattern> {
         // Commands of both were compared before: they may share a frame.
-        let (mut at, obeyed) = (0, self.transmitted());
-        while at < obeyed.len() {
-            if let Some(id) = first_overlap(&obeyed[at].pattern, other.received()) {
+        let pairs = [
+            (self.transmitted(), other.received()),
+            (self.listened_to(), other.received()),
+            (self.listened_to(), other.transmitted()),
+        ];
+        let mut at = 0;
+        while at < pairs.len() {
+            if let Some(id) = shared(pairs[at].0, pairs[at].1, Pair::Crossed) {
                 return Some(id);
             }
             at += 1;
         }
-        let listens = self.listened_to();
-        match any_overlap(listens, other.received()) {
-            None => any_overlap(listens, other.transmitted()),
-            found => found,
-        }
+        None
     }
 }
 
-// Loops in place of iterators: `clash` says it of constants too.
-
-/// An identifier of both that nothing tells apart.
-const fn shared(ours: &[Frames], theirs: &[Frames], is_sent_by_us: bool) -> Option<IdPattern> {
+/// An identifier of both that nothing tells apart. Loops in place of iterators: constants ask, too.
+const fn shared(ours: &[Frames], theirs: &[Frames], pair: Pair) -> Option<IdPattern> {
     let mut one = 0;
     while one < ours.len() {
         let mut two = 0;
         while two < theirs.len() {
-            if let Some(id) = ours[one].clash(&theirs[two], is_sent_by_us) {
+            if let Some(id) = ours[one].clash(&theirs[two], pair) {
                 return Some(id);
             }
             two += 1;
         }
         one += 1;
-    }
-    None
-}
-
-/// The first of the identifiers that are in one of the patterns.
-const fn any_overlap(patterns: &[IdPattern], frames: &[Frames]) -> Option<IdPattern> {
-    let mut at = 0;
-    while at < patterns.len() {
-        if let Some(id) = first_overlap(&patterns[at], frames) {
-            return Some(id);
-        }
-        at += 1;
-    }
-    None
-}
-
-/// The first of the identifiers that are in a pattern.
-const fn first_overlap(pattern: &IdPattern, frames: &[Frames]) -> Option<IdPattern> {
-    let mut at = 0;
-    while at < frames.len() {
-        if let Some(id) = pattern.overlap(&frames[at].pattern) {
-            return Some(id);
-        }
-        at += 1;
     }
     None
 }

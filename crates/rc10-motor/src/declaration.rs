@@ -185,7 +185,7 @@ macro_rules! motors {
     (unchecked $($declaration:tt)+) => {
         $crate::motors! { @declare $($declaration)+ }
     };
-    (@declare
+    (@lines
         $(#[$name_meta:meta])* $name_vis:vis enum $Name:ident;
         $(#[$motors_meta:meta])* $motors_vis:vis struct $Motors:ident;
         buses: $buses:expr;
@@ -264,12 +264,18 @@ macro_rules! motors {
             }
         }
     };
+    // A rule of its own, so that an error in a line is told of that line.
+    (@declare
+        $(#[$meta:meta])* $vis:vis enum $Name:ident; $(#[$of:meta])* $all:vis struct $Motors:ident; buses: $($lines:tt)+
+    ) => {
+        $crate::motors! { @lines $(#[$meta])* $vis enum $Name; $(#[$of])* $all struct $Motors; buses: $($lines)+ }
+    };
     (@declare
         $(#[$name_meta:meta])* $name_vis:vis enum $Name:ident;
         $(#[$motors_meta:meta])* $motors_vis:vis struct $Motors:ident;
         $($motors:tt)+
     ) => {
-        $crate::motors! { @declare
+        $crate::motors! { @lines
             $(#[$name_meta])* $name_vis enum $Name;
             $(#[$motors_meta])* $motors_vis struct $Motors;
             buses: [100.0; $crate::__declaration::places(<$Name as $crate::Names>::ENTRIES)[0]];

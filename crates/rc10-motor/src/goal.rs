@@ -2,9 +2,10 @@ use rc10_app::maths::round_to_i32;
 use rc10_app::{Degrees, Rpm, RpmPerSecond, Seconds, TotalAngle};
 
 use crate::motor::DriveMode;
+use crate::pending::Outcome;
+use crate::request::{Request, RequestError, Response};
+use crate::shaft::{Shaft, TURN};
 use crate::target::{Motion, Target, TargetError, TargetSet};
-
-const TURN: i32 = 360_000_000;
 
 /// A target in numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,17 +148,23 @@ impl Goals {
         }
     }
 
+    /// Carries out what the loops of any side can: the zero of their shaft.
+    pub(crate) fn request(&mut self, request: Request, shaft: &mut Shaft) -> Outcome {
+        match request {
+            Request::SetZero if !shaft.is_known() => Err(RequestError::NoFeedback),
+            Request::SetZero => {
+                self.set_zero(shaft.set_zero());
+                Ok(Response::Done)
+            }
+            _ => Err(RequestError::Unsupported),
+        }
+    }
+
     /// The motion that was given; at rest for any other target.
-    pub(crate) const fn motion(&self) -> Motion {
+    pub(crate) fn motion(&self) -> Motion {
         match self.target {
             Target::Motion(motion) => motion,
-            _ => Motion {
-                angle: None,
-                speed: Rpm::ZERO,
-                acceleration: RpmPerSecond::ZERO,
-                inertia: 0.0,
-                effort: 0.0,
-            },
+            _ => Motion::default(),
         }
     }
 

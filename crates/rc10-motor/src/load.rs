@@ -46,12 +46,6 @@ impl BusLoad {
             Verdict::DoesNotFit
         }
     }
-
-    pub(crate) fn of(motors: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
-        let mut sum = LoadSum::new(bits_per_second);
-        motors.for_each(|ids| sum.add(&ids));
-        sum.load
-    }
 }
 
 /// Adds up what motors need, in a constant too.

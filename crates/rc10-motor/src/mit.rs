@@ -10,7 +10,7 @@ use rc10_time::Micros;
 
 use crate::motor::Link;
 use crate::servo::{Servo, Spring, SpringRange};
-use crate::shaft::Shaft;
+use crate::shaft::{Shaft, TURN};
 use crate::signals::Signal;
 use crate::target::{Motion, Target, TargetError, TargetKind};
 
@@ -109,8 +109,6 @@ impl Limits {
 }
 
 pub(crate) const RPM_PER_RADIAN_PER_SECOND: f32 = 30.0 / core::f32::consts::PI;
-/// Microdegrees in a turn.
-const TURN: i32 = 360_000_000;
 /// Microdegrees per rad.
 const PER_RADIAN: f32 = 180e6 / core::f32::consts::PI;
 /// Microdegrees per rpm and microsecond.
@@ -392,7 +390,13 @@ pub(crate) const fn unpack_signed<const BITS: u32>(raw: u32, limit: f32) -> f32 
 
 /// `x` as it may go onto a wire as f32: infinities become the largest number, NaN zero.
 pub(crate) fn sendable(x: f32) -> f32 {
-    if x.is_nan() { 0.0 } else { x.clamp(f32::MIN, f32::MAX) }
+    if x.is_finite() {
+        x
+    } else if x.is_nan() {
+        0.0
+    } else {
+        f32::MAX.copysign(x)
+    }
 }
 
 #[cfg(test)]

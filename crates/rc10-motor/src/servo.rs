@@ -9,8 +9,8 @@
 //!
 //! // Efforts in N m.
 //! let cascade = Cascade {
-//!     speed: PidConfig::new(0.05, 0.5, 0.0, 3.0),
-//!     angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
+//!     speed: PidConfig::within(3.0).kp(0.05).ki(0.5),
+//!     angle: PidConfig::within(100.0).kp(3.0),
 //!     outer_divider: 1,
 //!     acceleration: RpmPerSecond::new(500.0),
 //!     feed_forward: FeedForward::NONE,
@@ -38,8 +38,8 @@ use rc10_app::{
 use crate::goal::{Goal, Goals, Moment};
 use crate::motor::{DriveMode, Loops, Tick};
 use crate::pending::Outcome;
-use crate::request::{Gains, Request, RequestError, Response};
-use crate::shaft::Shaft;
+use crate::request::{Gains, Request, Response};
+use crate::shaft::{Shaft, TURN};
 use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
 
 /// Follows targets by an effort, or by a spring that the device makes.
@@ -228,7 +228,9 @@ impl Servo {
                 return self.impede(way(angle, shaft), shaft.speed().get(), tick.dt);
             }
             Goal::Speed(rpm) => (Seek::Speed(rpm), 0.0),
-            Goal::Angle(phase) => (Seek::Angle(way_within_turn(phase, shaft)), 0.0),
+            Goal::Angle(phase) => {
+                (Seek::Angle(degrees(shortest_way(shaft.phase(), phase, TURN))), 0.0)
+            }
             Goal::Total(angle) => (Seek::Angle(way(angle, shaft)), 0.0),
             Goal::Motion => self.motion(tick.dt, shaft),
         };
@@ -291,11 +293,6 @@ impl Servo {
         self.cascade.speed.output_limit = self.loop_limit.min(self.limit);
     }
 
-    /// The gains and limits.
-    pub const fn cascade(&self) -> &Cascade {
-        &self.cascade
-    }
-
     /// The quantity of its effort, its gains and limits.
     pub const fn loops(&self) -> Loops {
         Loops { effort: self.effort, cascade: self.cascade }
@@ -304,14 +301,9 @@ impl Servo {
     /// Carries out what a servo can: the zero of its shaft, gains, and the limit of its own effort.
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed. [`RequestError::Unsupported`] for what the motor has to do.
+    /// [`RequestError`](crate::RequestError); nothing changed. Its `Unsupported` for what the motor has to do.
     pub fn request(&mut self, request: Request, shaft: &mut Shaft) -> Outcome {
         match request {
-            Request::SetZero if !shaft.is_known() => return Err(RequestError::NoFeedback),
-            Request::SetZero => {
-                self.goals.set_zero(shaft.set_zero());
-                return Ok(Response::Done);
-            }
             Request::SpeedGains(gains) => with_gains(&mut self.cascade.speed, gains)?,
             Request::AngleGains(gains) => with_gains(&mut self.cascade.angle, gains)?,
             Request::CurrentLimit(limit) if self.effort == TargetKind::Current => {
@@ -322,7 +314,7 @@ impl Servo {
                 self.set_limit("torque limit", limit.get())?;
                 return Ok(Response::Done);
             }
-            _ => return Err(RequestError::Unsupported),
+            _ => return self.goals.request(request, shaft),
         }
         self.state.change_gains(&self.cascade, shaft.speed().get());
         Ok(Response::Done)
@@ -377,21 +369,14 @@ fn way(angle: TotalAngle, shaft: &Shaft) -> f32 {
     degrees(way)
 }
 
-/// The shorter distance to an angle within the turn, in degrees.
-fn way_within_turn(phase: i32, shaft: &Shaft) -> f32 {
-    degrees(shortest_way(shaft.phase(), phase, TURN))
-}
-
 #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
 fn degrees(microdegrees: i32) -> f32 {
     microdegrees as f32 * 1e-6
 }
 
-const TURN: i32 = 360_000_000;
-
 fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
     // Its limits stand already; one of them may be zero.
-    PidConfig::new(0.0, 0.0, 0.0, 1.0).with_gains(gains).validate()?;
+    PidConfig::within(1.0).with_gains(gains).validate()?;
     *pid = pid.with_gains(gains);
     Ok(())
 }
@@ -399,13 +384,14 @@ fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::request::RequestError;
     use rc10_app::{Amps, Direction, Gear, NewtonMetres, RpmPerSecond};
     use rc10_time::Micros;
 
     fn servo() -> Servo {
         let cascade = Cascade {
-            speed: PidConfig::new(0.1, 0.0, 0.0, 5.0),
-            angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
+            speed: PidConfig::within(5.0).kp(0.1),
+            angle: PidConfig::within(100.0).kp(3.0),
             outer_divider: 1,
             acceleration: RpmPerSecond::new(1e5),
             feed_forward: rc10_app::FeedForward::NONE,

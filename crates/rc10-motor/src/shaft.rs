@@ -22,7 +22,8 @@ use rc10_time::Micros;
 
 use crate::feedback::Feedback;
 
-const TURN: i32 = 360_000_000;
+/// Microdegrees in a turn.
+pub(crate) const TURN: i32 = 360_000_000;
 
 /// Readings this close together (µs) are less than half a turn apart: no rotor makes 20,700 rpm.
 const CERTAIN_MICROS: u64 = 1_300;
@@ -292,6 +293,14 @@ impl Shaft {
         let mut feedback = Feedback::new(self.at, self.speed, angle, self.angle());
         feedback.turn_gaps = self.gaps;
         feedback
+    }
+}
+
+/// A gearbox that turns its rotor so often for so many turns of the output; none for zero turns.
+pub(crate) const fn gear(rotor: u32, output: u32) -> Gear {
+    match Gear::new(rotor, output) {
+        Some(gear) => gear,
+        None => Gear::DIRECT,
     }
 }
 

@@ -5,7 +5,7 @@ use rc10_app::TotalAngle;
 use crate::goal::Goals;
 use crate::motor::Loops;
 use crate::pending::Outcome;
-use crate::request::{Request, RequestError, Response};
+use crate::request::Request;
 use crate::servo::Servo;
 use crate::shaft::Shaft;
 use crate::target::{Target, TargetError};
@@ -66,16 +66,9 @@ impl<D> Side<D> {
 
     /// Carries out what a [`Servo`] can; for loops of the device only the zero.
     pub(crate) fn request(&mut self, request: Request, shaft: &mut Shaft) -> Outcome {
-        match (self, request) {
-            (Self::Here(servo), _) => servo.request(request, shaft),
-            (Self::Device(..), Request::SetZero) if !shaft.is_known() => {
-                Err(RequestError::NoFeedback)
-            }
-            (Self::Device(goals, _), Request::SetZero) => {
-                goals.set_zero(shaft.set_zero());
-                Ok(Response::Done)
-            }
-            _ => Err(RequestError::Unsupported),
+        match self {
+            Self::Here(servo) => servo.request(request, shaft),
+            Self::Device(goals, _) => goals.request(request, shaft),
         }
     }
 }

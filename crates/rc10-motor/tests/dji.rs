@@ -1,7 +1,7 @@
 //! A DJI motor through its public interface: turns, gears and zeros.
 
 use rc10_motor::dji::{self, Dji, M2006, M3508};
-use rc10_motor::rc10_app::{Direction, Gear, Rpm, TotalAngle};
+use rc10_motor::rc10_app::{Direction, Gear, PidConfig, Rpm, TotalAngle};
 use rc10_motor::rc10_can::CanFrame;
 use rc10_motor::rc10_can::embedded_can::StandardId;
 use rc10_motor::rc10_time::Micros;
@@ -67,6 +67,23 @@ fn with_another_gear_the_rotor_is_driven_as_before() {
     let (ours, theirs) =
         (after(60, &mut geared, DriveMode::Run), after(60, &mut direct, DriveMode::Run));
     assert!(ours > 1000 && (ours - theirs).abs() <= 1, "{ours} {theirs}");
+}
+
+/// `docs/from-cpp.md`: a gain of 10 in raw current per rotor rpm, here in A per rpm of the output.
+#[test]
+fn gains_of_a_loop_in_raw_numbers_give_its_raw_numbers() {
+    for (model, full) in [(&M3508, 20.0), (&M2006, 10.0)] {
+        let ratio = model.gear.ratio();
+        let mut cascade = model.cascade;
+        let unit = full / f32::from(model.full_scale);
+        cascade.speed = PidConfig::within(full).kp(10.0 * unit * ratio);
+        let mut motor = Dji::new(dji::Config::new(model, 1).with_cascade(cascade)).unwrap();
+        hear(&mut motor, 0, 600, 1);
+        // 500 rpm too slow at the rotor.
+        motor.set_target(Target::Speed(Rpm::new(1100.0 / ratio))).unwrap();
+        let raw = after(300, &mut motor, DriveMode::Run);
+        assert!((raw - 5000).abs() <= 1, "{} {raw}", model.name);
+    }
 }
 
 #[test]

@@ -15,8 +15,8 @@ const RANGE: SpringRange = SpringRange { kp: 100.0, kd: 5.0, speed: Rpm::new(300
 
 fn cascade() -> Cascade {
     Cascade {
-        speed: PidConfig::new(0.1, 0.0, 0.0, 5.0),
-        angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
+        speed: PidConfig::within(5.0).kp(0.1),
+        angle: PidConfig::within(100.0).kp(3.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(600.0),
         feed_forward: FeedForward::NONE,
@@ -240,7 +240,7 @@ fn springs_that_the_device_cannot_make_are_refused() {
 
 #[test]
 fn a_stop_forgets_what_pushed_against_an_obstacle_and_a_hold_keeps_what_carries_a_load() {
-    let speed = PidConfig::new(0.1, 5.0, 0.0, 5.0);
+    let speed = PidConfig::within(5.0).kp(0.1).ki(5.0);
     for (mode, is_kept) in [(DriveMode::Brake, false), (DriveMode::Hold, true)] {
         let mut servo = Servo::new(TargetKind::Current, Cascade { speed, ..cascade() }).unwrap();
         servo.set_target(Target::Speed(Rpm::new(20.0))).unwrap();
@@ -261,15 +261,14 @@ fn gains_and_limits_reach_the_loop_they_are_meant_for() {
     let mut shaft = at(0, 0.0);
     assert_eq!(servo.request(Request::SpeedGains(gains(1.0)), &mut shaft), Ok(Response::Done));
     assert_eq!(servo.request(Request::AngleGains(gains(4.0)), &mut shaft), Ok(Response::Done));
-    let Cascade { speed, angle, .. } = *servo.cascade();
+    let Cascade { speed, angle, .. } = servo.loops().cascade;
     assert_eq!((speed.kp, speed.ki, speed.kd, speed.output_limit), (1.0, 2.0, 3.0, 5.0));
     assert_eq!((angle.kp, angle.ki, angle.kd, angle.output_limit), (4.0, 2.0, 3.0, 100.0));
-    assert_eq!(servo.loops().cascade, *servo.cascade());
     assert_eq!(servo.loops().effort, TargetKind::Current);
     for (limit, of_the_loop, of_all) in [(3.0, 3.0, 3.0), (6.0, 5.0, 6.0), (100.0, 5.0, 8.0)] {
         let request = Request::CurrentLimit(Amps::new(limit));
         assert_eq!(servo.request(request, &mut shaft), Ok(Response::Done));
-        near(servo.cascade().speed.output_limit, of_the_loop);
+        near(servo.loops().cascade.speed.output_limit, of_the_loop);
         servo.set_target(Target::Current(Amps::new(50.0))).unwrap();
         near(after(40, &mut servo, DriveMode::Run, &shaft), of_all);
     }
@@ -332,7 +331,7 @@ fn each_part_of_the_feed_forward_alone_is_given_in_every_tick_and_to_either_side
         let arm = Gravity::Arm { effort: sign * 3.0, level: Degrees::ZERO };
         for (feed_forward, rpm, targets) in [
             (FeedForward { friction: 1.5, ..none }, 20.0, &moves[..]),
-            (FeedForward { speed: 0.075, ..none }, 20.0, &moves),
+            (FeedForward { per_rpm: 0.075, ..none }, 20.0, &moves),
             (FeedForward { gravity: lift, ..none }, 0.0, &stands),
             (FeedForward { gravity: arm, ..none }, 0.0, &stands),
             (FeedForward { gravity: lift, ..none }, 20.0, &moves),
@@ -348,7 +347,7 @@ fn each_part_of_the_feed_forward_alone_is_given_in_every_tick_and_to_either_side
             }
         }
         // A speed is gathered with 600 rpm/s.
-        let mut servo = with(FeedForward { acceleration: 0.0025, ..none });
+        let mut servo = with(FeedForward { per_rpm_s: 0.0025, ..none });
         servo.set_target(Target::Speed(Rpm::new(sign * 1000.0))).unwrap();
         for tick in 0..100_u8 {
             let shaft = at(60, sign * 0.6 * f32::from(tick));
@@ -357,7 +356,7 @@ fn each_part_of_the_feed_forward_alone_is_given_in_every_tick_and_to_either_side
             assert!(tick < 30 || (given - sign * 1.5).abs() < 0.1, "{tick}: {given}");
         }
         // An acceleration that is told lasts 50 ms.
-        let mut servo = with(FeedForward { acceleration: 0.005, ..none });
+        let mut servo = with(FeedForward { per_rpm_s: 0.005, ..none });
         let mut given = 0.0;
         for tick in 0..40_u8 {
             if tick % 5 == 0 {

@@ -13,7 +13,7 @@ use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern};
 use rc10_time::Micros;
 
 use crate::layout::{REQUEST, decode, encode, filter};
-use crate::start::{byte, wait_briefly, wait_for};
+use crate::start::{BRIEF, PATIENCE, byte, wait_for};
 use crate::{Bus, BusOff, Ended, Errors, Hardware, InterruptHandler, Port, StartError};
 
 /// Filter banks of a controller: half of the 28 that two share, or all that one has.
@@ -101,7 +101,7 @@ impl BxCan {
             let status = can.msr().read();
             status.inak() && !status.slak()
         };
-        if !wait_for(is_ready) {
+        if !wait_for(PATIENCE, is_ready) {
             return Err(StartError::NoAnswer);
         }
         // The register holds each value less one.
@@ -166,7 +166,7 @@ impl Hardware for BxCan {
         // All other bits are cleared by ones.
         status.write(|w| w.set_abrq(mailbox, true));
         // At once, unless it is on the wire.
-        let _ = wait_briefly(|| status.read().rqcp(mailbox));
+        let _ = wait_for(BRIEF, || status.read().rqcp(mailbox));
     }
 
     fn ended(&mut self, mailbox: usize) -> Option<Ended> {
@@ -183,7 +183,7 @@ impl Hardware for BxCan {
     fn receive(&mut self) -> Option<CanFrame> {
         let fifo = self.registers.rfr(0);
         // The one before is being released, which takes some cycles.
-        let is_ready = wait_for(|| !fifo.read().rfom());
+        let is_ready = wait_for(PATIENCE, || !fifo.read().rfom());
         if !is_ready || fifo.read().fmp() == 0 {
             return None;
         }
@@ -230,7 +230,7 @@ impl Hardware for BxCan {
         let can = self.registers;
         // RM0090: software enters initialization mode, after the frame of others; then it counts.
         can.mcr().modify(|w| w.set_inrq(true));
-        if !wait_briefly(|| can.msr().read().inak()) {
+        if !wait_for(BRIEF, || can.msr().read().inak()) {
             return false;
         }
         can.mcr().modify(|w| w.set_inrq(false));

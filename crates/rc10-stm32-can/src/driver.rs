@@ -239,13 +239,8 @@ impl<H: Hardware> Driver<H> {
     /// in a mailbox: of equal identifiers the lower mailbox leaves first.
     fn fill(&mut self) {
         while let Some(next) = self.waiting.peek_if(may_leave(&self.mailboxes)).copied() {
-            let mailbox = match self.mailboxes.iter().position(Option::is_none) {
-                Some(free) => free,
-                None => match self.make_room(&next) {
-                    Some(free) => free,
-                    None => return,
-                },
-            };
+            let free = self.mailboxes.iter().position(Option::is_none);
+            let Some(mailbox) = free.or_else(|| self.make_room(&next)) else { return };
             // The frame that made room may be back by now, and is not more urgent.
             let may_leave = may_leave(&self.mailboxes);
             let Some(queued) = self.waiting.pop_if(may_leave) else { return };

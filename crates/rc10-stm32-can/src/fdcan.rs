@@ -12,7 +12,7 @@ use rc10_can::m_can::{EXTENDED_FILTER, decode, encode, filters};
 use rc10_can::{BitTiming, BitTimingLimits, CanFrame, IdPattern};
 use rc10_time::Micros;
 
-use crate::start::{byte, wait_briefly, wait_for};
+use crate::start::{BRIEF, PATIENCE, byte, wait_for};
 use crate::{Bus, Ended, Errors, Hardware, InterruptHandler, MAILBOXES, Port, StartError};
 
 // Filters of a controller (RM0440, "Message RAM").
@@ -88,7 +88,7 @@ impl Fdcan {
     pub(crate) fn configure(&mut self, timing: BitTiming) -> Result<(), StartError> {
         let can = self.registers;
         can.cccr().modify(|w| w.set_init(true));
-        if !wait_for(|| can.cccr().read().init()) {
+        if !wait_for(PATIENCE, || can.cccr().read().init()) {
             return Err(StartError::NoAnswer);
         }
         can.cccr().modify(|w| w.set_cce(true));
@@ -135,7 +135,7 @@ impl Fdcan {
             w.set_init(false);
         });
         // Until the other clock has it: INIT would look like a bus-off.
-        let _ = wait_for(|| !can.cccr().read().init());
+        let _ = wait_for(PATIENCE, || !can.cccr().read().init());
     }
 
     fn is_pending(&self, mailbox: usize) -> bool {
@@ -170,7 +170,7 @@ impl Hardware for Fdcan {
     fn abort(&mut self, mailbox: usize) {
         self.registers.txbcr().write_value(Txbcr(1 << mailbox));
         // At once, unless it is on the wire.
-        let _ = wait_briefly(|| !self.is_pending(mailbox));
+        let _ = wait_for(BRIEF, || !self.is_pending(mailbox));
     }
 
     fn ended(&mut self, mailbox: usize) -> Option<Ended> {

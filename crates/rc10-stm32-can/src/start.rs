@@ -96,19 +96,15 @@ pub fn start<B: Bus>(
 }
 
 /// Reads of a register until the controller must have answered: tens of microseconds.
-const PATIENCE: u32 = 1000;
+pub const PATIENCE: u32 = 1000;
 
-/// Reads of a register until a controller that has only to notice must have: a microsecond.
-const BRIEF: u32 = 16;
+/// Reads of a register until a controller that has only to notice must have: a microsecond, so also for
+/// critical sections.
+pub const BRIEF: u32 = 16;
 
-/// Waits until something is so, but not for long; whether it is.
-pub fn wait_for(mut is_so: impl FnMut() -> bool) -> bool {
-    (0..PATIENCE).any(|_| is_so())
-}
-
-/// The same, for critical sections.
-pub fn wait_briefly(mut is_so: impl FnMut() -> bool) -> bool {
-    (0..BRIEF).any(|_| is_so())
+/// Waits until something is so, for this number of looks at most; whether it is.
+pub fn wait_for(looks: u32, mut is_so: impl FnMut() -> bool) -> bool {
+    (0..looks).any(|_| is_so())
 }
 
 /// A number of quanta or filters as a register field takes it.

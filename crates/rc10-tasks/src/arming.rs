@@ -366,7 +366,15 @@ impl Arming {
     /// That of a robot. A configuration that its receiver cannot have does not compile.
     #[must_use]
     pub fn of<P: Program>() -> Self {
-        Self::new(const { P::ARMING.checked(P::RECEIVER) })
+        Self::new(
+            const {
+                assert!(
+                    P::RECEIVER.check(P::CHANNELS).is_ok(),
+                    "`CHANNELS`: the receiver has no such channel, or one is two things"
+                );
+                P::ARMING.checked(P::RECEIVER)
+            },
+        )
     }
 
     /// One that has heard nothing.

@@ -27,9 +27,9 @@ use crate::live::Live;
 /// const BASE: DrivenBase<Name, 2> = DrivenBase {
 ///     wheels: [Name::Left, Name::Right],
 ///     geometry: Base::differential(0.05, 0.2, Rpm::new(400.0)),
-///     body: Body { mass: 8.0, yaw_inertia: 0.2 },
+///     body: Body { mass_kg: 8.0, yaw_inertia_kg_m2: 0.2 },
 ///     torque_constant: WHEEL.torque_constant(),
-///     limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+///     limits: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
 ///     full_stick: Twist::new(1.5, 0.0, 4.0),
 /// };
 /// ```

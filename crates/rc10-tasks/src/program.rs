@@ -30,15 +30,20 @@
 
 use embassy_time::{Duration, Ticker};
 use embedded_hal::digital::InputPin;
+use embedded_hal::pwm::SetDutyCycle;
 use embedded_io_async::{Read, Write};
-use rc10_module::remote::Receiver;
+use rc10_app::Degrees;
+use rc10_module::limit_switch;
+pub use rc10_module::limit_switch::Active;
+use rc10_module::remote::{ChannelOrder, Receiver};
+use rc10_module::servo::{self, Servo};
 use rc10_motor::unitree::Rs485Bus;
-use rc10_motor::{MotorBus, Names, SetupError};
+use rc10_motor::{ArmState, ArmSwitch, MotorBus, Names, SetupError};
 use rc10_time::Micros;
 
 use crate::arming::ArmingConfig;
 use crate::common::Common;
-use crate::live::{Contact, Live};
+use crate::live::{Contact, Live, Signal};
 
 /// A part on a UART of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,8 +80,12 @@ pub trait Declared: 'static {
     type Motors: Default;
     /// Its parts on UARTs.
     const SERIALS: &'static [SerialPart];
-    /// Labels of its contacts.
-    const CONTACTS: &'static [&'static str];
+    /// Labels of its contacts, in the order of the board's inputs, and the level of a pressed one.
+    const CONTACTS: &'static [(&'static str, Active)];
+    /// Labels of its voltages, in the order of the board's inputs for them, each with the divider before the input.
+    const VOLTAGES: &'static [(&'static str, f32)];
+    /// Labels of its servos, in the order of the board's outputs for them.
+    const SERVOS: &'static [&'static str];
     /// Whether an IMU is at the board's port for one.
     const HAS_IMU: bool;
     /// The number of LEDs of the strip that shows its state, and their brightness of 255.
@@ -96,11 +105,14 @@ pub trait Declared: 'static {
         lines: &mut [&mut Rs485Bus<'m>],
     ) -> Result<(), SetupError>;
 
-    /// Listens to all parts on UARTs, and reads all contacts: ports and pins in the order of the declaration.
+    /// Listens to all parts on UARTs, reads all contacts and voltages, drives all servos: ports and pins in the order
+    /// of the declaration.
     fn parts(
         shared: &Common<'_, Self::Name, Self::Own>,
         serials: impl IntoIterator<Item: Read + Write>,
         contacts: impl IntoIterator<Item: InputPin>,
+        voltages: impl IntoIterator<Item: AsyncFnMut() -> Option<f32>>,
+        servos: impl IntoIterator<Item: SetDutyCycle>,
     ) -> impl Future<Output = ()>;
 }
 
@@ -108,6 +120,8 @@ pub trait Declared: 'static {
 pub trait Program: Declared {
     /// The receiver of the remote control.
     const RECEIVER: Receiver = Receiver::Dr16;
+    /// Which channel of the transmitter is what, of a receiver that is none of DJI's.
+    const CHANNELS: ChannelOrder = Self::RECEIVER.channels();
     /// Which switches arm, disarm and stop, and which sticks must be at rest: [`Arming::of`](crate::Arming::of) checks
     /// it against the receiver when it is compiled.
     const ARMING: ArmingConfig = ArmingConfig::DEFAULT;
@@ -132,12 +146,51 @@ impl<T> Returns for fn() -> T {
     type Output = T;
 }
 
-/// Reads a contact every millisecond, for ever: low is closed. One that cannot be read is open.
-pub async fn read_contact(mut pin: impl InputPin, contact: &Contact) -> ! {
+/// Reads a contact every millisecond, for ever. A pin that cannot be read counts as high, as with a torn wire.
+pub async fn read_contact(pin: impl InputPin, active: Active, contact: &Contact) -> ! {
+    let mut pin = limit_switch::Contact::new(pin, active);
     let mut ticker = Ticker::every(Duration::from_millis(1));
     loop {
-        contact.set(pin.is_low().unwrap_or(false));
+        contact.set(pin.is_closed());
         ticker.next().await;
+    }
+}
+
+/// Reads a voltage every 10 ms, for ever; without a value the signal has none either.
+pub async fn read_voltage(mut read: impl AsyncFnMut() -> Option<f32>, signal: &Signal) -> ! {
+    let mut ticker = Ticker::every(Duration::from_millis(10));
+    loop {
+        signal.set(read().await.unwrap_or(f32::NAN));
+        ticker.next().await;
+    }
+}
+
+/// Drives a servo every 10 ms, for ever, to the angle that a signal has; without one it gets no pulse.
+pub async fn drive_servo(
+    output: impl SetDutyCycle,
+    config: servo::Config,
+    angle: &Signal,
+    switch: &ArmSwitch,
+) {
+    let Ok(mut servo) = Servo::new(output, config) else { return };
+    let mut ticker = Ticker::every(Duration::from_millis(10));
+    loop {
+        let angle = Some(Degrees::new(angle.get())).filter(|angle| !angle.get().is_nan());
+        servo.drive(angle, switch.state() == ArmState::Armed);
+        ticker.next().await;
+    }
+}
+
+/// Whether ports are named in their order, from the first on.
+#[doc(hidden)]
+pub const fn assert_in_order(ports: &[&str], name: &str) {
+    let mut at = 0;
+    while at < ports.len() {
+        let (port, name) = (ports[at].as_bytes(), name.as_bytes());
+        let is_next =
+            port.len() == name.len() + 1 && port[name.len()] as usize == b'1' as usize + at;
+        assert!(is_next, "inputs, voltages and servos are taken in their order: _1, _2, and so on");
+        at += 1;
     }
 }
 
@@ -150,7 +203,10 @@ pub async fn read_contact(mut pin: impl InputPin, contact: &Contact) -> ! {
 ///     strip 8, brightness 40;                             // LEDs that show its state, brightness of 255
 ///     line rs485 at 4_000_000, replies in REPLY;          // an RS-485 line, and how long a motor may take to reply
 ///     serial wall: uart_10 at 115_200, wall::listen;      // a part on a UART, and who listens to it
-///     contact bottom: input_1;                            // a switch to ground: `Own` has a contact `bottom`
+///     contact bottom: input_1 opens;                      // a switch to ground, by the contact that opens when it is
+///                                                         // pressed, or without the word: `Own` has a contact `bottom`
+///     voltage pressure: voltage_1, divider 2.0;           // measured every 10 ms: `Own` has a signal `pressure`, V
+///     servo gripper: servo_1, GRIPPER;                    // its angle is the signal `gripper` of `Own`, degrees
 ///     motors {
 ///         LiftLeft: Dji = Entry::new(Bus(1), Config::new(&M3508, 1)),
 ///     }
@@ -171,14 +227,21 @@ macro_rules! robot {
         $(strip $leds:expr, brightness $brightness:expr;)?
         $(line $line:ident at $bits:expr, replies in $reply:expr;)*
         $(serial $serial:ident: $uart:ident at $baud:expr, $listen:path;)*
-        $(contact $contact:ident: $input:ident;)*
+        $(contact $contact:ident: $input:ident $($opens:ident)?;)*
+        $(voltage $voltage:ident: $pin:ident, divider $divider:expr;)*
+        $(servo $servo:ident: $output:ident, $config:expr;)*
         motors { $($motors:tt)+ }
     ) => {
         $crate::parts! {
             ($)
             ($($imu)?) [$($leds)?] ($($line)*) ($($uart)*) ($($input)*)
+            ($($pin)*) ($($output)*)
         }
 
+        const _: () = $crate::program::assert_in_order(&[$(stringify!($input)),*], "input_");
+        const _: () = $crate::program::assert_in_order(&[$(stringify!($pin)),*], "voltage_");
+        const _: () = $crate::program::assert_in_order(&[$(stringify!($output)),*], "servo_");
+        $(const _: () = assert!($config.check().is_ok(), "a servo has two different angles, with pulses of 500 to 2500 us");)*
         const _: () = assert!(
             <Robot as $crate::Declared>::RS485.len() == <Name as $crate::rc10_motor::Names>::LINES as usize,
             "the declaration has not one `line` for each RS-485 line that motors are on"
@@ -215,7 +278,10 @@ macro_rules! robot {
                 uart: $crate::uart!($uart),
                 baud: $baud,
             }),*];
-            const CONTACTS: &'static [&'static str] = &[$(stringify!($contact)),*];
+            const CONTACTS: &'static [(&'static str, $crate::program::Active)] =
+                &[$((stringify!($contact), $crate::active!($($opens)?))),*];
+            const VOLTAGES: &'static [(&'static str, f32)] = &[$((stringify!($voltage), $divider)),*];
+            const SERVOS: &'static [&'static str] = &[$(stringify!($servo)),*];
             const HAS_IMU: bool = $crate::is_any!($($imu)?);
             const STRIP: Option<(usize, u8)> = $crate::or_none!($(($leds, $brightness))?);
             const RS485: &'static [$crate::program::LinePart] = &[$($crate::program::LinePart {
@@ -240,8 +306,11 @@ macro_rules! robot {
                     Item: $crate::embedded_io_async::Read + $crate::embedded_io_async::Write,
                 >,
                 contacts: impl IntoIterator<Item: $crate::embedded_hal::digital::InputPin>,
+                voltages: impl IntoIterator<Item: AsyncFnMut() -> Option<f32>>,
+                servos: impl IntoIterator<Item: $crate::embedded_hal::pwm::SetDutyCycle>,
             ) {
                 let (mut serials, mut contacts) = (serials.into_iter(), contacts.into_iter());
+                let (mut voltages, mut servos) = (voltages.into_iter(), servos.into_iter());
                 let mut receptions = shared.receptions.iter();
                 $crate::all!(
                     $({
@@ -256,7 +325,25 @@ macro_rules! robot {
                         let pin = contacts.next();
                         async move {
                             if let Some(pin) = pin {
-                                $crate::program::read_contact(pin, &shared.own.$contact).await;
+                                let active = $crate::active!($($opens)?);
+                                $crate::program::read_contact(pin, active, &shared.own.$contact).await;
+                            }
+                        }
+                    },)*
+                    $({
+                        let read = voltages.next();
+                        async move {
+                            if let Some(read) = read {
+                                $crate::program::read_voltage(read, &shared.own.$voltage).await;
+                            }
+                        }
+                    },)*
+                    $({
+                        let output = servos.next();
+                        async move {
+                            if let Some(output) = output {
+                                let angle = &shared.own.$servo;
+                                $crate::program::drive_servo(output, $config, angle, &shared.switch).await;
                             }
                         }
                     },)*
@@ -315,6 +402,18 @@ macro_rules! or_none {
     };
     ($it:expr) => {
         Some($it)
+    };
+}
+
+/// The level of a pressed contact, by how it is wired.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! active {
+    () => {
+        $crate::program::Active::Low
+    };
+    (opens) => {
+        $crate::program::Active::High
     };
 }
 

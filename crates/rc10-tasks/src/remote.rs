@@ -1,7 +1,7 @@
 //! The remote control's task: its frames become a latest value.
 
 use embedded_io_async::Read;
-use rc10_module::remote::{self, Receiver};
+use rc10_module::remote::{self, ChannelOrder, Receiver};
 use rc10_motor::Names;
 use rc10_time::Micros;
 
@@ -12,9 +12,10 @@ use crate::live::Live;
 pub async fn listen<N: Names>(
     shared: &Common<'_, N, impl Live>,
     receiver: Receiver,
+    channels: ChannelOrder,
     port: impl Read,
 ) -> ! {
-    let _ = remote::listen(receiver, port, &shared.remote_reception, |remote, at| {
+    let _ = remote::listen(receiver, channels, port, &shared.remote_reception, |remote, at| {
         shared.remote.set(remote, at);
     })
     .await;
@@ -24,9 +25,10 @@ pub async fn listen<N: Names>(
 /// Listens to a receiver of pulses; `edges` waits for the next rising edge and says when it was.
 pub async fn listen_pulses<N: Names>(
     shared: &Common<'_, N, impl Live>,
+    channels: ChannelOrder,
     edges: impl AsyncFnMut() -> Micros,
 ) -> ! {
-    remote::listen_pulses(edges, &shared.remote_reception, |remote, at| {
+    remote::listen_pulses(channels, edges, &shared.remote_reception, |remote, at| {
         shared.remote.set(remote, at);
     })
     .await

@@ -17,6 +17,7 @@ use rc10_time::{Micros, Timing};
 use crate::arming::Axis;
 use crate::common::Common;
 use crate::live::Live;
+use crate::program::MOST_SERIALS;
 use crate::supply::{OLDEST_SUPPLY, Supply};
 
 /// Status of a robot.
@@ -38,7 +39,7 @@ pub struct RobotStatus<N> {
     pub last_refused: Option<(N, TargetError)>,
     /// Whether the remote control is heard; `None` of a robot that listens to none.
     pub remote: Option<RemoteLink>,
-    /// Counters of the bytes and frames of its receiver, and of the IMU.
+    /// Counters of the bytes and frames of its receiver, of the IMU, and of its serial parts.
     pub receptions: [(&'static str, Counters); PARTS],
     /// Status of each bus.
     pub buses: Vec<BusSummary, MOST_BUSES>,
@@ -52,8 +53,8 @@ pub struct RobotStatus<N> {
     pub bus_cycles: Option<CycleCount>,
 }
 
-/// Parts whose reception is told: the remote's receiver, and the IMU.
-pub const PARTS: usize = 2;
+/// Parts whose reception is told: the remote's receiver, the IMU, those on other serial ports.
+pub const PARTS: usize = 2 + MOST_SERIALS;
 
 /// For people: what is as it should be takes few words.
 impl<N: Names> fmt::Display for RobotStatus<N> {
@@ -130,8 +131,15 @@ pub fn now<N: Names>(shared: &Common<'_, N, impl Live>) -> RobotStatus<N> {
         online += u8::from(status.link == Link::Online);
         refused = refused.saturating_add(status.counters.refused.total());
     }
-    let receptions: [_; PARTS] =
-        [("remote", &shared.remote_reception), ("IMU", &shared.imu_reception)];
+    let [one, two, three, four] = &shared.receptions;
+    let receptions: [_; PARTS] = [
+        ("remote", &shared.remote_reception),
+        ("IMU", &shared.imu_reception),
+        ("serial part 1", one),
+        ("serial part 2", two),
+        ("serial part 3", three),
+        ("serial part 4", four),
+    ];
     let at = rc10_message::now();
     RobotStatus {
         at,

@@ -66,9 +66,26 @@ pub mod sim {
     /// The names that most descriptions need.
     pub mod prelude {
         pub use rc10_cli::robot::remote::ScriptLine;
-        pub use rc10_cli::{Base, ContactPart, Description, Plant, RemoteControl, Simulated, Twin};
-        pub use rc10_sim::Nonlinear;
+        pub use rc10_cli::{
+            ArmPart, Base, ContactPart, Description, Plant, RemoteControl, Simulated, Twin,
+        };
         pub use rc10_sim::remote::{Controls, Stick, Switch};
+        pub use rc10_sim::{ArmLink, Closed, Nonlinear};
         pub use rc10_time::Micros;
     }
+}
+
+/// Pages of `docs` about a robot: their examples are compiled and run.
+#[cfg(all(doctest, feature = "sim"))]
+mod pages {
+    #[doc = include_str!("../../../docs/declaration.md")]
+    mod declaration {}
+    #[doc = include_str!("../../../docs/rust.md")]
+    mod rust {}
+    #[doc = include_str!("../../../docs/from-cpp.md")]
+    mod from_cpp {}
+    #[doc = include_str!("../../../docs/rust.zh-CN.md")]
+    mod rust_in_chinese {}
+    #[doc = include_str!("../../../docs/from-cpp.zh-CN.md")]
+    mod from_cpp_in_chinese {}
 }

@@ -1,14 +1,16 @@
-//! A lift on two motors that finds its bottom and does not tilt, and a feeder that finds its index and
-//! counts, driven by a DR16. The same on a PC and on the chip.
+//! A lift on two motors that finds its bottom and does not tilt, a hoist with a switch at its bottom, and a
+//! feeder that finds its index and counts, driven by a DR16. The same on a PC and on the chip.
 //!
 //! * [`table`]: its motors, and its measures.
 //! * [`Lift`]: homes both motors together, and then moves them together.
+//! * `hoist`: homes by its switch, and then moves within its range.
 //! * `indexed`: a feeder whose pockets stand where its index says.
 //! * [`task`]: what the remote control makes of it.
 //! * `simulation`: the robot for the tools on a PC, with an operator's script.
 #![cfg_attr(not(feature = "sim"), no_std)]
 #![forbid(unsafe_code)]
 
+mod hoist;
 mod indexed;
 mod lift;
 #[cfg(feature = "sim")]
@@ -25,14 +27,17 @@ rc10::live! {
         mechanisms {
             lift: "lift";
             feeder: "feeder";
+            hoist: "hoist";
         }
         contacts {
             index: "feeder index";
+            bottom: "hoist bottom";
         }
         signals {
             blamed: "lift blames motor", "";
             height: "lift height", "deg";
             tilt: "lift tilt", "deg";
+            hoisted: "hoist height", "deg";
             fed: "pieces fed", "";
             jams: "feeder jams", "";
         }

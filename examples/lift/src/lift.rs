@@ -5,7 +5,7 @@ use rc10::app::mechanism::{
     Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Measured, MotorCommand,
     Stage,
 };
-use rc10::app::{AngleProfile, AngleSetpoint, ConfigError, ProfileLimits};
+use rc10::app::{AngleLimits, AngleProfile, AngleSetpoint, ConfigError};
 
 use crate::table::{HOMING, LIFT_LIMITS, RANGE, TOGETHER};
 
@@ -169,7 +169,7 @@ fn aim(profile: &mut AngleProfile, goal: Goal) -> Result<(), ConfigError> {
         Goal::Move(share) => {
             let end = if share > 0.0 { RANGE.upper } else { RANGE.lower };
             let velocity = LIFT_LIMITS.velocity * share.abs();
-            profile.set_target(&ProfileLimits { velocity, ..LIFT_LIMITS }, end, Rpm::ZERO)
+            profile.set_target(&AngleLimits { velocity, ..LIFT_LIMITS }, end, Rpm::ZERO)
         }
     }
 }

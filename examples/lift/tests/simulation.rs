@@ -3,6 +3,8 @@
 
 #[path = "simulation/bench.rs"]
 mod bench;
+#[path = "simulation/hoisting.rs"]
+mod hoisting;
 #[path = "simulation/indexing.rs"]
 mod indexing;
 

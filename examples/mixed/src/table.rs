@@ -62,8 +62,8 @@ pub const ARM: damiao::Config = damiao::Config::new(
     0x11,
     0x31,
     damiao::Control::Mit(Cascade {
-        speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        speed: PidConfig::within(7.0).kp(0.063).ki(0.5),
+        angle: PidConfig::within(150.0).kp(1.3),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: FeedForward::NONE,
@@ -81,8 +81,8 @@ pub const TURRET: lk::Config = lk::Config::new(
     lk::models::MG4010E_I10,
     1,
     Cascade {
-        speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
-        angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
+        speed: PidConfig::within(5.0).kp(0.2).ki(2.0),
+        angle: PidConfig::within(200.0).kp(3.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: FeedForward::NONE,
@@ -94,8 +94,8 @@ pub const FLYWHEEL: odrive::Config = odrive::Config::new(
     3,
     odrive::Firmware::V0_6,
     odrive::Control::Torque(Cascade {
-        speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
-        angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+        speed: PidConfig::within(8.0).kp(0.1).ki(1.0),
+        angle: PidConfig::within(250.0).kp(3.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1500.0),
         feed_forward: FeedForward::NONE,

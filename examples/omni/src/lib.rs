@@ -20,6 +20,9 @@ pub use table::{Motors, Name, Ports, Robot, Shared};
 rc10::live! {
     /// Where it believes to be, where it is to be, and what it does: for a PC.
     pub struct Own {
+        mechanisms {
+            arm: "arm stage";
+        }
         signals {
             x: "odometry x", "m";
             y: "odometry y", "m";

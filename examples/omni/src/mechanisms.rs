@@ -1,20 +1,21 @@
 //! The mechanisms on the base: an arm, a turret and a flywheel.
 
+use rc10::app::mechanism::Stage;
 use rc10::app::profile::synchronise;
-use rc10::app::{AngleProfile, ProfileLimits};
+use rc10::app::{AngleLimits, AngleProfile};
 use rc10::motor::Motion;
 use rc10::prelude::*;
 
 use crate::Shared;
 use crate::table::{
-    ARM_LIMITS, ARM_RANGE, ARM_RATE, Name, REST, SHOOTING, TURRET_LIMITS, TURRET_RATE,
+    ARM_ENCODER, ARM_LIMITS, ARM_RANGE, ARM_RATE, Name, REST, SHOOTING, TURRET_LIMITS, TURRET_RATE,
 };
 
 /// Mechanisms that are driven, while the robot is armed.
 pub struct Mechanisms {
     arm: AngleProfile,
-    /// Lowest and highest angle of the arm.
-    range: [TotalAngle; 2],
+    /// Lowest and highest angle of the arm; `None` where its encoder says that it cannot be there, and it coasts.
+    range: Option<[TotalAngle; 2]>,
     /// The arm's newest stick.
     raised: f32,
     turret: AngleProfile,
@@ -30,11 +31,13 @@ impl Mechanisms {
     pub fn new(shared: &Shared<'_>) -> Self {
         let angle = |name| shared.motor(name).status().feedback.total_angle;
         let here = angle(Name::Arm);
-        // The turns that are counted with it: an arm below the level has nearly turned once.
-        let level = whole_turns(here);
-        let range = ARM_RANGE.map(|end| level.plus(TotalAngle::from_degrees(end)));
+        let zero = ARM_ENCODER.zero(here);
+        shared.own.arm.tell(zero.map_or_else(Stage::from, |_| Stage::Ready));
+        let range = zero.ok().map(|zero| ARM_RANGE.map(|end| end.plus(zero)));
         let mut arm = AngleProfile::at(here);
-        let _ = arm.set_target(&ARM_LIMITS, here.clamp(range[0], range[1]), Rpm::ZERO);
+        if let Some([lowest, highest]) = range {
+            let _ = arm.set_target(&ARM_LIMITS, here.clamp(lowest, highest), Rpm::ZERO);
+        }
         let turret = AngleProfile::at(angle(Name::Turret));
         Self { arm, range, raised: 0.0, turret, dialled: 0.0, shoots: false }
     }
@@ -52,7 +55,8 @@ impl Mechanisms {
             let setpoint = profile.setpoint();
             profile.update(dt);
             let motion = Motion::from(setpoint);
-            shared.command(name, Target::Motion(motion));
+            let is_lost = name == Name::Arm && self.range.is_none();
+            shared.command(name, if is_lost { Target::Coast } else { Target::Motion(motion) });
         }
         let flywheel = if shoots { Target::Speed(SHOOTING) } else { Target::Coast };
         shared.command(Name::Flywheel, flywheel);
@@ -61,17 +65,21 @@ impl Mechanisms {
     /// The arm to its bottom and the turret ahead, so that both arrive together.
     fn stow(&mut self) {
         let ahead = whole_turns(self.turret.setpoint().angle);
-        let _ = self.arm.set_target(&ARM_LIMITS, self.range[0], Rpm::ZERO);
+        if let Some([lowest, _]) = self.range {
+            let _ = self.arm.set_target(&ARM_LIMITS, lowest, Rpm::ZERO);
+        }
         let _ = self.turret.set_target(&TURRET_LIMITS, ahead, Rpm::ZERO);
         synchronise(&mut [self.arm.as_mut(), self.turret.as_mut()]);
     }
 
     /// Away, the stick raises the arm: to the top, as fast as it is moved.
     fn raise(&mut self, stick: f32) {
-        if (stick - self.raised).abs() > 0.0 {
+        if let Some(range) = self.range
+            && (stick - self.raised).abs() > 0.0
+        {
             self.raised = stick;
-            let limits = ProfileLimits { velocity: stick.abs() * ARM_RATE.get(), ..ARM_LIMITS };
-            let end = self.range[usize::from(stick > 0.0)];
+            let limits = AngleLimits { velocity: ARM_RATE * stick.abs(), ..ARM_LIMITS };
+            let end = range[usize::from(stick > 0.0)];
             let _ = match stick.abs() > 0.0 {
                 true => self.arm.set_target(&limits, end, Rpm::ZERO),
                 false => self.arm.set_speed(&ARM_LIMITS, Rpm::ZERO),
@@ -83,7 +91,7 @@ impl Mechanisms {
     fn turn(&mut self, dial: f32) {
         if (dial - self.dialled).abs() > 0.0 {
             self.dialled = dial;
-            let _ = self.turret.set_speed(&TURRET_LIMITS, Rpm::new(-dial * TURRET_RATE.get()));
+            let _ = self.turret.set_speed(&TURRET_LIMITS, TURRET_RATE * -dial);
         }
     }
 }

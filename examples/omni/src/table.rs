@@ -4,8 +4,11 @@ use core::f32::consts::{FRAC_PI_2, PI};
 use core::num::NonZeroU8;
 use rc10::prelude::*;
 
+use rc10::app::mechanism::AbsoluteEncoder;
 use rc10::app::path::{FollowerConfig, Path, PathLimits, Waypoint};
-use rc10::app::{GainSchedule, Gains, Gravity, HeadingHoldConfig, ProfileLimits, Radians};
+use rc10::app::{
+    AngleLimits, GainSchedule, Gains, Gravity, HeadingHoldConfig, Radians, RpmPerSecondSquared,
+};
 use rc10::motor::damiao::{self, Damiao};
 use rc10::motor::vesc::{self, Currents, ElectricalScale, Vesc};
 
@@ -30,7 +33,7 @@ const fn wheel(id: u8) -> Entry<Config> {
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
 /// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is in [`BASE`].
 const ROLLING: FeedForward =
-    FeedForward { friction: 0.4, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
+    FeedForward { friction: 0.4, per_rpm: 0.001, per_rpm_s: 0.0018, gravity: Gravity::None };
 
 /// In MIT mode; efforts in N m. The low byte of its identifier is beyond those of DJI's feedback.
 pub const ARM: damiao::Config = damiao::Config::new(
@@ -38,13 +41,13 @@ pub const ARM: damiao::Config = damiao::Config::new(
     0x11,
     0x31,
     damiao::Control::Mit(Cascade {
-        speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        speed: PidConfig::within(7.0).kp(0.063).ki(0.5),
+        angle: PidConfig::within(150.0).kp(1.3),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         // It weighs 0.5 N m where it is level, and has 0.02 kg m².
         feed_forward: FeedForward {
-            acceleration: 0.002,
+            per_rpm_s: 0.002,
             gravity: Gravity::Arm { effort: 0.5, level: Degrees::new(0.0) },
             ..FeedForward::NONE
         },
@@ -69,10 +72,10 @@ pub const BASE: DrivenBase<Name, 4> = DrivenBase {
     ],
     geometry: Base::omni_4(0.076, 0.25, Rpm::new(400.0)),
     // With everything on it.
-    body: Body { mass: 12.0, yaw_inertia: 0.7 },
+    body: Body { mass_kg: 12.0, yaw_inertia_kg_m2: 0.7 },
     torque_constant: Config::new(&M3508, 1).torque_constant(),
     // At which its wheels do not slip.
-    limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+    limits: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
     full_stick: Twist::new(1.5, 1.5, 4.0),
 };
 
@@ -87,9 +90,9 @@ pub const HOLD_GAINS: GainSchedule<2> = GainSchedule::checked([
 pub const HOLD: HeadingHoldConfig = HeadingHoldConfig {
     kp: HOLD_GAINS.at(0.0).kp,
     kd: 0.0,
-    max_rate: 2.0,
-    deceleration: BASE.limits.angular_acceleration,
-    deadband: 0.05,
+    max_rate_rad_s: 2.0,
+    deceleration_rad_s2: BASE.limits.angular_rad_s2,
+    deadband_rad_s: 0.05,
 };
 
 /// The path: once around a rectangle of 1.8 m by 1.2 m with round corners. It begins and ends on a side,
@@ -104,8 +107,8 @@ pub const PATH: Path<6> = Path::sound([
 ]);
 /// Slower than by hand: the follower shall have something to correct with.
 pub const PATH_LIMITS: PathLimits = PathLimits {
-    twist: TwistLimits { linear_acceleration: 2.0, angular_acceleration: 8.0 },
-    max_speed: 1.5,
+    twist: TwistLimits { linear_m_s2: 2.0, angular_rad_s2: 8.0 },
+    max_speed_m_s: 1.5,
     wheel_share: 0.9,
 };
 /// How it follows.
@@ -120,16 +123,30 @@ pub const REST: f32 = 0.02;
 
 /// Speed of the arm with the stick at its end: 90 degrees per second.
 pub const ARM_RATE: Rpm = Rpm::new(15.0);
-/// The angles that it may take, degrees.
-pub const ARM_RANGE: [i32; 2] = [0, 120];
-/// Limits of the arm's motion, in rpm.
-pub const ARM_LIMITS: ProfileLimits =
-    ProfileLimits { velocity: ARM_RATE.get(), acceleration: 200.0, jerk: 4000.0 };
+/// Its encoder says 0 where it is level. It rests on a stop 5 degrees below, where that says 355.
+pub const ARM_ENCODER: AbsoluteEncoder = AbsoluteEncoder {
+    level: TotalAngle::ZERO,
+    gear: Gear::DIRECT,
+    lower: TotalAngle::from_degrees(-5),
+    upper: TotalAngle::from_degrees(130),
+    tolerance: Degrees::new(3.0),
+};
+/// The angles that it is driven to, from its level.
+pub const ARM_RANGE: [TotalAngle; 2] = [TotalAngle::ZERO, TotalAngle::from_degrees(120)];
+/// Limits of the arm's motion.
+pub const ARM_LIMITS: AngleLimits = AngleLimits {
+    velocity: ARM_RATE,
+    acceleration: RpmPerSecond::new(200.0),
+    jerk: RpmPerSecondSquared::new(4000.0),
+};
 /// Speed of the turret with the dial at its end: 180 degrees per second.
 pub const TURRET_RATE: Rpm = Rpm::new(30.0);
-/// Limits of the turret's motion, in rpm.
-pub const TURRET_LIMITS: ProfileLimits =
-    ProfileLimits { velocity: TURRET_RATE.get(), acceleration: 150.0, jerk: 3000.0 };
+/// Limits of the turret's motion.
+pub const TURRET_LIMITS: AngleLimits = AngleLimits {
+    velocity: TURRET_RATE,
+    acceleration: RpmPerSecond::new(150.0),
+    jerk: RpmPerSecondSquared::new(3000.0),
+};
 /// Speed of the flywheel while it is switched on.
 pub const SHOOTING: Rpm = Rpm::new(1500.0);
 
@@ -137,6 +154,7 @@ const _: () = assert!(
     FOLLOWER.validate().is_ok()
         && PATH_LIMITS.validate().is_ok()
         && HOLD.validate().is_ok()
+        && ARM_ENCODER.validate().is_ok()
         && ARM_LIMITS.validate().is_ok()
         && TURRET_LIMITS.validate().is_ok()
 );

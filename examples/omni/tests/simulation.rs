@@ -5,6 +5,7 @@
 use omni::base::Activity;
 use omni::simulation::{ALONG, ARMED, stick};
 use omni::{Motors, Name, Ports, Robot, Shared};
+use rc10::app::mechanism::Stage;
 use rc10::motor::{Link, Names};
 use rc10::sim::judge::path::PathFigures;
 use rc10::sim::recording::Recording;
@@ -28,6 +29,7 @@ fn run_in(world: Description, seed: u64, fault: Option<&str>, millis: u64) -> Re
     simulate(robot, seed, Micros::from_millis(millis)).unwrap()
 }
 
+const ARM_UP: Controls = Controls { right: stick(0.0, 90.0), ..ARMED };
 const DISARMED: Controls = Controls { right_switch: Switch::Down, ..ARMED };
 
 /// Nothing but the path, from 0.3 s on.
@@ -132,6 +134,27 @@ fn arm_and_turret_go_where_their_profiles_do() {
         println!("{name:?}: {rms:.2} degrees RMS");
         assert!(rms < most, "{name:?}: {rms} degrees RMS behind its profile");
     }
+}
+
+#[test]
+fn an_arm_that_is_where_it_cannot_be_is_not_driven() {
+    // Without its stop it hangs at 40 degrees below level, as if its encoder were mounted anew.
+    let mut world = operated(&[
+        PATH[0],
+        ScriptLine::new(600, "arm", ARMED),
+        ScriptLine::new(700, "up", ARM_UP),
+    ]);
+    let run = |world, told: Stage| {
+        let run = run_in(world, 1, None, 2000);
+        let stage = run.signals.iter().find(|signal| signal.label == "arm stage").unwrap().last;
+        assert_eq!(stage, Some(f64::from(told as u8)));
+        run.motors[Name::Arm.index()].last.feedback.total_angle.within_turn().get()
+    };
+    let up = run(world.clone(), Stage::Ready);
+    assert!((up - 110.0).abs() < 5.0, "1.3 s at 90 degrees per second: {up}");
+    world.motors[Name::Arm.index()].plant.travel = Some([-40.0, 130.0]);
+    let hangs = run(world, Stage::OutOfTravel);
+    assert!((hangs - 320.0).abs() < 1.0, "{hangs}");
 }
 
 #[test]

@@ -33,10 +33,10 @@ pub const BASE: DrivenBase<Name, 4> = DrivenBase {
     ],
     geometry: Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0)),
     // With everything on it: an estimate, in kg and kg m².
-    body: Body { mass: 20.0, yaw_inertia: 1.2 },
+    body: Body { mass_kg: 20.0, yaw_inertia_kg_m2: 1.2 },
     torque_constant: mirrored(1).torque_constant(),
     // At which its wheels do not slip: m/s² and rad/s².
-    limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+    limits: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
     // m/s and rad/s.
     full_stick: Twist::new(1.5, 1.5, 4.0),
 };

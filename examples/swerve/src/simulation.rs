@@ -32,7 +32,7 @@ fn base() -> Base {
         let direction = -f64::from(ahead.degrees().get()).to_radians();
         Wheel { direction, steering, ..Wheel::plain(x, y, radius) }
     });
-    let [mass, yaw_inertia] = [BASE.body.mass, BASE.body.yaw_inertia].map(f64::from);
+    let [mass, yaw_inertia] = [BASE.body.mass_kg, BASE.body.yaw_inertia_kg_m2].map(f64::from);
     let chassis = Chassis { mass, yaw_inertia, ..Chassis::on(wheels.collect()) };
     Base::new(DRIVES, chassis).with_steering(STEERS)
 }

@@ -1,7 +1,7 @@
 //! The mechanisms task: gimbal, feeder and lift. Gimbal and lift follow profiles, so that they arrive
 //! without a swing, and know in advance what effort that takes.
 
-use rc10::app::{AngleProfile, AngleSetpoint, ProfileLimits};
+use rc10::app::{AngleLimits, AngleProfile, AngleSetpoint};
 use rc10::motor::Link;
 use rc10::prelude::*;
 
@@ -61,7 +61,7 @@ fn follow(
     profile: &mut Option<AngleProfile>,
     shared: &Shared<'_>,
     motors: &[Name],
-    limits: &ProfileLimits,
+    limits: &AngleLimits,
     goal: Goal,
     dt: Seconds,
 ) -> AngleSetpoint {

@@ -1,6 +1,6 @@
 //! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
-use rc10::app::{Gravity, ProfileLimits};
+use rc10::app::{AngleLimits, Gravity, RpmPerSecondSquared};
 use rc10::prelude::*;
 
 rc10::robot! {
@@ -29,12 +29,12 @@ const fn wheel(config: Config) -> Entry<Config> {
 }
 
 /// An M3508's loops with an integral that is firmer than a bare motor's: it also learns the load.
-const LOADED: Cascade = Cascade { speed: PidConfig::new(0.4, 4.0, 0.0, 20.0), ..M3508.cascade };
+const LOADED: Cascade = Cascade { speed: PidConfig::within(20.0).kp(0.4).ki(4.0), ..M3508.cascade };
 
 /// The current that a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and
 /// rotor are 0.0052 kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is in [`BASE`].
 const ROLLING: FeedForward =
-    FeedForward { friction: 0.5, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
+    FeedForward { friction: 0.5, per_rpm: 0.001, per_rpm_s: 0.0018, gravity: Gravity::None };
 
 /// Mounted the other way round.
 const fn mirrored(id: u8) -> Config {
@@ -51,19 +51,19 @@ const fn lift(config: Config) -> Entry<Config> {
 /// M3508's 0.3 N m/A.
 const LIFTING: FeedForward = FeedForward {
     friction: 0.33,
-    speed: 0.0009,
-    acceleration: 0.0048,
+    per_rpm: 0.0009,
+    per_rpm_s: 0.0048,
     gravity: Gravity::Lift(3.33),
 };
 
 /// 0.0204 kg m² on 0.741 N m/A: loaded, the loops can be firmer than those of a bare motor.
 const YAW: Config = Config::new(&GM6020_CURRENT, 1).with_cascade(Cascade {
-    speed: PidConfig::new(0.12, 0.6, 0.0, 3.0),
-    angle: PidConfig::new(1.5, 0.0, 0.0, 250.0),
+    speed: PidConfig::within(3.0).kp(0.12).ki(0.6),
+    angle: PidConfig::within(250.0).kp(1.5),
     feed_forward: FeedForward {
         friction: 0.054,
-        speed: 0.000_14,
-        acceleration: 0.0029,
+        per_rpm: 0.000_14,
+        per_rpm_s: 0.0029,
         gravity: Gravity::None,
     },
     ..GM6020_CURRENT.cascade
@@ -71,12 +71,12 @@ const YAW: Config = Config::new(&GM6020_CURRENT, 1).with_cascade(Cascade {
 
 /// The same as shares of 24 V: back-EMF of 0.741 V s/rad, and 1.8 ohms for the current.
 const PITCH: Config = Config::new(&GM6020_VOLTAGE, 2).with_cascade(Cascade {
-    speed: PidConfig::new(0.006, 0.06, 0.0, 1.0),
-    angle: PidConfig::new(1.2, 0.0, 0.0, 250.0),
+    speed: PidConfig::within(1.0).kp(0.006).ki(0.06),
+    angle: PidConfig::within(250.0).kp(1.2),
     feed_forward: FeedForward {
         friction: 0.004,
-        speed: 0.003_24,
-        acceleration: 0.000_11,
+        per_rpm: 0.003_24,
+        per_rpm_s: 0.000_11,
         gravity: Gravity::None,
     },
     ..GM6020_VOLTAGE.cascade
@@ -97,10 +97,10 @@ pub const BASE: DrivenBase<Name, 4> = DrivenBase {
     ],
     geometry: Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0)),
     // With everything on it.
-    body: Body { mass: 20.0, yaw_inertia: 1.2 },
+    body: Body { mass_kg: 20.0, yaw_inertia_kg_m2: 1.2 },
     torque_constant: Config::new(&M3508, 1).torque_constant(),
     // At which its wheels do not slip: m/s² and rad/s².
-    limits: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
+    limits: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
     // m/s and rad/s.
     full_stick: Twist::new(2.0, 2.0, 6.0),
 };
@@ -116,12 +116,18 @@ pub const LED_BRIGHTNESS: u8 = 60;
 pub const GIMBAL_RATES: [f32; 2] = [240.0, 120.0];
 
 /// Limits of the gimbal's motion.
-pub const GIMBAL_LIMITS: ProfileLimits =
-    ProfileLimits { velocity: 60.0, acceleration: 400.0, jerk: 10_000.0 };
+pub const GIMBAL_LIMITS: AngleLimits = AngleLimits {
+    velocity: Rpm::new(60.0),
+    acceleration: RpmPerSecond::new(400.0),
+    jerk: RpmPerSecondSquared::new(10_000.0),
+};
 
 /// Limits of the motion of the lift's shafts.
-pub const LIFT_LIMITS: ProfileLimits =
-    ProfileLimits { velocity: 160.0, acceleration: 600.0, jerk: 10_000.0 };
+pub const LIFT_LIMITS: AngleLimits = AngleLimits {
+    velocity: Rpm::new(160.0),
+    acceleration: RpmPerSecond::new(600.0),
+    jerk: RpmPerSecondSquared::new(10_000.0),
+};
 
 /// Angles of the gimbal when the robot is armed.
 pub const GIMBAL_AHEAD: Degrees = Degrees::new(180.0);

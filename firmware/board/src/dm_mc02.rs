@@ -7,16 +7,21 @@
 mod soldered;
 
 use embassy_stm32::peripherals::{
-    ADC1, DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
-    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, EXTI0, EXTI14, EXTI15, FDCAN1, FDCAN2,
-    FDCAN3, IWDG1, PA0, PA2, PA7, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13, PC14, PC15,
-    PE0, PE9, PE13, PE14, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7, USART1, USART2,
-    USART3, USART10,
+    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
+    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, EXTI0, EXTI1, EXTI8, EXTI9, EXTI10, EXTI11,
+    EXTI12, EXTI14, EXTI15, FDCAN1, FDCAN2, FDCAN3, IWDG1, PA0, PA2, PA7, PA15, PB1, PB8, PB9,
+    PB13, PB15, PC0, PC1, PC2, PC3, PC10, PC11, PC12, PC13, PC14, PC15, PD14, PE0, PE1, PE9, PE13,
+    PE14, SPI2, TIM1, TIM3, TIM4, TIM5, TIM7, TIM8, TIM12, UART5, UART7, USART1, USART2, USART3,
+    USART10,
 };
+use embassy_stm32::timer::Ch3;
 use embassy_stm32::{Peri, Peripherals, pac};
 use rc10_bsp::Crystal;
 use rc10_bsp::can::BusParts;
+use rc10_bsp::pulse_input;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
+use rc10_bsp::servo::ServoParts;
+use rc10_bsp::voltage::VoltageParts;
 
 use crate::UsbParts;
 
@@ -54,9 +59,19 @@ pub struct Board {
     pub uart_7: SerialParts<UART7, DMA1_CH5, DMA1_CH6>,
     /// USART10, with the switched 5 V.
     pub uart_10: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,
-    /// Servos, with the switched 5 V.
-    pub servos: ServoParts,
-    /// Two switches to ground, at the expansion header.
+    /// A servo, with the switched 5 V.
+    pub servo_1: ServoParts<TIM1, PE9>,
+    /// A servo, with the switched 5 V.
+    pub servo_2: ServoParts<TIM1, PE13>,
+    /// A servo, with the switched 5 V. (TIM2, the maker's for this pin and the next, keeps the time.)
+    pub servo_3: ServoParts<TIM5, PA0>,
+    /// A servo, with the switched 5 V.
+    pub servo_4: ServoParts<TIM5, PA2>,
+    /// A voltage, at the LCD's socket.
+    pub voltage_1: VoltageParts,
+    /// The receiver of a remote control that speaks in pulses, at the expansion header.
+    pub pulses: PulseParts,
+    /// Switches to ground, at the expansion header.
     pub switches: SwitchParts,
     /// USB, as a device of full speed.
     pub usb: UsbParts,
@@ -68,28 +83,35 @@ pub struct Board {
     pub watchdog: Peri<'static, IWDG1>,
 }
 
-/// TIM1 and TIM5, channels 1 and 3. (TIM2, the maker's for PA0 and PA2, keeps the time.)
-pub struct ServoParts {
-    /// The timer of the first two.
-    pub timer: Peri<'static, TIM1>,
-    /// Channel 1.
-    pub first: Peri<'static, PE9>,
-    /// Channel 3.
-    pub second: Peri<'static, PE13>,
-    /// The timer of the other two.
-    pub other: Peri<'static, TIM5>,
-    /// Channel 1.
-    pub third: Peri<'static, PA0>,
-    /// Channel 3.
-    pub fourth: Peri<'static, PA2>,
+/// The interrupt handler of [`PulseParts`]: [`start_pulses!`](crate::start_pulses) binds it.
+pub type PulseInterrupt = pulse_input::Interrupt<TIM4, Ch3>;
+
+/// TIM4, channel 3.
+pub struct PulseParts {
+    /// The timer that notes when the pin rises.
+    pub timer: Peri<'static, TIM4>,
+    /// The pulses.
+    pub pin: Peri<'static, PD14>,
 }
 
-/// Two pins, and the interrupt line of each. PE0 would be UART8's, whose interrupt an executor has.
+/// Inputs, and the interrupt line of each. PE0 and PE1 would be UART8's, whose interrupt an executor has.
 pub struct SwitchParts {
-    /// The first switch.
+    /// The first one.
     pub first: (Peri<'static, PE14>, Peri<'static, EXTI14>),
-    /// The second switch.
+    /// The second one.
     pub second: (Peri<'static, PE0>, Peri<'static, EXTI0>),
+    /// The third one.
+    pub third: (Peri<'static, PE1>, Peri<'static, EXTI1>),
+    /// The fourth one.
+    pub fourth: (Peri<'static, PC10>, Peri<'static, EXTI10>),
+    /// The fifth one.
+    pub fifth: (Peri<'static, PC11>, Peri<'static, EXTI11>),
+    /// The sixth one.
+    pub sixth: (Peri<'static, PC12>, Peri<'static, EXTI12>),
+    /// The seventh one.
+    pub seventh: (Peri<'static, PB8>, Peri<'static, EXTI8>),
+    /// The eighth one.
+    pub eighth: (Peri<'static, PB9>, Peri<'static, EXTI9>),
 }
 
 /// Soldered parts that need a program.
@@ -99,7 +121,7 @@ pub struct Soldered {
     heater: (Peri<'static, TIM3>, Peri<'static, PB1>),
     lamp: (Peri<'static, TIM8>, Peri<'static, PA7>, Peri<'static, DMA1_CH7>),
     buzzer: (Peri<'static, TIM12>, Peri<'static, PB15>),
-    supply: (Peri<'static, ADC1>, Peri<'static, PC4>),
+    supply: VoltageParts,
     key: (Peri<'static, PA15>, Peri<'static, EXTI15>),
 }
 
@@ -136,15 +158,22 @@ impl Board {
                 .with_driver_enable(p.PB14),
             uart_7: SerialParts::new(p.UART7, p.PE7, p.PE8, p.DMA1_CH5, p.DMA1_CH6),
             uart_10: SerialParts::new(p.USART10, p.PE2, p.PE3, p.DMA2_CH0, p.DMA2_CH1),
-            servos: ServoParts {
-                timer: p.TIM1,
-                first: p.PE9,
-                second: p.PE13,
-                other: p.TIM5,
-                third: p.PA0,
-                fourth: p.PA2,
+            servo_1: ServoParts::new(&p.TIM1, p.PE9),
+            servo_2: ServoParts::new(&p.TIM1, p.PE13),
+            servo_3: ServoParts::new(&p.TIM5, p.PA0),
+            servo_4: ServoParts::new(&p.TIM5, p.PA2),
+            voltage_1: VoltageParts::new(&p.ADC1, p.PA5),
+            pulses: PulseParts { timer: p.TIM4, pin: p.PD14 },
+            switches: SwitchParts {
+                first: (p.PE14, p.EXTI14),
+                second: (p.PE0, p.EXTI0),
+                third: (p.PE1, p.EXTI1),
+                fourth: (p.PC10, p.EXTI10),
+                fifth: (p.PC11, p.EXTI11),
+                sixth: (p.PC12, p.EXTI12),
+                seventh: (p.PB8, p.EXTI8),
+                eighth: (p.PB9, p.EXTI9),
             },
-            switches: SwitchParts { first: (p.PE14, p.EXTI14), second: (p.PE0, p.EXTI0) },
             usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
             soldered: Soldered {
                 outputs: (p.PC14, p.PC13, p.PC15),
@@ -161,7 +190,7 @@ impl Board {
                 heater: (p.TIM3, p.PB1),
                 lamp: (p.TIM8, p.PA7, p.DMA1_CH7),
                 buzzer: (p.TIM12, p.PB15),
-                supply: (p.ADC1, p.PC4),
+                supply: VoltageParts::new(&p.ADC1, p.PC4),
                 key: (p.PA15, p.EXTI15),
             },
             supervisor: p.TIM7,

@@ -6,15 +6,20 @@
 
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
-    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, EXTI2, EXTI3, FDCAN1,
-    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PC4, PC5, PC6, PC7, PD12, PD13, PD14,
-    PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, PG4, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13, TIM23,
-    TIM24, UART5, UART7, USART1, USART2, USART3, USART10,
+    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, EXTI2, EXTI3, EXTI5,
+    EXTI6, EXTI7, EXTI8, EXTI9, EXTI10, FDCAN1, FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6,
+    PA7, PC4, PC5, PC6, PC7, PD12, PD13, PD14, PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, PG4, PG5,
+    PG6, PG7, PG8, PG9, PG10, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13, TIM23, TIM24, UART5, UART7,
+    USART1, USART2, USART3, USART10,
 };
+use embassy_stm32::timer::Ch1;
 use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::Crystal;
 use rc10_bsp::can::BusParts;
+use rc10_bsp::pulse_input;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
+use rc10_bsp::servo::ServoParts;
+use rc10_bsp::voltage::VoltageParts;
 use rc10_motor::Names;
 use rc10_tasks::Common;
 use rc10_tasks::live::Live;
@@ -60,7 +65,7 @@ pub struct Board {
     pub remote: ReceiverParts<UART5, DMA1_CH2>,
     /// A sensor: laser ranging, say.
     pub uart_3: SerialParts<USART3, DMA1_CH3, DMA1_CH4>,
-    /// Another one, of [`robot!`](crate::robot!) its IMU.
+    /// Another one: the IMU's, of a robot that has one.
     pub uart_7: SerialParts<UART7, DMA1_CH5, DMA1_CH6>,
     /// Another one: positioning by tracking wheels, say.
     pub uart_10: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,
@@ -74,13 +79,27 @@ pub struct Board {
     pub spi: SpiParts,
     /// Sensors on I2C. The pull-ups are on the board, or on them.
     pub i2c: I2cParts,
-    /// Servos.
-    pub servos: ServoParts,
+    /// A servo.
+    pub servo_1: ServoParts<TIM4, PD12>,
+    /// A servo.
+    pub servo_2: ServoParts<TIM4, PD13>,
+    /// A servo.
+    pub servo_3: ServoParts<TIM4, PD14>,
+    /// A servo.
+    pub servo_4: ServoParts<TIM4, PD15>,
+    /// A voltage.
+    pub voltage_1: VoltageParts,
+    /// A voltage.
+    pub voltage_2: VoltageParts,
+    /// A voltage.
+    pub voltage_3: VoltageParts,
+    /// A voltage.
+    pub voltage_4: VoltageParts,
     /// A pulse to be measured.
     pub capture: CaptureParts,
     /// Two incremental encoders, one with a counter of 16 bits, one of 32.
     pub encoders: EncoderParts,
-    /// Two limit switches to ground.
+    /// Limit switches to ground.
     pub switches: SwitchParts,
     /// USB, as a device of full speed.
     pub usb: UsbParts,
@@ -91,6 +110,9 @@ pub struct Board {
     /// The independent watchdog.
     pub watchdog: Peri<'static, IWDG1>,
 }
+
+/// The interrupt handler of [`PulseParts`]: [`start_pulses!`](crate::start_pulses) binds it.
+pub type PulseInterrupt = pulse_input::Interrupt<TIM13, Ch1>;
 
 /// TIM13, channel 1.
 pub struct PulseParts {
@@ -144,20 +166,6 @@ pub struct I2cParts {
     pub transmit_stream: Peri<'static, DMA2_CH7>,
 }
 
-/// TIM4, channels 1 to 4.
-pub struct ServoParts {
-    /// The timer that makes the pulses.
-    pub timer: Peri<'static, TIM4>,
-    /// Channel 1.
-    pub first: Peri<'static, PD12>,
-    /// Channel 2.
-    pub second: Peri<'static, PD13>,
-    /// Channel 3.
-    pub third: Peri<'static, PD14>,
-    /// Channel 4.
-    pub fourth: Peri<'static, PD15>,
-}
-
 /// TIM24, channel 1.
 pub struct CaptureParts {
     /// The timer that notes the edges.
@@ -178,12 +186,24 @@ pub struct EncoderParts {
     pub long_tracks: (Peri<'static, PA0>, Peri<'static, PA1>),
 }
 
-/// Two pins, and the interrupt line of each.
+/// Inputs, and the interrupt line of each.
 pub struct SwitchParts {
-    /// The first switch.
+    /// The first one.
     pub first: (Peri<'static, PG2>, Peri<'static, EXTI2>),
-    /// The second switch.
+    /// The second one.
     pub second: (Peri<'static, PG3>, Peri<'static, EXTI3>),
+    /// The third one.
+    pub third: (Peri<'static, PG5>, Peri<'static, EXTI5>),
+    /// The fourth one.
+    pub fourth: (Peri<'static, PG6>, Peri<'static, EXTI6>),
+    /// The fifth one.
+    pub fifth: (Peri<'static, PG7>, Peri<'static, EXTI7>),
+    /// The sixth one.
+    pub sixth: (Peri<'static, PG8>, Peri<'static, EXTI8>),
+    /// The seventh one.
+    pub seventh: (Peri<'static, PG9>, Peri<'static, EXTI9>),
+    /// The eighth one.
+    pub eighth: (Peri<'static, PG10>, Peri<'static, EXTI10>),
 }
 
 impl Board {
@@ -222,13 +242,14 @@ impl Board {
                 receive_stream: p.DMA2_CH6,
                 transmit_stream: p.DMA2_CH7,
             },
-            servos: ServoParts {
-                timer: p.TIM4,
-                first: p.PD12,
-                second: p.PD13,
-                third: p.PD14,
-                fourth: p.PD15,
-            },
+            servo_1: ServoParts::new(&p.TIM4, p.PD12),
+            servo_2: ServoParts::new(&p.TIM4, p.PD13),
+            servo_3: ServoParts::new(&p.TIM4, p.PD14),
+            servo_4: ServoParts::new(&p.TIM4, p.PD15),
+            voltage_1: VoltageParts::new(&p.ADC1, p.PB0),
+            voltage_2: VoltageParts::new(&p.ADC1, p.PB1),
+            voltage_3: VoltageParts::new(&p.ADC1, p.PC0),
+            voltage_4: VoltageParts::new(&p.ADC1, p.PC1),
             capture: CaptureParts { timer: p.TIM24, pin: p.PF11 },
             encoders: EncoderParts {
                 short: p.TIM3,
@@ -236,7 +257,16 @@ impl Board {
                 long: p.TIM5,
                 long_tracks: (p.PA0, p.PA1),
             },
-            switches: SwitchParts { first: (p.PG2, p.EXTI2), second: (p.PG3, p.EXTI3) },
+            switches: SwitchParts {
+                first: (p.PG2, p.EXTI2),
+                second: (p.PG3, p.EXTI3),
+                third: (p.PG5, p.EXTI5),
+                fourth: (p.PG6, p.EXTI6),
+                fifth: (p.PG7, p.EXTI7),
+                sixth: (p.PG8, p.EXTI8),
+                seventh: (p.PG9, p.EXTI9),
+                eighth: (p.PG10, p.EXTI10),
+            },
             usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
             soldered: Soldered,
             supervisor: p.TIM7,

@@ -5,9 +5,9 @@
 //! | `h723zg` | the team's: `docs/wiring.md` | STM32H723ZG | 25 MHz |
 //! | `dm-mc02` | Damiao DM-MC02: `docs/dm-mc02.md` | STM32H723VG | 24 MHz |
 //!
-//! * [`robot!`]: the whole program, of a robot and its tasks.
+//! * [`program!`]: the whole program of a robot.
 //! * [`board`](mod@board): pins, crystal, soldered parts. [`robot`](mod@robot): every robot's work
-//!   on them, for programs that need more than [`robot!`], as that of the team's robot.
+//!   on them, for programs that need more than [`program!`].
 //!
 //! The memory map comes with this crate; the rest is in a program's `.cargo/config.toml`.
 #![no_std]

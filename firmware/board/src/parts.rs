@@ -50,15 +50,35 @@ macro_rules! start_serial {
 }
 
 /// Starts the input of a receiver that speaks in pulses: a `PulseInput`.
+#[cfg(feature = "h723zg")]
 #[doc(hidden)]
 #[macro_export]
 macro_rules! start_pulses {
-    ($board:ident) => {{
+    ($board:ident) => {
+        $crate::start_pulses_by!($board, TIM8_UP_TIM13)
+    };
+}
+
+/// Starts the input of a receiver that speaks in pulses: a `PulseInput`.
+#[cfg(feature = "dm-mc02")]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_pulses {
+    ($board:ident) => {
+        $crate::start_pulses_by!($board, TIM4)
+    };
+}
+
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_pulses_by {
+    ($board:ident, $interrupt:ident) => {{
         $crate::embassy_stm32::bind_interrupts!(struct OfPulses {
-            TIM8_UP_TIM13 => $crate::rc10_bsp::pulse_input::Interrupt;
+            $interrupt => $crate::board::PulseInterrupt;
         });
         let $crate::board::PulseParts { timer, pin } = $board.pulses;
-        PulseInput::start(timer, pin, OfPulses, Priority::P7)
+        let priority = $crate::embassy_stm32::interrupt::Priority::P7;
+        $crate::rc10_bsp::pulse_input::PulseInput::start(timer, pin, OfPulses, priority)
     }};
 }
 
@@ -67,7 +87,7 @@ macro_rules! start_pulses {
 #[macro_export]
 macro_rules! motor_lines {
     (
-        ($shared:ident) $imu:tt $strip:tt ($($line:ident)*) $serials:tt $contacts:tt
+        ($shared:ident) $imu:tt $strip:tt ($($line:ident)*) $($others:tt)*
     ) => {{
         use $crate::rc10_motor::unitree::Rs485Bus;
         let lines: [&'static mut Rs485Bus<'static>; _] = [$({
@@ -84,10 +104,9 @@ macro_rules! motor_lines {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! start_lines {
-    ($args:tt $imu:tt $strip:tt () $serials:tt $contacts:tt) => {};
+    ($args:tt $imu:tt $strip:tt () $($others:tt)*) => {};
     (
-        ($shared:ident, $lines:ident, $board:ident) $imu:tt $strip:tt ($($line:ident)+)
-        $serials:tt $contacts:tt
+        ($shared:ident, $lines:ident, $board:ident) $imu:tt $strip:tt ($($line:ident)+) $($others:tt)*
     ) => {
         $crate::executor! {
             /// Runs the lines.
@@ -112,7 +131,7 @@ macro_rules! start_lines {
 macro_rules! start_parts {
     (
         ($shared:ident, $spawner:ident, $board:ident) ($($imu:ident)?) [$($leds:tt)*] $lines:tt
-        ($($serial:ident)*) ($($input:ident)*)
+        ($($serial:ident)*) ($($input:ident)*) ($($voltage:ident)*) ($($servo:ident)*)
     ) => {
         $($crate::start_imu!($shared, $spawner, $board, $imu);)?
         $crate::start_strip!($shared, $spawner, $board, $($leds)*);
@@ -122,8 +141,14 @@ macro_rules! start_parts {
             $crate::robot::baud::<Robot>($crate::rc10_tasks::uart!($serial))
         )?),*];
         let contacts: [Input<'static>; _] = [$($crate::input!($board, $input)),*];
-        if SERIALS + CONTACTS > 0 {
-            $spawner.spawn(parts($shared, serials, contacts)?);
+        let mut dividers = Robot::VOLTAGES.iter();
+        let voltages: [VoltageInput; _] = [$({
+            let divider = dividers.next().map_or(1.0, |(_, divider)| *divider);
+            VoltageInput::new($board.$voltage, divider)
+        }),*];
+        let servos: [ServoOutput; _] = [$($board.$servo.start()),*];
+        if SERIALS + CONTACTS + VOLTAGES + SERVOS > 0 {
+            $spawner.spawn(parts($shared, serials, contacts, voltages, servos)?);
         }
     };
 }

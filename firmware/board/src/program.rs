@@ -39,6 +39,8 @@ macro_rules! program {
             use $crate::rc10_bsp::can::FdcanPort;
             use $crate::rc10_bsp::pulse_input::PulseInput;
             use $crate::rc10_bsp::serial::{self, Serial, SerialReceiver};
+            use $crate::rc10_bsp::servo::ServoOutput;
+            use $crate::rc10_bsp::voltage::VoltageInput;
             use $crate::rc10_bsp::{CORE_CLOCK, supervisor};
             use $crate::rc10_message::Cycles;
             use $crate::rc10_motor::embassy::BusPort;
@@ -51,6 +53,8 @@ macro_rules! program {
             const BUSES: usize = <Name as Names>::BUSES.len();
             const SERIALS: usize = Robot::SERIALS.len();
             const CONTACTS: usize = Robot::CONTACTS.len();
+            const VOLTAGES: usize = Robot::VOLTAGES.len();
+            const SERVOS: usize = Robot::SERVOS.len();
 
             bind_interrupts!(struct Irqs {
                 TIM7 => supervisor::Interrupt;
@@ -107,7 +111,8 @@ macro_rules! program {
                 $robot::__parts!([$crate::start_lines] shared, lines, board);
 
                 let text = robot::console_port(board.text, Irqs, Priority::P7, Robot::CONSOLE)?;
-                spawner.spawn(tend(shared, board.watchdog, text, started)?);
+                spawner.spawn(tend(shared, board.watchdog)?);
+                spawner.spawn(console(shared, text, started + robot::BETWEEN)?);
                 if Robot::RECEIVER.serial().is_some() {
                     let port = robot::remote(board.remote, Irqs, Robot::RECEIVER, Priority::P7)?;
                     spawner.spawn(listen(shared, port)?);
@@ -133,23 +138,24 @@ macro_rules! program {
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
-            async fn tend(
-                shared: &'static Shared<'static>,
-                watchdog: Peri<'static, IWDG1>,
-                text: Serial,
-                started: Instant,
-            ) {
-                robot::tend(shared, watchdog, text, started + robot::BETWEEN).await;
+            async fn tend(shared: &'static Shared<'static>, watchdog: Peri<'static, IWDG1>) {
+                robot::tend(shared, watchdog).await;
+            }
+
+            #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
+            async fn console(shared: &'static Shared<'static>, text: Serial, quiet: Instant) {
+                robot::console(shared, text.split(), quiet).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
             async fn listen(shared: &'static Shared<'static>, port: SerialReceiver) {
-                remote::listen(shared, Robot::RECEIVER, port).await;
+                remote::listen(shared, Robot::RECEIVER, Robot::CHANNELS, port).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
             async fn listen_pulses(shared: &'static Shared<'static>, mut input: PulseInput) {
-                remote::listen_pulses(shared, async || input.rising_edge().await).await;
+                let edges = async || input.rising_edge().await;
+                remote::listen_pulses(shared, Robot::CHANNELS, edges).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
@@ -157,8 +163,11 @@ macro_rules! program {
                 shared: &'static Shared<'static>,
                 serials: [Serial; SERIALS],
                 contacts: [Input<'static>; CONTACTS],
+                voltages: [VoltageInput; VOLTAGES],
+                servos: [ServoOutput; SERVOS],
             ) {
-                Robot::parts(shared, serials, contacts).await;
+                let voltages = voltages.map(|mut input| async move || input.read().await);
+                Robot::parts(shared, serials, contacts, voltages, servos).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]

@@ -5,7 +5,7 @@ use core::fmt::Write as _;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_executor::SpawnError;
-use embassy_futures::join::{join, join3};
+use embassy_futures::join::join;
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{Input, Pin, Pull};
 use embassy_stm32::interrupt::Priority;
@@ -284,9 +284,19 @@ pub const fn pulses(leds: usize) -> usize {
     leds * BITS + 2
 }
 
-/// An RS-485 line, of two at most.
-#[embassy_executor::task(pool_size = 2)]
+/// An RS-485 line.
+#[embassy_executor::task]
 pub fn line(
+    port: Serial,
+    motors: &'static mut Rs485Bus<'static>,
+    shared: &'static Rs485Port,
+) -> impl Future<Output = ()> {
+    run_rs485(port, motors, shared)
+}
+
+/// Another one: a task's memory is there for each that a program has, not for each that it may have.
+#[embassy_executor::task]
+pub fn line_2(
     port: Serial,
     motors: &'static mut Rs485Bus<'static>,
     shared: &'static Rs485Port,
@@ -363,15 +373,9 @@ pub async fn watch<N: Names>(watchdog: Peri<'static, IWDG1>, ports: PortsOf<'_, 
     }
 }
 
-/// Everything beside its own tasks: feeds the watchdog, tells its status, serves its console.
-pub async fn tend<N: Names>(
-    shared: &Common<'_, N, impl Live>,
-    watchdog: Peri<'static, IWDG1>,
-    text: Serial,
-    quiet: Instant,
-) {
-    let (watch, tell) = (watch(watchdog, shared.ports), status::run(shared));
-    join3(watch, tell, console(shared, text.split(), quiet)).await;
+/// Feeds the watchdog, and tells the status.
+pub async fn tend<N: Names>(shared: &Common<'_, N, impl Live>, watchdog: Peri<'static, IWDG1>) {
+    join(watch(watchdog, shared.ports), status::run(shared)).await;
 }
 
 /// Writes the status as a line, ten times a second: to the console, unless a PC speaks there as

@@ -4,14 +4,14 @@ use core::hint::black_box;
 
 use rc10_app::{PidConfig, PidState, Seconds};
 
-const PLAIN: PidConfig = PidConfig::new(0.4, 2.0, 0.0, 20.0);
+const PLAIN: PidConfig = PidConfig::within(20.0).kp(0.4).ki(2.0);
 const WHOLE: PidConfig = PidConfig {
-    derivative_filter: 0.005,
+    derivative_filter: Seconds::new(0.005),
     setpoint_weight: 0.7,
     tracking: 20.0,
     deadband: 0.01,
     integral_separation: 100.0,
-    ..PidConfig::new(0.4, 2.0, 0.01, 20.0)
+    ..PidConfig::within(20.0).kp(0.4).ki(2.0).kd(0.01)
 };
 
 /// A motor's speed on its way to a setpoint, and one that is far below it.

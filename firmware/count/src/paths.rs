@@ -17,8 +17,8 @@ const PATH: Path<5> = Path::sound([
     Waypoint::new(0.3, -0.2, Radians::new(2.0)),
 ]);
 const LIMITS: PathLimits = PathLimits {
-    twist: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
-    max_speed: 2.0,
+    twist: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
+    max_speed_m_s: 2.0,
     wheel_share: 0.9,
 };
 

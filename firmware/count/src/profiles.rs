@@ -3,7 +3,10 @@
 use core::hint::black_box;
 
 use rc10_app::profile::synchronise;
-use rc10_app::{AngleProfile, AngleSetpoint, Profile, ProfileLimits, Rpm, Seconds, TotalAngle};
+use rc10_app::{
+    AngleLimits, AngleProfile, AngleSetpoint, Profile, ProfileLimits, Rpm, RpmPerSecond,
+    RpmPerSecondSquared, Seconds, TotalAngle,
+};
 
 /// Random targets for each kind of call.
 const CALLS: u32 = 2000;
@@ -34,8 +37,10 @@ measured!("count_1_plan_velocity", velocity(profile: &mut Profile, new: &New) {
     let _ = black_box(profile.set_velocity(&new.limits, new.velocity));
 });
 measured!("count_1_plan_angle", angle_target(profile: &mut AngleProfile, new: &New) {
+    let ProfileLimits { velocity, acceleration, jerk } = new.limits;
+    let limits = AngleLimits { velocity: Rpm::new(velocity), acceleration: RpmPerSecond::new(acceleration), jerk: RpmPerSecondSquared::new(jerk) };
     let angle = TotalAngle::from_microdegrees(i64::from(new.bits) << 3);
-    let _ = black_box(profile.set_target(&new.limits, angle, Rpm::new(new.velocity)));
+    let _ = black_box(profile.set_target(&limits, angle, Rpm::new(new.velocity)));
 });
 measured!("count_3_synchronise", together(profiles: &mut [Profile; 3]) {
     let [a, b, c] = profiles;

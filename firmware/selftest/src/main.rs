@@ -21,9 +21,9 @@ use embassy_stm32::peripherals::{
 };
 use embassy_stm32::{bind_interrupts, dma, exti, i2c, timer};
 use rc10_board::board::Board;
-use rc10_board::start_serial;
+use rc10_board::{start_pulses, start_serial};
 use rc10_bsp::serial::{Serial, SerialConfig};
-use rc10_bsp::{dma_buffer, pulse_input, pulse_output, serial};
+use rc10_bsp::{dma_buffer, pulse_output, serial};
 
 use crate::report::Report;
 
@@ -37,7 +37,6 @@ bind_interrupts!(struct Irqs {
     DMA1_STREAM3 => serial::Interrupt<USART3>;
     DMA1_STREAM4 => serial::Interrupt<USART3>;
     DMA1_STREAM7 => pulse_output::Interrupt<DMA1_CH7>;
-    TIM8_UP_TIM13 => pulse_input::Interrupt;
     DMA2_STREAM4 => dma::InterruptHandler<DMA2_CH4>;
     DMA2_STREAM5 => dma::InterruptHandler<DMA2_CH5>;
     I2C2_EV => i2c::EventInterruptHandler<I2C2>;
@@ -75,10 +74,13 @@ async fn main(spawner: Spawner) {
     report.run("RS-485", motors::line(spawner, line)).await;
     report.run("SPI", buses::spi(board.spi)).await;
     report.run("I2C", buses::i2c(board.i2c)).await;
-    report.run("servo", timers::servo(board.servos, board.capture)).await;
+    let (first, second) = (board.servo_1.start(), board.servo_2.start());
+    let servos = [first, second, board.servo_3.start(), board.servo_4.start()];
+    report.run("servo", timers::servo(servos, board.capture)).await;
     report.run("encoders", timers::encoders(board.encoders)).await;
     report.run("switches", timers::switches(board.switches)).await;
-    report.run("pulses", timers::pulses(board.pulses)).await;
+    let pulses = start_pulses!(board);
+    report.run("pulses", timers::pulses(pulses)).await;
     report.run("strip", timers::strip(board.strip)).await;
     report.run("memory", memory::protection()).await;
     report.conclude().await;

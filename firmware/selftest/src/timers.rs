@@ -3,22 +3,21 @@
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_stm32::exti::ExtiInput;
-use embassy_stm32::gpio::{OutputType, Pull};
+use embassy_stm32::gpio::Pull;
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer;
 use embassy_stm32::timer::input_capture::{CapturePin, InputCapture};
 use embassy_stm32::timer::low_level::CountingMode;
-use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
-use rc10_board::board::{
-    CaptureParts, EncoderParts, PulseParts, ServoParts, StripParts, SwitchParts,
-};
+use embedded_hal::pwm::SetDutyCycle;
+use rc10_board::board::{CaptureParts, EncoderParts, StripParts, SwitchParts};
 use rc10_bsp::dma_buffer;
 use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::{PulseError, PulseOutput};
 use rc10_bsp::quadrature::{QuadratureCounter, QuadratureTimer};
+use rc10_bsp::servo::ServoOutput;
 use rc10_module::encoder::Counter;
 use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
 use rc10_module::limit_switch::{Active, Config, Position, watch};
@@ -28,29 +27,12 @@ use crate::report::Outcome;
 use crate::{Irqs, PRIORITY, say, want};
 
 /// The first servo's pulse, µs, which is also to be measured.
-const PULSE: u32 = 1500;
+const PULSE: u16 = 1500;
 
 /// Four servos at 50 Hz; a pulse of 1.5 ms is measured.
-pub async fn servo(servos: ServoParts, capture: CaptureParts) -> Outcome {
-    let kind = OutputType::PushPull;
-    let mut pwm = SimplePwm::new(
-        servos.timer,
-        Some(PwmPin::new(servos.first, kind)),
-        Some(PwmPin::new(servos.second, kind)),
-        Some(PwmPin::new(servos.third, kind)),
-        Some(PwmPin::new(servos.fourth, kind)),
-        Hertz(50),
-        CountingMode::EdgeAlignedUp,
-    );
-    for (number, channel) in
-        [timer::Channel::Ch1, timer::Channel::Ch2, timer::Channel::Ch3, timer::Channel::Ch4]
-            .into_iter()
-            .enumerate()
-    {
-        let micros = PULSE + 100 * u32::try_from(number).unwrap_or(0);
-        let mut channel = pwm.channel(channel);
-        channel.set_duty_cycle_fraction(micros, 20_000);
-        channel.enable();
+pub async fn servo(mut servos: [ServoOutput; 4], capture: CaptureParts) -> Outcome {
+    for (servo, micros) in servos.iter_mut().zip((PULSE..).step_by(100)) {
+        let _ = servo.set_duty_cycle(micros);
     }
     let mut capture = InputCapture::new(
         capture.timer,
@@ -67,10 +49,12 @@ pub async fn servo(servos: ServoParts, capture: CaptureParts) -> Outcome {
         let rising = capture.wait_for_rising_edge(timer::Channel::Ch1).await;
         let falling = capture.wait_for_falling_edge(timer::Channel::Ch1).await;
         last = falling.wrapping_sub(rising);
-        want!(last.abs_diff(PULSE) <= 1, "measured {last} us");
+        want!(last.abs_diff(PULSE.into()) <= 1, "measured {last} us");
     }
     // Driving on would disturb what comes.
-    drop(pwm);
+    for servo in &mut servos {
+        let _ = servo.set_duty_cycle_fully_off();
+    }
     Ok(say!("measured {last} us"))
 }
 
@@ -158,8 +142,7 @@ pub async fn switches(parts: SwitchParts) -> Outcome {
 const EDGES: usize = 9 * 5;
 
 /// A PPM receiver is heard, edge for edge.
-pub async fn pulses(parts: PulseParts) -> Outcome {
-    let mut input = PulseInput::start(parts.timer, parts.pin, Irqs, PRIORITY);
+pub async fn pulses(mut input: PulseInput) -> Outcome {
     let mut last = input.rising_edge().await;
     let (mut shortest, mut longest) = (u64::MAX, 0);
     for _ in 0..EDGES {

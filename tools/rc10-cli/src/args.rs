@@ -1,12 +1,13 @@
 //! Arguments that several commands have: what goes wrong on purpose, times, seeds.
 
-use anyhow::{Result, bail};
+use std::net::{SocketAddr, ToSocketAddrs as _};
+
+use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use rc10_emu::fault::Fault;
 use rc10_time::Micros;
 
-use crate::robot::mistake;
-use crate::robot::mistake::Mistake;
+use crate::robot::mistake::{self, Mistake};
 
 /// Help text of `--fault`.
 const FAULTS: &str = "\
@@ -37,17 +38,21 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
     micros.map(Micros::new).ok_or_else(|| WANTED.into())
 }
 
+/// An address of `HOST:PORT`.
+pub(crate) fn address(text: &str) -> Result<SocketAddr> {
+    let mut found = text.to_socket_addrs().with_context(|| format!("{text}: not HOST:PORT"))?;
+    found.next().with_context(|| format!("{text}: there is no such host"))
+}
+
 pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {
     text.parse().map_err(|_| "must be a whole number from 0 to 18446744073709551615")
 }
 
 /// Fails if a fault would begin after the end of the run.
 pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
-    match faults.iter().find(|fault| fault.from >= end.into()) {
-        Some(Fault { kind, from, .. }) => {
-            let [from, end] = [from.micros(), end].map(|time| time.get() as f64 * 1e-6);
-            bail!("{kind} would begin at {from} s, after the end at {end} s: see --seconds")
-        }
-        None => Ok(()),
+    if let Some(Fault { kind, from, .. }) = faults.iter().find(|fault| fault.from >= end.into()) {
+        let [from, end] = [from.micros(), end].map(|time| time.get() as f64 * 1e-6);
+        bail!("{kind} would begin at {from} s, after the end at {end} s: see --seconds")
     }
+    Ok(())
 }

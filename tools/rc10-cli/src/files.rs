@@ -12,6 +12,14 @@ pub fn make_folder(folder: &Path) -> Result<()> {
         .with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
+pub(crate) fn unreadable(file: &Path) -> String {
+    format!("cannot read {}", file.display())
+}
+
+pub(crate) fn open(file: &Path) -> Result<File> {
+    File::open(file).with_context(|| unreadable(file))
+}
+
 /// A file or folder that is written beside its place, and removed unless it is put there.
 pub(crate) struct Unfinished(pub(crate) PathBuf);
 

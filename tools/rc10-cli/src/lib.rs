@@ -2,8 +2,8 @@
 //! CAN captures, writes DBC files, puts a simulated bus on a pseudo-terminal. The only place where
 //! robots, the simulator and the emulator meet.
 //!
-//! A robot crate needs no copy of this one: it hands a [`Robot`], which is a [`Description`] with
-//! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
+//! A robot crate needs no copy of this one: of a robot that is [`Simulated`], [`main_of`] is the same command line. A
+//! [`Robot`] that is made by hand, a [`Description`] with buses and tasks, goes to [`main_for`]: `examples/two-wheels`.
 //!
 //! * [`robot`]: a robot as plain data: motors, base, remote, script.
 //! * [`world`]: the simulated environment of a robot, and a robot with its tasks, ready to run.
@@ -44,10 +44,10 @@ use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port};
 use rc10_tasks::{Common, Program};
 use rc10_time::Micros;
 
-use crate::commands::emulate::EmuArgs;
+use crate::commands::emulate::{EmuArgs, emulate};
 use crate::commands::new::NewArgs;
 use crate::commands::pty::PtyArgs;
-use crate::commands::report::{CsvArgs, ReportArgs};
+use crate::commands::report::{CsvArgs, ReportArgs, csv, report};
 use crate::commands::run::RunArgs;
 use crate::formats::dbc::DbcArgs;
 use crate::live::commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
@@ -58,7 +58,7 @@ use terminal::{Plain, tell};
 
 pub use crate::robot::base::Base;
 pub use crate::robot::description::{
-    ContactPart, Description, LinePart, SerialPart, Simulated, Twin,
+    ArmPart, ContactPart, Description, LinePart, SerialPart, Simulated, Twin, VoltagePart,
 };
 pub use crate::robot::mistake::Mistake;
 pub use crate::robot::motor::{Device, Motor, Place, Plant};
@@ -89,7 +89,7 @@ enum Command {
     Get(GetArgs),
     /// Changes parameters of the robot that runs, until power-off
     Set(SetArgs),
-    /// Stops a robot at a serial port: sent until the robot says that it is stopped
+    /// Stops the robot that runs: sent until the robot says that it is stopped
     Stop(StopArgs),
     /// Records the robot that runs
     Record(RecordArgs),
@@ -121,6 +121,7 @@ Examples:
   rc10 live --sim                        plots and gains of the simulated robot, in the browser
   rc10 live                              of the robot at the only serial port; --emu: of its firmware
   rc10 set feeder_speed=200              a parameter of the robot that runs; rc10 params lists them
+  rc10 set feeder_speed=200 --port sim   of the one that rc10 live --sim keeps running
   rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
   rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
   rc10 report can0.log --bus can0=2      what a capture of bus 2 tells, as such a report
@@ -171,23 +172,18 @@ impl CommandLine {
         let out = &mut Plain(out);
         Ok(match self.0 {
             Command::Run(args) => strict(args.strict, commands::run::run(&args, robot, out)?),
-            Command::Emu(args) => {
-                strict(args.strict, commands::emulate::emulate(&args, robot, out)?)
-            }
+            Command::Emu(args) => strict(args.strict, emulate(&args, robot, out)?),
             Command::Live(args) => live::live(&args, robot, out).map(|()| 0)?,
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
-            Command::Report(args) => {
-                strict(args.strict, commands::report::report(&args, robot, out)?)
-            }
-            Command::Csv(args) => commands::report::csv(&args, out).map(|()| 0)?,
+            Command::Report(args) => strict(args.strict, report(&args, robot, out)?),
+            Command::Csv(args) => csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {
-                let broken =
-                    commands::decode::decode(&args, robot, out, &mut Plain(io::stderr().lock()))?;
-                u8::from(broken)
+                let err = &mut Plain(io::stderr().lock());
+                commands::decode::decode(&args, robot, out, err)?.into()
             }
             Command::Dbc(args) => formats::dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
             Command::New(args) => commands::new::new(&args, out).map(|()| 0)?,
@@ -244,7 +240,7 @@ pub fn main_of<P: Simulated>() -> ExitCode {
 /// Simulates the robot of a program in a world of `description` and `seed`, for this time.
 ///
 /// # Errors
-/// Those of [`Robot::of`] and of [`simulate`](run::simulate::simulate).
+/// Those of [`Robot::of`] and of [`simulate`].
 pub fn simulated<P: Program>(
     description: Description,
     seed: u64,

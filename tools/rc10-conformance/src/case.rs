@@ -9,7 +9,7 @@ use crate::declaration::Declaration;
 use crate::harness::{Connection, Harness, Subject};
 use crate::mirror::Mirror;
 use crate::outcome::Halt;
-use crate::recorder::{Call, Log, Moment, recorded};
+use crate::recorder::{Call, Log, recorded};
 use crate::rig::Rig;
 
 /// Chance is the same in every run.
@@ -36,10 +36,6 @@ impl Life {
     /// The calls that made the motor turn, and those after them.
     pub(crate) fn calls(&self) -> (&[Call], &[Call]) {
         self.log.calls.split_at(self.going)
-    }
-
-    pub(crate) fn moments(&self) -> &[Moment] {
-        &self.log.moments
     }
 }
 

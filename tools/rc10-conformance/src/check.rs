@@ -41,13 +41,8 @@ pub fn check_line(
 }
 
 fn run(case: &Case<'_>) -> Result<(), Report> {
-    let motor = case.motor().name();
-    let mut report = Report {
-        motor,
-        direction: case.declared.direction,
-        breaches: Vec::new(),
-        unchecked: Vec::new(),
-    };
+    let (motor, direction) = (case.motor().name(), case.declared.direction);
+    let mut report = Report { motor, direction, breaches: Vec::new(), unchecked: Vec::new() };
     let mut causes = Vec::new();
     for rule in RULES {
         let mut found = Findings::default();

@@ -1,7 +1,7 @@
 use rc10_can::CanFrame;
 use rc10_motor::pending::Outcome;
 use rc10_motor::{
-    CanIds, CanMotor, Fault, Feedback, FrameError, FrameKind, Link, Motor, MotorName, Request,
+    CanIds, CanMotor, Fault, Feedback, FrameKind, Heard, Link, Motor, MotorName, Request,
     RequestError, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 use rc10_time::Micros;
@@ -42,8 +42,8 @@ pub trait Acts: Send {
     /// Does [`CanMotor::unpack_feedback`].
     ///
     /// # Errors
-    /// [`FrameError`].
-    fn unpack(&mut self, _frame: &CanFrame, _link: Link) -> Result<FrameKind, FrameError> {
+    /// [`FrameError`](rc10_motor::FrameError).
+    fn unpack(&mut self, _frame: &CanFrame, _link: Link) -> Heard {
         Ok(FrameKind::Feedback)
     }
 
@@ -114,12 +114,7 @@ impl<A: Acts> CanMotor for Dummy<A> {
         self.ids
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        _: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, _: Micros, link: Link) -> Heard {
         self.acts.unpack(frame, link)
     }
 

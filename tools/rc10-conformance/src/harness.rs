@@ -4,10 +4,11 @@ use std::ops::{Deref, DerefMut};
 
 use rc10_app::Seconds;
 use rc10_can::{CanFrame, CanPort};
+use rc10_motor::pending::Outcome;
 use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
-    ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
-    RequestError, Response, Safety, Target, TargetSet, Tick, TxBatch,
+    ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorStatus, Request, Safety,
+    Target, TargetSet, Tick, TxBatch,
 };
 use rc10_sim::{Bus, Esc, Line};
 use rc10_time::Micros;
@@ -22,10 +23,6 @@ pub(crate) enum Subject {
 }
 
 impl Subject {
-    pub(crate) fn name(&self) -> MotorName {
-        Motor::name(&**self)
-    }
-
     /// Silent for longer it is lost, ms.
     pub(crate) fn link_timeout(&self) -> u32 {
         let timeout = match self {
@@ -169,15 +166,11 @@ impl<'m> Harness<'m> {
         on_either!(&mut self.wired, bench => bench.bus.command(motor, target, now))
     }
 
-    pub(crate) fn request(
-        &mut self,
-        motor: MotorId,
-        request: Request,
-    ) -> Result<Response, RequestError> {
+    pub(crate) fn request(&mut self, motor: MotorId, request: Request) -> Outcome {
         on_either!(&mut self.wired, bench => bench.bus.request(motor, request))
     }
 
-    pub(crate) fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
+    pub(crate) fn response(&mut self, motor: MotorId) -> Option<Outcome> {
         on_either!(&mut self.wired, bench => bench.bus.response(motor))
     }
 

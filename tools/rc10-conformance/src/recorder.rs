@@ -1,10 +1,10 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_can::CanFrame;
+use rc10_motor::pending::Outcome;
 use rc10_motor::{
-    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Link, Motor,
-    MotorName, Request, RequestError, Response, Target, TargetError, TargetSet, Tick, TxBatch,
-    TxFull,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameKind, Heard, Link, Motor,
+    MotorName, Request, Target, TargetError, TargetSet, Tick, TxBatch, TxFull,
 };
 use rc10_time::Micros;
 
@@ -110,12 +110,12 @@ impl Motor for Recorded {
         self.motor.update(tick);
     }
 
-    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
+    fn request(&mut self, request: Request) -> Outcome {
         self.shared.note(Call::Request(request));
         self.motor.request(request)
     }
 
-    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+    fn response(&mut self) -> Option<Outcome> {
         self.shared.note(Call::Response);
         self.motor.response()
     }
@@ -130,12 +130,7 @@ impl CanMotor for Recorded {
         self.motor.can_ids()
     }
 
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        at: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros, link: Link) -> Heard {
         self.shared.note(Call::Frame(*frame, at, link));
         let heard = self.motor.unpack_feedback(frame, at, link);
         if heard == Ok(FrameKind::Feedback) {

@@ -1,5 +1,8 @@
 //! Boards that carry the chip: what is soldered, and which of the chip's pins lead outside.
 
+/// A pin of the chip: its port, 'A' ..= 'K', and its number, 0 ..= 15.
+pub type Pin = (char, usize);
+
 /// A case, and the pins that it bonds out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Package {
@@ -21,8 +24,7 @@ impl Package {
 
     /// Whether a pin (port 'A' ..= 'K', 0 ..= 15) is bonded out, be it behind a switch. Source:
     /// stm32-metapac 21.0.0, STM32H723VG and STM32H723ZG.
-    #[must_use]
-    pub const fn bonds(self, port: char, pin: usize) -> bool {
+    pub(crate) const fn bonds(self, port: char, pin: usize) -> bool {
         match port {
             'A'..='E' => pin < 16,
             'F' | 'G' => matches!(self, Self::Lqfp144) && pin < 16,
@@ -33,8 +35,7 @@ impl Package {
 
     /// Whether only the analog pad of a pin is bonded out: `PC2_C`, `PC3_C`. The digital part reaches
     /// it while the switch between them is closed. Source: data sheet DS13313, pin definitions.
-    #[must_use]
-    pub const fn is_behind_switch(self, port: char, pin: usize) -> bool {
+    pub(crate) const fn is_behind_switch(self, port: char, pin: usize) -> bool {
         port == 'C' && (pin == 2 || pin == 3)
     }
 }
@@ -62,9 +63,15 @@ pub struct Board {
     /// The BMI088's heater.
     pub heater: Option<Heater>,
     /// The key, which connects the pin to ground; a pull-up is beside it.
-    pub key: Option<(char, usize)>,
+    pub key: Option<Pin>,
     /// Inputs for switches to ground, without a pull-up.
-    pub switches: [(char, usize); 2],
+    pub switches: [Pin; 8],
+    /// Outputs for servos.
+    pub servos: [Pin; 4],
+    /// Inputs for voltages, beside that of the supply.
+    pub voltages: &'static [Pin],
+    /// Input for a receiver that sends pulses.
+    pub pulses: Pin,
 }
 
 /// Where a BMI088 is.
@@ -73,16 +80,16 @@ pub struct ImuWiring {
     /// Number of its SPI.
     pub spi: u8,
     /// Pin of the accelerometer's chip select.
-    pub accelerometer_select: (char, usize),
+    pub accelerometer_select: Pin,
     /// Pin of the gyroscope's.
-    pub gyroscope_select: (char, usize),
+    pub gyroscope_select: Pin,
 }
 
 /// A resistor between the board's supply and a switch that a pin closes while it is high.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heater {
     /// Port and number.
-    pub pin: (char, usize),
+    pub pin: Pin,
     /// Resistance, ohms.
     pub ohms: u32,
 }
@@ -91,7 +98,7 @@ pub struct Heater {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SupplySense {
     /// Port and number.
-    pub pin: (char, usize),
+    pub pin: Pin,
     /// The supply divided by the pin's voltage.
     pub divider: u32,
 }
@@ -109,7 +116,10 @@ impl Board {
         imu: None,
         heater: None,
         key: None,
-        switches: [('G', 2), ('G', 3)],
+        switches: [('G', 2), ('G', 3), ('G', 5), ('G', 6), ('G', 7), ('G', 8), ('G', 9), ('G', 10)],
+        servos: [('D', 12), ('D', 13), ('D', 14), ('D', 15)],
+        voltages: &[('B', 0), ('B', 1), ('C', 0), ('C', 1)],
+        pulses: ('F', 8),
     };
     /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
     pub const DM_MC02: Self = Self {
@@ -125,7 +135,19 @@ impl Board {
         // Ten of 470 ohms in parallel.
         heater: Some(Heater { pin: ('B', 1), ohms: 47 }),
         key: Some(('A', 15)),
-        switches: [('E', 14), ('E', 0)],
+        switches: [
+            ('E', 14),
+            ('E', 0),
+            ('E', 1),
+            ('C', 10),
+            ('C', 11),
+            ('C', 12),
+            ('B', 8),
+            ('B', 9),
+        ],
+        servos: [('E', 9), ('E', 13), ('A', 0), ('A', 2)],
+        voltages: &[('A', 5)],
+        pulses: ('D', 14),
     };
     /// All boards.
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];

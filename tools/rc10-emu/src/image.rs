@@ -96,17 +96,16 @@ impl Image {
             }
         }
         ensure!(!segments.is_empty(), "nothing in it is to be loaded");
-        let sections = header.sections(endian, file)?;
+        let table = header.sections(endian, file)?;
         let (mut flash, mut ram) = (0, 0);
         let (mut compiler, mut made_for) = (None, None);
-        let mut places = BTreeMap::new();
-        for section in sections.iter() {
-            let name = sections.section_name(endian, section)?;
+        let mut sections = BTreeMap::new();
+        for section in table.iter() {
+            let name = table.section_name(endian, section)?;
             if name == b".comment" {
-                let comments = section.data(endian, file)?.split(|&byte| byte == 0);
-                let comments = comments.filter_map(|comment| std::str::from_utf8(comment).ok());
-                let mut compilers = comments.filter(|comment| comment.starts_with("rustc"));
-                compiler = compilers.next().map(str::to_owned);
+                let comments = String::from_utf8_lossy(section.data(endian, file)?);
+                let mut comments = comments.split('\0');
+                compiler = comments.find(|text| text.starts_with("rustc")).map(str::to_owned);
             }
             if name == b".rc10.board" {
                 let note = MadeFor::parse(section.data(endian, file)?);
@@ -118,7 +117,7 @@ impl Image {
             }
             let start = section.sh_addr(endian);
             let name = String::from_utf8_lossy(name).into_owned();
-            places.insert(name, start..start.saturating_add(bytes));
+            sections.insert(name, start..start.saturating_add(bytes));
             if section.sh_type(endian) != SHT_NOBITS {
                 flash += bytes;
             }
@@ -127,7 +126,7 @@ impl Image {
                 ram += bytes;
             }
         }
-        let table = sections.symbols(endian, file, SHT_SYMTAB)?;
+        let table = table.symbols(endian, file, SHT_SYMTAB)?;
         let (mut functions, mut symbols) = (BTreeMap::new(), BTreeMap::new());
         let mut statics = Vec::new();
         for symbol in table.iter() {
@@ -143,7 +142,6 @@ impl Image {
             }
             symbols.insert(name.to_owned(), address);
         }
-        let sections = places;
         Ok(Self { segments, functions, symbols, statics, sections, flash, ram, compiler, made_for })
     }
 
@@ -156,8 +154,7 @@ impl Image {
     }
 
     /// Whether the file says what stands at an address.
-    #[must_use]
-    pub fn holds(&self, address: u32) -> bool {
+    pub(crate) fn holds(&self, address: u32) -> bool {
         self.segments.iter().any(|(start, bytes)| {
             address.checked_sub(*start).is_some_and(|offset| (offset as usize) < bytes.len())
         })

@@ -18,7 +18,7 @@ mod rig;
 pub mod strip;
 mod time;
 
-pub use board::{Board, Heater, ImuWiring, Package, SupplySense};
+pub use board::{Board, Heater, ImuWiring, Package, Pin, SupplySense};
 pub use fdcan::Spread;
 pub use figures::{BusFigures, Figures};
 pub use image::{Image, MadeFor, Static};

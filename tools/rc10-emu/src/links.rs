@@ -4,8 +4,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use anyhow::{Result, ensure};
-use rc10_sim::{Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, UartFault};
+use rc10_sim::{
+    Contact, Line, Nanos, PulseEnd, Pulses, Serial, SerialEnd, Servo, UartFault, Voltage,
+};
 
+use crate::board::Pin;
 use crate::machine::Machine;
 use crate::peripherals::{Character, Format, Outgoing, Sampled, Sampling, Soc, Wire};
 
@@ -105,26 +108,50 @@ impl PulseEnd for PulseEar {
 }
 
 struct PulseLink {
-    pin: (char, usize),
+    pin: Pin,
     ear: Rc<RefCell<PulseEar>>,
 }
 
 struct ContactLink {
-    pin: (char, usize),
+    pin: Pin,
     contact: Contact,
-    was_closed: bool,
+    was_low: bool,
 }
+
+struct VoltageLink {
+    pin: Pin,
+    voltage: Voltage,
+    divider: f64,
+    microvolts: u32,
+}
+
+struct ServoLink {
+    pin: Pin,
+    servo: Servo,
+    /// When the last pulse began.
+    rose: Nanos,
+}
+
+/// Two periods of a servo's pulses.
+const NO_PULSES: Nanos = Nanos::new(40_000_000);
 
 #[derive(Default)]
 pub(crate) struct Links {
     serials: Vec<SerialLink>,
     pulses: Vec<PulseLink>,
     contacts: Vec<ContactLink>,
+    voltages: Vec<VoltageLink>,
+    servos: Vec<ServoLink>,
 }
 
 impl Links {
     pub fn is_empty(&self) -> bool {
-        self.serials.is_empty() && self.pulses.is_empty() && self.contacts.is_empty()
+        let Self { serials, pulses, contacts, voltages, servos } = self;
+        serials.is_empty()
+            && pulses.is_empty()
+            && contacts.is_empty()
+            && voltages.is_empty()
+            && servos.is_empty()
     }
 
     /// Moves data of the world, which is at `now`, to the chip, which is not later.
@@ -135,16 +162,36 @@ impl Links {
                 soc.drive_pin(*port, *pin, Some(high), at);
             }
         }
-        for ContactLink { pin: (port, pin), contact, was_closed } in &mut self.contacts {
-            let closed = contact.is_closed();
-            if std::mem::replace(was_closed, closed) != closed {
-                soc.drive_pin(*port, *pin, closed.then_some(false), now);
+        for ContactLink { pin: (port, pin), contact, was_low } in &mut self.contacts {
+            let is_low = contact.pulls_low();
+            if std::mem::replace(was_low, is_low) != is_low {
+                soc.drive_pin(*port, *pin, is_low.then_some(false), now);
+            }
+        }
+        for VoltageLink { pin: (port, pin), voltage, divider, microvolts } in &mut self.voltages {
+            // A negative one is none to the converter.
+            #[expect(clippy::cast_possible_truncation, reason = "a negative one is none")]
+            let now_there = (voltage.volts() / *divider * 1e6) as u32;
+            if std::mem::replace(microvolts, now_there) != now_there {
+                soc.set_voltage(*port, *pin, now_there, now);
             }
         }
     }
 
-    pub fn speak(&mut self, soc: &mut Soc) {
+    pub fn speak(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
+        for ServoLink { pin: (port, pin), servo, rose } in &mut self.servos {
+            for edge in soc.take_edges(*port, *pin) {
+                if edge.high {
+                    *rose = edge.at;
+                } else {
+                    servo.tell(Some(edge.at.since(*rose).get() as f64 / 1e3));
+                }
+            }
+            if servo.pulse().is_some() && now.since(*rose) > NO_PULSES {
+                servo.tell(None);
+            }
+        }
     }
 }
 
@@ -190,11 +237,11 @@ impl Machine {
         is_there
     }
 
-    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
+    /// Puts a pin on a line of pulses.
     ///
     /// # Errors
     /// If the chip has no such pin.
-    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
+    pub fn connect_pulses(&mut self, pin: Pin, pulses: &Pulses) -> Result<()> {
         let is_there = self.soc().drive_pin(pin.0, pin.1, Some(false), self.now());
         ensure!(is_there, "there is no pin P{}{}", pin.0, pin.1);
         let ear = Rc::<RefCell<PulseEar>>::default();
@@ -203,16 +250,38 @@ impl Machine {
         Ok(())
     }
 
-    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): open, nothing drives it.
+    /// Puts a contact to ground at a pin (port 'A' ..= 'K', 0 ..= 15): while it does not pull it low, nothing
+    /// drives it.
     ///
     /// # Errors
     /// If the pin does not lead outside.
-    pub fn connect_contact(&mut self, pin: (char, usize), contact: &Contact) -> Result<()> {
-        let was_closed = contact.is_closed();
+    pub fn connect_contact(&mut self, pin: Pin, contact: &Contact) -> Result<()> {
+        let was_low = contact.pulls_low();
         let leads_outside = self.board().package.bonds(pin.0, pin.1);
         ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);
-        self.soc().drive_pin(pin.0, pin.1, was_closed.then_some(false), self.now());
-        self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_closed });
+        self.soc().drive_pin(pin.0, pin.1, was_low.then_some(false), self.now());
+        self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_low });
+        Ok(())
+    }
+
+    /// Puts a voltage behind a divider at a pin (port 'A' ..= 'K', 0 ..= 15): at most 3.3 V times that can be told.
+    ///
+    /// # Errors
+    /// If no converter that is modelled measures there.
+    pub fn connect_voltage(&mut self, pin: Pin, voltage: &Voltage, divider: f64) -> Result<()> {
+        self.set_voltage(pin.0, pin.1, 0)?;
+        let voltage = voltage.clone();
+        self.links.voltages.push(VoltageLink { pin, voltage, divider, microvolts: 0 });
+        Ok(())
+    }
+
+    /// Puts a servo at a pin (port 'A' ..= 'K', 0 ..= 15), which is told each pulse when it ends.
+    ///
+    /// # Errors
+    /// If the chip has no such pin.
+    pub fn connect_servo(&mut self, pin: Pin, servo: &Servo) -> Result<()> {
+        self.record_pin(pin.0, pin.1)?;
+        self.links.servos.push(ServoLink { pin, servo: servo.clone(), rose: Nanos::ZERO });
         Ok(())
     }
 

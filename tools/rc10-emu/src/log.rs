@@ -10,9 +10,7 @@ use crate::memory::Memory;
 // name, buffer, size, write offset, read offset, flags.
 const CONTROL_BLOCK: &str = "_SEGGER_RTT";
 const BUFFER: u32 = 24 + 4;
-const SIZE: u32 = BUFFER + 4;
-const WRITE: u32 = SIZE + 4;
-const READ: u32 = WRITE + 4;
+const READ: u32 = BUFFER + 12;
 /// The longest valid ring: beyond it the control block is not set up yet.
 const LONGEST_RING: u32 = 1 << 16;
 
@@ -46,9 +44,9 @@ impl Log {
         if id != *ID {
             return Ok(());
         }
-        let [buffer, size, write, read] =
-            [BUFFER, SIZE, WRITE, READ].map(|field| memory.word(block + field));
-        let (buffer, size, write, read) = (buffer?, size?, write?, read?);
+        let mut words = [[0; 4]; 4];
+        memory.read(block + BUFFER, words.as_flattened_mut())?;
+        let [buffer, size, write, read] = words.map(u32::from_le_bytes);
         if size == 0 || size > LONGEST_RING || write >= size || read >= size {
             return Ok(());
         }
@@ -69,13 +67,10 @@ impl Log {
     /// If the ring does not lie in a memory.
     pub(crate) fn messages(&mut self, memory: &Memory) -> Result<Vec<String>> {
         self.drain(memory)?;
-        let Some(table) = &self.table else {
+        let Some(table) = self.table.as_ref().filter(|_| !self.bytes.is_empty()) else {
             self.bytes.clear();
             return Ok(Vec::new());
         };
-        if self.bytes.is_empty() {
-            return Ok(Vec::new());
-        }
         let mut decoder = table.new_stream_decoder();
         decoder.received(&self.bytes);
         // Bytes of an incomplete frame wait for the next call.

@@ -490,7 +490,7 @@ impl Machine {
             world.advance_to(next.min(now));
             self.links.hear(&mut soc, next.min(now));
             soc.advance(next.min(now));
-            self.links.speak(&mut soc);
+            self.links.speak(&mut soc, next.min(now));
             if next >= now {
                 return;
             }

@@ -1,5 +1,6 @@
 //! The chip's memories (RM0468, memory organisation).
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -8,8 +9,8 @@ use rc10_sim::Random;
 
 use crate::image::Image;
 
-/// Base and length of the peripherals' address range.
-pub const PERIPHERALS: (u32, u32) = (0x4000_0000, 0x2000_0000);
+/// The peripherals' address range.
+pub const PERIPHERALS: Range<u32> = 0x4000_0000..0x6000_0000;
 
 /// One memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

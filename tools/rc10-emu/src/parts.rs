@@ -104,8 +104,10 @@ pub struct Parts {
 impl Parts {
     /// Puts a board's parts on its chip's pins.
     pub(crate) fn new(board: &Board, soc: &mut Soc) -> Self {
+        let thermal = Thermal::default();
         let imu = board.imu.map(|wiring| {
             let imu = Imu::new();
+            imu.with(|imu| imu.celsius = thermal.ambient);
             for (part, select) in [
                 (Part::Accelerometer, wiring.accelerometer_select),
                 (Part::Gyroscope, wiring.gyroscope_select),
@@ -118,10 +120,6 @@ impl Parts {
             soc.watch_pin(port, pin, Nanos::ZERO);
         }
         soc.set_supply(board.supply, Nanos::ZERO);
-        let thermal = Thermal::default();
-        if let Some(imu) = &imu {
-            imu.with(|imu| imu.celsius = thermal.ambient);
-        }
         let heated = (Nanos::ZERO, Nanos::ZERO);
         Self { imu, heater: board.heater, thermal, supply: board.supply, base: None, heated }
     }

@@ -84,8 +84,7 @@ impl Profile {
     }
 
     /// The lowest stack pointer ever seen; `None` before the first instruction.
-    #[must_use]
-    pub fn lowest_stack(&self) -> Option<u32> {
+    pub(crate) fn lowest_stack(&self) -> Option<u32> {
         (self.lowest_stack != u32::MAX).then_some(self.lowest_stack)
     }
 
@@ -97,17 +96,12 @@ impl Profile {
         costs.filter(|cost| cost.entries + cost.instructions > 0).collect()
     }
 
-    /// Number of executions of each executed address of flash, in the order of the addresses.
-    fn by_address(&self) -> impl Iterator<Item = (u32, u64)> {
-        let places = (FLASH..).step_by(2).zip(self.places.iter().copied());
-        places.filter(|&(_, count)| count > 0)
-    }
-
     /// Instructions of each function, most first; inlined functions belong to their callers.
     #[must_use]
     pub fn by_function<'i>(&self, image: &'i Image) -> Vec<(&'i str, u64)> {
         let mut functions: BTreeMap<u32, (&str, u64)> = BTreeMap::new();
-        for (address, count) in self.by_address() {
+        let places = (FLASH..).step_by(2).zip(self.places.iter().copied());
+        for (address, count) in places.filter(|&(_, count)| count > 0) {
             let (start, name) = image.function_at(address).unwrap_or((0, "(no symbol)"));
             functions.entry(start).or_insert((name, 0)).1 += count;
         }

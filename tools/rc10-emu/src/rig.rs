@@ -140,10 +140,7 @@ impl Rig {
 fn exception_of(machine: &Machine, handler: &str) -> Result<u16> {
     let address = machine.image.symbol(handler)?;
     // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).
-    for number in 1_u16..16 + 163 {
-        if machine.memory.word(FLASH + 4 * u32::from(number))? == address {
-            return Ok(number);
-        }
-    }
-    None.with_context(|| format!("{handler} handles no exception"))
+    let vector = |number: u16| machine.memory.word(FLASH + 4 * u32::from(number)).ok();
+    let number = (1..16 + 163).find(|&number| vector(number) == Some(address));
+    number.with_context(|| format!("{handler} handles no exception"))
 }

@@ -33,11 +33,8 @@ pub fn pictures(edges: &[Edge]) -> Result<Vec<Vec<[u8; 3]>>> {
 /// Green comes first, the highest bit of each.
 fn led(bits: &[bool]) -> Result<[u8; 3]> {
     ensure!(bits.len() == 24, "{} bits for a LED", bits.len());
-    let byte = |from: usize| {
-        let bits = bits.iter().skip(from).take(8);
-        bits.fold(0, |byte, &bit| byte << 1 | u8::from(bit))
-    };
-    Ok([byte(8), byte(0), byte(16)])
+    let byte = |bits: &[bool]| bits.iter().fold(0, |byte, &bit| byte << 1 | u8::from(bit));
+    Ok([&bits[8..16], &bits[..8], &bits[16..]].map(byte))
 }
 
 #[cfg(test)]

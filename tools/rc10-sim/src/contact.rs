@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::convert::Infallible;
+use std::fmt;
 use std::rc::Rc;
 
 use embedded_hal::digital::{ErrorType, InputPin};
@@ -13,9 +14,46 @@ use crate::handles::Esc;
 /// One turn, degrees.
 const TURN: f64 = 360.0;
 
-/// A contact that a motor's shaft closes in a part of its turn: a switch at a cam, a marker that passes
-/// a photo interrupter. It is also the input that it pulls low while it is closed, and that a resistor
-/// pulls up.
+/// Where a shaft closes a contact, in degrees since the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Closed {
+    /// Between two angles in any turn, the lower one first: a cam, a marker that passes a photo interrupter.
+    InEachTurn([f64; 2]),
+    /// At this angle and below, over all turns: a switch at the bottom of a lift.
+    Below(f64),
+    /// At this angle and above, over all turns.
+    Above(f64),
+}
+
+impl From<[f64; 2]> for Closed {
+    fn from(range: [f64; 2]) -> Self {
+        Self::InEachTurn(range)
+    }
+}
+
+impl Closed {
+    /// The same, seen from the shaft's other side.
+    #[must_use]
+    pub fn mirrored(self) -> Self {
+        match self {
+            Self::InEachTurn([from, to]) => Self::InEachTurn([-to, -from]),
+            Self::Below(at) => Self::Above(-at),
+            Self::Above(at) => Self::Below(-at),
+        }
+    }
+
+    fn is_at(self, degrees: f64) -> bool {
+        match self {
+            Self::InEachTurn([from, to]) => (degrees - from).rem_euclid(TURN) < to - from,
+            Self::Below(at) => degrees <= at,
+            Self::Above(at) => degrees >= at,
+        }
+    }
+}
+
+/// A contact that a motor's shaft closes: a limit switch that is pressed, a marker that is seen. It is also the
+/// input of its wire, which a resistor pulls up: low while it is closed, or while it is open with
+/// [`opening`](Self::opening).
 ///
 /// A contact bounces only while it has that [`Defect`].
 ///
@@ -31,8 +69,8 @@ const TURN: f64 = 360.0;
 #[derive(Clone)]
 pub struct Contact {
     shaft: Esc,
-    from: f64,
-    width: f64,
+    closed: Closed,
+    opens: bool,
     defect: Rc<Cell<Option<Defect>>>,
     /// Whether the shaft closed it when it was looked at last, and since when.
     edge: Rc<Cell<(bool, Nanos)>>,
@@ -43,33 +81,47 @@ const BOUNCING: Nanos = Nanos::new(10_000_000);
 const BOUNCE: u64 = 700_000;
 
 impl Contact {
-    /// On the output shaft of a motor, closed between two of its angles: degrees since the start, in any
-    /// turn, the lower one first.
+    /// On the output shaft of a motor, closed there.
     ///
     /// # Errors
     /// If it would never be closed, or never open.
-    pub fn new(shaft: &Esc, closed: [f64; 2]) -> Result<Self, NoRange> {
-        let [from, to] = closed;
-        let width = to - from;
-        if from.is_finite() && width > 0.0 && width < TURN {
-            let (defect, edge) = (Rc::default(), Rc::default());
-            Ok(Self { shaft: shaft.clone(), from, width, defect, edge })
-        } else {
-            Err(NoRange { closed })
+    pub fn new(shaft: &Esc, closed: impl Into<Closed>) -> Result<Self, NoRange> {
+        let closed = closed.into();
+        let is_sound = match closed {
+            Closed::InEachTurn([from, to]) => from.is_finite() && to > from && to - from < TURN,
+            Closed::Below(at) | Closed::Above(at) => at.is_finite(),
+        };
+        if !is_sound {
+            return Err(NoRange { closed });
         }
+        let (defect, edge) = (Rc::default(), Rc::default());
+        Ok(Self { shaft: shaft.clone(), closed, opens: false, defect, edge })
     }
 
-    /// Whether it is closed now: where the shaft truly is.
+    /// The same, wired by its contact that opens: the input is high while it is closed, that is pressed, and
+    /// with a torn wire.
+    #[must_use]
+    pub fn opening(self) -> Self {
+        Self { opens: true, ..self }
+    }
+
+    /// Whether it pulls its input low now.
+    #[must_use]
+    pub fn pulls_low(&self) -> bool {
+        self.is_closed() != self.opens
+    }
+
+    /// Whether it is closed now, by what its wire tells: where the shaft truly is, but for a defect.
     #[must_use]
     pub fn is_closed(&self) -> bool {
-        let closed = (self.shaft.state().load_degrees - self.from).rem_euclid(TURN) < self.width;
+        let closed = self.closed.is_at(self.shaft.state().load_degrees);
         let now = self.shaft.now();
         if self.edge.get().0 != closed {
             self.edge.set((closed, now));
         }
         match self.defect.get() {
             Some(Defect::Stuck) => true,
-            Some(Defect::Torn) => false,
+            Some(Defect::Torn) => self.opens,
             Some(Defect::Bounces) if now < self.edge.get().1 + BOUNCING => {
                 closed ^ (now.get() / BOUNCE).is_multiple_of(2)
             }
@@ -89,23 +141,32 @@ impl ErrorType for Contact {
 
 impl InputPin for Contact {
     fn is_high(&mut self) -> Result<bool, Infallible> {
-        Ok(!self.is_closed())
+        Ok(!self.pulls_low())
     }
 
     fn is_low(&mut self) -> Result<bool, Infallible> {
-        Ok(self.is_closed())
+        Ok(self.pulls_low())
     }
 }
 
 /// A contact that would never be closed, or never open.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "closed from {} to {} degrees is no part of a turn: less than all of it, the lower angle first",
-    .closed[0], .closed[1]
-)]
+#[error("closed {closed}")]
 pub struct NoRange {
     /// Where it was to be closed.
-    pub closed: [f64; 2],
+    pub closed: Closed,
+}
+
+impl fmt::Display for Closed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::InEachTurn([from, to]) => write!(
+                f,
+                "from {from} to {to} degrees is no part of a turn: less than all of it, the lower angle first"
+            ),
+            Self::Below(at) | Self::Above(at) => write!(f, "from {at} degrees on is no place"),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -138,6 +199,35 @@ mod tests {
         }
     }
 
+    /// From a beginning above it, down over many turns.
+    #[test]
+    fn a_switch_at_an_end_is_closed_beyond_it_in_all_turns() {
+        for (load, closed) in
+            [(-1.0, Closed::Below(-800.0)), (1.0, Closed::Below(-800.0).mirrored())]
+        {
+            let mut world = World::new(1);
+            let bus = world.add_bus(BusConfig::default());
+            let esc = bus.add_esc(EscConfig::new(Model::C610, 1)).unwrap();
+            let mut contact = Contact::new(&esc, closed).unwrap();
+            let mut opening = contact.clone().opening();
+            esc.set_load(load);
+            let (mut changes, mut before) = (0, false);
+            for millis in 1..=2000 {
+                world.advance(rc10_time::Micros::from_millis(millis));
+                let is_beyond = esc.state().load_degrees * load >= 800.0;
+                assert_eq!(contact.is_closed(), is_beyond);
+                assert_eq!((contact.is_low(), opening.is_low()), (Ok(is_beyond), Ok(!is_beyond)));
+                changes += u32::from(std::mem::replace(&mut before, is_beyond) != is_beyond);
+            }
+            assert!(changes == 1 && esc.state().load_degrees * load > 1600.0);
+            // A torn wire is a switch that is never reached; by its other contact it is one that is pressed.
+            contact.set_defect(Some(Defect::Torn));
+            opening.set_defect(Some(Defect::Torn));
+            assert_eq!((contact.is_closed(), opening.is_closed()), (false, true));
+            assert_eq!((contact.is_high(), opening.is_high()), (Ok(true), Ok(true)));
+        }
+    }
+
     #[test]
     fn a_range_that_is_none_is_refused() {
         let mut world = World::new(1);
@@ -149,5 +239,7 @@ mod tests {
             let error = Contact::new(&esc, closed).err().unwrap();
             assert!(error.to_string().contains("is no part of a turn"), "{error}");
         }
+        let error = Contact::new(&esc, Closed::Above(f64::NAN)).err().unwrap();
+        assert_eq!(error.to_string(), "closed from NaN degrees on is no place");
     }
 }

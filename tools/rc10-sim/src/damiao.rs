@@ -149,7 +149,8 @@ impl Damiao {
     /// The control mode.
     #[must_use]
     pub fn mode(&self) -> Mode {
-        Mode::from_register(self.registers.whole(number::MODE)).unwrap_or(Mode::Mit)
+        let mode = self.registers.whole(number::MODE);
+        Mode::ALL.into_iter().find(|it| *it as u32 == mode).unwrap_or(Mode::Mit)
     }
 
     /// Bits of a register; `None` if it does not exist.
@@ -193,7 +194,7 @@ impl Damiao {
 
     fn take_command(&mut self, offset: u32, payload: &[u8], shaft: &Shaft) -> Taken {
         let mode = self.mode();
-        let of_a_mode = (1..=4).filter_map(Mode::from_register).any(|mode| mode.offset() == offset);
+        let of_a_mode = Mode::ALL.into_iter().any(|mode| mode.offset() == offset);
         if self.config.old_firmware && offset != mode.offset() {
             return Taken::NotMine;
         }

@@ -154,8 +154,8 @@ pub(crate) struct Unit {
     pub(crate) device: Box<dyn Device>,
     pub(crate) motor: Shaft,
     pub(crate) place: Place,
-    /// Turns or steers a wheel of a base.
-    pub(crate) is_wheel: bool,
+    /// Turns or steers a wheel of a base, or carries a link of an arm.
+    pub(crate) is_taken: bool,
     powered: bool,
     /// Whether the data lines are unplugged.
     cut: bool,
@@ -176,7 +176,7 @@ impl Unit {
             device,
             motor,
             place,
-            is_wheel: false,
+            is_taken: false,
             powered: false,
             cut: false,
             winding: Winding::Open,

@@ -88,25 +88,20 @@ impl Model {
 pub enum FeedbackRate {
     /// Every millisecond.
     #[default]
-    Hz1000,
+    Hz1000 = 1,
     /// Every 2 ms.
-    Hz500,
+    Hz500 = 2,
     /// Every 4 ms.
-    Hz250,
+    Hz250 = 4,
     /// Every 8 ms.
-    Hz125,
+    Hz125 = 8,
 }
 
 impl FeedbackRate {
     /// Time from one feedback frame to the next.
     #[must_use]
     pub const fn period(self) -> Micros {
-        Micros::from_millis(match self {
-            Self::Hz1000 => 1,
-            Self::Hz500 => 2,
-            Self::Hz250 => 4,
-            Self::Hz125 => 8,
-        })
+        Micros::from_millis(self as u64)
     }
 }
 

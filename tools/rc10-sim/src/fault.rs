@@ -35,9 +35,9 @@ pub enum Defect {
     Noise,
     /// `power:NAME`: it has no power.
     Power,
-    /// `stuck:NAME`: a contact stays closed.
+    /// `stuck:NAME`: a contact stays closed, as a switch that jams while it is pressed.
     Stuck,
-    /// `torn:NAME`: a contact stays open, as with a torn wire.
+    /// `torn:NAME`: the wire of a contact is torn: open, or closed where it is wired by the contact that opens.
     Torn,
     /// `bounces:NAME`: a contact opens and closes for 10 ms at each of its edges.
     Bounces,
@@ -104,33 +104,26 @@ pub enum Kind<O = Infallible> {
 /// Faults that the simulator reads and does not cause: those of an emulated chip, for example.
 pub trait Others: Clone + PartialEq + fmt::Display {
     /// The names, as a user writes them; each with a space before it.
-    const NAMES: &str;
-
-    /// Reads a name and what stands behind its colon; `None` if there is no such fault.
-    fn read(name: &str, argument: Option<&str>) -> Option<Result<Self, String>>;
-
-    /// Whether it happens at one moment and cannot be taken back.
-    fn is_sudden(&self) -> bool;
-
-    /// Why it is written without a time, if it is there from power-on.
-    fn untimed(&self) -> Option<&'static str>;
-}
-
-impl Others for Infallible {
     const NAMES: &str = "";
 
+    /// Reads a name and what stands behind its colon; `None` if there is no such fault.
     fn read(_name: &str, _argument: Option<&str>) -> Option<Result<Self, String>> {
         None
     }
 
+    /// Whether it happens at one moment and cannot be taken back.
     fn is_sudden(&self) -> bool {
-        match *self {}
+        false
     }
 
+    /// Why it is written without a time, if it is there from power-on.
     fn untimed(&self) -> Option<&'static str> {
-        match *self {}
+        None
     }
 }
+
+/// No others.
+impl Others for Infallible {}
 
 impl<O: Others> Kind<O> {
     fn is_sudden(&self) -> bool {
@@ -228,12 +221,9 @@ impl<O: Others> FromStr for Fault<O> {
         if let Some(why) = kind.untimed() {
             return Err(wrong(why.into()));
         }
-        let (from, until) = match times.split_once("..") {
-            None => (time_of(times).map_err(wrong)?, None),
-            Some((from, until)) => {
-                (time_of(from).map_err(wrong)?, Some(time_of(until).map_err(wrong)?))
-            }
-        };
+        let (from, until) = parts(times, "..");
+        let from = time_of(from).map_err(wrong)?;
+        let until = until.map(time_of).transpose().map_err(wrong)?;
         if until.is_some_and(|until| until <= from) {
             return Err(wrong("it ends when or before it begins".into()));
         }
@@ -244,11 +234,13 @@ impl<O: Others> FromStr for Fault<O> {
     }
 }
 
+/// What stands before a mark, and what behind it.
+fn parts<'a>(text: &'a str, mark: &str) -> (&'a str, Option<&'a str>) {
+    text.split_once(mark).map_or((text, None), |(before, behind)| (before, Some(behind)))
+}
+
 fn kind_of<O: Others>(text: &str) -> Result<Kind<O>, String> {
-    let (name, argument) = match text.split_once(':') {
-        Some((name, argument)) => (name, Some(argument)),
-        None => (text, None),
-    };
+    let (name, argument) = parts(text, ":");
     if let Some(other) = O::read(name, argument) {
         return other.map(Kind::Other);
     }
@@ -301,8 +293,11 @@ pub fn alone(name: &str, argument: Option<&str>) -> Result<(), String> {
 
 /// Whether it is the label of a part, and no number of a bus or a line.
 fn is_name(text: &str) -> bool {
-    let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    !is_number(text) && !text.strip_prefix('L').is_some_and(is_number)
+    !is_digits(text) && !text.strip_prefix('L').is_some_and(is_digits)
+}
+
+fn is_digits(text: &str) -> bool {
+    text.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// `1.5s`, `300ms`, `20us`, exactly.
@@ -314,8 +309,7 @@ fn time_of(text: &str) -> Result<Nanos, String> {
         .find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)))
         .ok_or_else(wrong)?;
     let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
-    let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    if whole.is_empty() || !digits(whole) || !digits(fraction) || fraction.len() > 9 {
+    if whole.is_empty() || !is_digits(whole) || !is_digits(fraction) || fraction.len() > 9 {
         return Err(wrong());
     }
     let whole: u64 = whole.parse().map_err(|_| wrong())?;

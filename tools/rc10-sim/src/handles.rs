@@ -158,9 +158,7 @@ impl Bus {
     }
 
     fn with_wire<T>(&self, f: impl FnOnce(&mut Wire, Nanos) -> T) -> T {
-        let mut inner = self.inner.borrow_mut();
-        let now = inner.clock.now_ns();
-        f(&mut inner.wires[self.index], now)
+        Inner::with(&self.inner, |inner, now| f(&mut inner.wires[self.index], now))
     }
 }
 

@@ -21,6 +21,7 @@ const RECOVERY_SEQUENCES: u64 = 128;
 const RECESSIVE_BITS: u64 = 11;
 
 /// Mailboxes, a receive queue, and fault confinement.
+#[derive(Default)]
 pub(crate) struct Host {
     mailboxes: Mailboxes<MAILBOXES>,
     /// A frame whose last attempt failed. It keeps its transmit buffer, as in the real controller:
@@ -45,20 +46,7 @@ pub(crate) struct Host {
 
 impl Host {
     pub(crate) fn new(capacity: usize, bit_time_ns: u64) -> Self {
-        Self {
-            mailboxes: Mailboxes::new(),
-            retry: None,
-            sending: None,
-            stale: false,
-            received: VecDeque::new(),
-            capacity,
-            health: Health::NEW,
-            transmit_errors: 0,
-            receive_errors: 0,
-            sequence_ns: RECESSIVE_BITS * bit_time_ns,
-            idle_since: None,
-            missing: None,
-        }
+        Self { capacity, sequence_ns: RECESSIVE_BITS * bit_time_ns, ..Self::default() }
     }
 
     pub(crate) fn submit(&mut self, queued: Queued) -> Submitted {

@@ -12,8 +12,10 @@
 //!   host of either has a [`UartPort`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
 //! * [`Contact`]: a switch or marker that a motor's shaft closes, and the input that it pulls low.
+//! * [`Servo`], [`Voltage`]: what a servo is told, and what is measured.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
+//! * [`ArmLink`]: links that hang on each other, each on a motor.
 //! * [`Base`]: motors under a body that rolls and slides, on wheels of any kind ([`Chassis`]).
 //!
 //! | vendor | devices |
@@ -67,6 +69,7 @@
 //! heard or a newer one takes its place; suspended transmission and passive error frames.
 #![forbid(unsafe_code)]
 
+mod arm;
 mod base;
 mod contact;
 mod controller;
@@ -85,6 +88,7 @@ pub mod lk;
 mod motor;
 mod occupancy;
 pub mod odrive;
+mod pins;
 mod plant;
 mod pulses;
 mod random;
@@ -100,8 +104,9 @@ pub mod vesc;
 mod wire;
 mod world;
 
+pub use arm::ArmLink;
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
-pub use contact::{Contact, NoRange};
+pub use contact::{Closed, Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
 pub use device::{Beyond, Device, EscFault, EscState, Outbox, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
@@ -110,6 +115,7 @@ pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use line::{Heard, Line, LineConfig, LineCounters, LineEntry};
 pub use motor::Shaft;
+pub use pins::{Servo, Voltage};
 pub use plant::{Nonlinear, Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
 pub use random::Random;

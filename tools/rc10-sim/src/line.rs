@@ -100,11 +100,8 @@ struct Flight {
 
 impl Sender {
     fn next_event(&self, now: Nanos) -> Option<Nanos> {
-        match &self.flight {
-            Some(flight) => Some(flight.end),
-            None if !self.waiting.is_empty() => Some(self.from.max(now)),
-            None => None,
-        }
+        let start = (!self.waiting.is_empty()).then(|| self.from.max(now));
+        self.flight.as_ref().map(|flight| flight.end).or(start)
     }
 
     fn is_silent(&self) -> bool {
@@ -394,8 +391,6 @@ impl Line {
     }
 
     fn with<T>(&self, f: impl FnOnce(&mut LineWire, Nanos) -> T) -> T {
-        let mut inner = self.inner.borrow_mut();
-        let now = inner.clock.now_ns();
-        f(&mut inner.lines[self.index], now)
+        Inner::with(&self.inner, |inner, now| f(&mut inner.lines[self.index], now))
     }
 }

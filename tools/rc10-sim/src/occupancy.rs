@@ -1,5 +1,7 @@
 //! The share of time in which a wire was busy.
 
+use std::iter;
+
 use crate::Nanos;
 
 /// Length of the windows of [`Bus::load_windows`](crate::Bus::load_windows), in nanoseconds.
@@ -34,7 +36,6 @@ impl Occupancy {
     }
 
     /// Per cent of the time.
-    #[expect(clippy::cast_precision_loss, reason = "104 days of nanoseconds are exact")]
     pub(crate) fn load(&self, now: Nanos) -> f64 {
         let all = now.since(self.start);
         if all == Nanos::ZERO {
@@ -45,14 +46,8 @@ impl Occupancy {
 
     /// Per cent of each window that is over.
     pub(crate) fn windows(&self, now: Nanos) -> Vec<f64> {
-        (0..now.since(self.start).get() / WINDOW)
-            .map(|index| {
-                let busy = usize::try_from(index)
-                    .ok()
-                    .and_then(|index| self.windows.get(index))
-                    .map_or(0, |&busy| busy);
-                busy as f64 * 100.0 / WINDOW as f64
-            })
-            .collect()
+        let over = 0..now.since(self.start).get() / WINDOW;
+        let busy = self.windows.iter().copied().chain(iter::repeat(0));
+        over.zip(busy).map(|(_, busy)| busy as f64 * 100.0 / WINDOW as f64).collect()
     }
 }

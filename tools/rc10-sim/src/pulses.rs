@@ -153,9 +153,7 @@ impl Pulses {
     }
 
     fn line<T>(&self, f: impl FnOnce(&mut PulseLine, Nanos) -> T) -> T {
-        let mut inner = self.inner.borrow_mut();
-        let now = inner.clock.now_ns();
-        f(&mut inner.pulses[self.index], now)
+        Inner::with(&self.inner, |inner, now| f(&mut inner.pulses[self.index], now))
     }
 }
 

@@ -30,7 +30,6 @@ impl Random {
     }
 
     /// A number in 0 .. 1.
-    #[expect(clippy::cast_precision_loss, reason = "53 bits are exact")]
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }

@@ -11,6 +11,7 @@ pub(crate) enum Sender {
     Foreign,
 }
 
+#[derive(Clone, Copy)]
 pub(crate) struct Transmission {
     pub(crate) frame: CanFrame,
     pub(crate) sender: Sender,
@@ -34,16 +35,20 @@ impl Transmission {
 }
 
 /// The content of a piece of wire.
-#[derive(Default)]
+#[derive(Clone, Copy)]
 pub(crate) enum Segment {
-    #[default]
     Idle,
     /// A frame, or the error frame that destroys it.
     Frame(Transmission),
     /// Recessive, but no node may start yet: after a frame that began at `since`.
-    Gap { since: Nanos, until: Nanos },
+    Gap {
+        since: Nanos,
+        until: Nanos,
+    },
     /// Held dominant by a fault.
-    Held { since: Nanos },
+    Held {
+        since: Nanos,
+    },
 }
 
 impl Segment {
@@ -62,15 +67,12 @@ impl Segment {
 
     /// The frame that has ended by now, if one has; `gap` of interframe space follows it.
     pub(crate) fn end_frame(&mut self, now: Nanos, gap: Nanos) -> Option<Transmission> {
-        match std::mem::take(self) {
+        match *self {
             Self::Frame(air) if air.end <= now => {
                 *self = Self::Gap { since: air.start, until: air.end + gap };
                 Some(air)
             }
-            other => {
-                *self = other;
-                None
-            }
+            _ => None,
         }
     }
 

@@ -284,8 +284,6 @@ impl Serial {
     }
 
     fn link<T>(&self, f: impl FnOnce(&mut Link, Nanos) -> T) -> T {
-        let mut inner = self.inner.borrow_mut();
-        let now = inner.clock.now_ns();
-        f(&mut inner.serials[self.index], now)
+        Inner::with(&self.inner, |inner, now| f(&mut inner.serials[self.index], now))
     }
 }

@@ -138,12 +138,10 @@ pub struct UartPort {
 
 impl UartPort {
     fn with<T>(&self, f: impl FnOnce(&mut dyn Hosted, Nanos) -> T) -> T {
-        let inner = &mut *self.inner.borrow_mut();
-        let now = inner.clock.now_ns();
-        match self.medium {
+        Inner::with(&self.inner, |inner, now| match self.medium {
             Medium::Line(index) => f(&mut inner.lines[index], now),
             Medium::Serial(index) => f(&mut inner.serials[index], now),
-        }
+        })
     }
 
     /// Sends bytes, after those that wait already. Never waits.

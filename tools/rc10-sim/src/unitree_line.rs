@@ -71,18 +71,14 @@ pub struct Answer {
     pub foot_force: u16,
 }
 
-/// CRC-16/KERMIT.
-fn checksum(bytes: &[u8]) -> u16 {
-    crc16(0, bytes)
-}
-
 impl Command {
     /// Reads the 17 bytes of a command; `None` if head or check sum are wrong.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; COMMAND] = bytes.try_into().ok()?;
         let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-        if bytes[..2] != [0xFE, 0xEE] || checksum(&bytes[..15]) != word(15) {
+        // The check sum is CRC-16/KERMIT.
+        if bytes[..2] != [0xFE, 0xEE] || crc16(0, &bytes[..15]) != word(15) {
             return None;
         }
         let angle = i32::from_le_bytes([bytes[7], bytes[8], bytes[9], bytes[10]]);
@@ -107,16 +103,14 @@ impl Answer {
         let speed = (self.speed / TAU * 256.0).round() as i16;
         let angle = (self.angle / TAU * 32_768.0).round() as i32;
         let mut bytes = [0; ANSWER];
-        bytes[0] = 0xFD;
-        bytes[1] = 0xEE;
-        bytes[2] = self.id % 16 + self.status % 8 * 16;
+        bytes[..3].copy_from_slice(&[0xFD, 0xEE, self.id % 16 + self.status % 8 * 16]);
         bytes[3..5].copy_from_slice(&torque.to_le_bytes());
         bytes[5..7].copy_from_slice(&speed.to_le_bytes());
         bytes[7..11].copy_from_slice(&angle.to_le_bytes());
         bytes[11] = self.temperature.cast_unsigned();
         let last = u16::from(self.error % 8) + self.foot_force % 4096 * 8;
         bytes[12..14].copy_from_slice(&last.to_le_bytes());
-        let check = checksum(&bytes[..14]);
+        let check = crc16(0, &bytes[..14]);
         bytes[14..].copy_from_slice(&check.to_le_bytes());
         bytes
     }
@@ -248,11 +242,9 @@ impl Device for GoM8010 {
             return Heard::Nothing;
         }
         (self.command, self.commanded_at) = (command, now);
-        if command.status == 2 {
-            self.calibrating_until = Some(now + CALIBRATION);
-            return Heard::Command;
-        }
-        if command.id == EVERYBODY {
+        let calibrates = command.status == 2;
+        self.calibrating_until = calibrates.then(|| now + CALIBRATION);
+        if calibrates || command.id == EVERYBODY {
             return Heard::Command;
         }
         Heard::Question(self.answer(shaft).write().to_vec(), self.think)

@@ -227,14 +227,10 @@ impl Device for UnitreeMotor {
     fn receive(&mut self, frame: &CanFrame, _: &Shaft, now: Micros, _: &mut Outbox) -> Taken {
         let command = match Command::unpack(frame) {
             Ok(Some(command)) => command,
-            Ok(None) => return Taken::NotMine,
-            Err(malformed) => {
-                return if self.is_meant(malformed.module, malformed.motor) {
-                    Taken::Malformed
-                } else {
-                    Taken::NotMine
-                };
+            Err(Malformed { module, motor }) if self.is_meant(module, motor) => {
+                return Taken::Malformed;
             }
+            Ok(None) | Err(_) => return Taken::NotMine,
         };
         if !self.module.inner.borrow().powered || !self.is_meant(command.module, command.motor) {
             return Taken::NotMine;
@@ -269,7 +265,7 @@ impl Device for UnitreeMotor {
         {
             let frame = self.report(answer, shaft);
             if self.module.inner.borrow().powered {
-                frame.into_iter().for_each(|frame| out.push(frame));
+                out.extend(frame);
             }
         }
     }

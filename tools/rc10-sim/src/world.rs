@@ -8,6 +8,7 @@ use std::task::{Context, Poll, Waker};
 use rc10_time::Micros;
 
 use crate::Nanos;
+use crate::arm::{Arm, ArmLink};
 use crate::base::{Body, Chassis, Mounting, WheelError, WheelMotors};
 use crate::device::{Place, Unit};
 use crate::handles::{Base, Bus, Esc};
@@ -39,9 +40,17 @@ pub(crate) struct Inner {
     pub(crate) pulses: Vec<PulseLine>,
     pub(crate) units: Vec<Unit>,
     pub(crate) bodies: Vec<Body>,
+    arms: Vec<Arm>,
 }
 
 impl Inner {
+    /// Looks into a world, or changes it, at its time now.
+    pub(crate) fn with<T>(world: &RefCell<Self>, f: impl FnOnce(&mut Self, Nanos) -> T) -> T {
+        let inner = &mut *world.borrow_mut();
+        let now = inner.clock.now_ns();
+        f(inner, now)
+    }
+
     fn next_event(&self) -> Nanos {
         let wires = self.wires.iter().filter_map(Wire::next_event);
         let units = self.units.iter().filter_map(Unit::next_event).map(Nanos::from);
@@ -61,6 +70,9 @@ impl Inner {
             self.next_step = self.next_step + STEP;
             for body in &mut self.bodies {
                 body.step(&mut self.units);
+            }
+            for arm in &mut self.arms {
+                arm.step(&mut self.units);
             }
             self.units.iter_mut().for_each(|unit| unit.step(now));
         }
@@ -156,6 +168,7 @@ impl World {
             pulses: Vec::new(),
             units: Vec::new(),
             bodies: Vec::new(),
+            arms: Vec::new(),
         };
         Self {
             clock,
@@ -241,19 +254,13 @@ impl World {
         if motors.len() != chassis.wheels.len() {
             return Err(WheelError::Count);
         }
-        let mut seen = Vec::new();
+        let mut taken = Vec::new();
         for (motors, wheel) in motors.iter().zip(&chassis.wheels) {
             if motors.steering.is_some() != wheel.steering.is_some() {
                 return Err(WheelError::Steering);
             }
             for (esc, _) in [Some(motors.drive), motors.steering].into_iter().flatten() {
-                if !Rc::ptr_eq(&esc.inner, &self.inner) {
-                    return Err(WheelError::OtherWorld);
-                }
-                if seen.contains(&esc.index) || inner.units[esc.index].is_wheel {
-                    return Err(WheelError::Taken);
-                }
-                seen.push(esc.index);
+                self.take(&inner, &mut taken, esc)?;
             }
         }
         let place = |(esc, mounting): (&Esc, Mounting)| (esc.index, mounting);
@@ -262,6 +269,38 @@ impl World {
         let base = Base { motion: Rc::clone(&body.motion) };
         inner.bodies.push(body);
         Ok(base)
+    }
+
+    /// Hangs an arm on motors, from the base outwards: the weight of each link is on its own motor and on those
+    /// of all links before it. Motors whose positive direction is downwards are [`Mounting::Mirrored`].
+    ///
+    /// # Errors
+    /// [`WheelError`] if a motor belongs to another world, or carries a wheel or a link already.
+    pub fn add_arm<'e>(
+        &mut self,
+        links: impl IntoIterator<Item = (&'e Esc, Mounting, ArmLink)>,
+    ) -> Result<(), WheelError> {
+        let mut inner = self.inner.borrow_mut();
+        let (links, mut taken): (Vec<_>, _) = (links.into_iter().collect(), Vec::new());
+        for (esc, ..) in &links {
+            self.take(&inner, &mut taken, esc)?;
+        }
+        taken.into_iter().for_each(|unit| inner.units[unit].is_taken = true);
+        let links = links.into_iter().map(|(esc, mounting, link)| (esc.index, mounting, link));
+        inner.arms.push(Arm::new(links));
+        Ok(())
+    }
+
+    /// A motor of this world that carries nothing, and none of those that are taken.
+    fn take(&self, inner: &Inner, taken: &mut Vec<usize>, esc: &Esc) -> Result<(), WheelError> {
+        if !Rc::ptr_eq(&esc.inner, &self.inner) {
+            return Err(WheelError::OtherWorld);
+        }
+        if taken.contains(&esc.index) || inner.units[esc.index].is_taken {
+            return Err(WheelError::Taken);
+        }
+        taken.push(esc.index);
+        Ok(())
     }
 
     /// Lets time pass up to and including `until`; timers that fall due wake their tasks, which

@@ -1,6 +1,7 @@
 //! The tests of this crate, in one program.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod arm;
 mod base;
 mod bases;
 mod controller;

@@ -17,7 +17,7 @@ pub struct FeederConfig {
     /// Where it feeds.
     pub direction: Direction,
     /// Pieces a second when a number is fed; > 0.
-    pub rate: f32,
+    pub pieces_per_s: f32,
     /// Acceleration of the angle asked for; > 0, what the motor reaches: more would feed too much.
     pub acceleration: RpmPerSecond,
     /// Degrees before its pocket at which a piece counts; less than half a piece, above the error.
@@ -31,7 +31,7 @@ impl FeederConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (tolerance, error) = (self.tolerance.get(), self.jam.following_error.get());
         let piece = self.piece().degrees().get();
-        ok!(positive("rate", self.rate));
+        ok!(positive("pieces_per_s", self.pieces_per_s));
         ok!(positive("acceleration", self.acceleration.get()));
         ok!(not_negative("tolerance", tolerance));
         let is_small = tolerance < 0.5 * piece;
@@ -71,7 +71,7 @@ impl FeederConfig {
 /// let config = FeederConfig {
 ///     pieces: CountsPerTurn::new(8, 1),
 ///     direction: Direction::Forward,
-///     rate: 10.0,
+///     pieces_per_s: 10.0,
 ///     acceleration: RpmPerSecond::new(500.0),
 ///     tolerance: Degrees::new(2.0),
 ///     jam: JamConfig {
@@ -260,7 +260,9 @@ impl Feeder {
         }
         match self.order {
             Order::Rate(rate) => (rate, TotalAngle::from_microdegrees(i64::MAX)),
-            Order::Total(total) | Order::Whole(total) => (config.rate, config.angle_of(total)),
+            Order::Total(total) | Order::Whole(total) => {
+                (config.pieces_per_s, config.angle_of(total))
+            }
         }
     }
 }
@@ -283,7 +285,7 @@ mod tests {
         // 360 / 7 is no whole number of microdegrees.
         pieces: CountsPerTurn::new(7, 1),
         direction: Direction::Reversed,
-        rate: 9.3,
+        pieces_per_s: 9.3,
         acceleration: RpmPerSecond::new(50_000.0),
         tolerance: Degrees::new(2.0),
         jam: JamConfig {
@@ -412,7 +414,7 @@ mod tests {
     fn while_a_jam_is_cleared_the_setpoint_stands_and_then_begins_at_rest() {
         for direction in [Direction::Forward, Direction::Reversed] {
             let acceleration = RpmPerSecond::new(300.0);
-            let config = FeederConfig { direction, rate: 2.0, acceleration, ..CONFIG };
+            let config = FeederConfig { direction, pieces_per_s: 2.0, acceleration, ..CONFIG };
             let (mut feeder, effort) = (Feeder::new(), 19.0 * f32::from(direction.sign()));
             feeder.run(2.0);
             let stuck = Measured { effort, ..Measured::default() };
@@ -457,7 +459,7 @@ mod tests {
         assert_eq!(CONFIG.validate(), Ok(()));
         let jam = JamConfig { following_error: Degrees::new(2.1), ..CONFIG.jam };
         for (bad, part, field) in [
-            (FeederConfig { rate: 0.0, ..CONFIG }, "", "rate"),
+            (FeederConfig { pieces_per_s: 0.0, ..CONFIG }, "", "pieces_per_s"),
             (FeederConfig { acceleration: RpmPerSecond::ZERO, ..CONFIG }, "", "acceleration"),
             (FeederConfig { tolerance: Degrees::new(26.0), ..CONFIG }, "", "tolerance"),
             (FeederConfig { jam, ..CONFIG }, "jam", "following_error"),

@@ -7,6 +7,7 @@
 //! | type | what it does |
 //! |---|---|
 //! | [`Homing`] | finds the zero of an axis by a hard stop, a switch or an index |
+//! | [`AbsoluteEncoder`] | finds it without a motion, where the encoder is absolute |
 //! | [`SoftLimits`] | keeps commands within a range, with room to brake |
 //! | [`Jam`] | detects a jam, reverses, tries again, gives up |
 //! | [`Axes`], [`AxesHoming`] | two or more motors that drive one thing and must not drift apart |
@@ -17,6 +18,7 @@
 //! A loop that has pushed against something keeps that effort while it sees no error. So every stop
 //! begins with one [`MotorCommand::Coast`], which resets the loop, then [`MotorCommand::STOP`].
 
+mod absolute;
 mod axes;
 mod axes_homing;
 mod contact;
@@ -26,6 +28,7 @@ mod jam;
 mod soft_limits;
 mod stage;
 
+pub use absolute::{AbsoluteEncoder, OutOfTravel};
 pub use axes::{Axes, AxesConfig, AxesFailure};
 pub use axes_homing::{AxesHoming, AxesHomingConfig, AxesHomingFailure, AxesHomingStatus};
 pub use feeder::{Feeder, FeederConfig};

@@ -1,6 +1,6 @@
 use super::{
     Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Feeder, Homing,
-    HomingFailure, HomingStatus, Jam, JamStatus, Phase, Trouble,
+    HomingFailure, HomingStatus, Jam, JamStatus, OutOfTravel, Phase, Trouble,
 };
 
 /// The stages, and their names.
@@ -64,6 +64,8 @@ stages! {
     Apart: "motors apart",
     /// Given up: [`AxesFailure::Lags`].
     Lags: "motors lag",
+    /// Given up: [`OutOfTravel`].
+    OutOfTravel: "out of its travel",
     /// Given up: [`JamStatus::GivenUp`].
     Jammed: "jammed",
 }
@@ -105,6 +107,12 @@ impl From<Trouble> for Stage {
             Trouble::NotFinite => Self::NotFinite,
             Trouble::AngleGap => Self::AngleGap,
         }
+    }
+}
+
+impl From<OutOfTravel> for Stage {
+    fn from(_: OutOfTravel) -> Self {
+        Self::OutOfTravel
     }
 }
 
@@ -182,7 +190,7 @@ mod tests {
 
     #[test]
     fn every_stage_has_a_name_and_those_that_gave_up_come_last() {
-        assert_eq!(Stage::ALL.iter().filter(|stage| stage.gave_up()).count(), 12);
+        assert_eq!(Stage::ALL.iter().filter(|stage| stage.gave_up()).count(), 13);
         assert!(Stage::ALL.is_sorted_by_key(|stage| stage.gave_up()));
         for (index, stage) in Stage::ALL.iter().enumerate() {
             let is_new = Stage::ALL[..index].iter().all(|other| other.name() != stage.name());

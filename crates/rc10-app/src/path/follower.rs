@@ -20,17 +20,17 @@ pub struct FollowerConfig {
     /// Yaw rate per error of the heading: rad/s per rad, so 1/s; ≥ 0.
     pub heading: f32,
     /// Highest speed for going back to the path, in m/s; > 0. It comes on top of the plan's.
-    pub max_correction: f32,
+    pub max_correction_m_s: f32,
     /// Highest yaw rate for turning back to the planned heading, in rad/s; > 0.
-    pub max_turn_correction: f32,
+    pub max_turn_correction_rad_s: f32,
     /// How far behind, in metres; > 0: from half of it the path is slower, at all it stands.
-    pub max_lag: f32,
-    /// Farther from where it shall be than this, in metres, it gives up; > `max_lag`.
-    pub max_deviation: f32,
+    pub max_lag_m: f32,
+    /// Farther from where it shall be than this, in metres, it gives up; > `max_lag_m`.
+    pub max_deviation_m: f32,
     /// At the end it has arrived within this, in metres; > 0.
-    pub arrived: f32,
+    pub arrived_m: f32,
     /// At the end it has arrived within this heading, in rad; > 0.
-    pub arrived_heading: f32,
+    pub arrived_heading: Radians,
 }
 
 impl FollowerConfig {
@@ -39,12 +39,12 @@ impl FollowerConfig {
         along: 5.0,
         across: 5.0,
         heading: 5.0,
-        max_correction: 0.5,
-        max_turn_correction: 1.5,
-        max_lag: 0.2,
-        max_deviation: 0.5,
-        arrived: 0.01,
-        arrived_heading: 0.02,
+        max_correction_m_s: 0.5,
+        max_turn_correction_rad_s: 1.5,
+        max_lag_m: 0.2,
+        max_deviation_m: 0.5,
+        arrived_m: 0.01,
+        arrived_heading: Radians::new(0.02),
     };
 
     /// Checks every field; the error names the first that is wrong, and what it must be.
@@ -52,15 +52,15 @@ impl FollowerConfig {
         ok!(not_negative("along", self.along));
         ok!(not_negative("across", self.across));
         ok!(not_negative("heading", self.heading));
-        ok!(positive("max_correction", self.max_correction));
-        ok!(positive("max_turn_correction", self.max_turn_correction));
-        ok!(positive("max_lag", self.max_lag));
-        ok!(positive("max_deviation", self.max_deviation));
-        let is_farther = self.max_deviation > self.max_lag;
-        let must_be = "more than max_lag";
-        ok!(ConfigError::check(is_farther, "max_deviation", self.max_deviation, must_be));
-        ok!(positive("arrived", self.arrived));
-        positive("arrived_heading", self.arrived_heading)
+        ok!(positive("max_correction_m_s", self.max_correction_m_s));
+        ok!(positive("max_turn_correction_rad_s", self.max_turn_correction_rad_s));
+        ok!(positive("max_lag_m", self.max_lag_m));
+        ok!(positive("max_deviation_m", self.max_deviation_m));
+        let is_farther = self.max_deviation_m > self.max_lag_m;
+        let must_be = "more than max_lag_m";
+        ok!(ConfigError::check(is_farther, "max_deviation_m", self.max_deviation_m, must_be));
+        ok!(positive("arrived_m", self.arrived_m));
+        positive("arrived_heading", self.arrived_heading.get())
     }
 }
 
@@ -106,7 +106,7 @@ pub struct PoseNotFinite(pub Pose);
 /// State of a base that follows a [`Plan`]. [The module](super) has an example.
 ///
 /// The twist is the plan's, plus gains times the error. The plan waits for a base that lags, never
-/// by more than [`max_lag`](FollowerConfig::max_lag) to catch up, and speeds up again within its
+/// by more than [`max_lag_m`](FollowerConfig::max_lag_m) to catch up, and speeds up again within its
 /// limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Follower {
@@ -169,7 +169,7 @@ impl Follower {
             ..FollowerOutput::default()
         };
         let off_squared = off_x * off_x + off_y * off_y;
-        if self.gave_up || off_squared > config.max_deviation * config.max_deviation {
+        if self.gave_up || off_squared > config.max_deviation_m * config.max_deviation_m {
             self.gave_up = true;
             output.status = PathStatus::GaveUp;
             return output;
@@ -178,9 +178,10 @@ impl Follower {
 
         let (forward, left) = (config.along * along, config.across * across);
         let speed = maths::fast_sqrt(forward * forward + left * left);
-        let share = if speed > config.max_correction { config.max_correction / speed } else { 1.0 };
+        let share =
+            if speed > config.max_correction_m_s { config.max_correction_m_s / speed } else { 1.0 };
         let (forward, left) = (forward * share, left * share);
-        let turning = maths::within(config.heading * turn, config.max_turn_correction);
+        let turning = maths::within(config.heading * turn, config.max_turn_correction_rad_s);
         let correction = Twist::new(forward * x - left * y, forward * y + left * x, turning);
 
         let acceleration = motion.acceleration * (self.rate * self.rate);
@@ -196,8 +197,8 @@ impl Follower {
             change + Twist::new(planned.wz * planned.vy, -planned.wz * planned.vx, 0.0);
 
         self.cursor.advance(track, self.rate * dt);
-        let is_there =
-            off_squared <= config.arrived * config.arrived && turn.abs() <= config.arrived_heading;
+        let is_there = off_squared <= config.arrived_m * config.arrived_m
+            && turn.abs() <= config.arrived_heading.get();
         output.status = if self.rate < 1.0 {
             PathStatus::Waiting
         } else if is_there && self.cursor.is_at_end(track) {
@@ -217,14 +218,13 @@ impl Follower {
         along: f32,
         dt: f32,
     ) {
-        let left = 2.0 - 2.0 * along / config.max_lag;
+        let left = 2.0 - 2.0 * along / config.max_lag_m;
         // NaN, of a configuration that is not valid, counts as zero.
         let wanted = if left > 0.0 { left.min(1.0) } else { 0.0 };
         if wanted >= self.rate && self.rate < 1.0 {
             // Speeding up takes of the acceleration what it does along the path.
             let speed = maths::fast_sqrt(twist.vx * twist.vx + twist.vy * twist.vy);
-            let (linear, angular) =
-                (limits.linear_acceleration * dt, limits.angular_acceleration * dt);
+            let (linear, angular) = (limits.linear_m_s2 * dt, limits.angular_rad_s2 * dt);
             let mut rise = wanted - self.rate;
             if rise * speed > linear {
                 rise = linear / speed;

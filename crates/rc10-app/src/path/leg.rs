@@ -98,9 +98,9 @@ pub(super) fn speed_squared(waypoints: &[Waypoint], at: usize) -> f32 {
     let Some(waypoint) = waypoints.get(at) else { return 0.0 };
     let around = waypoints.get(at.wrapping_sub(1)..).and_then(|rest| rest.first_chunk());
     let stops = around.is_some_and(|[before, at, after]| {
-        at.radius <= 0.0 && Turn::at(before, at, after).is_corner()
+        at.radius_m <= 0.0 && Turn::at(before, at, after).is_corner()
     });
-    if stops { 0.0 } else { waypoint.max_speed * waypoint.max_speed }
+    if stops { 0.0 } else { waypoint.max_speed_m_s * waypoint.max_speed_m_s }
 }
 
 /// Slope and curvature of the heading over the way, at one place.
@@ -250,7 +250,7 @@ pub(super) fn lay(waypoints: &[Waypoint], legs: &mut [Leg]) {
         let (from, to) = (&waypoints[at], &waypoints[at + 1]);
         let last = waypoints
             .get(at + 2)
-            .map_or_else(Arc::default, |after| Turn::at(from, to, after).arc(to.radius));
+            .map_or_else(Arc::default, |after| Turn::at(from, to, after).arc(to.radius_m));
         *leg = Leg::new(from, to, first, last);
         first = last;
     }
@@ -309,8 +309,8 @@ mod tests {
         let (mut random, mut paths) = (Random(42), 0);
         while paths < 50 {
             let mut waypoints = [(); 4].map(|()| waypoint(&mut random));
-            waypoints[1].radius = 0.3;
-            waypoints[2].radius = 0.5;
+            waypoints[1].radius_m = 0.3;
+            waypoints[2].radius_m = 0.5;
             if crate::path::Path::new(waypoints).is_err() {
                 continue;
             }

@@ -21,7 +21,7 @@ pub struct PathLimits {
     /// Largest accelerations, the linear one of the vector along and across the path.
     pub twist: TwistLimits,
     /// Highest speed, in m/s; > 0, infinite for no limit.
-    pub max_speed: f32,
+    pub max_speed_m_s: f32,
     /// The plan's share of the wheels' highest speed; > 0, ≤ 1: the rest is for catching up.
     pub wheel_share: f32,
 }
@@ -30,7 +30,7 @@ impl PathLimits {
     /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.twist.validate(), in "twist");
-        ok!(positive_or_unlimited("max_speed", self.max_speed));
+        ok!(positive_or_unlimited("max_speed_m_s", self.max_speed_m_s));
         ok!(positive("wheel_share", self.wheel_share));
         ConfigError::check(self.wheel_share <= 1.0, "wheel_share", self.wheel_share, "at most 1")
     }
@@ -123,8 +123,8 @@ impl<const N: usize> Plan<N> {
 /// #     Waypoint::new(2.0, 1.0, Radians::new(1.5)),
 /// # ]);
 /// # const LIMITS: PathLimits = PathLimits {
-/// #     twist: TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 },
-/// #     max_speed: 2.0,
+/// #     twist: TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 },
+/// #     max_speed_m_s: 2.0,
 /// #     wheel_share: 0.9,
 /// # };
 /// let mut planner = Planner::new(&PATH, &BASE, &LIMITS, 0.0)?;
@@ -188,9 +188,9 @@ impl<'a, const N: usize> Planner<'a, N> {
             bounds: Bounds {
                 rows: base.rows(),
                 wheel_speed: base.max_wheel_speed().get() * limits.wheel_share,
-                speed_squared: limits.max_speed * limits.max_speed,
-                acceleration: limits.twist.linear_acceleration,
-                angular_acceleration: limits.twist.angular_acceleration,
+                speed_squared: limits.max_speed_m_s * limits.max_speed_m_s,
+                acceleration: limits.twist.linear_m_s2,
+                angular_acceleration: limits.twist.angular_rad_s2,
             },
             pass: Pass::Backward(legs.len().saturating_sub(1)),
             plan,

@@ -4,7 +4,7 @@ use super::double::Double;
 use super::{Goal, Profile, ProfileLimits, Setpoint};
 use crate::config::ConfigError;
 use crate::maths;
-use crate::{Rpm, RpmPerSecond, Seconds, TotalAngle};
+use crate::{Rpm, RpmPerSecond, RpmPerSecondSquared, Seconds, TotalAngle};
 
 /// Degrees that 1 rpm makes in a second: with this unit of the axis velocities are in rpm.
 const MICRODEGREES_PER_UNIT: i64 = 6_000_000;
@@ -35,13 +35,45 @@ impl AngleSetpoint {
     }
 }
 
-/// A [`Profile`] whose position is a [`TotalAngle`]. Its limits are in rpm, rpm/s and rpm/s².
+/// Limits of a shaft's motion, the same both ways.
+///
+/// In rpm, like those of the motor's loops, below which they stay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AngleLimits {
+    /// Largest speed.
+    pub velocity: Rpm,
+    /// Largest acceleration.
+    pub acceleration: RpmPerSecond,
+    /// Largest jerk; infinite: the acceleration may jump.
+    pub jerk: RpmPerSecondSquared,
+}
+
+impl AngleLimits {
+    /// Checks every field; the error names the first that is wrong, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        self.of_axis().validate()
+    }
+
+    const fn of_axis(&self) -> ProfileLimits {
+        let Self { velocity, acceleration, jerk } = *self;
+        let (velocity, acceleration) = (velocity.get(), acceleration.get());
+        ProfileLimits { velocity, acceleration, jerk: jerk.get() }
+    }
+}
+
+/// A [`Profile`] whose position is a [`TotalAngle`].
 ///
 /// It lands on the microdegree within 10⁸ degrees of where it began.
 ///
 /// ```
-/// use rc10_app::{AngleProfile, ProfileLimits, Rpm, Seconds, TotalAngle};
-/// let limits = ProfileLimits { velocity: 100.0, acceleration: 1000.0, jerk: 20_000.0 };
+/// use rc10_app::{
+///     AngleLimits, AngleProfile, Rpm, RpmPerSecond, RpmPerSecondSquared, Seconds, TotalAngle,
+/// };
+/// let limits = AngleLimits {
+///     velocity: Rpm::new(100.0),
+///     acceleration: RpmPerSecond::new(1000.0),
+///     jerk: RpmPerSecondSquared::new(20_000.0),
+/// };
 /// let here = TotalAngle::from_degrees(3_600_000); // 10,000 turns
 /// let target = here.plus(TotalAngle::from_degrees(90));
 /// let mut gimbal = AngleProfile::at(here);
@@ -76,26 +108,26 @@ impl AngleProfile {
     /// Goes to an angle, with the errors of [`Profile::set_target`].
     pub fn set_target(
         &mut self,
-        limits: &ProfileLimits,
+        limits: &AngleLimits,
         angle: TotalAngle,
         speed: Rpm,
     ) -> Result<(), ConfigError> {
-        self.profile.set(limits, Goal::Place(self.place(angle), speed.get()))
+        self.profile.set(&limits.of_axis(), Goal::Place(self.place(angle), speed.get()))
     }
 
     /// Follows a moving angle, with the errors of [`Profile::follow`].
     pub fn follow(
         &mut self,
-        limits: &ProfileLimits,
+        limits: &AngleLimits,
         angle: TotalAngle,
         speed: Rpm,
     ) -> Result<(), ConfigError> {
-        self.profile.set(limits, Goal::Moving(self.place(angle), speed.get()))
+        self.profile.set(&limits.of_axis(), Goal::Moving(self.place(angle), speed.get()))
     }
 
     /// Keeps a speed, with the errors of [`Profile::set_velocity`].
-    pub fn set_speed(&mut self, limits: &ProfileLimits, speed: Rpm) -> Result<(), ConfigError> {
-        self.profile.set_velocity(limits, speed.get())
+    pub fn set_speed(&mut self, limits: &AngleLimits, speed: Rpm) -> Result<(), ConfigError> {
+        self.profile.set_velocity(&limits.of_axis(), speed.get())
     }
 
     /// The setpoint a time `dt` later. A `dt` that is not finite and positive changes nothing.

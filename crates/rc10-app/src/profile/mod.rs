@@ -33,13 +33,14 @@ mod transition;
 use crate::config::{ConfigError, finite, positive, positive_or_unlimited};
 use crate::ok;
 use crate::units::Seconds;
-pub use angle::{AngleProfile, AngleSetpoint};
+pub use angle::{AngleLimits, AngleProfile, AngleSetpoint};
 use course::Motion;
 use double::Double;
 use plan::{Plan, Planned};
 use transition::Bounds;
 
-/// Limits of an axis, the same both ways, in the axis's own unit: metres, degrees, turns.
+/// Limits of an axis, the same both ways, in the axis's own unit: metres, a share of the way. Those of a
+/// shaft are [`AngleLimits`], which have units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfileLimits {
     /// Largest velocity, in units per second.

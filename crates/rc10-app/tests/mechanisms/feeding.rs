@@ -130,7 +130,7 @@ fn pieces_are_counted_right_through_jams() {
         let config = FeederConfig {
             pieces: CountsPerTurn::new(3 + random.below(7) as u32, 1 + random.below(2) as u32),
             direction,
-            rate: random.between(2.0, 8.0) as f32,
+            pieces_per_s: random.between(2.0, 8.0) as f32,
             acceleration: BRAKING.acceleration,
             tolerance: Degrees::new(3.0),
             jam: JAM,
@@ -194,7 +194,7 @@ fn a_feeder_that_gave_up_feeds_the_rest_after_a_reset() {
         let config = FeederConfig {
             pieces: CountsPerTurn::new(7, 1),
             direction: Direction::Forward,
-            rate: 6.0,
+            pieces_per_s: 6.0,
             acceleration: BRAKING.acceleration,
             tolerance: Degrees::new(3.0),
             jam: JAM,

@@ -184,7 +184,7 @@ fn it_is_done_only_with_the_right_heading_and_at_the_right_place() {
         for share in [0.9, 1.1] {
             let expected = if share < 1.0 { PathStatus::Done } else { PathStatus::Following };
             let (off, turn) =
-                (sign * share * config.arrived, sign * share * config.arrived_heading);
+                (sign * share * config.arrived_m, sign * share * config.arrived_heading.get());
             assert_eq!(status(off, 0.0, 0.0), expected, "{off} m");
             assert_eq!(status(0.0, off, 0.0), expected, "{off} m");
             assert_eq!(status(0.0, 0.0, turn), expected, "{turn} rad");
@@ -198,7 +198,7 @@ fn it_is_done_only_with_the_right_heading_and_at_the_right_place() {
 fn after_waiting_the_yaw_rate_rises_within_its_limit_to_either_side() {
     // Without gains the twist is the plan's alone.
     let gains = FollowerConfig { along: 0.0, across: 0.0, heading: 0.0, ..FollowerConfig::DEFAULT };
-    let config = FollowerConfig { max_lag: 0.02, ..gains };
+    let config = FollowerConfig { max_lag_m: 0.02, ..gains };
     assert_eq!(config.validate(), Ok(()));
     for turn in [3.0, -3.0] {
         let path = Path::new([waypoint(0.0, 0.0, 0.0), waypoint(0.1, 0.0, turn)]).unwrap();
@@ -273,15 +273,15 @@ fn bad_input_changes_nothing() {
     assert_eq!(config.validate(), Ok(()));
     let field = |config: FollowerConfig| config.validate().unwrap_err().field;
     assert_eq!(field(FollowerConfig { along: -1.0, ..config }), "along");
-    assert_eq!(field(FollowerConfig { max_lag: 0.0, ..config }), "max_lag");
-    assert_eq!(field(FollowerConfig { max_deviation: 0.1, ..config }), "max_deviation");
-    assert_eq!(field(FollowerConfig { arrived: f32::NAN, ..config }), "arrived");
+    assert_eq!(field(FollowerConfig { max_lag_m: 0.0, ..config }), "max_lag_m");
+    assert_eq!(field(FollowerConfig { max_deviation_m: 0.1, ..config }), "max_deviation_m");
+    assert_eq!(field(FollowerConfig { arrived_m: f32::NAN, ..config }), "arrived_m");
 }
 
 /// A wheel at its limit: a base that is asked for more than it can do is slower, not elsewhere.
 #[test]
 fn without_a_share_for_the_follower_a_slower_base_stays_on_the_path() {
-    let limits = PathLimits { max_speed: f32::INFINITY, wheel_share: 1.0, ..LIMITS };
+    let limits = PathLimits { max_speed_m_s: f32::INFINITY, wheel_share: 1.0, ..LIMITS };
     let plan = Plan::new(&COURSE, &MECANUM, &limits, 0.0).unwrap();
     let (mut robot, mut follower) = (Robot::at(START, [0.9; 4]), Follower::new());
     let mut across = 0.0_f32;

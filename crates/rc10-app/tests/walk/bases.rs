@@ -29,9 +29,14 @@ const fn plain(x: f32, y: f32) -> Wheel {
         turns: Direction::Forward,
     }
 }
-const LIMITS: TwistLimits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
-const HOLD: HeadingHoldConfig =
-    HeadingHoldConfig { kp: 6.0, kd: 0.1, max_rate: 3.0, deceleration: 12.0, deadband: 0.05 };
+const LIMITS: TwistLimits = TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 };
+const HOLD: HeadingHoldConfig = HeadingHoldConfig {
+    kp: 6.0,
+    kd: 0.1,
+    max_rate_rad_s: 3.0,
+    deceleration_rad_s2: 12.0,
+    deadband_rad_s: 0.05,
+};
 const STEPS: u32 = 1000;
 
 /// A small repeatable generator (`SplitMix64`).
@@ -129,7 +134,7 @@ fn any<const N: usize>(base: &Base<N>, random: &mut Random, put: &mut dyn FnMut(
         put(base.sideways(twist));
         let change = random.twist();
         base.accelerations(change).into_iter().for_each(|one| put(one.get()));
-        let body = Body { mass: 20.0, yaw_inertia: 1.2 };
+        let body = Body { mass_kg: 20.0, yaw_inertia_kg_m2: 1.2 };
         base.torques(&body, twist, change).into_iter().for_each(|one| put(one.get()));
         put_motion(&base.forward([(); N].map(|()| Rpm::new(random.within(400.0)))), put);
     }

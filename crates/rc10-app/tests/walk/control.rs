@@ -56,12 +56,12 @@ fn gains(chance: &mut Chance) -> Gains {
 fn pid(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
     let schedule = GainSchedule::new([(-1.0, gains(chance)), (1.0, gains(chance))]);
     let config = PidConfig {
-        derivative_filter: chance.up_to(0.02),
+        derivative_filter: Seconds::new(chance.up_to(0.02)),
         setpoint_weight: chance.up_to(1.0),
         tracking: if chance.within(1.0) > 0.0 { chance.up_to(100.0) } else { 0.0 },
         deadband: if chance.within(1.0) > 0.5 { 0.2 } else { 0.0 },
         integral_separation: if chance.within(1.0) > 0.5 { 30.0 } else { f32::INFINITY },
-        ..PidConfig::new(1.0, 0.0, 0.0, chance.up_to(50.0) + 1.0)
+        ..PidConfig::within(chance.up_to(50.0) + 1.0).kp(1.0)
     };
     let mut state = PidState::new();
     for _ in 0..200 {
@@ -81,13 +81,13 @@ fn cascade(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
     };
     let feed_forward = FeedForward {
         friction: chance.up_to(0.3),
-        speed: chance.within(0.01),
-        acceleration: chance.up_to(0.01),
+        per_rpm: chance.within(0.01),
+        per_rpm_s: chance.up_to(0.01),
         gravity,
     };
     let config = Cascade {
-        speed: PidConfig { kd: chance.up_to(1e-3), ..PidConfig::new(0.4, 2.0, 0.0, 20.0) },
-        angle: PidConfig::new(1.0 + chance.up_to(1.0), 0.0, 0.0, 400.0),
+        speed: PidConfig { kd: chance.up_to(1e-3), ..PidConfig::within(20.0).kp(0.4).ki(2.0) },
+        angle: PidConfig::within(400.0).kp(1.0 + chance.up_to(1.0)),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(500.0 + chance.up_to(500.0)),
         feed_forward,

@@ -188,7 +188,7 @@ fn walk_jams(put: &mut dyn FnMut(f32), random: &mut Random) {
     let config = FeederConfig {
         pieces: CountsPerTurn::new(7, 2),
         direction: Direction::Forward,
-        rate: 3.0,
+        pieces_per_s: 3.0,
         acceleration: RpmPerSecond::new(400.0),
         tolerance: Degrees::new(3.0),
         jam: JAM,

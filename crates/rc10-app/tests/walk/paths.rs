@@ -36,10 +36,10 @@ pub fn walk(put: &mut dyn FnMut(f32)) {
         }
         let limits = PathLimits {
             twist: TwistLimits {
-                linear_acceleration: 3.0 + random.next(),
-                angular_acceleration: 10.0 + 5.0 * random.next(),
+                linear_m_s2: 3.0 + random.next(),
+                angular_rad_s2: 10.0 + 5.0 * random.next(),
             },
-            max_speed: 2.0 + random.next(),
+            max_speed_m_s: 2.0 + random.next(),
             wheel_share: 0.9,
         };
         let Ok(path) = Path::new(waypoints) else {

@@ -3,7 +3,8 @@
 
 use rc10_app::profile::synchronise;
 use rc10_app::{
-    AngleProfile, AngleSetpoint, Profile, ProfileLimits, Rpm, Seconds, Setpoint, TotalAngle,
+    AngleLimits, AngleProfile, AngleSetpoint, Profile, ProfileLimits, Rpm, RpmPerSecond,
+    RpmPerSecondSquared, Seconds, Setpoint, TotalAngle,
 };
 
 /// A linear congruential generator (Numerical Recipes, chapter 7.1).
@@ -47,7 +48,7 @@ pub fn walk(put: &mut dyn FnMut(f32)) {
     let start = Setpoint { position: 1.0, velocity: 0.5, acceleration: -0.25 };
     let mut profiles = [Profile::from_setpoint(start), Profile::at(-3.0), Profile::at(1e3)];
     let angle = TotalAngle::from_degrees(3_600_000);
-    let (speed, acceleration) = (Rpm::new(-3.0), rc10_app::RpmPerSecond::new(10.0));
+    let (speed, acceleration) = (Rpm::new(-3.0), RpmPerSecond::new(10.0));
     let mut shaft = AngleProfile::from_setpoint(AngleSetpoint { angle, speed, acceleration });
     for round in 0..300_u16 {
         let limits = random.limits();
@@ -78,6 +79,11 @@ pub fn walk(put: &mut dyn FnMut(f32)) {
         }
         let way = TotalAngle::from_microdegrees(i64::from(round) * 12_345_678);
         let speed = Rpm::new(random.within(limits.velocity));
+        let limits = AngleLimits {
+            velocity: Rpm::new(limits.velocity),
+            acceleration: RpmPerSecond::new(limits.acceleration),
+            jerk: RpmPerSecondSquared::new(limits.jerk),
+        };
         let result = match round % 3 {
             0 => shaft.set_target(&limits, angle.plus(way), Rpm::ZERO),
             1 => shaft.follow(&limits, angle.minus(way), speed),

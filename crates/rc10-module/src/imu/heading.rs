@@ -69,7 +69,6 @@ impl Heading {
     #[must_use]
     pub fn direction(&self, now: Micros) -> Option<Radians> {
         let way = shortest_way(self.zero, self.yaw, TURN);
-        #[expect(clippy::cast_precision_loss, reason = "seven digits of half a turn")]
         let degrees = way as f32 * 1e-6;
         let is_known = self.is_fresh(now) && !self.is_lost;
         is_known.then(|| Radians::new(degrees.to_radians()))

@@ -24,9 +24,9 @@ pub struct HeaterConfig {
 /// the proportional part, and a filter for steps of an eighth of a degree.
 const LOOP: PidConfig = PidConfig {
     setpoint_weight: 0.95,
-    derivative_filter: 5.0,
+    derivative_filter: Seconds::new(5.0),
     tracking: 0.05,
-    ..PidConfig::new(0.4, 0.004, 4.0, f32::INFINITY)
+    ..PidConfig::within(f32::INFINITY).kp(0.4).ki(0.004).kd(4.0)
 };
 /// A die outside of these does not exist, °C: the sensor's operating range (BMI088 data sheet, 1).
 const PLAUSIBLE: core::ops::RangeInclusive<f32> = -40.0..=85.0;

@@ -40,19 +40,9 @@ pub enum LampState {
     NotAtRest,
 }
 
-impl LampState {
-    /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Disarmed,
-        Self::Armed,
-        Self::Suspended,
-        Self::Stopped,
-        Self::LinkLost,
-        Self::Fault,
-        Self::LowSupply,
-        Self::NotAtRest,
-    ];
-}
+rc10_app::states!(
+    LampState: Disarmed, Armed, Suspended, Stopped, LinkLost, Fault, LowSupply, NotAtRest
+);
 
 /// One mark of a rhythm.
 const BEAT: Micros = Micros::from_millis(100);
@@ -110,8 +100,8 @@ mod tests {
 
     #[test]
     fn rhythm_alone_tells_every_state_from_every_other() {
-        for (first, a) in LampState::ALL.into_iter().enumerate() {
-            for b in LampState::ALL.into_iter().skip(first + 1) {
+        for (first, a) in LampState::ALL.iter().copied().enumerate() {
+            for b in LampState::ALL.iter().copied().skip(first + 1) {
                 for index in 0..30 {
                     let (a_seen, mut b_seen) = (seen(a, index), seen(b, 0));
                     for _ in 0..20 {
@@ -125,7 +115,7 @@ mod tests {
 
     #[test]
     fn nothing_flashes_more_than_three_times_a_second() {
-        for state in LampState::ALL {
+        for &state in LampState::ALL {
             let twice: Vec<_> = seen(state, 0).repeat(2);
             for second in twice.windows(10) {
                 let flashes = second.windows(2).filter(|pair| !pair[0] && pair[1]).count();
@@ -136,7 +126,7 @@ mod tests {
 
     #[test]
     fn all_leds_blink_together_but_those_that_run() {
-        for state in LampState::ALL {
+        for &state in LampState::ALL {
             let same = (1..40).all(|index| seen(state, index) == seen(state, 0));
             assert_eq!(same, state != LampState::LinkLost, "{state:?}");
         }
@@ -148,7 +138,7 @@ mod tests {
     #[test]
     fn the_table_of_the_documentation_is_the_one_that_is_shown() {
         let source = include_str!("pattern.rs");
-        for state in LampState::ALL {
+        for &state in LampState::ALL {
             let name = std::format!("//! | [`{state:?}`]");
             let row = source.lines().find(|line| line.starts_with(&name)).unwrap();
             let rhythm = core::str::from_utf8(look(state).1).unwrap();
@@ -158,7 +148,7 @@ mod tests {
 
     #[test]
     fn any_time_and_any_led_has_a_colour() {
-        for state in LampState::ALL {
+        for &state in LampState::ALL {
             for now in [0, 1, u64::MAX / 2, u64::MAX] {
                 for index in [0, 1, 1000, usize::MAX] {
                     let _ = colour(state, Micros::new(now), index);

@@ -148,20 +148,17 @@ impl Command {
     /// ```
     #[must_use]
     pub fn pack(self) -> heapless::Vec<u8, 9> {
-        let mut bytes = heapless::Vec::new();
-        // Neither writes more than the nine bytes that are there.
-        let _ = match self {
-            Self::Stop => bytes.extend_from_slice(&[STOP]),
+        match self {
+            Self::Stop => [STOP].into(),
             Self::Read => {
                 let [r1, r0] = RESULT.to_be_bytes();
-                bytes.extend_from_slice(&[REPLY, READ, r1, r0, sum(&[READ, r1, r0])])
+                [REPLY, READ, r1, r0, sum(&[READ, r1, r0])].into()
             }
-            Self::LaserOn => bytes.extend_from_slice(&write(LASER, 1)),
-            Self::LaserOff => bytes.extend_from_slice(&write(LASER, 0)),
-            Self::Once(speed) => bytes.extend_from_slice(&write(MEASURE, speed as u8)),
-            Self::Continuously(speed) => bytes.extend_from_slice(&write(MEASURE, 4 + speed as u8)),
-        };
-        bytes
+            Self::LaserOn => write(LASER, 1).into(),
+            Self::LaserOff => write(LASER, 0).into(),
+            Self::Once(speed) => write(MEASURE, speed as u8).into(),
+            Self::Continuously(speed) => write(MEASURE, 4 + speed as u8).into(),
+        }
     }
 }
 

@@ -26,6 +26,7 @@ impl Channel {
 /// The channels of the sticks, switches and dial: the mixer page of the transmitter, as data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
 pub struct ChannelOrder {
     /// The right stick, to the right.
     pub right_x: Channel,
@@ -112,6 +113,11 @@ pub struct ChannelMap<const CHANNELS: usize> {
 }
 
 impl<const CHANNELS: usize> ChannelMap<CHANNELS> {
+    /// The map of a checked order: of one that does not fit, the receiver's usual one.
+    pub(super) fn of(order: ChannelOrder, travel: Travel, usual: Self) -> Self {
+        Self::new(order, travel).unwrap_or(usual)
+    }
+
     /// # Errors
     ///
     /// A channel that does not exist, or is twice; a travel whose middle is not in between.

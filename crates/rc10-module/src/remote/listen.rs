@@ -3,35 +3,41 @@ use core::convert::Infallible;
 use embedded_io_async::Read;
 use rc10_time::Micros;
 
-use super::{ChannelMap, Crsf, CrsfLink, Dbus, Ppm, Receiver, Remote, Sbus, Vt03};
+use super::{
+    ChannelMap, ChannelOrder, Crsf, CrsfLink, Dbus, PPM_TRAVEL, Ppm, Receiver, Remote, SBUS_TRAVEL,
+    Sbus, Vt03,
+};
 use crate::{Reception, listen as listen_to};
 
 /// Listens for ever to a receiver on a UART, set by [`Receiver::serial`], and hands on the remote.
 ///
-/// Channels are [`ChannelMap::AETR`]; for others [`listen`](crate::listen()) to [`Sbus`] or
-/// [`Crsf`], and use [`SbusFrame::remote`](super::SbusFrame) or [`CrsfLink`].
+/// `channels` says which is what, if the receiver is none of DJI's: [`Receiver::channels`] on most transmitters,
+/// [`Receiver::check`] whether it has them. For another travel than the usual one [`listen`](crate::listen()) to
+/// [`Sbus`] or [`Crsf`], and use [`SbusFrame::remote`](super::SbusFrame) or [`CrsfLink`].
 ///
 /// # Errors
 ///
 /// At once, if the receiver sends pulses: those are for [`listen_pulses`].
 pub async fn listen(
     receiver: Receiver,
+    channels: ChannelOrder,
     port: impl Read,
     reception: &Reception,
     mut hear: impl FnMut(Remote, Micros),
 ) -> Result<Infallible, NotSerial> {
+    let map = ChannelMap::of(channels, SBUS_TRAVEL, ChannelMap::AETR);
     match receiver {
         Receiver::Dr16 => {
             listen_to(port, Dbus, reception, |frame, at| hear(frame.remote(), at)).await
         }
         Receiver::Sbus => {
             let hear = |frame: super::SbusFrame, at| {
-                frame.remote(&ChannelMap::AETR).into_iter().for_each(|remote| hear(remote, at));
+                frame.remote(&map).into_iter().for_each(|remote| hear(remote, at));
             };
             listen_to(port, Sbus, reception, hear).await
         }
         Receiver::Crsf => {
-            let mut link = CrsfLink::new(ChannelMap::AETR);
+            let mut link = CrsfLink::new(map);
             let hear = |frame, at| {
                 link.hear(&frame).into_iter().for_each(|remote| hear(remote, at));
             };
@@ -50,17 +56,19 @@ pub async fn listen(
 #[error("the receiver is Ppm, which no UART can hear: must be one of the serial ones")]
 pub struct NotSerial;
 
-/// Listens for ever to pulses: `edges` gives each rising edge's time; [`ChannelMap::AIR_JOY`].
+/// Listens for ever to pulses: `edges` gives each rising edge's time, `channels` says which is what.
 pub async fn listen_pulses(
+    channels: ChannelOrder,
     mut edges: impl AsyncFnMut() -> Micros,
     reception: &Reception,
     mut hear: impl FnMut(Remote, Micros),
 ) -> ! {
+    let map = ChannelMap::of(channels, PPM_TRAVEL, ChannelMap::AIR_JOY);
     let mut ppm = Ppm::default();
     loop {
         let at = edges().await;
         if let Some(channels) = ppm.edge(at) {
-            hear(ChannelMap::AIR_JOY.remote(&channels), at);
+            hear(map.remote(&channels), at);
         }
         reception.write(ppm.counters());
     }

@@ -132,6 +132,36 @@ impl Receiver {
     }
 }
 
+impl Receiver {
+    /// The order of its channels on most transmitters: [`ChannelOrder::AETR`], of pulses
+    /// [`ChannelOrder::AIR_JOY`]. DJI's have their own.
+    pub const fn channels(self) -> ChannelOrder {
+        match self {
+            Self::Ppm => ChannelOrder::AIR_JOY,
+            _ => ChannelOrder::AETR,
+        }
+    }
+
+    /// Whether it has these channels: always, unless it is one of DJI's, which have their own.
+    ///
+    /// # Errors
+    /// [`ChannelMapError`]: one that it does not have, or that is two things.
+    pub const fn check(self, channels: ChannelOrder) -> Result<(), ChannelMapError> {
+        let checked = match self {
+            Self::Dr16 | Self::Vt03 => return Ok(()),
+            Self::Sbus | Self::Crsf => match ChannelMap::<16>::new(channels, SBUS_TRAVEL) {
+                Ok(_) => return Ok(()),
+                Err(error) => error,
+            },
+            Self::Ppm => match ChannelMap::<8>::new(channels, PPM_TRAVEL) {
+                Ok(_) => return Ok(()),
+                Err(error) => error,
+            },
+        };
+        Err(checked)
+    }
+}
+
 impl fmt::Display for Receiver {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())

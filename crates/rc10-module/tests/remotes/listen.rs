@@ -32,7 +32,7 @@ fn heard(receiver: Receiver, mut line: Line) -> (Vec<(Remote, u64)>, Counters) {
     let reception = Reception::new();
     let end = start + line.now + 1_000_000;
     let hear = |remote, at: Micros| heard.borrow_mut().push((remote, at.get() - start));
-    assert_eq!(run_until(end, listen(receiver, line, &reception, hear)), None);
+    assert_eq!(run_until(end, listen(receiver, receiver.channels(), line, &reception, hear)), None);
     (heard.into_inner(), reception.read())
 }
 
@@ -171,7 +171,10 @@ fn a_receiver_that_lost_its_remote_is_no_news() {
 #[test]
 fn pulses_are_heard_as_pulses_only() {
     let reception = Reception::new();
-    let refused = run_until(0, listen(Receiver::Ppm, Line::default(), &reception, |_, _| {}));
+    let refused = run_until(
+        0,
+        listen(Receiver::Ppm, Receiver::Ppm.channels(), Line::default(), &reception, |_, _| {}),
+    );
     assert_eq!(refused, Some(Err(NotSerial)));
 
     let mut edges = vec![0];
@@ -190,7 +193,10 @@ fn pulses_are_heard_as_pulses_only() {
     };
     let heard = RefCell::new(Vec::new());
     let hear = |remote: Remote, at: Micros| heard.borrow_mut().push((remote, at.get()));
-    assert!(run_until(end + 1000, listen_pulses(next, &reception, hear)).is_none());
+    assert!(
+        run_until(end + 1000, listen_pulses(Receiver::Ppm.channels(), next, &reception, hear))
+            .is_none()
+    );
     let heard = heard.into_inner();
     assert_eq!((heard.len(), heard[1].1), (2, end));
     let remote = heard[0].0;

@@ -40,7 +40,7 @@ fn a_port_that_fails_at_once_and_always_leaves_time_for_others() {
         let port = Broken { says, reads: Rc::clone(&reads) };
         let reception = Reception::new();
         let silent = |_: Remote, _: Micros| panic!("heard something");
-        let task = listen(Receiver::Dr16, port, &reception, silent);
+        let task = listen(Receiver::Dr16, Receiver::Dr16.channels(), port, &reception, silent);
         assert_eq!(run_until(start + 1_000_000, task), None);
         // And it is tried again soon.
         assert!((200..=251).contains(&reads.get()), "{says:?}: {} reads", reads.get());
@@ -90,7 +90,9 @@ fn no_read_is_dropped_to_hear_a_pause() {
     let (end, dropped) = (line.now, Rc::new(Cell::new(0)));
     let port = Careless { line, dropped: Rc::clone(&dropped) };
     let (heard, reception) = (Cell::new(0), Reception::new());
-    let task = listen(Receiver::Dr16, port, &reception, |_, _| heard.set(heard.get() + 1));
+    let task = listen(Receiver::Dr16, Receiver::Dr16.channels(), port, &reception, |_, _| {
+        heard.set(heard.get() + 1);
+    });
     assert_eq!(run_until(end, task), None);
     // The last one, with the task.
     assert_eq!((heard.get(), dropped.get()), (10, 1));

@@ -77,8 +77,8 @@ pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
 const fn cascade(limits: &Limits) -> Cascade {
     let kp = limits.torque / 200.0;
     Cascade {
-        speed: PidConfig::new(kp, 10.0 * kp, 0.0, limits.torque),
-        angle: PidConfig::new(1.3, 0.0, 0.0, limits.rpm() * (2.0 / 3.0)),
+        speed: PidConfig::within(limits.torque).kp(kp).ki(10.0 * kp),
+        angle: PidConfig::within(limits.rpm() * (2.0 / 3.0)).kp(1.3),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: FeedForward::NONE,

@@ -1,8 +1,7 @@
 //! The motor: when the device may move, and what it is told.
 
-use embedded_can::ExtendedId;
 use rc10_app::{ConfigError, NewtonMetres};
-use rc10_can::CanFrame;
+use rc10_can::{CanFrame, IdPattern};
 use rc10_time::Micros;
 
 use super::config::{Config, MOTION, Model};
@@ -308,10 +307,6 @@ impl Motor for CyberGear {
     }
 }
 
-fn extended(raw: u32) -> ExtendedId {
-    ExtendedId::new(raw).unwrap_or(ExtendedId::MAX)
-}
-
 impl CanMotor for CyberGear {
     fn can_ids(&self) -> CanIds {
         Config::new(&self.model, self.address).can_ids()
@@ -350,7 +345,8 @@ impl CanMotor for CyberGear {
             _ => wire::stop(to),
         };
         // The torque is part of the identifier: of all of them only the newest counts.
-        tx.push_as(frame, CanFrame::key_of(extended(MOTION | u32::from(to.motor))))
+        let stream = IdPattern::extended(MOTION | u32::from(to.motor)).id();
+        tx.push_as(frame, CanFrame::key_of(stream))
     }
 
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {

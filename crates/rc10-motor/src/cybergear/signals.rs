@@ -1,8 +1,7 @@
 //! The layout of the frames, as data; see [`crate::signals`].
 
-use embedded_can::ExtendedId;
 use heapless::Vec;
-use rc10_can::CanFrame;
+use rc10_can::{CanFrame, IdPattern};
 
 use super::config::{CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
 use super::wire::{self, Address, Parameter, kind};
@@ -88,8 +87,7 @@ pub fn messages(model: &Model, address: Address, scaled: &'static Scaled) -> Vec
     }
     let Address { motor, host } = address;
     let with_id = |kind: u8, upper: u8, middle: u8, low: u8, name, from_device, signals| {
-        let raw = u32::from_be_bytes([kind, upper, middle, low]);
-        let id = ExtendedId::new(raw).unwrap_or(ExtendedId::MAX).into();
+        let id = IdPattern::extended(u32::from_be_bytes([kind, upper, middle, low])).id();
         Message::new(name, id, 8, from_device, signals)
     };
     let from = |kind: u8, mode: u8, name, signals| {

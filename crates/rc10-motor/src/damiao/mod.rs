@@ -41,8 +41,8 @@
 //! // A J4310 under an arm of 0.02 kg m², driven in MIT mode. 1 rpm is 0.105 rad/s: with
 //! // kp = 0.063 N m/rpm the speed follows in 0.02 / (0.063 · 9.55) s = 33 ms.
 //! let cascade = Cascade {
-//!     speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
-//!     angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+//!     speed: PidConfig::within(7.0).kp(0.063).ki(0.5),
+//!     angle: PidConfig::within(150.0).kp(1.3),
 //!     outer_divider: 1,
 //!     acceleration: RpmPerSecond::new(1000.0),
 //!     feed_forward: FeedForward::NONE,

@@ -8,9 +8,9 @@ use rc10_time::Micros;
 
 use super::config::{Config, Model, Own, can_ids, side};
 use super::registers::{Access, CHECKED, NO_ANSWER, Register, Reply, check, reply_to};
-use super::wire::{self, DeviceId, Mode, Operation, State, operate, standard};
+use super::wire::{self, DeviceId, Mode, Operation, State, operate};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, MotorName};
+use crate::can_ids::{CanIds, MotorName, standard};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedShaft};
@@ -293,11 +293,6 @@ impl Damiao {
         }
     }
 
-    /// The stream of its commands: all of them, to each identifier, take each other's place.
-    fn command_stream(&self) -> u32 {
-        CanFrame::key_of(self.id.command_id(self.mode))
-    }
-
     /// The stream of its register frames: an identifier with its low byte that it never uses.
     fn register_stream(&self) -> u32 {
         let unused = match self.mode {
@@ -473,7 +468,9 @@ impl CanMotor for Damiao {
     }
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        tx.push_as(self.command_frame(), self.command_stream())?;
+        // All commands, to each identifier, take each other's place.
+        let stream = CanFrame::key_of(self.id.command_id(self.mode));
+        tx.push_as(self.command_frame(), stream)?;
         let access = self.access().filter(|_| self.pending.take_due().is_some());
         match access.and_then(|access| access.pack(self.id).ok()) {
             Some(frame) => tx.push_as(frame, self.register_stream()),

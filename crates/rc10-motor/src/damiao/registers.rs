@@ -5,7 +5,8 @@
 use rc10_app::ConfigError;
 use rc10_can::CanFrame;
 
-use super::wire::{DeviceId, Mode, REGISTERS, standard};
+use super::wire::{DeviceId, Mode, REGISTERS};
+use crate::can_ids::standard;
 use crate::feedback::Fault;
 use crate::mit::Limits;
 use crate::motor::FrameError;

@@ -5,7 +5,8 @@ use heapless::Vec;
 
 use super::config::Config;
 use super::registers::{NAMES, READ, REFRESH, Register, SAVE, WRITE};
-use super::wire::{DeviceId, ERRORS, Mode, Operation, REGISTERS, operate, standard};
+use super::wire::{DeviceId, ERRORS, Mode, Operation, REGISTERS, operate};
+use crate::can_ids::standard;
 use crate::mit::{Limits, spread};
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 

@@ -7,6 +7,7 @@ use embedded_can::StandardId;
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
+use crate::can_ids::standard;
 use crate::feedback::Fault;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
@@ -46,10 +47,6 @@ impl DeviceId {
 
 /// Identifier of all register frames.
 pub(super) const REGISTERS: u16 = 0x7FF;
-
-pub(super) fn standard(raw: u16) -> StandardId {
-    StandardId::new(raw).unwrap_or(StandardId::MAX)
-}
 
 /// The control mode: register 10, `CTRL_MODE`. Another mode's frames are not documented.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -204,17 +201,11 @@ impl State {
 
     /// The fault that the state reports; `None` unless it is an error.
     #[must_use]
-    pub const fn fault(self) -> Option<Fault> {
+    pub fn fault(self) -> Option<Fault> {
         let Self::Error(code) = self else { return None };
-        let mut text = "an error the manual does not name";
-        let mut index = 0;
-        while index < ERRORS.len() {
-            if ERRORS[index].0 == code as u32 {
-                text = ERRORS[index].1;
-            }
-            index += 1;
-        }
-        Some(Fault::new(code as u32, text))
+        let known = ERRORS.iter().find(|(known, _)| *known == u32::from(code));
+        let text = known.map_or("an error the manual does not name", |&(_, text)| text);
+        Some(Fault::new(code.into(), text))
     }
 }
 

@@ -5,6 +5,7 @@ use rc10_app::{Cascade, ConfigError, Direction, FeedForward, Gear, PidConfig, Rp
 use rc10_can::IdPattern;
 
 use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
+use crate::shaft::gear;
 
 /// Properties of a DJI model. Controllers of the same protocol are one more constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,19 +54,12 @@ impl Effort {
     }
 }
 
-const fn gear(rotor: u32, output: u32) -> Gear {
-    match Gear::new(rotor, output) {
-        Some(gear) => gear,
-        None => Gear::DIRECT,
-    }
-}
-
 /// `speed` is kp, ki, largest effort; `angle` is kp, largest speed in rpm; `acceleration` rpm/s.
 const fn cascade(speed: [f32; 3], angle: [f32; 2], acceleration: f32) -> Cascade {
     let ([kp, ki, effort], [angle_kp, rpm]) = (speed, angle);
     Cascade {
-        speed: PidConfig::new(kp, ki, 0.0, effort),
-        angle: PidConfig::new(angle_kp, 0.0, 0.0, rpm),
+        speed: PidConfig::within(effort).kp(kp).ki(ki),
+        angle: PidConfig::within(rpm).kp(angle_kp),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(acceleration),
         feed_forward: FeedForward::NONE,
@@ -189,7 +183,8 @@ pub struct Config {
     pub direction: Direction,
     /// The feedback rate set in its controller.
     pub rate: FeedbackRate,
-    /// The control loops.
+    /// The control loops. The speed loop's output limit is at most what the model can: 20 A, 10 A or 3 A, or 1 for the
+    /// whole voltage.
     pub cascade: Cascade,
 }
 
@@ -244,7 +239,15 @@ impl Config {
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.model.ids(self.id));
-        self.cascade.validate()
+        ok!(self.cascade.validate());
+        let (limit, full) = (self.cascade.speed.output_limit, self.model.effort.full());
+        let must_be = match self.model.effort {
+            Effort::Current(_) => "at most the model's largest current, in A",
+            Effort::Voltage => "at most 1, the whole voltage",
+        };
+        let error = ConfigError::check(limit <= full, "output_limit", limit, must_be);
+        ok!(error, in "speed");
+        Ok(())
     }
 
     /// The identifiers on its bus, of a [valid](Self::validate) configuration; else no identifier.

@@ -2,8 +2,9 @@
 //!
 //! Angle and speed are the rotor's, as they are on the wire.
 
-use embedded_can::{Id, StandardId};
+use embedded_can::Id;
 use heapless::Vec;
+use rc10_can::IdPattern;
 
 use super::{GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model};
 use crate::signals::{Message, Signal};
@@ -45,16 +46,13 @@ pub fn messages(model: &Model, id: u8) -> Option<Vec<Message, 3>> {
     Vec::from_slice(&[
         Message::new(table.name, Id::Standard(feedback_id), 8, true, table.feedback),
         Message::new(command, Id::Standard(command_id), 8, false, lane),
-        Message::new("DJI_QUICK_ID_SETTING", Id::Standard(QUICK_ID_SETTING), 8, false, &[]),
+        Message::new("DJI_QUICK_ID_SETTING", QUICK_ID_SETTING, 8, false, &[]),
     ])
     .ok()
 }
 
 /// Eight zeros begin quick setting of identifiers (board C sample, `CAN_cmd_chassis_reset_ID`).
-const QUICK_ID_SETTING: StandardId = match StandardId::new(0x700) {
-    Some(id) => id,
-    None => StandardId::MAX,
-};
+const QUICK_ID_SETTING: Id = IdPattern::standard(0x700).id();
 
 struct Table {
     name: &'static str,

@@ -7,6 +7,7 @@ use rc10_can::IdPattern;
 use super::wire::{BASE_ID, DriveId, FULL_SCALE, MULTI_MOTOR, Motion, OPEN_LOOP};
 use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 use crate::motor::FrameError;
+use crate::shaft::gear;
 
 /// Width of the encoder value in answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,11 +51,7 @@ impl Model {
 
     /// The same under another name, with `turns` rotor turns for one of the output shaft.
     const fn with(self, name: &'static str, turns: u32, torque_constant: Option<f32>) -> Self {
-        let gear = match Gear::new(turns, 1) {
-            Some(gear) => gear,
-            None => Gear::DIRECT,
-        };
-        Self { name, gear, torque_constant, ..self }
+        Self { name, gear: gear(turns, 1), torque_constant, ..self }
     }
 
     /// MG drives: 2048 steps are 33 A (manual V2.3). Without a gearbox, until one is given.

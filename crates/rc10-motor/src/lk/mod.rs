@@ -31,8 +31,8 @@
 //!
 //! // Amperes for rpm at the output shaft, 5 A at most.
 //! let cascade = Cascade {
-//!     speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
-//!     angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
+//!     speed: PidConfig::within(5.0).kp(0.2).ki(2.0),
+//!     angle: PidConfig::within(200.0).kp(3.0),
 //!     outer_divider: 5,
 //!     acceleration: RpmPerSecond::new(1000.0),
 //!     feed_forward: FeedForward::NONE,

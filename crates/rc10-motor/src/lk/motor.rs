@@ -1,6 +1,6 @@
 //! The motor: its shaft, its loops, its frames.
 
-use rc10_app::{Amps, Celsius, ConfigError, NewtonMetres, Volts};
+use rc10_app::{Amps, ConfigError, NewtonMetres, Volts};
 use rc10_can::CanFrame;
 use rc10_time::Micros;
 
@@ -105,17 +105,19 @@ impl Lk {
         self.shaft.follow(motion.encoder.into(), motion.speed().get(), at);
         Ok(FrameKind::Feedback)
     }
+
     fn heard_other(&mut self, reply: &Reply) -> Heard {
-        match (reply, self.commands) {
-            (Reply::Health(health), Commands::Single) => return Ok(self.heard_health(health)),
-            (Reply::Run, Commands::Single) => {
-                if let Step::Starting(echoes) = self.step {
-                    let echoes = echoes + 1;
-                    self.step =
-                        if echoes < ECHOES { Step::Starting(echoes) } else { Step::Running };
-                }
+        match reply {
+            _ if self.commands == Commands::MultiMotor => return Err(FrameError::Unasked),
+            Reply::Health(health) => return Ok(self.heard_health(health)),
+            Reply::Run => {
+                self.step = match self.step {
+                    Step::Starting(echoes) if echoes + 1 < ECHOES => Step::Starting(echoes + 1),
+                    Step::Starting(_) => Step::Running,
+                    step => step,
+                };
             }
-            (Reply::Off, Commands::Single) => (),
+            Reply::Off => (),
             _ => return Err(FrameError::Unasked),
         }
         Ok(FrameKind::Other)
@@ -207,7 +209,7 @@ impl Motor for Lk {
         feedback
             .with_current(Amps::new(amps))
             .with_torque(NewtonMetres::new(torque))
-            .with_temperature(Celsius::new(self.motion.temperature.into()))
+            .with_temperature(self.motion.temperature())
             .with_supply(Volts::new(self.supply))
             .with_effort(self.servo.effort())
     }

@@ -86,6 +86,8 @@ const MOVES: [(&str, u8, [u8; 7], &[Signal]); 9] = {
     const NO_LIMIT: [u8; 7] = [0xFF, 0xFF, 0xFF, 0, 0, 0, 0];
     const LIMIT: [u8; 7] = [0xFF, 0, 0, 0, 0, 0, 0];
     const EFFORT: [u8; 7] = [0xFF, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF];
+    const WAY_NO_LIMIT: [u8; 7] = [0xFE, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF];
+    const WAY_LIMIT: [u8; 7] = [0xFE, 0, 0, 0, 0, 0xFF, 0xFF];
     [
         ("LK_OPEN_LOOP", OPEN_LOOP, EFFORT, &[POWER]),
         // Its scale is the model's.
@@ -93,13 +95,8 @@ const MOVES: [(&str, u8, [u8; 7], &[Signal]); 9] = {
         ("LK_SPEED", SPEED, NO_LIMIT, &[SPEED_WANTED]),
         ("LK_TURN_TO", TURN_TO, NO_LIMIT, &[ANGLE]),
         ("LK_TURN_TO", TURN_TO_LIMITED, LIMIT, &[ANGLE, SPEED_LIMIT]),
-        ("LK_TURN_WITHIN", TURN_WITHIN, [0xFE, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF], &[ANGLE, WAY]),
-        (
-            "LK_TURN_WITHIN",
-            TURN_WITHIN_LIMITED,
-            [0xFE, 0, 0, 0, 0, 0xFF, 0xFF],
-            &[ANGLE, WAY, SPEED_LIMIT],
-        ),
+        ("LK_TURN_WITHIN", TURN_WITHIN, WAY_NO_LIMIT, &[ANGLE, WAY]),
+        ("LK_TURN_WITHIN", TURN_WITHIN_LIMITED, WAY_LIMIT, &[ANGLE, WAY, SPEED_LIMIT]),
         ("LK_TURN_BY", TURN_BY, NO_LIMIT, &[ANGLE]),
         ("LK_TURN_BY", TURN_BY_LIMITED, LIMIT, &[ANGLE, SPEED_LIMIT]),
     ]
@@ -213,16 +210,10 @@ struct Table {
 
 const fn of_encoder(amps_per_count: f64, bits: u32) -> Table {
     let answers = answer_signals(amps_per_count, bits);
-    let always = Presence::Always;
-    let motion = [
-        answers[0].when(always),
-        answers[1].when(always),
-        answers[2].when(always),
-        answers[3].when(always),
-        answers[4].when(always),
-    ];
-    let unit = answers[2].unit;
-    let current = [Signal::little("CURRENT", 4, 2).signed().scaled(amps_per_count, unit)];
+    let [a, b, current, c, d, ..] = answers;
+    let all = Presence::Always;
+    let motion = [a.when(all), b.when(all), current.when(all), c.when(all), d.when(all)];
+    let current = [Signal::little("CURRENT", 4, 2).signed().scaled(amps_per_count, current.unit)];
     Table { answers, motion, current }
 }
 
@@ -237,16 +228,12 @@ static STEPS: [Table; 3] = of_every_encoder(1.0);
 fn table(model: &Model) -> &'static Table {
     let is_that_of =
         |other: Model| model.amps_per_count.to_bits() == other.amps_per_count.to_bits();
-    let [fourteen, fifteen, sixteen] = if is_that_of(Model::mg(model.encoder)) {
+    let tables = if is_that_of(Model::mg(model.encoder)) {
         &MG
     } else if is_that_of(Model::mf(model.encoder)) {
         &MF
     } else {
         &STEPS
     };
-    match model.encoder {
-        EncoderBits::Fourteen => fourteen,
-        EncoderBits::Fifteen => fifteen,
-        EncoderBits::Sixteen => sixteen,
-    }
+    &tables[model.encoder as usize - EncoderBits::Fourteen as usize]
 }

@@ -1,12 +1,12 @@
 //! Bytes of the LK-TECH protocol as values, and back. Pure, without state.
 
 use embedded_can::StandardId;
-use rc10_app::maths::Ratio;
-use rc10_app::maths::round_to_i32;
+use rc10_app::maths::{Ratio, round_to_i32};
 use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 
 use super::config::Model;
+use crate::can_ids::standard;
 use crate::feedback::Fault;
 use crate::motor::FrameError;
 use crate::not_a_number::NotANumber;
@@ -56,13 +56,6 @@ const STEPS: Ratio = Ratio::new(1, STEP.cast_unsigned());
 const VOLTS_PER_STEP: f32 = 0.1;
 /// Phase current: 64 steps an ampere (manual V2.3, answer to `9D`).
 const PHASE_AMPS_PER_STEP: f32 = 1.0 / 64.0;
-
-const fn standard(raw: u16) -> StandardId {
-    match StandardId::new(raw) {
-        Some(id) => id,
-        None => StandardId::ZERO,
-    }
-}
 
 /// The identifier set on a drive: 1 ..= 32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,8 +215,7 @@ impl Command {
 
 /// The nearest step of an angle, halves away from zero.
 fn steps(angle: TotalAngle) -> i32 {
-    let microdegrees = angle.microdegrees();
-    let steps = STEPS.times(microdegrees);
+    let steps = STEPS.times(angle.microdegrees());
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
     return steps.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
 }

@@ -93,12 +93,7 @@ impl Rates {
             let (field, rate) = (FIELDS[at], all[at].1);
             let is_sent = at >= 2 || rate >= 1 && rate <= 1000;
             ok!(ConfigError::check(is_sent, field, rate as f32, "1 to 1000 Hz"));
-            at += 1;
-        }
-        at = 1;
-        // The link time-out follows from the most frequent message.
-        while at < all.len() {
-            let (field, rate) = (FIELDS[at], all[at].1);
+            // The link time-out follows from the most frequent message.
             let must_be = "not above the rate of the estimates";
             ok!(ConfigError::check(rate <= self.estimates, field, rate as f32, must_be));
             at += 1;

@@ -28,8 +28,8 @@
 //!
 //! // Newton metres for rpm at the output shaft, 8 N m at most.
 //! let cascade = Cascade {
-//!     speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
-//!     angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+//!     speed: PidConfig::within(8.0).kp(0.1).ki(1.0),
+//!     angle: PidConfig::within(250.0).kp(3.0),
 //!     outer_divider: 5,
 //!     acceleration: RpmPerSecond::new(1500.0),
 //!     feed_forward: FeedForward::NONE,

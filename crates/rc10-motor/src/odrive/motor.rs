@@ -18,7 +18,7 @@ use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loop
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
-use crate::shaft::Shaft;
+use crate::shaft::{Shaft, TURN};
 use crate::side::Side;
 use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
@@ -47,11 +47,6 @@ const SOFT_TICKS: u8 = 20;
 /// Tries to clear errors until the heartbeats have to say that they are gone.
 const CLEAR_TRIES: u8 = 4;
 
-/// Microdegrees in a turn of the encoder's shaft: a [`TotalAngle`] has no finer steps.
-///
-/// [`TotalAngle`]: rc10_app::TotalAngle
-const TURN: i32 = 360_000_000;
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Off,
@@ -60,17 +55,11 @@ enum Step {
     Running,
 }
 
-/// The input of the loops of an axis.
+/// The input of the loops of an axis, and what they add to their own, of a motion that is known.
 #[derive(Clone, Copy, Debug, Default)]
 struct Input {
     /// Velocity (turns a second) or position (turns).
     value: f32,
-    beside: Beside,
-}
-
-/// Numbers that the loops of an axis add to their own, of a motion that is known.
-#[derive(Clone, Copy, Debug, Default)]
-struct Beside {
     /// Beside a position, turns a second.
     velocity: f32,
     /// N m at the motor.
@@ -131,6 +120,7 @@ impl ODrive {
             limits_due: 0,
             torque_constant: config.torque_constant.unwrap_or(f32::NAN),
             ratio: config.gear.ratio() * f32::from(config.direction.sign()),
+            // No finer steps: those of a total angle.
             shaft: Shaft::new(TURN.unsigned_abs(), config.gear, config.direction),
             side: match config.control {
                 Control::Torque(cascade) => Side::Here(Servo::of(TargetKind::Torque, cascade)),
@@ -240,13 +230,11 @@ impl ODrive {
         matches!(self.side, Side::Device(..))
     }
 
-    /// The messages that an axis may send, with their rates in Hz.
-    fn messages(&self) -> impl Iterator<Item = (u8, u16)> {
-        self.rates.all().into_iter().filter(|(_, rate)| *rate > 0)
-    }
+    /// Takes what only firmware 0.6 sends; `error` is why it is no message of both.
     fn heard_other(&mut self, frame: &CanFrame, error: FrameError) -> Heard {
         let number = frame.key() & !u32::from(NODE_MASK);
-        let is_declared = self.messages().any(|(message, _)| u32::from(message) == number);
+        let mut sent = self.rates.all().into_iter().filter(|(_, rate)| *rate > 0);
+        let is_declared = sent.any(|(message, _)| u32::from(message) == number);
         if !is_declared || error == FrameError::NotMine {
             return Err(FrameError::NotMine);
         }
@@ -291,8 +279,7 @@ impl ODrive {
 
     /// The input that was decided in this tick.
     fn input(&self) -> Command {
-        let Side::Device(_, Input { value, beside: Beside { velocity, torque } }) = self.side
-        else {
+        let Side::Device(_, Input { value, velocity, torque }) = self.side else {
             return Command::Torque(NewtonMetres::new(self.side.effort() / self.ratio));
         };
         let torque = NewtonMetres::new(torque);
@@ -406,8 +393,7 @@ impl Motor for ODrive {
         match (&mut self.side, self.modes.0) {
             (Side::Here(servo), _) if runs => servo.update(tick, shaft),
             (Side::Here(servo), _) => servo.rest(),
-            (Side::Device(goals, Input { value, beside }), ControlMode::Position) if runs => {
-                *beside = Beside::default();
+            (Side::Device(goals, input), ControlMode::Position) if runs => {
                 // To stand still is to hold.
                 let mode = if tick.mode == DriveMode::Run { tick.mode } else { DriveMode::Hold };
                 let error = match goals.update(mode, || Some(shaft.angle())) {
@@ -421,35 +407,33 @@ impl Motor for ODrive {
                 };
                 #[expect(clippy::cast_precision_loss, reason = "exact once it is short")]
                 let turns = error as f32 * (self.ratio / TURN as f32);
-                *value = position + turns;
+                *input = Input { value: position + turns, ..Input::default() };
                 if let (DriveMode::Run, Goal::Motion) = (tick.mode, goals.goal()) {
                     let Moment { motion, gone } = goals.advance(tick.dt);
-                    *value += gone * (self.ratio / 360.0);
-                    *beside = Beside {
-                        velocity: motion.speed.get() * (self.ratio / 60.0),
-                        torque: (motion.effort + motion.inertia) / self.ratio,
-                    };
+                    input.value += gone * (self.ratio / 360.0);
+                    input.velocity = motion.speed.get() * (self.ratio / 60.0);
+                    input.torque = (motion.effort + motion.inertia) / self.ratio;
                 }
             }
-            (Side::Device(goals, Input { value, beside }), _) if runs => {
-                *beside = Beside::default();
+            (Side::Device(goals, input), _) if runs => {
+                *input = Input::default();
                 // A velocity loop holds no angle.
                 let rpm = match goals.update(tick.mode, || None) {
                     Goal::Speed(rpm) => rpm,
                     Goal::Motion => {
                         let Motion { speed, inertia, effort, .. } = goals.advance(tick.dt).motion;
-                        beside.torque = (effort + inertia) / self.ratio;
+                        input.torque = (effort + inertia) / self.ratio;
                         speed.get()
                     }
                     _ => 0.0,
                 };
-                *value = rpm * self.ratio / 60.0;
+                input.value = rpm * self.ratio / 60.0;
             }
             // While it starts: what changes nothing in how the shaft moves now.
-            (Side::Device(goals, Input { value, beside }), control) => {
+            (Side::Device(goals, input), control) => {
                 goals.rest();
-                *beside = Beside::default();
-                *value = if control == ControlMode::Position { position } else { velocity };
+                let value = if control == ControlMode::Position { position } else { velocity };
+                *input = Input { value, ..Input::default() };
             }
         }
     }

@@ -50,47 +50,67 @@ pub fn messages(config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
 type Row = (&'static str, u8, u8, bool, &'static [Signal]);
 
 /// The frames of both firmwares, but for the heartbeat.
+#[rustfmt::skip] // A table: what stands in a frame has a line of its own where it needs one.
 const FRAMES: &[Row] = &[
     ("ODRIVE_ESTIMATES", ESTIMATES, 8, true, &ESTIMATE_SIGNALS),
-    ("ODRIVE_CURRENTS", CURRENTS, 8, true, &CURRENT_SIGNALS),
-    ("ODRIVE_SUPPLY", SUPPLY, 8, true, &SUPPLY_SIGNALS),
+    ("ODRIVE_CURRENTS", CURRENTS, 8, true,
+        &[float("CURRENT_SETPOINT", 0, "A"), float("CURRENT_MEASURED", 4, "A")]),
+    ("ODRIVE_SUPPLY", SUPPLY, 8, true,
+        &[float("SUPPLY_VOLTAGE", 0, "V"), float("SUPPLY_CURRENT", 4, "A")]),
     ("ODRIVE_EMERGENCY_STOP", 0x02, 0, false, &[]),
     ("ODRIVE_SET_STATE", STATE, 8, false, &STATE_SIGNALS),
     ("ODRIVE_SET_STATE", STATE, 4, false, &STATE_SIGNALS),
-    ("ODRIVE_SET_MODES", MODES, 8, false, &MODE_SIGNALS),
-    ("ODRIVE_SET_POSITION", POSITION, 8, false, &POSITION_SIGNALS),
-    ("ODRIVE_SET_VELOCITY", VELOCITY, 8, false, &VELOCITY_SIGNALS),
+    ("ODRIVE_SET_MODES", MODES, 8, false,
+        &[Signal::little("CONTROL_MODE", 0, 4).listed(0, CONTROL_MODES),
+          Signal::little("INPUT_MODE", 4, 4).listed(0, INPUT_MODES)]),
+    ("ODRIVE_SET_POSITION", POSITION, 8, false,
+        &[float("INPUT_POSITION", 0, "rev"),
+          Signal::little("INPUT_VELOCITY", 4, 2).signed().scaled(0.001, "rev/s"),
+          Signal::little("INPUT_TORQUE", 6, 2).signed().scaled(0.001, "Nm")]),
+    ("ODRIVE_SET_VELOCITY", VELOCITY, 8, false,
+        &[float("INPUT_VELOCITY", 0, "rev/s"), float("INPUT_TORQUE", 4, "Nm")]),
     ("ODRIVE_SET_TORQUE", TORQUE, 8, false, &TORQUE_SIGNALS),
     ("ODRIVE_SET_TORQUE", TORQUE, 4, false, &TORQUE_SIGNALS),
-    ("ODRIVE_SET_LIMITS", LIMITS, 8, false, &LIMIT_SIGNALS),
+    ("ODRIVE_SET_LIMITS", LIMITS, 8, false,
+        &[float("VELOCITY_LIMIT", 0, "rev/s"), float("CURRENT_LIMIT", 4, "A")]),
     ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 8, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
     ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 4, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
-    ("ODRIVE_SET_TRAJECTORY_ACCELERATION", 0x12, 8, false, &ACCELERATION_SIGNALS),
+    ("ODRIVE_SET_TRAJECTORY_ACCELERATION", 0x12, 8, false,
+        &[float("ACCELERATION_LIMIT", 0, "rev/s2"), float("DECELERATION_LIMIT", 4, "rev/s2")]),
     ("ODRIVE_SET_INERTIA", 0x13, 8, false, &[float("INERTIA", 0, "")]),
     ("ODRIVE_SET_INERTIA", 0x13, 4, false, &[float("INERTIA", 0, "")]),
     ("ODRIVE_REBOOT", 0x16, 0, false, &[]),
     ("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 0, false, &[]),
     ("ODRIVE_SET_POSITION_GAIN", 0x1A, 8, false, &[float("POSITION_GAIN", 0, "")]),
     ("ODRIVE_SET_POSITION_GAIN", 0x1A, 4, false, &[float("POSITION_GAIN", 0, "")]),
-    ("ODRIVE_SET_VELOCITY_GAINS", 0x1B, 8, false, &GAIN_SIGNALS),
+    ("ODRIVE_SET_VELOCITY_GAINS", 0x1B, 8, false,
+        &[float("VELOCITY_GAIN", 0, ""), float("VELOCITY_INTEGRATOR_GAIN", 4, "")]),
 ];
 /// Firmware 0.5.6, `can_simple.hpp` and `can_simple.cpp`.
+#[rustfmt::skip]
 const FRAMES_0_5: &[Row] = &[
     ("ODRIVE_MOTOR_ERROR", 0x03, 8, true, &[Signal::little("MOTOR_ERROR_BITS", 0, 8)]),
     ("ODRIVE_ENCODER_ERROR", 0x04, 8, true, &[Signal::little("ENCODER_ERROR_BITS", 0, 4)]),
     ("ODRIVE_SENSORLESS_ERROR", 0x05, 8, true, &[Signal::little("SENSORLESS_ERROR_BITS", 0, 4)]),
     ("ODRIVE_SET_NODE", 0x06, 8, false, &[Signal::little("NODE", 0, 4)]),
-    ("ODRIVE_ENCODER_COUNT", 0x0A, 8, true, &COUNT_SIGNALS),
+    ("ODRIVE_ENCODER_COUNT", 0x0A, 8, true,
+        &[Signal::little("SHADOW_COUNT", 0, 4).signed(),
+          Signal::little("COUNT_IN_TURN", 4, 4).signed()]),
     ("ODRIVE_START_ANTICOGGING", 0x10, 0, false, &[]),
     ("ODRIVE_SENSORLESS_ESTIMATES", 0x15, 8, true, &ESTIMATE_SIGNALS),
     ("ODRIVE_SET_LINEAR_COUNT", 0x19, 8, false, &[Signal::little("COUNT", 0, 4).signed()]),
     ("ODRIVE_CONTROLLER_ERROR", 0x1D, 8, true, &[Signal::little("CONTROLLER_ERROR_BITS", 0, 4)]),
 ];
 /// Firmware 0.6: the vendor's CAN page and DBC. An endpoint's value has the size of its type.
+#[rustfmt::skip]
 const FRAMES_0_6: &[Row] = &[
-    ("ODRIVE_TEMPERATURES", TEMPERATURES, 8, true, &TEMPERATURE_SIGNALS),
-    ("ODRIVE_VERSION", 0x00, 8, true, &VERSION_SIGNALS),
-    ("ODRIVE_ERRORS", 0x03, 8, true, &ERROR_SIGNALS),
+    ("ODRIVE_TEMPERATURES", TEMPERATURES, 8, true,
+        &[float("CONTROLLER_TEMPERATURE", 0, "degC"), float("MOTOR_TEMPERATURE", 4, "degC")]),
+    ("ODRIVE_VERSION", 0x00, 8, true,
+        &[Signal::little("PROTOCOL", 0, 1), Signal::little("FIRMWARE_MAJOR", 4, 1),
+          Signal::little("FIRMWARE_MINOR", 5, 1), Signal::little("FIRMWARE_REVISION", 6, 1)]),
+    ("ODRIVE_ERRORS", 0x03, 8, true,
+        &[Signal::little("ACTIVE_ERRORS", 0, 4), Signal::little("DISARM_REASON", 4, 4)]),
     ("ODRIVE_ENDPOINT_REQUEST", 0x04, 8, false, &[OPERATION, ENDPOINT, VALUE_4, REAL]),
     ("ODRIVE_READ_ENDPOINT", 0x04, 4, false, &[ENDPOINT]),
     ("ODRIVE_ENDPOINT_REQUEST", 0x04, 5, false, &[OPERATION, ENDPOINT, VALUE_1]),
@@ -98,12 +118,15 @@ const FRAMES_0_6: &[Row] = &[
     ("ODRIVE_ENDPOINT_HOLDS", 0x05, 8, true, &[ENDPOINT, VALUE_4, REAL]),
     ("ODRIVE_ENDPOINT_HOLDS", 0x05, 5, true, &[ENDPOINT, VALUE_1]),
     ("ODRIVE_ENDPOINT_HOLDS", 0x05, 6, true, &[ENDPOINT, VALUE_2]),
-    ("ODRIVE_ADDRESS", 0x06, 8, true, &ADDRESS_SIGNALS),
+    ("ODRIVE_ADDRESS", 0x06, 8, true,
+        &[Signal::little("NODE", 0, 1), Signal::little("SERIAL_NUMBER", 1, 6)]),
     ("ODRIVE_REBOOT", 0x16, 1, false, &[Signal::little("ACTION", 0, 1)]),
     ("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 1, false, &[Signal::little("IDENTIFY", 0, 1)]),
     ("ODRIVE_SET_ABSOLUTE_POSITION", 0x19, 4, false, &[float("POSITION", 0, "rev")]),
-    ("ODRIVE_TORQUES", 0x1C, 8, true, &TORQUES_SIGNALS),
-    ("ODRIVE_POWERS", 0x1D, 8, true, &POWER_SIGNALS),
+    ("ODRIVE_TORQUES", 0x1C, 8, true,
+        &[float("TORQUE_TARGET", 0, "Nm"), float("TORQUE_ESTIMATE", 4, "Nm")]),
+    ("ODRIVE_POWERS", 0x1D, 8, true,
+        &[float("ELECTRICAL_POWER", 0, "W"), float("MECHANICAL_POWER", 4, "W")]),
     ("ODRIVE_ENTER_DFU", 0x1F, 0, false, &[]),
 ];
 
@@ -134,26 +157,6 @@ const ASKS_0_6: &[(&str, u8)] = &[
 /// The most messages of an axis: the heartbeat, the other frames, and the requests.
 pub const MOST: usize = 1 + FRAMES.len() + FRAMES_0_6.len() + ASKS.len() + ASKS_0_6.len();
 
-static ACCELERATION_SIGNALS: [Signal; 2] =
-    [float("ACCELERATION_LIMIT", 0, "rev/s2"), float("DECELERATION_LIMIT", 4, "rev/s2")];
-static GAIN_SIGNALS: [Signal; 2] =
-    [float("VELOCITY_GAIN", 0, ""), float("VELOCITY_INTEGRATOR_GAIN", 4, "")];
-static COUNT_SIGNALS: [Signal; 2] =
-    [Signal::little("SHADOW_COUNT", 0, 4).signed(), Signal::little("COUNT_IN_TURN", 4, 4).signed()];
-static VERSION_SIGNALS: [Signal; 4] = [
-    Signal::little("PROTOCOL", 0, 1),
-    Signal::little("FIRMWARE_MAJOR", 4, 1),
-    Signal::little("FIRMWARE_MINOR", 5, 1),
-    Signal::little("FIRMWARE_REVISION", 6, 1),
-];
-static ERROR_SIGNALS: [Signal; 2] =
-    [Signal::little("ACTIVE_ERRORS", 0, 4), Signal::little("DISARM_REASON", 4, 4)];
-static ADDRESS_SIGNALS: [Signal; 2] =
-    [Signal::little("NODE", 0, 1), Signal::little("SERIAL_NUMBER", 1, 6)];
-static TORQUES_SIGNALS: [Signal; 2] =
-    [float("TORQUE_TARGET", 0, "Nm"), float("TORQUE_ESTIMATE", 4, "Nm")];
-static POWER_SIGNALS: [Signal; 2] =
-    [float("ELECTRICAL_POWER", 0, "W"), float("MECHANICAL_POWER", 4, "W")];
 const OPERATION: Signal = Signal::little("OPERATION", 0, 1).named(&[(0, "read"), (1, "write")]);
 const ENDPOINT: Signal = Signal::little("ENDPOINT", 1, 2);
 const VALUE_1: Signal = Signal::little("VALUE", 4, 1);
@@ -166,28 +169,9 @@ const fn float(name: &'static str, first: u8, unit: &'static str) -> Signal {
 }
 
 static ESTIMATE_SIGNALS: [Signal; 2] = [float("POSITION", 0, "rev"), float("VELOCITY", 4, "rev/s")];
-static CURRENT_SIGNALS: [Signal; 2] =
-    [float("CURRENT_SETPOINT", 0, "A"), float("CURRENT_MEASURED", 4, "A")];
-static TEMPERATURE_SIGNALS: [Signal; 2] =
-    [float("CONTROLLER_TEMPERATURE", 0, "degC"), float("MOTOR_TEMPERATURE", 4, "degC")];
-static SUPPLY_SIGNALS: [Signal; 2] =
-    [float("SUPPLY_VOLTAGE", 0, "V"), float("SUPPLY_CURRENT", 4, "A")];
 static STATE_SIGNALS: [Signal; 1] =
     [Signal::little("REQUESTED_STATE", 0, 4).listed(0, &AXIS_STATES)];
-static MODE_SIGNALS: [Signal; 2] = [
-    Signal::little("CONTROL_MODE", 0, 4).listed(0, CONTROL_MODES),
-    Signal::little("INPUT_MODE", 4, 4).listed(0, INPUT_MODES),
-];
-static VELOCITY_SIGNALS: [Signal; 2] =
-    [float("INPUT_VELOCITY", 0, "rev/s"), float("INPUT_TORQUE", 4, "Nm")];
-static POSITION_SIGNALS: [Signal; 3] = [
-    float("INPUT_POSITION", 0, "rev"),
-    Signal::little("INPUT_VELOCITY", 4, 2).signed().scaled(0.001, "rev/s"),
-    Signal::little("INPUT_TORQUE", 6, 2).signed().scaled(0.001, "Nm"),
-];
 static TORQUE_SIGNALS: [Signal; 1] = [float("INPUT_TORQUE", 0, "Nm")];
-static LIMIT_SIGNALS: [Signal; 2] =
-    [float("VELOCITY_LIMIT", 0, "rev/s"), float("CURRENT_LIMIT", 4, "A")];
 
 const CONTROL_MODES: &[&str] = &["voltage", "torque", "velocity", "position"];
 const INPUT_MODES: &[&str] = &[

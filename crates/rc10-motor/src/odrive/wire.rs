@@ -5,6 +5,8 @@ use rc10_app::maths::round_to_i16;
 use rc10_app::{Amps, Celsius, NewtonMetres};
 use rc10_can::CanFrame;
 
+use crate::can_ids::standard;
+use crate::mit::sendable;
 use crate::motor::FrameError;
 use crate::not_a_number::NotANumber;
 
@@ -50,11 +52,7 @@ impl Node {
     /// The identifier of one of its messages, of which the lower five bits count.
     #[must_use]
     pub const fn can_id(self, message: u8) -> StandardId {
-        let raw = (self.0 as u16) << MESSAGE_BITS | message as u16 & MESSAGE_MASK;
-        match StandardId::new(raw) {
-            Some(id) => id,
-            None => StandardId::ZERO,
-        }
+        standard((self.0 as u16) << MESSAGE_BITS | message as u16 & MESSAGE_MASK)
     }
 
     /// Node and message number of an identifier: every standard one has both.
@@ -188,17 +186,6 @@ pub enum Command {
     ClearErrors,
 }
 
-/// The number, the nearest finite one, or 0 for NaN.
-fn finite(x: f32) -> f32 {
-    if x.is_finite() {
-        x
-    } else if x.is_nan() {
-        0.0
-    } else {
-        f32::MAX.copysign(x)
-    }
-}
-
 impl Command {
     /// The frame for an axis.
     ///
@@ -211,7 +198,7 @@ impl Command {
             CanFrame::eight_bytes(node.can_id(message), [a, b, c, d, e, f, g, h])
         };
         let floats = |message, low: f32, high: f32| {
-            frame(message, finite(low).to_le_bytes(), finite(high).to_le_bytes())
+            frame(message, sendable(low).to_le_bytes(), sendable(high).to_le_bytes())
         };
         // Of a command with up to two numbers: the one that is NaN.
         let checked = |frame, numbers: [(f32, &'static str); 2]| match numbers
@@ -235,7 +222,7 @@ impl Command {
                 let [e, f] = round_to_i16(velocity * STEPS_PER_FEED_FORWARD).to_le_bytes();
                 let [g, h] = round_to_i16(torque * STEPS_PER_FEED_FORWARD).to_le_bytes();
                 checked(
-                    frame(POSITION, finite(position).to_le_bytes(), [e, f, g, h]),
+                    frame(POSITION, sendable(position).to_le_bytes(), [e, f, g, h]),
                     [(velocity, "velocity"), (torque, "torque")],
                 )
             }
@@ -248,11 +235,11 @@ impl Command {
             }
             Self::Limits { velocity, current } => {
                 let current = current.get();
+                let is_nan = velocity.is_nan() || current.is_nan();
+                let [low, high] =
+                    [velocity, current].map(|x| if is_nan { 0.0 } else { x.max(0.0) });
                 let numbers = [(velocity, "velocity limit"), (current, "current limit")];
-                if velocity.is_nan() || current.is_nan() {
-                    return checked(floats(LIMITS, 0.0, 0.0), numbers);
-                }
-                checked(floats(LIMITS, velocity.max(0.0), current.max(0.0)), numbers)
+                checked(floats(LIMITS, low, high), numbers)
             }
             Self::ClearErrors => Ok(CanFrame::exact(node.can_id(CLEAR_ERRORS), [])),
         }

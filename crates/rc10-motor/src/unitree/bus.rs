@@ -62,7 +62,7 @@ pub struct Rs485Bus<'m> {
     counters: Rs485Counters,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Poll {
     /// Not polled since the last tick.
     is_due: bool,
@@ -198,14 +198,7 @@ impl<'m> Rs485Bus<'m> {
         }
         let motor = self.motors.attach(motor, safety, Self::LINK_TIMEOUT)?;
         // As much room as for motors.
-        let poll = Poll {
-            is_due: false,
-            is_heard: false,
-            polled_at: None,
-            mode: DriveMode::Off,
-            urgent: 0,
-        };
-        let _ = self.polls.push(poll);
+        let _ = self.polls.push(Poll::default());
         Ok(motor)
     }
 

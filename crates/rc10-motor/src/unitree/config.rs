@@ -17,8 +17,8 @@ pub const LARGEST_TORQUE: NewtonMetres = NewtonMetres::new(23.7);
 
 /// Gains in N m at the output, to a load of 0.02 kg m², give or take 30 %; from simulation only.
 pub const CASCADE: Cascade = Cascade {
-    speed: PidConfig::new(0.12, 0.8, 0.0, LARGEST_TORQUE.get()),
-    angle: PidConfig::new(1.1, 0.0, 0.0, 200.0),
+    speed: PidConfig::within(LARGEST_TORQUE.get()).kp(0.12).ki(0.8),
+    angle: PidConfig::within(200.0).kp(1.1),
     outer_divider: 1,
     acceleration: RpmPerSecond::new(800.0),
     feed_forward: FeedForward::NONE,

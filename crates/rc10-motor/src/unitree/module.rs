@@ -34,9 +34,8 @@
 
 mod sequence;
 
-use embedded_can::{ExtendedId, Id};
 use rc10_app::{ConfigError, Degrees, Rpm};
-use rc10_can::CanFrame;
+use rc10_can::{CanFrame, IdPattern};
 use rc10_time::Micros;
 
 use self::sequence::Sequence;
@@ -115,15 +114,10 @@ impl GoModule {
         self.actuator.pull(&Spring { way, speed: Rpm::new(speed), ..*spring })
     }
 
-    /// The stream of all frames to the motor: the part of the identifier that they have in common.
-    const fn stream(&self) -> u32 {
-        self.owner ^ FROM_MODULE
-    }
-
+    /// Sends in the one stream of all frames to the motor: what their identifiers have in common.
     fn send(&self, question: &Question, tx: &mut TxBatch) -> Result<(), TxFull> {
-        let stream = ExtendedId::new(self.stream()).unwrap_or(ExtendedId::ZERO);
-        let key = CanFrame::key_of(Id::Extended(stream));
-        tx.push_as(question.pack(self.module, self.address), key)
+        let stream = IdPattern::extended(self.owner ^ FROM_MODULE).id();
+        tx.push_as(question.pack(self.module, self.address), CanFrame::key_of(stream))
     }
 }
 
@@ -166,7 +160,7 @@ impl Motor for GoModule {
         });
         self.sequence.advance(gains);
         if self.sequence.is_following() {
-            self.actuator.update(tick);
+            self.actuator.servo.update(tick, &self.actuator.shaft);
         } else {
             self.actuator.servo.rest();
         }
@@ -182,7 +176,7 @@ impl Motor for GoModule {
             self.actuator.fault = None;
             return Ok(Response::Done);
         }
-        self.actuator.request(request)
+        self.actuator.servo.request(request, &mut self.actuator.shaft)
     }
 
     fn condition(&self) -> Condition {
@@ -239,6 +233,7 @@ impl CanMotor for GoModule {
 mod tests {
     use super::*;
     use crate::unitree::wire::Status;
+    use embedded_can::ExtendedId;
 
     /// The identifier that a tick sends.
     fn tick(motor: &mut GoModule, drive: DriveMode) -> u32 {

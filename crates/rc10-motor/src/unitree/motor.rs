@@ -4,8 +4,7 @@ use rc10_time::Micros;
 use super::config::servo;
 use super::wire::{ANGLE_STEPS, GEAR, RawMotion, RotorScale, SPEED_STEPS};
 use crate::feedback::{Fault, Feedback};
-use crate::motor::{Link, Tick};
-use crate::request::{Request, RequestError, Response};
+use crate::motor::Link;
 use crate::servo::{Servo, Spring};
 use crate::shaft::Shaft;
 
@@ -83,15 +82,6 @@ impl Actuator {
             .with_torque(NewtonMetres::new(torque))
             .with_temperature(self.temperature)
             .with_effort(self.servo.effort())
-    }
-
-    pub(super) fn update(&mut self, tick: &Tick) {
-        self.servo.update(tick, &self.shaft);
-    }
-
-    /// Takes zero, gains and [`TorqueLimit`](Request::TorqueLimit).
-    pub(super) fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        self.servo.request(request, &mut self.shaft)
     }
 
     /// The motion for a torque (N m), with angle and speed reported last: gains add nothing.

@@ -124,7 +124,7 @@ impl Motor for GoM8010 {
             actuator.servo.rest();
             idle(*address, Status::LOCK)
         } else {
-            actuator.update(tick);
+            actuator.servo.update(tick, &actuator.shaft);
             let command = idle(*address, Status::FOC);
             match actuator.servo.spring() {
                 None => Command { motion: actuator.push(actuator.servo.effort()), ..command },
@@ -144,7 +144,7 @@ impl Motor for GoM8010 {
         match request {
             Request::ClearFault => self.pending.ask((), CLEARING),
             _ if self.pending.is_busy() => Err(RequestError::Busy),
-            _ => self.actuator.request(request),
+            _ => self.actuator.servo.request(request, &mut self.actuator.shaft),
         }
     }
 

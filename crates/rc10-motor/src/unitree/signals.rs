@@ -1,7 +1,7 @@
 //! Layout of the frames to a GO-M8010-6 behind a module. Values are the output shaft's.
 
-use embedded_can::{ExtendedId, Id};
 use heapless::Vec;
+use rc10_can::IdPattern;
 
 use super::config::ModuleConfig;
 use super::wire::module::{FROM_MODULE, IMPEDANCE, NO_TEMPERATURE, Request, STATE};
@@ -35,39 +35,29 @@ const GAINS: &[Signal] = &[
 /// Frames to a motor, then its replies ([not in a DBC file](NOT_IN_DBC)); empty if it is invalid.
 pub fn messages(config: &ModuleConfig) -> Vec<Message, MOST> {
     let Ok((module, motor)) = config.devices() else { return Vec::new() };
-    let with_id = |name, raw, from_device, signals| {
-        let id = ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO);
-        Message::new(name, Id::Extended(id), 8, from_device, signals)
-    };
     let request = |name, request: Request, signals| {
-        with_id(name, request.pack(module, motor).raw_id(), false, signals)
+        Message::new(name, request.pack(module, motor).id(), 8, false, signals)
     };
     // The identifier of a reply: module, content, motor, and its lowest byte.
     let reply = |name, content: u8, low: u8, signals, varies| {
         let top = module.get() << 3 | FROM_MODULE_BYTE | content;
         let raw = u32::from_be_bytes([top, 0, motor.get(), low]);
-        with_id(name, raw, true, signals).varying(varies)
+        Message::new(name, IdPattern::extended(raw).id(), 8, true, signals).varying(varies)
     };
     let (motion, gains) = (RawMotion::default(), RawImpedance::default());
+    let control = |status| Request::Control(status, motion);
+    let unanswered = |status| Request::ControlUnanswered(status, motion);
     // Status in bits 14 to 12, what differs in bits 23 to 16.
     let fault = 0x00FF_7000;
     [
         // What its numbers say is not done.
-        request("UNITREE_GO_LOCK", Request::Control(Status::LOCK, motion), &[]),
-        request("UNITREE_GO_CONTROL", Request::Control(Status::FOC, motion), MOTION),
+        request("UNITREE_GO_LOCK", control(Status::LOCK), &[]),
+        request("UNITREE_GO_CONTROL", control(Status::FOC), MOTION),
         request("UNITREE_GO_SET_GAINS", Request::SetImpedance(gains), GAINS),
         request("UNITREE_GO_READ_GAINS", Request::ReadImpedance, &[]),
-        request("UNITREE_GO_CALIBRATE", Request::Control(Status::CALIBRATE, motion), &[]),
-        request(
-            "UNITREE_GO_LOCK_UNANSWERED",
-            Request::ControlUnanswered(Status::LOCK, motion),
-            &[],
-        ),
-        request(
-            "UNITREE_GO_CONTROL_UNANSWERED",
-            Request::ControlUnanswered(Status::FOC, motion),
-            MOTION,
-        ),
+        request("UNITREE_GO_CALIBRATE", control(Status::CALIBRATE), &[]),
+        request("UNITREE_GO_LOCK_UNANSWERED", unanswered(Status::LOCK), &[]),
+        request("UNITREE_GO_CONTROL_UNANSWERED", unanswered(Status::FOC), MOTION),
         reply("UNITREE_GO_STATE", STATE, 0, STATES, fault | 0xFF),
         reply("UNITREE_GO_FAULT", STATE, NO_TEMPERATURE.cast_unsigned(), FAULTS, fault),
         reply("UNITREE_GO_GAINS", IMPEDANCE, 0, GAINS, fault | 0xFF),

@@ -17,7 +17,7 @@ use crate::goal::{Goal, Goals};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
-use crate::shaft::Shaft;
+use crate::shaft::{Shaft, TURN};
 use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// After driving starts, a current rises to what was asked for within this time, s …
@@ -32,8 +32,6 @@ const OLD: f32 = 0.025;
 const LIMIT_PERIOD: f32 = 1.0;
 /// Steps of the position in `STATUS_4` in a turn: 50 a degree.
 const POSITION_STEPS: i32 = 18_000;
-/// Microdegrees in a turn.
-const TURN: i32 = 360_000_000;
 
 /// No torque, no braking.
 const COAST: Command = Command::Current(Amps::ZERO);
@@ -107,10 +105,7 @@ impl Vesc {
         let mut servo = None;
         if let Some(cascade) = config.angle_loops {
             supports = supports.with(TargetKind::TotalAngle).with(TargetKind::Motion);
-            servo = Some(Servo::new(Current, cascade)?);
-        }
-        if let Some(servo) = &mut servo {
-            servo.set_limit("limit", limit)?;
+            servo.insert(Servo::of(Current, cascade)).set_limit("limit", limit)?;
         }
         let Config { scale, direction, .. } = config;
         Ok(Self {

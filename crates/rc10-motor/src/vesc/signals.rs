@@ -2,7 +2,6 @@
 //!
 //! Values are the VESC's own: electrical rpm, and its own direction.
 
-use embedded_can::Id;
 use heapless::Vec;
 
 use super::config::Config;
@@ -24,14 +23,13 @@ pub const MOST: usize = 6 + 1 + 2 * ORDERS.len();
 pub fn messages(config: &Config) -> Vec<Message, MOST> {
     let Ok(own) = config.vesc_id() else { return Vec::new() };
     let message = |packet: Packet, id, name, len, from_device, signals| {
-        Message::new(name, Id::Extended(packet.id(id)), len, from_device, signals)
+        Message::new(name, packet.id(id).into(), len, from_device, signals)
     };
     let reports = |wanted: bool| {
-        let statuses = STATUSES.into_iter().zip(REPORT_NAMES).zip(REPORTS);
-        let statuses = statuses.zip(config.status.all());
+        let statuses = STATUSES.into_iter().zip(REPORTS).zip(config.status.all());
         let statuses = statuses.filter(move |(_, rate)| (*rate > 0) == wanted);
         statuses
-            .map(move |(((packet, name), signals), _)| message(packet, own, name, 8, true, signals))
+            .map(move |((packet, (name, signals)), _)| message(packet, own, name, 8, true, signals))
     };
     let pong = message(Packet::Pong, config.asker, "VESC_PONG", 2, true, PONG);
     let orders = ORDERS
@@ -40,53 +38,45 @@ pub fn messages(config: &Config) -> Vec<Message, MOST> {
     // Of eight bytes are only settings, which belong to one.
     let to_all = ORDERS.iter().filter(|(_, _, len, _)| *len < 8);
     let to_all = to_all.map(|&(packet, name, len, signals)| {
-        let id = Id::Extended(packet.id(Address::Every));
+        let id = packet.id(Address::Every).into();
         Message::new(name, id, len, false, signals).marked(Marks::behind(len))
     });
     let own = reports(true).chain([pong]).chain(orders);
     own.chain(reports(false)).chain(to_all).take(MOST).collect()
 }
 
-const REPORT_NAMES: [&str; 6] = [
-    "VESC_STATUS_1",
-    "VESC_STATUS_2",
-    "VESC_STATUS_3",
-    "VESC_STATUS_4",
-    "VESC_STATUS_5",
-    "VESC_STATUS_6",
-];
-
 /// In the order of their numbers (bldc `comm_can.c`, `comm_can_send_status1` to `status6`).
-const REPORTS: [&[Signal]; 6] = [
-    &[
+#[rustfmt::skip] // A table: name and signals.
+const REPORTS: [(&str, &[Signal]); 6] = [
+    ("VESC_STATUS_1", &[
         Signal::big("VESC_SPEED", 0, 4).signed().scaled(1.0, "erpm"),
         Signal::big("VESC_CURRENT", 4, 2).signed().scaled(0.1, "A"),
         Signal::big("VESC_DUTY", 6, 2).signed().scaled(0.001, ""),
-    ],
-    &[
+    ]),
+    ("VESC_STATUS_2", &[
         Signal::big("VESC_CHARGE_USED", 0, 4).signed().scaled(1e-4, "Ah"),
         Signal::big("VESC_CHARGE_FED_BACK", 4, 4).signed().scaled(1e-4, "Ah"),
-    ],
-    &[
+    ]),
+    ("VESC_STATUS_3", &[
         Signal::big("VESC_ENERGY_USED", 0, 4).signed().scaled(1e-4, "Wh"),
         Signal::big("VESC_ENERGY_FED_BACK", 4, 4).signed().scaled(1e-4, "Wh"),
-    ],
-    &[
+    ]),
+    ("VESC_STATUS_4", &[
         Signal::big("VESC_TRANSISTOR_TEMPERATURE", 0, 2).signed().scaled(0.1, "degC"),
         Signal::big("VESC_MOTOR_TEMPERATURE", 2, 2).signed().scaled(0.1, "degC"),
         Signal::big("VESC_INPUT_CURRENT", 4, 2).signed().scaled(0.1, "A"),
         Signal::big("VESC_POSITION", 6, 2).signed().scaled(0.02, "deg"),
-    ],
-    &[
+    ]),
+    ("VESC_STATUS_5", &[
         Signal::big("VESC_TACHOMETER", 0, 4).signed().scaled(1.0, "steps"),
         Signal::big("VESC_SUPPLY", 4, 2).signed().scaled(0.1, "V"),
-    ],
-    &[
+    ]),
+    ("VESC_STATUS_6", &[
         Signal::big("VESC_INPUT_1", 0, 2).signed().scaled(0.001, "V"),
         Signal::big("VESC_INPUT_2", 2, 2).signed().scaled(0.001, "V"),
         Signal::big("VESC_INPUT_3", 4, 2).signed().scaled(0.001, "V"),
         Signal::big("VESC_PPM", 6, 2).signed().scaled(0.001, ""),
-    ],
+    ]),
 ];
 
 const PONG: &[Signal] = &[

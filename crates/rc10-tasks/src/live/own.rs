@@ -206,7 +206,7 @@ pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T>
 ///             arm: "arm"; // its stage
 ///         }
 ///         contacts {
-///             bottom: "lift bottom"; // `contact bottom: input 1;` in `robot!` reads it
+///             bottom: "lift bottom"; // `contact bottom: input_1;` in `robot!` reads it
 ///         }
 ///         signals {
 ///             tilt: "lift tilt", "deg";

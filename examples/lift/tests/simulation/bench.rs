@@ -1,6 +1,6 @@
 //! The robot in its world, with hands on its remote and on its motors.
 
-use lift::simulation::{INDEX, TRAVEL};
+use lift::simulation::TRAVEL;
 use lift::table::{LIFT, WEIGHT};
 use lift::{Motors, Name, Ports, Robot, Shared};
 use rc10::motor::{Motion, Names, Target};
@@ -45,7 +45,7 @@ const UP: [f64; 2] = [1.0, -1.0];
 /// Runs a scenario with a robot that has just got its power. Its lift is held by hand this many degrees
 /// above the bottom.
 pub fn bench<R>(seed: u64, heights: [f64; 2], scenario: impl FnOnce(&mut Bench<'_>) -> R) -> R {
-    indexed(seed, heights, INDEX, scenario)
+    changed(seed, heights, |_| {}, scenario)
 }
 
 /// The same with its feeder's marker elsewhere.
@@ -55,11 +55,21 @@ pub fn indexed<R>(
     index: [f64; 2],
     scenario: impl FnOnce(&mut Bench<'_>) -> R,
 ) -> R {
+    changed(seed, heights, |world| world.contacts[0].closed = index.into(), scenario)
+}
+
+/// The same in another world.
+pub fn changed<R>(
+    seed: u64,
+    heights: [f64; 2],
+    change: impl FnOnce(&mut rc10::sim::Description),
+    scenario: impl FnOnce(&mut Bench<'_>) -> R,
+) -> R {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let robot = rc10::sim::robot_of::<Robot>(&shared, &mut motors).unwrap();
     let mut description = robot.description().clone();
-    description.contacts[0].closed = index;
+    change(&mut description);
     let mut around = Environment::new(&description, seed).unwrap();
     around.operator = None;
     let tasks = robot.tasks(&around).unwrap();
@@ -167,6 +177,17 @@ impl Bench<'_> {
     /// The same of the feeder.
     pub fn feeder(&self) -> Stage {
         stage(&self.shared.own.feeder)
+    }
+
+    /// The same of the hoist.
+    pub fn hoist(&self) -> Stage {
+        stage(&self.shared.own.hoist)
+    }
+
+    /// True angle of the hoist's shaft since power-on, and where the robot believes it above the switch.
+    pub fn hoisted(&self) -> [f64; 2] {
+        let true_one = -self.motor(Name::Hoist).state().load_degrees;
+        [true_one, f64::from(self.shared.own.hoisted.get())]
     }
 
     /// The motor of the lift that it blames, if it does.

@@ -9,7 +9,7 @@ use rc10::motor::{Motion, Target};
 use rc10::sim::simulator::{Tasks, World};
 use rc10::tasks::embedded_hal::digital::{ErrorKind, ErrorType, InputPin};
 use rc10::tasks::live::Contact;
-use rc10::tasks::program::read_contact;
+use rc10::tasks::program::{Active, read_contact};
 use rc10::time::Micros;
 
 use crate::bench::{ARMED, Bench, DISARMED, FEED, Stage, indexed};
@@ -202,7 +202,7 @@ fn an_input_that_cannot_be_read_is_an_open_contact() {
     let contact = Contact::new("index");
     contact.set(true);
     let mut tasks = Tasks::new();
-    tasks.add(async { read_contact(Broken, &contact).await });
+    tasks.add(async { read_contact(Broken, Active::Low, &contact).await });
     let _ = World::new(1).run(Pin::new(&mut tasks), Micros::from_millis(2));
     assert!(!contact.is_closed());
 }

@@ -2,4 +2,5 @@
 #![no_std]
 #![no_main]
 
-rc10_board::program!(team);
+// On a DM-MC02 the switched 5 V stay off: nothing is there.
+rc10_board::program!(team, outputs: [First, Second]);

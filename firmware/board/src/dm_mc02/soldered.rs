@@ -65,8 +65,8 @@ const HEATER_RATE: Hertz = Hertz(1_000);
 /// Period of its loop, and of measuring the supply.
 const TENTH: Duration = Duration::from_millis(100);
 
-/// 3.3 V and the divider of 100 and 10 kOhm before the pin: the full scale of 16 bits, mV.
-const SUPPLY_SCALE: u32 = 3_300 * 11;
+/// 100 and 10 kOhm before the supply's pin.
+const SUPPLY_DIVIDER: f32 = 11.0;
 
 /// The buzzer's tone: with 22 ohms at the transistor's base half of the time is the most.
 const TONE: Hertz = Hertz(4_000);
@@ -120,12 +120,12 @@ pub async fn serve<N: Names>(
         status_led::run(shared, Strip::<_, 1>::new(pulses).with_brightness(BRIGHTNESS), 1).await;
     };
     let measure = async {
-        let mut input = VoltageInput::new(supply.0, supply.1);
+        let mut input = VoltageInput::new(supply, SUPPLY_DIVIDER);
         let mut ticker = Ticker::every(TENTH);
         loop {
-            if let Some(raw) = input.read().await {
-                let millivolts = u32::from(raw) * SUPPLY_SCALE / u32::from(u16::MAX);
-                let millivolts = u16::try_from(millivolts).unwrap_or(u16::MAX);
+            if let Some(volts) = input.read().await {
+                #[expect(clippy::cast_possible_truncation, reason = "36,300 at most")]
+                let millivolts = (volts * 1000.0) as u16;
                 shared.supply.set(Supply { millivolts }, rc10_message::now());
             }
             ticker.next().await;

@@ -1,16 +1,14 @@
 //! `rc10 decode`: a candump log in words.
 
-use crate::decode::{Decoder, Summary, excerpt, known_on, unreadable};
-use std::fs::File;
-use std::io;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 
-use crate::decode::print::Printer;
 use anyhow::Context;
 use rc10_time::Micros;
 
-use crate::decode::BusOfChannel;
+use crate::decode::print::Printer;
+use crate::decode::{BusOfChannel, Decoder, Summary, excerpt, known_on};
+use crate::files::{open, unreadable};
 use crate::formats::candump::{Numbered, Reader};
 use crate::world::robot::Robot;
 
@@ -74,8 +72,7 @@ pub fn decode(
     if args.file == Path::new("-") {
         return decode_log(io::stdin().lock(), args, robot, out, err);
     }
-    let file = File::open(&args.file).with_context(|| unreadable(&args.file))?;
-    decode_log(BufReader::new(file), args, robot, out, err)
+    decode_log(BufReader::new(open(&args.file)?), args, robot, out, err)
 }
 
 fn decode_log(
@@ -106,7 +103,7 @@ fn decode_log(
                 }
                 // The bus may be watched live.
                 if args.file == Path::new("-") {
-                    printer.flush()?;
+                    printer.out.flush()?;
                 }
             }
             Err(error) => {

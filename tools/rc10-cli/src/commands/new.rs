@@ -97,7 +97,8 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
          cargo run               ten seconds in the simulator, and its report\n  \
          cargo test              the robot does what hands tell it\n  \
          cargo run -- emu        the firmware itself, on the emulated chip\n  \
-         src/table.rs            its motors: a line each",
+         src/table.rs            what it has: a line for each motor\n  \
+         src/task.rs             what it does",
         args.board.name, args.board.chip
     )?;
     Ok(())

@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io;
-use std::io::{BufWriter, Read, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -12,7 +11,7 @@ use mcap::MAGIC;
 
 use crate::decode::BusOfChannel;
 use crate::decode::heard::hear;
-use crate::files::{Unfinished, make_folder};
+use crate::files::{Unfinished, make_folder, open, unreadable};
 use crate::record::file::{Channel, Item, walk};
 use crate::record::replay::{numbers, replay};
 use crate::show::figures::{Figures, to_json};
@@ -66,9 +65,8 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     }
     for gap in recording.gaps.iter().take(GAPS) {
         let at = gap.at.get() as f64 / 1e6;
-        tell(format_args!(
-            "{named}: {gap} at {at} s; it is left out, and what follows is that much nearer"
-        ));
+        let hint = "it is left out, and what follows is that much nearer";
+        tell(format_args!("{named}: {gap} at {at} s; {hint}"));
     }
     if let more @ 1.. = recording.gaps.len().saturating_sub(GAPS) {
         tell(format_args!("{named}: {more} such gaps more"));
@@ -76,12 +74,10 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, None))?;
     } else {
-        let seed = if recording.source.is_simulated() {
-            format!(", seed {}", recording.seed)
-        } else {
-            String::new()
-        };
-        let headline = format!("{length} s of {named}{seed}");
+        let mut headline = format!("{length} s of {named}");
+        if recording.source.is_simulated() {
+            headline += &format!(", seed {}", recording.seed);
+        }
         print(&recording, &figures, &headline, &args.out, out)?;
     }
     Ok(figures.any_problems())
@@ -190,12 +186,8 @@ fn label(bytes: &[u8]) -> String {
 const GAPS: usize = 5;
 
 fn is_record(path: &Path) -> Result<bool> {
-    let cannot = || format!("cannot read {}", path.display());
     let mut begin = Vec::new();
-    open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin).with_context(cannot)?;
+    let read = open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin);
+    read.with_context(|| unreadable(path))?;
     Ok(begin == MAGIC)
-}
-
-fn open(path: &Path) -> Result<File> {
-    File::open(path).with_context(|| format!("cannot read {}", path.display()))
 }

@@ -11,8 +11,7 @@ use rc10_time::Micros;
 use crate::args::{Injected, check_end, seconds, seed};
 use crate::files::make_folder;
 use crate::record::RecordWriter;
-use crate::robot::remote;
-use crate::robot::remote::Receiver;
+use crate::robot::remote::{self, Receiver};
 use crate::run::simulate::{heading, simulate_into};
 use crate::show::figures::{Figures, to_json};
 use crate::show::print::print;
@@ -75,15 +74,11 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     make_folder(&args.out)?;
     if let size @ LARGE.. = robot.log_size(args.seconds) {
         let (folder, size) = (args.out.display(), size / 1_000_000);
-        tell(format_args!(
-            "the bus logs will take some {size} MB in {folder}; --no-logs writes none"
-        ));
+        tell(format!("the bus logs will take some {size} MB in {folder}; --no-logs writes none"));
     }
     let started = Instant::now();
-    let record = args.record.as_ref();
-    let record = record
-        .map(|path| RecordWriter::new(path, args.force, &heading(&robot, args.seed)))
-        .transpose()?;
+    let record = |path: &PathBuf| RecordWriter::new(path, args.force, &heading(&robot, args.seed));
+    let record = args.record.as_ref().map(record).transpose()?;
     let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;
     recording.faults.clone_from(&args.injected.faults);
     let wall = started.elapsed().as_secs_f64();
@@ -92,9 +87,8 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, Some(wall)))?;
     } else {
-        let length = recording.length.get() as f64 * 1e-6;
-        let headline =
-            format!("{length} s of virtual time in {wall:.2} s, seed {}", recording.seed);
+        let (length, seed) = (recording.length.get() as f64 * 1e-6, recording.seed);
+        let headline = format!("{length} s of virtual time in {wall:.2} s, seed {seed}");
         print(&recording, &figures, &headline, &args.out, out)?;
     }
     Ok(figures.any_problems())

@@ -1,7 +1,5 @@
 //! The recording of a capture: what the robot's own motors understand of the traffic of its buses.
 
-use crate::recording::look::Shaft;
-use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::PathBuf;
 
@@ -10,15 +8,15 @@ use rc10_can::CanFrame;
 use rc10_motor::{DriveMode, MotorStatus, TargetKind};
 use rc10_time::Micros;
 
-use super::{BusOfChannel, Decoder, Summary, excerpt, known_on, unreadable};
+use super::{BusOfChannel, Decoder, Summary, excerpt, known_on};
+use crate::files::{open, unreadable};
 use crate::formats::candump::{CandumpLine, Numbered, Reader};
 use crate::record::recorder::Recorder;
 use crate::recording::Recording;
-use crate::recording::look::{BusLook, Moment, MotorLook};
+use crate::recording::look::{BusLook, Moment, MotorLook, Shaft};
 use crate::recording::sample::{LOOK_PERIOD, WireEnd};
 use crate::robot::description::Description;
-use crate::robot::motor::BITS_PER_SECOND;
-use crate::robot::motor::Place;
+use crate::robot::motor::{BITS_PER_SECOND, Place};
 use crate::world::robot::Robot;
 
 /// Longest capture, in virtual time: a clock that jumped would make one of years.
@@ -51,8 +49,7 @@ pub(crate) fn hear(
     let mut summary = Summary::new(told, robot.buses)?;
     let (mut heard, mut broken) = (Vec::new(), 0_u64);
     for file in files {
-        let source = BufReader::new(File::open(file).with_context(|| unreadable(file))?);
-        let mut log = Reader::new(source);
+        let mut log = Reader::new(BufReader::new(open(file)?));
         let named = file.display();
         while let Some(Numbered { number, text, line }) =
             log.next_line().with_context(|| unreadable(file))?
@@ -119,9 +116,8 @@ fn record(
             decoder.decode(*bus, &line);
         }
         let status = |entry: usize| {
-            let (motor, on) = (robot.number(entry)?, robot.motors.get(entry)?.on);
-            let Place::Bus(bus) = on else { return None };
-            decoder.buses.get(usize::from(bus) - 1)?.status(motor, now)
+            let Place::Bus(bus) = robot.motors.get(entry)?.on else { return None };
+            decoder.buses.get(usize::from(bus) - 1)?.status(robot.number(entry)?, now)
         };
         let looks = (0..robot.motors.len()).map(|entry| look(status(entry)));
         recorder.take_look(now, &looks.collect::<Vec<_>>())?;

@@ -5,9 +5,9 @@ pub(crate) mod heard;
 pub(crate) mod print;
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::str::FromStr;
 
+use anyhow::ensure;
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
 use rc10_motor::dji::{Model, RawFeedback};
@@ -32,19 +32,13 @@ impl FromStr for BusOfChannel {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (channel, bus) = text
-            .split_once('=')
-            .filter(|(channel, _)| !channel.is_empty())
-            .ok_or_else(|| "write it as CHANNEL=NUMBER, such as can0=2".to_owned())?;
+        let parts = text.split_once('=').filter(|(channel, _)| !channel.is_empty());
+        let (channel, bus) = parts.ok_or("write it as CHANNEL=NUMBER, such as can0=2")?;
         match bus.parse() {
             Ok(number @ 1..) => Ok(Self { channel: channel.to_owned(), bus: number }),
             _ => Err(format!("the robot's buses have numbers from 1 on, not {bus:?}")),
         }
     }
-}
-
-pub(crate) fn unreadable(file: &Path) -> String {
-    format!("cannot read {}", file.display())
 }
 
 /// The beginning of a line, without control characters.
@@ -151,12 +145,12 @@ impl<'d> Decoder<'d, '_> {
                 })
             }
         };
-        let (Dispatch::Motor(id) | Dispatch::Unasked(id)) = dispatch else {
+        let (None, Dispatch::Motor(id) | Dispatch::Unasked(id)) = (&message, dispatch) else {
             return message.unwrap_or(Meaning::Unknown);
         };
         let status = self.buses.get(usize::from(bus) - 1).and_then(|motors| motors.status(id, at));
-        let (None, Some(motor), Some(status)) = (&message, described(id), status) else {
-            return message.unwrap_or(Meaning::Unknown);
+        let (Some(motor), Some(status)) = (described(id), status) else {
+            return Meaning::Unknown;
         };
         if let Dispatch::Unasked(_) = dispatch {
             return Meaning::Unasked { motor };
@@ -238,20 +232,12 @@ pub(crate) const MOST_IDS: usize = 1000;
 
 impl Summary {
     pub(crate) fn new(given: &[BusOfChannel], buses: u8) -> anyhow::Result<Self> {
-        for (index, one) in given.iter().enumerate() {
-            let BusOfChannel { channel, bus } = one;
-            anyhow::ensure!(
-                (1..=buses).contains(bus),
-                "--bus {channel}={bus}: the robot has buses 1 to {buses}"
-            );
-            for other in &given[..index] {
-                let (channel, bus) = (&one.channel, one.bus);
-                anyhow::ensure!(*channel != other.channel, "--bus: {channel} is given twice");
-                let other_channel = &other.channel;
-                anyhow::ensure!(
-                    bus != other.bus,
-                    "--bus: {other_channel} and {channel} cannot both be bus {bus}"
-                );
+        for (index, BusOfChannel { channel, bus }) in given.iter().enumerate() {
+            let is_there = (1..=buses).contains(bus);
+            ensure!(is_there, "--bus {channel}={bus}: the robot has buses 1 to {buses}");
+            for BusOfChannel { channel: other, bus: its } in &given[..index] {
+                ensure!(channel != other, "--bus: {channel} is given twice");
+                ensure!(bus != its, "--bus: {other} and {channel} cannot both be bus {bus}");
             }
         }
         Ok(Self { buses, given: given.to_vec(), ..Self::default() })
@@ -271,7 +257,7 @@ impl Summary {
         if self.channels.contains_key(name) {
             return None;
         }
-        let bus = self.bus_of(name);
+        let (bus, buses) = (self.bus_of(name), self.buses);
         self.channels.insert(name.to_owned(), Channel { bus, ..Channel::default() });
         if bus.is_some() {
             return None;
@@ -280,11 +266,10 @@ impl Summary {
             let taken = self.channels.values().any(|channel| channel.bus == Some(*bus));
             !taken && self.given.iter().all(|given| given.bus != *bus)
         };
-        let free = (1..=self.buses).find(is_free).unwrap_or(1);
+        let free = (1..=buses).find(is_free).unwrap_or(1);
         Some(format!(
-            "{name}: no bus of the robot (1 to {}), its frames are not decoded; --bus {name}={free} \
-             makes it one",
-            self.buses
+            "{name}: no bus of the robot (1 to {buses}), its frames are not decoded; --bus \
+             {name}={free} makes it one"
         ))
     }
 
@@ -307,22 +292,17 @@ impl Summary {
         self.frames += 1;
         channel.frames += 1;
         let meaning = channel.bus.map(|bus| (bus, decoder.decode(bus, line)));
-        match &meaning {
-            Some((_, Meaning::Message { message, .. })) if !message.from_device => {
-                self.commands += 1;
-            }
-            Some((_, Meaning::Command(_))) => self.commands += 1,
-            Some((
-                _,
-                Meaning::Feedback { .. } | Meaning::Message { .. } | Meaning::Unasked { .. },
-            )) => self.feedback += 1,
-            Some((_, Meaning::Malformed { .. })) => self.malformed += 1,
-            None | Some((_, Meaning::Unknown)) => {
+        *match meaning.as_ref().map(|(_, meaning)| meaning) {
+            None | Some(Meaning::Unknown) => {
                 self.unknown += 1;
                 channel.note_unknown(&line.frame);
                 return None;
             }
-        }
+            Some(Meaning::Malformed { .. }) => &mut self.malformed,
+            Some(Meaning::Command(_)) => &mut self.commands,
+            Some(Meaning::Message { message, .. }) if !message.from_device => &mut self.commands,
+            Some(_) => &mut self.feedback,
+        } += 1;
         meaning
     }
 }

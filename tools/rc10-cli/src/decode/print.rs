@@ -1,7 +1,6 @@
 //! Text for people, JSON for programs.
 
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
@@ -12,13 +11,13 @@ use rc10_motor::{FrameError, MotorStatus};
 use serde_json::{Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
-use crate::formats::candump;
-use crate::formats::candump::{CandumpLine, SecondsOf};
+use crate::formats::candump::{self, CandumpLine, SecondsOf};
+use crate::recording::sample::rounded;
 use crate::robot::description::Description;
 use crate::robot::motor::Motor;
 
 pub(crate) struct Printer<'o> {
-    out: &'o mut dyn Write,
+    pub(crate) out: &'o mut dyn Write,
     json: bool,
     columns: Columns,
     separator: &'static str,
@@ -30,10 +29,6 @@ impl<'o> Printer<'o> {
             out.write_all(b"{\"frames\": [")?;
         }
         Ok(Self { out, json, columns: Columns::of(robot), separator: "\n" })
-    }
-
-    pub(crate) fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
     }
 
     pub(crate) fn frame(
@@ -59,18 +54,8 @@ impl<'o> Printer<'o> {
     }
 }
 
-/// A number rounded to `places` decimals, never a negative zero.
-fn rounded(value: f64, places: i32) -> f64 {
-    let power = 10_f64.powi(places);
-    (value * power).round() / power + 0.0
-}
-
 fn three(value: f32) -> f64 {
     rounded(value.into(), 3)
-}
-
-fn device(motor: &Motor) -> String {
-    motor.name().to_string()
 }
 
 /// Widths of the columns that name a motor: that of the longest text in them.
@@ -83,20 +68,15 @@ impl Columns {
     fn of(robot: &Description) -> Self {
         let width =
             |column: fn(&Motor) -> usize| robot.motors.iter().map(column).max().unwrap_or(0);
-        Self { label: width(|motor| motor.label.len()), device: width(|motor| device(motor).len()) }
+        let device = width(|motor| motor.name().to_string().len());
+        Self { label: width(|motor| motor.label.len()), device }
     }
 
-    fn name(&self, motor: &Motor) -> String {
-        self.columns(motor.label, &device(motor))
-    }
-
-    fn several(&self) -> String {
-        self.columns("several", "")
-    }
-
-    fn columns(&self, label: &str, device: &str) -> String {
-        let Self { label: label_width, device: device_width } = *self;
-        format!("{label:<label_width$}  {device:<device_width$}")
+    /// The columns of a motor, or of several.
+    fn name(&self, motor: Option<&Motor>) -> String {
+        let label = motor.map_or("several", |motor| motor.label);
+        let device = motor.map_or_else(String::new, |motor| motor.name().to_string());
+        format!("{label:<0$}  {device:<1$}", self.label, self.device)
     }
 }
 
@@ -158,14 +138,12 @@ fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> Str
     let start = format!("{at:>17}  {:<5}", line.channel);
     match meaning {
         Meaning::Feedback { motor, feedback, .. } => {
-            let celsius = feedback.temperature().map_or_else(
-                || "  - degC".to_owned(),
-                |temperature| format!("{:>3} degC", temperature.get()),
-            );
+            let celsius = feedback.temperature().map(|temperature| temperature.get().to_string());
+            let celsius = celsius.unwrap_or_else(|| "-".to_owned());
             format!(
                 "{start}  {}  angle {:>7.3} deg  total {:>11.3} deg  speed {:>8.2} rpm  \
-                 current {:>7.3} A  {celsius}",
-                columns.name(motor),
+                 current {:>7.3} A  {celsius:>3} degC",
+                columns.name(Some(motor)),
                 three(feedback.angle.get()),
                 rounded(millionths(feedback.total_angle.microdegrees()), 3),
                 rounded(feedback.speed.get().into(), 2),
@@ -173,15 +151,15 @@ fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> Str
             )
         }
         Meaning::Message { motor, message } => {
-            let whose = motor.map_or_else(|| columns.several(), |motor| columns.name(motor));
-            let text = format!("{start}  {whose}  {}", message.name);
+            let text = format!("{start}  {}  {}", columns.name(*motor), message.name);
             match signals_text(message, &line.frame) {
                 signals if signals.is_empty() => text,
                 signals => format!("{text}  {signals}"),
             }
         }
         Meaning::Unasked { motor } => {
-            format!("{start}  {}  an answer to a request: {}", columns.name(motor), line.frame)
+            let (whose, frame) = (columns.name(Some(motor)), line.frame);
+            format!("{start}  {whose}  an answer to a request: {frame}")
         }
         Meaning::Command(lanes) => {
             let lanes: Vec<String> = lanes.iter().map(lane_text).collect();
@@ -190,7 +168,7 @@ fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> Str
         }
         Meaning::Malformed { motor, error } => {
             let command = || format!("command {:03X}", line.frame.raw_id());
-            let whose = motor.map_or_else(command, |motor| columns.name(motor));
+            let whose = motor.map_or_else(command, |motor| columns.name(Some(motor)));
             format!("{start}  {whose}  MALFORMED: {}: {}", reason(line, *motor, *error), line.frame)
         }
         Meaning::Unknown => start,
@@ -235,6 +213,7 @@ fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -
         "bus": bus,
         "direction": direction,
     });
+    let frame = || line.frame.to_string();
     let rest = match meaning {
         Meaning::Feedback { motor, raw, feedback } => json!({
             "kind": "feedback",
@@ -265,7 +244,7 @@ fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -
             });
             json!({
                 "kind": "message",
-                "frame": line.frame.to_string(),
+                "frame": frame(),
                 "motor": motor.map(|motor| motor.label),
                 "model": motor.map(|motor| motor.name().model),
                 "id": motor.map(|motor| motor.name().id),
@@ -274,23 +253,20 @@ fn object(number: u64, line: &CandumpLine<'_>, bus: u8, meaning: &Meaning<'_>) -
                 "signals": signals.collect::<Value>(),
             })
         }
-        Meaning::Unasked { motor } => json!({
-            "kind": "unasked",
-            "frame": line.frame.to_string(),
-            "motor": motor.label,
-        }),
-        Meaning::Command(lanes) => json!({
-            "kind": "command",
-            "frame": line.frame.to_string(),
-            "lanes": lanes.iter().map(lane_object).collect::<Value>(),
-        }),
+        Meaning::Unasked { motor } => {
+            json!({ "kind": "unasked", "frame": frame(), "motor": motor.label })
+        }
+        Meaning::Command(lanes) => {
+            let lanes: Value = lanes.iter().map(lane_object).collect();
+            json!({ "kind": "command", "frame": frame(), "lanes": lanes })
+        }
         Meaning::Malformed { motor, error } => json!({
             "kind": "malformed",
-            "frame": line.frame.to_string(),
+            "frame": frame(),
             "motor": motor.map(|motor| motor.label),
             "error": reason(line, *motor, *error),
         }),
-        Meaning::Unknown => json!({ "kind": "unknown", "frame": line.frame.to_string() }),
+        Meaning::Unknown => json!({ "kind": "unknown", "frame": frame() }),
     };
     if let (Value::Object(object), Value::Object(rest)) = (&mut object, rest) {
         object.extend(rest);
@@ -404,7 +380,8 @@ fn summary_text(
     for (name, bus) in buses(summary) {
         writeln!(out, "\n{name} is bus {bus}")?;
         for (motor, status) in decoder.motors(bus) {
-            writeln!(out, "  {}  {}", columns.name(motor), motor_summary(motor, &status))?;
+            let summary = motor_summary(motor, &status);
+            writeln!(out, "  {}  {summary}", columns.name(Some(motor)))?;
         }
     }
     if *unknown > 0 {

@@ -73,14 +73,11 @@ pub fn parse(text: &str) -> Result<Option<CandumpLine<'_>>, String> {
     if rest.is_empty() || rest.starts_with('#') {
         return Ok(None);
     }
-    let at = match rest.strip_prefix('(') {
-        None => None,
-        Some(time) => {
-            let (time, behind) = time.split_once(')').ok_or(TIME)?;
-            rest = behind;
-            Some(micros(time).ok_or(TIME)?)
-        }
-    };
+    let mut at = None;
+    if let Some(time) = rest.strip_prefix('(') {
+        let (time, behind) = time.split_once(')').ok_or(TIME)?;
+        (at, rest) = (Some(micros(time).ok_or(TIME)?), behind);
+    }
     let channel = word(&mut rest).ok_or(NOT_A_FRAME)?;
     if channel.contains('#') {
         return Err("no interface, such as can0, stands before the frame".into());
@@ -132,10 +129,7 @@ fn micros(text: &str) -> Option<Micros> {
     if !digits(seconds) || !digits(fraction) {
         return None;
     }
-    let padded = fraction.bytes().chain(std::iter::repeat(b'0')).take(6);
-    let fraction = padded.fold(0, |sum, digit| sum * 10 + u64::from(digit - b'0'));
-    let seconds: u64 = seconds.parse().ok()?;
-    seconds.checked_mul(1_000_000)?.checked_add(fraction).map(Micros::new)
+    format!("{seconds}{fraction:0<6.6}").parse().ok().map(Micros::new)
 }
 
 /// Reads `201` `000100080BB81E00`, or `201` `R8`.
@@ -268,14 +262,11 @@ impl<R: BufRead> Reader<R> {
         if too_long {
             self.source.skip_until(b'\n')?;
         }
-        self.text.clear();
         let lossy = String::from_utf8_lossy(&self.bytes);
         // Some editors put a byte order mark before the first line.
-        self.text.push_str(if self.number == 1 {
-            lossy.trim_start_matches('\u{FEFF}')
-        } else {
-            &lossy
-        });
+        let is_first = self.number == 1;
+        let text = lossy.trim_start_matches(|letter| is_first && letter == '\u{FEFF}');
+        text.clone_into(&mut self.text);
         let line = if too_long {
             Err(format!("it is longer than {LONGEST_LINE} bytes"))
         } else if std::str::from_utf8(&self.bytes).is_err() {

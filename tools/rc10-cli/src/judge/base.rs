@@ -55,8 +55,7 @@ struct Window {
 impl Window {
     /// The turn of the base by these distances of the rims, rad.
     fn yaw(&self, rims: &[f64]) -> f64 {
-        let [_, _, yaw] = self.wheels.motion(rims);
-        yaw
+        self.wheels.motion(rims)[2]
     }
 }
 
@@ -124,10 +123,6 @@ impl<'r> Judged<'r> {
         self.base.chassis.wheels.iter().any(slants)
     }
 
-    fn labels<const N: usize>(&self, wheels: [usize; N]) -> [&'static str; N] {
-        wheels.map(|wheel| self.wheels[wheel].motor.label)
-    }
-
     /// The true motion of the rims if a cause is true.
     fn real(&self, cause: Cause, rims: &[f64]) -> Vec<f64> {
         let sign = |wheel: usize| self.wheels[wheel].motor.sign();
@@ -168,10 +163,9 @@ impl<'r> Judged<'r> {
             errors.map(|error| error * error).sum::<f64>()
         };
         let noise = self.turned().count() as f64 * YAW * YAW;
-        let yaw = if noise > 0.0 {
-            (square(cause) / square(Cause::None).max(noise)).min(1.0)
-        } else {
-            0.0
+        let yaw = match noise > 0.0 {
+            true => (square(cause) / square(Cause::None).max(noise)).min(1.0),
+            false => 0.0,
         };
         let fights = |window: &Window| window.wheels.slip(&self.real(cause, &window.rims));
         let wrong = self.pushing().filter(|(push, it)| (*push > PUSH) != (fights(it) > STEADY));
@@ -194,15 +188,13 @@ impl<'r> Judged<'r> {
                 product += (imu - window.yaw(&window.rims)) * of(window);
                 square += of(window) * of(window);
             }
-            (square > 0.0).then(|| 1.0 + product / square)
+            Some(1.0 + product / square).filter(|factor| square > 0.0 && *factor > 0.0)
         };
         for wheel in 0..count {
             let alone = |window: &Window| window.wheels.share(wheel)[2] * window.rims[wheel];
-            let factor = fit(&alone).filter(|factor| *factor > 0.0);
-            causes.extend(factor.map(|factor| Cause::Scale(wheel, factor)));
+            causes.extend(fit(&alone).map(|factor| Cause::Scale(wheel, factor)));
         }
-        let factor = fit(&|window| window.yaw(&window.rims)).filter(|factor| *factor > 0.0);
-        causes.extend(factor.map(Cause::Yaw));
+        causes.extend(fit(&|window| window.yaw(&window.rims)).map(Cause::Yaw));
         causes
     }
 }
@@ -258,8 +250,7 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
     let yaws = || judged.turned().map(|(imu, it)| (imu, it.yaw(&it.rims), it.end));
     let apart: Vec<_> = yaws().filter(|(imu, wheels, _)| differs(*imu, *wheels)).collect();
     let fights: Vec<_> = judged.pushing().filter(|(push, _)| *push > PUSH).collect();
-    let slips = judged.windows.iter().filter(|it| it.wheels.slip(&it.rims) > SLIP);
-    let slips = slips.count();
+    let slips = judged.windows.iter().filter(|it| it.wheels.slip(&it.rims) > SLIP).count();
     let turned: f64 = judged.turned().map(|(imu, _)| imu.abs()).sum();
     let by_wheels: f64 = judged.turned().map(|(_, it)| it.yaw(&it.rims).abs()).sum();
     let mut seen = Vec::new();
@@ -269,20 +260,18 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
             "by its IMU it turned by {turned:.2} rad in all, by its wheels by {by_wheels:.2}"
         ));
     }
-    if apart.len() >= WINDOWS {
-        let worst = apart.iter().max_by(|a, b| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()));
+    let worst = apart.iter().max_by(|a, b| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()));
+    if let (WINDOWS.., Some((imu, wheels, end))) = (apart.len(), worst) {
         let per_second = 1.0 / (WINDOW as f64 * seconds(SAMPLE_PERIOD));
-        if let Some((imu, wheels, end)) = worst {
-            seen.push(format!(
-                "in {} of {} windows of 100 ms its IMU and its wheels differ on how fast it turns: \
-                 {:.2} rad/s, and {:.2} by the wheels, at {:.1} s",
-                apart.len(),
-                yaws().count(),
-                imu * per_second,
-                wheels * per_second,
-                seconds(*end),
-            ));
-        }
+        seen.push(format!(
+            "in {} of {} windows of 100 ms its IMU and its wheels differ on how fast it turns: \
+             {:.2} rad/s, and {:.2} by the wheels, at {:.1} s",
+            apart.len(),
+            yaws().count(),
+            imu * per_second,
+            wheels * per_second,
+            seconds(*end),
+        ));
     }
     if fights.len() >= PUSHING {
         let mean = fights.iter().map(|(push, _)| push).sum::<f64>() / fights.len() as f64;
@@ -295,10 +284,8 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
         ));
     }
     if slips >= WINDOWS {
-        seen.push(format!(
-            "in {slips} of {} windows its wheels turn as on no rigid base",
-            judged.windows.len()
-        ));
+        let all = judged.windows.len();
+        seen.push(format!("in {slips} of {all} windows its wheels turn as on no rigid base"));
     }
     if judged.windows.first().is_some_and(|window| !window.wheels.is_overdetermined()) {
         let text = format!(
@@ -323,7 +310,7 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
     let likely: Vec<Cause> = likely.map(|(_, cause)| *cause).collect();
     let directions = likely.iter().filter(|cause| matches!(cause, Cause::Direction(_))).count();
     let likely: Vec<String> = likely.into_iter().map(|cause| judged.sentence(cause)).collect();
-    let likely = match likely.len() {
+    let mut likely = match likely.len() {
         0 => "why cannot be told from this run".to_owned(),
         // Without an IMU they all look alike.
         _ if directions > 2 => {
@@ -333,12 +320,9 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
         _ => format!("it looks as if {}", likely.join(", or ")),
     };
     // The wheels follow their commands though the floor drags them: only the IMU sees it.
-    let is_unsure = matches!(best, Cause::Yaw(_)) && is_explained && least > SURE;
-    let likely = if is_unsure && judged.is_mecanum() {
-        format!("{likely}; two wheels of one side that are exchanged look the same")
-    } else {
-        likely
-    };
+    if matches!(best, Cause::Yaw(_)) && is_explained && least > SURE && judged.is_mecanum() {
+        likely += "; two wheels of one side that are exchanged look the same";
+    }
     let text = format!("the base does not do what its wheels say: {likely}; {}", seen.join("; "));
     found.push(Problem::new(About::Robot, "base", text));
 }
@@ -355,15 +339,16 @@ const SIMPLER: f64 = 0.05;
 
 impl Judged<'_> {
     fn sentence(&self, cause: Cause) -> String {
+        let label = |wheel: usize| self.wheels[wheel].motor.label;
         match cause {
             Cause::None => "all were well".into(),
-            Cause::Direction(wheel) => {
-                format!("the direction of {} were wrong in the table", self.labels([wheel])[0])
+            Cause::Direction(it) => {
+                format!("the direction of {} were wrong in the table", label(it))
             }
             Cause::Scale(wheel, factor) => format!(
                 "{} turned about {factor:.1} times as fast as it says: another gear, or wheel, than \
                  in the table",
-                self.labels([wheel])[0],
+                label(wheel),
             ),
             Cause::Yaw(factor) => {
                 let distances = if self.is_mecanum() {
@@ -378,8 +363,7 @@ impl Judged<'_> {
                 )
             }
             Cause::Swap(a, b) => {
-                let [a, b] = self.labels([a, b]);
-                format!("{a} and {b} were exchanged (plugs or identifiers)")
+                format!("{} and {} were exchanged (plugs or identifiers)", label(a), label(b))
             }
         }
     }

@@ -22,6 +22,10 @@ pub const AWAY: usize = 20;
 
 /// Finds a device with another motor's identifier: one is never heard, the other answers twice.
 pub(super) fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
+    let silent = |on: Place| {
+        let is_silent = |track: &MotorTrack| track.last.link == Link::NeverSeen;
+        recording.motors.iter().filter(move |track| track.motor.on == on && is_silent(track))
+    };
     for track in &recording.motors {
         let (motor, on) = (&track.motor, track.motor.on);
         let Device::Dji(rc10_motor::dji::Config { rate, .. }) = motor.device else { continue };
@@ -31,11 +35,7 @@ pub(super) fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
         if received <= TWICE * due || recording.faults.iter().any(is_filled) {
             continue;
         }
-        let silent = recording
-            .motors
-            .iter()
-            .filter(|other| other.motor.on == on && other.last.link == Link::NeverSeen);
-        let silent: Vec<&str> = silent.map(|other| other.motor.label).collect();
+        let silent: Vec<&str> = silent(on).map(|other| other.motor.label).collect();
         let culprit = match silent.as_slice() {
             [] => String::new(),
             labels => format!(", and {} is never heard: is it set to this one?", labels.join(", ")),
@@ -49,11 +49,8 @@ pub(super) fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
         found.push(Problem::new(About::Motor(motor.label), "answers-twice", text));
     }
     for bus in &recording.buses {
-        let silent = recording.motors.iter().find(|track| {
-            track.motor.on == Place::Bus(bus.number) && track.last.link == Link::NeverSeen
-        });
         let stranger = bus.last.received.last_unclaimed;
-        if let (Some(silent), Some(key)) = (silent, stranger) {
+        if let (Some(silent), Some(key)) = (silent(Place::Bus(bus.number)).next(), stranger) {
             let base = silent.motor.dji().map(|(model, _)| u32::from(model.feedback_base));
             let id = base.and_then(|base| key.checked_sub(base)).filter(|id| (1..=8).contains(id));
             let other = match id {
@@ -108,15 +105,11 @@ fn is_away(samples: &[MotorSample]) -> bool {
         let drives = sample.drive == DriveMode::Run && sample.current * sample.rpm > 0.0;
         (sample.kind == kind && goes_away && drives).then_some(error)
     };
-    let Some(errors) = samples.iter().map(error).collect::<Option<Vec<f64>>>() else {
-        return false;
-    };
-    let (first, last) = (errors[0], errors[errors.len() - 1]);
-    let target = samples[samples.len() - 1].target.unwrap_or_default().abs();
+    let errors = samples.iter().map(error).collect::<Option<Vec<f64>>>().unwrap_or_default();
+    let ([first, .., last], [.., newest]) = (errors.as_slice(), samples) else { return false };
+    let target = newest.target.unwrap_or_default().abs();
     let far = if is_angle { 90.0 } else { 50.0 + 0.5 * target };
-    last.abs() > far
-        && last * first > 0.0
-        && errors.windows(2).all(|pair| pair[1].abs() >= pair[0].abs())
+    last.abs() > far && last * first > 0.0 && errors.is_sorted_by_key(|error| error.abs())
 }
 
 /// Adds what no sensor of the robot can know of its other motors.

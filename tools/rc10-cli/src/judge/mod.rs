@@ -9,10 +9,8 @@ pub mod searches;
 use crate::recording::Recording;
 use crate::recording::problem::Problem;
 
-/// A search for findings of one sort. To add one, write a function here and a line in `SEARCHES`.
-pub type Search = fn(&Recording, &mut Vec<Problem>);
-
-const SEARCHES: [Search; 13] = [
+/// Searches for findings of one sort each. To add one, write a function and a line here.
+const SEARCHES: [fn(&Recording, &mut Vec<Problem>); 13] = [
     searches::robot,
     searches::heading,
     searches::mechanisms,

@@ -42,29 +42,27 @@ pub struct Paths {
     pub reference: Vec<PathPoint>,
 }
 
-impl PathPoint {
-    fn is_finite(&self) -> bool {
-        [self.x, self.y, self.yaw].iter().all(|value| value.is_finite())
-    }
+fn is_known(pose: &PathPoint) -> bool {
+    [pose.x, pose.y, pose.yaw].iter().all(|value| value.is_finite())
+}
 
-    fn apart(&self, other: &Self, sample: usize) -> Option<Apart> {
-        let turn = (self.yaw - other.yaw).to_degrees();
-        (self.is_finite() && other.is_finite()).then(|| Apart {
-            at: time_of(sample),
-            metres: (self.x - other.x).hypot(self.y - other.y),
-            degrees: (turn - 360.0 * (turn / 360.0).round()).abs(),
-        })
-    }
+fn apart(one: &PathPoint, other: &PathPoint, sample: usize) -> Option<Apart> {
+    let turn = (one.yaw - other.yaw).to_degrees();
+    (is_known(one) && is_known(other)).then(|| Apart {
+        at: time_of(sample),
+        metres: (one.x - other.x).hypot(one.y - other.y),
+        degrees: (turn - 360.0 * (turn / 360.0).round()).abs(),
+    })
+}
 
-    /// The same pose in other axes, in which `from` is at `to`.
-    fn laid(&self, from: &Self, to: &Self) -> Self {
-        let (sin, cos) = (to.yaw - from.yaw).sin_cos();
-        let (x, y) = (self.x - from.x, self.y - from.y);
-        Self {
-            x: to.x + x * cos - y * sin,
-            y: to.y + x * sin + y * cos,
-            yaw: self.yaw + to.yaw - from.yaw,
-        }
+/// The same pose in other axes, in which `from` is at `to`.
+fn laid(pose: &PathPoint, from: &PathPoint, to: &PathPoint) -> PathPoint {
+    let (sin, cos) = (to.yaw - from.yaw).sin_cos();
+    let (x, y) = (pose.x - from.x, pose.y - from.y);
+    PathPoint {
+        x: to.x + x * cos - y * sin,
+        y: to.y + x * sin + y * cos,
+        yaw: pose.yaw + to.yaw - from.yaw,
     }
 }
 
@@ -73,13 +71,13 @@ impl Paths {
     #[must_use]
     pub fn of(base: &BaseTrack) -> Self {
         let mut pairs = base.estimate.iter().zip(&base.path);
-        let first = pairs.find(|(estimate, path)| estimate.is_finite() && path.is_finite());
+        let first = pairs.find(|(estimate, path)| is_known(estimate) && is_known(path));
         let lay = |poses: &[PathPoint]| -> Vec<PathPoint> {
-            if !poses.iter().any(PathPoint::is_finite) {
+            if !poses.iter().any(is_known) {
                 return Vec::new();
             }
-            let laid = |pose: &PathPoint| first.map_or(*pose, |(from, to)| pose.laid(from, to));
-            poses.iter().map(laid).collect()
+            let lay = |pose: &PathPoint| first.map_or(*pose, |(from, to)| laid(pose, from, to));
+            poses.iter().map(lay).collect()
         };
         Self { estimate: lay(&base.estimate), reference: lay(&base.reference) }
     }
@@ -91,19 +89,18 @@ impl PathFigures {
     pub fn of(recording: &Recording) -> Option<Self> {
         let base = recording.base.as_ref()?;
         let Paths { estimate, reference } = Paths::of(base);
-        let is_true = base.path.iter().any(PathPoint::is_finite);
+        let is_true = base.path.iter().any(is_known);
         let path = if is_true { &base.path } else { &estimate };
-        let apart = |from: &[PathPoint]| -> Vec<Apart> {
+        let all_apart = |from: &[PathPoint]| -> Vec<Apart> {
             let pairs = path.iter().zip(from).enumerate();
-            pairs.filter_map(|(sample, (path, other))| path.apart(other, sample)).collect()
+            pairs.filter_map(|(sample, (path, other))| apart(path, other, sample)).collect()
         };
-        let from_reference = apart(&reference);
-        let furthest = from_reference
-            .iter()
-            .copied()
-            .reduce(|most, next| if next.metres > most.metres { next } else { most });
+        let from_reference = all_apart(&reference);
+        let further =
+            |most: Apart, next: Apart| if next.metres > most.metres { next } else { most };
+        let furthest = from_reference.iter().copied().reduce(further);
         let end = from_reference.last().copied();
-        let estimate = if is_true { apart(&estimate).last().copied() } else { None };
+        let estimate = all_apart(&estimate).last().copied().filter(|_| is_true);
         (end.is_some() || estimate.is_some()).then_some(Self { is_true, furthest, end, estimate })
     }
 

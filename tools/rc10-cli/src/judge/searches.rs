@@ -17,8 +17,9 @@ use crate::recording::excuse::{
 use crate::recording::load::WINDOW;
 use crate::recording::problem::{About, Problem, counted};
 use crate::recording::remote::{Loss, RemoteTrack};
-use crate::recording::sample::Source;
-use crate::recording::sample::{Cell, MotorSample, SAMPLE_PERIOD, seconds, time_of};
+use crate::recording::sample::{
+    BusSample, Cell, MotorSample, SAMPLE_PERIOD, Source, seconds, time_of,
+};
 use crate::recording::{BusTrack, MotorTrack, PartTrack, Recording, load, margin};
 use crate::robot::motor::Place;
 use crate::robot::remote::Receiver;
@@ -47,10 +48,8 @@ fn unexcused<T>(
     if recording.faults.is_empty() {
         return total;
     }
-    let mut before = 0;
-    let mut excused = 0;
-    for (index, sample) in samples.iter().enumerate() {
-        let now = count(sample);
+    let (mut before, mut excused) = (0, 0);
+    for (index, now) in samples.iter().map(count).enumerate() {
         if is_excused(&recording.faults, on, time_of(index)) {
             excused += now.saturating_sub(before);
         }
@@ -66,11 +65,9 @@ fn sample_at<T>(samples: &[T], at: Micros) -> Option<&T> {
 /// Whether a fault must make motors of its bus inaudible, as far as that can be seen.
 const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
     match kind {
-        FaultKind::Power(_) => true,
         // The chip alone knows what is cut off: on the wire its motors still speak.
         FaultKind::Cut(_) => recording.source.is_told(),
-        FaultKind::Short(_) | FaultKind::Dominant(_) => true,
-        _ => false,
+        _ => matches!(kind, FaultKind::Power(_) | FaultKind::Short(_) | FaultKind::Dominant(_)),
     }
 }
 
@@ -198,13 +195,16 @@ fn why_it_gave_up(stage: Stage) -> String {
              travel or the time too short?"
         }
         Stage::NeverOpened => {
-            " while it backed off: is it inverted (an input is low while the contact is closed), or stuck?"
+            " while it backed off: is it inverted (`Active` is not as it is wired), torn, or stuck?"
         }
         Stage::NotBackedOff => ": is it blocked, or the time too short?",
         Stage::NotTouchedAgain => " on the way to the second touch: is the contact loose?",
         Stage::TouchesDiffer => ": does the stop give way, or does the motor slip?",
         Stage::Apart | Stage::Lags => ": is one of them blocked, or off its gear?",
         Stage::AngleGap => ": its motor was not heard for so long that it may have turned unseen",
+        Stage::OutOfTravel => {
+            ": was its motor mounted anew, or has a belt slipped? Read its level again"
+        }
         Stage::Jammed => ": no try has cleared it",
         _ => "",
     };
@@ -225,11 +225,8 @@ pub(super) fn motors(recording: &Recording, found: &mut Vec<Problem>) {
         let is_excused_now = is_excused(&recording.faults, on, recording.length);
         match last.link {
             Link::NeverSeen if !is_excused_now => {
-                let text = format!(
-                    "never heard: is it {} on {}, and powered?",
-                    track.motor.name(),
-                    track.motor.on
-                );
+                let name = track.motor.name();
+                let text = format!("never heard: is it {name} on {on}, and powered?");
                 found.push(Problem::new(about, "never-heard", text));
             }
             Link::Lost if is_back && !is_excused_now => {
@@ -252,24 +249,20 @@ pub(super) fn motors(recording: &Recording, found: &mut Vec<Problem>) {
         }
         let refused = last.counters.refused;
         let counts = [
-            (refused.not_finite, "not a number (infinite or NaN)"),
-            (refused.out_of_range, "a number in them lies where the motor cannot go"),
-            (refused.unsupported, "of a kind that it does not take"),
+            (refused.not_finite, "targets refused: not a number (infinite or NaN)"),
+            (
+                refused.out_of_range,
+                "targets refused: a number in them lies where the motor cannot go",
+            ),
+            (refused.unsupported, "targets refused: of a kind that it does not take"),
         ];
-        for (count, why) in counts {
-            let what = format!("targets refused: {why}");
-            found.extend(counted(about, [(count.into(), "refused", what.as_str())]));
-        }
+        found.extend(counted(about, counts.map(|(count, what)| (count.into(), "refused", what))));
         let was_driven = track.samples.iter().any(|sample| sample.drive == DriveMode::Run);
+        let is_well = last.link == Link::Online && last.fault.is_none() && refused.total() == 0;
         let armed = armed_for(recording);
-        if armed >= ARMED_FOR
-            && !was_driven
-            && last.link == Link::Online
-            && last.fault.is_none()
-            && refused.total() == 0
-        {
-            let text =
-                format!("never got a target, and the robot was armed for {:.1} s", seconds(armed));
+        if armed >= ARMED_FOR && !was_driven && is_well {
+            let armed = seconds(armed);
+            let text = format!("never got a target, and the robot was armed for {armed:.1} s");
             found.push(Problem::new(about, "never-commanded", text));
         }
         motor_counts(recording, track, found);
@@ -365,23 +358,18 @@ fn feed_forward(about: About, effort: &EffortTrack, found: &mut Vec<Problem>) {
     let (unit, limit) = (effort.unit(), f64::from(effort.loops.cascade.speed.output_limit));
     let friction = f64::from(effort.loops.cascade.feed_forward.friction);
     let least = load::LEAST * limit;
-    for (fit, is_weight) in [(effort.load.weight, true), (effort.load.motion, false)] {
+    let weight = ("its weight takes", "its `gravity`");
+    let motion = ("its motion takes", "`speed` and `friction` of its feed-forward");
+    for (fit, good, (what, of)) in [
+        (effort.load.weight, 1.0 / load::SIZE..=load::SIZE, weight),
+        (effort.load.motion, load::AGAINST..=f64::INFINITY, motion),
+    ] {
         let [said, took, apart] = fit.means();
         let is_judged = fit.windows >= load::WINDOWS && said >= least && apart >= least + friction;
         let factor = fit.factor();
-        let is_good = if is_weight {
-            (1.0 / load::SIZE..=load::SIZE).contains(&factor)
-        } else {
-            factor >= load::AGAINST
-        };
-        if !is_judged || is_good {
+        if !is_judged || good.contains(&factor) {
             continue;
         }
-        let (what, of) = if is_weight {
-            ("its weight takes", "its `gravity`")
-        } else {
-            ("its motion takes", "`speed` and `friction` of its feed-forward")
-        };
         let cause = if factor < 0.0 { "the sign is wrong" } else { "the size is wrong" };
         let text = format!(
             "{what} {factor:.1} times what {of} says ({took:.2} {unit} where {said:.2} {unit} are said): \
@@ -394,16 +382,13 @@ fn feed_forward(about: About, effort: &EffortTrack, found: &mut Vec<Problem>) {
 pub(super) fn buses(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.buses {
         let (last, about) = (&track.last, About::Bus(track.number));
+        let load = last.load.to_string();
         match last.load.verdict() {
             Verdict::Fits => (),
-            Verdict::Tight => {
-                found.push(Problem::information(about, "tight", last.load.to_string()));
-            }
-            Verdict::DoesNotFit => {
-                found.push(Problem::new(about, "does-not-fit", last.load.to_string()));
-            }
+            Verdict::Tight => found.push(Problem::information(about, "tight", load)),
+            Verdict::DoesNotFit => found.push(Problem::new(about, "does-not-fit", load)),
         }
-        let count = |total: u32, of: fn(&crate::recording::sample::BusSample) -> u32| {
+        let count = |total: u32, of: fn(&BusSample) -> u32| {
             let BusTrack { number, samples, .. } = track;
             unexcused(recording, Place::Bus(*number), total.into(), samples, |one| of(one).into())
         };
@@ -477,10 +462,7 @@ pub(super) fn remote(recording: &Recording, found: &mut Vec<Problem>) {
             found.push(Problem::new(about, "never-heard", text));
         }
         // A train of pulses that a loss has cut off is no problem of its own.
-        let cut_off = match receiver {
-            Receiver::Ppm => u32::try_from(losses.len()).unwrap_or(u32::MAX),
-            Receiver::Dr16 | Receiver::Sbus | Receiver::Crsf | Receiver::Vt03 => 0,
-        };
+        let cut_off = if *receiver == Receiver::Ppm { losses.len() as u32 } else { 0 };
         damage(about, heard, cut_off, found);
     }
     for loss in losses {

@@ -13,7 +13,7 @@ use super::client::Urgency;
 use super::plan::{plan, watch};
 use super::record::{LiveRecord, room, tell_leftovers};
 use super::session::{Session, full_name};
-use super::source::{PlaceArgs, SourceArgs};
+use super::source::{PlaceArgs, RunningArgs};
 use crate::args::seconds;
 use crate::live::session::stop;
 use crate::terminal::tell;
@@ -36,7 +36,7 @@ pub struct GetArgs {
     #[arg(required = true, value_name = "NAME")]
     pub names: Vec<String>,
     #[command(flatten)]
-    pub(crate) source: SourceArgs,
+    pub(crate) running: RunningArgs,
 }
 
 /// Arguments of `rc10 set`.
@@ -46,7 +46,7 @@ pub struct SetArgs {
     #[arg(required = true, value_name = "NAME=VALUE")]
     pub changes: Vec<String>,
     #[command(flatten)]
-    pub(crate) source: SourceArgs,
+    pub(crate) running: RunningArgs,
 }
 
 /// Arguments of `rc10 record`.
@@ -71,50 +71,63 @@ pub struct RecordArgs {
 /// Arguments of `rc10 stop`.
 #[derive(Args, Debug)]
 pub struct StopArgs {
+    /// The robot's port; the same as --port
+    #[arg(value_name = "PORT", conflicts_with = "port")]
+    pub place: Option<String>,
     #[command(flatten)]
-    pub(crate) at: PlaceArgs,
+    pub(crate) running: RunningArgs,
     /// Only disarms the robot: its remote may arm it again
     #[arg(long)]
     pub disarm: bool,
 }
 
-/// Stops a robot: repeats it until the robot confirms, or until Ctrl-C. Fails without an answer.
+/// Stops the robot, or without its port every robot that is here: repeats it until each confirms, or until Ctrl-C. Fails
+/// without an answer.
 pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let ended = stop()?;
-    let mut session = Session::new(args.at.source().open(robot, false)?);
-    let what = if args.disarm { Urgent::Disarm } else { Urgent::Stop };
-    let begin = session.now();
-    let id = session.client.urge(what, begin);
-    let mut is_told = false;
+    let RunningArgs { port, baud } = args.running.clone();
+    let running = RunningArgs { port: args.place.clone().or(port), baud };
+    let (what, done) = match args.disarm {
+        true => (Urgent::Disarm, "disarmed"),
+        false => (Urgent::Stop, "stopped"),
+    };
+    let begun = |connection| {
+        let mut session = Session::new(connection);
+        let id = session.client.urge(what, session.now());
+        (session, id, false)
+    };
+    let mut waiting: Vec<_> = running.open_all(&robot)?.into_iter().map(begun).collect();
     while !ended.load(Ordering::Relaxed) {
-        session.step()?;
-        if session.client.answer(id).is_some() {
-            let millis = session.now().since(begin).get() / 1000;
-            let done = if args.disarm { "disarmed" } else { "stopped" };
-            writeln!(out, "{done} after {millis} ms")?;
+        let mut at = 0;
+        while let Some((session, id, is_told)) = waiting.get_mut(at) {
+            session.step()?;
+            if session.client.answer(*id).is_some() {
+                let millis = session.now().get() / 1000;
+                writeln!(out, "{done} after {millis} ms: {}", session.name())?;
+                waiting.swap_remove(at);
+                continue;
+            }
+            if session.client.urgency(what, session.now()) == Some(Urgency::NotHeard) && !*is_told {
+                *is_told = true;
+                let why = session.trouble().unwrap_or_else(|| "it does not answer".into());
+                let name = session.name();
+                tell(format_args!(
+                    "NOT HEARD by the robot ({name}): {why}. It is sent on and on; Ctrl-C ends that"
+                ));
+            }
+            at += 1;
+        }
+        if waiting.is_empty() {
             return Ok(());
         }
-        if session.client.urgency(what, session.now()) == Some(Urgency::NotHeard) && !is_told {
-            is_told = true;
-            let why = session.trouble().unwrap_or_else(|| "it does not answer".into());
-            tell(format_args!(
-                "NOT HEARD by the robot: {why}. It is sent on and on; Ctrl-C ends that"
-            ));
-        }
     }
-    bail!("the robot has not answered: it may not be stopped")
-}
-
-/// A session with a robot that has described itself; fails if it has not.
-fn meet<'r>(source: &SourceArgs, robot: Robot<'r>) -> Result<Session<'r>> {
-    let mut session = Session::new(source.open(robot, false)?);
-    session.meet()?;
-    Ok(session)
+    let names: Vec<_> = waiting.iter().map(|(session, ..)| session.name()).collect();
+    bail!("no answer: {} may not be stopped", names.join(", "))
 }
 
 /// Lists the robot's parameters; fails without a robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let session = meet(&args.at.source(), robot)?;
+    let session = Session::meet(args.at.source().open(robot, false)?)?;
     if args.rust {
         let changed =
             session.client.parameters().filter(|it| it.value.to_bits() != it.initial.to_bits());
@@ -138,7 +151,7 @@ pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
 
 /// Prints the values of parameters, one a line. Fails without a robot or without such a parameter.
 pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let session = meet(&args.source, robot)?;
+    let session = Session::meet(args.running.open(&robot)?)?;
     for name in &args.names {
         writeln!(out, "{}", session.parameter(name)?.value)?;
     }
@@ -147,24 +160,20 @@ pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 
 /// Changes parameters, all or none. Fails without a robot or such a parameter, or if it refuses.
 pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let mut wanted = Vec::new();
-    for change in &args.changes {
-        let (name, value) = change
-            .split_once('=')
-            .with_context(|| format!("`{change}`: it is to be NAME=VALUE"))?;
-        let value: f32 =
-            value.parse().with_context(|| format!("`{change}`: `{value}` is no number"))?;
-        wanted.push((name, value));
-    }
-    let mut session = meet(&args.source, robot)?;
-    let mut changes = Vec::new();
-    for (name, value) in wanted {
-        changes.push((session.parameter(name)?, value));
-    }
-    let numbers: Vec<_> = changes.iter().map(|(it, value)| (it.index, *value)).collect();
-    session.set(&numbers)?;
-    for (before, value) in changes {
-        writeln!(out, "{} = {value}, before {}", full_name(&before), before.value)?;
+    let wanted = args.changes.iter().map(|change| {
+        let both = change.split_once('=');
+        let (name, value) = both.with_context(|| format!("`{change}`: it is to be NAME=VALUE"))?;
+        let number = value.parse();
+        let number = number.with_context(|| format!("`{change}`: `{value}` is no number"))?;
+        Ok((name.to_owned(), number))
+    });
+    let wanted: Vec<(String, f32)> = wanted.collect::<Result<_>>()?;
+    let mut session = Session::meet(args.running.open(&robot)?)?;
+    let before = wanted.iter().map(|(name, _)| session.parameter(name));
+    let before: Vec<_> = before.collect::<Result<_>>()?;
+    session.set(&wanted)?;
+    for ((name, value), before) in wanted.iter().zip(before) {
+        writeln!(out, "{name} = {value}, before {}: {}", before.value, session.name())?;
     }
     Ok(())
 }
@@ -173,7 +182,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
-    let mut session = meet(&args.at.source(), robot)?;
+    let mut session = Session::meet(args.at.source().open(robot, false)?)?;
     let (topics, left) = plan(&session.client);
     if let Some(first) = left.first() {
         let (count, first) = (left.len(), &first.name);
@@ -192,8 +201,9 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let losses = session.client.losses();
     writeln!(
         out,
-        "{length} s, {samples} samples of {} topics: {}",
+        "{length} s, {samples} samples of {} topics of {}: {}",
         topics.len(),
+        session.name(),
         args.output.display()
     )?;
     for (count, what) in [

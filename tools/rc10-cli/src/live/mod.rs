@@ -1,7 +1,7 @@
 //! `rc10 live` and related commands: a robot that runs, watched, tuned and recorded.
 //!
 //! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
-//! * [`SourceArgs`]: the choice of the robot.
+//! * [`SourceArgs`]: the choice of the robot. `reach`: robots that other programs keep; `shared`: their line.
 //! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
 //! * [`Judge`]: problems, as in a report. [`Viewers`]: other programs' viewers.
 //! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
@@ -19,15 +19,17 @@ pub(crate) mod judge;
 pub(crate) mod line;
 pub(crate) mod page;
 pub(crate) mod plan;
+pub(crate) mod reach;
 pub(crate) mod record;
 pub mod request;
 pub(crate) mod server;
 pub(crate) mod session;
+pub(crate) mod shared;
 pub(crate) mod source;
 pub(crate) mod viewers;
 
 pub use crate::live::line::{RobotConnection, Source};
-pub use crate::live::source::{PlaceArgs, SourceArgs};
+pub use crate::live::source::{PlaceArgs, RunningArgs, SourceArgs};
 pub use crate::world::console::BAUD;
 pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame};
 pub use commands::{

@@ -59,9 +59,9 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     let kit = Kit::of(&robot);
     let source = args.at.source();
     let stop = stop()?;
-    let session = Session::new(source.open(robot, true)?);
-    let viewers = Viewers::new(&args.viewers)?;
     let pages = Pages::serve(args.page)?;
+    let session = Session::new(source.open_for_shells(robot, pages.port)?);
+    let viewers = Viewers::new(&args.viewers)?;
     if let Some(address) = viewers.address() {
         writeln!(out, "foxglove  {address}")?;
     }
@@ -101,11 +101,6 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
 fn is_there(error: &anyhow::Error) -> bool {
     let error = error.downcast_ref::<io::Error>();
     error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
-}
-
-/// A speed for a jog; the robot refuses speeds that are too high.
-fn tenths(rpm: f32) -> i16 {
-    (rpm * 10.0).round().clamp(-32_767.0, 32_767.0) as i16
 }
 
 /// The session with the robot, and the pages that show it.
@@ -206,31 +201,28 @@ impl LivePage<'_, '_> {
 
     fn handle(&mut self, (request, tell): PendingRequest) {
         let now = self.session.now();
-        let sent = match request {
+        // The number of the robot's answer, or one at once.
+        let outcome = match request {
             PageRequest::Watch(period, signals) => {
                 self.chosen = (period, signals);
-                let count = self.choose();
-                let _ = tell.send(Ok(count.into()));
-                return;
+                Ok(Err(self.choose().into()))
             }
-            PageRequest::Record(on) => {
-                let _ = tell.send(self.switch_record(on).map_err(|error| format!("{error:#}")));
-                return;
+            PageRequest::Record(on) => self.switch_record(on).map(Err),
+            PageRequest::Advise(name, value) => self.advise(&name, value).map(Err),
+            PageRequest::Urge(what) => Ok(Ok(self.session.client.urge(what, now))),
+            PageRequest::Set(wanted) => {
+                self.may_ask().and_then(|()| self.session.ask(&wanted)).map(Ok)
             }
-            PageRequest::Advise(name, value) => {
-                let _ = tell.send(self.advise(&name, value).map_err(|error| format!("{error:#}")));
-                return;
-            }
-            PageRequest::Urge(what) => Ok(self.session.client.urge(what, now)),
-            PageRequest::Set(wanted) => self.may_ask().and_then(|()| self.set(wanted)),
             PageRequest::Do(action, label, speed) => {
-                self.may_ask().and_then(|()| self.act(&action, &label, speed))
+                self.may_ask().and_then(|()| self.act(&action, &label, speed)).map(Ok)
             }
         };
-        match sent {
-            Ok(id) => self.waiting.push((id, now, tell)),
-            Err(why) => drop(tell.send(Err(format!("{why:#}")))),
-        }
+        // The page may have gone.
+        let _ = match outcome {
+            Ok(Ok(id)) => return self.waiting.push((id, now, tell)),
+            Ok(Err(value)) => tell.send(Ok(value)),
+            Err(why) => tell.send(Err(format!("{why:#}"))),
+        };
     }
 
     /// The effect of a gain before it is sent; null if nothing is known against it.
@@ -263,21 +255,13 @@ impl LivePage<'_, '_> {
         Ok(())
     }
 
-    fn set(&mut self, wanted: Vec<(String, f32)>) -> Result<u16> {
-        let mut changes = Vec::new();
-        for (name, value) in wanted {
-            changes.push((self.session.parameter(&name)?.index, value));
-        }
-        let id = self.session.client.set(&changes);
-        id.with_context(|| format!("at most {} changes at once", rc10_link::CHANGES))
-    }
-
     fn act(&mut self, action: &str, label: &str, speed: f32) -> Result<u16> {
         let client = &mut self.session.client;
         let motor = client.motor(label);
         let motor = motor.with_context(|| format!("the robot has no motor `{label}`"))?;
         Ok(client.act(match action {
-            "jog" => Action::Jog(motor, tenths(speed)),
+            // The robot refuses a speed that is too high.
+            "jog" => Action::Jog(motor, (speed * 10.0).round() as i16),
             "zero" => Action::Zero(motor),
             "clear" => Action::ClearFault(motor),
             _ => bail!("there is no `{action}`"),
@@ -338,10 +322,8 @@ impl LivePage<'_, '_> {
         });
         let is_whole = client.is_described();
         let urgency = |what| {
-            client.urgency(what, session.now()).map(|urgency| match urgency {
-                Urgency::Sent => "sent",
-                Urgency::NotHeard => "not heard",
-            })
+            let urgency = client.urgency(what, session.now());
+            urgency.map(|it| if it == Urgency::Sent { "sent" } else { "not heard" })
         };
         json!({
             "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),

@@ -61,6 +61,8 @@ pub struct Pages {
     pub requests: Receiver<PendingRequest>,
     /// The address for a browser.
     pub address: String,
+    /// The port of the address.
+    pub port: u16,
 }
 
 /// Time limit of a request.
@@ -71,13 +73,13 @@ impl Pages {
     pub fn serve(port: u16) -> Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", port))
             .with_context(|| format!("no page at port {port} of this PC"))?;
-        let address = listener.local_addr()?;
+        let port = listener.local_addr()?.port();
         let shown = Arc::new(Mutex::new(Shown { state: "null".into(), ..Shown::default() }));
         let (queue, requests) = channel();
         let seen = Arc::clone(&shown);
         let answer = move |request: &Request| respond(request, &seen, &queue);
-        thread::spawn(move || connection::serve(&listener, address.port(), answer));
-        Ok(Self { shown, requests, address: format!("http://{address}/") })
+        thread::spawn(move || connection::serve(&listener, port, answer));
+        Ok(Self { shown, requests, address: format!("http://127.0.0.1:{port}/"), port })
     }
 }
 

@@ -82,18 +82,25 @@ impl<'r> Session<'r> {
         })
     }
 
-    /// Runs until the robot has described itself; fails if it does not.
-    pub fn meet(&mut self) -> Result<()> {
-        self.until(|client| client.is_described().then_some(()))
-            .with_context(|| format!("{}: no robot", self.connection.name))
+    /// A session with a robot that has described itself; fails if it does not.
+    pub fn meet(connection: RobotConnection<'r>) -> Result<Self> {
+        let mut session = Self::new(connection);
+        let met = session.until(|client| client.is_described().then_some(()));
+        met.with_context(|| format!("{}: no robot", session.name()))?;
+        Ok(session)
     }
 
     fn until<T>(&mut self, mut look: impl FnMut(&mut Client) -> Option<T>) -> Result<T> {
-        let begin = self.now;
+        let (mut begin, mut known) = (self.now, 0);
         loop {
             self.step()?;
             if let Some(found) = look(&mut self.client) {
                 return Ok(found);
+            }
+            // An emulated chip may take long to describe itself.
+            let told = self.client.signals().count() + self.client.parameters().count();
+            if told > known {
+                (begin, known) = (self.now, told);
             }
             if self.now.since(begin) > PATIENCE {
                 bail!("{}", self.trouble().unwrap_or_else(|| "it does not answer".into()));
@@ -101,10 +108,18 @@ impl<'r> Session<'r> {
         }
     }
 
+    /// Asks for changes of parameters by their full names, all or none; returns the number of the answer.
+    /// Fails unless there are such parameters, and for too many.
+    pub fn ask(&mut self, wanted: &[(String, f32)]) -> Result<u16> {
+        let number = |(name, value): &(String, f32)| Ok((self.parameter(name)?.index, *value));
+        let changes: Vec<_> = wanted.iter().map(number).collect::<Result<_>>()?;
+        let id = self.client.set(&changes);
+        id.with_context(|| format!("at most {} changes at once", rc10_link::CHANGES))
+    }
+
     /// Changes parameters, all or none; fails if the robot refuses or does not answer.
-    pub fn set(&mut self, changes: &[(u16, f32)]) -> Result<()> {
-        let id = self.client.set(changes);
-        let id = id.with_context(|| format!("at most {} at once", rc10_link::CHANGES))?;
+    pub fn set(&mut self, wanted: &[(String, f32)]) -> Result<()> {
+        let id = self.ask(wanted)?;
         match self.until(|client| client.answer(id))? {
             Answer::Refused(why) => bail!("refused: {why}"),
             Answer::Done | Answer::Register(_) => Ok(()),

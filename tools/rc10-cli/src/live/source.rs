@@ -1,7 +1,8 @@
-//! Connections to a robot: at a port of this PC, over TCP, in the simulator, on the emulated chip.
+//! Connections to a robot: at a port of this PC, over TCP, in the simulator, on the emulated chip; begun here or
+//! kept running by another program.
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs as _};
+use std::net::TcpStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use std::{fs, io};
@@ -10,30 +11,40 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_time::Micros;
 
-use crate::args::{Injected, seed};
+use crate::args::{Injected, address, seed};
 use crate::live::line::{RobotConnection, Source};
+use crate::live::reach::{self, LocalRobot};
+use crate::live::shared::Shared;
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;
+use crate::terminal::tell;
 use crate::world::console::{BAUD, ConsoleLine};
 use crate::world::robot::Robot;
+
+/// Choice of a robot that runs.
+#[derive(Args, Clone, Debug, Default)]
+pub struct RunningArgs {
+    /// The robot's serial port, such as /dev/ttyUSB0 or COM3; tcp:HOST:PORT of a serial server; or sim or emu, which
+    /// another rc10 live keeps running, sim:8010 by its page [default: the only one that there is]
+    #[arg(long, value_name = "PORT")]
+    pub port: Option<String>,
+    /// Bits a second of the console [default: what this robot's firmware has]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
+    pub baud: Option<u32>,
+}
 
 /// Choice of the robot's connection.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SourceArgs {
-    /// The robot's serial port, such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT of a serial server [default:
-    /// the only one that there is]
-    #[arg(long, value_name = "PORT", conflicts_with_all = ["sim", "emu"])]
-    pub port: Option<String>,
-    /// The robot in the simulator
-    #[arg(long, conflicts_with = "emu")]
+    #[command(flatten)]
+    pub(crate) running: RunningArgs,
+    /// A robot in the simulator, begun for this
+    #[arg(long, conflicts_with_all = ["emu", "port"])]
     pub sim: bool,
-    /// The robot's firmware on the emulated chip; without ELF it is built first
-    #[arg(long, value_name = "ELF", num_args = 0..=1)]
+    /// The robot's firmware on the emulated chip, begun for this; without ELF it is built first
+    #[arg(long, value_name = "ELF", num_args = 0..=1, conflicts_with = "port")]
     pub emu: Option<Option<PathBuf>>,
-    /// Bits a second of the console [default: what this robot's firmware has]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
-    pub baud: Option<u32>,
     /// Seed of everything random in the world
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
@@ -44,7 +55,7 @@ pub struct SourceArgs {
 /// Choice of the robot's connection, with its port as the first argument.
 #[derive(Args, Clone, Debug, Default)]
 pub struct PlaceArgs {
-    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
+    /// The robot's port; the same as --port
     #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
     pub place: Option<String>,
     #[command(flatten)]
@@ -55,23 +66,77 @@ impl PlaceArgs {
     /// The choice without the first argument.
     #[must_use]
     pub fn source(&self) -> SourceArgs {
-        let port = self.place.clone().or_else(|| self.named.port.clone());
-        SourceArgs { port, ..self.named.clone() }
+        let mut source = self.named.clone();
+        source.running.port = self.place.clone().or(source.running.port);
+        source
     }
 }
 
-impl SourceArgs {
+impl RunningArgs {
     /// Bit rate of a robot's console.
     #[must_use]
     pub fn baud_of(&self, robot: &Robot<'_>) -> u32 {
         self.baud.or(robot.description().console).unwrap_or(BAUD)
     }
 
+    /// Opens the connection. Fails if it cannot be opened, with the reason and what helps.
+    pub fn open(&self, robot: &Robot<'_>) -> Result<RobotConnection<'static>> {
+        let place = only(self.places()?)?;
+        if self.port.is_none() {
+            tell(format_args!("the only robot here: {}", place.1));
+        }
+        self.connect(place, robot)
+    }
+
+    /// Opens every connection that may be meant: a stop reaches one robot too many rather than one too few. Tells what
+    /// cannot be opened, and fails if nothing can.
+    pub fn open_all(&self, robot: &Robot<'_>) -> Result<Vec<RobotConnection<'static>>> {
+        let places = self.places()?.into_iter();
+        let (open, refused): (Vec<_>, Vec<_>) =
+            places.map(|place| self.connect(place, robot)).partition(Result::is_ok);
+        let mut refused = refused.into_iter().filter_map(Result::err);
+        match refused.next() {
+            Some(why) if open.is_empty() => return Err(why),
+            first => first
+                .into_iter()
+                .chain(refused)
+                .for_each(|why| tell(format_args!("NOT HEARD: {why:#}"))),
+        }
+        Ok(open.into_iter().flatten().collect())
+    }
+
+    /// Ports that may be meant, with names for people.
+    fn places(&self) -> Result<Vec<(String, String)>> {
+        match &self.port {
+            Some(port) if !reach::is_name(port) => Ok(vec![(port.clone(), port.clone())]),
+            wanted => meant(wanted.as_deref(), places(wanted.is_none())),
+        }
+    }
+
+    fn connect(
+        &self,
+        (port, name): (String, String),
+        robot: &Robot<'_>,
+    ) -> Result<RobotConnection<'static>> {
+        let baud = self.baud_of(robot);
+        let open = move || match port.strip_prefix("tcp:") {
+            Some(address) => tcp(address),
+            None if reach::is_name(&port) => {
+                let robot = reach::all().into_iter().find(|it| it.name == port);
+                with_limits(robot.with_context(|| format!("{port} has ended"))?.connect()?)
+            }
+            None => serial(&port, baud),
+        };
+        Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, is_real: true })
+    }
+}
+
+impl SourceArgs {
     /// Opens the connection. A simulation or emulation runs as fast as it can, or if `paced` in
     /// real time at most. Fails if it cannot be opened, with the reason and what helps.
     pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<RobotConnection<'r>> {
         if self.sim {
-            let (baud, mut robot) = (self.baud_of(&robot), robot);
+            let (baud, mut robot) = (self.running.baud_of(&robot), robot);
             robot.inject(&self.injected, "--sim")?;
             robot.fit(false)?;
             let simulation = Simulation::new(robot, self.seed, Some(baud))?;
@@ -87,30 +152,61 @@ impl SourceArgs {
         }
         ensure!(
             self.injected.faults.is_empty() && self.injected.mistakes.is_empty(),
-            "--fault and --mistake are for --sim and --emu: a real robot needs no such help"
+            "--fault and --mistake are for --sim and --emu that are begun here"
         );
-        let name = match &self.port {
-            Some(name) => name.clone(),
-            None => only_port()?,
-        };
-        let (port, baud) = (name.clone(), self.baud_of(&robot));
-        let open = move || match port.strip_prefix("tcp:") {
-            Some(address) => tcp(address),
-            None => serial(&port, baud),
-        };
-        let source = Box::new(Wire::new(open)?);
-        Ok(RobotConnection { source, name, is_real: true })
+        self.running.open(&robot)
+    }
+
+    /// Opens the connection, paced. Shells reach what is begun here, by the port of its page.
+    pub(super) fn open_for_shells<'r>(
+        &self,
+        robot: Robot<'r>,
+        page: u16,
+    ) -> Result<RobotConnection<'r>> {
+        let RobotConnection { mut source, mut name, is_real } = self.open(robot, true)?;
+        let kind = if self.sim { "sim" } else { "emu" };
+        if !is_real {
+            match LocalRobot::announce(format!("{kind}:{page}"), &name) {
+                Ok((robot, listener)) => {
+                    name = robot.to_string();
+                    source = Box::new(Shared::new(source, listener, robot));
+                }
+                Err(why) => tell(format_args!("other shells do not reach this robot: {why:#}")),
+            }
+        }
+        Ok(RobotConnection { source, name, is_real })
     }
 }
 
-fn only_port() -> Result<String> {
-    let ports = serialport::available_ports().unwrap_or_default();
-    let names: Vec<_> = ports.into_iter().map(|port| port.port_name).collect();
-    match names.as_slice() {
-        [one] => Ok(one.clone()),
-        [] => bail!("no serial port is there: plug the robot in, or try --sim"),
-        many => bail!("which of the serial ports is the robot? {}", many.join(", ")),
-    }
+/// Ports at which a robot may be, with names for people: serial ones if wanted, and robots that run on this PC.
+fn places(with_serial: bool) -> Vec<(String, String)> {
+    let ports = serialport::available_ports().unwrap_or_default().into_iter();
+    let ports = ports.filter(|_| with_serial).map(|it| (it.port_name.clone(), it.port_name));
+    let running = reach::all().into_iter().map(|it| (it.name.clone(), it.to_string()));
+    ports.chain(running).collect()
+}
+
+/// The places of a name, or of a kind; fails if there are none.
+fn meant(wanted: Option<&str>, mut places: Vec<(String, String)>) -> Result<Vec<(String, String)>> {
+    let is_it = |port: &str, wanted| port == wanted || port.split(':').next() == Some(wanted);
+    places.retain(|(port, _)| wanted.is_none_or(|wanted| is_it(port, wanted)));
+    ensure!(
+        !places.is_empty(),
+        match wanted {
+            Some(name) => format!("no robot `{name}` runs on this PC"),
+            None => "no serial port is there, and no robot runs on this PC: plug the robot in, or begin with \
+                     rc10 live --sim"
+                .into(),
+        }
+    );
+    Ok(places)
+}
+
+/// The only place; fails with a list if there are more.
+fn only(mut places: Vec<(String, String)>) -> Result<(String, String)> {
+    let names: Vec<_> = places.iter().map(|(_, name)| name.as_str()).collect();
+    ensure!(names.len() < 2, "which robot? --port with one of these: {}", names.join(", "));
+    places.pop().context("no robot")
 }
 
 /// Puts a program into a chip: the robot's own firmware, unless one is named. Where it is, too.
@@ -126,7 +222,7 @@ fn emulated<'r>(
         (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
     };
     let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let console = Some(args.baud_of(&robot));
+    let console = Some(args.running.baud_of(&robot));
     let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };
     let named = || path.display().to_string();
@@ -245,13 +341,12 @@ impl<F: Fn() -> Result<Box<dyn Port>>> Source for Wire<F> {
     }
 }
 
-fn tcp(address: &str) -> Result<Box<dyn Port>> {
-    let mut found = address
-        .to_socket_addrs()
-        .with_context(|| format!("tcp:{address}: it is to be tcp:HOST:PORT"))?;
-    let found = found.next().with_context(|| format!("tcp:{address}: there is no such host"))?;
-    let stream = TcpStream::connect_timeout(&found, CONNECTS);
-    let stream = stream.with_context(|| format!("tcp:{address}: nothing answers there"))?;
+fn tcp(text: &str) -> Result<Box<dyn Port>> {
+    let stream = TcpStream::connect_timeout(&address(text).context("tcp:HOST:PORT")?, CONNECTS);
+    with_limits(stream.with_context(|| format!("tcp:{text}: nothing answers there"))?)
+}
+
+fn with_limits(stream: TcpStream) -> Result<Box<dyn Port>> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(TAKES))?;
     stream.set_nodelay(true)?;
@@ -286,5 +381,33 @@ fn refusal(name: &str, error: &serialport::Error) -> String {
         }
         _ if text.contains("busy") => format!("{name}: another program has it open"),
         _ => format!("{name}: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A real robot is never taken for a simulated one, or the other way round.
+    #[test]
+    fn with_several_robots_none_is_chosen() {
+        let of = |wanted, ports: &[&str]| {
+            let places =
+                ports.iter().map(|port| ((*port).to_owned(), format!("a robot at {port}")));
+            let found = meant(wanted, places.collect()).and_then(only);
+            found.map_or_else(|why| why.to_string(), |(port, _)| port)
+        };
+        let real = "/dev/ttyUSB0";
+        assert_eq!(of(None, &[real]), real);
+        assert_eq!(of(None, &["sim:8010"]), "sim:8010");
+        let both =
+            "which robot? --port with one of these: a robot at /dev/ttyUSB0, a robot at sim:8010";
+        assert_eq!(of(None, &[real, "sim:8010"]), both);
+        let several = ["sim:8010", "sim:8011", "emu:8012"];
+        assert_eq!(of(Some("emu"), &several), "emu:8012");
+        assert_eq!(of(Some("sim:8011"), &several), "sim:8011");
+        assert!(of(Some("sim"), &several).ends_with("a robot at sim:8010, a robot at sim:8011"));
+        assert_eq!(of(Some("sim:801"), &several), "no robot `sim:801` runs on this PC");
+        assert!(of(None, &[]).contains("plug the robot in"));
     }
 }

@@ -11,15 +11,16 @@
 
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Write as _};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _, UdpSocket};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::{Map, Value};
 
 use super::client::{Client, Sample, Signal};
 use super::foxglove::Foxglove;
 use super::plan::Topic;
+use crate::args::address;
 
 /// Choice of the viewers.
 #[derive(Args, Clone, Debug, Default)]
@@ -66,11 +67,6 @@ enum Floats {
     Tcp(TcpListener, Vec<TcpStream>),
 }
 
-fn address(text: &str) -> Result<SocketAddr> {
-    let mut found = text.to_socket_addrs().with_context(|| format!("{text}: not HOST:PORT"))?;
-    found.next().with_context(|| format!("{text}: there is no such host"))
-}
-
 fn udp(to: SocketAddr) -> Result<UdpSocket> {
     let any: SocketAddr =
         if to.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0_u16; 8], 0).into() };
@@ -94,13 +90,11 @@ pub fn signal_name(signal: &Signal) -> String {
 impl Viewers {
     /// Creates the chosen viewers; fails if an address is invalid or cannot be listened at.
     pub fn new(args: &ViewerArgs) -> Result<Self> {
-        let json = match &args.plotjuggler {
-            Some(text) => {
-                let to = address(text).context("--plotjuggler")?;
-                Some((udp(to)?, to))
-            }
-            None => None,
-        };
+        let json = args.plotjuggler.as_ref().map(|text| {
+            let to = address(text).context("--plotjuggler")?;
+            anyhow::Ok((udp(to)?, to))
+        });
+        let json = json.transpose()?;
         let floats = match args.vofa.as_deref().map(|text| text.split_once(':')) {
             None => None,
             Some(Some(("udp", text))) => {
@@ -134,16 +128,11 @@ impl Viewers {
         let all: BTreeMap<String, u16> =
             client.signals().map(|(index, signal)| (signal_name(signal), index)).collect();
         let channel = |name: &String| {
-            let found = all.get(name).copied();
-            if found.is_none() {
-                let near: Vec<_> =
-                    all.keys().filter(|known| known.contains(name.as_str())).collect();
-                ensure!(near.is_empty(), "--channel {name}: there are {near:?}");
-            }
-            Ok((
-                found.with_context(|| format!("--channel {name}: there is no such signal"))?,
-                f32::NAN,
-            ))
+            let index = all.get(name).with_context(|| {
+                let near: Vec<_> = all.keys().filter(|known| known.contains(name)).collect();
+                format!("--channel {name}: there is no such signal; near it are {near:?}")
+            })?;
+            Ok((*index, f32::NAN))
         };
         self.channels = Some(self.names.iter().map(channel).collect::<Result<_>>()?);
         Ok(())

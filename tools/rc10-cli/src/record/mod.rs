@@ -10,14 +10,6 @@ pub(crate) mod file;
 pub mod recorder;
 pub mod replay;
 
-use crate::recording::look::BusLook;
-use crate::recording::look::RemoteLook;
-use crate::recording::look::RobotLook;
-use crate::recording::look::Shaft;
-use rc10_module::Counters;
-use rc10_motor::embassy::BusStatus;
-use rc10_motor::embassy::Rs485Status;
-use rc10_tasks::seen::{Seen, Whole};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind};
@@ -28,14 +20,16 @@ use std::thread::{self, JoinHandle};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, McapResult, WriteOptions, Writer};
+use rc10_module::Counters;
 use rc10_motor::Fault;
+use rc10_motor::embassy::{BusStatus, Rs485Status};
+use rc10_tasks::seen::{Seen, Whole};
 use rc10_time::Micros;
 
 use self::fields::{MOTOR, MOTOR_HEALTH, Single, schema};
-use crate::recording::look::{Moment, MotorLook};
+use crate::recording::look::{BusLook, Moment, MotorLook, RemoteLook, RobotLook, Shaft};
 use crate::recording::remote::Loss;
-use crate::recording::sample::Source;
-use crate::recording::sample::WireEnd;
+use crate::recording::sample::{Source, WireEnd};
 use crate::robot::description::Description;
 use crate::robot::script::Event;
 use crate::robot::signal::Signal;
@@ -61,6 +55,8 @@ pub(crate) fn pack(values: impl Iterator<Item = f64>, bytes: &mut Vec<u8>) {
 pub struct RecordWriter {
     file: RecordFile,
     channels: BTreeMap<About, u16>,
+    /// The bytes of the newest message.
+    bytes: Vec<u8>,
 }
 
 /// A record that is being written. Its whole chunks stay in the file, whatever happens.
@@ -75,7 +71,6 @@ pub(crate) struct RecordFile {
     whole: (Micros, u64),
     syncing: Option<JoinHandle<io::Result<()>>>,
     count: u32,
-    bytes: Vec<u8>,
 }
 
 /// Size of a chunk in bytes: the loss of a run that is killed.
@@ -109,7 +104,6 @@ impl RecordFile {
             whole: (Micros::ZERO, 0),
             syncing: None,
             count: 0,
-            bytes: Vec::new(),
         };
         head.insert("version".to_owned(), VERSION.to_owned());
         file.write(|writer| writer.write_metadata(&metadata(LAYOUT, head)))?;
@@ -128,19 +122,6 @@ impl RecordFile {
             let id = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
             writer.add_channel(id, topic, "cdr", map)
         })
-    }
-
-    fn put(
-        &mut self,
-        channel_id: u16,
-        now: Micros,
-        values: impl Iterator<Item = f64>,
-    ) -> Result<()> {
-        let mut bytes = std::mem::take(&mut self.bytes);
-        pack(values, &mut bytes);
-        let outcome = self.put_bytes(channel_id, now, &bytes);
-        self.bytes = bytes;
-        outcome
     }
 
     pub(crate) fn put_bytes(&mut self, channel_id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
@@ -176,17 +157,14 @@ impl RecordFile {
     /// Fails if the record cannot be written, or the last sync failed.
     pub(crate) fn sync(&mut self) -> Result<()> {
         self.flush()?;
-        match self.syncing.take().map(|last| (last.is_finished(), last)) {
-            Some((false, last)) => self.syncing = Some(last),
-            last => {
-                if let Some(Ok(Err(error))) = last.map(|(_, last)| last.join()) {
-                    return Err(self.keep(error.into()));
-                }
-                if let Ok(file) = self.file.try_clone() {
-                    let sync = move || file.sync_data();
-                    self.syncing = thread::Builder::new().spawn(sync).ok();
-                }
-            }
+        if self.syncing.as_ref().is_some_and(|last| !last.is_finished()) {
+            return Ok(());
+        }
+        if let Some(Ok(Err(error))) = self.syncing.take().map(JoinHandle::join) {
+            return Err(self.keep(error.into()));
+        }
+        if let Ok(file) = self.file.try_clone() {
+            self.syncing = thread::Builder::new().spawn(move || file.sync_data()).ok();
         }
         Ok(())
     }
@@ -268,7 +246,7 @@ impl RecordWriter {
             let schema_name = format!("rc10/msg/{schema_name}");
             channels.insert(about, file.channel(&schema_name, &schema, &name, &map)?);
         }
-        Ok(Self { file, channels })
+        Ok(Self { file, channels, bytes: Vec::new() })
     }
 
     /// Writes the robot's own signals; fails if the file cannot be written.
@@ -327,7 +305,8 @@ impl RecordWriter {
         range: Range<usize>,
         it: &impl Seen,
     ) -> Result<()> {
-        self.file.put(self.channels[&about], now, range.map(|at| it.exact(at)))
+        pack(range.map(|at| it.exact(at)), &mut self.bytes);
+        self.file.put_bytes(self.channels[&about], now, &self.bytes)
     }
 
     /// Ends the record; fails if it cannot be written.

@@ -13,11 +13,9 @@ use crate::recording::load::Carrying;
 use crate::recording::look::{Moment, MotorLook};
 use crate::recording::margin::Margins;
 use crate::recording::remote::{Loss, RemoteTrack};
-use crate::recording::sample::RemoteSample;
-use crate::recording::sample::Source;
 use crate::recording::sample::{
-    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, SAMPLE_PERIOD, Sum,
-    WheelMeasurement, WireEnd, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, NOWHERE, PathPoint, RemoteSample,
+    SAMPLE_PERIOD, Source, Sum, WheelMeasurement, WireEnd, hex_digits,
 };
 use crate::recording::signal::SignalRecorder;
 use crate::recording::wheels::Wheels;
@@ -216,8 +214,8 @@ impl<'d> Recorder<'d> {
         if let Some(base) = &self.description.base {
             let wheels = self.wheels(base);
             let Description { estimate, reference, .. } = self.description;
-            let [estimate, reference] =
-                [estimate, reference].map(|labels| labels.map(|labels| self.pose(labels)));
+            let pose = |labels| self.pose(labels).unwrap_or(NOWHERE);
+            let [estimate, reference] = [estimate, reference].map(|labels| labels.map(pose));
             if let Some(track) = &mut self.recording.base {
                 track.path.push(moment.robot.pose);
                 track.heard.push(BaseMeasurement { wheels, yaw: moment.robot.yaw });
@@ -276,18 +274,15 @@ impl<'d> Recorder<'d> {
         wheels
     }
 
-    /// The pose in three of the robot's own signals.
-    fn pose(&self, labels: PoseSignals) -> PathPoint {
+    /// The pose in three of the robot's own signals; `None` while one of them has no value.
+    fn pose(&self, labels: PoseSignals) -> Option<PathPoint> {
         let value = |label: &str| {
-            let signals = self.signals.iter().map(SignalRecorder::newest);
-            let (_, unit, value) = signals.into_iter().find(|(name, ..)| *name == label)?;
-            value.map(|value| (unit, value))
+            let track = self.signals.iter().map(|it| &it.track).find(|it| it.label == label)?;
+            Some((track.last?, track.unit))
         };
         let [x, y, yaw] = labels.map(value);
-        let (Some((_, x)), Some((_, y)), Some((unit, yaw))) = (x, y, yaw) else {
-            return PathPoint::NOWHERE;
-        };
-        PathPoint { x, y, yaw: if unit == "rad" { yaw } else { yaw.to_radians() } }
+        let ((x, _), (y, _), (yaw, unit)) = (x?, y?, yaw?);
+        Some(PathPoint { x, y, yaw: if unit == "rad" { yaw } else { yaw.to_radians() } })
     }
 
     /// Ends the recording with the `losses` of the remote; fails if the record cannot be written.
@@ -427,7 +422,7 @@ impl MotorRecorder {
         if let Some(watch) = &mut self.effort {
             watch.look(now, look.effort);
             let MotorSample { kind, target, measured, .. } = seen;
-            let (feedback, effort) = (look.feedback(), look.effort);
+            let (feedback, effort) = (&look.status.feedback, look.effort);
             watch.look_at_load(now, &Carrying { kind, target, measured, feedback, effort });
         }
         if self.is_new && self.last.kind != seen.kind {

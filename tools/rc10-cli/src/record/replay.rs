@@ -1,6 +1,5 @@
 //! Reads a record: `rc10 report` and `rc10 csv`.
 
-use crate::recording::look::Shaft;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use std::iter::zip;
@@ -17,11 +16,10 @@ use super::fields::{Named, Single};
 use super::file::{Channel, Item, walk};
 use super::{About, CDR, END, LAYOUT, VERSION, topic, topics};
 use crate::record::recorder::Recorder;
-use crate::recording::look::{BusLook, Moment, MotorLook};
+use crate::recording::look::{BusLook, Moment, MotorLook, Shaft};
 use crate::recording::problem::Problem;
 use crate::recording::remote::Loss;
-use crate::recording::sample::Source;
-use crate::recording::sample::{SAMPLE_PERIOD, WireEnd};
+use crate::recording::sample::{SAMPLE_PERIOD, Source, WireEnd};
 use crate::recording::{Gap, Recording, problem};
 use crate::robot::description::Description;
 use crate::robot::remote::{Lost, Receiver};
@@ -327,14 +325,10 @@ impl<'d> Replay<'d> {
             if !is_heading && track.states != Stage::NAMES {
                 continue;
             }
+            let about = problem::About::Part(track.label);
             let text =
                 "not known: the program on the robot does not tell it; is it older than this one?";
-            let problem = Problem::information(
-                problem::About::Part(track.label),
-                "not-told",
-                text.to_owned(),
-            );
-            recording.found.push(problem);
+            recording.found.push(Problem::information(about, "not-told", text.to_owned()));
             if is_heading {
                 recording.headings.clear();
             }
@@ -426,12 +420,6 @@ impl<'d> Replay<'d> {
         }
     }
 
-    /// Looks at motors that told of themselves: their measurements.
-    fn measured_looks(&self) -> Vec<MotorLook> {
-        let told = |look: &MotorLook| MotorLook { shaft: Shaft::told(look.feedback()), ..*look };
-        self.looks.iter().map(told).collect()
-    }
-
     /// Gives the recorder the moment that is complete.
     fn flush(&mut self) -> Result<()> {
         if self.is_robot {
@@ -462,7 +450,8 @@ impl Replay<'_> {
         if self.has_told != [true; 2] {
             return Ok(());
         }
-        let looks = self.measured_looks();
+        let told = |it: &MotorLook| MotorLook { shaft: Shaft::told(&it.status.feedback), ..*it };
+        let looks: Vec<_> = self.looks.iter().map(told).collect();
         self.recorder.signals(self.at, &self.signals)?;
         self.recorder.take_look(self.at, &looks)?;
         while self.next_sample <= self.at {

@@ -148,7 +148,7 @@ mod tests {
 
     /// Of a motor that stands, turns at 30 rpm, and stands at another angle, 1 s each.
     fn watched(gravity: Gravity, speed: f32, effort: impl Fn(f64, f64) -> f64) -> LoadTrack {
-        let feed_forward = FeedForward { gravity, speed, ..FeedForward::NONE };
+        let feed_forward = FeedForward { gravity, per_rpm: speed, ..FeedForward::NONE };
         let mut watch = LoadWatch::default();
         for millis in 0..4000_u64 {
             let (degrees, rpm) = match millis {

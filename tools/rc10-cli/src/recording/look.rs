@@ -8,7 +8,7 @@ use rc10_sim::Esc;
 use rc10_sim::remote::Sent;
 use rc10_tasks::seen::{Field, Seen, Value, Whole};
 
-use crate::recording::sample::{Cell, MotorSample, PathPoint, RemoteSample};
+use crate::recording::sample::{Cell, MotorSample, NOWHERE, PathPoint, RemoteSample};
 use crate::robot::motor::{BITS_PER_SECOND, Motor};
 
 /// One motor in one millisecond.
@@ -96,7 +96,7 @@ impl BusLook {
 
 impl Default for RobotLook {
     fn default() -> Self {
-        Self { whole: Whole::default(), pose: PathPoint::of(None), yaw: None }
+        Self { whole: Whole::default(), pose: NOWHERE, yaw: None }
     }
 }
 
@@ -148,11 +148,6 @@ impl MotorLook {
             overwritten: state.feedback_overwritten,
         };
         look
-    }
-
-    /// Newest measurements.
-    pub const fn feedback(&self) -> &Feedback {
-        &self.status.feedback
     }
 
     /// A sample of the look, with empty cells; without a followed target it has the speed.

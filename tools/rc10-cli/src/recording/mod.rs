@@ -11,7 +11,6 @@ pub mod sample;
 pub mod signal;
 pub mod wheels;
 
-use crate::recording::sample::Source;
 use std::fmt;
 
 use rc10_emu::fault::Fault;
@@ -27,7 +26,7 @@ use crate::recording::effort::EffortTrack;
 use crate::recording::problem::Problem;
 use crate::recording::remote::RemoteTrack;
 use crate::recording::sample::{
-    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, hex_digits,
+    BaseMeasurement, BusSample, LOOK_PERIOD, MotorSample, PathPoint, Source, hex_digits,
 };
 use crate::recording::signal::SignalTrack;
 use crate::recording::wheels::Wheels;
@@ -105,11 +104,8 @@ impl Recording {
     /// SHA-256 over the hashes of all buses' logs, in hex digits.
     #[must_use]
     pub fn trace_hash(&self) -> String {
-        let mut hash = Sha256::new();
-        for bus in &self.buses {
-            hash.update(&bus.log_hash);
-        }
-        hex_digits(hash)
+        let all = |hash: Sha256, bus: &BusTrack| hash.chain_update(&bus.log_hash);
+        hex_digits(self.buses.iter().fold(Sha256::new(), all))
     }
 }
 

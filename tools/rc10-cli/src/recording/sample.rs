@@ -1,11 +1,12 @@
 //! Samples of a run: motors, buses and base at one moment, and the range of values between two.
 
-use rc10_motor::ArmState;
 use rc10_motor::embassy::BusStatus;
-use rc10_motor::{DriveMode, Link, MotorCounters, TargetKind};
-use rc10_sim::Base;
+use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, TargetKind};
 use rc10_time::Micros;
 use sha2::{Digest, Sha256};
+
+/// A position of the base.
+pub use rc10_sim::Pose as PathPoint;
 
 /// Period of samples.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
@@ -150,29 +151,8 @@ pub struct WheelMeasurement {
     pub steered: f64,
 }
 
-impl PathPoint {
-    pub(crate) const NOWHERE: Self = Self { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
-
-    /// True position of a base; NaN without one.
-    pub(crate) fn of(base: Option<&Base>) -> Self {
-        base.map(Base::pose).map_or(Self::NOWHERE, |pose| Self {
-            x: pose.x,
-            y: pose.y,
-            yaw: pose.yaw,
-        })
-    }
-}
-
-/// A position of the base.
-#[derive(Clone, Copy, Debug)]
-pub struct PathPoint {
-    /// Metres forward of the start.
-    pub x: f64,
-    /// Metres to the left of the start.
-    pub y: f64,
-    /// Radians, counter-clockwise.
-    pub yaw: f64,
-}
+/// The position of a base that is not known.
+pub(crate) const NOWHERE: PathPoint = PathPoint { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
 
 pub(crate) fn hex_digits(hash: Sha256) -> String {
     format!("{:x}", hash.finalize())
@@ -192,6 +172,12 @@ pub struct WireEnd {
 pub(crate) fn seconds(time: Micros) -> f64 {
     // Divided, not multiplied: correctly rounded, so that 0.9 s is printed as 0.9.
     time.get() as f64 / 1e6
+}
+
+/// A number rounded to `places` decimals, never a negative zero.
+pub(crate) fn rounded(value: f64, places: i32) -> f64 {
+    let power = 10_f64.powi(places);
+    (value * power).round() / power + 0.0
 }
 
 pub(crate) fn time_of(index: usize) -> Micros {

@@ -26,7 +26,7 @@ pub struct SignalTrack {
 
 #[derive(Clone, Default)]
 pub(crate) struct SignalRecorder {
-    track: SignalTrack,
+    pub(crate) track: SignalTrack,
     newest: Sum,
     whole: Sum,
 }
@@ -34,10 +34,8 @@ pub(crate) struct SignalRecorder {
 impl SignalRecorder {
     pub(crate) fn new(signal: &Signal<'_>) -> Self {
         let &Signal { label, unit, states, .. } = signal;
-        Self {
-            track: SignalTrack { label, unit, states, ..SignalTrack::default() },
-            ..Self::default()
-        }
+        let track = SignalTrack { label, unit, states, ..SignalTrack::default() };
+        Self { track, ..Self::default() }
     }
 
     /// Takes the value, every [`LOOK_PERIOD`]; one that is not finite counts as no value.
@@ -50,11 +48,6 @@ impl SignalRecorder {
             }
             None => self.track.absent += LOOK_PERIOD,
         }
-    }
-
-    /// Label, unit and newest value.
-    pub(crate) const fn newest(&self) -> (&'static str, &'static str, Option<f64>) {
-        (self.track.label, self.track.unit, self.track.last)
     }
 
     pub(crate) fn sample(&mut self) {

@@ -57,13 +57,8 @@ impl Wheels {
     /// The motion that fits the distances of all rims best, m and rad.
     #[must_use]
     pub fn motion(&self, rims: &[f64]) -> Motion {
-        let mut motion = [0.0; 3];
-        for (share, rim) in self.shares.iter().zip(rims) {
-            for (sum, one) in motion.iter_mut().zip(share) {
-                *sum += one * rim;
-            }
-        }
-        motion
+        let shares = || self.shares.iter().zip(rims);
+        [0, 1, 2].map(|axis| shares().fold(0.0, |sum, (share, rim)| sum + share[axis] * rim))
     }
 
     /// Slip that no motion of a rigid base explains: root of the mean square over the wheels, m.

@@ -29,11 +29,8 @@ pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf>
 /// own; returns the path of the ELF file. Fails if there is no program, or the build does.
 pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathBuf> {
     let folder = Path::new(repository).join("firmware");
-    ensure!(
-        folder.is_dir(),
-        "there is no {} to build: say which ELF file to run",
-        folder.display()
-    );
+    let place = folder.display();
+    ensure!(folder.is_dir(), "there is no {place} to build: say which ELF file to run");
     let features = board.map(|board| ["--no-default-features", "--features", board.name]);
     let build = ["build", "--release", "--message-format=json-render-diagnostics"];
     let output = cargo(&folder, build.into_iter().chain(features.into_iter().flatten()))?;
@@ -45,7 +42,7 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
     let messages =
         messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     let mut programs = messages.filter_map(|it| Some(PathBuf::from(it["executable"].as_str()?)));
-    programs.next_back().with_context(|| format!("{} has no program", folder.display()))
+    programs.next_back().with_context(|| format!("{place} has no program"))
 }
 
 fn cargo<'t>(folder: &Path, args: impl Iterator<Item = &'t str>) -> Result<Output> {

@@ -7,8 +7,9 @@ use rc10_emu::Board;
 use rc10_emu::fault::Fault;
 use rc10_motor::{MotorId, Names, numbers};
 use rc10_sim::imu::Hwt101;
-use rc10_sim::{Nanos, Serial, World};
+use rc10_sim::{ArmLink, Closed, Esc, Nanos, Serial, World};
 use rc10_tasks::Program;
+use rc10_tasks::program::Active;
 use rc10_time::Micros;
 
 use crate::robot::base::Base;
@@ -29,6 +30,8 @@ pub struct Description {
     pub lines: Vec<LinePart>,
     /// The base on its wheels, if that is simulated.
     pub base: Option<Base>,
+    /// Arms whose links hang on each other. (The weight of a single one is in its motor's [`Plant`].)
+    pub arms: Vec<ArmPart>,
     /// Own signals of the estimated pose: [`Robot::estimate`](crate::Robot::estimate).
     pub estimate: Option<PoseSignals>,
     /// Label of the own signal with the yaw by the IMU, degrees counter-clockwise, all turns counted, which a run
@@ -42,6 +45,10 @@ pub struct Description {
     pub serials: Vec<SerialPart>,
     /// Switches and markers on motors' shafts, in the order of the board's inputs for them.
     pub contacts: Vec<ContactPart>,
+    /// What is measured at the board's inputs for voltages, in their order.
+    pub voltages: Vec<VoltagePart>,
+    /// Labels of the servos at the board's outputs for them, in their order.
+    pub servos: Vec<&'static str>,
     /// Bit rate of the firmware's console, if not 921,600.
     pub console: Option<u32>,
     /// Script, for reports.
@@ -74,22 +81,57 @@ pub struct SerialPart {
     pub twin: SerialTwin,
 }
 
+/// An arm: the links that hang on each other, each on a motor.
+#[derive(Clone, Debug)]
+pub struct ArmPart {
+    /// Indices into [`Description::motors`], and their links.
+    pub(crate) links: Vec<(usize, ArmLink)>,
+}
+
+impl ArmPart {
+    /// Creates an arm from the base outwards, in the robot's directions: they count upwards.
+    #[must_use]
+    pub fn new<N: Names>(links: impl IntoIterator<Item = (N, ArmLink)>) -> Self {
+        Self { links: links.into_iter().map(|(motor, link)| (motor.index(), link)).collect() }
+    }
+}
+
 /// A switch or marker on a motor's shaft: [`rc10_sim::Contact`].
 #[derive(Clone, Copy, Debug)]
 pub struct ContactPart {
     /// The motor: an index into [`Description::motors`].
     pub(crate) motor: usize,
-    /// Angles since the start, degrees in the motor's direction, between which it is closed.
-    pub closed: [f64; 2],
+    /// Where it is closed, in the robot's direction.
+    pub closed: Closed,
+    /// Whether it is wired by its contact that opens.
+    pub opens: bool,
 }
 
 impl ContactPart {
-    /// Creates a contact on the shaft of a motor, closed between these angles of each turn.
+    /// Creates a contact on the shaft of a motor, closed there: two angles are those of each turn.
     #[must_use]
-    pub fn new<N: Names>(motor: N, closed: [f64; 2]) -> Self {
-        Self { motor: motor.index(), closed }
+    pub fn new<N: Names>(motor: N, closed: impl Into<Closed>) -> Self {
+        Self { motor: motor.index(), closed: closed.into(), opens: false }
+    }
+
+    /// The same, wired by its contact that opens: [`Contact::opening`](rc10_sim::Contact::opening).
+    #[must_use]
+    pub const fn opening(self) -> Self {
+        Self { opens: true, ..self }
     }
 }
+
+/// A voltage that the robot measures: [`rc10_sim::Voltage`].
+#[derive(Clone, Copy, Debug)]
+pub struct VoltagePart {
+    /// The voltage divided by that at the chip's pin, 1 without a divider.
+    pub divider: f64,
+    /// The voltage now, volts.
+    pub volts: Volts,
+}
+
+/// A voltage now, V: by the motors in the order of the description, and the base.
+pub type Volts = fn(motors: &[Esc], base: Option<&rc10_sim::Base>) -> f64;
 
 /// A part of a robot in simulation, under its name in the declaration.
 #[derive(Clone, Copy, Debug)]
@@ -98,6 +140,8 @@ pub enum Twin {
     Serial(&'static str, SerialTwin),
     /// Where a contact is closed.
     Contact(&'static str, fn() -> ContactPart),
+    /// What is measured.
+    Voltage(&'static str, Volts),
 }
 
 /// Puts the twin of a serial part at the end of a link.
@@ -106,7 +150,7 @@ pub type SerialTwin = fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Re
 impl Twin {
     const fn label(&self) -> &'static str {
         match self {
-            Self::Serial(label, _) | Self::Contact(label, _) => label,
+            Self::Serial(label, _) | Self::Contact(label, _) | Self::Voltage(label, _) => label,
         }
     }
 }
@@ -120,32 +164,35 @@ pub trait Simulated: Program {
     fn description() -> Description;
 }
 
-const fn assert_twins(
-    serials: &[rc10_tasks::program::SerialPart],
-    contacts: &[&str],
-    twins: &[Twin],
-) {
+const fn assert_twins<P: Simulated>() {
     assert!(
-        twins.len() == serials.len() + contacts.len(),
-        "`TWINS` has not one twin for each `serial` and `contact` of the declaration"
+        P::TWINS.len() == P::SERIALS.len() + P::CONTACTS.len() + P::VOLTAGES.len(),
+        "`TWINS` has not one twin for each `serial`, `contact` and `voltage` of the declaration"
     );
     let mut at = 0;
-    while at < twins.len() {
+    while at < P::TWINS.len() {
         let (mut found, mut part) = (false, 0);
-        while part < serials.len() {
-            found |=
-                matches!(twins[at], Twin::Serial(label, _) if is_same(label, serials[part].label));
-            part += 1;
+        match P::TWINS[at] {
+            Twin::Serial(label, _) => {
+                while part < P::SERIALS.len() {
+                    found |= is_same(label, P::SERIALS[part].label);
+                    part += 1;
+                }
+            }
+            Twin::Contact(label, _) => {
+                while part < P::CONTACTS.len() {
+                    found |= is_same(label, P::CONTACTS[part].0);
+                    part += 1;
+                }
+            }
+            Twin::Voltage(label, _) => {
+                while part < P::VOLTAGES.len() {
+                    found |= is_same(label, P::VOLTAGES[part].0);
+                    part += 1;
+                }
+            }
         }
-        part = 0;
-        while part < contacts.len() {
-            found |= matches!(twins[at], Twin::Contact(label, _) if is_same(label, contacts[part]));
-            part += 1;
-        }
-        assert!(
-            found,
-            "`TWINS` has a twin that the declaration does not have as a `serial` or `contact`"
-        );
+        assert!(found, "`TWINS` has a twin that the declaration does not have, or of another sort");
         at += 1;
     }
 }
@@ -211,22 +258,30 @@ impl Description {
     /// package, its IMU on the base, and the twins of its parts.
     #[must_use]
     pub fn of_program<P: Simulated>(plant: impl Fn(P::Name) -> Plant) -> Self {
-        const { assert_twins(P::SERIALS, P::CONTACTS, P::TWINS) };
+        const { assert_twins::<P>() };
         let twin = |label: &str| P::TWINS.iter().find(|twin| twin.label() == label);
         let imu = P::HAS_IMU.then_some(SerialPart { label: "IMU", uart: IMU_UART, twin: wit });
         let serials = P::SERIALS.iter().filter_map(|part| match twin(part.label)? {
             &Twin::Serial(label, twin) => Some(SerialPart { label, uart: part.uart, twin }),
-            Twin::Contact(..) => None,
+            Twin::Contact(..) | Twin::Voltage(..) => None,
         });
-        let contacts = P::CONTACTS.iter().filter_map(|label| match twin(label)? {
-            Twin::Contact(_, part) => Some(part()),
-            Twin::Serial(..) => None,
+        let contacts = P::CONTACTS.iter().filter_map(|(label, active)| match twin(label)? {
+            Twin::Contact(_, part) => {
+                Some(ContactPart { opens: *active == Active::High, ..part() })
+            }
+            Twin::Serial(..) | Twin::Voltage(..) => None,
+        });
+        let voltages = P::VOLTAGES.iter().filter_map(|(label, divider)| match twin(label)? {
+            &Twin::Voltage(_, volts) => Some(VoltagePart { divider: f64::from(*divider), volts }),
+            Twin::Serial(..) | Twin::Contact(..) => None,
         });
         Self {
             console: Some(P::CONSOLE),
             firmware: Some(|board| build_firmware_in(P::FOLDER, board)),
             serials: imu.into_iter().chain(serials).collect(),
             contacts: contacts.collect(),
+            voltages: voltages.collect(),
+            servos: P::SERVOS.to_vec(),
             ..Self::of(plant)
         }
     }

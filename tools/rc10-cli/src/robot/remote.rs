@@ -3,24 +3,24 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use rc10_emu::fault::{Fault, Kind};
-use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus, Vt03};
+use rc10_sim::remote::{Controls, Crsf, Dr16, Mixer, Ppm, Remote, Sbus, Vt03};
 use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
 use rc10_tasks::Program;
 use rc10_time::Micros;
 
-pub use rc10_module::remote::Receiver;
+pub use rc10_module::remote::{ChannelOrder, Receiver};
 
 /// The remote control of a robot, with its operator's script.
 #[derive(Clone, Debug)]
 pub struct RemoteControl {
     /// Receiver that is plugged in.
     pub receiver: Receiver,
+    /// Which channel of its transmitter is what.
+    pub channels: ChannelOrder,
     /// Receivers that the robot supports.
     pub receivers: Vec<Receiver>,
     /// The chip's UART for receivers that send bytes.
     pub uart: u8,
-    /// The chip's pin for receivers that send pulses.
-    pub pulse_pin: (char, usize),
     /// Script of the operator, in the order of time. Before its first line all sticks are at rest.
     pub script: Vec<ScriptLine>,
     /// Period after which the script repeats, if it does.
@@ -109,6 +109,16 @@ impl ReceiverWire {
     }
 }
 
+/// The transmitter's set-up that an order of channels needs.
+pub fn mixer(order: &ChannelOrder) -> Mixer {
+    let [third, fourth] = order.more_switches;
+    let sticks = [order.right_x, order.right_y, order.left_x, order.left_y];
+    let [right_x, right_y, left_x, left_y] = sticks.map(Some);
+    let switches = [order.right_switch, order.left_switch].map(Some);
+    [right_x, right_y, left_x, left_y, switches[0], switches[1], third, fourth, order.dial]
+        .map(|channel| channel.map_or((0, false), |channel| (channel.number, channel.is_reversed)))
+}
+
 /// The robot's end of a receiver's wire.
 pub enum ReceiverPort {
     /// A UART.
@@ -118,14 +128,14 @@ pub enum ReceiverPort {
 }
 
 impl RemoteControl {
-    /// Creates a remote for any receiver, at UART5 and PF8, whose script may repeat after a period.
+    /// Creates a remote for any receiver, at UART5 or the board's input for pulses, whose script may repeat after a period.
     #[must_use]
     pub fn new(receiver: Receiver, script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
         Self {
             receiver,
+            channels: receiver.channels(),
             receivers: Receiver::ALL.into(),
             uart: 5,
-            pulse_pin: ('F', 8),
             script: script.into(),
             repeats_after,
             lost: Vec::new(),
@@ -135,7 +145,7 @@ impl RemoteControl {
     /// Creates the remote of a program, as [`new`](Self::new).
     #[must_use]
     pub fn of<P: Program>(script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
-        Self::new(P::RECEIVER, script, repeats_after)
+        Self { channels: P::CHANNELS, ..Self::new(P::RECEIVER, script, repeats_after) }
     }
 
     /// Sets the losses from a run's faults; fails if one begins before another has ended.
@@ -160,7 +170,9 @@ impl RemoteControl {
     pub fn plug(&mut self, receiver: Receiver) -> Result<()> {
         let names = || self.receivers.iter().map(|one| one.name()).collect::<Vec<_>>().join(", ");
         ensure!(self.receivers.contains(&receiver), "no {receiver}: this robot takes {}", names());
-        self.receiver = receiver;
+        if self.receiver != receiver {
+            (self.receiver, self.channels) = (receiver, receiver.channels());
+        }
         Ok(())
     }
 }

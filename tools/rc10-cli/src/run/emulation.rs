@@ -5,12 +5,12 @@ use rc10_emu::fault::{Fault, Kind};
 use rc10_emu::{Board, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
-use rc10_sim::{Bus, Esc, Nanos, TraceEntry};
+use rc10_sim::{Base, Bus, Esc, Nanos, Servo, TraceEntry};
 use rc10_time::Micros;
 use sha2::{Digest as _, Sha256};
 
 use crate::recording::look::{BusLook, Moment, RobotLook};
-use crate::recording::sample::{PathPoint, hex_digits};
+use crate::recording::sample::{NOWHERE, hex_digits};
 use crate::robot::description::Description;
 use crate::robot::mistake::Mistake;
 use crate::robot::motor::{Device, Place};
@@ -54,10 +54,12 @@ pub struct Emulation<'r> {
     pub motors: Vec<Esc>,
     /// The remote and its receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
+    /// The servos, as many as described: the pulses at the chip's pins.
+    pub servos: Vec<Servo>,
     /// The line from the console to a PC, if there is one.
     pub console: Option<ConsoleLine>,
     pub(crate) description: Description,
-    base: Option<rc10_sim::Base>,
+    base: Option<Base>,
     pub(crate) seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
@@ -92,7 +94,9 @@ impl<'r> Emulation<'r> {
             around = around.with_console(baud);
         }
         let parts = around.parts(&description);
-        let Environment { world, wires, lines: ends, motors, base, serials, contacts, .. } = around;
+        let Environment { world, wires, lines: ends, motors, base, serials, .. } = around;
+        let (contacts, voltages) = (around.contacts, around.voltages);
+        let servos: Vec<_> = description.servos.iter().map(|_| Servo::default()).collect();
         let (remote, operator, console) = (around.remote, around.operator, around.console);
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         let board = board::of(program, setup.board, setup.crystal)?;
@@ -107,16 +111,23 @@ impl<'r> Emulation<'r> {
         for (part, link) in description.serials.iter().zip(&serials) {
             machine.connect_serial(part.uart, link, false).context(part.label)?;
         }
-        let inputs = board.switches;
-        ensure!(
-            contacts.len() <= inputs.len(),
-            "{} has {} inputs for switches, the robot {} contacts",
-            board.name,
-            inputs.len(),
-            contacts.len()
-        );
-        for (contact, pin) in contacts.iter().zip(inputs) {
+        for (has, what, wants, of_robot) in [
+            (board.switches.len(), "inputs for switches", contacts.len(), "contacts"),
+            (board.voltages.len(), "inputs for voltages", voltages.len(), "voltages"),
+            (board.servos.len(), "outputs for servos", servos.len(), "servos"),
+        ] {
+            let name = board.name;
+            ensure!(wants <= has, "{name} has {has} {what}, the robot {wants} {of_robot}");
+        }
+        for (contact, pin) in contacts.iter().zip(board.switches) {
             machine.connect_contact(pin, contact).context("contacts")?;
+        }
+        for ((part, voltage), pin) in description.voltages.iter().zip(&voltages).zip(board.voltages)
+        {
+            machine.connect_voltage(*pin, voltage, part.divider).context("voltages")?;
+        }
+        for (servo, pin) in servos.iter().zip(board.servos) {
+            machine.connect_servo(pin, servo).context("servos")?;
         }
         if let Some(line) = &console {
             machine.connect_serial(CONSOLE, line.serial(), false).context("console")?;
@@ -128,7 +139,7 @@ impl<'r> Emulation<'r> {
                     let inverted = inverted != board.inverts_remote;
                     machine.connect_serial(control.uart, wire, inverted)
                 }
-                ReceiverWire::Pulses(wire) => machine.connect_pulses(control.pulse_pin, wire),
+                ReceiverWire::Pulses(wire) => machine.connect_pulses(board.pulses, wire),
             }
             .context("remote")?;
         }
@@ -156,6 +167,7 @@ impl<'r> Emulation<'r> {
             loops,
             heard,
             remote,
+            servos,
             console,
             operator,
         })
@@ -163,7 +175,7 @@ impl<'r> Emulation<'r> {
 
     /// The base on its wheels, if that is simulated.
     #[must_use]
-    pub const fn base(&self) -> Option<&rc10_sim::Base> {
+    pub const fn base(&self) -> Option<&Base> {
         self.base.as_ref()
     }
 
@@ -241,14 +253,14 @@ impl Running for Emulation<'_> {
             let motor = self.description.number(entry)?;
             match self.description.motors.get(entry)?.on {
                 Place::Bus(bus) => self.listeners.get(index(bus)?)?.status(motor, now),
-                Place::Line(line) => self.lines.get(index(line)?)?.motor(motor, now),
+                Place::Line(line) => self.lines.get(index(line)?)?.motors.status(motor, now),
             }
         };
         heard().unwrap_or(MotorStatus::NEW)
     }
 
     fn moment(&self, _: Micros) -> Moment {
-        let pose = PathPoint::of(self.base.as_ref());
+        let pose = self.base.as_ref().map_or(NOWHERE, Base::pose);
         Moment {
             // What the chip hears of its IMU is not seen from here.
             robot: RobotLook { pose, ..RobotLook::default() },

@@ -3,13 +3,11 @@
 use rc10_motor::embassy::Rs485Status;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::unitree::wire::line::COMMAND_LEN;
-use rc10_motor::{MotorId, MotorStatus};
 use rc10_sim::{LineEntry, Nanos};
-use rc10_time::Micros;
 
 /// A listener on a line, which sends nothing.
 pub(crate) struct LineListener<'r> {
-    motors: Rs485Bus<'r>,
+    pub(crate) motors: Rs485Bus<'r>,
     /// The bytes that the chip has sent without a pause.
     command: Vec<u8>,
     began: Nanos,
@@ -52,9 +50,5 @@ impl<'r> LineListener<'r> {
         let mut status = Rs485Status::default();
         status.traffic = self.motors.counters();
         status
-    }
-
-    pub(crate) fn motor(&self, motor: MotorId, now: Micros) -> Option<MotorStatus> {
-        self.motors.status(motor, now)
     }
 }

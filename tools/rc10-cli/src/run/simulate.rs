@@ -43,7 +43,7 @@ fn record(
             recorder.sample(now, running.wires(), running.moment(now))?;
         }
     }
-    recorder.finish(now, running.wires(), watch.finish())
+    recorder.finish(now, running.wires(), watch.losses)
 }
 
 /// What a record of a robot says that is about to run in a simulation.

@@ -5,12 +5,12 @@ use rc10_emu::fault::ChipFault;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmState, ArmSwitch, Loops, MotorStatus};
-use rc10_sim::{Bus, Esc, Faults, Tasks, TraceEntry};
+use rc10_sim::{Base, Bus, Esc, Faults, Tasks, TraceEntry};
 use rc10_tasks::seen::Whole;
 use rc10_time::Micros;
 
 use crate::recording::look::{BusLook, Moment, RobotLook};
-use crate::recording::sample::PathPoint;
+use crate::recording::sample::NOWHERE;
 use crate::robot::description::Description;
 use crate::run::running::Running;
 use crate::run::watch::Sight;
@@ -127,7 +127,7 @@ impl Running for Simulation<'_> {
         Moment {
             robot: RobotLook {
                 whole: whole.as_ref().map_or_else(unsaid, |whole| whole()),
-                pose: PathPoint::of(self.around.base.as_ref()),
+                pose: self.around.base.as_ref().map_or(NOWHERE, Base::pose),
                 yaw: yaw.as_ref().and_then(|(_, yaw)| yaw(now)),
             },
             buses: buses.iter().map(bus).collect(),

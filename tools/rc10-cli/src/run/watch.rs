@@ -22,7 +22,7 @@ const STEP: Micros = Micros::new(100);
 pub struct Watch {
     due: Vec<Lost>,
     /// The losses so far; the last one may be going on.
-    losses: Vec<Loss>,
+    pub losses: Vec<Loss>,
     /// Whether no fine look is needed for the moment.
     is_idle: bool,
 }
@@ -119,11 +119,5 @@ impl Watch {
         // Too short to be noticed.
         let is_over = is_heard && loss.back.is_some_and(|back| now.since(back) > LONG);
         self.is_idle = loss.is_settled() || is_over;
-    }
-
-    /// The losses of the remote.
-    #[must_use]
-    pub fn finish(self) -> Vec<Loss> {
-        self.losses
     }
 }

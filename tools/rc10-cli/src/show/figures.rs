@@ -63,9 +63,8 @@ impl Figures {
     /// The figures of a run.
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
-        let motors = recording.motors.iter();
-        let motors: Vec<_> =
-            motors.map(|track| MotorFigures::of(track, recording.source)).collect();
+        let of = |track| MotorFigures::of(track, recording.source);
+        let motors: Vec<_> = recording.motors.iter().map(of).collect();
         let tables = Tables {
             motors: motor_table(recording, &motors),
             buses: bus_table(recording),
@@ -116,10 +115,7 @@ impl MotorFigures {
     /// The error of each kind of target: `6.70 deg angle, 7.09 rpm speed`.
     #[must_use]
     pub fn errors(&self) -> String {
-        let one = |tracking: &Tracking| {
-            let Tracking { kind, .. } = *tracking;
-            format!("{:.2} {} {}", tracking.rms(), unit(kind), noun(kind))
-        };
+        let one = |it: &Tracking| format!("{:.2} {} {}", it.rms(), unit(it.kind), noun(it.kind));
         self.tracking.iter().map(one).collect::<Vec<_>>().join(", ")
     }
 }
@@ -189,14 +185,8 @@ pub(crate) fn optional(value: Option<f64>, digits: usize, unit: &str) -> String 
 /// 1234567 as "1 234 567", with spaces that do not break.
 pub(crate) fn grouped(count: u64) -> String {
     let digits = count.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.char_indices() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push('\u{202f}');
-        }
-        text.push(digit);
-    }
-    text
+    let groups = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy);
+    groups.collect::<Vec<_>>().join("\u{202f}")
 }
 
 /// A column of a table: its title, and its entry of a row.
@@ -250,8 +240,12 @@ fn motor_table(recording: &Recording, figures: &[MotorFigures]) -> Table {
         ("model", |(track, _)| words(track.motor.name())),
         ("bus", |(track, _)| words(crate::robot::motor::short(track.motor.on))),
         ("link", |(track, _)| {
-            let link = track.last.link;
-            Entry { bad: link != Link::Online, ..words(link_name(link)) }
+            let (name, bad) = match track.last.link {
+                Link::NeverSeen => ("never heard", true),
+                Link::Online => ("online", false),
+                Link::Lost => ("lost", true),
+            };
+            Entry { bad, ..words(name) }
         }),
         ("drive", |(track, _)| words(drive_name(track.last.drive))),
         ("loop", |(_, figures)| {
@@ -296,8 +290,12 @@ fn bus_table(recording: &Recording) -> Table {
     let columns: &[Column<&BusTrack>] = &[
         ("bus", |track| words(format!("bus {}", track.number))),
         ("plan", |track| {
-            let verdict = track.last.load.verdict();
-            Entry { bad: verdict == Verdict::DoesNotFit, ..words(verdict_name(verdict)) }
+            let (name, bad) = match track.last.load.verdict() {
+                Verdict::Fits => ("fits", false),
+                Verdict::Tight => ("tight", false),
+                Verdict::DoesNotFit => ("does not fit", true),
+            };
+            Entry { bad, ..words(name) }
         }),
         ("planned load: least", |track| percent(track.last.load.least.into())),
         ("typical", |track| percent(track.last.load.typical.into())),
@@ -348,14 +346,6 @@ fn line_table(recording: &Recording) -> Option<Table> {
     (!rows.is_empty()).then(|| Table::new(columns, 1, hidden, &rows))
 }
 
-pub(crate) const fn link_name(link: Link) -> &'static str {
-    match link {
-        Link::NeverSeen => "never heard",
-        Link::Online => "online",
-        Link::Lost => "lost",
-    }
-}
-
 pub(crate) const fn drive_name(drive: DriveMode) -> &'static str {
     match drive {
         DriveMode::Off => "off",
@@ -363,14 +353,6 @@ pub(crate) const fn drive_name(drive: DriveMode) -> &'static str {
         DriveMode::Brake => "brake",
         DriveMode::Hold => "hold",
         DriveMode::Run => "run",
-    }
-}
-
-const fn verdict_name(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Fits => "fits",
-        Verdict::Tight => "tight",
-        Verdict::DoesNotFit => "does not fit",
     }
 }
 
@@ -409,11 +391,10 @@ pub fn headline(recording: &Recording, figures: &Figures) -> String {
 pub fn remote_lines(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
-    let heard = heard.as_ref().map_or_else(String::new, |heard| {
+    let heard = heard.map_or_else(String::new, |heard| {
         let Counters { frames, damaged, skipped, port_errors, .. } = heard;
-        format!(
-            "; {frames} heard, {damaged} damaged, {skipped} bytes skipped, {port_errors} port errors"
-        )
+        let good = format!("; {frames} heard, {damaged} damaged");
+        format!("{good}, {skipped} bytes skipped, {port_errors} port errors")
     });
     let losses: String = losses.iter().map(|loss| sentence(loss) + "\n").collect();
     let Sent { frames, live, .. } = sent;

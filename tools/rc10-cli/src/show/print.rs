@@ -1,7 +1,6 @@
 //! The end of a run: its tables on the terminal, its report and logs in a folder.
 
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use crate::recording::Recording;

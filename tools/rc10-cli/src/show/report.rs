@@ -3,11 +3,11 @@
 //! The tables are HTML; in the browser `report.js` draws the plots from the samples in the page's
 //! JSON.
 
-use anyhow::Result;
-use std::fmt::Write as _;
+use std::fmt::{Display, Write as _};
 use std::fs;
 use std::path::Path;
 
+use anyhow::Result;
 use rc10_motor::{ArmState, DriveMode, Link, TargetKind};
 use rc10_time::Micros;
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ use crate::judge::path::{Apart, PathFigures, Paths};
 use crate::recording::problem::{Problem, Severity};
 use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::{
-    Cell, MotorSample, PathPoint, RemoteSample, SAMPLE_PERIOD, Source, is_angle, seconds,
+    Cell, MotorSample, PathPoint, RemoteSample, SAMPLE_PERIOD, Source, is_angle, rounded, seconds,
 };
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, Recording};
@@ -44,9 +44,11 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
     let all = || motion.iter().chain(&signals).chain(&currents).chain(&loads);
     let mut charts = all().enumerate();
     let mut next = |count: usize| -> String {
-        charts.by_ref().take(count).map(|(number, chart)| figure(number, chart)).collect()
+        let places = charts.by_ref().take(count);
+        places.map(|(at, chart)| figure(&at, &chart.title, chart.note, "over time")).collect()
     };
     let main = motion.len().min(1);
+    let optional = |it: &Option<Table>| it.as_ref().map_or_else(String::new, table);
     let (seed, is_capture) = (recording.seed, recording.source == Source::Capture);
     let is_real = !recording.source.is_simulated();
     format!(
@@ -81,18 +83,22 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
             None => " · shaded: disarmed or stopped, no motor follows its target",
         },
         main_motion = next(main),
-        path = if recording.base.is_some() { PATH } else { "" },
+        path = recording.base.as_ref().map_or_else(String::new, |_| {
+            let note = "seen from above, an arrow each 0.5 s";
+            figure(&"path", "Path of the base", note, "in the plane, in metres")
+        }),
         motion = next(motion.len() - main),
-        signals = signal_section(figures, &next(signals.len())),
+        signals = figures.tables.signals.as_ref().map_or_else(String::new, |own| {
+            let (plots, table) = (next(signals.len()), table(own));
+            section("Signals", &format!("<div class=\"grid\">\n{plots}</div>\n{table}"))
+        }),
         currents = next(currents.len()),
         loads = next(loads.len()),
         motor_table = table(&figures.tables.motors),
         bus_table = table(&figures.tables.buses),
-        line_table = figures.tables.lines.as_ref().map_or_else(String::new, table),
-        remote = remote_section(recording),
-        parts = figures.tables.parts.as_ref().map_or_else(String::new, |parts| {
-            format!("<section>\n<h2>Parts on UARTs</h2>\n{}</section>\n", table(parts))
-        }),
+        line_table = optional(&figures.tables.lines),
+        remote = section("Remote", &remote(recording)),
+        parts = section("Parts on UARTs", &optional(&figures.tables.parts)),
         data = data(recording, all()),
     )
 }
@@ -106,11 +112,8 @@ fn verdict(recording: &Recording, figures: &Figures) -> String {
         if items.is_empty() { items } else { format!("<ul>{items}</ul>") }
     };
     let class = if figures.any_problems() { "bad" } else { "good" };
-    let mut html = format!(
-        "<div class=\"verdict {class}\">{}{}</div>",
-        headline(recording, figures),
-        list(Severity::Problem)
-    );
+    let (headline, problems) = (headline(recording, figures), list(Severity::Problem));
+    let mut html = format!("<div class=\"verdict {class}\">{headline}{problems}</div>");
     let information = list(Severity::Information);
     if !information.is_empty() {
         let _ = write!(html, "<div class=\"verdict information\">Good to know{information}</div>");
@@ -179,21 +182,15 @@ fn driven(path: &[PathPoint]) -> f64 {
 
 /// The driver's events, or those of a real robot; events at the same time are merged.
 fn merged_events(recording: &Recording) -> Vec<(Micros, String)> {
-    let mut merged: Vec<(Micros, String)> = Vec::new();
     let events = match recording.source {
         Source::Robot => happened(recording),
         _ => recording.events.iter().map(|event| (event.at, event.label.to_owned())).collect(),
     };
-    for (at, what) in events {
-        match merged.last_mut() {
-            Some((before, label)) if *before == at => {
-                label.push_str(" + ");
-                label.push_str(&what);
-            }
-            _ => merged.push((at, what)),
-        }
-    }
-    merged
+    let merged = |events: &[(Micros, String)]| {
+        let labels: Vec<_> = events.iter().map(|(_, label)| label.as_str()).collect();
+        (events[0].0, labels.join(" + "))
+    };
+    events.chunk_by(|(at, _), (next, _)| at == next).map(merged).collect()
 }
 
 fn events(recording: &Recording) -> String {
@@ -211,19 +208,23 @@ fn events(recording: &Recording) -> String {
 
 // ---- tables ------------------------------------------------------------------------------------
 
-/// The section on the losses of a remote; empty without a remote.
-fn remote_section(recording: &Recording) -> String {
+/// A section with a title; empty without content.
+fn section(title: &str, content: &str) -> String {
+    if content.is_empty() {
+        return String::new();
+    }
+    format!("<section>\n<h2>{title}</h2>\n{content}</section>\n")
+}
+
+/// The frames and losses of a remote; empty without a remote.
+fn remote(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
-    let frames = |count: u64| grouped(count);
-    let mut html = format!(
-        "<section>\n<h2>Remote</h2>\n<p class=\"hint\">{receiver}: {} frames sent, {} of them live",
-        frames(sent.frames),
-        frames(sent.live),
-    );
+    let [sent, live] = [sent.frames, sent.live].map(grouped);
+    let mut html = format!("<p class=\"hint\">{receiver}: {sent} frames sent, {live} of them live");
     if let Some(heard) = heard {
-        let (frames, damaged) = (grouped(heard.frames.into()), grouped(heard.damaged.into()));
-        let errors = grouped(heard.port_errors.into());
+        let counts = [heard.frames, heard.damaged, heard.port_errors];
+        let [frames, damaged, errors] = counts.map(|count| grouped(count.into()));
         let _ = write!(html, "; {frames} heard, {damaged} damaged, {errors} port errors");
     }
     html.push_str("</p>\n");
@@ -246,18 +247,7 @@ fn remote_section(recording: &Recording) -> String {
         let (head, rows) = (head.split(" | ").collect(), losses.iter().map(row).collect());
         html.push_str(&table(&Table { head, words: 1, rows }));
     }
-    html.push_str("</section>\n");
     html
-}
-
-/// The plots and the table of the robot's own signals; empty without any.
-fn signal_section(figures: &Figures, plots: &str) -> String {
-    figures.tables.signals.as_ref().map_or_else(String::new, |signals| {
-        format!(
-            "<section>\n<h2>Signals</h2>\n<div class=\"grid\">\n{plots}</div>\n{}</section>\n",
-            table(signals)
-        )
-    })
 }
 
 fn table(table: &Table) -> String {
@@ -286,45 +276,27 @@ fn table(table: &Table) -> String {
 
 // ---- numbers -----------------------------------------------------------------------------------
 
-/// The quantity of a motor's targets and measurements.
-#[derive(Clone, Copy, PartialEq)]
-struct Scale {
-    kind: TargetKind,
-    noun: &'static str,
-    unit: &'static str,
-    /// Whether 360 is 0.
-    wraps: bool,
-}
-
-impl Scale {
-    /// The quantity of the first target; the speed without any target.
-    fn of(track: &MotorTrack) -> Self {
-        let followed = track.samples.iter().find(|sample| sample.target.is_some());
-        let kind = match followed.map_or(TargetKind::Speed, |sample| sample.kind) {
-            kind if is_angle(kind) || kind == TargetKind::SpeedMotion => kind,
-            _ => TargetKind::Speed,
-        };
-        let (noun, unit) = if is_angle(kind) { ("angle", "°") } else { ("speed", "rpm") };
-        Self { kind, noun, unit, wraps: kind == TargetKind::Angle }
-    }
-
-    /// The measurements since the last sample; empty during targets of another kind.
-    fn measured(self, sample: &MotorSample) -> Cell {
-        match self.kind {
-            kind if kind == sample.kind => sample.measured_cell,
-            TargetKind::Speed | TargetKind::SpeedMotion => sample.rpm_cell,
-            _ => Cell::of(f64::NAN),
-        }
-    }
-
-    fn target(self, sample: &MotorSample) -> f64 {
-        sample.target.filter(|_| self.kind == sample.kind).unwrap_or(f64::NAN)
+/// The kind of a motor's first target that is an angle or a speed; the speed without one.
+fn plotted(track: &MotorTrack) -> TargetKind {
+    let followed = track.samples.iter().find(|sample| sample.target.is_some());
+    match followed.map_or(TargetKind::Speed, |sample| sample.kind) {
+        kind if is_angle(kind) || kind == TargetKind::SpeedMotion => kind,
+        _ => TargetKind::Speed,
     }
 }
 
-fn periods(count: usize) -> Value {
-    let count = u64::try_from(count).unwrap_or(u64::MAX);
-    rounded(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
+/// The measurements since the last sample; empty during targets of another kind than this angle.
+fn measured(kind: TargetKind, sample: &MotorSample) -> Cell {
+    match kind {
+        kind if kind == sample.kind => sample.measured_cell,
+        TargetKind::Speed | TargetKind::SpeedMotion => sample.rpm_cell,
+        _ => Cell::of(f64::NAN),
+    }
+}
+
+/// The length of so many samples, s.
+fn periods(count: usize) -> f64 {
+    rounded(count as f64 * seconds(SAMPLE_PERIOD), 2)
 }
 
 /// The path of the base; empty without one.
@@ -338,13 +310,6 @@ fn stride(recording: &Recording) -> usize {
     samples.max().unwrap_or(0).max(path(recording).len()).div_ceil(DRAWN).max(1)
 }
 
-/// A JSON number of few digits; null if it is not finite.
-fn rounded(value: f64, digits: i32) -> Value {
-    let power = 10_f64.powi(digits);
-    // Adding zero turns -0 into 0.
-    json!((value * power).round() / power + 0.0)
-}
-
 /// A curve of a motor's samples: `stride` of them are one point.
 fn cells(
     name: &str,
@@ -352,7 +317,14 @@ fn cells(
     stride: usize,
     of: impl Fn(&MotorSample) -> Cell,
 ) -> Value {
-    curve(name, &samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
+    let merged = samples.chunks(stride).map(|chunk| {
+        let cells = chunk.iter().map(&of);
+        let (newest, whole) = (cells.clone().last().unwrap_or_default(), joined(cells));
+        // An angle that went round has no range: the newest is taken.
+        let is_angle = chunk.iter().all(|sample| sample.kind == TargetKind::Angle);
+        if is_angle && whole.max - whole.min > 180.0 { newest } else { whole }
+    });
+    curve(name, &merged.collect::<Vec<_>>())
 }
 
 /// A curve: means, and the distances of lowest and highest values from them, in hundredths.
@@ -370,15 +342,6 @@ fn curve(name: &str, merged: &[Cell]) -> Value {
     })
 }
 
-/// Several cells as one. An angle that went round has no range: the newest is taken.
-fn merge(chunk: &[MotorSample], of: impl Fn(&MotorSample) -> Cell) -> Cell {
-    let cells = chunk.iter().map(&of);
-    let newest = cells.clone().last().unwrap_or_default();
-    let whole = joined(cells);
-    let is_angle = chunk.iter().all(|sample| sample.kind == TargetKind::Angle);
-    if is_angle && whole.max - whole.min > 180.0 { newest } else { whole }
-}
-
 /// Several cells as one; NaN without any.
 fn joined(cells: impl Iterator<Item = Cell> + Clone) -> Cell {
     let count = cells.clone().count() as f32;
@@ -389,24 +352,16 @@ fn joined(cells: impl Iterator<Item = Cell> + Clone) -> Cell {
     }
 }
 
+/// Numbers of few digits; null for those that are not finite.
 fn numbers(values: impl Iterator<Item = f64>, digits: i32) -> Value {
     values.map(|value| rounded(value, digits)).collect()
 }
 
 /// Text that can stand anywhere in HTML.
 fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            '\'' => escaped.push_str("&#39;"),
-            other => escaped.push(other),
-        }
-    }
-    escaped
+    // The first is in all the others.
+    let signs = [('&', "&amp;"), ('<', "&lt;"), ('>', "&gt;"), ('"', "&quot;"), ('\'', "&#39;")];
+    signs.into_iter().fold(text.to_owned(), |text, (sign, name)| text.replace(sign, name))
 }
 
 // ---- plots -------------------------------------------------------------------------------------
@@ -417,41 +372,37 @@ struct Chart {
     body: Value,
 }
 
-fn figure(number: usize, chart: &Chart) -> String {
-    let (title, note) = (escape(&chart.title), chart.note);
+/// The place of a plot; `axes` is what its title is shown over.
+fn figure(plot: &dyn Display, title: &str, note: &str, axes: &str) -> String {
+    let title = escape(title);
     format!(
         "<figure>\n<figcaption><h3>{title} <small>{note}</small></h3></figcaption>\n\
-         <div class=\"legend\"></div>\n<div class=\"plot\"><canvas data-plot=\"{number}\" \
-         role=\"img\" aria-label=\"{title} over time\"></canvas></div>\n</figure>\n"
+         <div class=\"legend\"></div>\n<div class=\"plot\"><canvas data-plot=\"{plot}\" \
+         role=\"img\" aria-label=\"{title} {axes}\"></canvas></div>\n</figure>\n"
     )
 }
-
-/// The plot of the path, which has no time axis.
-const PATH: &str = "<figure>
-<figcaption><h3>Path of the base <small>seen from above, an arrow each 0.5 s</small></h3></figcaption>
-<div class=\"legend\"></div>
-<div class=\"plot\"><canvas data-plot=\"path\" role=\"img\" aria-label=\"Path of the base in the plane, in metres\"></canvas></div>
-</figure>
-";
 
 /// Plots of measurements and targets: one for all motors with the same first word and kind of
 /// target.
 fn motion_charts(recording: &Recording) -> Vec<Chart> {
-    let plot = |track: &MotorTrack| (split(track.motor.label).0, Scale::of(track));
+    let plot = |track: &MotorTrack| (split(track.motor.label).0, plotted(track));
     let stride = stride(recording);
-    let chart = |((word, scale), tracks): ((&str, Scale), Vec<&MotorTrack>)| {
+    let chart = |((word, kind), tracks): ((&str, TargetKind), Vec<&MotorTrack>)| {
+        let target = |sample: &MotorSample| sample.target.filter(|_| kind == sample.kind);
         let series = tracks.iter().map(|track| {
-            let targets = track.samples.iter().step_by(stride);
+            let targets = track.samples.iter().step_by(stride).map(target);
             let name = split(track.motor.label).1;
-            let mut curve = cells(name, &track.samples, stride, |sample| scale.measured(sample));
+            let mut curve = cells(name, &track.samples, stride, |sample| measured(kind, sample));
             if recording.source.is_told() {
-                curve["target"] = numbers(targets.map(|sample| scale.target(sample)), 2);
+                curve["target"] = numbers(targets.map(|it| it.unwrap_or(f64::NAN)), 2);
             }
             curve
         });
-        let mut body = curves(stride, scale.unit, 1, 2.0, series.collect());
-        body["wraps"] = scale.wraps.into();
-        Chart { title: format!("{} {}", capital(word), scale.noun), note: "", body }
+        let (noun, unit) = if is_angle(kind) { ("angle", "°") } else { ("speed", "rpm") };
+        let mut body = curves(stride, unit, 1, 2.0, series.collect());
+        // 360 degrees are 0.
+        body["wraps"] = (kind == TargetKind::Angle).into();
+        Chart { title: format!("{} {noun}", capital(word)), note: "", body }
     };
     by_plot(&recording.motors, plot).into_iter().map(chart).collect()
 }
@@ -649,10 +600,8 @@ fn stops(recording: &Recording) -> Value {
     if recording.source == Source::Capture {
         return json!([]);
     }
-    let wheel = |place: usize| match &recording.base {
-        Some(base) => base.wheels.contains(&place),
-        None => true,
-    };
+    let wheel =
+        |place: usize| recording.base.as_ref().is_none_or(|base| base.wheels.contains(&place));
     let wheels = recording.motors.iter().enumerate().filter(|(place, _)| wheel(*place));
     let wheels: Vec<_> = wheels.map(|(_, track)| track.samples.as_slice()).collect();
     let samples = wheels.iter().map(|samples| samples.len()).min().unwrap_or(0);
@@ -671,17 +620,13 @@ fn stops(recording: &Recording) -> Value {
 }
 
 /// `[from, to, value]` in seconds, for each stretch of equal values.
-fn runs<T: PartialEq + Into<Value>>(values: impl Iterator<Item = T>) -> Vec<Value> {
-    let mut stretches: Vec<(usize, usize, T)> = Vec::new();
-    for (index, value) in values.enumerate() {
-        match stretches.last_mut() {
-            Some((_, end, same)) if *same == value => *end = index + 1,
-            _ => stretches.push((index, index + 1, value)),
-        }
-    }
-    let json =
-        |(from, to, value): (usize, usize, T)| json!([periods(from), periods(to), value.into()]);
-    stretches.into_iter().map(json).collect()
+fn runs<T: Copy + PartialEq + Into<Value>>(values: impl Iterator<Item = T>) -> Vec<Value> {
+    let (values, mut end) = (values.collect::<Vec<_>>(), 0);
+    let json = |stretch: &[T]| {
+        end += stretch.len();
+        json!([periods(end - stretch.len()), periods(end), stretch[0].into()])
+    };
+    values.chunk_by(T::eq).map(json).collect()
 }
 
 /// Writes the report and the bus logs of a run into an existing folder; fails if it cannot.

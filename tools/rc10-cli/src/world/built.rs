@@ -7,9 +7,11 @@ use rc10_sim::odrive::Axis;
 use rc10_sim::vesc::Vesc;
 use rc10_sim::{Chassis, Esc, Scale};
 
-use crate::robot::description::Description;
+use crate::robot::description::{ArmPart, Description};
 use crate::robot::mistake::{Mistake, Quantity};
 use crate::robot::motor::{Device, Motor};
+
+const NO_BASE: &str = "this robot has no base that is simulated";
 
 /// Motors and base of a description with its mistakes.
 pub struct Built {
@@ -17,6 +19,8 @@ pub struct Built {
     pub motors: Vec<Motor>,
     /// The base.
     pub chassis: Option<Chassis>,
+    /// The arms.
+    pub(crate) arms: Vec<ArmPart>,
     /// Changes to motors, by index into `motors`, made when they are plugged in.
     changes: Vec<(usize, Mistake)>,
 }
@@ -30,6 +34,7 @@ impl Built {
         let mut built = Self {
             motors: description.motors.clone(),
             chassis: description.base.as_ref().map(|base| base.chassis.clone()),
+            arms: description.arms.clone(),
             changes: Vec::new(),
         };
         for mistake in &description.mistakes {
@@ -56,19 +61,17 @@ impl Built {
                 ensure!(first != second, "that is one motor");
                 let [one, other] = [&self.motors[first], &self.motors[second]];
                 let [model, its] = [one.name().model, other.name().model];
+                let [a, b] = [one.label, other.label];
                 ensure!(
                     model == its,
-                    "{} is a {model}, {} a {its}: they cannot stand for one another",
-                    one.label,
-                    other.label
+                    "{a} is a {model}, {b} a {its}: they cannot stand for one another"
                 );
                 let [one, other] = [one, other].map(|motor| (motor.on, motor.device));
                 (self.motors[first].on, self.motors[first].device) = other;
                 (self.motors[second].on, self.motors[second].device) = one;
             }
             Mistake::Mass(factor) => {
-                let chassis =
-                    self.chassis.take().context("this robot has no base that is simulated")?;
+                let chassis = self.chassis.take().context(NO_BASE)?;
                 let mass = chassis.mass * factor;
                 self.chassis = Some(chassis.with_mass(mass));
             }
@@ -77,6 +80,10 @@ impl Built {
                     let plant = &mut self.motors[at].plant;
                     plant.load *= factor;
                     plant.nonlinear.gravity_torque *= factor;
+                    let links = self.arms.iter_mut().flat_map(|arm| &mut arm.links);
+                    links
+                        .filter(|(motor, _)| *motor == at)
+                        .for_each(|(_, link)| link.mass *= factor);
                 }
             }
             Mistake::Shaft(_, name, _) => {
@@ -84,9 +91,7 @@ impl Built {
                 self.changes.extend(all.map(|at| (at, mistake.clone())));
             }
             Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
-                let chassis =
-                    self.chassis.as_mut().context("this robot has no base that is simulated")?;
-                for wheel in &mut chassis.wheels {
+                for wheel in &mut self.chassis.as_mut().context(NO_BASE)?.wheels {
                     *match mistake {
                         Mistake::Radius(_) => &mut wheel.radius,
                         Mistake::Track(_) => &mut wheel.y,

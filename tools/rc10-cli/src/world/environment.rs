@@ -1,6 +1,5 @@
 //! The environment of a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
-use rc10_sim::Nanos;
 use std::convert::Infallible;
 use std::pin::Pin;
 
@@ -9,13 +8,14 @@ use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Serial, Tasks, WheelMotors, World,
+    ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Nanos, Serial, Tasks,
+    Voltage, WheelMotors, World,
 };
 use rc10_time::Micros;
 
 use crate::robot::description::Description;
 use crate::robot::operator::Operator;
-use crate::robot::remote::{Receiver, ReceiverWire};
+use crate::robot::remote::{Receiver, ReceiverWire, mixer};
 use crate::world::built::Built;
 use crate::world::console::ConsoleLine;
 
@@ -35,6 +35,8 @@ pub struct Environment {
     pub serials: Vec<Serial>,
     /// The switches and markers on motors' shafts, in the order of [`Description::contacts`].
     pub contacts: Vec<Contact>,
+    /// The voltages, in the order of [`Description::voltages`].
+    pub voltages: Vec<Voltage>,
     /// The remote with the receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
     /// The operator of the remote.
@@ -82,32 +84,37 @@ impl Environment {
             built.finish(index, &twin).with_context(|| format!("mistake, {}", motor.label))?;
             motors.push(twin);
         }
+        let mounted = |line: usize| {
+            let motor = built.motors.get(line).zip(motors.get(line));
+            let (motor, esc) =
+                motor.with_context(|| format!("there is no motor in line {line}"))?;
+            let mounting = match motor.direction {
+                Direction::Forward => Mounting::Normal,
+                Direction::Reversed => Mounting::Mirrored,
+            };
+            anyhow::Ok((esc, mounting))
+        };
+        for arm in &built.arms {
+            let link = |(line, link): &(usize, ArmLink)| {
+                mounted(*line).map(|(esc, mounting)| (esc, mounting, *link))
+            };
+            let links: Vec<_> = arm.links.iter().map(link).collect::<Result<_>>().context("arm")?;
+            world.add_arm(links).context("arm")?;
+        }
         let mut base = None;
         if let Some((under, chassis)) = description.base.as_ref().zip(built.chassis) {
-            let mounted = |line: usize| {
-                let motor = built.motors.get(line).zip(motors.get(line));
-                let (motor, esc) =
-                    motor.with_context(|| format!("base: there is no motor in line {line}"))?;
-                let mounting = match motor.direction {
-                    Direction::Forward => Mounting::Normal,
-                    Direction::Reversed => Mounting::Mirrored,
-                };
-                anyhow::Ok((esc, mounting))
-            };
             let mut steering = under.steering.iter();
             let mut wheels = Vec::new();
             for (line, wheel) in under.wheels.iter().zip(&chassis.wheels) {
                 let steers = wheel.steering.and_then(|_| steering.next());
-                let steering = steers.map(|line| mounted(*line)).transpose()?;
-                wheels.push(WheelMotors { drive: mounted(*line)?, steering });
+                let steering = steers.map(|line| mounted(*line)).transpose().context("base")?;
+                wheels.push(WheelMotors { drive: mounted(*line).context("base")?, steering });
             }
-            let is_whole = under.wheels.len() == chassis.wheels.len() && steering.next().is_none();
+            let (turn, steer, all) =
+                (under.wheels.len(), under.steering.len(), chassis.wheels.len());
             ensure!(
-                is_whole,
-                "base: {} motors turn and {} steer, but that is not what its {} wheels need",
-                under.wheels.len(),
-                under.steering.len(),
-                chassis.wheels.len()
+                turn == all && steering.next().is_none(),
+                "base: {turn} motors turn and {steer} steer, but that is not what its {all} wheels need"
             );
             base = Some(world.add_base(chassis, wheels).context("base")?);
         }
@@ -121,19 +128,40 @@ impl Environment {
             let line = part.motor;
             let (motor, esc) = (built.motors.get(line).zip(motors.get(line)))
                 .with_context(|| format!("contacts: there is no motor in line {line}"))?;
-            let contact = Contact::new(esc, part.closed);
-            contacts.push(contact.with_context(|| format!("contacts, {}", motor.label))?);
+            let is_mirrored = motor.direction == Direction::Reversed;
+            let closed = if is_mirrored { part.closed.mirrored() } else { part.closed };
+            let contact = Contact::new(esc, closed);
+            let contact = contact.with_context(|| format!("contacts, {}", motor.label))?;
+            contacts.push(if part.opens { contact.opening() } else { contact });
         }
+        let voltages = description.voltages.iter().map(|part| {
+            let (volts, motors, base) = (part.volts, motors.clone(), base.clone());
+            Voltage::new(move || volts(&motors, base.as_ref()))
+        });
+        let voltages = voltages.collect();
         let (mut remote, mut operator) = (None, None);
         if let Some(control) = &description.remote {
             let hands = Remote::new();
             operator = Some(Operator::new(&hands, control));
+            hands.set_mixer(mixer(&control.channels));
             let receiver = control.receiver;
             let wire = ReceiverWire::new(receiver, &mut world, &hands);
             remote = Some(RemoteLink { remote: hands, receiver, wire });
         }
         let console = None;
-        Ok(Self { world, wires, lines, motors, base, serials, contacts, remote, operator, console })
+        Ok(Self {
+            world,
+            wires,
+            lines,
+            motors,
+            base,
+            serials,
+            contacts,
+            voltages,
+            remote,
+            operator,
+            console,
+        })
     }
 
     /// The faults of a description in this environment; fails if a bus or line does not exist.
@@ -259,7 +287,7 @@ mod tests {
                 ),
             ),
         ] {
-            let contacts = vec![ContactPart { motor, closed }];
+            let contacts = vec![ContactPart { motor, closed: closed.into(), opens: false }];
             let motors = vec![arm.clone(); 4];
             let description = Description { motors, buses: 2, contacts, ..<_>::default() };
             let said = Environment::new(&description, 1).err().map(|error| format!("{error:#}"));

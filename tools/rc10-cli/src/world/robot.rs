@@ -12,7 +12,7 @@ use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
 use rc10_sim::fault::is_called;
-use rc10_sim::{Contact, Faults, Serial, TaskName, Tasks, UartPort};
+use rc10_sim::{Contact, Faults, Serial, Servo, TaskName, Tasks, UartPort, Voltage};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, Program, heading, remote, status};
 use rc10_time::Micros;
@@ -42,14 +42,27 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
-    /// Numbers of serial parts, behind the others, and of contacts; and their task.
-    parts: Option<([usize; 2], StartParts<'r>)>,
+    /// Numbers of serial parts, behind the others, of contacts, voltages and servos; and their task.
+    parts: Option<([usize; 4], StartParts<'r>)>,
     console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
     /// Whether it runs even if motors do not fit on a bus.
     is_forced: bool,
 }
 
-type StartParts<'r> = Box<dyn FnOnce(Vec<UartPort>, Vec<Contact>) -> Task<'r> + 'r>;
+type StartParts<'r> = Box<dyn FnOnce(Parts) -> Task<'r> + 'r>;
+
+/// Ports and pins of what a robot has beside motors.
+#[derive(Default)]
+pub struct Parts {
+    /// The ports of parts on UARTs.
+    pub serials: Vec<UartPort>,
+    /// The contacts.
+    pub contacts: Vec<Contact>,
+    /// The voltages.
+    pub voltages: Vec<Voltage>,
+    /// The servos.
+    pub servos: Vec<Servo>,
+}
 
 type Task<'r> = (TaskName, Pin<Box<dyn Future<Output = ()> + 'r>>);
 
@@ -96,7 +109,7 @@ impl<'r> Robot<'r> {
         shared: &'r Common<'_, N, impl Live>,
     ) -> Self {
         let ports = shared.ports;
-        let (has_remote, yaw) = (description.remote.is_some(), description.yaw);
+        let (control, yaw) = (description.remote.clone(), description.yaw);
         let mut robot = Self::new(description).switch(&shared.switch).live(shared);
         robot = zip(buses, ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
         robot = zip(lines, ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
@@ -104,13 +117,18 @@ impl<'r> Robot<'r> {
         if let Some((label, Signal { read, .. })) = yaw.and_then(|it| Some((it, signal(it)?))) {
             robot.ports.yaw = Some((label, Rc::clone(read)));
         }
-        if !has_remote {
-            return robot;
-        }
-        robot.remote(&shared.remote_reception, async |receiver, port| match port {
-            ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
-            ReceiverPort::Pulses(mut port) => {
-                remote::listen_pulses(shared, async || port.rising_edge().await).await
+        let Some(mut control) = control else { return robot };
+        robot.remote(&shared.remote_reception, async move |receiver, port| {
+            // Another one may have been plugged in.
+            let _ = control.plug(receiver);
+            match port {
+                ReceiverPort::Serial(port) => {
+                    remote::listen(shared, receiver, control.channels, port).await
+                }
+                ReceiverPort::Pulses(mut port) => {
+                    let edges = async || port.rising_edge().await;
+                    remote::listen_pulses(shared, control.channels, edges).await
+                }
             }
         })
     }
@@ -123,25 +141,33 @@ impl<'r> Robot<'r> {
                 heading::listen_for(shared, port).await;
             });
         }
-        let counts = [P::SERIALS.len(), P::CONTACTS.len()];
-        self.ports.parts.extend(&shared.receptions[..counts[0]]);
-        if counts != [0; 2] {
-            self = self.parts(counts, |serials, contacts| P::parts(shared, serials, contacts));
+        self.ports.parts.extend(&shared.receptions[..P::SERIALS.len()]);
+        let counts = [P::SERIALS.len(), P::CONTACTS.len(), P::VOLTAGES.len(), P::SERVOS.len()];
+        if counts != [0; 4] {
+            self = self.parts(counts, |Parts { serials, contacts, voltages, servos }| {
+                let read = |mut voltage: Voltage| async move || voltage.read().await;
+                P::parts(shared, serials, contacts, voltages.into_iter().map(read), servos)
+            });
         }
         self.task(P::run(shared)).task(status::run(shared))
     }
 
-    /// Adds the task of this many serial parts, behind the others, and contacts: it gets their ports and pins in the
-    /// order of the description.
+    /// Adds the task of this many serial parts, behind the others, contacts, voltages and servos: it gets their ports
+    /// and pins in the order of the description. A servo's pulse is a signal of its label, µs.
     #[must_use]
     #[track_caller]
     pub fn parts<F: Future + 'r>(
         mut self,
-        counts: [usize; 2],
-        start: impl FnOnce(Vec<UartPort>, Vec<Contact>) -> F + 'r,
+        counts: [usize; 4],
+        start: impl FnOnce(Parts) -> F + 'r,
     ) -> Self {
         let name = TaskName::of::<F>();
-        let start = move |serials, contacts| boxed(name, start(serials, contacts));
+        let servos: Vec<_> = self.description.servos.iter().map(|_| Servo::default()).collect();
+        for (label, servo) in zip(self.description.servos.clone(), servos.clone()) {
+            let label = String::leak(format!("{label} pulse"));
+            self = self.signal(label, "us", move |_| servo.pulse());
+        }
+        let start = move |parts| boxed(name, start(Parts { servos, ..parts }));
         self.parts = Some((counts, Box::new(start)));
         self
     }
@@ -232,26 +258,25 @@ impl<'r> Robot<'r> {
     }
 
     /// Adds the console for a PC, and the robot's own signals and parameters; a run records the signals.
-    pub(crate) fn live<N: Names>(self, shared: &'r Common<'_, N, impl Live>) -> Self {
-        let mut robot = self;
+    pub(crate) fn live<N: Names>(mut self, shared: &'r Common<'_, N, impl Live>) -> Self {
         let own: &dyn Live = &shared.own;
         let seen = Rc::new(live::RobotView::new(shared));
         let served = Rc::clone(&seen);
-        robot.ports.whole = Some(Rc::new(move || seen.whole()));
+        self.ports.whole = Some(Rc::new(move || seen.whole()));
         own.signals(&mut |signal| {
             let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
             let live::Signal { label, unit, states, .. } = *signal;
-            robot.ports.signals.push(Signal { label, unit, states, read: Rc::new(read) });
+            self.ports.signals.push(Signal { label, unit, states, read: Rc::new(read) });
         });
-        own.parameters(&mut |parameter| robot.ports.parameters.push(parameter));
+        own.parameters(&mut |parameter| self.ports.parameters.push(parameter));
         let name = TaskName::of::<Link<ConsolePort>>();
-        robot.console = Some(Box::new(move |port| {
+        self.console = Some(Box::new(move |port| {
             boxed(name, async move {
                 let link = Link::new(port.clone());
                 link.serve(&served, port, Instant::from_ticks(0)).await;
             })
         }));
-        robot
+        self
     }
 
     /// Adds the task of the next part on a UART, and the counters of its bytes.
@@ -284,20 +309,17 @@ impl<'r> Robot<'r> {
         let Description { buses, lines, remote, serials, contacts, motors, .. } =
             &mut self.description;
         Faults::check(faults, usize::from(*buses), lines.len())?;
-        for fault in faults {
-            let Kind::Part(defect, name) = &fault.kind else { continue };
+        for Fault { kind, .. } in faults {
+            let Kind::Part(defect, name) = kind else { continue };
             let (what, labels): (_, Vec<&str>) = if defect.is_of_contact() {
                 let motors = contacts.iter().filter_map(|it| motors.get(it.motor));
                 ("contact", motors.map(|motor| motor.label).collect())
             } else {
                 ("part on a UART", serials.iter().map(|part| part.label).collect())
             };
-            ensure!(
-                labels.iter().any(|label| is_called(label, name)),
-                "{}: there is no {what} `{name}`; there are: {}",
-                fault.kind,
-                if labels.is_empty() { "none".into() } else { labels.join(", ") }
-            );
+            let is_there = labels.iter().any(|label| is_called(label, name));
+            let all = if labels.is_empty() { "none".into() } else { labels.join(", ") };
+            ensure!(is_there, "{kind}: there is no {what} `{name}`; there are: {all}");
         }
         match remote {
             Some(remote) => remote.lose(faults)?,
@@ -423,7 +445,13 @@ impl<'r> Robot<'r> {
             own.push(speak(port));
         }
         if let Some((_, start)) = self.parts {
-            own.push(start(links.collect(), around.contacts.clone()));
+            let (contacts, voltages) = (around.contacts.clone(), around.voltages.clone());
+            own.push(start(Parts {
+                serials: links.collect(),
+                contacts,
+                voltages,
+                ..Parts::default()
+            }));
         }
         own.into_iter().for_each(|(name, task)| tasks.add_as(name, task));
         hang::watch(&tasks.running());
@@ -438,13 +466,17 @@ impl<'r> Robot<'r> {
 
     /// Checks the motors on buses and lines against the description, whose names the figures have.
     fn check(&self) -> Result<()> {
-        let Description { buses, lines, serials, contacts, .. } = &self.description;
-        let [spoken, read] = self.parts.as_ref().map_or([0; 2], |(counts, _)| *counts);
+        let Description { buses, lines, serials, contacts, voltages, servos, .. } =
+            &self.description;
+        let [spoken, read, measured, driven] =
+            self.parts.as_ref().map_or([0; 4], |(counts, _)| *counts);
         for (is, described, what) in [
             (self.buses.len(), usize::from(*buses), "buses"),
             (self.lines.len(), lines.len(), "lines"),
             (self.serials.len() + spoken, serials.len(), "parts on UARTs"),
             (read, contacts.len(), "contacts are read"),
+            (measured, voltages.len(), "voltages are read"),
+            (driven, servos.len(), "servos are driven"),
         ] {
             ensure!(is == described, "{is} {what}, but {described} described");
         }
@@ -465,11 +497,8 @@ impl<'r> Robot<'r> {
         }
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
             let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;
-            ensure!(
-                fits || self.is_forced,
-                "{}\n--force runs it all the same",
-                overload(number, bus, &self.description)
-            );
+            let text = || overload(number, bus, &self.description);
+            ensure!(fits || self.is_forced, "{}\n--force runs it all the same", text());
             self.check_place(Place::Bus(number), bus.motors().map(|(_, name)| name))?;
         }
         for (number, line) in (1..=u8::MAX).zip(&self.lines) {
@@ -485,12 +514,8 @@ impl<'r> Robot<'r> {
         let list = |motors: &[MotorName]| {
             motors.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
         };
-        ensure!(
-            attached == described,
-            "{on} has the motors [{}], but described are [{}]",
-            list(&attached),
-            list(&described)
-        );
+        let (is, said) = (list(&attached), list(&described));
+        ensure!(attached == described, "{on} has the motors [{is}], but described are [{said}]");
         Ok(())
     }
 }

@@ -37,7 +37,7 @@ pub(super) fn ids_are_valid(case: &Case<'_>, found: &mut Findings) {
 
 pub(super) fn ids_are_constant(case: &Case<'_>, found: &mut Findings) {
     let Some(fresh) = case.can_motor().map(|motor| name_and_ids(&*motor)) else { return };
-    for moment in case.life().moments() {
+    for moment in &case.life().log.moments {
         if moment.ids.as_ref().is_some_and(|now| *now != fresh) {
             let what = format!("in {:?} they differ from those of a fresh motor", moment.drive);
             return found.add(Some(moment.at), what);
@@ -60,12 +60,12 @@ fn declares(transmit: &Frames, frame: &CanFrame) -> bool {
 pub(super) fn frames_are_declared(case: &Case<'_>, found: &mut Findings) {
     let Some(ids) = case.can_ids() else { return };
     let is_declared = |frame: &CanFrame| ids.transmitted().iter().any(|t| declares(t, frame));
-    for moment in case.life().moments() {
+    for moment in &case.life().log.moments {
         if let Some((frame, _)) = moment.frames.iter().find(|(frame, _)| !is_declared(frame)) {
             found.add(Some(moment.at), format!("{frame}, sent in {:?}", moment.drive));
         }
     }
-    let coast = case.life().moments().first().map_or(&[][..], |moment| &moment.coast);
+    let coast = case.life().log.moments.first().map_or(&[][..], |moment| &moment.coast);
     if let Some(frame) = coast.iter().find(|frame| !is_declared(frame)) {
         found.add(None, format!("{frame}, for a panic handler"));
     }
@@ -77,15 +77,13 @@ fn occupies(ids: &CanIds, key: u32) -> bool {
     let extended = ExtendedId::new(key & 0x3FFF_FFFF).map(Id::from);
     let has_key = |id: &Id| CanFrame::key_of(*id) == key;
     let Some(id) = standard.into_iter().chain(extended).find(has_key) else { return false };
-    let sent = ids.transmitted().iter().map(|transmit| transmit.pattern);
-    let received = ids.received().iter().map(|receive| receive.pattern);
-    let listens = ids.listened_to().iter().copied();
-    sent.chain(received).chain(listens).any(|pattern| pattern.contains(id))
+    let mut all = ids.transmitted().iter().chain(ids.received()).chain(ids.listened_to());
+    all.any(|frames| frames.pattern.contains(id))
 }
 
 pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {
     let Some(ids) = case.can_ids() else { return };
-    for moment in case.life().moments() {
+    for moment in &case.life().log.moments {
         // A frame without a stream of its own is declared, or another rule says so.
         let foreign =
             |(frame, stream): &&(CanFrame, u32)| *stream != frame.key() && !occupies(&ids, *stream);
@@ -96,7 +94,7 @@ pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {
 }
 
 pub(super) fn few_frames_a_tick(case: &Case<'_>, found: &mut Findings) {
-    for moment in case.life().moments() {
+    for moment in &case.life().log.moments {
         let (sent, coast) = (moment.frames.len(), moment.coast.len());
         if sent > 2 || coast > 2 {
             let what = format!("{sent} frames in a tick, {coast} for a panic handler");

@@ -150,7 +150,7 @@ pub(super) fn any_content(case: &Case<'_>, found: &mut Findings) {
     for receive in ids.received() {
         found.note(content(case, receive));
     }
-    for moment in case.life().moments() {
+    for moment in &case.life().log.moments {
         if let Some(name) = not_finite(&moment.feedback) {
             found.add(Some(moment.at), format!("the {name} in the feedback is not finite"));
         }

@@ -107,7 +107,7 @@ pub(super) fn coast_frames_are_fixed(case: &Case<'_>, found: &mut Findings) {
     if motor.coast_frames(&mut tx).is_err() || tx.frames().is_empty() {
         return found.add(None, "a fresh motor has none".to_owned());
     }
-    for moment in case.life().moments() {
+    for moment in &case.life().log.moments {
         if moment.coast != tx.frames() {
             let (now, fresh) = (&moment.coast, tx.frames());
             let what = format!("in {:?} they are {now:?}, before {fresh:?}", moment.drive);

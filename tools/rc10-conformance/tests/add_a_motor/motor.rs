@@ -99,8 +99,8 @@ const CLEARING: Retry = Retry::new(0.1, 1);
 
 /// Efforts are torques at the shaft, N m.
 const CASCADE: Cascade = Cascade {
-    speed: PidConfig::new(0.05, 0.5, 0.0, FULL_TORQUE),
-    angle: PidConfig::new(3.0, 0.0, 0.0, 300.0),
+    speed: PidConfig::within(FULL_TORQUE).kp(0.05).ki(0.5),
+    angle: PidConfig::within(300.0).kp(3.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(1000.0),
     feed_forward: FeedForward::NONE,

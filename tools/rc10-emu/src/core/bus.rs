@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use rc10_sim::Nanos;
 
 use super::exceptions::Fault;
-use super::{Core, system};
+use super::{Core, Done, system};
 use crate::memory::{Bank, FLASH, Memory};
 use crate::peripherals::{Soc, Width, lock};
 
@@ -168,7 +168,7 @@ impl Core {
     }
 
     #[inline]
-    pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32) -> Result<(), Fault> {
+    pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32) -> Done {
         self.store_as(address, bytes, value, true)
     }
 
@@ -189,13 +189,7 @@ impl Core {
 
     /// Stores with the privileges that there are, or without.
     #[inline]
-    pub(super) fn store_as(
-        &mut self,
-        address: u32,
-        bytes: u32,
-        value: u32,
-        own: bool,
-    ) -> Result<(), Fault> {
+    pub(super) fn store_as(&mut self, address: u32, bytes: u32, value: u32, own: bool) -> Done {
         self.clocks += 1;
         let window = &self.bus.writable[(address >> RANGE_BITS) as usize];
         let offset = address.wrapping_sub(window.base);
@@ -227,13 +221,7 @@ impl Core {
     }
 
     #[cold]
-    fn store_anywhere(
-        &mut self,
-        address: u32,
-        bytes: u32,
-        value: u32,
-        privileged: bool,
-    ) -> Result<(), Fault> {
+    fn store_anywhere(&mut self, address: u32, bytes: u32, value: u32, privileged: bool) -> Done {
         if system::is_own(address) {
             let (shift, mask) = (8 * (address & 3), u32::MAX >> (32 - 8 * bytes));
             // Of a register that is written in part the rest is written as it reads.
@@ -259,13 +247,7 @@ impl Core {
     }
 
     /// Asks the MPU about an access; both its ends, for it may not be aligned.
-    fn permit(
-        &mut self,
-        address: u32,
-        bytes: u32,
-        access: Access,
-        privileged: bool,
-    ) -> Result<(), Fault> {
+    fn permit(&mut self, address: u32, bytes: u32, access: Access, privileged: bool) -> Done {
         let last = address.wrapping_add(bytes - 1);
         let is_own = privileged == self.is_privileged();
         let (from, to) = self.bus.permitted[access as usize];

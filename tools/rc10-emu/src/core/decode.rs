@@ -23,9 +23,9 @@ pub(super) const S: u32 = 1 << 20;
 
 #[derive(Clone, Copy)]
 pub(super) struct Decoded {
-    address: u32,
-    bits: u32,
-    run: Run,
+    pub address: u32,
+    pub bits: u32,
+    pub run: Run,
 }
 
 pub(super) fn no_slots() -> Box<[Decoded; SLOTS]> {
@@ -41,18 +41,8 @@ impl Decoded {
     }
 
     #[inline]
-    pub(super) const fn is_at(&self, address: u32) -> bool {
-        self.address == address
-    }
-
-    #[inline]
     pub(super) const fn bytes(&self) -> u32 {
         2 + (self.bits >> 31) * 2
-    }
-
-    #[inline]
-    pub(super) fn execute(&self, core: &mut Core) -> Done {
-        (self.run)(core, self.bits)
     }
 
     /// The instruction as in an IT block.

@@ -131,10 +131,6 @@ impl System {
         Some((first, self.group_priority(first)))
     }
 
-    pub(super) fn is_any_pending(&self) -> bool {
-        members(self.pending).any(|exception| self.is_enabled(exception))
-    }
-
     /// Whether the execution's priority is that of NMI or `HardFault`.
     pub(super) const fn is_negative(&self, faultmask: bool) -> bool {
         faultmask || self.active[0] & (1 << NMI | 1 << HARD_FAULT) != 0

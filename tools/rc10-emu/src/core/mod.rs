@@ -38,7 +38,7 @@ use self::exceptions::Fault;
 use self::system::System;
 
 /// External interrupts of the STM32H723, in words of 32: 0 ..= 162 (RM0468, NVIC chapter).
-pub const INTERRUPT_WORDS: usize = 6;
+pub(crate) const INTERRUPT_WORDS: usize = 6;
 
 /// Program counter of a core that locked up (B1.5.15).
 const LOCKED_UP: u32 = 0xFFFF_FFFE;
@@ -155,7 +155,7 @@ impl Core {
     }
 
     /// Starts anew, as after a reset of the chip; memories keep their contents.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.system = System::new();
         #[cfg(test)]
         self.watch.reset(&self.bus.memory);
@@ -216,7 +216,7 @@ impl Core {
             self.enter(exception, self.r[15]);
             return Some(Step::Instruction);
         }
-        self.asleep &= !self.system.is_any_pending();
+        self.asleep &= self.system.most_urgent().is_none();
         if self.asleep {
             self.clocks = 1;
             return Some(Step::Asleep);
@@ -235,7 +235,7 @@ impl Core {
         self.at = at;
         self.clocks = 1;
         let found = self.slots[Decoded::slot(at)];
-        let decoded = if found.is_at(at) && self.bus.executes(at) {
+        let decoded = if found.address == at && self.bus.executes(at) {
             found
         } else {
             match self.decode(at) {
@@ -246,8 +246,8 @@ impl Core {
         self.r[15] = at.wrapping_add(4);
         self.next = at.wrapping_add(decoded.bytes());
         let psr = self.psr;
-        let done =
-            if psr & IT == 0 { decoded.execute(self) } else { self.execute_in_block(decoded) };
+        let Decoded { run, bits, .. } = decoded;
+        let done = if psr & IT == 0 { run(self, bits) } else { self.execute_in_block(decoded) };
         if let Err(fault) = done {
             // It may be executed again, in its place of an IT block.
             self.psr = self.psr & !IT | psr & IT;
@@ -260,7 +260,8 @@ impl Core {
         let state = self.psr >> 8 & 0xFC | self.psr >> 25 & 3;
         let next = if state & 7 == 0 { 0 } else { state & 0xE0 | state << 1 & 0x1F };
         self.set_it_state(next);
-        if self.holds(state >> 4) { decoded.without_flags().execute(self) } else { Ok(()) }
+        let Decoded { run, bits, .. } = decoded.without_flags();
+        if self.holds(state >> 4) { run(self, bits) } else { Ok(()) }
     }
 
     const fn set_it_state(&mut self, state: u32) {
@@ -323,13 +324,13 @@ impl Core {
     }
 
     /// Lets the core's own timer count while the core sleeps, or waits for a bus.
-    pub fn sleep(&mut self, clocks: u64) {
+    pub(crate) fn sleep(&mut self, clocks: u64) {
         self.attention |= self.system.count(clocks);
     }
 
     /// Lets the core's own counters go on while the core waits for a bus: timer and cycle counter.
     #[inline]
-    pub fn wait(&mut self, clocks: u64) {
+    pub(crate) fn wait(&mut self, clocks: u64) {
         self.system.count_cycles(clocks);
         if self.system.timer_runs() {
             self.sleep(clocks);
@@ -337,37 +338,35 @@ impl Core {
     }
 
     /// Lets the cycle counter go on by some clocks more, or less, than [`step`](Self::step) said.
-    pub const fn correct_cycles(&mut self, by: i64) {
+    pub(crate) const fn correct_cycles(&mut self, by: i64) {
         // It wraps.
         self.system.count_cycles(by.cast_unsigned());
     }
 
     /// The levels of the external interrupts: bit n of word n / 32.
-    pub fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {
+    pub(crate) fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {
         self.attention |= std::mem::replace(&mut self.system.levels, levels) != levels;
     }
 
     /// The level of the non-maskable interrupt.
-    pub const fn set_nmi(&mut self, level: bool) {
+    pub(crate) const fn set_nmi(&mut self, level: bool) {
         self.attention |= level;
         self.system.nmi = level;
     }
 
     /// Whether the program asked for a reset of the chip; forgets it.
-    pub const fn take_reset_request(&mut self) -> bool {
+    pub(crate) const fn take_reset_request(&mut self) -> bool {
         std::mem::replace(&mut self.system.wants_reset, false)
     }
 
     /// Number of the exception that is handled; 0 in thread mode.
     #[inline]
-    #[must_use]
-    pub const fn exception(&self) -> u16 {
+    pub(crate) const fn exception(&self) -> u16 {
         (self.psr & EXCEPTION) as u16
     }
 
     /// The priority of an exception as its register has it now, 0 to 255: lower is more urgent.
-    #[must_use]
-    pub fn priority(&self, exception: u16) -> u8 {
+    pub(crate) fn priority(&self, exception: u16) -> u8 {
         // Reset, NMI and hard fault have none: nothing is more urgent.
         u8::try_from(self.system.group_priority(exception.into())).unwrap_or(0)
     }
@@ -381,25 +380,19 @@ impl Core {
 
     /// The stack pointer.
     #[inline]
-    #[must_use]
-    pub const fn stack_pointer(&self) -> u32 {
+    pub(crate) const fn stack_pointer(&self) -> u32 {
         self.r[13]
     }
 
-    /// Return address of the executed function, at its first instruction.
+    /// R0 ..= R15. At a function's first instruction the first ones are its arguments, R14 is its
+    /// return address.
     #[must_use]
-    pub const fn link_register(&self) -> u32 {
-        self.r[14]
-    }
-
-    /// The first arguments of the executed function, at its first instruction.
-    #[must_use]
-    pub const fn arguments(&self) -> [u32; 3] {
-        [self.r[0], self.r[1], self.r[2]]
+    pub const fn registers(&self) -> [u32; 16] {
+        self.r
     }
 
     /// Goes on at an address, with the first registers set to `arguments`: for injected faults.
-    pub fn call(&mut self, address: u32, arguments: [u32; 3]) {
+    pub(crate) fn call(&mut self, address: u32, arguments: [u32; 3]) {
         self.r[..3].copy_from_slice(&arguments);
         self.r[15] = address & !1;
         // Not in the middle of an IT block of the interrupted code.
@@ -408,7 +401,7 @@ impl Core {
 
     /// Goes on at an address of an endless loop with all interrupts masked (PRIMASK): an injected
     /// fault. `false`: the program masks them itself.
-    pub const fn hold(&mut self, address: u32) -> bool {
+    pub(crate) const fn hold(&mut self, address: u32) -> bool {
         if self.primask {
             return false;
         }
@@ -420,7 +413,7 @@ impl Core {
     }
 
     /// Ends that loop, if it is still in it: everything is again as it was.
-    pub fn release(&mut self) {
+    pub(crate) fn release(&mut self) {
         if let Some((address, at, psr)) = self.held.take()
             && address == self.r[15]
         {

@@ -287,8 +287,7 @@ impl System {
 
 impl Core {
     /// Clocks until the core's own timer (`SysTick`) would end its sleep, if it runs.
-    #[must_use]
-    pub fn clocks_until_timer(&self) -> Option<u64> {
+    pub(crate) fn clocks_until_timer(&self) -> Option<u64> {
         let [value, reload] = [SYST_CVR, SYST_RVR].map(|word| self.system.word(word));
         // It reloads in the clock after zero.
         self.system.timer_runs().then(|| u64::from(if value == 0 { reload + 1 } else { value }))

@@ -11,7 +11,7 @@
 //! calibrating.
 
 use crate::peripherals::registers::{Register, Registers, fixed, masked};
-use crate::peripherals::{AccessKind, Width, Write};
+use crate::peripherals::{AccessKind, Answer, Width, Write};
 
 /// Configuration and watchdog.
 const CCFG: u32 = 0x04;
@@ -54,7 +54,7 @@ impl Calibration {
     }
 
     /// `unlocked`: FDCAN1 has INIT and CCE.
-    pub fn write(&mut self, offset: u32, value: u32, unlocked: bool) -> Result<(), AccessKind> {
+    pub fn write(&mut self, offset: u32, value: u32, unlocked: bool) -> Answer {
         AccessKind::Protected.when(matches!(offset, CCFG | CWD) && !unlocked)?;
         self.registers.write(Write::new(offset, Width::Word, value))
     }

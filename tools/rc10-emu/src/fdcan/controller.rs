@@ -9,9 +9,11 @@ use super::link::Link;
 use super::ram::MessageRam;
 use super::receive::Receive;
 use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
-use super::timing::{Period, Timestamp};
+use super::ring::{EVENTS, Ring};
+use super::timing::{Timestamp, bit_of};
 use super::transmit::Transmit;
-use crate::peripherals::AccessKind;
+use crate::peripherals::{AccessKind, Answer};
+use crate::time::{Period, time_of};
 
 /// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
 /// PSR.BO; ISO 11898-1).
@@ -44,6 +46,7 @@ pub(super) struct Controller {
     errors: Errors,
     pub(super) receive: Receive,
     pub(super) transmit: Transmit,
+    pub(super) rings: [Ring; 3],
     /// The frame that ended last was its own.
     sent_last: bool,
     suspended_until: Nanos,
@@ -84,7 +87,7 @@ impl Controller {
         if self.kernel_hz == 0 {
             return NEVER;
         }
-        self.now + Period::of_clock(self.kernel_hz).many(periods)
+        self.now + time_of(periods, self.kernel_hz)
     }
 
     /// CCCR.INIT as it reads.
@@ -108,7 +111,7 @@ impl Controller {
     }
 
     pub fn bit(&self) -> Option<Period> {
-        Period::of_bit(self.registers.at(at::NBTP), self.kernel_hz)
+        bit_of(self.registers.at(at::NBTP), self.kernel_hz)
     }
 
     /// The difference of other nodes' bits that it follows, of NBTP: NTSEG1, NTSEG2, NSJW.
@@ -120,7 +123,7 @@ impl Controller {
     fn set_timestamp_rate(&mut self) {
         let prescaler = self.registers.field(at::TSCC, 16, 4) + 1;
         let counts_bits = self.registers.field(at::TSCC, 0, 2) == 1;
-        let tick = self.bit().filter(|_| counts_bits).map(|bit| bit.times(prescaler));
+        let tick = self.bit().filter(|_| counts_bits).map(|bit| bit.times(prescaler.into()));
         self.timestamp.set_tick(tick, self.now);
     }
 
@@ -283,7 +286,7 @@ impl Controller {
 
     // Registers.
 
-    pub fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;
@@ -292,7 +295,6 @@ impl Controller {
         if register.access != Access::Active {
             return Ok(self.registers.at(register));
         }
-        let lost = |flag| u32::from(self.flags & flag != 0) << 25;
         Ok(match register {
             at::TSCV => self.stamp(self.now),
             // The timeout counter does not count.
@@ -303,15 +305,15 @@ impl Controller {
             at::HPMS => self.receive.high_priority,
             at::NDAT1 => self.receive.new_data(0),
             at::NDAT2 => self.receive.new_data(1),
-            at::RXF0S => self.fifo_status(0) | lost(ir::RF0L),
-            at::RXF1S => self.fifo_status(1) | lost(ir::RF0L << 4),
+            at::RXF0S => self.ring_status(0),
+            at::RXF1S => self.ring_status(1),
             at::TXFQS => self.queue_status(),
             at::TXBRP => self.transmit.told_pending(),
             at::TXBAR => self.transmit.adding,
             at::TXBCR => self.transmit.being_cancelled(),
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
-            at::TXEFS => self.event_status() | lost(ir::TEFL),
+            at::TXEFS => self.ring_status(EVENTS),
             at::CCCR => self.registers.at(register) & !cccr::INIT | u32::from(self.told_init()),
             at::TEST => self.registers.at(register),
             // Acknowledge and request registers read as zero.
@@ -330,7 +332,7 @@ impl Controller {
         }
     }
 
-    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> Result<(), AccessKind> {
+    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> Answer {
         self.settle(now);
         let Some(register) = find(offset) else {
             self.flags |= ir::ARA;
@@ -373,7 +375,7 @@ impl Controller {
             at::TXBCR => return self.ask_to_cancel(value),
             at::RXF0A => self.acknowledge(0, value),
             at::RXF1A => self.acknowledge(1, value),
-            at::TXEFA => self.acknowledge_event(value),
+            at::TXEFA => self.acknowledge(EVENTS, value),
             // The others are read-only; TOCV stands at its preset.
             _ => return,
         };
@@ -448,7 +450,8 @@ impl Controller {
             self.registers.set(at::TEST, 0);
         }
         if cce && old & cccr::CCE == 0 {
-            self.receive.reset();
+            self.rings = Default::default();
+            self.receive.high_priority = 0;
             self.reset_transmit();
         }
         if new & cccr::MON != 0 {

@@ -75,12 +75,6 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// Frames that no receive FIFO could take.
-    #[must_use]
-    pub const fn rx_lost(&self) -> u64 {
-        self.lost[0] + self.lost[1]
-    }
-
     pub(super) fn requested(&mut self, now: Nanos) {
         let last = self.last_request.replace(now);
         if last.is_some_and(|last| now.since(last).get() <= PAUSE_NS) {

@@ -2,8 +2,9 @@
 
 use rc10_can::CanFrame;
 
+use super::controller::Controller;
 use super::ram::MessageRam;
-use super::registers::{Registers, at, field};
+use super::registers::{at, field};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
@@ -16,12 +17,6 @@ pub(super) struct Verdict {
     pub destination: Destination,
     pub element: Option<u32>,
     pub priority: bool,
-}
-
-impl Verdict {
-    const fn unmatched(destination: Destination) -> Self {
-        Self { destination, element: None, priority: false }
-    }
 }
 
 /// A filter element of either list. Field numbers are those of the manual.
@@ -40,19 +35,15 @@ const INTO_BUFFER: u32 = 7;
 /// EFT: a range over identifiers as sent, without XIDAM.
 const EXTENDED_RANGE_UNMASKED: u32 = 3;
 
-/// The first element that matches decides; `new_data` has a bit for each receive buffer.
-pub(super) fn judge(
-    frame: &CanFrame,
-    registers: &Registers,
-    new_data: u64,
-    ram: &mut MessageRam,
-) -> Verdict {
+/// The first element that matches decides.
+pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> Verdict {
+    let (registers, new_data) = (&of.registers, of.receive.new_data);
     let extended = frame.is_extended_id();
     let global = registers.at(at::GFC);
     let (reject_remote, unmatched) =
         if extended { (1 << 0, field(global, 2, 2)) } else { (1 << 1, field(global, 4, 2)) };
     if frame.is_remote() && global & reject_remote != 0 {
-        return Verdict::unmatched(Destination::Nowhere);
+        return Verdict { destination: Destination::Nowhere, element: None, priority: false };
     }
     let (list, largest, words) = if extended { (at::XIDFC, 64, 2) } else { (at::SIDFC, 128, 1) };
     let elements = registers.field(list, 16, 8).min(largest);
@@ -74,10 +65,9 @@ pub(super) fn judge(
             return element.verdict(index);
         }
     }
-    Verdict::unmatched(match unmatched {
-        fifo @ (0 | 1) => Destination::Fifo(fifo),
-        _ => Destination::Nowhere,
-    })
+    let destination =
+        if unmatched < 2 { Destination::Fifo(unmatched) } else { Destination::Nowhere };
+    Verdict { destination, element: None, priority: false }
 }
 
 fn standard_at(address: u32, ram: &mut MessageRam) -> Element {

@@ -2,7 +2,7 @@
 
 use rc10_sim::{Activity, Nanos};
 
-use super::timing::Period;
+use crate::time::Period;
 
 /// Recessive bits in a row that mean an idle bus (ISO 11898-1), or a step of bus-off recovery.
 const SEQUENCE_BITS: u64 = 11;

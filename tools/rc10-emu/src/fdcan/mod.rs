@@ -1,7 +1,7 @@
 //! The STM32H7's three FDCAN controllers and the message RAM they share, for classic CAN.
 //!
-//! Each is Bosch's `M_CAN`, release 3.2.1. [`Fdcans`] is what the processor sees: registers,
-//! message RAM, interrupt lines. [`Node`] is what a wire sees: a [`Controller`].
+//! Each is Bosch's `M_CAN`, release 3.2.1. [`Fdcans`] is what the processor sees: registers, message
+//! RAM, interrupt lines. [`Node`] is what a wire sees: a [`Controller`](rc10_sim::Controller).
 //!
 //! Not modelled, beside CAN FD frames (counted and cancelled): the bits themselves. A frame is
 //! received when it ends, not at the last bit of its end-of-frame but one; a sender's broken frame
@@ -32,16 +32,19 @@ mod transmit;
 use std::sync::{Arc, Mutex};
 
 use rc10_can::{BusError, CanFrame};
-use rc10_sim::{Activity, Controller, Nanos, Outcome};
+use rc10_sim::{Activity, Nanos, Outcome};
 
-use crate::peripherals::{AccessKind, lock};
+use crate::peripherals::{AccessKind, Answer, lock};
+use crate::time::Period;
+use calibration::Calibration;
+use controller::Controller;
 pub use counters::{Counters, Spread};
 use ram::MessageRam;
 
 /// FDCAN1, FDCAN2, FDCAN3 and their message RAM. Controllers are counted from 0.
 pub struct Fdcans {
-    controllers: [controller::Controller; 3],
-    calibration: calibration::Calibration,
+    controllers: [Controller; 3],
+    calibration: Calibration,
     kernel_hz: u64,
     ram: MessageRam,
 }
@@ -52,7 +55,7 @@ impl Fdcans {
     pub fn new(seed: u64) -> Self {
         Self {
             controllers: Default::default(),
-            calibration: calibration::Calibration::new(),
+            calibration: Calibration::new(),
             kernel_hz: 0,
             ram: MessageRam::new(seed),
         }
@@ -60,7 +63,7 @@ impl Fdcans {
 
     /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
     pub fn reset(&mut self) {
-        self.controllers.iter_mut().for_each(controller::Controller::reset);
+        self.controllers.iter_mut().for_each(Controller::reset);
         self.calibration.registers.reset();
         self.apply_clock();
     }
@@ -69,7 +72,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register.
-    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Answer<u32> {
         self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.read(offset, now)
     }
 
@@ -77,13 +80,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register.
-    pub fn write(
-        &mut self,
-        index: usize,
-        offset: u32,
-        value: u32,
-        now: Nanos,
-    ) -> Result<(), AccessKind> {
+    pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> Answer {
         self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.write(offset, value, now)
     }
 
@@ -91,7 +88,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register.
-    pub fn read_calibration(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub fn read_calibration(&self, offset: u32) -> Answer<u32> {
         self.calibration.registers.read(offset)
     }
 
@@ -99,7 +96,7 @@ impl Fdcans {
     ///
     /// # Errors
     /// If there is no such register, or it is locked: FDCAN1 has not both INIT and CCE.
-    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Result<(), AccessKind> {
+    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Answer {
         let unlocked = self.controllers[0].may_configure();
         self.calibration.write(offset, value, unlocked)?;
         self.apply_clock();
@@ -165,8 +162,7 @@ impl Fdcans {
     }
 
     /// Bits a second of a controller, and nanoseconds of one; `None` while it takes no part.
-    #[must_use]
-    pub fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
+    pub(crate) fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
         let bit = self.controllers.get(index)?.bit_in_use()?;
         Some((bit.rate(), bit.nanos()))
     }
@@ -191,10 +187,7 @@ impl Node {
     }
 
     /// Does something with the controller, if it exists.
-    fn with<R: Default>(
-        &self,
-        act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
-    ) -> R {
+    fn with<R: Default>(&self, act: impl FnOnce(&mut Controller, &mut MessageRam) -> R) -> R {
         let mut fdcans = lock(&self.fdcans);
         let Fdcans { controllers, ram, .. } = &mut *fdcans;
         controllers.get_mut(self.index).map_or_else(R::default, |one| act(one, ram))
@@ -204,7 +197,7 @@ impl Node {
     fn at<R: Default>(
         &self,
         now: Nanos,
-        act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
+        act: impl FnOnce(&mut Controller, &mut MessageRam) -> R,
     ) -> R {
         self.with(|one, ram| {
             one.settle(now);
@@ -213,7 +206,7 @@ impl Node {
     }
 }
 
-impl Controller for Node {
+impl rc10_sim::Controller for Node {
     fn is_on_bus(&self) -> bool {
         self.with(|one, _| one.is_on_bus())
     }
@@ -221,7 +214,7 @@ impl Controller for Node {
         self.with(|one, _| one.is_connected())
     }
     fn bit_time_ns(&self) -> Option<u32> {
-        self.with(|one, _| one.bit().map(timing::Period::nanos))
+        self.with(|one, _| one.bit().map(Period::nanos))
     }
     fn tolerance_ppm(&self) -> u32 {
         self.with(|one, _| one.tolerance_ppm())

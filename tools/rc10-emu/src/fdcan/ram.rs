@@ -82,9 +82,7 @@ pub(super) fn urgency(header: u32) -> (Id, bool) {
 pub(super) fn frame(header: u32, control: u32, data: [u32; 2]) -> CanFrame {
     let (id, remote) = urgency(header);
     let length = field(control, 16, 4).min(8) as usize;
-    let mut bytes = [0; 8];
-    bytes[..4].copy_from_slice(&data[0].to_le_bytes());
-    bytes[4..].copy_from_slice(&data[1].to_le_bytes());
+    let bytes = (u64::from(data[1]) << 32 | u64::from(data[0])).to_le_bytes();
     let frame = if remote {
         CanFrame::remote_frame(id, length)
     } else {

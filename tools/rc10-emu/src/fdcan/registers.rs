@@ -83,7 +83,7 @@ pub(super) mod cccr {
 
 /// Flags of IR; IE and ILS have the same bits.
 pub(super) mod ir {
-    /// The first four are FIFO 0's; FIFO 1's are four bits higher.
+    /// The first four are FIFO 0's; those of FIFO 1 and of the event FIFO are in the same order.
     pub const RF0N: u32 = 1 << 0;
     pub const RF0W: u32 = 1 << 1;
     pub const RF0F: u32 = 1 << 2;
@@ -92,9 +92,6 @@ pub(super) mod ir {
     pub const TC: u32 = 1 << 9;
     pub const TCF: u32 = 1 << 10;
     pub const TFE: u32 = 1 << 11;
-    /// The first of the event FIFO's, which are in the same order.
-    pub const TEFN: u32 = 1 << 12;
-    pub const TEFL: u32 = 1 << 15;
     pub const TSW: u32 = 1 << 16;
     pub const DRX: u32 = 1 << 19;
     pub const ELO: u32 = 1 << 22;

@@ -11,14 +11,12 @@ use rc10_sim::Nanos;
 use super::controller::Controller;
 use super::ram::{self, MessageRam};
 use super::registers::{Registers, at, cccr, field, ir};
-use super::ring::{Ring, Shape};
-use super::timing::Period;
+use super::ring::EVENTS;
+use crate::time::time_of;
 
 const BUFFERS: u32 = 32;
 /// Periods of a scan for each buffer: a word of the message RAM. Our estimate.
 const SCAN: u64 = 4;
-/// Elements of the transmit event FIFO at most.
-const LARGEST_EVENT_FIFO: u32 = 32;
 
 /// TXEFC's event type: sent, or sent in spite of cancellation (always so without retransmission).
 const SENT: u32 = 1 << 22;
@@ -90,7 +88,6 @@ pub(super) struct Transmit {
     /// The FIFO's get index, counted from its first buffer, and its elements in use.
     head: u32,
     used: u32,
-    events: Ring,
     offered: Option<Candidate>,
     on_wire: Option<Candidate>,
 }
@@ -150,7 +147,7 @@ impl Controller {
             return Nanos::ZERO;
         }
         let buffers = u64::from(self.layout().all().count_ones());
-        Period::of_clock(self.kernel_hz).many(SCAN * buffers)
+        time_of(SCAN * buffers, self.kernel_hz)
     }
 
     /// Does everything that is due by now.
@@ -337,9 +334,7 @@ impl Controller {
 
     /// Puts a transmission into the event FIFO.
     fn tell(&mut self, sent: Candidate, ram: &mut MessageRam) {
-        let (index, flags) = self.transmit.events.put(self.event_shape());
-        self.flags |= flags * ir::TEFN;
-        let Some(index) = index else {
+        let Some(index) = self.put(EVENTS) else {
             self.counters.events_lost += 1;
             return;
         };
@@ -349,21 +344,5 @@ impl Controller {
         let address = self.registers.start_word(at::TXEFC) + 2 * index;
         ram.store(address, sent.header);
         ram.store(address + 1, marker | kind | sent.control & 0xF << 16 | sent.timestamp);
-    }
-
-    fn event_shape(&self) -> Shape {
-        // Bit 31 is reserved in TXEFC and reads as 0: no overwriting.
-        Shape::new(self.registers.at(at::TXEFC), LARGEST_EVENT_FIFO)
-    }
-
-    /// TXEFS without its element-lost bit.
-    pub fn event_status(&self) -> u32 {
-        self.transmit.events.status(self.event_shape())
-    }
-
-    /// TXEFA; `false` if that event is not in the FIFO.
-    pub fn acknowledge_event(&mut self, index: u32) -> bool {
-        let shape = self.event_shape();
-        self.transmit.events.acknowledge(index & 0x1F, shape)
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::adc::AdcFault;
 use super::clocks::TooFast;
-use crate::board::Package;
+use crate::board::{Package, Pin};
 
 /// Width of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,9 +64,12 @@ pub enum AccessKind {
     Adc(AdcFault),
 }
 
+/// What an access gives, or why it is refused.
+pub(crate) type Answer<T = ()> = Result<T, AccessKind>;
+
 impl AccessKind {
     /// Refuses an access for this reason, if it is so.
-    pub(crate) fn when(self, is_so: bool) -> Result<(), Self> {
+    pub(crate) fn when(self, is_so: bool) -> Answer {
         if is_so { Err(self) } else { Ok(()) }
     }
 }
@@ -75,7 +78,7 @@ impl AccessKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinFault {
     /// Port and number.
-    pub pin: (char, usize),
+    pub pin: Pin,
     /// The chip.
     pub chip: &'static str,
     /// The case.
@@ -111,12 +114,12 @@ pub struct Access {
 
 impl fmt::Display for Access {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let verb = if self.write { "write to" } else { "read of" };
-        let name = match self.address {
+        let (at, verb) = (self.address, if self.write { "write to" } else { "read of" });
+        let name = match at {
             0x3000_0000..0x3000_4000 => "SRAM1",
             0x3000_4000..0x3000_8000 => "SRAM2",
             _ if self.kind == AccessKind::BeforeSupply => "RAM",
-            _ => super::map::row_of(self.address).map_or("no device", |(_, row)| row.name),
+            _ => super::map::row_of(at).map_or("no device", |(_, row)| row.name),
         };
         let what = match self.kind {
             AccessKind::Unowned => "unowned or unaligned",
@@ -126,20 +129,15 @@ impl fmt::Display for Access {
             AccessKind::WaitStates => "too few wait states",
             AccessKind::OutOfReach => "out of the DMA's reach",
             AccessKind::Locked => {
-                return write!(
-                    f,
-                    "DMA stream at {:#010x} ({name}) serves a UART without TRBUFF, and has locked",
-                    self.address
-                );
+                let stream = format_args!("DMA stream at {at:#010x} ({name})");
+                return write!(f, "{stream} serves a UART without TRBUFF, and has locked");
             }
             AccessKind::BeforeSupply => "before the supply is configured (PWR_CSR1.ACTVOSRDY)",
             AccessKind::Pin(pin) => return write!(f, "{pin}"),
             AccessKind::Adc(fault) => return write!(f, "{fault}"),
-            AccessKind::TooFast(clock) => {
-                return write!(f, "{verb} {:#010x} ({name}): {clock}", self.address);
-            }
+            AccessKind::TooFast(clock) => return write!(f, "{verb} {at:#010x} ({name}): {clock}"),
         };
-        write!(f, "{verb} {:#010x} ({name}): {what}", self.address)
+        write!(f, "{verb} {at:#010x} ({name}): {what}")
     }
 }
 

@@ -13,9 +13,10 @@ use std::fmt;
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::clocks::{Clocks, Limit, PRESCALERS, TooFast};
 use super::registers::{Register, Registers, field, fixed, masked, plain};
+use crate::board::Pin;
 use crate::time::time_of;
 
 /// Number of its interrupt, and DMAMUX1's of its request. Source: stm32-metapac.
@@ -182,7 +183,7 @@ impl Adc {
     }
 
     /// The voltage at a pin from now on. `false`: no input of this converter is there.
-    pub(super) fn set_voltage(&mut self, pin: (char, usize), microvolts: u32) -> bool {
+    pub(super) fn set_voltage(&mut self, pin: Pin, microvolts: u32) -> bool {
         let name = format!("{}{}", pin.0, pin.1);
         let input = INPUTS.iter().position(|input| *input == name);
         input.map(|input| self.inputs[input] = microvolts).is_some()
@@ -213,7 +214,7 @@ impl Adc {
         (is_on && hz > limit).then_some(TooFast { clock, hz, limit: Limit::Boost(limit) })
     }
 
-    fn after(&self, half_clocks: u64, now: Nanos) -> Result<Nanos, AccessKind> {
+    fn after(&self, half_clocks: u64, now: Nanos) -> Answer<Nanos> {
         let hz = self.half_clocks_hz();
         AccessKind::Adc(AdcFault::NoClock).when(hz == 0)?;
         Ok(now + time_of(half_clocks, hz))
@@ -233,7 +234,7 @@ impl Adc {
         request == REQUEST && by_dma && self.flags & EOC != 0
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         Ok(match offset {
             0x00 => self.flags | if self.is_regulated(now) { LDORDY } else { 0 },
             0x08 => self.control,
@@ -245,7 +246,7 @@ impl Adc {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         let converts = self.control & ADSTART != 0;
         match write.offset {
             0x00 => self.flags &= !write.ones(),
@@ -269,7 +270,7 @@ impl Adc {
     }
 
     /// CCR and the other registers that it shares with ADC2.
-    pub(super) const fn read_common(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(super) const fn read_common(&self, offset: u32) -> Answer<u32> {
         match offset {
             // CSR: the master's flags.
             0x00 => Ok(self.flags & 0x7FF),
@@ -278,7 +279,7 @@ impl Adc {
         }
     }
 
-    pub(super) fn write_common(&mut self, write: Write) -> Result<(), AccessKind> {
+    pub(super) fn write_common(&mut self, write: Write) -> Answer {
         AccessKind::Unmodelled.when(write.offset != 0x08)?;
         // RM0468: allowed only while the ADCs are disabled.
         AccessKind::Protected.when(self.control & (ADEN | ADCAL) != 0)?;
@@ -288,7 +289,7 @@ impl Adc {
     }
 
     /// CR: most bits are set by the program and cleared by the converter.
-    fn control(&mut self, wanted: u32, now: Nanos) -> Result<(), AccessKind> {
+    fn control(&mut self, wanted: u32, now: Nanos) -> Answer {
         let new = wanted & !self.control;
         self.control = self.control & !CR_STORED | wanted & CR_STORED;
         if self.control & (ADEN | ADCAL) == 0 {
@@ -337,7 +338,7 @@ impl Adc {
         self.regulated_at = (bits & ADVREGEN != 0).then_some(started);
     }
 
-    fn may_begin(&self, allowed: bool, now: Nanos) -> Result<(), AccessKind> {
+    fn may_begin(&self, allowed: bool, now: Nanos) -> Answer {
         AccessKind::Adc(AdcFault::RegulatorNotUp).when(!self.is_regulated(now))?;
         if allowed && self.work.is_none() { Ok(()) } else { Err(AccessKind::Protected) }
     }
@@ -354,7 +355,7 @@ impl Adc {
         SQR.get(register).map_or(0, |at| field(self.registers.value(*at), shift, 5))
     }
 
-    fn check_preselection(&self) -> Result<(), AccessKind> {
+    fn check_preselection(&self) -> Answer {
         let mut channels = (0..self.length()).map(|rank| self.channel(rank));
         let open = channels.find(|channel| self.registers.value(PCSEL) >> channel & 1 == 0);
         open.map_or(Ok(()), |channel| {
@@ -380,7 +381,7 @@ impl Adc {
         if config & ROVSE == 0 { 1 } else { u64::from(field(config, 16, 10)) + 1 }
     }
 
-    fn convert(&mut self, rank: usize, now: Nanos) -> Result<(), AccessKind> {
+    fn convert(&mut self, rank: usize, now: Nanos) -> Answer {
         let channel = self.channel(rank);
         let times = self.registers.value(SMPR[channel as usize / 10 % 2]);
         let sampling = field(times, 3 * (channel % 10), 3);

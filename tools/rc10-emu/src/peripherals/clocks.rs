@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::registers::field;
+use crate::time::Period;
 
 pub(super) const HSI_HZ: u64 = 64_000_000;
 pub(super) const CSI_HZ: u64 = 4_000_000;
@@ -32,24 +33,8 @@ pub struct Clocks {
     pub adc: u64,
 }
 
-/// A clock that goes somewhere as a signal: frequency and divider, so that nothing is rounded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Tone {
-    /// Not zero.
-    pub hz: u64,
-    /// Not zero.
-    pub divider: u64,
-}
-
-impl Tone {
-    /// `None`: it stands.
-    pub(super) fn new(hz: u64, divider: u32) -> Option<Self> {
-        (hz > 0 && divider > 0).then_some(Self { hz, divider: divider.into() })
-    }
-}
-
 /// Clocks that timers' inputs can be connected to, and in the last place what is not modelled.
-pub(super) type Tones = [Option<Tone>; 5];
+pub(super) type Tones = [Option<Period>; 5];
 /// Places of LSI, LSE, HSE behind `RCC_CFGR.RTCPRE`, and MCO1.
 pub(super) const TONE_LSI: usize = 0;
 pub(super) const TONE_LSE: usize = 1;

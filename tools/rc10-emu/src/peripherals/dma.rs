@@ -14,11 +14,12 @@
 //! Not modelled, and reported when asked for: double buffers, flow control by the peripheral,
 //! synchronised requests, request generators. Priorities are those of the streams' numbers.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Width, Write};
+use super::access::{AccessKind, Answer, Width, Write};
 
 pub(super) const STREAMS: usize = 8;
 
@@ -44,9 +45,7 @@ const MEMORY_INCREMENT: u32 = 1 << 10;
 const BUFFERABLE: u32 = 1 << 20;
 /// FCR.DMDIS.
 const FIFO_MODE: u32 = 1 << 2;
-/// Bytes of a FIFO, and items in it at most.
 const FIFO_BYTES: u32 = 16;
-const FIFO_ITEMS: usize = 16;
 /// Distance in time at which two transfers are "concurrent": about that of one on the buses.
 const CONCURRENT: Nanos = Nanos::new(100);
 
@@ -77,8 +76,7 @@ pub(super) struct Stream {
     done: u32,
     pub(super) fails: bool,
     /// Contents of its FIFO: values, with their destination if that is memory.
-    held: [(u32, u32); FIFO_ITEMS],
-    level: usize,
+    pub(super) held: VecDeque<(u32, u32)>,
     moved_at: Option<Nanos>,
     locked: bool,
 }
@@ -140,54 +138,40 @@ impl Stream {
         self.fifo & FIFO_MODE != 0 && self.direction() != Direction::MemoryToMemory
     }
 
-    /// Memory address to be read ahead into the FIFO, if there is room.
-    pub(super) fn ahead(&self) -> Option<u32> {
-        let bytes = self.width().bytes();
-        let level = u32::try_from(self.level).unwrap_or(0);
-        let next = self.done + level;
+    /// Bytes in the FIFO.
+    fn level(&self) -> u32 {
+        u32::try_from(self.held.len()).unwrap_or(0) * self.width().bytes()
+    }
+
+    /// Memory address to be read ahead into the FIFO, if there is room, and the item's width.
+    pub(super) fn ahead(&self) -> Option<(u32, Width)> {
+        let (width, level) = (self.width(), self.level());
+        let next = self.done + level / width.bytes();
         let wanted =
             self.is(ENABLE) && self.buffers() && self.direction() == Direction::ToPeripheral;
-        if !wanted || (level + 1) * bytes > FIFO_BYTES {
+        if !wanted || level + width.bytes() > FIFO_BYTES {
             return None;
         }
         let next = if self.is(CIRCULAR) { next % self.reload } else { next };
-        let moved = if self.is(MEMORY_INCREMENT) { next.wrapping_mul(bytes) } else { 0 };
-        (next < self.reload).then(|| self.memory[0].wrapping_add(moved))
-    }
-
-    /// Puts a value into the FIFO; `to` is where in memory it goes, if it does.
-    pub(super) fn hold(&mut self, to: u32, value: u32) {
-        if let Some(slot) = self.held.get_mut(self.level) {
-            *slot = (to, value);
-            self.level += 1;
-        }
-    }
-
-    /// The oldest value in the FIFO, and where it goes.
-    pub(super) fn give(&mut self) -> Option<(u32, u32)> {
-        self.level = self.level.checked_sub(1)?;
-        let oldest = self.held[0];
-        self.held.rotate_left(1);
-        Some(oldest)
+        let moved = if self.is(MEMORY_INCREMENT) { next.wrapping_mul(width.bytes()) } else { 0 };
+        (next < self.reload).then(|| (self.memory[0].wrapping_add(moved), width))
     }
 
     /// Whether what the FIFO holds is to go to memory now.
     fn is_due(&self) -> bool {
-        let bytes = u32::try_from(self.level).unwrap_or(0) * self.width().bytes();
         let threshold = FIFO_BYTES / 4 * ((self.fifo & 3) + 1);
         let from = self.direction() == Direction::FromPeripheral;
         // Circular, it begins again.
         let ends = !self.is(ENABLE) || self.done == 0;
-        from && self.level > 0 && (bytes >= threshold || ends)
+        from && !self.held.is_empty() && (self.level() >= threshold || ends)
     }
 
     /// FCR.FS: how full it is.
     fn fill(&self) -> u32 {
-        let bytes = u32::try_from(self.level).unwrap_or(0) * self.width().bytes();
-        match bytes {
+        match self.level() {
             0 => 4,
             FIFO_BYTES.. => 5,
-            _ => bytes / (FIFO_BYTES / 4),
+            bytes => bytes / (FIFO_BYTES / 4),
         }
     }
 
@@ -197,8 +181,7 @@ impl Stream {
             return Vec::new();
         }
         let width = self.width();
-        let values = std::iter::from_fn(|| self.give());
-        values.map(|(to, value)| (to, value, width)).collect()
+        self.held.drain(..).map(|(to, value)| (to, value, width)).collect()
     }
 
     /// The transfer that [`next`](Self::next) named was made, or could not be.
@@ -225,7 +208,7 @@ impl Stream {
         }
     }
 
-    fn write(&mut self, register: u32, write: Write) -> Result<(), AccessKind> {
+    fn write(&mut self, register: u32, write: Write) -> Answer {
         let locked = self.is(ENABLE);
         match register {
             0x00 => {
@@ -251,8 +234,8 @@ impl Stream {
                         return Err(refusal);
                     }
                     self.reload = self.items;
-                    self.done = 0;
-                    (self.level, self.locked) = (0, false);
+                    (self.done, self.locked) = (0, false);
+                    self.held.clear();
                 }
             }
             0x04 | 0x08 | 0x0C if locked => return Err(AccessKind::Protected),
@@ -292,7 +275,7 @@ impl Dma {
         Self { index, streams: std::array::from_fn(|_| Stream::new()) }
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(super) fn read(&self, offset: u32) -> Answer<u32> {
         if let 0x00 | 0x04 = offset {
             let half = self.streams.iter().skip(offset as usize).take(4);
             return Ok(half.zip(FLAG_SHIFTS).map(|(stream, shift)| stream.flags << shift).sum());
@@ -312,7 +295,7 @@ impl Dma {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write) -> Answer {
         match write.offset {
             // LISR, HISR cannot be written.
             0x00 | 0x04 => Ok(()),
@@ -370,23 +353,22 @@ pub(super) struct DmaMux {
 }
 
 impl DmaMux {
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(super) fn read(&self, offset: u32) -> Answer<u32> {
         match offset {
             0x80 | 0x84 => Ok(0),
             _ => self.channels.get(offset as usize / 4).copied().ok_or(AccessKind::Unmodelled),
         }
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write) -> Answer {
         if let 0x80 | 0x84 = write.offset {
             return Ok(());
         }
         let channel =
             self.channels.get_mut(write.offset as usize / 4).ok_or(AccessKind::Unmodelled)?;
-        let wanted = write.over(*channel);
-        *channel = wanted;
+        *channel = write.over(*channel);
         // SOIE, SE. EGE alone does nothing. Requests go up to 137 here: eight bits.
-        if wanted & (1 << 8 | 1 << 16) == 0 { Ok(()) } else { Err(AccessKind::Unmodelled) }
+        AccessKind::Unmodelled.when(*channel & (1 << 8 | 1 << 16) != 0)
     }
 
     /// The request that a stream listens to; 0: none.

@@ -2,7 +2,7 @@
 //! pins, 16 ..= 21 have software triggers, the others only store. Not modelled: events (`EMR`),
 //! wake-up, the D3 domain's pending flags.
 
-use super::access::{AccessKind, Write};
+use super::access::{Answer, Write};
 use super::registers::{Register, Registers, masked, plain};
 
 const RISING: u32 = 0x00;
@@ -55,7 +55,7 @@ impl Exti {
         Self { registers: Registers::new(TABLE), levels: 0 }
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write) -> Answer {
         match write.offset {
             SOFTWARE => self.pend(write.ones() & LINES),
             PENDING => {

@@ -1,6 +1,6 @@
 //! A port of 16 pins (RM0468, GPIO chapter). Not modelled: the lock register, speeds, voltages.
 
-use super::access::{AccessKind, Write};
+use super::access::{Answer, Write};
 use super::registers::{Register, Registers, fixed, masked, plain};
 
 const OUTPUT: u32 = 1;
@@ -29,6 +29,11 @@ const fn table(mode: u32, speed: u32, pull: u32) -> [Register; 9] {
         plain(AFR[0], 0),
         plain(AFR[1], 0),
     ]
+}
+
+/// The pins of which something is so, a bit each.
+pub(super) fn pins_where(is_so: impl Fn(usize) -> bool) -> u32 {
+    (0..PINS).map(|pin| u32::from(is_so(pin)) << pin).sum()
 }
 
 /// Ports A, B, and the others: the debug pins of the first two work, all others are analog. Source:
@@ -66,9 +71,7 @@ impl Port {
 
     /// Pins that are outputs or have an alternate function, and do not lead outside, a bit each.
     pub(super) fn cut_in_use(&self) -> u32 {
-        let is_used =
-            |pin: &usize| self.is_cut(*pin) && matches!(self.mode(*pin), OUTPUT | ALTERNATE);
-        (0..PINS).filter(is_used).map(|pin| 1 << pin).sum()
+        self.cut & pins_where(|pin| matches!(self.mode(pin), OUTPUT | ALTERNATE))
     }
 
     /// Alternate function in use at a pin that leads outside.
@@ -105,14 +108,14 @@ impl Port {
         self.levels = self.levels & !bit | if level == Some(true) { bit } else { 0 };
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(super) fn read(&self, offset: u32) -> Answer<u32> {
         match offset {
-            0x10 => Ok((0..PINS).map(|pin| u32::from(self.input(pin)) << pin).sum()),
+            0x10 => Ok(pins_where(|pin| self.input(pin))),
             _ => self.registers.read(offset),
         }
     }
 
-    pub(super) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write) -> Answer {
         if write.offset == 0x18 {
             // Setting wins over resetting.
             let (reset, set) = (write.ones() >> 16, write.ones() & 0xFFFF);

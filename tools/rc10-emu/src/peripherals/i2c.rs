@@ -7,7 +7,7 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::facts::{Facts, I2CS};
 use crate::time::time_of;
 
@@ -171,15 +171,11 @@ impl I2c {
         time_of(clocks * (field(0, 0xFF) + field(8, 0xFF)) * field(28, 0xF), self.hz)
     }
 
-    fn stretched(&self) -> Option<Nanos> {
-        let stretch = self.addressed.map_or(Nanos::ZERO, |device| self.devices[device].stretch());
-        (stretch.get() != u64::MAX).then_some(stretch)
-    }
-
     fn put(&mut self, state: State, clocks: u64, now: Nanos) {
+        let stretch = self.addressed.map_or(Nanos::ZERO, |device| self.devices[device].stretch());
+        let ends = self.hz != 0 && stretch.get() != u64::MAX;
         self.state = state;
-        let lasts = self.stretched().map(|stretch| self.clocks(clocks) + stretch);
-        self.due = lasts.filter(|_| self.hz != 0).map(|lasts| now + lasts);
+        self.due = ends.then(|| now + self.clocks(clocks) + stretch);
     }
 
     /// Begins what START asks for, if the bus is free.
@@ -284,10 +280,8 @@ impl I2c {
                     }
                     self.try_start(at);
                 }
-                State::Idle
-                | State::WaitsForByte
-                | State::WaitsForRoom(_)
-                | State::WaitsForCommand => {}
+                // The others have no end.
+                _ => {}
             }
         }
     }
@@ -346,7 +340,7 @@ impl I2c {
                 || facts.writes(request) && self.is(1, TRANSMIT_DMA) && self.wants_byte())
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         self.advance(now);
         Ok(match offset {
             0x00 | 0x04 => self.control[offset as usize / 4],
@@ -367,7 +361,7 @@ impl I2c {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         self.advance(now);
         match write.offset {
             0x00 => {
@@ -419,7 +413,7 @@ impl I2c {
         Ok(())
     }
 
-    fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_control_2(&mut self, write: Write, now: Nanos) -> Answer {
         if !self.is(1, ENABLE) {
             // START and STOP mean nothing then.
             self.control[1] = write.over(self.control[1]) & !(START | STOP);
@@ -432,7 +426,7 @@ impl I2c {
         match self.state {
             // Nothing to stop.
             State::Idle => self.control[1] &= !STOP,
-            State::WaitsForCommand if self.is(2, STOP) => self.stop(now),
+            State::WaitsForByte | State::WaitsForCommand if self.is(2, STOP) => self.stop(now),
             State::WaitsForCommand if self.flags & COMPLETE_RELOAD != 0 && self.bytes() != 0 => {
                 self.flags &= !COMPLETE_RELOAD;
                 (self.submitted, self.done) = (0, 0);
@@ -440,7 +434,6 @@ impl I2c {
                     self.go_on(now);
                 }
             }
-            State::WaitsForByte if self.is(2, STOP) => self.stop(now),
             _ => {}
         }
         self.try_start(now);

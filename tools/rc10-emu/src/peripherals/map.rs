@@ -11,6 +11,9 @@ pub(super) struct Switch {
     pub reset: Option<u32>,
 }
 
+/// A clock gate; `None`: always a clock.
+type Gate = Option<Switch>;
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Block {
     Rcc,
@@ -47,29 +50,22 @@ pub(super) struct Row {
     pub name: &'static str,
     pub base: u32,
     pub size: u32,
-    /// The clock gate; `None` if it always has a clock.
-    pub switch: Option<Switch>,
+    pub switch: Gate,
     pub block: Block,
 }
 
 /// On every bus of this chip the reset registers lie so far below the enable registers.
 const RESET_BELOW_ENABLE: u32 = 0xD4 - 0x7C;
 
-const fn gate(enable: u32, bit: u32) -> Option<Switch> {
+const fn gate(enable: u32, bit: u32) -> Gate {
     Some(Switch { enable, mask: 1 << bit, reset: Some(enable - RESET_BELOW_ENABLE) })
 }
 
-const fn gate_without_reset(enable: u32, mask: u32) -> Option<Switch> {
+const fn gate_without_reset(enable: u32, mask: u32) -> Gate {
     Some(Switch { enable, mask, reset: None })
 }
 
-const fn row(
-    name: &'static str,
-    base: u32,
-    size: u32,
-    switch: Option<Switch>,
-    block: Block,
-) -> Row {
+const fn row(name: &'static str, base: u32, size: u32, switch: Gate, block: Block) -> Row {
     Row { name, base, size, switch, block }
 }
 
@@ -83,7 +79,7 @@ const APB1_LOW: u32 = 0xE8;
 const APB1_HIGH: u32 = 0xEC;
 const APB2: u32 = 0xF0;
 const APB4: u32 = 0xF4;
-const NO_GATE: Option<Switch> = None;
+const NO_GATE: Gate = None;
 use Block::Unmodelled;
 
 /// All peripherals of the chip, by address.

@@ -31,8 +31,8 @@ mod timer;
 mod usart;
 mod watchdog;
 
-pub(crate) use access::Write;
 pub use access::{Access, AccessKind, BusFault, PinFault, Width};
+pub(crate) use access::{Answer, Write};
 pub use adc::AdcFault;
 pub use clocks::{Clocks, Limit, TooFast};
 pub use i2c::I2cDevice;

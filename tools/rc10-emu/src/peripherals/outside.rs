@@ -3,14 +3,14 @@
 use rc10_sim::{Nanos, UartFault};
 
 use super::facts::{Facts, I2CS, USARTS};
-use super::gpio::PINS;
+use super::gpio::{PINS, pins_where};
 use super::i2c::I2cDevice;
 use super::pins::{Signal, pin_of, signal_at};
 use super::soc::{Soc, port_index};
 use super::spi::SpiDevice;
 use super::timer::{CHANNELS, TIMERS};
 use super::usart::{Character, Format, Outgoing, SentByte, Usart};
-use crate::board::SupplySense;
+use crate::board::{Pin, SupplySense};
 
 /// A change of a pin's level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +105,7 @@ pub(super) struct Holder {
 }
 
 /// Port and number of a pin; `None`: there is no such pin.
-fn pin_at(pin: (char, usize)) -> Option<(usize, usize)> {
+fn pin_at(pin: Pin) -> Option<(usize, usize)> {
     port_index(pin.0).filter(|_| pin.1 < PINS).map(|port| (port, pin.1))
 }
 
@@ -147,19 +147,17 @@ impl Soc {
 
     /// Pins of a port that are low because of an I2C that they are connected to, a bit each.
     pub(super) fn held_low(&self, port: usize) -> u32 {
-        let is_low = |pin: &usize| match signal_at(&self.ports, port, *pin) {
+        pins_where(|pin| match signal_at(&self.ports, port, pin) {
             Some(Signal::I2cClock(i2c)) => self.i2cs[i2c].holds_low()[0],
             Some(Signal::I2cData(i2c)) => self.i2cs[i2c].holds_low()[1],
             _ => false,
-        };
-        (0..PINS).filter(is_low).map(|pin| 1 << pin).sum()
+        })
     }
 
     /// Keeps from now on the edges of a pin that the chip drives. `false`: no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
-        let Some(recorder) = self.recorder(port, pin, now) else { return false };
-        recorder.edges.get_or_insert_default();
-        true
+        let recorder = self.recorder(port, pin, now);
+        recorder.map(|recorder| recorder.edges.get_or_insert_default()).is_some()
     }
 
     /// Sums up from now on how long the chip holds a pin high. `false`: no such pin.
@@ -241,7 +239,7 @@ impl Soc {
     }
 
     /// Puts a wire from a pin that the chip drives to one that listens. `false`: no such pin.
-    pub fn join_pins(&mut self, from: (char, usize), to: (char, usize), now: Nanos) -> bool {
+    pub fn join_pins(&mut self, from: Pin, to: Pin, now: Nanos) -> bool {
         self.advance(now);
         let (Some(from), Some(to)) = (pin_at(from), pin_at(to)) else { return false };
         self.jumpers.push(Jumper { from, to, level: None });
@@ -406,12 +404,7 @@ impl Soc {
     }
 
     /// Puts a device on an SPI (1 to 5), selected by a low output. `false`: no such SPI or pin.
-    pub fn attach_spi(
-        &mut self,
-        spi: u8,
-        select: (char, usize),
-        device: Box<dyn SpiDevice>,
-    ) -> bool {
+    pub fn attach_spi(&mut self, spi: u8, select: Pin, device: Box<dyn SpiDevice>) -> bool {
         let spi = usize::from(spi).checked_sub(1).and_then(|index| self.spis.get_mut(index));
         let (Some(spi), Some(select)) = (spi, pin_at(select)) else { return false };
         spi.attach(select, device);
@@ -431,14 +424,7 @@ impl Soc {
 
     /// Lets a device hold an I2C's data line low until it has seen some clocks from the clock pin
     /// as an output. Both lines have pull-ups from now on. `false`: no such I2C or pins.
-    pub fn hold_data(
-        &mut self,
-        i2c: u8,
-        clock: (char, usize),
-        data: (char, usize),
-        clocks: u32,
-        now: Nanos,
-    ) -> bool {
+    pub fn hold_data(&mut self, i2c: u8, clock: Pin, data: Pin, clocks: u32, now: Nanos) -> bool {
         self.advance(now);
         let (Some(i2c), Some(clock), Some(data)) =
             (index_of(&I2CS, i2c), pin_at(clock), pin_at(data))
@@ -455,26 +441,18 @@ impl Soc {
     }
 
     fn look_at_holders(&mut self, now: Nanos) {
-        let mut released = Vec::new();
         for holder in &mut self.holders {
             let (port, pin) = holder.clock;
             let low = self.ports[port].output(pin) == Some(false);
             let rose = std::mem::replace(&mut holder.clock_was_low, low) && !low;
             holder.clocks -= u32::from(rose && holder.clocks > 0);
-            if holder.clocks == 0 {
-                released.push((holder.i2c, holder.data));
-            }
         }
-        if released.is_empty() {
-            return;
-        }
-        self.holders.retain(|holder| holder.clocks > 0);
-        for (i2c, (port, pin)) in released {
+        let released = self.holders.extract_if(.., |holder| holder.clocks == 0);
+        for Holder { i2c, data: (port, pin), .. } in released {
             self.ports[port].drive(pin, Some(true));
             self.i2cs[i2c].hold(false, now);
+            self.pins_changed = true;
         }
-        // The data line has risen.
-        self.pins_changed = true;
     }
 
     /// Lets the next item of a stream (DMA 1 or 2, stream 0 to 7) fail. `false`: no such stream.

@@ -120,10 +120,6 @@ pub(super) fn signal_at(ports: &[Port], port: usize, pin: usize) -> Option<Signa
     PLACES.iter().find(|(_, places)| places.contains(&here)).map(|&(signal, _)| signal)
 }
 
-pub(super) fn is_connected(ports: &[Port], signal: Signal) -> bool {
-    pin_of(ports, signal).is_some()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

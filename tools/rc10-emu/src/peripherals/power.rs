@@ -5,7 +5,7 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{Answer, Write};
 use super::registers::{Register, Registers, masked, plain};
 
 const CR1: u32 = 0x00;
@@ -73,7 +73,7 @@ impl Power {
         self.supply_written && (supply & 1 != 0) != (supply & 2 != 0)
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         let stored = self.registers.read(offset)?;
         self.scale(now);
         Ok(match offset {
@@ -83,7 +83,7 @@ impl Power {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         match write.offset {
             CR3 => {
                 let unlocked = if self.supply_written { !SUPPLY } else { u32::MAX };

@@ -14,14 +14,15 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::clocks::{
     self, CFGR, CSI_HZ, Clocks, D1CCIPR, D1CFGR, D2CCIP1R, D2CCIP2R, D2CFGR, D3CCIPR, HSI_HZ,
-    LSE_HZ, LSI_HZ, Pll, Sources, Tone, Tones,
+    LSE_HZ, LSI_HZ, Pll, Sources, Tones,
 };
 use super::map::Switch;
 use super::registers::{Register, Registers, field, masked, plain};
 use crate::machine::Options;
+use crate::time::Period;
 
 /// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,6 +128,9 @@ const SECURITY_FLAG: u32 = 1 << 10;
 const FALL_BACK_TO_CSI: u32 = 1 << 6;
 /// PLL1's bit in CR; PLL2 and PLL3 are two further each.
 const PLL: u32 = 24;
+const fn pll_bit(pll: u32) -> u32 {
+    PLL + 2 * pll
+}
 /// Bits in CR of the sources of the system clock, by SW; the first three are also the PLLs'.
 const SOURCES: [u32; 4] = [HSI, CSI, HSE, PLL];
 /// Data sheet, PLL characteristics, typical.
@@ -136,9 +140,9 @@ const LSI_START: Nanos = Nanos::new(80_000);
 /// Data sheet, LSE characteristics, typical.
 const LSE_START: Nanos = Nanos::new(2_000_000_000);
 
-/// Index in `Rcc::ready` of LSI and LSE; CR's are at their bit.
-const LSI: usize = 32;
-const LSE: usize = 33;
+/// Places of LSI and LSE in `Rcc::ready`; CR's are at their bit.
+const LSI: u32 = 32;
+const LSE: u32 = 33;
 
 #[derive(Debug)]
 pub(super) struct Rcc {
@@ -180,19 +184,19 @@ impl Rcc {
     /// A reset of the chip. The backup domain stays, unless power was gone.
     pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
-        let lse = self.ready[LSE];
+        let lse = self.ready[LSE as usize];
         *self = Self { crystal: self.crystal, settled: now, ..Self::new(self.options) };
         if cause != ResetCause::PowerOn {
             let held = flags & REMOVE != 0;
             self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
             self.registers.set(BDCR, backup);
-            self.ready[LSE] = lse;
+            self.ready[LSE as usize] = lse;
         }
     }
 
     pub(super) fn set_crystal(&mut self, alive: bool, now: Nanos) {
         self.advance(now);
-        let was_ready = self.is_ready(HSE as usize);
+        let was_ready = self.is_ready(HSE);
         self.crystal = alive;
         let secured = self.registers.value(CR) & SECURITY != 0;
         if !alive && was_ready && secured {
@@ -201,7 +205,7 @@ impl Rcc {
         if !alive {
             self.ready[HSE as usize] = None;
             if self.plls_are_fed_by_hse() {
-                (0..3).for_each(|pll| self.ready[(PLL + 2 * pll) as usize] = None);
+                (0..3).for_each(|pll| self.ready[pll_bit(pll) as usize] = None);
             }
         }
         self.start(now);
@@ -221,7 +225,7 @@ impl Rcc {
         let mut off = SECURITY | 1 << HSE;
         let fed = self.plls_are_fed_by_hse();
         if fed {
-            off |= (0..3).map(|pll| 1 << (PLL + 2 * pll)).sum::<u32>();
+            off |= (0..3).map(|pll| 1 << pll_bit(pll)).sum::<u32>();
         }
         let mut on = 0;
         if self.source == 2 || self.source == 3 && fed {
@@ -240,16 +244,16 @@ impl Rcc {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
-    fn is_ready(&self, index: usize) -> bool {
-        self.ready[index].is_some_and(|at| at <= self.settled)
+    fn is_ready(&self, source: u32) -> bool {
+        self.ready[source as usize].is_some_and(|at| at <= self.settled)
     }
 
     fn pll_is_on(&self, pll: u32) -> bool {
-        field(self.registers.value(CR), PLL + 2 * pll, 1) != 0
+        field(self.registers.value(CR), pll_bit(pll), 1) != 0
     }
 
     pub(super) fn csi_is_ready(&self) -> bool {
-        self.is_ready(CSI as usize)
+        self.is_ready(CSI)
     }
 
     /// Whether one of `mask`'s bits is set in the enable register, and none in the reset register.
@@ -271,16 +275,16 @@ impl Rcc {
         ENABLES.contains(&offset) || (0x7C..=0x9C).contains(&offset)
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(super) fn read(&self, offset: u32) -> Answer<u32> {
         let offset = alias(offset);
         let stored = self.registers.read(offset)?;
-        let ready = |index, flag: u32| u32::from(self.is_ready(index)) << flag;
+        let ready = |source, flag: u32| u32::from(self.is_ready(source)) << flag;
         Ok(match offset {
             CR => {
                 // D1CKRDY, D2CKRDY, and HSIDIVF: dividers change at once.
                 let always = 1 << 14 | 1 << 15 | 1 << 5;
-                let plls = (0..3).map(|pll| PLL + 2 * pll).map(|bit| ready(bit as usize, bit + 1));
-                let starters = STARTERS.iter().map(|&(bit, flag, _)| ready(bit as usize, flag));
+                let plls = (0..3).map(pll_bit).map(|bit| ready(bit, bit + 1));
+                let starters = STARTERS.iter().map(|&(bit, flag, _)| ready(bit, flag));
                 starters.chain(plls).fold(stored | always, |sum, flag| sum | flag)
             }
             CFGR => stored | self.source << 3,
@@ -291,12 +295,7 @@ impl Rcc {
     }
 
     /// `backup_unlocked`: `PWR_CR1.DBP`.
-    pub(super) fn write(
-        &mut self,
-        write: Write,
-        now: Nanos,
-        backup_unlocked: bool,
-    ) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos, backup_unlocked: bool) -> Answer {
         self.advance(now);
         let write = write.at(alias(write.offset));
         let off = |pll, mask| if self.pll_is_on(pll) { 0 } else { mask };
@@ -360,28 +359,28 @@ impl Rcc {
 
     /// Notes when sources that were switched on are ready, and which were switched off.
     fn start(&mut self, now: Nanos) {
-        let control = self.registers.value(CR);
-        let mut note = |index: usize, on: bool, at: Option<Nanos>| {
-            let ready = &mut self.ready[index];
-            *ready = if on { ready.or(at) } else { None };
-        };
         for (bit, _, time) in STARTERS {
+            let is_on = self.registers.value(CR) & 1 << bit != 0;
             let swings = bit != HSE || self.crystal;
-            note(bit as usize, control & 1 << bit != 0, swings.then_some(now + time));
+            self.note(bit, is_on, swings.then_some(now + time));
         }
-        note(LSI, self.registers.value(CSR) & 1 != 0, Some(now + LSI_START));
-        note(LSE, self.registers.value(BDCR) & 1 != 0, Some(now + LSE_START));
+        self.note(LSI, self.registers.value(CSR) & 1 != 0, Some(now + LSI_START));
+        self.note(LSE, self.registers.value(BDCR) & 1 != 0, Some(now + LSE_START));
         for pll in 0..3 {
-            let bit = PLL + 2 * pll;
             // Its input may still be starting.
             let input = SOURCES[..3].get(self.pll_source());
             let input = input.and_then(|&input| self.ready[input as usize]);
             let locks = clocks::pll(self.pll_input(self.hsi_hz), &self.pll(pll)).is_some();
             let at = input.filter(|_| locks).map(|input| now.max(input) + LOCK);
-            let ready = &mut self.ready[bit as usize];
-            *ready = if control & 1 << bit != 0 { ready.or(at) } else { None };
+            self.note(pll_bit(pll), self.pll_is_on(pll), at);
         }
         self.advance(now);
+    }
+
+    /// A source that has just been switched on is ready at that time.
+    fn note(&mut self, source: u32, is_on: bool, at: Option<Nanos>) {
+        let ready = &mut self.ready[source as usize];
+        *ready = ready.or(at).filter(|_| is_on);
     }
 
     /// Nominal and actual frequency at the PLLs' input, running or not.
@@ -429,7 +428,7 @@ impl Rcc {
         self.settled = now.max(self.settled);
         let wanted = field(self.registers.value(CFGR), 0, 3);
         let Some(&bit) = SOURCES.get(wanted as usize) else { return };
-        if wanted != self.source && self.is_ready(bit as usize) {
+        if wanted != self.source && self.is_ready(bit) {
             self.source = wanted;
             if wanted == 3 && self.system_ready_at.is_none() {
                 self.system_ready_at = Some(now);
@@ -448,18 +447,13 @@ impl Rcc {
             1 => lse,
             2 => hse,
             3 => plls[0][1],
-            4 => self.if_ready(HSI48 as usize, HSI48_HZ),
+            4 => self.if_ready(HSI48, HSI48_HZ),
             _ => 0,
         };
-        let lsi = Tone::new(self.if_ready(LSI, LSI_HZ), 1);
-        let hse = Tone::new(hse, for_rtc).filter(|_| for_rtc > 1);
-        [lsi, Tone::new(lse, 1), hse, Tone::new(output, field(config, 18, 4)), None]
-    }
-
-    /// P, Q and R of a PLL, as far as it runs.
-    fn pll_outputs(&self, pll: u32, hsi_hz: u64) -> [u64; 3] {
-        let outputs = clocks::pll(self.pll_input(hsi_hz), &self.pll(pll)).unwrap_or_default();
-        outputs.map(|hz| self.if_ready((PLL + 2 * pll) as usize, hz))
+        let divided = |hz, by: u32| Period::new(by.into(), hz);
+        let lsi = divided(self.if_ready(LSI, LSI_HZ), 1);
+        let hse = divided(hse, for_rtc).filter(|_| for_rtc > 1);
+        [lsi, divided(lse, 1), hse, divided(output, field(config, 18, 4)), None]
     }
 
     pub(super) fn clocks(&self) -> Clocks {
@@ -475,17 +469,21 @@ impl Rcc {
         Clocks::new(&self.sources(hsi_hz), self.source, |at| self.registers.value(at))
     }
 
-    fn if_ready(&self, index: usize, hz: u64) -> u64 {
-        if self.is_ready(index) { hz } else { 0 }
+    fn if_ready(&self, source: u32, hz: u64) -> u64 {
+        if self.is_ready(source) { hz } else { 0 }
     }
 
     fn sources(&self, hsi_hz: u64) -> Sources {
+        let outputs = |pll| {
+            let outputs = clocks::pll(self.pll_input(hsi_hz), &self.pll(pll)).unwrap_or_default();
+            outputs.map(|hz| self.if_ready(pll_bit(pll), hz))
+        };
         Sources {
-            hsi: self.if_ready(HSI as usize, hsi_hz >> self.hsi_shift()),
-            csi: self.if_ready(CSI as usize, CSI_HZ),
-            hse: self.if_ready(HSE as usize, self.options.board.crystal_hz),
+            hsi: self.if_ready(HSI, hsi_hz >> self.hsi_shift()),
+            csi: self.if_ready(CSI, CSI_HZ),
+            hse: self.if_ready(HSE, self.options.board.crystal_hz),
             lse: self.if_ready(LSE, LSE_HZ),
-            plls: [0, 1, 2].map(|pll| self.pll_outputs(pll, hsi_hz)),
+            plls: [0, 1, 2].map(outputs),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A block's registers as a table.
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 
 /// A register: offset, value after a reset, and the bits that can be written.
 #[derive(Debug)]
@@ -49,12 +49,12 @@ impl Registers {
         self.table.iter().for_each(|register| self.set(register.offset, register.reset));
     }
 
-    fn find(&self, offset: u32) -> Result<&'static Register, AccessKind> {
+    fn find(&self, offset: u32) -> Answer<&'static Register> {
         let mut table = self.table.iter();
         table.find(|register| register.offset == offset).ok_or(AccessKind::Unmodelled)
     }
 
-    pub(crate) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(crate) fn read(&self, offset: u32) -> Answer<u32> {
         self.find(offset).map(|register| self.value(register.offset))
     }
 
@@ -64,12 +64,12 @@ impl Registers {
         self.values[offset as usize / 4]
     }
 
-    pub(crate) fn write(&mut self, write: Write) -> Result<(), AccessKind> {
+    pub(crate) fn write(&mut self, write: Write) -> Answer {
         self.write_only(write, u32::MAX)
     }
 
     /// Writes those bits that are both writable and `unlocked`.
-    pub(super) fn write_only(&mut self, write: Write, unlocked: u32) -> Result<(), AccessKind> {
+    pub(super) fn write_only(&mut self, write: Write, unlocked: u32) -> Answer {
         let writable = self.find(write.offset)?.writable & unlocked;
         let old = self.value(write.offset);
         self.set(write.offset, old & !writable | write.over(old) & writable);

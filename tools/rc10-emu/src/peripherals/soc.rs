@@ -6,17 +6,17 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
 
-use super::access::{Access, AccessKind, BusFault, PinFault, Width, Write};
+use super::access::{Access, AccessKind, Answer, BusFault, PinFault, Width, Write};
 use super::adc::Adc;
 use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::facts::{I2CS, SPIS, USARTS};
-use super::gpio::{PINS, Port};
+use super::gpio::{PINS, Port, pins_where};
 use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
-use super::pins::{Signal, is_connected};
+use super::pins::{Signal, pin_of};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
@@ -204,7 +204,7 @@ impl Soc {
     }
 
     /// Reports an access without an answer; instructions are not fetched from peripherals.
-    pub fn refuse(&mut self, address: u32, write: bool) -> BusFault {
+    pub(crate) fn refuse(&mut self, address: u32, write: bool) -> BusFault {
         self.report(address, write, AccessKind::Unowned);
         BusFault
     }
@@ -251,7 +251,7 @@ impl Soc {
     /// posted write counts as a read: the next access waits for it. APB2 to APB4 count as APB1.
     #[must_use]
     pub fn access_clocks(&self, address: u32) -> u64 {
-        if !is_peripheral(address) {
+        if !PERIPHERALS.contains(&address) {
             return 0;
         }
         let (bus, apb) = map::way_to(address);
@@ -431,13 +431,7 @@ impl Soc {
         Ok(row.block)
     }
 
-    fn read_block(
-        &mut self,
-        block: Block,
-        offset: u32,
-        width: Width,
-        now: Nanos,
-    ) -> Result<u32, AccessKind> {
+    fn read_block(&mut self, block: Block, offset: u32, width: Width, now: Nanos) -> Answer<u32> {
         match block {
             Block::Rcc => self.rcc.read(offset),
             Block::Power => self.power.read(offset, now),
@@ -473,7 +467,7 @@ impl Soc {
         }
     }
 
-    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_block(&mut self, block: Block, write: Write, now: Nanos) -> Answer {
         match block {
             Block::Rcc => self.write_rcc(write, now),
             Block::Power => self.power.write(write, now),
@@ -524,7 +518,7 @@ impl Soc {
         }
     }
 
-    fn write_rcc(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_rcc(&mut self, write: Write, now: Nanos) -> Answer {
         let is_held =
             |rcc: &Rcc, row: &Row| row.switch.is_some_and(|switch| rcc.holds_in_reset(switch));
         let before = MAP.iter().map(|row| is_held(&self.rcc, row)).collect::<Vec<_>>();
@@ -608,7 +602,7 @@ impl Soc {
         self.cut_pins();
         self.find_signals();
         let ports = &self.ports;
-        let connected = |signal| is_connected(ports, signal);
+        let connected = |signal| pin_of(ports, signal).is_some();
         for (index, usart) in self.usarts.iter_mut().enumerate() {
             let pins = [Signal::SerialReceive(index), Signal::SerialTransmit(index)];
             usart.set_pins(pins.map(connected), now);
@@ -633,14 +627,10 @@ impl Soc {
     fn cut_pins(&mut self) {
         let package = self.options.board.package;
         for (index, letter) in (0..PORTS).zip('A'..) {
-            let pins = |holds: &dyn Fn(usize) -> bool| -> u32 {
-                (0..PINS).filter(|&pin| holds(pin)).map(|pin| 1 << pin).sum()
-            };
-            let absent = pins(&|pin| !package.bonds(letter, pin));
+            let absent = pins_where(|pin| !package.bonds(letter, pin));
             // PC2SO is bit 26, PC3SO bit 27.
             let switches = self.syscfg.value(registers::PMCR) >> 24;
-            let open =
-                pins(&|pin| package.is_behind_switch(letter, pin) && switches >> pin & 1 != 0);
+            let open = switches & pins_where(|pin| package.is_behind_switch(letter, pin));
             self.ports[index].cut = absent | open;
             let used = self.ports[index].cut_in_use();
             let new = used & !self.pins_told[index];
@@ -743,15 +733,12 @@ impl Soc {
 
     /// Levels of EXTI's lines 0 ..= 15: each is the pin of its number of the port that SYSCFG says.
     fn exti_levels(&self) -> u32 {
-        (0..PINS)
-            .map(|pin| {
-                // Four lines in each of EXTICR1 ..= EXTICR4.
-                let register = registers::EXTICR[pin / 4];
-                let port = self.syscfg.value(register) >> (4 * (pin % 4)) & 0xF;
-                let high = self.ports.get(port as usize).is_some_and(|port| port.input(pin));
-                u32::from(high) << pin
-            })
-            .sum()
+        pins_where(|pin| {
+            // Four lines in each of EXTICR1 ..= EXTICR4.
+            let register = registers::EXTICR[pin / 4];
+            let port = self.syscfg.value(register) >> (4 * (pin % 4)) & 0xF;
+            self.ports.get(port as usize).is_some_and(|port| port.input(pin))
+        })
     }
 
     fn transfer(&mut self, now: Nanos) {
@@ -805,15 +792,13 @@ impl Soc {
     }
 
     fn read_ahead(&mut self, dma: usize, stream: usize) {
-        while let Some(from) = self.dmas[dma].streams[stream].ahead() {
-            let mut bytes = [0; 4];
-            let known = self.memory.read(from & !3, &mut bytes).is_ok();
-            if !self.reaches(from, false, known) {
-                self.dmas[dma].streams[stream].moved(false, Nanos::ZERO);
-                return;
+        while let Some((from, width)) = self.dmas[dma].streams[stream].ahead() {
+            let item = self.read_item(from, width);
+            let stream = &mut self.dmas[dma].streams[stream];
+            match item {
+                Some(value) => stream.held.push_back((0, value)),
+                None => return stream.moved(false, Nanos::ZERO),
             }
-            let value = u32::from_le_bytes(bytes) >> (8 * (from & 3));
-            self.dmas[dma].streams[stream].hold(0, value);
         }
     }
 
@@ -855,46 +840,40 @@ impl Soc {
         now: Nanos,
     ) -> Option<()> {
         let Transfer { from, to, width, buffered } = transfer;
-        let length = width.bytes() as usize;
-        let value = if is_peripheral(from) {
+        let value = if PERIPHERALS.contains(&from) {
             self.access_read(from, width, now).ok()?
         } else if buffered {
-            self.dmas[dma].streams[stream].give()?.1 & width.mask()
+            self.dmas[dma].streams[stream].held.pop_front()?.1
         } else {
-            let mut bytes = [0; 4];
-            let known = self.memory.read(from, &mut bytes[..length]).is_ok();
-            if !self.reaches(from, false, known) {
-                return None;
-            }
-            u32::from_le_bytes(bytes)
+            self.read_item(from, width)?
         };
-        if is_peripheral(to) {
+        if PERIPHERALS.contains(&to) {
             self.access_write(to, width, value, now).ok().map(drop)
         } else if buffered {
-            self.dmas[dma].streams[stream].hold(to, value);
+            self.dmas[dma].streams[stream].held.push_back((to, value));
             Some(())
         } else {
             self.write_item(to, value, width)
         }
     }
 
+    fn read_item(&mut self, from: u32, width: Width) -> Option<u32> {
+        let mut bytes = [0; 4];
+        let known = self.memory.read(from, &mut bytes[..width.bytes() as usize]).is_ok();
+        self.reaches(from, false, known).then(|| u32::from_le_bytes(bytes))
+    }
+
     fn write_item(&mut self, to: u32, value: u32, width: Width) -> Option<()> {
         // A plain write does not program the flash.
         let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
-        let reached = self.reaches(to, true, known);
-        let bytes = value.to_le_bytes();
-        let length = width.bytes() as usize;
-        if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
+        let bytes = &value.to_le_bytes()[..width.bytes() as usize];
+        if self.reaches(to, true, known) { self.memory.write(to, bytes).ok() } else { None }
     }
 }
 
 /// A lock. The state that a panic left behind is as good as any state of a chip.
 pub(crate) fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn is_peripheral(address: u32) -> bool {
-    address.checked_sub(PERIPHERALS.0).is_some_and(|offset| offset < PERIPHERALS.1)
 }
 
 fn raise(levels: &mut [u32; INTERRUPT_WORDS], number: usize) {

@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Width, Write};
+use super::access::{AccessKind, Answer, Width, Write};
 use super::facts::{Facts, SPIS};
 use crate::time::time_of;
 
@@ -203,19 +203,16 @@ impl Spi {
         if self.size != 0 && self.done >= self.size || full && self.is(SUSPEND_AT_OVERRUN) {
             return;
         }
-        let value = match self.communication() {
-            RECEIVES => 0,
-            _ => match self.to_send.pop_front() {
-                Some(value) => value,
-                None => return,
-            },
-        };
-        self.frame = Some((value, now + time_of(self.frame_bits(), self.clock_hz())));
+        let receives = self.communication() == RECEIVES;
+        let value = if receives { Some(0) } else { self.to_send.pop_front() };
+        let end = now + time_of(self.frame_bits(), self.clock_hz());
+        self.frame = value.map(|value| (value, end));
     }
 
     fn exchange(&mut self, value: u16, at: Nanos) -> u16 {
-        let mode = u8::try_from((self.config[1] >> 24 & 1) | (self.config[1] >> 25 & 1) << 1);
-        let (mode, clock_hz) = (mode.unwrap_or(0), self.clock_hz());
+        // CPOL, CPHA.
+        let mode = u8::try_from(self.config[1] >> 24 & 3).unwrap_or(0);
+        let clock_hz = self.clock_hz();
         let unused = 16 - self.frame_bits().min(16);
         let mask = u16::MAX >> unused;
         let turned = |value: u16| {
@@ -226,19 +223,18 @@ impl Spi {
             return 0;
         }
         let sent = if output { turned(value & mask) } else { 0 };
-        let mut answer = None;
-        for attached in self.devices.iter_mut().filter(|attached| attached.selected) {
-            let one = if attached.device.understands(mode, clock_hz) {
-                attached.exchange(sent, 16 - unused, at) & mask
+        let selected = self.devices.iter_mut().filter(|attached| attached.selected);
+        let answers = selected.map(|attached| {
+            if attached.device.understands(mode, clock_hz) {
+                attached.exchange(sent, 16 - unused, at)
             } else {
                 // It takes the bits at the wrong edges.
-                0xA5A5 & mask
-            };
-            // A device that drives low wins.
-            answer = Some(answer.map_or(one, |others: u16| others & one));
-        }
-        // No device drives the line: it reads low. Our choice.
-        if input { turned(answer.unwrap_or(0)) } else { 0 }
+                0xA5A5
+            }
+        });
+        // A device that drives low wins. No device drives the line: it reads low. Our choice.
+        let answer = answers.reduce(|one, other| one & other).unwrap_or(0) & mask;
+        if input { turned(answer) } else { 0 }
     }
 
     pub(super) fn next_event(&self) -> Option<Nanos> {
@@ -310,12 +306,7 @@ impl Spi {
                 || facts.writes(request) && config & TRANSMIT_DMA != 0 && self.has_room())
     }
 
-    pub(super) fn read(
-        &mut self,
-        offset: u32,
-        width: Width,
-        now: Nanos,
-    ) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, width: Width, now: Nanos) -> Answer<u32> {
         self.advance(now);
         Ok(match offset {
             0x00 => self.control,
@@ -339,7 +330,7 @@ impl Spi {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         self.advance(now);
         let enabled = self.is(ENABLE);
         match write.offset {
@@ -387,7 +378,7 @@ impl Spi {
         Ok(())
     }
 
-    fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    fn write_control(&mut self, write: Write, now: Nanos) -> Answer {
         let was_enabled = self.is(ENABLE);
         let wanted = write.over(self.control);
         // CSTART is set by the program, and cleared by the end of a transfer.

@@ -5,9 +5,9 @@
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::clocks::LSI_HZ;
-use crate::time::{periods_in, time_of};
+use crate::time::{Period, time_of};
 
 const KEY_START: u32 = 0xCCCC;
 const KEY_FEED: u32 = 0xAAAA;
@@ -57,18 +57,17 @@ impl Watchdog {
         Self { reload: largest, window: largest, counter: COUNTER_MASK, ..Self::default() }
     }
 
-    fn period(&self) -> u64 {
-        4 << self.prescaler.in_force.min(6)
+    fn period(&self) -> Period {
+        Period { cycles: 4 << self.prescaler.in_force.min(6), hz: LSI_HZ }
     }
 
     fn bite_at(&self) -> Option<Nanos> {
-        let periods = (u64::from(self.counter) + 1) * self.period();
-        self.counting_from.map(|start| start + time_of(periods, LSI_HZ))
+        self.counting_from.map(|start| start + self.period().many(u64::from(self.counter) + 1))
     }
 
     fn count(&self, now: Nanos) -> u32 {
         let from = self.counting_from.unwrap_or(now);
-        let ticks = periods_in(now.since(from), LSI_HZ) / self.period();
+        let ticks = self.period().count_in(now.since(from));
         self.counter.saturating_sub(u32::try_from(ticks).unwrap_or(u32::MAX))
     }
 
@@ -77,7 +76,7 @@ impl Watchdog {
         self.counting_from = self.counting_from.map(|_| now);
     }
 
-    pub(super) fn read(&self, offset: u32) -> Result<u32, AccessKind> {
+    pub(super) fn read(&self, offset: u32) -> Answer<u32> {
         let updating = |late: &Late, bit: u32| u32::from(late.updated_at.is_some()) << bit;
         Ok(match offset {
             0x00 => 0,
@@ -91,7 +90,7 @@ impl Watchdog {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         let value = write.ones();
         match write.offset {
             0x00 => {
@@ -103,9 +102,8 @@ impl Watchdog {
                 if key == KEY_FEED {
                     self.feed(now);
                 }
-                return Ok(());
             }
-            0x0C => return Ok(()),
+            0x0C => {}
             0x04 | 0x08 | 0x10 if !self.unlocked => return Err(AccessKind::Protected),
             0x04 => self.prescaler.write(value & 7, now),
             0x08 => self.reload.write(value & COUNTER_MASK, now),

@@ -24,7 +24,7 @@ pub enum Mounting {
 }
 
 impl Mounting {
-    const fn sign(self) -> f64 {
+    pub(crate) const fn sign(self) -> f64 {
         match self {
             Self::Normal => 1.0,
             Self::Mirrored => -1.0,
@@ -49,15 +49,15 @@ impl<'e> From<(&'e Esc, Mounting)> for WheelMotors<'e> {
     }
 }
 
-/// Why motors cannot carry a base.
+/// Why motors cannot carry a base or an arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WheelError {
     /// One is in another world.
-    #[error("a wheel's motor is in another world")]
+    #[error("a motor is in another world")]
     OtherWorld,
-    /// One turns or steers a wheel already.
-    #[error("a wheel's motor carries a wheel already")]
+    /// One turns or steers a wheel, or carries a link, already.
+    #[error("a motor carries a wheel or a link already")]
     Taken,
     /// They are not as many as the wheels.
     #[error("there are not as many motors as wheels")]
@@ -172,14 +172,14 @@ impl Body {
         let mut rim = 0.0_f64;
         for (&wheel, &((index, mounting), steering)) in chassis.wheels.iter().zip(motors) {
             let unit = &mut units[index];
-            unit.is_wheel = true;
+            unit.is_taken = true;
             unit.motor.plant.load_inertia += wheel.inertia;
             unit.motor.rolling_friction = chassis.rolling_resistance * load * wheel.radius;
             rim = rim.max(wheel.radius * wheel.radius / unit.motor.contact_inertia());
             let steering = wheel.steering.zip(steering).map(|(gear, (index, mounting))| {
                 let Steering { gear, inertia, patch } = gear;
                 let unit = &mut units[index];
-                unit.is_wheel = true;
+                unit.is_taken = true;
                 unit.motor.plant.load_inertia += inertia / (gear * gear);
                 let scrub = 2.0 / 3.0 * chassis.grip * load * patch;
                 unit.motor.rolling_friction = scrub / gear.abs();

@@ -162,16 +162,9 @@ impl CyberGear {
     fn obey(&mut self, command: Command, host: u8, shaft: &Shaft) -> Option<CanFrame> {
         match command {
             Command::Identify => return Some(wire::identity(self.id, self.chip)),
-            Command::Motion(motion) => {
-                if self.mode == Mode::Run {
-                    self.motion = motion;
-                }
-            }
-            Command::Enable => {
-                if self.is_well() {
-                    self.mode = Mode::Run;
-                }
-            }
+            Command::Motion(motion) if self.mode == Mode::Run => self.motion = motion,
+            Command::Enable if self.is_well() => self.mode = Mode::Run,
+            Command::Motion(_) | Command::Enable => (),
             Command::Stop { clear } => {
                 self.stop();
                 if clear && !self.lasting {

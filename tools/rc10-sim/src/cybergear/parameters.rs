@@ -73,12 +73,10 @@ impl Parameters {
             // Turns of the rotor.
             0x701D if !model.robstride => {
                 let turns = position * shaft.plant.gear_ratio / TAU;
-                let [low, high] = (turns as i16).to_le_bytes();
-                return Some([low, high, 0, 0]);
+                return Some(u32::from((turns as i16).cast_unsigned()).to_le_bytes());
             }
             0x7026 if model.robstride => {
-                let [low, high] = self.report_interval.to_le_bytes();
-                return Some([low, high, 0, 0]);
+                return Some(u32::from(self.report_interval).to_le_bytes());
             }
             0x7028 if model.robstride => return Some(self.timeout.to_le_bytes()),
             0x7019 => position as f32,

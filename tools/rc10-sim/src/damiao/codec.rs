@@ -30,17 +30,8 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// The mode of a value of register 10; `None` for another value.
-    #[must_use]
-    pub const fn from_register(value: u32) -> Option<Self> {
-        Some(match value {
-            1 => Self::Mit,
-            2 => Self::PositionVelocity,
-            3 => Self::Velocity,
-            4 => Self::ForcePosition,
-            _ => return None,
-        })
-    }
+    pub(super) const ALL: [Self; 4] =
+        [Self::Mit, Self::PositionVelocity, Self::Velocity, Self::ForcePosition];
 
     /// Offset of its commands' identifiers from the motor's own.
     #[must_use]
@@ -122,18 +113,12 @@ impl Setpoint {
     /// A velocity is four bytes, and eight are taken too: the vendor's Python code sends so.
     #[must_use]
     pub fn decode(mode: Mode, payload: &[u8], limits: &Limits) -> Option<Self> {
-        let float = |at: usize| {
-            let bytes = payload.get(at..at + 4)?.try_into().ok()?;
-            let value = f32::from_le_bytes(bytes);
-            value.is_finite().then_some(f64::from(value))
-        };
-        let short =
-            |at: usize| Some(u16::from_le_bytes([*payload.get(at)?, *payload.get(at + 1)?]));
-        let all: Option<[u8; 8]> = payload.try_into().ok();
-        Some(match mode {
-            Mode::Mit => {
+        let float =
+            |bytes| Some(f32::from_le_bytes(bytes).into()).filter(|it: &f64| it.is_finite());
+        Some(match (mode, payload) {
+            (Mode::Mit, _) => {
                 // One number of 64 bits, cut from its lowest bit on.
-                let word = u64::from_be_bytes(all?);
+                let word = u64::from_be_bytes(payload.try_into().ok()?);
                 let field = |shift: u32, bits: u32| (word >> shift) & ((1 << bits) - 1);
                 Self::Mit {
                     position: unmap(field(48, 16), 16, -limits.position, limits.position),
@@ -143,24 +128,25 @@ impl Setpoint {
                     torque: unmap(field(0, 12), 12, -limits.torque, limits.torque),
                 }
             }
-            Mode::PositionVelocity => {
-                all?;
-                Self::PositionVelocity { position: float(0)?, velocity: float(4)? }
+            (Mode::PositionVelocity, &[a, b, c, d, e, f, g, h]) => Self::PositionVelocity {
+                position: float([a, b, c, d])?,
+                velocity: float([e, f, g, h])?,
+            },
+            (Mode::Velocity, &([a, b, c, d] | [a, b, c, d, _, _, _, _])) => {
+                Self::Velocity(float([a, b, c, d])?)
             }
-            Mode::Velocity if matches!(payload.len(), 4 | 8) => Self::Velocity(float(0)?),
-            Mode::Velocity => return None,
-            Mode::ForcePosition => {
-                all?;
-                let (velocity, share) = (short(4)?, short(6)?);
+            (Mode::ForcePosition, &[a, b, c, d, v0, v1, s0, s1]) => {
+                let [velocity, share] = [[v0, v1], [s0, s1]].map(u16::from_le_bytes);
                 if velocity > 10_000 || share > 10_000 {
                     return None;
                 }
                 Self::ForcePosition {
-                    position: float(0)?,
+                    position: float([a, b, c, d])?,
                     velocity: f64::from(velocity) / 100.0,
                     share: f64::from(share) / 10_000.0,
                 }
             }
+            _ => return None,
         })
     }
 }
@@ -189,18 +175,12 @@ impl Report {
     #[must_use]
     pub fn encode(&self, limits: &Limits) -> [u8; 8] {
         let nibble = (self.id & 0xF) as u8;
-        let head = u64::from(self.code << 4 | nibble);
-        let position = map(self.position, 16, limits.position);
-        let velocity = map(self.velocity, 12, limits.velocity);
-        let torque = map(self.torque, 12, limits.torque);
-        let bridge = degrees(self.bridge_temperature);
-        let winding = degrees(self.winding_temperature);
-        let word = head << 56
-            | position << 40
-            | velocity << 28
-            | torque << 16
-            | u64::from(bridge) << 8
-            | u64::from(winding);
+        let word = u64::from(self.code << 4 | nibble) << 56
+            | map(self.position, 16, limits.position) << 40
+            | map(self.velocity, 12, limits.velocity) << 28
+            | map(self.torque, 12, limits.torque) << 16
+            | degrees(self.bridge_temperature) << 8
+            | degrees(self.winding_temperature);
         word.to_be_bytes()
     }
 }
@@ -250,9 +230,9 @@ fn map(value: f64, bits: u32, limit: f64) -> u64 {
     return ((value + limit) / (2.0 * limit) * most).clamp(0.0, most) as u64;
 }
 
-fn degrees(celsius: f64) -> u8 {
+fn degrees(celsius: f64) -> u64 {
     #[expect(clippy::cast_possible_truncation, reason = "0 ..= 255")]
-    return celsius.round().clamp(0.0, 255.0) as u8;
+    return celsius.round().clamp(0.0, 255.0) as u64;
 }
 
 #[cfg(test)]

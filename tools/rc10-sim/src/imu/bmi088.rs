@@ -214,7 +214,7 @@ impl Bmi088 {
 
     /// A chip select fell.
     pub fn select(&mut self, part: Part) {
-        *self.transaction(part) = Transaction::default();
+        self.chip(part).transaction = Transaction::default();
     }
 
     /// A chip select rose. The first time that it does, the accelerometer begins to speak SPI, once
@@ -227,14 +227,14 @@ impl Bmi088 {
 
     /// A byte in, and the one that goes out meanwhile.
     pub fn exchange(&mut self, part: Part, sent: u8, now: Nanos) -> u8 {
-        let transaction = self.transaction(part);
-        if transaction.bytes == 0 {
-            transaction.address = sent;
+        let chip = self.chip(part);
+        if chip.transaction.bytes == 0 {
+            chip.transaction.address = sent;
         }
-        let Transaction { bytes: before, address } = *transaction;
+        let Transaction { bytes: before, address } = chip.transaction;
         // The address goes round: so may the count.
-        transaction.bytes = before.checked_add(1).unwrap_or(128);
-        if part == Part::Accelerometer && !self.accelerometer.speaks_spi {
+        chip.transaction.bytes = before.checked_add(1).unwrap_or(128);
+        if part == Part::Accelerometer && !chip.speaks_spi {
             // MISO is not driven.
             return 0xFF;
         }
@@ -243,6 +243,9 @@ impl Bmi088 {
         let first = if is_read && part == Part::Accelerometer { 2 } else { 1 };
         let Some(offset) = before.checked_sub(first) else { return 0xA5 };
         let register = (address & 0x7F).wrapping_add(offset) & 0x7F;
+        if now < chip.ready || !is_read && chip.deaf == Some(register) {
+            return 0;
+        }
         match (part, is_read) {
             (Part::Accelerometer, true) => return self.read_accelerometer(register, now),
             (Part::Gyroscope, true) => return self.read_gyroscope(register, now),
@@ -252,10 +255,10 @@ impl Bmi088 {
         0
     }
 
-    const fn transaction(&mut self, part: Part) -> &mut Transaction {
+    const fn chip(&mut self, part: Part) -> &mut Chip {
         match part {
-            Part::Accelerometer => &mut self.accelerometer.transaction,
-            Part::Gyroscope => &mut self.gyroscope.transaction,
+            Part::Accelerometer => &mut self.accelerometer,
+            Part::Gyroscope => &mut self.gyroscope,
         }
     }
 
@@ -283,9 +286,6 @@ impl Bmi088 {
     }
 
     fn read_accelerometer(&mut self, register: u8, now: Nanos) -> u8 {
-        if now < self.accelerometer.ready {
-            return 0;
-        }
         let chip = &self.accelerometer;
         let is_awake = chip.awake.is_some_and(|awake| now >= awake);
         match register {
@@ -340,8 +340,7 @@ impl Bmi088 {
         let chip = &mut self.accelerometer;
         let is_suspended = chip.register(accelerometer::POWER_CONFIG) == 0x03;
         // A write within the pause after another is lost.
-        let is_too_soon = chip.written.is_some_and(|written| now < written + WAKE_UP);
-        if now < chip.ready || is_too_soon || chip.deaf == Some(register) {
+        if chip.written.is_some_and(|written| now < written + WAKE_UP) {
             return;
         }
         if is_suspended {
@@ -366,9 +365,6 @@ impl Bmi088 {
     }
 
     fn read_gyroscope(&mut self, register: u8, now: Nanos) -> u8 {
-        if now < self.gyroscope.ready {
-            return 0;
-        }
         match register {
             gyroscope::ID => return self.gyroscope.id,
             // The first byte of a burst latches them all.
@@ -395,9 +391,6 @@ impl Bmi088 {
     }
 
     fn write_gyroscope(&mut self, register: u8, value: u8, now: Nanos) {
-        if now < self.gyroscope.ready || self.gyroscope.deaf == Some(register) {
-            return;
-        }
         if (register, value) == (gyroscope::RESET, SOFT_RESET) {
             self.reset_gyroscope(now);
         } else if gyroscope::STORED.contains(&register) {

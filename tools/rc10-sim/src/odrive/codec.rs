@@ -25,8 +25,7 @@ pub enum Order {
 }
 
 fn word(bytes: &[u8], first: usize) -> Option<u32> {
-    let bytes = bytes.get(first..first + 4)?;
-    Some(bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte)))
+    bytes.get(first..)?.first_chunk().map(|word| u32::from_le_bytes(*word))
 }
 
 fn float(bytes: &[u8], first: usize) -> Option<f32> {
@@ -34,7 +33,7 @@ fn float(bytes: &[u8], first: usize) -> Option<f32> {
 }
 
 fn short(bytes: &[u8], first: usize) -> Option<i16> {
-    Some(i16::from_le_bytes([*bytes.get(first)?, *bytes.get(first + 1)?]))
+    bytes.get(first..)?.first_chunk().map(|short| i16::from_le_bytes(*short))
 }
 
 /// The command in a message; `None` if there is no such, or it is too short.

@@ -7,22 +7,44 @@ use super::{Controls, Switch};
 const MIDDLE: f64 = 992.0;
 const REACH: f64 = 819.5;
 
-/// The positions of the controls, as a transmitter that is set up for a robot sends them: the
-/// sticks in the order "AETR" of mode 2, then right and left switch, two more, and the dial.
-pub(super) fn channels(controls: &Controls) -> [u16; 16] {
+/// The mixer of a transmitter: the channel of each control, counted from 1 (0: on none), and whether it is reversed.
+/// The controls are the right stick across and away, the left stick across and away, right and left switch, two
+/// more, and the dial.
+pub type Mixer = [(u8, bool); 9];
+
+/// "AETR" of mode 2, then the switches and the dial.
+pub(super) const AETR: Mixer = plain([1, 2, 4, 3, 5, 6, 7, 8, 9]);
+/// As `RC10_LIB`'s `AirJoy`: left stick across, away; right stick away, across; the switches.
+pub(super) const AIR_JOY: Mixer = plain([4, 3, 1, 2, 5, 6, 7, 8, 0]);
+
+const fn plain(numbers: [u8; 9]) -> Mixer {
+    let (mut mixer, mut at) = ([(0, false); 9], 0);
+    while at < numbers.len() {
+        mixer[at].0 = numbers[at];
+        at += 1;
+    }
+    mixer
+}
+
+/// How far each channel is from its middle, -1 to 1.
+pub(super) fn channels<const N: usize>(mixer: &Mixer, controls: &Controls) -> [f64; N] {
     let Controls { left, right, left_switch, right_switch, more_switches, dial, .. } = controls;
-    let [third, fourth] = *more_switches;
-    let mut channels = [level(0.0); 16];
-    let sticks = [right.x, right.y, left.y, left.x].map(level);
-    channels[..4].copy_from_slice(&sticks);
-    let switches = [*right_switch, *left_switch, third, fourth];
-    channels[4..8].copy_from_slice(&switches.map(|switch| level(deflection(switch))));
-    channels[8] = level(*dial);
+    let [third, fourth] = more_switches.map(deflection);
+    let [right_switch, left_switch] = [*right_switch, *left_switch].map(deflection);
+    let sticks = [right.x, right.y, left.x, left.y];
+    let rest = [right_switch, left_switch, third, fourth, *dial];
+    let mut channels = [0.0; N];
+    for ((number, is_reversed), value) in mixer.iter().zip(sticks.into_iter().chain(rest)) {
+        let channel = usize::from(*number).checked_sub(1).and_then(|index| channels.get_mut(index));
+        if let Some(channel) = channel {
+            *channel = if *is_reversed { -value } else { value };
+        }
+    }
     channels
 }
 
 /// A switch as a channel: away from the body is the least, as on transmitters of `EdgeTX`.
-pub(super) const fn deflection(switch: Switch) -> f64 {
+const fn deflection(switch: Switch) -> f64 {
     match switch {
         Switch::Up => -1.0,
         Switch::Middle => 0.0,
@@ -35,8 +57,13 @@ fn level(deflection: f64) -> u16 {
     (MIDDLE + REACH * deflection.clamp(-1.0, 1.0)).floor() as u16
 }
 
+/// Sixteen channels as a frame has them.
+pub(super) fn packed(mixer: &Mixer, controls: &Controls) -> [u8; 22] {
+    pack(&channels(mixer, controls).map(level))
+}
+
 /// The lowest bit of the first channel is the lowest bit of the first byte.
-pub(super) fn pack(channels: &[u16; 16]) -> [u8; 22] {
+fn pack(channels: &[u16; 16]) -> [u8; 22] {
     let mut bits = Bits::new();
     channels.iter().for_each(|channel| bits.put(*channel, 11));
     bits.bytes()

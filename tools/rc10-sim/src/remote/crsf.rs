@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::{Remote, channels, characters};
+use super::channels::{AETR, packed};
+use super::{Remote, characters};
 use crate::Nanos;
 use crate::serial::{SerialConfig, SerialDevice};
 
@@ -54,7 +55,8 @@ impl SerialDevice for Crsf {
         match self.remote.heard() {
             Some(controls) => {
                 self.quality = (self.quality + 1).min(100);
-                send.extend(frame(CHANNELS, &channels::pack(&channels::channels(&controls))));
+                let packed = packed(&self.remote.mixer(AETR), &controls);
+                send.extend(frame(CHANNELS, &packed));
                 let end = now + characters(send.len(), Self::SERIAL.character());
                 self.remote.sends(true, end);
             }
@@ -105,7 +107,7 @@ mod tests {
         assert_eq!(checksum(b"123456789"), 0xBC);
         let rest = b"\xC8\x18\x16\xE0\x03\x1F\xF8\xC0\x07\x3E\xF0\x81\x0F\x7C\
             \xE0\x03\x1F\xF8\xC0\x07\x3E\xF0\x81\x0F\x7C\xAD";
-        assert_eq!(frame(CHANNELS, &channels::pack(&channels::channels(&Controls::REST))), rest);
+        assert_eq!(frame(CHANNELS, &packed(&AETR, &Controls::REST)), rest);
         let payload = [70, 72, 98, 0xF6, 1, 2, 3, 80, 95, 5];
         let statistics = b"\xC8\x0C\x14\x46\x48\x62\xF6\x01\x02\x03\x50\x5F\x05\xFA";
         assert_eq!(frame(LINK_STATISTICS, &payload), statistics);

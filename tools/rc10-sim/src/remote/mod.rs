@@ -36,6 +36,7 @@ use std::rc::Rc;
 
 use crate::Nanos;
 
+pub use channels::Mixer;
 pub use crsf::Crsf;
 pub use dji::{Dji, Dr16, Vt03};
 pub use ppm::Ppm;
@@ -123,6 +124,7 @@ pub struct Remote(Rc<RefCell<State>>);
 struct State {
     controls: Controls,
     is_off: bool,
+    mixer: Option<Mixer>,
     sent: Sent,
 }
 
@@ -136,6 +138,15 @@ impl Remote {
     /// Hands move: what the receiver sends from its next frame on.
     pub fn set(&self, controls: Controls) {
         self.0.borrow_mut().controls = controls;
+    }
+
+    /// Sets up the transmitter of a receiver with channels in another way than the usual one.
+    pub fn set_mixer(&self, mixer: Mixer) {
+        self.0.borrow_mut().mixer = Some(mixer);
+    }
+
+    fn mixer(&self, usual: Mixer) -> Mixer {
+        self.0.borrow().mixer.unwrap_or(usual)
     }
 
     /// Positions of its sticks and switches.

@@ -1,7 +1,7 @@
 //! Eight channels as pulses one after another on one wire.
 
-use super::channels::deflection;
-use super::{Controls, Remote};
+use super::Remote;
+use super::channels::{AIR_JOY, channels};
 use crate::Nanos;
 use crate::pulses::PulseDevice;
 
@@ -42,7 +42,7 @@ impl Ppm {
             self.next = now + PERIOD;
             return false;
         };
-        self.channels = channels(&controls);
+        self.channels = channels(&self.remote.mixer(AIR_JOY), &controls).map(length);
         (self.began, self.edges) = (now, 0);
         let last = self.channels.iter().fold(now, |at, length| at + *length);
         self.remote.sends(true, last);
@@ -76,15 +76,6 @@ impl PulseDevice for Ppm {
         };
         is_high
     }
-}
-
-/// As `RC10_LIB`'s `AirJoy`: left stick across, away; right stick away, across; right and left switch,
-/// and two more.
-fn channels(controls: &Controls) -> [Nanos; CHANNELS] {
-    let Controls { left, right, left_switch, right_switch, more_switches, .. } = controls;
-    let [third, fourth] = more_switches.map(deflection);
-    let switches = [deflection(*right_switch), deflection(*left_switch)];
-    [left.x, left.y, right.y, right.x, switches[0], switches[1], third, fourth].map(length)
 }
 
 /// To the microsecond, as a receiver's timer counts.

@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::{Controls, Remote, channels, characters};
+use super::channels::{AETR, Mixer, packed};
+use super::{Controls, Remote, characters};
 use crate::Nanos;
 use crate::serial::{SerialConfig, SerialDevice};
 
@@ -88,16 +89,16 @@ impl SerialDevice for Sbus {
             (None, Some(last)) if self.failsafe == Failsafe::Hold => (last, FRAME_LOST | FAILSAFE),
             (None, _) => (Controls::REST, FRAME_LOST | FAILSAFE),
         };
-        send.extend(frame(&controls, flags));
+        send.extend(frame(&self.remote.mixer(AETR), &controls, flags));
         let end = now + characters(LENGTH, Self::SERIAL.character());
         self.remote.sends(heard.is_some(), end);
     }
 }
 
-fn frame(controls: &Controls, flags: u8) -> [u8; LENGTH] {
+fn frame(mixer: &Mixer, controls: &Controls, flags: u8) -> [u8; LENGTH] {
     let mut frame = [0; LENGTH];
     frame[0] = 0x0F;
-    frame[1..23].copy_from_slice(&channels::pack(&channels::channels(controls)));
+    frame[1..23].copy_from_slice(&packed(mixer, controls));
     frame[23] = flags;
     frame
 }
@@ -111,9 +112,9 @@ mod tests {
     fn a_frame_at_rest_is_betaflight_s() {
         let mut expected = *b"\x0F\xE0\x03\x1F\xF8\xC0\x07\x3E\xF0\x81\x0F\x7C\
             \xE0\x03\x1F\xF8\xC0\x07\x3E\xF0\x81\x0F\x7C\x00\x00";
-        assert_eq!(frame(&Controls::REST, 0), expected);
+        assert_eq!(frame(&AETR, &Controls::REST, 0), expected);
         expected[23] = 0x0C;
-        assert_eq!(frame(&Controls::REST, FRAME_LOST | FAILSAFE), expected);
+        assert_eq!(frame(&AETR, &Controls::REST, FRAME_LOST | FAILSAFE), expected);
     }
 
     #[test]
@@ -124,7 +125,7 @@ mod tests {
             let mut send = VecDeque::new();
             receiver.advance(Nanos::ZERO, &mut send);
             let frame: Vec<u8> = send.into();
-            (frame[1..23] == channels::pack(&channels::channels(&Controls::REST)), frame[23])
+            (frame[1..23] == packed(&AETR, &Controls::REST), frame[23])
         };
         // It never heard it.
         remote.set_transmitter(false);
@@ -137,7 +138,7 @@ mod tests {
         receiver.failsafe = Failsafe::Centre;
         let mut send = VecDeque::new();
         receiver.advance(Nanos::ZERO, &mut send);
-        assert_eq!(send.make_contiguous(), self::frame(&Controls::REST, 0x0C));
+        assert_eq!(send.make_contiguous(), self::frame(&AETR, &Controls::REST, 0x0C));
         assert_eq!((remote.sent().frames, remote.sent().live), (6, 1));
         assert_eq!(remote.sent().back_since, None);
     }

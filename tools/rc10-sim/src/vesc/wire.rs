@@ -129,33 +129,28 @@ impl Report {
     /// and saturate, as it does not.
     #[must_use]
     pub fn frame(&self, id: u8) -> CanFrame {
-        let halves = |values: [f64; 4]| {
-            let [[a, b], [c, d], [e, f], [g, h]] = values.map(half);
-            [a, b, c, d, e, f, g, h]
-        };
-        let words = |first: i32, second: i32| {
-            let ([a, b, c, d], [e, f, g, h]) = (first.to_be_bytes(), second.to_be_bytes());
-            [a, b, c, d, e, f, g, h]
-        };
-        let mixed = |first: i32, third: f64, fourth: f64| {
-            let ([a, b, c, d], [e, f], [g, h]) = (first.to_be_bytes(), half(third), half(fourth));
-            [a, b, c, d, e, f, g, h]
-        };
+        let words = |[first, second]: [f64; 2]| word(first) << 32 | word(second);
+        let halves = |[first, second]: [f64; 2]| half(first) << 16 | half(second);
         let (packet, data) = match *self {
             Self::Status1 { erpm, current, duty } => {
-                (9, mixed(word(erpm), current * 10.0, duty * 1e3))
+                (9, word(erpm) << 32 | halves([current * 10.0, duty * 1e3]))
             }
-            Self::Status2(used, charged) => (14, words(word(used * 1e4), word(charged * 1e4))),
-            Self::Status3(used, charged) => (15, words(word(used * 1e4), word(charged * 1e4))),
+            Self::Status2(used, charged) => (14, words([used, charged].map(|hours| hours * 1e4))),
+            Self::Status3(used, charged) => (15, words([used, charged].map(|hours| hours * 1e4))),
             Self::Status4 { transistors, motor, input, position } => {
-                let tenths = [transistors, motor, input].map(|value| value * 10.0);
-                (16, halves([tenths[0], tenths[1], tenths[2], position * 50.0]))
+                let temperatures = halves([transistors * 10.0, motor * 10.0]);
+                (16, temperatures << 32 | halves([input * 10.0, position * 50.0]))
             }
-            Self::Status5 { steps, supply } => (27, mixed(steps, supply * 10.0, 0.0)),
-            Self::Status6(inputs) => (58, halves(inputs.map(|value| value * 1e3))),
+            Self::Status5 { steps, supply } => {
+                (27, word(steps.into()) << 32 | halves([supply * 10.0, 0.0]))
+            }
+            Self::Status6(inputs) => {
+                let [first, second, third, pulses] = inputs.map(|value| value * 1e3);
+                (58, halves([first, second]) << 32 | halves([third, pulses]))
+            }
             Self::Pong(asker) => return CanFrame::exact(identifier(18, asker), [id, 0]),
         };
-        CanFrame::eight_bytes(identifier(packet, id), data)
+        CanFrame::eight_bytes(identifier(packet, id), data.to_be_bytes())
     }
 }
 
@@ -165,13 +160,13 @@ fn identifier(packet: u8, id: u8) -> Id {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "saturation is meant")]
-const fn word(value: f64) -> i32 {
-    value as i32
+fn word(value: f64) -> u64 {
+    (value as i32).cast_unsigned().into()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "saturation is meant")]
-const fn half(value: f64) -> [u8; 2] {
-    (value as i16).to_be_bytes()
+fn half(value: f64) -> u64 {
+    (value as i16).cast_unsigned().into()
 }
 
 #[cfg(test)]

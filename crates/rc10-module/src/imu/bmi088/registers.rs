@@ -57,12 +57,7 @@ impl AccelerationRange {
     /// The end of the range, in standard gravities.
     #[must_use]
     pub const fn g(self) -> f32 {
-        match self {
-            Self::G3 => 3.0,
-            Self::G6 => 6.0,
-            Self::G12 => 12.0,
-            Self::G24 => 24.0,
-        }
+        (3_u8 << self as u8) as f32
     }
 }
 
@@ -117,13 +112,7 @@ impl RotationRange {
     /// The end of the range, °/s.
     #[must_use]
     pub const fn degrees(self) -> f32 {
-        match self {
-            Self::Degrees2000 => 2000.0,
-            Self::Degrees1000 => 1000.0,
-            Self::Degrees500 => 500.0,
-            Self::Degrees250 => 250.0,
-            Self::Degrees125 => 125.0,
-        }
+        (2000_u16 >> self as u8) as f32
     }
 
     /// The rotation of a raw 1, rad/s (5.5.2: the end of the range is 32,767).

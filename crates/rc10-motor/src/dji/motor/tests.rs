@@ -1,6 +1,6 @@
 extern crate std;
 
-use std::string::ToString;
+use std::{format, string::ToString};
 
 use rc10_app::{CountsPerTurn, Direction, Gear, Rpm, TotalAngle};
 
@@ -228,4 +228,24 @@ fn a_configuration_is_checked_in_a_constant_and_its_motor_occupies_what_it_says(
     cascade.speed.kp = f32::NAN;
     let sentence = "M3508 id 1: `speed.kp` is NaN, but must be finite and not negative";
     assert_eq!(refused(Config::new(&M3508, 1).with_cascade(cascade)), sentence);
+    // More than its controller can.
+    for (model, limit, unit) in [
+        (&M3508, 20.0, "the model's largest current, in A"),
+        (&M2006, 10.0, "the model's largest current, in A"),
+        (&GM6020_CURRENT, 3.0, "the model's largest current, in A"),
+        (&GM6020_VOLTAGE, 1.0, "1, the whole voltage"),
+    ] {
+        let with = |limit| {
+            let mut cascade = model.cascade;
+            cascade.speed.output_limit = limit;
+            Config::new(model, 1).with_cascade(cascade)
+        };
+        assert_eq!(with(limit).validate(), Ok(()));
+        let sentence = format!(
+            "{} id 1: `speed.output_limit` is {}, but must be at most {unit}",
+            model.name,
+            limit + 5.0
+        );
+        assert_eq!(refused(with(limit + 5.0)), sentence);
+    }
 }

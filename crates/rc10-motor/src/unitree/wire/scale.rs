@@ -5,11 +5,10 @@ use core::f64::consts::TAU;
 use rc10_app::maths::{Ratio, round_to_i16, round_to_i32, within};
 use rc10_app::{CountsPerTurn, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
 
+use crate::shaft::gear;
+
 /// The gearbox, 6.33 : 1 (user manual; the SDK's `queryGearRatio`). 9.1 belongs to the A1.
-pub const GEAR: Gear = match Gear::new(633, 100) {
-    Some(gear) => gear,
-    None => Gear::DIRECT,
-};
+pub const GEAR: Gear = gear(633, 100);
 
 // Scales and ranges of the rotor (data manual and the SDK's binary), on the line and the module.
 

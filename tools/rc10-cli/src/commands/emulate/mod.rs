@@ -16,7 +16,7 @@ use rc10_time::Micros;
 
 use crate::args::{Injected, check_end, seconds, seed};
 use crate::commands::emulate::output::Outcome;
-use crate::files::{make_folder, write_file};
+use crate::files::{make_folder, unreadable, write_file};
 use crate::record::RecordWriter;
 use crate::run::board;
 use crate::run::emulation::{Emulation, Setup};
@@ -80,24 +80,23 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         (None, Some(build)) => build(args.board)?,
         (None, None) => bail!("this robot does not say how to build a firmware: name an ELF file"),
     };
-    let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let program = fs::read(&path).with_context(|| unreadable(&path))?;
+    let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup {
         seed: args.seed,
         speed: args.mips.map(|mips| mips * 1_000_000),
-        rate: None,
-        faults: args.injected.faults.clone(),
-        mistakes: args.injected.mistakes.clone(),
-        console: None,
+        faults,
+        mistakes,
         board: args.board,
         crystal: args.crystal,
+        ..Setup::default()
     };
     let started = Instant::now();
     let named = || path.display().to_string();
     let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
     make_folder(&args.out)?;
-    let record = args.record.as_ref();
-    let record =
-        record.map(|path| RecordWriter::new(path, args.force, &emulation.heading())).transpose()?;
+    let record = |path: &PathBuf| RecordWriter::new(path, args.force, &emulation.heading());
+    let record = args.record.as_ref().map(record).transpose()?;
     let (mut emulation, mut recording) =
         emulation.record_into(args.seconds, record).with_context(named)?;
     let took = started.elapsed();
@@ -111,18 +110,19 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
     for text in &texts {
-        write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
+        write_file(&args.out, &text.file_name, text.lines.as_bytes())?;
     }
-    let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.injected.faults, &log);
+    let (rig, recording, run, log) = (&emulation.rig, &recording, &figures, log.as_slice());
+    let outcome = Outcome { rig, figures: rc10_emu::Figures::of(rig), recording, run, log };
     if args.json {
         writeln!(out, "{:#}", outcome.to_json())?;
     } else {
         outcome.write(out, took)?;
-        print_files(&recording, &args.out, out)?;
+        print_files(recording, &args.out, out)?;
         for text in &texts {
-            writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
+            writeln!(out, "text  {}", args.out.join(&text.file_name).display())?;
         }
-        write!(out, "\n{}", verdict(&recording, &figures))?;
+        write!(out, "\n{}", verdict(recording, run))?;
     }
     Ok(figures.any_problems())
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use rc10_emu::fault::Fault;
 use rc10_emu::memory::FLASH;
-use rc10_emu::{BusFigures, ExceptionCost, Figures, LogLine, Rig, Spread};
+use rc10_emu::{Board, BusFigures, ExceptionCost, Figures, LogLine, Rig, Spread};
 use rc10_sim::Nanos;
 use serde_json::{Value, json};
 
@@ -19,12 +19,11 @@ use crate::show::figures::{
 const TOP_FUNCTIONS: usize = 12;
 
 pub(super) struct Outcome<'a> {
-    rig: &'a Rig,
-    figures: Figures,
-    recording: &'a Recording,
-    run: &'a RunFigures,
-    faults: &'a [Fault],
-    log: &'a [LogLine],
+    pub rig: &'a Rig,
+    pub figures: Figures,
+    pub recording: &'a Recording,
+    pub run: &'a RunFigures,
+    pub log: &'a [LogLine],
 }
 
 fn micros(time: Nanos) -> f64 {
@@ -53,36 +52,23 @@ fn spread(period: Spread) -> Value {
     json!({ "min": micros(min), "mean": micros(period.mean()), "max": micros(max) })
 }
 
-impl<'a> Outcome<'a> {
-    pub(super) fn new(
-        rig: &'a Rig,
-        recording: &'a Recording,
-        run: &'a RunFigures,
-        faults: &'a [Fault],
-        log: &'a [LogLine],
-    ) -> Self {
-        Self { rig, figures: Figures::of(rig), recording, run, faults, log }
-    }
-
+impl Outcome<'_> {
     fn timeline(&self) -> Vec<(Nanos, String)> {
         let machine = &self.rig.machine;
         let mut lines: Vec<(Nanos, String)> = Vec::new();
-        for Fault { kind, from, until } in self.faults {
-            lines.push((
-                *from,
-                format!("fault {kind}{}", if until.is_some() { " begins" } else { "" }),
-            ));
+        for Fault { kind, from, until } in &self.recording.faults {
+            let begins = if until.is_some() { " begins" } else { "" };
+            lines.push((*from, format!("fault {kind}{begins}")));
             let ended = until.filter(|&until| until <= self.figures.length);
             lines.extend(ended.map(|until| (until, format!("fault {kind} ends"))));
         }
         lines.extend(self.log.iter().map(|line| (line.at, line.text.clone())));
-        lines.extend(
-            machine.reports.iter().map(|report| (report.at, format!("CHIP  {}", report.text))),
-        );
-        let restart = |restart: &rc10_emu::Restart| {
-            (restart.at, format!("CHIP  restart, cause: {}", cause_of(restart, machine, self.log)))
-        };
-        lines.extend(machine.restarts.iter().map(restart));
+        let chip = |at, what: &str| (at, format!("CHIP  {what}"));
+        lines.extend(machine.reports.iter().map(|report| chip(report.at, &report.text)));
+        for restart in &machine.restarts {
+            let cause = cause_of(restart, machine, self.log);
+            lines.push(chip(restart.at, &format!("restart, cause: {cause}")));
+        }
         // Stable: the program's last words come before the restart.
         lines.sort_by_key(|line| line.0);
         lines
@@ -156,15 +142,13 @@ impl<'a> Outcome<'a> {
         for (at, line) in self.timeline() {
             writeln!(text, "{:>10.3} ms  {line}", micros(at) * 1e-3)?;
         }
-        let virtual_seconds = seconds(self.figures.length);
-        let took = took.as_secs_f64();
-        let (seed, board) = (self.recording.seed, self.rig.machine.board());
+        let (length, took) = (seconds(self.figures.length), took.as_secs_f64());
+        let Board { name, chip, crystal_hz, .. } = self.rig.machine.board();
+        let (seed, crystal) = (self.recording.seed, crystal_hz as f64 * 1e-6);
         writeln!(
             text,
-            "\n{virtual_seconds:.3} s on the emulated chip in {took:.1} s, seed {seed}; board {}, {} with {} MHz\n",
-            board.name,
-            board.chip,
-            board.crystal_hz as f64 * 1e-6,
+            "\n{length:.3} s on the emulated chip in {took:.1} s, seed {seed}; board {name}, {chip} \
+             with {crystal} MHz\n"
         )?;
         writeln!(text, "{}", self.run.tables.motors.text())?;
         self.write_buses(text)?;
@@ -184,13 +168,12 @@ impl<'a> Outcome<'a> {
             "bus", "load %", "frames", "sent", "received", "lost", "foreign", "failed", "bus-offs",
         )?;
         for (bus, number) in self.figures.buses.iter().zip(1..) {
-            let BusFigures {
-                load, frames, sent, received, lost, foreign, failed, bus_offs, ..
-            } = bus;
             let period = bus.tick_period.map_or("-".into(), |period| {
                 let [min, mean, max] = [period.min, period.mean(), period.max].map(micros);
                 format!("{min:.2} / {mean:.2} / {max:.2}")
             });
+            let BusFigures { load, frames, sent, received, lost, .. } = bus;
+            let BusFigures { foreign, failed, bus_offs, .. } = bus;
             writeln!(
                 text,
                 "{number:<5} {load:>8.1} {frames:>8} {sent:>8} {received:>9} {lost:>6} {foreign:>8} \
@@ -203,35 +186,29 @@ impl<'a> Outcome<'a> {
     fn write_figures(&self, text: &mut dyn Write) -> io::Result<()> {
         let figures = &self.figures;
         let image = &self.rig.machine.image;
-        match figures.boot.map(micros) {
-            Some(boot) => {
-                writeln!(
-                    text,
-                    "boot           {boot:.1} us from the final clock to the first frames"
-                )?;
-            }
-            None => writeln!(text, "boot           never: a bus has seen no frame from the chip")?,
-        }
+        let boot = match figures.boot.map(micros) {
+            Some(boot) => format!("{boot:.1} us from the final clock to the first frames"),
+            None => "never: a bus has seen no frame from the chip".to_owned(),
+        };
         let total = figures.instructions;
         let per = |part: u64| total.checked_div(part).map_or("-".into(), |n| n.to_string());
         writeln!(
             text,
-            "instructions   {total} ({:.2} million a second), {} a tick, {} a received frame",
+            "boot           {boot}\n\
+             instructions   {total} ({:.2} million a second), {} a tick, {} a received frame\n\
+             memory         stack {} + static {} bytes of RAM, {} bytes of flash\n\
+             bad accesses   {} unowned, {} without a clock\n\
+             content        {}\n",
             total as f64 * 1e-6 / seconds(figures.length),
             per(figures.ticks()),
             per(figures.received()),
-        )?;
-        writeln!(
-            text,
-            "memory         stack {} + static {} bytes of RAM, {} bytes of flash",
-            figures.stack_bytes, image.ram, image.flash
-        )?;
-        writeln!(
-            text,
-            "bad accesses   {} unowned, {} without a clock",
-            figures.unowned_accesses, figures.gated_accesses
-        )?;
-        writeln!(text, "content        {}\n", content_hash(self.rig))
+            figures.stack_bytes,
+            image.ram,
+            image.flash,
+            figures.unowned_accesses,
+            figures.gated_accesses,
+            content_hash(self.rig)
+        )
     }
 
     fn share(&self, instructions: u64) -> f64 {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use rc10_emu::fault::{ChipFault, Kind};
+use rc10_emu::fault::{ChipFault, Fault, Kind};
 use rc10_emu::{Figures, LogLine, Machine, Restart, Rig};
 
 use crate::recording::Recording;
@@ -47,45 +47,40 @@ pub(super) fn search(
     log: &[LogLine],
     found: &mut Vec<Problem>,
 ) {
-    let figures = Figures::of(rig);
-    let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
-    let made_for = rig.machine.image.made_for.as_ref();
-    if let Some(text) = board::mismatch(made_for, &rig.machine.board()) {
-        problem(About::Chip, "wrong-board", text);
+    let (machine, figures) = (&rig.machine, Figures::of(rig));
+    let mut problem = |kind, text| found.push(Problem::new(About::Chip, kind, text));
+    if let Some(text) = board::mismatch(machine.image.made_for.as_ref(), &machine.board()) {
+        problem("wrong-board", text);
     }
     if figures.boot.is_none() {
-        let text = "a bus has seen no frame from it".to_owned();
-        problem(About::Chip, "silent", text);
+        problem("silent", "a bus has seen no frame from it".to_owned());
     }
     // Between a crystal that stops and the restart the PLL is the chip's own oscillator's, and its
     // outputs run for a moment before the core has switched to it: no order of steps avoids that.
-    let stops =
-        recording.faults.iter().filter(|fault| fault.kind == Kind::Other(ChipFault::CrystalStops));
-    let rescues: Vec<_> = stops
-        .map(|fault| {
-            let restarts = rig.machine.restarts.iter().map(|restart| restart.at);
-            (fault.from, restarts.into_iter().find(|&at| at > fault.from))
-        })
-        .collect();
     let is_rescue = |at| {
-        rescues.iter().any(|&(from, until)| at >= from && until.is_some_and(|until| at <= until))
+        recording.faults.iter().any(|fault| {
+            let mut restarts = machine.restarts.iter().map(|restart| restart.at);
+            let rescued = restarts.find(|&rescued| rescued > fault.from);
+            let stops = fault.kind == Kind::Other(ChipFault::CrystalStops);
+            stops && at >= fault.from && rescued.is_some_and(|rescued| at <= rescued)
+        })
     };
-    for report in rig.machine.reports.iter().filter(|report| !is_rescue(report.at)) {
+    for report in machine.reports.iter().filter(|report| !is_rescue(report.at)) {
         let at = report.at.get() as f64 * 1e-6;
-        problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
+        problem("bad-access", format!("{} at {at:.3} ms", report.text));
     }
     let crashes =
         |kind: &Kind| matches!(kind, Kind::Other(fault) if *fault != ChipFault::CrystalDead);
     let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
-    for restart in rig.machine.restarts.iter().skip(crashed) {
+    for restart in machine.restarts.iter().skip(crashed) {
         let at = restart.at.get() as f64 * 1e-6;
-        let cause = cause_of(restart, &rig.machine, log);
-        problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {cause}"));
+        let cause = cause_of(restart, machine, log);
+        problem("restart", format!("restarted at {at:.3} ms: {cause}"));
     }
-    for part in description.serials.iter().filter(|part| !rig.machine.soc().listens(part.uart)) {
+    for part in description.serials.iter().filter(|part| !machine.soc().listens(part.uart)) {
         let uart = part.uart;
-        let (about, name) = (About::Part(part.label), rig.machine.board().name);
-        found.push(if part.label == "IMU" && rig.machine.board().imu.is_some() {
+        let (about, name) = (About::Part(part.label), machine.board().name);
+        found.push(if part.label == "IMU" && machine.board().imu.is_some() {
             let text = format!("not read at UART {uart}: {name} has one of its own");
             Problem::information(about, "not-read", text)
         } else {
@@ -96,7 +91,7 @@ pub(super) fn search(
         });
     }
     for (number, part) in (1..).zip(&description.lines) {
-        let (about, garbled) = (About::Line(number), rig.machine.garbled(part.uart));
+        let (about, garbled) = (About::Line(number), machine.garbled(part.uart));
         let what = "bytes of another baud rate or format";
         found.extend(counted(about, [(garbled, "garbled", what)]));
         let line = recording.lines.get(usize::from(number) - 1);
@@ -107,11 +102,9 @@ pub(super) fn search(
     }
     for (number, bus) in (1..).zip(&figures.buses) {
         // Counted over the whole run: a fault on the bus excuses all of it.
-        let excused = recording
-            .faults
-            .iter()
-            .any(|fault| is_excused(&recording.faults, Place::Bus(number), fault.from.micros()));
-        if !excused {
+        let faults = &recording.faults;
+        let begins = |fault: &Fault| is_excused(faults, Place::Bus(number), fault.from.micros());
+        if !faults.iter().any(begins) {
             let lost = (bus.lost, "rx-lost", "received frames lost");
             let offs = (bus.bus_offs, "bus-off", "× bus-off");
             found.extend(counted(About::Bus(number), [lost, offs]));

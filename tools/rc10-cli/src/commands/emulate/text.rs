@@ -5,22 +5,16 @@ use std::fmt::Write as _;
 use rc10_emu::peripherals::SentByte;
 
 pub(super) struct UartText {
-    uart: u8,
+    pub file_name: String,
     /// The lines of the text, each behind its time in seconds.
     pub lines: String,
-}
-
-impl UartText {
-    pub(super) fn file_name(&self) -> String {
-        format!("uart{}.txt", self.uart)
-    }
 }
 
 /// The UARTs that send text: at most one byte in a hundred is not part of a text.
 pub(super) fn of(sent: &[SentByte]) -> Vec<UartText> {
     let texts = (1..=10).map(|uart| {
         let bytes = sent.iter().filter(move |byte| byte.uart == uart);
-        let mut text = UartText { uart, lines: String::new() };
+        let mut text = UartText { file_name: format!("uart{uart}.txt"), lines: String::new() };
         let (mut all, mut strange, mut begins) = (0_u32, 0_u32, true);
         for byte in bytes {
             let character = u8::try_from(byte.value).map_or('\u{fffd}', char::from);
@@ -59,7 +53,7 @@ mod tests {
         let sent: Vec<_> = said(1, b"no remote\r\nready\n").chain(said(7, &[0x55, 0xFF])).collect();
         let texts = of(&sent);
         assert_eq!(texts.len(), 1);
-        assert_eq!(texts[0].file_name(), "uart1.txt");
+        assert_eq!(texts[0].file_name, "uart1.txt");
         assert_eq!(texts[0].lines, "  1.500000  no remote\n  1.500000  ready\n");
     }
 }

@@ -22,7 +22,7 @@ pub(crate) fn serve(
     stop: &AtomicBool,
 ) -> Result<()> {
     let terminal = Terminal::new(args.link.as_deref())?;
-    let path = terminal.path().display();
+    let path = terminal.path.display();
     let name = &connection.name;
     writeln!(
         out,

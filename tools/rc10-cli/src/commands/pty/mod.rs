@@ -23,7 +23,7 @@ use std::io::Write;
 use anyhow::Result;
 
 #[cfg(unix)]
-use crate::live::SourceArgs;
+use crate::live::{RunningArgs, SourceArgs};
 use crate::world::robot::Robot;
 
 pub use crate::commands::pty::args::{PtyArgs, STEP};
@@ -38,11 +38,11 @@ pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
         let place = SourceArgs {
             sim: args.emu.is_none(),
             emu: args.emu.clone(),
-            baud: args.baud,
+            running: RunningArgs { port: None, baud: args.baud },
             seed: args.seed,
             ..SourceArgs::default()
         };
-        let baud = place.baud_of(&robot);
+        let baud = place.running.baud_of(&robot);
         let mut way = place.open(robot, true)?;
         return console::serve(args, (&mut way, baud), out, &stop);
     }

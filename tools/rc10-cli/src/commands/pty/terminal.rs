@@ -1,9 +1,8 @@
-use std::fs;
-use std::io;
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use std::{fs, io};
 
 use anyhow::{Context, Result, ensure};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -16,7 +15,7 @@ pub(super) struct Terminal {
     ours: OwnedFd,
     /// Kept open, so that clients may come and go.
     _theirs: OwnedFd,
-    path: PathBuf,
+    pub(super) path: PathBuf,
     link: Option<PathBuf>,
 }
 
@@ -45,10 +44,6 @@ impl Terminal {
             symlink(&path, link).with_context(|| format!("cannot link {}", link.display()))?;
         }
         Ok(Self { ours, _theirs: theirs, path, link: link.map(Path::to_owned) })
-    }
-
-    pub(super) fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Waits, at most `timeout`, until there are bytes to read or room to write.

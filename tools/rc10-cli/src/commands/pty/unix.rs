@@ -32,11 +32,10 @@ const LAST_READ: Duration = Duration::from_secs(1);
 /// The robot has no such bus or is not as described, or there is no pseudo-terminal.
 pub fn serve(
     args: &PtyArgs,
-    robot: Robot<'_>,
+    mut robot: Robot<'_>,
     out: &mut dyn Write,
     stop: &AtomicBool,
 ) -> Result<()> {
-    let mut robot = robot;
     if !args.alone {
         robot.fit(args.force)?;
     }
@@ -50,13 +49,12 @@ pub fn serve(
     let flow = if args.lockstep { Flow::Lossless } else { Flow::Lossy(ROOM) };
     let adapter = Adapter::new(around.wires[bus].clone(), flow, args.alone);
     let terminal = Terminal::new(args.link.as_deref())?;
-    let path = terminal.path().display();
-    writeln!(out, "pty {path}")?;
+    let path = terminal.path.display();
     writeln!(
         out,
-        "bus {} with {on_bus} devices, {}, {}; slcan at 1 Mbit/s (S8), for example:\n  \
+        "pty {path}\n\
+         bus {number} with {on_bus} devices, {}, {}; slcan at 1 Mbit/s (S8), for example:\n  \
          can.Bus(interface=\"slcan\", channel=\"{path}\", bitrate=1_000_000)",
-        number,
         if args.alone { "without the robot's program" } else { "and the robot's program" },
         if args.lockstep { "in lockstep with the client" } else { "in real time" },
     )?;
@@ -71,8 +69,7 @@ pub fn serve(
         session.real_time(end, stop)?
     };
     session.let_read()?;
-    let now = session.now();
-    write!(out, "{}", summary(&session.adapter.counts(), now, behind))?;
+    write!(out, "{}", summary(&session.adapter.counts(), session.now(), behind))?;
     Ok(())
 }
 

@@ -75,13 +75,10 @@ pub fn dbc(args: &DbcArgs, description: &Description, out: &mut dyn Write) -> Re
         let name = format!("bus{bus}.dbc");
         write_file(&args.out, &name, &dbc.to_bytes())?;
         let signals: usize = dbc.frames.iter().map(|frame| frame.signals.len()).sum();
-        writeln!(
-            out,
-            "{}  {} messages, {signals} signals of {} devices",
-            args.out.join(name).display(),
-            dbc.frames.len(),
-            dbc.nodes.len() - 1,
-        )?;
+        let (messages, devices) = (dbc.frames.len(), dbc.nodes.len() - 1);
+        let path = args.out.join(name);
+        let path = path.display();
+        writeln!(out, "{path}  {messages} messages, {signals} signals of {devices} devices")?;
         for line in &dbc.left_out {
             writeln!(out, "  not in it: {line}")?;
         }

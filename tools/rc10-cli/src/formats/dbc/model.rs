@@ -64,21 +64,15 @@ impl Dbc {
             }
         }
         let mut left_out = Vec::new();
-        for line in devices.iter().flat_map(|device| device.not_in_dbc) {
-            if !left_out.iter().any(|known| known == line) {
-                left_out.push((*line).to_owned());
-            }
-        }
-        for device in devices {
+        let lines = devices.iter().flat_map(|device| device.not_in_dbc);
+        lines.for_each(|line| add(&mut left_out, (*line).to_owned()));
+        for Node { label, messages, .. } in devices {
+            let is_plain = |name| messages.iter().any(|it| it.is_plain() && it.name == name);
             let mut special = Vec::new();
-            let (plain, others): (Vec<&Message>, Vec<_>) =
-                device.messages.iter().partition(|message| message.is_plain());
-            let others = others.iter().map(|message| message.name);
-            others
-                .filter(|name| plain.iter().all(|message| message.name != *name))
-                .for_each(|name| add(&mut special, name));
+            let names = messages.iter().map(|message| message.name);
+            names.filter(|name| !is_plain(*name)).for_each(|name| add(&mut special, name));
             if !special.is_empty() {
-                let (label, special) = (&device.label, special.join(", "));
+                let special = special.join(", ");
                 left_out.push(format!("{label}, but named by rc10 decode: {special}"));
             }
         }
@@ -143,11 +137,8 @@ fn frame(
                     // A signal that all motors share belongs to no single one.
                     let has_it = |(_, other): &&(_, &Message)| other.signals.contains(signal);
                     let is_own = is_shared && messages.iter().filter(has_it).count() == 1;
-                    let name = if is_own {
-                        signal_names.name(&format!("{}_{}", label(place), signal.name))
-                    } else {
-                        signal_names.name(signal.name)
-                    };
+                    let whose = if is_own { format!("{}_", label(place)) } else { String::new() };
+                    let name = signal_names.name(&(whose + signal.name));
                     let receivers = vec![receiver];
                     frame.signals.push(NamedSignal { name, signal: *signal, receivers });
                     continue;

@@ -22,42 +22,9 @@ impl Dbc {
     fn list(&self, places: &[usize], between: &str) -> String {
         places.iter().map(|&place| self.node(place)).collect::<Vec<_>>().join(between)
     }
-}
 
-impl Display for Dbc {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(f, "VERSION \"\"\n\nNS_ :\n\nBS_:\n")?;
-        write!(f, "BU_:")?;
-        self.nodes.iter().try_for_each(|(name, _)| write!(f, " {}", name.short))?;
-        writeln!(f)?;
-        self.frames.iter().try_for_each(|frame| self.frame(f, frame))?;
-        writeln!(f)?;
-        for frame in self.frames.iter().filter(|frame| frame.senders.len() > 1) {
-            let senders = self.list(&frame.senders, ",");
-            writeln!(f, "BO_TX_BU_ {} : {senders};", number(frame.id))?;
-        }
-        self.comments(f)?;
-        self.long_names(f)?;
-        for (id, signal) in
-            self.signals().filter(|(_, signal)| signal.signal.values().next().is_some())
-        {
-            write!(f, "VAL_ {id} {}", signal.name.short)?;
-            for (raw, meaning) in signal.signal.values() {
-                write!(f, " {raw} {}", Text(meaning))?;
-            }
-            writeln!(f, " ;")?;
-        }
-        for (id, signal) in self.signals().filter(|(_, signal)| signal.signal.kind == Kind::Float) {
-            writeln!(f, "SIG_VALTYPE_ {id} {} : 1;", signal.name.short)?;
-        }
-        Ok(())
-    }
-}
-
-impl Dbc {
     fn signals(&self) -> impl Iterator<Item = (u32, &NamedSignal)> {
-        let of = |frame: &'_ Frame| number(frame.id);
-        self.frames.iter().flat_map(move |frame| frame.signals.iter().map(move |s| (of(frame), s)))
+        self.frames.iter().flat_map(|frame| frame.signals.iter().map(|it| (number(frame.id), it)))
     }
 
     fn frame(&self, f: &mut Formatter<'_>, frame: &Frame) -> fmt::Result {
@@ -71,10 +38,7 @@ impl Dbc {
                 Presence::Switch => write!(f, " M")?,
                 Presence::If(value) => write!(f, " m{value}")?,
             }
-            let order = match signal.order {
-                ByteOrder::Little => 1,
-                ByteOrder::Big => 0,
-            };
+            let order = u8::from(signal.order == ByteOrder::Little);
             let sign = if signal.kind == Kind::Unsigned { '+' } else { '-' };
             let (start, bits) = (signal.start, signal.bits);
             let (factor, offset) = (signal.factor, signal.offset);
@@ -124,20 +88,41 @@ impl Dbc {
     }
 }
 
+impl Display for Dbc {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "VERSION \"\"\n\nNS_ :\n\nBS_:\n")?;
+        write!(f, "BU_:")?;
+        self.nodes.iter().try_for_each(|(name, _)| write!(f, " {}", name.short))?;
+        writeln!(f)?;
+        self.frames.iter().try_for_each(|frame| self.frame(f, frame))?;
+        writeln!(f)?;
+        for frame in self.frames.iter().filter(|frame| frame.senders.len() > 1) {
+            let senders = self.list(&frame.senders, ",");
+            writeln!(f, "BO_TX_BU_ {} : {senders};", number(frame.id))?;
+        }
+        self.comments(f)?;
+        self.long_names(f)?;
+        for (id, signal) in
+            self.signals().filter(|(_, signal)| signal.signal.values().next().is_some())
+        {
+            write!(f, "VAL_ {id} {}", signal.name.short)?;
+            for (raw, meaning) in signal.signal.values() {
+                write!(f, " {raw} {}", Text(meaning))?;
+            }
+            writeln!(f, " ;")?;
+        }
+        for (id, signal) in self.signals().filter(|(_, signal)| signal.signal.kind == Kind::Float) {
+            writeln!(f, "SIG_VALTYPE_ {id} {} : 1;", signal.name.short)?;
+        }
+        Ok(())
+    }
+}
+
 /// A quoted text; the format has no quotation mark in it that all tools read.
 struct Text<'t>(&'t str);
 
 impl Display for Text<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let text: String = self
-            .0
-            .chars()
-            .map(|character| match character {
-                '"' => '\'',
-                '\\' => '/',
-                character => character,
-            })
-            .collect();
-        write!(f, "\"{text}\"")
+        write!(f, "\"{}\"", self.0.replace('"', "'").replace('\\', "/"))
     }
 }

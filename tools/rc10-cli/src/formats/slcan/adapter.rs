@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 
 use rc10_can::CanFrame;
-use rc10_sim::{Bus, Nanos, TraceEntry};
+use rc10_sim::{Bus, TraceEntry};
 
 use crate::formats::slcan::{BELL, DONE, Lines, Malformed, SlcanCommand, write_frame};
 
@@ -128,9 +128,7 @@ impl Adapter {
         match command {
             SlcanCommand::Nothing => {}
             SlcanCommand::Send(frame) => return self.send(frame),
-            SlcanCommand::Open => return self.switch(Channel::Open),
-            SlcanCommand::Listen => return self.switch(Channel::Listening),
-            SlcanCommand::Close => return self.switch(Channel::Closed),
+            SlcanCommand::Switch(channel) => return self.switch(channel),
             SlcanCommand::BitRate(rate) => self.bit_rate = rate,
             SlcanCommand::Version => self.out.extend(VERSION),
             SlcanCommand::SerialNumber => self.out.extend(SERIAL_NUMBER),
@@ -194,7 +192,7 @@ impl Adapter {
             self.status |= DATA_OVERRUN;
             return;
         }
-        let time = self.times.then(|| millis(entry.end));
+        let time = self.times.then(|| (entry.end.get() / 1_000_000 % TIME_PERIOD_MILLIS) as u16);
         write_frame(&mut self.out, &entry.frame, time);
         self.counts.to_client += 1;
     }
@@ -209,16 +207,6 @@ impl Adapter {
     pub fn counts(&self) -> Counts {
         Counts { not_sent: self.waiting.len() as u64, ..self.counts }
     }
-
-    /// State of the channel.
-    #[must_use]
-    pub const fn channel(&self) -> Channel {
-        self.channel
-    }
-}
-
-fn millis(at: Nanos) -> u16 {
-    (at.get() / 1_000_000 % TIME_PERIOD_MILLIS) as u16
 }
 
 #[cfg(test)]
@@ -261,7 +249,7 @@ mod tests {
     fn an_open_channel_hears_and_sends() {
         let mut bench = Bench::new(1, Flow::Lossless);
         assert_eq!(bench.say("C\rS8\r\rO\rO\r", 0), "\r\r\r\r\r");
-        assert_eq!(bench.adapter.channel(), Channel::Open);
+        assert_eq!(bench.adapter.channel, Channel::Open);
         let heard = bench.say("", 10);
         let frames: Vec<_> = heard.split_terminator('\r').collect();
         assert!((9..=11).contains(&frames.len()), "{heard:?}");
@@ -304,10 +292,10 @@ mod tests {
     fn what_is_no_command_changes_nothing() {
         let mut bench = Bench::new(1, Flow::Lossless);
         bench.say("O\rZ1\r", 0);
-        let (counts, channel) = (bench.adapter.counts(), bench.adapter.channel());
+        let (counts, channel) = (bench.adapter.counts(), bench.adapter.channel);
         assert_eq!(bench.say("X\rt2018\rS9\rt20080CCD0000000000001\r", 0), "\x07".repeat(4));
         assert_eq!(bench.adapter.counts(), Counts { malformed: 4, ..counts });
-        assert_eq!(bench.adapter.channel(), channel);
+        assert_eq!(bench.adapter.channel, channel);
         bench.say("", 10);
         assert_eq!(bench.escs[0].state().commands, 0);
     }

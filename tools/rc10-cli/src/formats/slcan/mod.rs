@@ -43,12 +43,8 @@ const LONGEST_LINE: usize = 30;
 pub enum SlcanCommand {
     /// An empty line.
     Nothing,
-    /// Opens the channel.
-    Open,
-    /// Opens the channel to listen only.
-    Listen,
-    /// Closes the channel.
-    Close,
+    /// Opens the channel, opens it to listen only, or closes it.
+    Switch(Channel),
     /// Sets the bit rate, 0 ..= 8.
     BitRate(u8),
     /// Sends a frame.
@@ -78,9 +74,9 @@ pub struct Malformed;
 pub fn parse(line: &[u8]) -> Result<SlcanCommand, Malformed> {
     let command = match line {
         [] => SlcanCommand::Nothing,
-        b"O" => SlcanCommand::Open,
-        b"L" => SlcanCommand::Listen,
-        b"C" => SlcanCommand::Close,
+        b"O" => SlcanCommand::Switch(Channel::Open),
+        b"L" => SlcanCommand::Switch(Channel::Listening),
+        b"C" => SlcanCommand::Switch(Channel::Closed),
         b"V" => SlcanCommand::Version,
         b"N" => SlcanCommand::SerialNumber,
         b"F" => SlcanCommand::Status,
@@ -94,30 +90,21 @@ pub fn parse(line: &[u8]) -> Result<SlcanCommand, Malformed> {
 
 fn frame(line: &[u8]) -> Option<CanFrame> {
     let (&letter, rest) = line.split_first()?;
-    let (id, rest): (Id, _) = match letter {
-        b't' | b'r' => {
-            let (id, rest) = rest.split_at_checked(3)?;
-            (StandardId::new(u16::try_from(hex(id)?).ok()?)?.into(), rest)
-        }
-        b'T' | b'R' => {
-            let (id, rest) = rest.split_at_checked(8)?;
-            (ExtendedId::new(hex(id)? & !EXTENDED)?.into(), rest)
-        }
+    let is_extended = letter.is_ascii_uppercase();
+    let (id, rest) = rest.split_at_checked(if is_extended { 8 } else { 3 })?;
+    let id: Id = match letter {
+        b't' | b'r' => StandardId::new(hex(id)? as u16)?.into(),
+        b'T' | b'R' => ExtendedId::new(hex(id)? & !EXTENDED)?.into(),
         _ => return None,
     };
     let (&len @ b'0'..=b'8', digits) = rest.split_first()? else { return None };
     let len = usize::from(len - b'0');
     if matches!(letter, b'r' | b'R') {
-        return if digits.is_empty() { CanFrame::remote_frame(id, len).ok() } else { None };
+        return CanFrame::remote_frame(id, len).ok().filter(|_| digits.is_empty());
     }
-    if digits.len() != 2 * len {
-        return None;
-    }
-    let mut data = [0; 8];
-    for (byte, digits) in data.iter_mut().zip(digits.chunks(2)) {
-        *byte = u8::try_from(hex(digits)?).ok()?;
-    }
-    CanFrame::data_frame(id, data.get(..len)?).ok()
+    let data: Vec<u8> =
+        digits.chunks(2).map(|pair| Some(hex(pair)? as u8)).collect::<Option<_>>()?;
+    CanFrame::data_frame(id, &data).ok().filter(|_| digits.len() == 2 * len)
 }
 
 fn hex(digits: &[u8]) -> Option<u32> {
@@ -264,11 +251,11 @@ mod tests {
         use SlcanCommand::*;
         let expected = [
             Nothing,
-            Close,
+            Switch(Channel::Closed),
             BitRate(8),
             BitRate(0),
-            Open,
-            Listen,
+            Switch(Channel::Open),
+            Switch(Channel::Listening),
             Version,
             SerialNumber,
             Status,
@@ -283,7 +270,7 @@ mod tests {
     fn a_line_of_any_length_is_one_bell_and_takes_no_room() {
         let mut lines = Lines::default();
         assert_eq!(lines.take(&[b'0'; 100_000]), []);
-        assert_eq!(lines.take(b"\rO\r"), [Err(Malformed), Ok(SlcanCommand::Open)]);
+        assert_eq!(lines.take(b"\rO\r"), [Err(Malformed), Ok(SlcanCommand::Switch(Channel::Open))]);
         assert!(lines.line.capacity() < 100);
     }
 

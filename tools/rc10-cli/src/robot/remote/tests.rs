@@ -10,9 +10,9 @@ pub(crate) fn control() -> RemoteControl {
     };
     RemoteControl {
         receiver: Receiver::Dr16,
+        channels: Receiver::Dr16.channels(),
         receivers: vec![Receiver::Dr16, Receiver::Ppm],
         uart: 5,
-        pulse_pin: ('F', 8),
         script: vec![line(0, Switch::Down), line(100, Switch::Up)],
         repeats_after: Some(Micros::from_millis(1000)),
         lost: Vec::new(),

@@ -24,8 +24,8 @@ pub const MOST: f32 = 7.0;
 
 pub fn cascade() -> Cascade {
     Cascade {
-        speed: PidConfig::new(0.063, 0.5, 0.0, MOST),
-        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        speed: PidConfig::within(MOST).kp(0.063).ki(0.5),
+        angle: PidConfig::within(150.0).kp(1.3),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: FeedForward::NONE,

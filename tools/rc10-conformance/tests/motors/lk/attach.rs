@@ -27,8 +27,8 @@ fn what_cannot_be_is_named() {
     let gear = Gear::new(1, 2).unwrap();
     assert_eq!(error(1, model(Model { gear, ..MG4010E_I10 })).0, "gear");
     let cascade = |speed| Config { cascade: super::Cascade { speed, ..JOINT }, ..joint() };
-    assert_eq!(error(1, cascade(PidConfig::new(0.1, 0.0, 0.0, 33.1))).0, "output_limit");
-    assert_eq!(error(1, cascade(PidConfig::new(f32::NAN, 0.0, 0.0, 1.0))).0, "kp");
+    assert_eq!(error(1, cascade(PidConfig::within(33.1).kp(0.1))).0, "output_limit");
+    assert_eq!(error(1, cascade(PidConfig::within(1.0).kp(f32::NAN))).0, "kp");
     for model in ALL {
         assert!(
             Lk::new(Config { id: 32, ..Config { model: *model, ..joint() } }).is_ok(),

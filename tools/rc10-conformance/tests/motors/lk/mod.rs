@@ -21,8 +21,8 @@ use crate::motors::leak;
 
 /// For an MG4010E-i10 with a joint of 0.02 kg m².
 pub const JOINT: Cascade = Cascade {
-    speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
-    angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
+    speed: PidConfig::within(5.0).kp(0.2).ki(2.0),
+    angle: PidConfig::within(200.0).kp(3.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(1000.0),
     feed_forward: FeedForward::NONE,
@@ -30,8 +30,8 @@ pub const JOINT: Cascade = Cascade {
 
 /// For an MF9025 with a wheel of 0.005 kg m².
 pub const WHEEL: Cascade = Cascade {
-    speed: PidConfig::new(0.1, 0.5, 0.0, 12.0),
-    angle: PidConfig::new(2.0, 0.0, 0.0, 200.0),
+    speed: PidConfig::within(12.0).kp(0.1).ki(0.5),
+    angle: PidConfig::within(200.0).kp(2.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(2000.0),
     feed_forward: FeedForward::NONE,

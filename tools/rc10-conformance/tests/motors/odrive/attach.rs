@@ -16,7 +16,7 @@ fn what_cannot_be_is_named() {
         assert_eq!(error(node, wheel()), "node");
     }
     assert_eq!(error(1, wheel().with_gear(Gear::new(1, 3).unwrap())), "gear");
-    let cascade = super::Cascade { speed: PidConfig::new(-1.0, 0.0, 0.0, 1.0), ..WHEEL };
+    let cascade = super::Cascade { speed: PidConfig::within(1.0).kp(-1.0), ..WHEEL };
     assert_eq!(error(1, with(Control::Torque(cascade))), "kp");
     for input in [InputMode::Inactive, InputMode::PositionFilter, InputMode::Mirror] {
         assert_eq!(error(1, with(Control::Velocity(input))), "input mode");

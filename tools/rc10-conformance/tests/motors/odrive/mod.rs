@@ -20,8 +20,8 @@ use crate::motors::leak;
 
 /// For a D6374 behind an 8 : 1 belt with a wheel of 0.03 kg m².
 pub const WHEEL: Cascade = Cascade {
-    speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
-    angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+    speed: PidConfig::within(8.0).kp(0.1).ki(1.0),
+    angle: PidConfig::within(250.0).kp(3.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(1500.0),
     feed_forward: FeedForward::NONE,

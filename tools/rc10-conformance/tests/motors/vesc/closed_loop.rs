@@ -273,7 +273,7 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
 
 /// With loops that ask for all of its current at once.
 fn hasty(config: Config) -> Vesc {
-    let speed = PidConfig::new(50.0, 0.0, 0.0, 40.0);
+    let speed = PidConfig::within(40.0).kp(50.0);
     let cascade = Cascade { speed, acceleration: RpmPerSecond::new(4000.0), ..LIFT };
     Vesc::new(config.with_angle_loops(cascade)).unwrap()
 }

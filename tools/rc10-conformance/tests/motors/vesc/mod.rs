@@ -47,8 +47,8 @@ pub fn device(number: u8) -> VescConfig {
 
 /// For the drum of a lift behind a gearbox of 19 : 1.
 pub const LIFT: Cascade = Cascade {
-    speed: PidConfig::new(0.9, 5.0, 0.0, 40.0),
-    angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
+    speed: PidConfig::within(40.0).kp(0.9).ki(5.0),
+    angle: PidConfig::within(120.0).kp(2.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(400.0),
     feed_forward: FeedForward::NONE,

@@ -169,10 +169,6 @@ impl Timer {
         self.update(true, self.anchor);
     }
 
-    fn overflows_to_update(&self) -> u64 {
-        u64::from(self.repetitions_left) + 1
-    }
-
     fn waits(&self) -> bool {
         self.control & UPDATE_DISABLE == 0
             && (self.prescaler.waits()
@@ -229,7 +225,7 @@ impl Timer {
         let ticks = compares.map(|(_, compare)| self.ticks_to(compare.in_force));
         // What waits may change the period.
         let period = u64::from(self.reload.in_force) + 1;
-        let to_update = to_overflow + (self.overflows_to_update() - 1) * period;
+        let to_update = to_overflow + u64::from(self.repetitions_left) * period;
         let ticks = ticks.chain(updates.then_some(to_update)).chain(self.ticks_to_change());
         let counted = ticks.min().map(|ticks| self.time_of(self.ticks + ticks));
         counted.into_iter().chain(passes).min()

@@ -18,7 +18,7 @@ mod tone;
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::clocks::{TONE_HSE, TONE_LSE, TONE_LSI, TONE_MCO1, Tones, UNMODELLED};
 use input::Input;
 use tone::Listener;
@@ -190,7 +190,7 @@ impl Timer {
     }
 
     /// BDTR.
-    fn write_breaks(&mut self, write: Write) -> Result<(), AccessKind> {
+    fn write_breaks(&mut self, write: Write) -> Answer {
         let wanted = write.over(self.breaks);
         self.breaks = wanted & (MAIN_OUTPUT | OFF_STATES);
         // Dead time, locks, breaks and their filters; polarities of breaks that are off do nothing.
@@ -245,7 +245,7 @@ impl Timer {
         (channel < self.facts().channels).then_some(channel)
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         self.advance(now);
         let has_channels = self.facts().channels > 0;
         Ok(match offset {
@@ -279,7 +279,7 @@ impl Timer {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         self.advance(now);
         let has_channels = self.facts().channels > 0;
         match write.offset {
@@ -380,7 +380,7 @@ impl Timer {
     }
 
     /// CCMR1, CCMR2.
-    fn write_mode(&mut self, write: Write) -> Result<(), AccessKind> {
+    fn write_mode(&mut self, write: Write) -> Answer {
         let register = (write.offset - 0x18) as usize / 4;
         let old = self.modes[register];
         let mut wanted = write.over(old);

@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 
 use rc10_sim::Nanos;
 
-use super::access::{AccessKind, Write};
+use super::access::{AccessKind, Answer, Write};
 use super::clocks::PRESCALERS;
 use super::facts::{Facts, USARTS};
 use receiver::{Heard, Receiver};
@@ -203,14 +203,14 @@ impl Usart {
         if !self.is(1, ENABLE | TRANSMITTER) {
             return None;
         }
-        // DEAT, DEDT.
-        let times = || [21, 16].map(|shift| u64::from(self.control[0] >> shift & 0x1F));
+        // DEAT, DEDT, in samples.
+        let samples = if self.is(1, OVERSAMPLE_8) { 8 } else { 16 };
+        let time = |shift: u32| 16 * u64::from(self.control[0] >> shift & 0x1F) / samples;
         Some(Sending {
             format: self.format(),
             bit_fs: self.bit_fs()?,
             inverted: self.is(2, INVERT_TRANSMIT),
-            driver: self.is(3, DRIVER_ENABLE).then(times).map(Into::into),
-            samples: if self.is(1, OVERSAMPLE_8) { 8 } else { 16 },
+            driver: self.is(3, DRIVER_ENABLE).then(|| (time(21), time(16))),
         })
     }
 
@@ -229,7 +229,7 @@ impl Usart {
     }
 
     fn listen(&mut self, now: Nanos) {
-        let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use()[0];
+        let on = self.listens() && self.pins_in_use()[0];
         let sampling = self.bit_fs().filter(|_| on).map(|bit_fs| Sampling {
             format: self.format(),
             bit_fs,
@@ -356,7 +356,7 @@ impl Usart {
         !self.received.is_empty() && !stopped
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, AccessKind> {
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         self.advance(now);
         Ok(match offset {
             0x00 | 0x04 | 0x08 => self.control[offset as usize / 4],
@@ -371,7 +371,7 @@ impl Usart {
         })
     }
 
-    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), AccessKind> {
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
         self.advance(now);
         match write.offset {
             0x00 | 0x04 | 0x08 => {

@@ -97,8 +97,8 @@ impl Receiver {
             self.from = if sampled.is_some() { at } else { after(start, how.bit_fs, 10) };
             self.wire.forget(self.from);
             self.look();
-            let frame = u64::from(how.format.half_bits());
-            self.idle_at = self.armed.then(|| after(start, how.bit_fs, 2 * 8 * frame));
+            let two_frames = 2 * how.format.sixteenths();
+            self.idle_at = self.armed.then(|| after(start, how.bit_fs, two_frames));
             let late = sampled.is_some() && std::mem::take(&mut self.late);
             return sampled.map(|sampled| Heard::Character { sampled, late });
         }
@@ -108,9 +108,8 @@ impl Receiver {
         }
         if self.wire.level_at(idle) == how.inverted {
             // Held low: silence begins when it is let go.
-            let frame = 8 * u64::from(how.format.half_bits());
             let free = self.wire.edge_to(!how.inverted, idle);
-            self.idle_at = free.map(|free| after(free, how.bit_fs, frame));
+            self.idle_at = free.map(|free| after(free, how.bit_fs, how.format.sixteenths()));
             return None;
         }
         self.armed = false;
@@ -124,8 +123,7 @@ impl Receiver {
             && self.idle_at.is_none()
         {
             let stop = stop_sixteenths(how.format, how.by_8);
-            let frame = 8 * u64::from(how.format.half_bits());
-            self.idle_at = Some(after(at, how.bit_fs, 2 * frame - stop));
+            self.idle_at = Some(after(at, how.bit_fs, 2 * how.format.sixteenths() - stop));
         }
     }
 }

@@ -11,11 +11,9 @@ pub(in super::super) struct Sending {
     pub format: Format,
     pub bit_fs: u64,
     pub inverted: bool,
-    /// Samples from the driver's enable to the start bit, and from the last stop bit to its
-    /// release.
+    /// Sixteenths of a bit from the driver's enable to the start bit, and from the last stop bit
+    /// to its release.
     pub driver: Option<(u64, u64)>,
-    /// Samples of a bit, 8 or 16.
-    pub samples: u64,
 }
 
 /// A character that begins or has ended at a transmit pin.
@@ -57,12 +55,12 @@ impl Transmitter {
         if let Some((before, _)) = how.driver
             && !std::mem::replace(&mut self.driver, true)
         {
-            start = after(now, how.bit_fs, 16 * before / how.samples);
+            start = after(now, how.bit_fs, before);
         }
         let value = value & how.format.mask();
         let Sending { format, bit_fs, inverted, .. } = *how;
         let character = Character { value, format, start, bit_fs, inverted, fault: None };
-        let end = after(start, bit_fs, 8 * u64::from(format.half_bits()));
+        let end = after(start, bit_fs, format.sixteenths());
         self.sending = Some((character, end));
         self.begins_at = self.tells.then_some(start);
     }
@@ -89,7 +87,7 @@ impl Transmitter {
             self.start(at, how);
             if self.sending.is_none() && self.driver {
                 let (_, behind) = how.driver.unwrap_or_default();
-                let released = after(at, how.bit_fs, 16 * behind / how.samples);
+                let released = after(at, how.bit_fs, behind);
                 self.driver = released > at;
                 self.released_at = self.driver.then_some(released);
             }

@@ -36,8 +36,7 @@ impl Format {
     pub const EIGHT_E_2: Self = Self { half_stops: 4, ..Self::EIGHT_E_1 };
 
     /// The usual format of characters of this length in bits, start and stop included.
-    #[must_use]
-    pub const fn of_length(bits: u32) -> Option<Self> {
+    pub(crate) const fn of_length(bits: u32) -> Option<Self> {
         match bits {
             10 => Some(Self::EIGHT_N_1),
             11 => Some(Self::EIGHT_E_1),
@@ -51,9 +50,9 @@ impl Format {
         self.data_bits + if self.parity.is_some() { 1 } else { 0 }
     }
 
-    /// Length in half bits.
-    pub(crate) const fn half_bits(self) -> u32 {
-        2 + 2 * self.word() + self.half_stops
+    /// Length in sixteenths of a bit, start and stop included.
+    pub(super) const fn sixteenths(self) -> u64 {
+        8 * (2 + 2 * self.word() + self.half_stops) as u64
     }
 
     pub(super) const fn mask(self) -> u16 {
@@ -99,17 +98,15 @@ impl Character {
     /// The end of its last stop bit.
     #[must_use]
     pub fn end(&self) -> Nanos {
-        self.at(8 * u64::from(self.format.half_bits()))
+        self.at(self.format.sixteenths())
     }
 
     /// Calls with each level of an idle-high wire, and its begin in sixteenths of a bit.
     fn levels(&self, mut level: impl FnMut(u64, bool)) {
-        let end = 8 * u64::from(self.format.half_bits());
         let stop = 16 * (1 + u64::from(self.format.word()));
         level(0, false);
         if self.fault == Some(UartFault::Break) {
-            level(end, true);
-            return;
+            return level(self.format.sixteenths(), true);
         }
         let parity = self.format.parity_of(self.value).unwrap_or(false);
         let mut word =
@@ -180,16 +177,12 @@ impl Default for Wire {
 }
 
 impl Wire {
-    fn final_level(&self) -> bool {
-        self.edges.back().map_or(self.level, |&(_, level)| level)
-    }
-
     fn push(&mut self, at: Nanos, level: bool) {
         if self.edges.back().is_some_and(|&(last, _)| last == at) {
             // A level of no length does not exist.
             self.edges.pop_back();
         }
-        if level != self.final_level() {
+        if level != self.edges.back().map_or(self.level, |&(_, last)| last) {
             self.edges.push_back((at, level));
         }
     }
@@ -213,7 +206,11 @@ impl Wire {
 
     /// A disturbance damages the character on the wire, or looks like a damaged one.
     pub fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
-        let last = self.last.filter(|last| at >= last.start && at < last.at(stop_sample(last)));
+        // Its stop bit has not been sampled.
+        let is_on_wire = |last: &Character| {
+            at >= last.start && at < last.at(stop_sixteenths(last.format, false))
+        };
+        let last = self.last.filter(is_on_wire);
         let damaged = last.unwrap_or(Character { start: at, ..otherwise });
         while self.edges.back().is_some_and(|&(edge, _)| edge >= damaged.start) {
             self.edges.pop_back();
@@ -268,11 +265,6 @@ impl Wire {
         let parity = expected.is_some_and(|bit| u16::from(bit) != word >> format.data_bits & 1);
         Some(Sampled { word, framing, parity, noise })
     }
-}
-
-/// Time at which a receiver has sampled the stop bit of a character, in sixteenths of a bit.
-const fn stop_sample(character: &Character) -> u64 {
-    stop_sixteenths(character.format, false)
 }
 
 /// Sixteenths from the start to the end of the sampling of the stop bit: its 10th sample; of two,

@@ -1,0 +1,5 @@
+//! The robot on the chip.
+#![no_std]
+#![no_main]
+
+rc10_board::program!(owl);
