@@ -33,6 +33,6 @@ pub fn run() -> Result<()> {
 
 /// Not a line of cargo's or of the test harness.
 fn is_figure(line: &str) -> bool {
-    let others = ["$ ", "running ", "test ", "successes:", "----", "    "];
+    let others = ["setup: ", "$ ", "running ", "test ", "successes:", "----", "    "];
     !line.is_empty() && !others.iter().any(|begin| line.starts_with(begin))
 }
