@@ -315,9 +315,10 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
         in_folder("night-owl", "test")?;
         in_folder("night-owl", "run -- emu --strict --seconds 7")?;
         in_folder("night-owl", "run -- emu --strict --seconds 7 --board h723zg")?;
-        own(&format!("run -- emu --strict --seconds 1 --board {DM_MC02}"))?;
         is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")?;
-        is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")
+        is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")?;
+        add_legs(&place.join("demo"))?;
+        own(&format!("run -- emu --strict --seconds 1 --board {DM_MC02}"))
     };
     let outcome = made();
     fs::remove_dir_all(&place)?;
@@ -364,12 +365,32 @@ fn add_a_motor(robot: &Path) -> Result<()> {
     ] {
         let line = page.lines().find(|line| line.trim_start().starts_with(begin));
         let line = line.with_context(|| format!("docs/new-robot.md has no line {begin}"))?;
-        let path = robot.join(file);
-        let text = fs::read_to_string(&path)?;
-        ensure!(text.matches(before).count() == 1, "{file} has no {before:?}");
-        fs::write(&path, text.replace(before, &format!("{line}\n{before}")))?;
+        insert(&robot.join(file), line, before)?;
     }
     Ok(())
+}
+
+/// Adds a motor on each of the two RS-485 lines that the DM-MC02 has.
+fn add_legs(robot: &Path) -> Result<()> {
+    let table = robot.join("src/table.rs");
+    for (part, before) in [
+        ("use rc10::motor::unitree::{GoM8010, LineConfig};", "use rc10::prelude::*;"),
+        ("    line rs485 at 4_000_000, replies in Micros::new(200);", "    motors {"),
+        ("    line rs485_2 at 4_000_000, replies in Micros::new(200);", "    motors {"),
+        ("Leg: GoM8010 = Entry::new(Line(1), LineConfig::new(0)),", "    }\n}\n\n/// On blocks"),
+        ("Foot: GoM8010 = Entry::new(Line(2), LineConfig::new(0)),", "    }\n}\n\n/// On blocks"),
+    ] {
+        insert(&table, part, before)?;
+    }
+    Ok(())
+}
+
+/// Inserts a line before a text that the file has once.
+fn insert(file: &Path, line: &str, before: &str) -> Result<()> {
+    let text = fs::read_to_string(file)?;
+    ensure!(text.matches(before).count() == 1, "{} has no {before:?}", file.display());
+    fs::write(file, text.replace(before, &format!("{line}\n{before}")))
+        .with_context(|| file.display().to_string())
 }
 
 /// The compiler has no complaint about the tools on other PCs.

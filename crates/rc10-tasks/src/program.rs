@@ -120,7 +120,7 @@ pub trait Declared: 'static {
 pub trait Program: Declared {
     /// The receiver of the remote control.
     const RECEIVER: Receiver = Receiver::Dr16;
-    /// Which channel of the transmitter is what, of a receiver that is none of DJI's.
+    /// Which channel of the transmitter is what, of a receiver that is not one of DJI's.
     const CHANNELS: ChannelOrder = Self::RECEIVER.channels();
     /// Which switches arm, disarm and stop, and which sticks must be at rest: [`Arming::of`](crate::Arming::of) checks
     /// it against the receiver when it is compiled.

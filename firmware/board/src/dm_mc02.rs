@@ -96,22 +96,22 @@ pub struct PulseParts {
 
 /// Inputs, and the interrupt line of each. PE0 and PE1 would be UART8's, whose interrupt an executor has.
 pub struct SwitchParts {
-    /// The first one.
-    pub first: (Peri<'static, PE14>, Peri<'static, EXTI14>),
-    /// The second one.
-    pub second: (Peri<'static, PE0>, Peri<'static, EXTI0>),
-    /// The third one.
-    pub third: (Peri<'static, PE1>, Peri<'static, EXTI1>),
-    /// The fourth one.
-    pub fourth: (Peri<'static, PC10>, Peri<'static, EXTI10>),
-    /// The fifth one.
-    pub fifth: (Peri<'static, PC11>, Peri<'static, EXTI11>),
-    /// The sixth one.
-    pub sixth: (Peri<'static, PC12>, Peri<'static, EXTI12>),
-    /// The seventh one.
-    pub seventh: (Peri<'static, PB8>, Peri<'static, EXTI8>),
-    /// The eighth one.
-    pub eighth: (Peri<'static, PB9>, Peri<'static, EXTI9>),
+    /// Input 1.
+    pub input_1: (Peri<'static, PE14>, Peri<'static, EXTI14>),
+    /// Input 2.
+    pub input_2: (Peri<'static, PE0>, Peri<'static, EXTI0>),
+    /// Input 3.
+    pub input_3: (Peri<'static, PE1>, Peri<'static, EXTI1>),
+    /// Input 4.
+    pub input_4: (Peri<'static, PC10>, Peri<'static, EXTI10>),
+    /// Input 5.
+    pub input_5: (Peri<'static, PC11>, Peri<'static, EXTI11>),
+    /// Input 6.
+    pub input_6: (Peri<'static, PC12>, Peri<'static, EXTI12>),
+    /// Input 7.
+    pub input_7: (Peri<'static, PB8>, Peri<'static, EXTI8>),
+    /// Input 8.
+    pub input_8: (Peri<'static, PB9>, Peri<'static, EXTI9>),
 }
 
 /// Soldered parts that need a program.
@@ -165,14 +165,14 @@ impl Board {
             voltage_1: VoltageParts::new(&p.ADC1, p.PA5),
             pulses: PulseParts { timer: p.TIM4, pin: p.PD14 },
             switches: SwitchParts {
-                first: (p.PE14, p.EXTI14),
-                second: (p.PE0, p.EXTI0),
-                third: (p.PE1, p.EXTI1),
-                fourth: (p.PC10, p.EXTI10),
-                fifth: (p.PC11, p.EXTI11),
-                sixth: (p.PC12, p.EXTI12),
-                seventh: (p.PB8, p.EXTI8),
-                eighth: (p.PB9, p.EXTI9),
+                input_1: (p.PE14, p.EXTI14),
+                input_2: (p.PE0, p.EXTI0),
+                input_3: (p.PE1, p.EXTI1),
+                input_4: (p.PC10, p.EXTI10),
+                input_5: (p.PC11, p.EXTI11),
+                input_6: (p.PC12, p.EXTI12),
+                input_7: (p.PB8, p.EXTI8),
+                input_8: (p.PB9, p.EXTI9),
             },
             usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
             soldered: Soldered {

@@ -188,22 +188,22 @@ pub struct EncoderParts {
 
 /// Inputs, and the interrupt line of each.
 pub struct SwitchParts {
-    /// The first one.
-    pub first: (Peri<'static, PG2>, Peri<'static, EXTI2>),
-    /// The second one.
-    pub second: (Peri<'static, PG3>, Peri<'static, EXTI3>),
-    /// The third one.
-    pub third: (Peri<'static, PG5>, Peri<'static, EXTI5>),
-    /// The fourth one.
-    pub fourth: (Peri<'static, PG6>, Peri<'static, EXTI6>),
-    /// The fifth one.
-    pub fifth: (Peri<'static, PG7>, Peri<'static, EXTI7>),
-    /// The sixth one.
-    pub sixth: (Peri<'static, PG8>, Peri<'static, EXTI8>),
-    /// The seventh one.
-    pub seventh: (Peri<'static, PG9>, Peri<'static, EXTI9>),
-    /// The eighth one.
-    pub eighth: (Peri<'static, PG10>, Peri<'static, EXTI10>),
+    /// Input 1.
+    pub input_1: (Peri<'static, PG2>, Peri<'static, EXTI2>),
+    /// Input 2.
+    pub input_2: (Peri<'static, PG3>, Peri<'static, EXTI3>),
+    /// Input 3.
+    pub input_3: (Peri<'static, PG5>, Peri<'static, EXTI5>),
+    /// Input 4.
+    pub input_4: (Peri<'static, PG6>, Peri<'static, EXTI6>),
+    /// Input 5.
+    pub input_5: (Peri<'static, PG7>, Peri<'static, EXTI7>),
+    /// Input 6.
+    pub input_6: (Peri<'static, PG8>, Peri<'static, EXTI8>),
+    /// Input 7.
+    pub input_7: (Peri<'static, PG9>, Peri<'static, EXTI9>),
+    /// Input 8.
+    pub input_8: (Peri<'static, PG10>, Peri<'static, EXTI10>),
 }
 
 impl Board {
@@ -258,14 +258,14 @@ impl Board {
                 long_tracks: (p.PA0, p.PA1),
             },
             switches: SwitchParts {
-                first: (p.PG2, p.EXTI2),
-                second: (p.PG3, p.EXTI3),
-                third: (p.PG5, p.EXTI5),
-                fourth: (p.PG6, p.EXTI6),
-                fifth: (p.PG7, p.EXTI7),
-                sixth: (p.PG8, p.EXTI8),
-                seventh: (p.PG9, p.EXTI9),
-                eighth: (p.PG10, p.EXTI10),
+                input_1: (p.PG2, p.EXTI2),
+                input_2: (p.PG3, p.EXTI3),
+                input_3: (p.PG5, p.EXTI5),
+                input_4: (p.PG6, p.EXTI6),
+                input_5: (p.PG7, p.EXTI7),
+                input_6: (p.PG8, p.EXTI8),
+                input_7: (p.PG9, p.EXTI9),
+                input_8: (p.PG10, p.EXTI10),
             },
             usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
             soldered: Soldered,

@@ -32,7 +32,7 @@ macro_rules! start_serial {
         $crate::start_serial!($board.rs485_2, USART3, DMA1_STREAM3, DMA1_STREAM4, $baud)
     };
     ($board:ident, $other:ident, $baud:expr) => {
-        compile_error!("the boards' serial ports are uart_3, uart_7, uart_10, rs485 and rs485_2")
+        $crate::rc10_tasks::uart!($other)
     };
     ($parts:expr, $uart:ident, $receives:ident, $sends:ident, $baud:expr) => {{
         use $crate::rc10_bsp::serial::{Interrupt, Serial, SerialConfig};
@@ -112,6 +112,17 @@ macro_rules! start_lines {
             /// Runs the lines.
             LINE_CONTROL on UART8
         }
+        #[embassy_executor::task(
+            pool_size = <Name as Names>::LINES as usize,
+            embassy_executor = $crate::embassy_executor
+        )]
+        fn line(
+            port: Serial,
+            motors: &'static mut $crate::rc10_motor::unitree::Rs485Bus<'static>,
+            shared: &'static $crate::rc10_motor::embassy::Rs485Port,
+        ) -> impl Future<Output = ()> {
+            $crate::rc10_motor::embassy::run_rs485(port, motors, shared)
+        }
         interrupt::UART8.set_priority(Priority::P7);
         let control = LINE_CONTROL.start(interrupt::UART8);
         let uarts = [$($crate::start_serial!(
@@ -119,8 +130,8 @@ macro_rules! start_lines {
             $line,
             $crate::robot::line_part::<Robot>($crate::rc10_tasks::uart!($line)).baud
         )?),+];
-        for ((uart, line), port) in uarts.into_iter().zip($lines).zip($shared.ports.lines) {
-            control.spawn($crate::robot::line(uart, line, port)?);
+        for ((uart, motors), port) in uarts.into_iter().zip($lines).zip($shared.ports.lines) {
+            control.spawn(line(uart, motors, port)?);
         }
     };
 }
@@ -140,7 +151,7 @@ macro_rules! start_parts {
             $serial,
             $crate::robot::baud::<Robot>($crate::rc10_tasks::uart!($serial))
         )?),*];
-        let contacts: [Input<'static>; _] = [$($crate::input!($board, $input)),*];
+        let contacts: [Input<'static>; _] = [$($crate::robot::switch($board.switches.$input.0)),*];
         let mut dividers = Robot::VOLTAGES.iter();
         let voltages: [VoltageInput; _] = [$({
             let divider = dividers.next().map_or(1.0, |(_, divider)| *divider);
@@ -207,37 +218,4 @@ macro_rules! start_strip {
 #[macro_export]
 macro_rules! start_strip {
     ($shared:ident, $spawner:ident, $board:ident, $($any:tt)*) => {};
-}
-
-/// An input of the board for a switch to ground, with a pull-up.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! input {
-    ($board:ident, input_1) => {
-        $crate::robot::switch($board.switches.first.0)
-    };
-    ($board:ident, input_2) => {
-        $crate::robot::switch($board.switches.second.0)
-    };
-    ($board:ident, input_3) => {
-        $crate::robot::switch($board.switches.third.0)
-    };
-    ($board:ident, input_4) => {
-        $crate::robot::switch($board.switches.fourth.0)
-    };
-    ($board:ident, input_5) => {
-        $crate::robot::switch($board.switches.fifth.0)
-    };
-    ($board:ident, input_6) => {
-        $crate::robot::switch($board.switches.sixth.0)
-    };
-    ($board:ident, input_7) => {
-        $crate::robot::switch($board.switches.seventh.0)
-    };
-    ($board:ident, input_8) => {
-        $crate::robot::switch($board.switches.eighth.0)
-    };
-    ($board:ident, $other:ident) => {
-        compile_error!("the boards' inputs are input_1 to input_8")
-    };
 }

@@ -28,9 +28,8 @@ use rc10_bsp::watchdog::Watchdog;
 use rc10_bsp::{CrystalState, TIMER_CLOCK};
 use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
 use rc10_module::remote::{self, Receiver, SerialSettings};
-use rc10_motor::embassy::{BusPort, Ports, PortsOf, Rs485Port, Runner, run_buses, run_rs485};
+use rc10_motor::embassy::{BusPort, Ports, PortsOf, Rs485Port, Runner, run_buses};
 use rc10_motor::rc10_app::ConfigError;
-use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, MotorBus, Names, SetupError, TxBatch, Unfit};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::program::{Declared, LinePart};
@@ -282,26 +281,6 @@ pub async fn show<N: Names, const LEDS: usize>(
 #[must_use]
 pub const fn pulses(leds: usize) -> usize {
     leds * BITS + 2
-}
-
-/// An RS-485 line.
-#[embassy_executor::task]
-pub fn line(
-    port: Serial,
-    motors: &'static mut Rs485Bus<'static>,
-    shared: &'static Rs485Port,
-) -> impl Future<Output = ()> {
-    run_rs485(port, motors, shared)
-}
-
-/// Another one: a task's memory is there for each that a program has, not for each that it may have.
-#[embassy_executor::task]
-pub fn line_2(
-    port: Serial,
-    motors: &'static mut Rs485Bus<'static>,
-    shared: &'static Rs485Port,
-) -> impl Future<Output = ()> {
-    run_rs485(port, motors, shared)
 }
 
 /// The console, at `baud` bits a second: 921,600, which every USB adapter can, or 2,000,000.

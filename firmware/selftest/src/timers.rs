@@ -106,9 +106,9 @@ const POSITIONS: [(usize, Position); 6] = [
 
 /// Both switches are pressed, then released, the first one first.
 pub async fn switches(parts: SwitchParts) -> Outcome {
-    let (pin, line) = parts.first;
+    let (pin, line) = parts.input_1;
     let first = ExtiInput::new(pin, line, Pull::Up, Irqs);
-    let (pin, line) = parts.second;
+    let (pin, line) = parts.input_2;
     let second = ExtiInput::new(pin, line, Pull::Up, Irqs);
     // One place more, for what must not come.
     let heard: Channel<NoopRawMutex, (usize, Position), { POSITIONS.len() + 1 }> = Channel::new();

@@ -169,8 +169,7 @@ impl Links {
             }
         }
         for VoltageLink { pin: (port, pin), voltage, divider, microvolts } in &mut self.voltages {
-            // A negative one is none to the converter.
-            #[expect(clippy::cast_possible_truncation, reason = "a negative one is none")]
+            #[expect(clippy::cast_possible_truncation, reason = "the converter reads 0 below 0 V")]
             let now_there = (voltage.volts() / *divider * 1e6) as u32;
             if std::mem::replace(microvolts, now_there) != now_there {
                 soc.set_voltage(*port, *pin, now_there, now);

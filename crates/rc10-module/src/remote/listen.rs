@@ -11,7 +11,7 @@ use crate::{Reception, listen as listen_to};
 
 /// Listens for ever to a receiver on a UART, set by [`Receiver::serial`], and hands on the remote.
 ///
-/// `channels` says which is what, if the receiver is none of DJI's: [`Receiver::channels`] on most transmitters,
+/// `channels` says which is what, if the receiver is not one of DJI's: [`Receiver::channels`] on most transmitters,
 /// [`Receiver::check`] whether it has them. For another travel than the usual one [`listen`](crate::listen()) to
 /// [`Sbus`] or [`Crsf`], and use [`SbusFrame::remote`](super::SbusFrame) or [`CrsfLink`].
 ///

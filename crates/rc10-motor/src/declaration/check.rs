@@ -282,7 +282,8 @@ const fn in_the_way(
     Unsound::Attach { error, with: Some(other.label) }
 }
 
-const fn is_same(one: &str, other: &str) -> bool {
+/// Whether two names are the same.
+pub const fn is_same(one: &str, other: &str) -> bool {
     let (one, other) = (one.as_bytes(), other.as_bytes());
     let mut at = 0;
     while at < one.len() && at < other.len() && one[at] == other[at] {

@@ -91,25 +91,23 @@ impl RunningArgs {
     /// Opens every connection that may be meant: a stop reaches one robot too many rather than one too few. Tells what
     /// cannot be opened, and fails if nothing can.
     pub fn open_all(&self, robot: &Robot<'_>) -> Result<Vec<RobotConnection<'static>>> {
-        let places = self.places()?.into_iter();
-        let (open, refused): (Vec<_>, Vec<_>) =
-            places.map(|place| self.connect(place, robot)).partition(Result::is_ok);
-        let mut refused = refused.into_iter().filter_map(Result::err);
-        match refused.next() {
-            Some(why) if open.is_empty() => return Err(why),
-            first => first
-                .into_iter()
-                .chain(refused)
-                .for_each(|why| tell(format_args!("NOT HEARD: {why:#}"))),
+        let (mut open, mut refused) = (Vec::new(), Vec::new());
+        for place in self.places()? {
+            match self.connect(place, robot) {
+                Ok(connection) => open.push(connection),
+                Err(why) => refused.push(why),
+            }
         }
-        Ok(open.into_iter().flatten().collect())
+        let last = if open.is_empty() { refused.pop() } else { None };
+        refused.iter().for_each(|why| tell(format_args!("NOT HEARD: {why:#}")));
+        last.map_or(Ok(open), Err)
     }
 
     /// Ports that may be meant, with names for people.
     fn places(&self) -> Result<Vec<(String, String)>> {
         match &self.port {
             Some(port) if !reach::is_name(port) => Ok(vec![(port.clone(), port.clone())]),
-            wanted => meant(wanted.as_deref(), places(wanted.is_none())),
+            wanted => meant(wanted.as_deref(), all_places(wanted.is_none())),
         }
     }
 
@@ -179,7 +177,7 @@ impl SourceArgs {
 }
 
 /// Ports at which a robot may be, with names for people: serial ones if wanted, and robots that run on this PC.
-fn places(with_serial: bool) -> Vec<(String, String)> {
+fn all_places(with_serial: bool) -> Vec<(String, String)> {
     let ports = serialport::available_ports().unwrap_or_default().into_iter();
     let ports = ports.filter(|_| with_serial).map(|it| (it.port_name.clone(), it.port_name));
     let running = reach::all().into_iter().map(|it| (it.name.clone(), it.to_string()));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, anyhow};
 use rc10_emu::Board;
 use rc10_emu::fault::Fault;
+use rc10_motor::__declaration::is_same;
 use rc10_motor::{MotorId, Names, numbers};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{ArmLink, Closed, Esc, Nanos, Serial, World};
@@ -195,15 +196,6 @@ const fn assert_twins<P: Simulated>() {
         assert!(found, "`TWINS` has a twin that the declaration does not have, or of another sort");
         at += 1;
     }
-}
-
-const fn is_same(one: &str, other: &str) -> bool {
-    let (one, other) = (one.as_bytes(), other.as_bytes());
-    let mut at = 0;
-    while at < one.len() && at < other.len() && one[at] == other[at] {
-        at += 1;
-    }
-    at == one.len() && at == other.len()
 }
 
 /// UART of the IMU, on the board that has a port for one.
