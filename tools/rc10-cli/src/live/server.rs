@@ -109,10 +109,21 @@ fn respond(request: &Request, shown: &Mutex<Shown>, queue: &Sender<PendingReques
     }
 }
 
+/// One file, so that a page that is open works on while `rc10 live` begins anew.
 fn page() -> String {
-    include_str!("page.html")
-        .replace("/*STYLE*/", include_str!("page.css"))
-        .replace("/*SCRIPT*/", concat!(include_str!("../show/plot.js"), include_str!("page.js")))
+    const SCRIPT: &str = concat!(
+        include_str!("../show/plot.js"),
+        include_str!("page/base.js"),
+        include_str!("page/signals.js"),
+        include_str!("page/motors.js"),
+        include_str!("page/parameters.js"),
+        include_str!("page/plots.js"),
+        include_str!("page/stop.js"),
+        include_str!("page/main.js"),
+    );
+    include_str!("page/page.html")
+        .replace("/*STYLE*/", include_str!("page/page.css"))
+        .replace("/*SCRIPT*/", SCRIPT)
 }
 
 /// The robot's time, µs, as a 64-bit float; then for each signal the number of its points as 32

@@ -1,0 +1,35 @@
+// Data of the robot, requests to it, and small helpers.
+const $ = (id) => document.getElementById(id);
+let state = { signals: [], parameters: [], losses: {} };
+let chosen = new Set();
+let span = 10;          // seconds in the window
+let end = null;         // its end, µs; null: the newest
+let data = new Map();   // signal -> { times, values }, seconds from `from`
+let from = 0;
+let cursor = null;      // seconds from `from`
+let undo = [];
+let begun = false;
+let declaration = null; // of the robot that the page was made for
+
+// A browser opens six connections: some stay free for STOP, whatever the robot does not answer.
+let flying = 0;
+const post = async (wish, urgent) => {
+  if (flying >= 3 && !urgent) throw new Error('the robot has not answered what was asked before');
+  flying += 1;
+  try {
+    const response = await fetch('/wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
+    const answer = await response.json();
+    if (answer.refused !== undefined) throw new Error(answer.refused);
+    return answer.ok;
+  } finally { flying -= 1; }
+};
+const say = (id, text) => { $(id).textContent = text || ''; $(id).hidden = !text; };
+const attempt = (wish) => post(wish).then((it) => { say('refused', ''); return it; }, (error) => { say('refused', String(error.message || error)); throw error; });
+const number = (value) => value === null || value === undefined || Number.isNaN(value) ? '–'
+  : Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toFixed(3));
+const cell = (row, text, kind) => { const it = row.insertCell(); it.textContent = text; if (kind) it.className = kind; return it; };
+const value = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it ? it.value : null; };
+const named = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it && it.value !== null ? it.states[it.value] || '?' : '–'; };
+const labels = (folder) => [...new Set(state.signals.filter((it) => it.folder === folder).map((it) => it.label))];
+const keep = () => { try { localStorage.setItem('rc10', JSON.stringify({ chosen: [...chosen].map(key), span })); } catch { /* private window */ } };
+const key = (index) => { const it = state.signals.find((it) => it.index === index); return it ? it.folder + '/' + it.label + '/' + it.name : ''; };

@@ -1,0 +1,33 @@
+// STOP and Disarm.
+// What was pressed, and how far it has come: sent, done, not heard. It is sent until the robot has done it;
+// the buttons say so within 200 ms, whether anything answers or not.
+const pressed = { stop: null, disarm: null };
+const WORDS = { stop: { sent: 'STOP sent …', done: 'STOPPED', 'not heard': 'STOP NOT HEARD' }, disarm: { sent: 'Disarm sent …', done: 'Disarmed', 'not heard': 'Disarm NOT HEARD' } };
+function show() {
+  for (const action of ['stop', 'disarm']) {
+    const it = pressed[action], now = state[action] || (it && it.how) || '';
+    if (it && it.how !== 'sent' && !state[action]) {
+      it.how = 'done';
+      if (performance.now() - it.at > 3000) pressed[action] = null;
+    }
+    $(action).firstChild.textContent = WORDS[action][now] || (action === 'stop' ? 'STOP ' : 'Disarm');
+    $(action).className = now.replace(' ', '-');
+  }
+}
+function urge(action) {
+  held = null;
+  const mine = pressed[action] = { how: 'sent', at: performance.now() };
+  const come = (how) => { if (pressed[action] === mine) { mine.how = how; state[action] = how === 'done' ? null : how; show(); } };
+  const late = setTimeout(() => come('not heard'), 190);
+  post({ do: action }, true).then(() => { clearTimeout(late); say('refused', ''); come('done'); }, (error) => { clearTimeout(late); say('refused', String(error.message || error)); come('not heard'); });
+  show();
+}
+$('disarm').onclick = () => urge('disarm');
+$('stop').onclick = () => urge('stop');
+// Before anything else on the page gets them. Where text is typed the space bar is a space.
+const types = (it) => it && (it.tagName === 'TEXTAREA' || (it.tagName === 'INPUT' && it.type !== 'checkbox'));
+for (const kind of ['keydown', 'keyup']) window.addEventListener(kind, (event) => {
+  const space = event.code === 'Space' && !types(event.target);
+  if (space) { event.preventDefault(); event.stopPropagation(); }
+  if ((space || event.key === 'Escape') && kind === 'keydown' && !event.repeat) urge('stop');
+}, true);
