@@ -22,6 +22,7 @@ pub mod decode;
 mod files;
 pub mod formats;
 pub mod judge;
+pub mod lang;
 pub mod live;
 pub mod record;
 pub mod recording;
@@ -38,7 +39,7 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 use std::{env, fs};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use rc10_motor::Names as _;
 use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port};
 use rc10_tasks::{Common, Program};
@@ -50,6 +51,7 @@ use crate::commands::pty::PtyArgs;
 use crate::commands::report::{CsvArgs, ReportArgs, csv, report};
 use crate::commands::run::RunArgs;
 use crate::formats::dbc::DbcArgs;
+use crate::lang::Language;
 use crate::live::commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
 use crate::live::page::LiveArgs;
 use crate::run::simulate::simulate;
@@ -73,6 +75,9 @@ pub use recording::Recording;
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
+    /// Language of help, verdicts, page and report [default: the environment's, of pages the browser's]
+    #[arg(long, global = true, value_name = "LANGUAGE", hide_possible_values = true)]
+    lang: Option<Language>,
 }
 
 #[derive(Subcommand)]
@@ -205,7 +210,9 @@ pub fn main_for(
     description: &Description,
     robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>,
 ) -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    let language = Language::asked().unwrap_or_else(Language::of_environment);
+    let parsed = language.help(Arguments::command()).try_get_matches();
+    let arguments = match parsed.and_then(|it| Arguments::from_arg_matches(&it)) {
         Ok(arguments) => arguments,
         Err(error) => {
             let _ = error.print();
