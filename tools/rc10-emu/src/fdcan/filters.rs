@@ -4,7 +4,8 @@ use rc10_can::CanFrame;
 
 use super::controller::Controller;
 use super::ram::MessageRam;
-use super::registers::{at, field};
+use super::registers::at;
+use crate::peripherals::registers::field;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
@@ -39,7 +40,7 @@ const EXTENDED_RANGE_UNMASKED: u32 = 3;
 pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> Verdict {
     let (registers, new_data) = (&of.registers, of.receive.new_data);
     let extended = frame.is_extended_id();
-    let global = registers.at(at::GFC);
+    let global = registers.value(at::GFC);
     let (reject_remote, unmatched) =
         if extended { (1 << 0, field(global, 2, 2)) } else { (1 << 1, field(global, 4, 2)) };
     if frame.is_remote() && global & reject_remote != 0 {
@@ -48,12 +49,12 @@ pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> 
     let (list, largest, words) = if extended { (at::XIDFC, 64, 2) } else { (at::SIDFC, 128, 1) };
     let elements = registers.field(list, 16, 8).min(largest);
     for index in 0..elements {
-        let address = registers.start_word(list) + index * words;
+        let address = of.start_word(list) + index * words;
         let element = if extended { extended_at(address, ram) } else { standard_at(address, ram) };
         if element.configuration == DISABLED {
             continue;
         }
-        let masked = frame.raw_id() & registers.at(at::XIDAM);
+        let masked = frame.raw_id() & registers.value(at::XIDAM);
         let matches = match (extended, element.kind) {
             (true, EXTENDED_RANGE_UNMASKED) if element.configuration != INTO_BUFFER => {
                 element.ranges_over(frame.raw_id())

@@ -54,7 +54,7 @@ impl Fdcans {
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self {
-            controllers: Default::default(),
+            controllers: std::array::from_fn(|_| Controller::new()),
             calibration: Calibration::new(),
             kernel_hz: 0,
             ram: MessageRam::new(seed),

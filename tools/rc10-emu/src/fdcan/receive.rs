@@ -56,7 +56,7 @@ impl Controller {
             }
             Destination::Buffer(buffer) => {
                 let size_code = self.registers.field(at::RXESC, 8, 3);
-                store(self.registers.start_word(at::RXBC), size_code, buffer);
+                store(self.start_word(at::RXBC), size_code, buffer);
                 self.receive.new_data |= 1 << buffer;
                 self.counters.received_in_buffers += 1;
                 self.flags |= ir::DRX;
@@ -66,7 +66,7 @@ impl Controller {
                 let ring = fifo as usize;
                 let was_full = self.is_full(ring);
                 if let Some(index) = self.put(ring) {
-                    let start = self.registers.start_word(RINGS[ring].0);
+                    let start = self.start_word(RINGS[ring].0);
                     store(start, self.registers.field(at::RXESC, 4 * fifo, 3), index);
                     self.counters.received[ring] += 1;
                     self.counters.overwritten[ring] += u64::from(was_full);

@@ -1,11 +1,11 @@
 //! The FIFO that both receive FIFOs and the transmit event FIFO are.
 
 use super::controller::Controller;
-use super::registers::{Register, at, ir};
+use super::registers::{at, ir};
 
 /// FIFO 0, FIFO 1, and that of transmit events: configuration register, elements at most, and the
 /// place of its flags in IR. Bit 31 is reserved in TXEFC and reads as 0: no overwriting.
-pub(super) const RINGS: [(Register, u32, u32); 3] =
+pub(super) const RINGS: [(u32, u32, u32); 3] =
     [(at::RXF0C, 64, 0), (at::RXF1C, 64, 4), (at::TXEFC, 32, 12)];
 /// The one of transmit events.
 pub(super) const EVENTS: usize = 2;
@@ -61,21 +61,17 @@ impl Controller {
         index
     }
 
-    /// RXF0A, RXF1A, TXEFA: frees all elements up to and including this one; `false` if it is not
-    /// in the FIFO.
-    pub fn acknowledge(&mut self, ring: usize, index: u32) -> bool {
+    /// RXF0A, RXF1A, TXEFA: frees all elements up to and including this one, if it is in the FIFO.
+    pub fn acknowledge(&mut self, ring: usize, index: u32) {
         let (size, index) = (self.shape(ring).size, index % RINGS[ring].1);
         let ring = &mut self.rings[ring];
-        if index >= size {
-            return false;
-        }
-        let freed = (index + size - ring.get) % size + 1;
-        if freed > ring.level {
-            return false;
-        }
+        let freed = (index < size).then(|| (index + size - ring.get) % size + 1);
+        let Some(freed) = freed.filter(|&freed| freed <= ring.level) else {
+            self.counters.bad_acknowledges += 1;
+            return;
+        };
         ring.get = (index + 1) % size;
         ring.level -= freed;
-        true
     }
 
     /// RXF0S, RXF1S, TXEFS.

@@ -2,7 +2,7 @@
 
 use rc10_sim::Nanos;
 
-use super::registers::field;
+use crate::peripherals::registers::field;
 use crate::time::Period;
 
 /// One nominal bit, of NBTP; `None` if the clock is off.
