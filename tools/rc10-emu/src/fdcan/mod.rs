@@ -166,11 +166,6 @@ impl Fdcans {
         let bit = self.controllers.get(index)?.bit_in_use()?;
         Some((bit.rate(), bit.nanos()))
     }
-
-    /// Starts [`Counters::tick_period`] anew, for all controllers.
-    pub fn restart_ticks(&mut self) {
-        self.controllers.iter_mut().for_each(|one| one.counters.restart_ticks());
-    }
 }
 
 /// One controller at its end of a wire.
