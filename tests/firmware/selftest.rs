@@ -92,7 +92,7 @@ impl Bench {
         let pulses = world.add_pulses(Ppm::new(&Remote::new(), phase));
         machine.connect_pulses(PULSES, &pulses).unwrap();
         let mut soc = machine.soc();
-        let imu = Imu::new();
+        let imu = Imu::default();
         for (pin, part) in [(4, Part::Accelerometer), (5, Part::Gyroscope)] {
             assert!(soc.attach_spi(1, ('C', pin), Box::new(imu.half(part))));
         }

@@ -7,7 +7,6 @@ use super::counters::Counters;
 use super::errors::Errors;
 use super::link::Link;
 use super::ram::MessageRam;
-use super::receive::Receive;
 use super::registers::{TABLE, TEST_LBCK, at, cccr, ir};
 use super::ring::{EVENTS, Ring};
 use super::timing::{Timestamp, bit_of};
@@ -45,7 +44,10 @@ pub(super) struct Controller {
     timestamp: Timestamp,
     link: Link,
     errors: Errors,
-    pub(super) receive: Receive,
+    /// NDAT1 and NDAT2: receive buffers that were not read yet.
+    pub(super) new_data: [u32; 2],
+    /// HPMS.
+    pub(super) high_priority: u32,
     pub(super) transmit: Transmit,
     pub(super) rings: [Ring; 3],
     /// The frame that ended last was its own.
@@ -305,9 +307,9 @@ impl Controller {
             at::ECR => self.errors.read_ecr(),
             at::PSR => self.errors.read_psr() | self.activity() << 3,
             at::IR => self.flags,
-            at::HPMS => self.receive.high_priority,
-            at::NDAT1 => self.receive.new_data(0),
-            at::NDAT2 => self.receive.new_data(1),
+            at::HPMS => self.high_priority,
+            at::NDAT1 => self.new_data[0],
+            at::NDAT2 => self.new_data[1],
             at::RXF0S => self.ring_status(0),
             at::RXF1S => self.ring_status(1),
             at::TXFQS => self.queue_status(),
@@ -366,8 +368,8 @@ impl Controller {
             }
             at::TSCV => self.timestamp.restart(self.now),
             at::IR => self.flags &= !value,
-            at::NDAT1 => self.receive.clear_new_data(0, value),
-            at::NDAT2 => self.receive.clear_new_data(1, value),
+            at::NDAT1 => self.new_data[0] &= !value,
+            at::NDAT2 => self.new_data[1] &= !value,
             at::TXBAR => self.ask(value),
             at::TXBCR => self.ask_to_cancel(value),
             at::RXF0A => self.acknowledge(0, value),
@@ -439,7 +441,7 @@ impl Controller {
         }
         if cce && old & cccr::CCE == 0 {
             self.rings = Default::default();
-            self.receive.high_priority = 0;
+            self.high_priority = 0;
             self.reset_transmit();
         }
         if new & cccr::MON != 0 {

@@ -38,7 +38,7 @@ const EXTENDED_RANGE_UNMASKED: u32 = 3;
 
 /// The first element that matches decides.
 pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> Verdict {
-    let (registers, new_data) = (&of.registers, of.receive.new_data);
+    let (registers, new_data) = (&of.registers, of.new_data);
     let extended = frame.is_extended_id();
     let global = registers.value(at::GFC);
     let (reject_remote, unmatched) =
@@ -90,11 +90,14 @@ fn extended_at(address: u32, ram: &mut MessageRam) -> Element {
 }
 
 impl Element {
-    fn matches(&self, id: u32, new_data: u64) -> bool {
+    fn matches(&self, id: u32, new_data: [u32; 2]) -> bool {
         let [first, second] = self.id;
         match (self.configuration, self.kind) {
             // A buffer that was not read yet is locked: the search goes on.
-            (INTO_BUFFER, _) => id == first && new_data >> field(second, 0, 6) & 1 == 0,
+            (INTO_BUFFER, _) => {
+                let is_new = new_data[field(second, 5, 1) as usize] >> field(second, 0, 5) & 1;
+                id == first && is_new == 0
+            }
             (_, 0) => self.ranges_over(id),
             (_, 1) => id == first || id == second,
             (_, 2) => (id ^ first) & second == 0,

@@ -12,7 +12,7 @@ use super::controller::Controller;
 use super::ram::{self, MessageRam};
 use super::registers::{at, cccr, ir};
 use super::ring::EVENTS;
-use crate::peripherals::registers::{Registers, field};
+use crate::peripherals::registers::field;
 use crate::time::time_of;
 
 const BUFFERS: u32 = 32;
@@ -36,15 +36,6 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(registers: &Registers) -> Self {
-        let dedicated = registers.field(at::TXBC, 16, 6).min(BUFFERS);
-        Self {
-            dedicated,
-            shared: registers.field(at::TXBC, 24, 6).min(BUFFERS - dedicated),
-            is_queue: registers.has(at::TXBC, 1 << 30),
-        }
-    }
-
     /// A bit for each buffer below this one.
     fn below(buffer: u32) -> u32 {
         1_u32.checked_shl(buffer).map_or(u32::MAX, |bit| bit - 1)
@@ -126,7 +117,9 @@ impl Transmit {
 
 impl Controller {
     fn layout(&self) -> Layout {
-        Layout::new(&self.registers)
+        let dedicated = self.registers.field(at::TXBC, 16, 6).min(BUFFERS);
+        let shared = self.registers.field(at::TXBC, 24, 6).min(BUFFERS - dedicated);
+        Layout { dedicated, shared, is_queue: self.registers.has(at::TXBC, 1 << 30) }
     }
 
     /// CCCR.CCE was set: requests are dropped.

@@ -151,7 +151,7 @@ pub(super) struct Rcc {
     ready: [Option<Nanos>; 34],
     options: Options,
     /// HSI's frequency, hertz.
-    hsi_hz: u64,
+    pub(super) hsi_hz: u64,
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
     /// SWS.
@@ -456,16 +456,8 @@ impl Rcc {
         [lsi, divided(lse, 1), hse, divided(output, field(config, 18, 4)), None]
     }
 
-    pub(super) fn clocks(&self) -> Clocks {
-        self.clocks_with(self.hsi_hz)
-    }
-
-    /// The clocks if HSI were not off: limits are those of nominal frequencies.
-    pub(super) fn nominal_clocks(&self) -> Clocks {
-        self.clocks_with(HSI_HZ)
-    }
-
-    fn clocks_with(&self, hsi_hz: u64) -> Clocks {
+    /// The clocks with HSI at this frequency: limits are those of nominal ones.
+    pub(super) fn clocks(&self, hsi_hz: u64) -> Clocks {
         Clocks::new(&self.sources(hsi_hz), self.source, |at| self.registers.value(at))
     }
 
