@@ -138,8 +138,10 @@ impl Soc {
 
     fn output_of(&self, (port, pin): (usize, usize), signal: Option<Signal>) -> Option<bool> {
         match signal {
-            Some(Signal::Timer(timer, channel)) => self.timers[timer].output(channel),
-            Some(Signal::TimerComplement(timer, channel)) => self.timers[timer].complement(channel),
+            Some(Signal::Timer(timer, channel)) => self.timers[timer].level(channel, false),
+            Some(Signal::TimerComplement(timer, channel)) => {
+                self.timers[timer].level(channel, true)
+            }
             Some(Signal::SerialEnable(usart)) => self.usarts[usart].driver_level(),
             _ => self.ports[port].output(pin),
         }

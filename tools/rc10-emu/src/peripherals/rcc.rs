@@ -117,7 +117,7 @@ const STARTERS: [(u32, u32, Nanos); 4] = [
     (HSE, 17, Nanos::new(2_000_000)),
 ];
 const HSI: u32 = 0;
-const CSI: u32 = 7;
+pub(super) const CSI: u32 = 7;
 const HSI48: u32 = 12;
 const HSI48_HZ: u64 = 48_000_000;
 const HSE: u32 = 16;
@@ -244,16 +244,13 @@ impl Rcc {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
-    fn is_ready(&self, source: u32) -> bool {
+    /// Whether a source of clocks is, by its bit in CR.
+    pub(super) fn is_ready(&self, source: u32) -> bool {
         self.ready[source as usize].is_some_and(|at| at <= self.settled)
     }
 
     fn pll_is_on(&self, pll: u32) -> bool {
         field(self.registers.value(CR), pll_bit(pll), 1) != 0
-    }
-
-    pub(super) fn csi_is_ready(&self) -> bool {
-        self.is_ready(CSI)
     }
 
     /// Whether one of `mask`'s bits is set in the enable register, and none in the reset register.

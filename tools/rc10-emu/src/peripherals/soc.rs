@@ -439,7 +439,7 @@ impl Soc {
             Block::Syscfg => {
                 let stored = self.syscfg.read(offset)?;
                 // CCCSR.RDY: the compensation cell needs CSI.
-                let ready = offset == 0x20 && stored & 1 != 0 && self.rcc.csi_is_ready();
+                let ready = offset == 0x20 && stored & 1 != 0 && self.rcc.is_ready(rcc::CSI);
                 Ok(stored | u32::from(ready) << 8)
             }
             Block::Exti => self.exti.registers.read(offset),
