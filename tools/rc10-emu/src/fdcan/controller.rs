@@ -9,7 +9,7 @@ use super::link::Link;
 use super::ram::MessageRam;
 use super::registers::{TABLE, TEST_LBCK, at, cccr, ir};
 use super::ring::{EVENTS, Ring};
-use super::timing::{Timestamp, bit_of};
+use super::timing::Timestamp;
 use super::transmit::Transmit;
 use crate::peripherals::registers::Registers;
 use crate::peripherals::{AccessKind, Answer, Width, Write};
@@ -122,8 +122,11 @@ impl Controller {
         self.is(cccr::INIT | cccr::CCE)
     }
 
+    /// One nominal bit, of NBTP; `None` if the clock is off.
     pub fn bit(&self) -> Option<Period> {
-        bit_of(self.registers.value(at::NBTP), self.kernel_hz)
+        let part = |shift, bits| self.registers.field(at::NBTP, shift, bits) + 1;
+        let quanta = 1 + part(8, 8) + part(0, 7);
+        Period::new(u64::from(quanta * part(16, 9)), self.kernel_hz)
     }
 
     /// The difference of other nodes' bits that it follows, of NBTP: NTSEG1, NTSEG2, NSJW.
