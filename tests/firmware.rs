@@ -15,6 +15,7 @@ use std::sync::OnceLock;
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_cli::run::emulation::{Emulation, Setup, content_hash};
+use rc10_emu::fault::ChipFault;
 use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Board, Figures, Image, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
@@ -696,7 +697,7 @@ fn what_was_only_late_is_forgotten() {
     run(&setup(&["hang@0.3s..0.365s"]), |emulation| {
         emulation.run(millis(500)).unwrap();
         assert!(emulation.rig.machine.restarts.is_empty());
-        emulation.rig.machine.inject(rc10_emu::Injection::MaskInterrupts(true)).unwrap();
+        emulation.rig.machine.inject(&ChipFault::Mask, true).unwrap();
         emulation.run(millis(700)).unwrap();
         assert_eq!(emulation.rig.machine.restarts[0].cause, ResetCause::Watchdog);
         let log = log(emulation);

@@ -1,8 +1,9 @@
 //! The self-test program on the emulated chip, with a device at the other end of every wire.
 
+use rc10_emu::Machine;
+use rc10_emu::fault::ChipFault;
 use rc10_emu::parts::Imu;
 use rc10_emu::peripherals::{AccessKind, Edge, Width};
-use rc10_emu::{Injection, Machine};
 use rc10_sim::imu::bmi088::Part;
 use rc10_sim::remote::{Ppm, Remote};
 use rc10_sim::unitree_line::{GoM8010, plant};
@@ -91,7 +92,7 @@ impl Bench {
         let pulses = world.add_pulses(Ppm::new(&Remote::new(), phase));
         machine.connect_pulses(PULSES, &pulses).unwrap();
         let mut soc = machine.soc();
-        let imu = Imu::new();
+        let imu = Imu::default();
         for (pin, part) in [(4, Part::Accelerometer), (5, Part::Gyroscope)] {
             assert!(soc.attach_spi(1, ('C', pin), Box::new(imu.half(part))));
         }
@@ -194,7 +195,7 @@ impl Bench {
             let is_turn = count != 0 && to_turn < 7_000;
             if is_turn {
                 self.run((to_turn - 20) * 1000);
-                self.machine.inject(Injection::MaskInterrupts(true)).unwrap();
+                self.machine.inject(&ChipFault::Mask, true).unwrap();
                 self.run(if turns % 2 == 0 { 17_000 } else { 23_000 });
                 turns += 1;
             } else {
@@ -204,7 +205,7 @@ impl Bench {
             self.run(300_000);
             self.drive(PULSES, false);
             if is_turn {
-                self.machine.inject(Injection::MaskInterrupts(false)).unwrap();
+                self.machine.inject(&ChipFault::Mask, false).unwrap();
             }
         }
         turns

@@ -13,14 +13,16 @@ pub type Kind = fault::Kind<ChipFault>;
 /// Faults of a chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ChipFault {
-    /// `panic`: the program panics. Has no end.
+    /// `panic`: the program panics, in file `injected.rs`, line 2300. Has no end.
     Panic,
-    /// `hardfault`: the program executes an undefined instruction. Has no end.
+    /// `hardfault`: the program executes an undefined instruction, which is a `HardFault` unless
+    /// usage faults have a handler. Has no end.
     HardFault,
     /// `hang[:HANDLER]`: an interrupt handler hangs when it is called next, before its first
     /// instruction; without a name `CONTROL_EXECUTOR`.
     Hang(String),
-    /// `mask`: a critical section, with all interrupts masked, takes this long.
+    /// `mask`: a critical section, with all interrupts masked, takes this long. If the program masks
+    /// them itself, that begins when it no longer does.
     Mask,
     /// `crystal-dead`: the board's crystal never swings. Has no time: from power-on on.
     CrystalDead,

@@ -22,7 +22,7 @@ pub use board::{Board, Heater, ImuWiring, Package, Pin, SupplySense};
 pub use fdcan::Spread;
 pub use figures::{BusFigures, Figures};
 pub use image::{Image, MadeFor, Static};
-pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
+pub use machine::{LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};
 pub use rig::Rig;

@@ -107,90 +107,33 @@ impl PulseEnd for PulseEar {
     }
 }
 
-struct PulseLink {
-    pin: Pin,
-    ear: Rc<RefCell<PulseEar>>,
-}
-
-struct ContactLink {
-    pin: Pin,
-    contact: Contact,
-    was_low: bool,
-}
-
-struct VoltageLink {
-    pin: Pin,
-    voltage: Voltage,
-    divider: f64,
-    microvolts: u32,
-}
-
-struct ServoLink {
-    pin: Pin,
-    servo: Servo,
-    /// When the last pulse began.
-    rose: Nanos,
-}
-
 /// Two periods of a servo's pulses.
 const NO_PULSES: Nanos = Nanos::new(40_000_000);
+
+/// Moves data of a pin between the world and the chip, up to a time.
+type PinLink = Box<dyn FnMut(&mut Soc, Nanos)>;
 
 #[derive(Default)]
 pub(crate) struct Links {
     serials: Vec<SerialLink>,
-    pulses: Vec<PulseLink>,
-    contacts: Vec<ContactLink>,
-    voltages: Vec<VoltageLink>,
-    servos: Vec<ServoLink>,
+    inputs: Vec<PinLink>,
+    outputs: Vec<PinLink>,
 }
 
 impl Links {
     pub fn is_empty(&self) -> bool {
-        let Self { serials, pulses, contacts, voltages, servos } = self;
-        serials.is_empty()
-            && pulses.is_empty()
-            && contacts.is_empty()
-            && voltages.is_empty()
-            && servos.is_empty()
+        self.serials.is_empty() && self.inputs.is_empty() && self.outputs.is_empty()
     }
 
     /// Moves data of the world, which is at `now`, to the chip, which is not later.
     pub fn hear(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter().for_each(|link| link.hear(soc));
-        for PulseLink { pin: (port, pin), ear } in &self.pulses {
-            for (high, at) in ear.borrow_mut().0.drain(..) {
-                soc.drive_pin(*port, *pin, Some(high), at);
-            }
-        }
-        for ContactLink { pin: (port, pin), contact, was_low } in &mut self.contacts {
-            let is_low = contact.pulls_low();
-            if std::mem::replace(was_low, is_low) != is_low {
-                soc.drive_pin(*port, *pin, is_low.then_some(false), now);
-            }
-        }
-        for VoltageLink { pin: (port, pin), voltage, divider, microvolts } in &mut self.voltages {
-            #[expect(clippy::cast_possible_truncation, reason = "the converter reads 0 below 0 V")]
-            let now_there = (voltage.volts() / *divider * 1e6) as u32;
-            if std::mem::replace(microvolts, now_there) != now_there {
-                soc.set_voltage(*port, *pin, now_there, now);
-            }
-        }
+        self.inputs.iter_mut().for_each(|link| link(soc, now));
     }
 
     pub fn speak(&mut self, soc: &mut Soc, now: Nanos) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
-        for ServoLink { pin: (port, pin), servo, rose } in &mut self.servos {
-            for edge in soc.take_edges(*port, *pin) {
-                if edge.high {
-                    *rose = edge.at;
-                } else {
-                    servo.tell(Some(edge.at.since(*rose).get() as f64 / 1e3));
-                }
-            }
-            if servo.pulse().is_some() && now.since(*rose) > NO_PULSES {
-                servo.tell(None);
-            }
-        }
+        self.outputs.iter_mut().for_each(|link| link(soc, now));
     }
 }
 
@@ -245,7 +188,11 @@ impl Machine {
         ensure!(is_there, "there is no pin P{}{}", pin.0, pin.1);
         let ear = Rc::<RefCell<PulseEar>>::default();
         pulses.attach(Rc::clone(&ear) as Rc<RefCell<dyn PulseEnd>>);
-        self.links.pulses.push(PulseLink { pin, ear });
+        self.links.inputs.push(Box::new(move |soc, _| {
+            for (high, at) in ear.borrow_mut().0.drain(..) {
+                soc.drive_pin(pin.0, pin.1, Some(high), at);
+            }
+        }));
         Ok(())
     }
 
@@ -255,11 +202,16 @@ impl Machine {
     /// # Errors
     /// If the pin does not lead outside.
     pub fn connect_contact(&mut self, pin: Pin, contact: &Contact) -> Result<()> {
-        let was_low = contact.pulls_low();
+        let (contact, mut was_low) = (contact.clone(), contact.pulls_low());
         let leads_outside = self.board().package.bonds(pin.0, pin.1);
         ensure!(leads_outside, "no pin P{}{} leads outside", pin.0, pin.1);
         self.soc().drive_pin(pin.0, pin.1, was_low.then_some(false), self.now());
-        self.links.contacts.push(ContactLink { pin, contact: contact.clone(), was_low });
+        self.links.inputs.push(Box::new(move |soc, now| {
+            let is_low = contact.pulls_low();
+            if std::mem::replace(&mut was_low, is_low) != is_low {
+                soc.drive_pin(pin.0, pin.1, is_low.then_some(false), now);
+            }
+        }));
         Ok(())
     }
 
@@ -269,8 +221,14 @@ impl Machine {
     /// If no converter that is modelled measures there.
     pub fn connect_voltage(&mut self, pin: Pin, voltage: &Voltage, divider: f64) -> Result<()> {
         self.set_voltage(pin.0, pin.1, 0)?;
-        let voltage = voltage.clone();
-        self.links.voltages.push(VoltageLink { pin, voltage, divider, microvolts: 0 });
+        let (voltage, mut microvolts) = (voltage.clone(), 0);
+        self.links.inputs.push(Box::new(move |soc, now| {
+            #[expect(clippy::cast_possible_truncation, reason = "the converter reads 0 below 0 V")]
+            let now_there = (voltage.volts() / divider * 1e6) as u32;
+            if std::mem::replace(&mut microvolts, now_there) != now_there {
+                soc.set_voltage(pin.0, pin.1, now_there, now);
+            }
+        }));
         Ok(())
     }
 
@@ -280,7 +238,19 @@ impl Machine {
     /// If the chip has no such pin.
     pub fn connect_servo(&mut self, pin: Pin, servo: &Servo) -> Result<()> {
         self.record_pin(pin.0, pin.1)?;
-        self.links.servos.push(ServoLink { pin, servo: servo.clone(), rose: Nanos::ZERO });
+        let (servo, mut rose) = (servo.clone(), Nanos::ZERO);
+        self.links.outputs.push(Box::new(move |soc, now| {
+            for edge in soc.take_edges(pin.0, pin.1) {
+                if edge.high {
+                    rose = edge.at;
+                } else {
+                    servo.tell(Some(edge.at.since(rose).get() as f64 / 1e3));
+                }
+            }
+            if servo.pulse().is_some() && now.since(rose) > NO_PULSES {
+                servo.tell(None);
+            }
+        }));
         Ok(())
     }
 

@@ -10,6 +10,7 @@ use rc10_sim::{Nanos, World};
 
 use crate::board::Board;
 use crate::core::{Core, Step};
+use crate::fault::ChipFault;
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
 use crate::links::Links;
@@ -41,26 +42,6 @@ const JUMP: [u8; 4] = [0xDF, 0xF8, 0x00, 0xF0];
 /// Source location of an injected panic.
 const PANIC_FILE: &str = "injected.rs";
 const PANIC_LINE: u32 = 2300;
-
-/// A fault in the program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Injection {
-    /// A panic, in file `injected.rs`, line 2300.
-    Panic,
-    /// An undefined instruction, which is a `HardFault` unless usage faults have a handler.
-    HardFault,
-    /// The handler of this exception hangs before its first instruction when it is called next, or
-    /// hangs no longer.
-    Hang {
-        /// Number of the exception; external interrupts start at 16.
-        exception: u16,
-        /// Whether it hangs from now on.
-        hangs: bool,
-    },
-    /// The program does nothing but mask interrupts from now on, or goes on again. If it masks them
-    /// itself, that begins when it no longer does.
-    MaskInterrupts(bool),
-}
 
 /// A line of the program's log, or a report: of a refused access, a pin that leads nowhere, a bit
 /// rate that is not the bus's, or a core that locked up.
@@ -320,7 +301,7 @@ impl Machine {
         lock(&self.soc).board()
     }
 
-    /// The function that an address lies in; of a [hung](Injection::Hang) handler that handler.
+    /// The function that an address lies in; of a [hung](ChipFault::Hang) handler that handler.
     #[must_use]
     pub fn function_at(&self, address: u32) -> Option<&str> {
         let handler = |exception| self.memory.word(FLASH + 4 * exception).ok();
@@ -348,18 +329,30 @@ impl Machine {
         &self.core
     }
 
-    /// Puts a fault into the program, now.
+    /// Number of the exception that a handler handles; external interrupts start at 16.
     ///
     /// # Errors
-    /// If the program has nothing that could panic.
-    pub fn inject(&mut self, fault: Injection) -> Result<()> {
+    /// If the program has no such handler.
+    pub(crate) fn exception_of(&self, handler: &str) -> Result<u16> {
+        let address = self.image.symbol(handler)?;
+        // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).
+        let vector = |number: u16| self.memory.word(FLASH + 4 * u32::from(number)).ok();
+        let number = (1..16 + 163).find(|&number| vector(number) == Some(address));
+        number.with_context(|| format!("{handler} handles no exception"))
+    }
+
+    /// Lets a fault begin now, or end if it has an end.
+    ///
+    /// # Errors
+    /// If the program has nothing that could panic, or no such handler.
+    pub fn inject(&mut self, fault: &ChipFault, begins: bool) -> Result<()> {
         self.faults.is_due = true;
         match fault {
-            Injection::HardFault => {
+            ChipFault::HardFault => {
                 self.memory.write(UNDEFINED, &UDF)?;
                 self.faults.jumps.push_back((UNDEFINED, [0; 3]));
             }
-            Injection::Panic => {
+            ChipFault::Panic => {
                 let panic = "core::panicking::panic_fmt";
                 let mut functions = self.image.functions.iter();
                 let (&address, _) = functions
@@ -373,12 +366,12 @@ impl Machine {
                 // Whichever of its arguments the compiler has left: it is the location.
                 self.faults.jumps.push_back((address, [LOCATION; 3]));
             }
-            Injection::Hang { exception, hangs: true } => {
-                self.memory.write(stand_in(exception), &BRANCH_TO_SELF)?;
-                self.faults.hangs.insert(exception);
-            }
-            Injection::Hang { exception, hangs: false } => {
-                if !self.faults.hangs.remove(&exception) {
+            ChipFault::Hang(handler) => {
+                let exception = self.exception_of(handler)?;
+                if begins {
+                    self.memory.write(stand_in(exception), &BRANCH_TO_SELF)?;
+                    self.faults.hangs.insert(exception);
+                } else if !self.faults.hangs.remove(&exception) {
                     // Nothing of the handler has run yet.
                     let handler = self.memory.word(FLASH + 4 * u32::from(exception))?;
                     let stand_in = stand_in(exception);
@@ -386,15 +379,16 @@ impl Machine {
                     self.memory.write(stand_in, &JUMP)?;
                 }
             }
-            Injection::MaskInterrupts(true) => {
+            ChipFault::Mask if begins => {
                 self.memory.write(MASKED, &BRANCH_TO_SELF)?;
                 self.faults.is_mask_due = !self.core.hold(MASKED);
             }
-            Injection::MaskInterrupts(false) => {
+            ChipFault::Mask => {
                 if !std::mem::take(&mut self.faults.is_mask_due) {
                     self.core.release();
                 }
             }
+            ChipFault::CrystalStops | ChipFault::CrystalDead => self.set_crystal(!begins),
         }
         Ok(())
     }

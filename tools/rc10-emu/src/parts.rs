@@ -10,17 +10,11 @@ use rc10_sim::{Base, Nanos};
 use crate::board::{Board, Heater};
 use crate::peripherals::{Soc, SpiDevice, lock};
 
-/// A BMI088 on an SPI: one handle of it, as its two halves are.
+/// A BMI088 on an SPI, switched on at time zero: one handle of it, as its two halves are.
 #[derive(Clone, Debug, Default)]
 pub struct Imu(Arc<Mutex<Bmi088>>);
 
 impl Imu {
-    /// A BMI088, switched on at time zero.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Looks at it, or changes what it feels.
     pub fn with<R>(&self, with: impl FnOnce(&mut Bmi088) -> R) -> R {
         with(&mut lock(&self.0))
@@ -106,7 +100,7 @@ impl Parts {
     pub(crate) fn new(board: &Board, soc: &mut Soc) -> Self {
         let thermal = Thermal::default();
         let imu = board.imu.map(|wiring| {
-            let imu = Imu::new();
+            let imu = Imu::default();
             imu.with(|imu| imu.celsius = thermal.ambient);
             for (part, select) in [
                 (Part::Accelerometer, wiring.accelerometer_select),

@@ -1,11 +1,10 @@
 //! A chip on its wires, with motors, faults and everything that is measured: one scenario.
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use rc10_sim::{Bus, Contact, Esc, Faults, Line, LineEntry, Nanos, Serial, TraceEntry, World};
 
 use crate::fault::{ChipFault, Fault, Kind};
-use crate::machine::{Injection, Machine};
-use crate::memory::FLASH;
+use crate::machine::Machine;
 
 /// The steps of a scenario; faults begin and end at their exact times between them.
 const STEP: Nanos = Nanos::new(1_000_000);
@@ -46,7 +45,7 @@ impl Rig {
     ) -> Result<Self> {
         for Fault { kind, .. } in faults {
             match kind {
-                Kind::Other(ChipFault::Hang(handler)) => drop(exception_of(&machine, handler)?),
+                Kind::Other(ChipFault::Hang(handler)) => drop(machine.exception_of(handler)?),
                 Kind::Other(ChipFault::CrystalDead) => machine.set_crystal(false),
                 _ => ensure!(*kind != Kind::RemoteLost, "{kind}: the rig has no remote to lose"),
             }
@@ -99,28 +98,12 @@ impl Rig {
             self.collect();
             for (begins, kind) in self.faults.act(next) {
                 if let Kind::Other(fault) = kind {
-                    self.apply(begins, &fault)?;
+                    self.machine.inject(&fault, begins)?;
                 }
             }
             if next >= self.next_step {
                 self.next_step = self.next_step + STEP;
             }
-        }
-        Ok(())
-    }
-
-    fn apply(&mut self, begins: bool, fault: &ChipFault) -> Result<()> {
-        match fault {
-            ChipFault::Panic => self.machine.inject(Injection::Panic)?,
-            ChipFault::HardFault => self.machine.inject(Injection::HardFault)?,
-            ChipFault::Hang(handler) => {
-                let exception = exception_of(&self.machine, handler)?;
-                self.machine.inject(Injection::Hang { exception, hangs: begins })?;
-            }
-            ChipFault::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
-            ChipFault::CrystalStops => self.machine.set_crystal(!begins),
-            // From power-on, by `new`.
-            ChipFault::CrystalDead => (),
         }
         Ok(())
     }
@@ -135,12 +118,4 @@ impl Rig {
             bytes.extend(line.take_trace());
         }
     }
-}
-
-fn exception_of(machine: &Machine, handler: &str) -> Result<u16> {
-    let address = machine.image.symbol(handler)?;
-    // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).
-    let vector = |number: u16| machine.memory.word(FLASH + 4 * u32::from(number)).ok();
-    let number = (1..16 + 163).find(|&number| vector(number) == Some(address));
-    number.with_context(|| format!("{handler} handles no exception"))
 }

@@ -10,7 +10,8 @@
 //! [`Options::calibration_needed`](crate::Options::calibration_needed) is off. Not modelled:
 //! calibrating.
 
-use crate::peripherals::registers::{Register, Registers, fixed, masked};
+use super::Fdcans;
+use crate::peripherals::registers::{Register, fixed, masked};
 use crate::peripherals::{AccessKind, Answer, Width, Write};
 
 /// Configuration and watchdog.
@@ -19,7 +20,7 @@ const CWD: u32 = 0x0C;
 
 /// Core release; CCFG without SWR: 4 time quanta a bit, no bypass; CSTAT: not calibrated; CWD's WDC;
 /// interrupt flags and enable.
-const TABLE: &[Register] = &[
+pub(super) const TABLE: &[Register] = &[
     fixed(0x00, 0x1114_1218),
     masked(CCFG, 0x4, 0x000F_FFDF),
     fixed(0x08, 0x0203_FFFF),
@@ -30,32 +31,37 @@ const TABLE: &[Register] = &[
 
 /// CCFG.BCC: the kernel clock is used as it is, but for the divider.
 const BYPASS: u32 = 1 << 6;
-pub(super) struct Calibration {
-    pub registers: Registers,
-    /// Whether the controllers need it to be bypassed or calibrated at all.
-    pub is_needed: bool,
-}
 
-impl Calibration {
-    pub fn new() -> Self {
-        Self { registers: Registers::new(TABLE), is_needed: true }
+impl Fdcans {
+    /// Reads a register of the clock calibration unit.
+    ///
+    /// # Errors
+    /// If there is no such register.
+    pub fn read_calibration(&self, offset: u32) -> Answer<u32> {
+        self.calibration.read(offset)
     }
 
-    pub fn is_valid(&self) -> bool {
-        self.registers.value(CCFG) & BYPASS != 0 || !self.is_needed
+    /// Writes a register of the clock calibration unit.
+    ///
+    /// # Errors
+    /// If there is no such register, or it is locked: FDCAN1 has not both INIT and CCE.
+    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Answer {
+        let is_locked = !self.controllers[0].may_configure();
+        AccessKind::Protected.when(matches!(offset, CCFG | CWD) && is_locked)?;
+        self.calibration.write(Write::new(offset, Width::Word, value))?;
+        self.apply_clock();
+        Ok(())
     }
 
-    /// Divider of the kernel clock: CDIV 0 is 1, 1 is 2, 2 is 4, .. 15 is 30.
-    pub fn divider(&self) -> u64 {
-        match self.registers.value(CCFG) >> 16 & 0xF {
-            0 => 1,
-            half => 2 * u64::from(half),
+    pub(super) fn is_clock_valid(&self) -> bool {
+        self.calibration.has(CCFG, BYPASS) || !self.calibration_needed
+    }
+
+    /// A kernel clock behind the unit's divider, hertz: CDIV 0 is 1, 1 is 2, 2 is 4, .. 15 is 30.
+    pub(crate) fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
+        match self.calibration.field(CCFG, 16, 4) {
+            0 => kernel_hz,
+            half => kernel_hz / (2 * u64::from(half)),
         }
-    }
-
-    /// `unlocked`: FDCAN1 has INIT and CCE.
-    pub fn write(&mut self, offset: u32, value: u32, unlocked: bool) -> Answer {
-        AccessKind::Protected.when(matches!(offset, CCFG | CWD) && !unlocked)?;
-        self.registers.write(Write::new(offset, Width::Word, value))
     }
 }

@@ -7,12 +7,12 @@ use super::counters::Counters;
 use super::errors::Errors;
 use super::link::Link;
 use super::ram::MessageRam;
-use super::receive::Receive;
-use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
+use super::registers::{TABLE, TEST_LBCK, at, cccr, ir};
 use super::ring::{EVENTS, Ring};
-use super::timing::{Timestamp, bit_of};
+use super::timing::Timestamp;
 use super::transmit::Transmit;
-use crate::peripherals::{AccessKind, Answer};
+use crate::peripherals::registers::Registers;
+use crate::peripherals::{AccessKind, Answer, Width, Write};
 use crate::time::{Period, time_of};
 
 /// Sequences of eleven recessive bits before a controller takes part, and after bus-off (RM0468,
@@ -44,7 +44,10 @@ pub(super) struct Controller {
     timestamp: Timestamp,
     link: Link,
     errors: Errors,
-    pub(super) receive: Receive,
+    /// NDAT1 and NDAT2: receive buffers that were not read yet.
+    pub(super) new_data: [u32; 2],
+    /// HPMS.
+    pub(super) high_priority: u32,
     pub(super) transmit: Transmit,
     pub(super) rings: [Ring; 3],
     /// The frame that ended last was its own.
@@ -56,9 +59,13 @@ pub(super) struct Controller {
 }
 
 impl Controller {
+    pub fn new() -> Self {
+        Self { registers: Registers::new(TABLE), ..Self::default() }
+    }
+
     /// The block's reset: everything outside of it (clock, pins, wire) stays.
     pub fn reset(&mut self) {
-        let old = std::mem::take(self);
+        let old = std::mem::replace(self, Self::new());
         (self.kernel_hz, self.is_clock_valid) = (old.kernel_hz, old.is_clock_valid);
         (self.pins, self.link) = (old.pins, old.link);
         (self.now, self.counters) = (old.now, old.counters);
@@ -99,10 +106,15 @@ impl Controller {
         self.registers.has(at::CCCR, bit)
     }
 
+    /// The first word in the message RAM: bits 15:2 of every start address.
+    pub(super) fn start_word(&self, offset: u32) -> u32 {
+        self.registers.field(offset, 2, 14)
+    }
+
     /// Without a valid clock it is kept in restricted mode while it is not in INIT.
     fn restrict(&mut self) {
         if !self.is_clock_valid && !self.is(cccr::INIT) {
-            self.registers.set(at::CCCR, self.registers.at(at::CCCR) | cccr::ASM);
+            self.registers.set(at::CCCR, self.registers.value(at::CCCR) | cccr::ASM);
         }
     }
 
@@ -110,8 +122,11 @@ impl Controller {
         self.is(cccr::INIT | cccr::CCE)
     }
 
+    /// One nominal bit, of NBTP; `None` if the clock is off.
     pub fn bit(&self) -> Option<Period> {
-        bit_of(self.registers.at(at::NBTP), self.kernel_hz)
+        let part = |shift, bits| self.registers.field(at::NBTP, shift, bits) + 1;
+        let quanta = 1 + part(8, 8) + part(0, 7);
+        Period::new(u64::from(quanta * part(16, 9)), self.kernel_hz)
     }
 
     /// The difference of other nodes' bits that it follows, of NBTP: NTSEG1, NTSEG2, NSJW.
@@ -137,10 +152,10 @@ impl Controller {
     }
 
     pub fn interrupt_line(&self, line: u32) -> bool {
-        let second = self.registers.at(at::ILS);
+        let second = self.registers.value(at::ILS);
         let of_line = if line == 0 { !second } else { second };
-        let enabled = self.registers.at(at::IE) & of_line;
-        self.registers.at(at::ILE) >> line & 1 != 0 && self.flags & enabled != 0
+        let enabled = self.registers.value(at::IE) & of_line;
+        self.registers.value(at::ILE) >> line & 1 != 0 && self.flags & enabled != 0
     }
 
     // Time.
@@ -199,7 +214,7 @@ impl Controller {
         let is_quiet = !self.link.is_joined() || !self.link.busy;
         let idle = self.transmit.pending == 0 && !self.transmit.is_sending() && is_quiet;
         if self.is(cccr::CSR) && !self.is(cccr::CSA) && idle {
-            let value = self.registers.at(at::CCCR) | cccr::INIT | cccr::CSA;
+            let value = self.registers.value(at::CCCR) | cccr::INIT | cccr::CSA;
             self.registers.set(at::CCCR, value);
             self.stop();
         }
@@ -252,7 +267,7 @@ impl Controller {
         self.flags |= self.errors.transmission_failed(error);
         if self.errors.bus_off {
             self.counters.bus_offs += 1;
-            self.registers.set(at::CCCR, self.registers.at(at::CCCR) | cccr::INIT);
+            self.registers.set(at::CCCR, self.registers.value(at::CCCR) | cccr::INIT);
             self.stop();
         }
     }
@@ -288,23 +303,16 @@ impl Controller {
 
     pub fn read(&mut self, offset: u32, now: Nanos) -> Answer<u32> {
         self.settle(now);
-        let Some(register) = find(offset) else {
-            self.flags |= ir::ARA;
-            return Err(AccessKind::Unmodelled);
-        };
-        if register.access != Access::Active {
-            return Ok(self.registers.at(register));
-        }
-        Ok(match register {
+        Ok(match offset {
             at::TSCV => self.stamp(self.now),
             // The timeout counter does not count.
             at::TOCV => self.registers.field(at::TOCC, 16, 16),
             at::ECR => self.errors.read_ecr(),
             at::PSR => self.errors.read_psr() | self.activity() << 3,
             at::IR => self.flags,
-            at::HPMS => self.receive.high_priority,
-            at::NDAT1 => self.receive.new_data(0),
-            at::NDAT2 => self.receive.new_data(1),
+            at::HPMS => self.high_priority,
+            at::NDAT1 => self.new_data[0],
+            at::NDAT2 => self.new_data[1],
             at::RXF0S => self.ring_status(0),
             at::RXF1S => self.ring_status(1),
             at::TXFQS => self.queue_status(),
@@ -314,10 +322,8 @@ impl Controller {
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
             at::TXEFS => self.ring_status(EVENTS),
-            at::CCCR => self.registers.at(register) & !cccr::INIT | u32::from(self.told_init()),
-            at::TEST => self.registers.at(register),
-            // Acknowledge and request registers read as zero.
-            _ => 0,
+            at::CCCR => self.registers.value(offset) & !cccr::INIT | u32::from(self.told_init()),
+            _ => return self.registers.read(offset).inspect_err(|_| self.flags |= ir::ARA),
         })
     }
 
@@ -334,52 +340,48 @@ impl Controller {
 
     pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> Answer {
         self.settle(now);
-        let Some(register) = find(offset) else {
-            self.flags |= ir::ARA;
-            return Err(AccessKind::Unmodelled);
-        };
-        match register.access {
-            Access::Constant => (),
-            Access::Open => drop(self.registers.store(register, value)),
-            Access::Protected => self.configure(register, value),
-            Access::Active => self.act(register, value),
-        }
+        let written = self.act(offset, value);
         self.settle(now);
-        Ok(())
+        written
     }
 
-    fn configure(&mut self, register: Register, value: u32) {
-        if !self.may_configure() {
-            self.refuse_if(self.registers.would_change(register, value));
-        } else if self.registers.store(register, value) {
-            self.set_timestamp_rate();
+    /// Writes a register that only stores.
+    fn store(&mut self, offset: u32, value: u32, is_unlocked: bool) -> Answer {
+        let write = Write::new(offset, Width::Word, value);
+        let written = self.registers.write_if(is_unlocked, write);
+        self.set_timestamp_rate();
+        if written == Err(AccessKind::Protected) {
+            self.refuse_if(true);
+            return Ok(());
         }
+        written.inspect_err(|_| self.flags |= ir::ARA)
     }
 
     fn refuse_if(&mut self, changes: bool) {
         self.counters.protected_writes += u64::from(changes);
     }
 
-    fn act(&mut self, register: Register, value: u32) {
-        let is_there = match register {
-            at::CCCR => return self.write_cccr(value),
-            at::TEST => return self.write_test(value),
-            at::TSCV => return self.timestamp.restart(self.now),
-            at::IR => {
-                self.flags &= !value;
-                return;
+    fn act(&mut self, offset: u32, value: u32) -> Answer {
+        match offset {
+            at::CCCR => self.write_cccr(value),
+            // It needs CCCR.TEST as well.
+            at::TEST => {
+                let is_unlocked = self.may_configure() && self.is(cccr::TEST);
+                return self.store(offset, value, is_unlocked);
             }
-            at::NDAT1 => return self.receive.clear_new_data(0, value),
-            at::NDAT2 => return self.receive.clear_new_data(1, value),
-            at::TXBAR => return self.ask(value),
-            at::TXBCR => return self.ask_to_cancel(value),
+            at::TSCV => self.timestamp.restart(self.now),
+            at::IR => self.flags &= !value,
+            at::NDAT1 => self.new_data[0] &= !value,
+            at::NDAT2 => self.new_data[1] &= !value,
+            at::TXBAR => self.ask(value),
+            at::TXBCR => self.ask_to_cancel(value),
             at::RXF0A => self.acknowledge(0, value),
             at::RXF1A => self.acknowledge(1, value),
             at::TXEFA => self.acknowledge(EVENTS, value),
-            // The others are read-only; TOCV stands at its preset.
-            _ => return,
-        };
-        self.counters.bad_acknowledges += u64::from(!is_there);
+            // TOCV stands at its preset.
+            _ => return self.store(offset, value, self.may_configure()),
+        }
+        Ok(())
     }
 
     fn ask(&mut self, buffers: u32) {
@@ -405,17 +407,8 @@ impl Controller {
         }
     }
 
-    /// TEST needs CCCR.TEST as well.
-    fn write_test(&mut self, value: u32) {
-        if self.may_configure() && self.is(cccr::TEST) {
-            self.registers.store(at::TEST, value);
-        } else {
-            self.refuse_if(self.registers.would_change(at::TEST, value));
-        }
-    }
-
     fn write_cccr(&mut self, value: u32) {
-        let old = self.registers.at(at::CCCR);
+        let old = self.registers.value(at::CCCR);
         let was_init = old & cccr::INIT != 0;
         let may_configure = self.may_configure();
 
@@ -451,7 +444,7 @@ impl Controller {
         }
         if cce && old & cccr::CCE == 0 {
             self.rings = Default::default();
-            self.receive.high_priority = 0;
+            self.high_priority = 0;
             self.reset_transmit();
         }
         if new & cccr::MON != 0 {

@@ -84,9 +84,4 @@ impl Counters {
             self.tick_period.add(now.since(tick));
         }
     }
-
-    pub(super) fn restart_ticks(&mut self) {
-        self.tick_period = Spread::default();
-        self.last_tick = None;
-    }
 }

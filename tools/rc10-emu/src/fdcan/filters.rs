@@ -4,7 +4,8 @@ use rc10_can::CanFrame;
 
 use super::controller::Controller;
 use super::ram::MessageRam;
-use super::registers::{at, field};
+use super::registers::at;
+use crate::peripherals::registers::field;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
@@ -37,9 +38,9 @@ const EXTENDED_RANGE_UNMASKED: u32 = 3;
 
 /// The first element that matches decides.
 pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> Verdict {
-    let (registers, new_data) = (&of.registers, of.receive.new_data);
+    let (registers, new_data) = (&of.registers, of.new_data);
     let extended = frame.is_extended_id();
-    let global = registers.at(at::GFC);
+    let global = registers.value(at::GFC);
     let (reject_remote, unmatched) =
         if extended { (1 << 0, field(global, 2, 2)) } else { (1 << 1, field(global, 4, 2)) };
     if frame.is_remote() && global & reject_remote != 0 {
@@ -48,12 +49,12 @@ pub(super) fn judge(of: &Controller, frame: &CanFrame, ram: &mut MessageRam) -> 
     let (list, largest, words) = if extended { (at::XIDFC, 64, 2) } else { (at::SIDFC, 128, 1) };
     let elements = registers.field(list, 16, 8).min(largest);
     for index in 0..elements {
-        let address = registers.start_word(list) + index * words;
+        let address = of.start_word(list) + index * words;
         let element = if extended { extended_at(address, ram) } else { standard_at(address, ram) };
         if element.configuration == DISABLED {
             continue;
         }
-        let masked = frame.raw_id() & registers.at(at::XIDAM);
+        let masked = frame.raw_id() & registers.value(at::XIDAM);
         let matches = match (extended, element.kind) {
             (true, EXTENDED_RANGE_UNMASKED) if element.configuration != INTO_BUFFER => {
                 element.ranges_over(frame.raw_id())
@@ -89,11 +90,14 @@ fn extended_at(address: u32, ram: &mut MessageRam) -> Element {
 }
 
 impl Element {
-    fn matches(&self, id: u32, new_data: u64) -> bool {
+    fn matches(&self, id: u32, new_data: [u32; 2]) -> bool {
         let [first, second] = self.id;
         match (self.configuration, self.kind) {
             // A buffer that was not read yet is locked: the search goes on.
-            (INTO_BUFFER, _) => id == first && new_data >> field(second, 0, 6) & 1 == 0,
+            (INTO_BUFFER, _) => {
+                let is_new = new_data[field(second, 5, 1) as usize] >> field(second, 0, 5) & 1;
+                id == first && is_new == 0
+            }
             (_, 0) => self.ranges_over(id),
             (_, 1) => id == first || id == second,
             (_, 2) => (id ^ first) & second == 0,

@@ -34,9 +34,9 @@ use std::sync::{Arc, Mutex};
 use rc10_can::{BusError, CanFrame};
 use rc10_sim::{Activity, Nanos, Outcome};
 
+use crate::peripherals::registers::Registers;
 use crate::peripherals::{AccessKind, Answer, lock};
 use crate::time::Period;
-use calibration::Calibration;
 use controller::Controller;
 pub use counters::{Counters, Spread};
 use ram::MessageRam;
@@ -44,7 +44,9 @@ use ram::MessageRam;
 /// FDCAN1, FDCAN2, FDCAN3 and their message RAM. Controllers are counted from 0.
 pub struct Fdcans {
     controllers: [Controller; 3],
-    calibration: Calibration,
+    calibration: Registers,
+    /// Whether the controllers need it to be bypassed or calibrated at all.
+    calibration_needed: bool,
     kernel_hz: u64,
     ram: MessageRam,
 }
@@ -54,8 +56,9 @@ impl Fdcans {
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self {
-            controllers: Default::default(),
-            calibration: Calibration::new(),
+            controllers: std::array::from_fn(|_| Controller::new()),
+            calibration: Registers::new(calibration::TABLE),
+            calibration_needed: true,
             kernel_hz: 0,
             ram: MessageRam::new(seed),
         }
@@ -64,7 +67,7 @@ impl Fdcans {
     /// Resets all registers, as RCC does. Message RAM, clock, pins and [`Counters`] stay.
     pub fn reset(&mut self) {
         self.controllers.iter_mut().for_each(Controller::reset);
-        self.calibration.registers.reset();
+        self.calibration.reset();
         self.apply_clock();
     }
 
@@ -84,28 +87,9 @@ impl Fdcans {
         self.controllers.get_mut(index).ok_or(AccessKind::Unmodelled)?.write(offset, value, now)
     }
 
-    /// Reads a register of the clock calibration unit.
-    ///
-    /// # Errors
-    /// If there is no such register.
-    pub fn read_calibration(&self, offset: u32) -> Answer<u32> {
-        self.calibration.registers.read(offset)
-    }
-
-    /// Writes a register of the clock calibration unit.
-    ///
-    /// # Errors
-    /// If there is no such register, or it is locked: FDCAN1 has not both INIT and CCE.
-    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Answer {
-        let unlocked = self.controllers[0].may_configure();
-        self.calibration.write(offset, value, unlocked)?;
-        self.apply_clock();
-        Ok(())
-    }
-
     /// Sets whether the clock calibration unit has to be bypassed before a controller may send.
     pub fn set_calibration_needed(&mut self, needed: bool) {
-        self.calibration.is_needed = needed;
+        self.calibration_needed = needed;
         self.apply_clock();
     }
 
@@ -132,13 +116,8 @@ impl Fdcans {
         self.apply_clock();
     }
 
-    /// A kernel clock behind the calibration unit's divider, hertz.
-    pub(crate) fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
-        kernel_hz / self.calibration.divider()
-    }
-
     fn apply_clock(&mut self) {
-        let (hz, valid) = (self.time_quantum_of(self.kernel_hz), self.calibration.is_valid());
+        let (hz, valid) = (self.time_quantum_of(self.kernel_hz), self.is_clock_valid());
         self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 
@@ -165,11 +144,6 @@ impl Fdcans {
     pub(crate) fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
         let bit = self.controllers.get(index)?.bit_in_use()?;
         Some((bit.rate(), bit.nanos()))
-    }
-
-    /// Starts [`Counters::tick_period`] anew, for all controllers.
-    pub fn restart_ticks(&mut self) {
-        self.controllers.iter_mut().for_each(|one| one.counters.restart_ticks());
     }
 }
 

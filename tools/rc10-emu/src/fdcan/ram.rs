@@ -3,8 +3,8 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 
-use super::registers::field;
 use crate::memory::noise;
+use crate::peripherals::registers::field;
 
 /// 10 KiB (RM0468, FDCAN message RAM).
 pub(super) const WORDS: u32 = 2560;

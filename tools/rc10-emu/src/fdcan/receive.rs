@@ -15,25 +15,6 @@ mod stored {
     pub const IN_FIFO_0: u32 = 2;
 }
 
-#[derive(Default)]
-pub(super) struct Receive {
-    /// NDAT1 and NDAT2: receive buffers that were not read yet.
-    pub new_data: u64,
-    /// HPMS.
-    pub high_priority: u32,
-}
-
-impl Receive {
-    /// NDAT1 (0), NDAT2 (1).
-    pub const fn new_data(&self, half: u32) -> u32 {
-        (self.new_data >> (32 * half) & 0xFFFF_FFFF) as u32
-    }
-
-    pub fn clear_new_data(&mut self, half: u32, bits: u32) {
-        self.new_data &= !(u64::from(bits) << (32 * half));
-    }
-}
-
 impl Controller {
     /// Stores a frame where the filters want it.
     pub fn accept(&mut self, frame: &CanFrame, timestamp: u32, ram: &mut MessageRam) {
@@ -56,8 +37,8 @@ impl Controller {
             }
             Destination::Buffer(buffer) => {
                 let size_code = self.registers.field(at::RXESC, 8, 3);
-                store(self.registers.start_word(at::RXBC), size_code, buffer);
-                self.receive.new_data |= 1 << buffer;
+                store(self.start_word(at::RXBC), size_code, buffer);
+                self.new_data[buffer as usize / 32] |= 1 << (buffer % 32);
                 self.counters.received_in_buffers += 1;
                 self.flags |= ir::DRX;
                 (0, stored::NOWHERE)
@@ -66,7 +47,7 @@ impl Controller {
                 let ring = fifo as usize;
                 let was_full = self.is_full(ring);
                 if let Some(index) = self.put(ring) {
-                    let start = self.registers.start_word(RINGS[ring].0);
+                    let start = self.start_word(RINGS[ring].0);
                     store(start, self.registers.field(at::RXESC, 4 * fifo, 3), index);
                     self.counters.received[ring] += 1;
                     self.counters.overwritten[ring] += u64::from(was_full);
@@ -79,7 +60,7 @@ impl Controller {
         };
         if verdict.priority {
             let list = u32::from(frame.is_extended_id()) << 15;
-            self.receive.high_priority = list | element << 8 | indicator << 6 | index;
+            self.high_priority = list | element << 8 | indicator << 6 | index;
             self.flags |= ir::HPM;
         }
     }

@@ -1,68 +1,76 @@
 //! Offsets of the registers, existing bits, and when they are writable. Source: RM0468, FDCAN
 //! register map; `stm32-metapac` (`can_fdcan_h7`).
 
-pub(super) use crate::peripherals::registers::field;
+use crate::peripherals::registers::{Register, fixed, locking, masked};
 
-/// The registers.
+/// Offsets from a controller's base address.
 pub(super) mod at {
-    use super::{Access, Register, active, cccr, open, protected, register};
-
-    const INTERRUPTS: u32 = 0x3FFF_FFFF;
-
-    pub const CREL: Register = register(0x00, Access::Constant, 0x3214_1218, 0);
-    pub const ENDN: Register = register(0x04, Access::Constant, 0x8765_4321, 0);
-    pub const DBTP: Register = protected(0x0C, 0x0000_0A33, 0x009F_1FFF);
-    pub const TEST: Register = register(0x10, Access::Active, 0, 0x70);
-    pub const RWD: Register = protected(0x14, 0, 0xFF);
-    pub const CCCR: Register = register(0x18, Access::Active, cccr::INIT, 0);
-    pub const NBTP: Register = protected(0x1C, 0x0600_0A03, 0xFFFF_FF7F);
-    pub const TSCC: Register = protected(0x20, 0, 0x000F_0003);
-    pub const TSCV: Register = active(0x24);
-    pub const TOCC: Register = protected(0x28, 0xFFFF_0000, 0xFFFF_0007);
-    pub const TOCV: Register = active(0x2C);
-    pub const ECR: Register = active(0x40);
-    pub const PSR: Register = active(0x44);
-    pub const TDCR: Register = protected(0x48, 0, 0x7F7F);
-    pub const IR: Register = active(0x50);
-    pub const IE: Register = open(0x54, INTERRUPTS);
-    pub const ILS: Register = open(0x58, INTERRUPTS);
-    pub const ILE: Register = open(0x5C, 0b11);
-    pub const GFC: Register = protected(0x80, 0, 0x3F);
-    pub const SIDFC: Register = protected(0x84, 0, 0x00FF_FFFC);
-    pub const XIDFC: Register = protected(0x88, 0, 0x007F_FFFC);
-    pub const XIDAM: Register = protected(0x90, 0x1FFF_FFFF, 0x1FFF_FFFF);
-    pub const HPMS: Register = active(0x94);
-    pub const NDAT1: Register = active(0x98);
-    pub const NDAT2: Register = active(0x9C);
-    pub const RXF0C: Register = protected(0xA0, 0, 0xFF7F_FFFC);
-    pub const RXF0S: Register = active(0xA4);
-    pub const RXF0A: Register = active(0xA8);
-    pub const RXBC: Register = protected(0xAC, 0, 0xFFFC);
-    pub const RXF1C: Register = protected(0xB0, 0, 0xFF7F_FFFC);
-    pub const RXF1S: Register = active(0xB4);
-    pub const RXF1A: Register = active(0xB8);
-    pub const RXESC: Register = protected(0xBC, 0, 0x777);
-    pub const TXBC: Register = protected(0xC0, 0, 0x7F3F_FFFC);
-    pub const TXFQS: Register = active(0xC4);
-    pub const TXESC: Register = protected(0xC8, 0, 0x7);
-    pub const TXBRP: Register = active(0xCC);
-    pub const TXBAR: Register = active(0xD0);
-    pub const TXBCR: Register = active(0xD4);
-    pub const TXBTO: Register = active(0xD8);
-    pub const TXBCF: Register = active(0xDC);
-    pub const TXBTIE: Register = open(0xE0, u32::MAX);
-    pub const TXBCIE: Register = open(0xE4, u32::MAX);
-    pub const TXEFC: Register = protected(0xF0, 0, 0x3F3F_FFFC);
-    pub const TXEFS: Register = active(0xF4);
-    pub const TXEFA: Register = active(0xF8);
-
-    pub const ALL: [Register; 46] = [
-        CREL, ENDN, DBTP, TEST, RWD, CCCR, NBTP, TSCC, TSCV, TOCC, TOCV, ECR, PSR, TDCR, IR, IE,
-        ILS, ILE, GFC, SIDFC, XIDFC, XIDAM, HPMS, NDAT1, NDAT2, RXF0C, RXF0S, RXF0A, RXBC, RXF1C,
-        RXF1S, RXF1A, RXESC, TXBC, TXFQS, TXESC, TXBRP, TXBAR, TXBCR, TXBTO, TXBCF, TXBTIE, TXBCIE,
-        TXEFC, TXEFS, TXEFA,
-    ];
+    pub const TEST: u32 = 0x10;
+    pub const CCCR: u32 = 0x18;
+    pub const NBTP: u32 = 0x1C;
+    pub const TSCC: u32 = 0x20;
+    pub const TSCV: u32 = 0x24;
+    pub const TOCC: u32 = 0x28;
+    pub const TOCV: u32 = 0x2C;
+    pub const ECR: u32 = 0x40;
+    pub const PSR: u32 = 0x44;
+    pub const IR: u32 = 0x50;
+    pub const IE: u32 = 0x54;
+    pub const ILS: u32 = 0x58;
+    pub const ILE: u32 = 0x5C;
+    pub const GFC: u32 = 0x80;
+    pub const SIDFC: u32 = 0x84;
+    pub const XIDFC: u32 = 0x88;
+    pub const XIDAM: u32 = 0x90;
+    pub const HPMS: u32 = 0x94;
+    pub const NDAT1: u32 = 0x98;
+    pub const NDAT2: u32 = 0x9C;
+    pub const RXF0C: u32 = 0xA0;
+    pub const RXF0S: u32 = 0xA4;
+    pub const RXF0A: u32 = 0xA8;
+    pub const RXBC: u32 = 0xAC;
+    pub const RXF1C: u32 = 0xB0;
+    pub const RXF1S: u32 = 0xB4;
+    pub const RXF1A: u32 = 0xB8;
+    pub const RXESC: u32 = 0xBC;
+    pub const TXBC: u32 = 0xC0;
+    pub const TXFQS: u32 = 0xC4;
+    pub const TXESC: u32 = 0xC8;
+    pub const TXBRP: u32 = 0xCC;
+    pub const TXBAR: u32 = 0xD0;
+    pub const TXBCR: u32 = 0xD4;
+    pub const TXBTO: u32 = 0xD8;
+    pub const TXBCF: u32 = 0xDC;
+    pub const TXBTIE: u32 = 0xE0;
+    pub const TXBCIE: u32 = 0xE4;
+    pub const TXEFC: u32 = 0xF0;
+    pub const TXEFS: u32 = 0xF4;
+    pub const TXEFA: u32 = 0xF8;
 }
+
+const INTERRUPTS: u32 = 0x3FFF_FFFF;
+
+/// All registers. Those that lock are writable only while CCCR.INIT and CCCR.CCE are set; reading or
+/// writing others that are fixed here may do something.
+#[rustfmt::skip]
+pub(super) const TABLE: &[Register] = &[
+    fixed(0x00, 0x3214_1218), fixed(0x04, 0x8765_4321), locking(0x0C, 0x0000_0A33, 0x009F_1FFF),
+    locking(at::TEST, 0, 0x70), locking(0x14, 0, 0xFF), fixed(at::CCCR, cccr::INIT),
+    locking(at::NBTP, 0x0600_0A03, 0xFFFF_FF7F), locking(at::TSCC, 0, 0x000F_0003),
+    fixed(at::TSCV, 0), locking(at::TOCC, 0xFFFF_0000, 0xFFFF_0007), fixed(at::TOCV, 0),
+    fixed(at::ECR, 0), fixed(at::PSR, 0), locking(0x48, 0, 0x7F7F), fixed(at::IR, 0),
+    masked(at::IE, 0, INTERRUPTS), masked(at::ILS, 0, INTERRUPTS), masked(at::ILE, 0, 0b11),
+    locking(at::GFC, 0, 0x3F), locking(at::SIDFC, 0, 0x00FF_FFFC),
+    locking(at::XIDFC, 0, 0x007F_FFFC), locking(at::XIDAM, 0x1FFF_FFFF, 0x1FFF_FFFF),
+    fixed(at::HPMS, 0), fixed(at::NDAT1, 0), fixed(at::NDAT2, 0),
+    locking(at::RXF0C, 0, 0xFF7F_FFFC), fixed(at::RXF0S, 0), fixed(at::RXF0A, 0),
+    locking(at::RXBC, 0, 0xFFFC), locking(at::RXF1C, 0, 0xFF7F_FFFC), fixed(at::RXF1S, 0),
+    fixed(at::RXF1A, 0), locking(at::RXESC, 0, 0x777), locking(at::TXBC, 0, 0x7F3F_FFFC),
+    fixed(at::TXFQS, 0), locking(at::TXESC, 0, 0x7), fixed(at::TXBRP, 0), fixed(at::TXBAR, 0),
+    fixed(at::TXBCR, 0), fixed(at::TXBTO, 0), fixed(at::TXBCF, 0), masked(at::TXBTIE, 0, u32::MAX),
+    masked(at::TXBCIE, 0, u32::MAX), locking(at::TXEFC, 0, 0x3F3F_FFFC), fixed(at::TXEFS, 0),
+    fixed(at::TXEFA, 0),
+];
 
 /// Bits of CCCR.
 pub(super) mod cccr {
@@ -104,95 +112,3 @@ pub(super) mod ir {
 
 /// TEST.LBCK: loop back.
 pub(super) const TEST_LBCK: u32 = 1 << 4;
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Access {
-    /// A constant.
-    Constant,
-    /// Holds a written value; writable only while CCCR.INIT and CCCR.CCE are set.
-    Protected,
-    /// Holds a written value.
-    Open,
-    /// Reading or writing it does something.
-    Active,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) struct Register {
-    /// From a controller's base address.
-    offset: u32,
-    reset: u32,
-    /// The bits that exist.
-    mask: u32,
-    pub access: Access,
-}
-
-const fn register(offset: u32, access: Access, reset: u32, mask: u32) -> Register {
-    Register { offset, reset, mask, access }
-}
-
-const fn protected(offset: u32, reset: u32, mask: u32) -> Register {
-    register(offset, Access::Protected, reset, mask)
-}
-
-const fn open(offset: u32, mask: u32) -> Register {
-    register(offset, Access::Open, 0, mask)
-}
-
-const fn active(offset: u32) -> Register {
-    register(offset, Access::Active, 0, 0)
-}
-
-/// Register at an offset, if there is one.
-pub(super) fn find(offset: u32) -> Option<Register> {
-    at::ALL.iter().copied().find(|register| register.offset == offset)
-}
-
-/// The registers that hold a written value.
-pub(super) struct Registers([u32; 64]);
-
-impl Default for Registers {
-    fn default() -> Self {
-        let mut registers = Self([0; 64]);
-        for register in at::ALL {
-            registers.set(register, register.reset);
-        }
-        registers
-    }
-}
-
-impl Registers {
-    pub const fn at(&self, register: Register) -> u32 {
-        self.0[(register.offset / 4) as usize]
-    }
-
-    /// A field: `width` bits from bit `low` on.
-    pub fn field(&self, register: Register, low: u32, width: u32) -> u32 {
-        field(self.at(register), low, width)
-    }
-
-    /// Whether all these bits are set.
-    pub const fn has(&self, register: Register, bits: u32) -> bool {
-        self.at(register) & bits == bits
-    }
-
-    /// The first word in the message RAM: bits 15:2 of every start address.
-    pub fn start_word(&self, register: Register) -> u32 {
-        self.field(register, 2, 14)
-    }
-
-    /// Writes the bits that exist; whether that changed anything.
-    pub fn store(&mut self, register: Register, value: u32) -> bool {
-        self.set(register, value & register.mask)
-    }
-
-    /// Whether a write of this value would change anything.
-    pub const fn would_change(&self, register: Register, value: u32) -> bool {
-        self.at(register) != value & register.mask
-    }
-
-    pub fn set(&mut self, register: Register, value: u32) -> bool {
-        let slot = &mut self.0[(register.offset / 4) as usize];
-        std::mem::replace(slot, value) != value
-    }
-}

@@ -1,16 +1,8 @@
-//! Bits and timestamps.
+//! Timestamps.
 
 use rc10_sim::Nanos;
 
-use super::registers::field;
 use crate::time::Period;
-
-/// One nominal bit, of NBTP; `None` if the clock is off.
-pub(super) fn bit_of(nbtp: u32, hz: u64) -> Option<Period> {
-    let quanta = 3 + field(nbtp, 8, 8) + field(nbtp, 0, 7);
-    let prescaler = 1 + field(nbtp, 16, 9);
-    Period::new(u64::from(quanta * prescaler), hz)
-}
 
 /// The timestamp counter, TSCV.
 #[derive(Default)]

@@ -10,8 +10,9 @@ use rc10_sim::Nanos;
 
 use super::controller::Controller;
 use super::ram::{self, MessageRam};
-use super::registers::{Registers, at, cccr, field, ir};
+use super::registers::{at, cccr, ir};
 use super::ring::EVENTS;
+use crate::peripherals::registers::field;
 use crate::time::time_of;
 
 const BUFFERS: u32 = 32;
@@ -35,15 +36,6 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(registers: &Registers) -> Self {
-        let dedicated = registers.field(at::TXBC, 16, 6).min(BUFFERS);
-        Self {
-            dedicated,
-            shared: registers.field(at::TXBC, 24, 6).min(BUFFERS - dedicated),
-            is_queue: registers.has(at::TXBC, 1 << 30),
-        }
-    }
-
     /// A bit for each buffer below this one.
     fn below(buffer: u32) -> u32 {
         1_u32.checked_shl(buffer).map_or(u32::MAX, |bit| bit - 1)
@@ -125,7 +117,9 @@ impl Transmit {
 
 impl Controller {
     fn layout(&self) -> Layout {
-        Layout::new(&self.registers)
+        let dedicated = self.registers.field(at::TXBC, 16, 6).min(BUFFERS);
+        let shared = self.registers.field(at::TXBC, 24, 6).min(BUFFERS - dedicated);
+        Layout { dedicated, shared, is_queue: self.registers.has(at::TXBC, 1 << 30) }
     }
 
     /// CCCR.CCE was set: requests are dropped.
@@ -213,7 +207,7 @@ impl Controller {
 
     fn finish_cancellation(&mut self, bits: u32) {
         self.transmit.cancelled |= bits;
-        if bits & self.registers.at(at::TXBCIE) != 0 {
+        if bits & self.registers.value(at::TXBCIE) != 0 {
             self.flags |= ir::TCF;
         }
     }
@@ -237,7 +231,7 @@ impl Controller {
 
     fn buffer_address(&self, buffer: u32) -> u32 {
         let words = ram::element_words(self.registers.field(at::TXESC, 0, 3));
-        self.registers.start_word(at::TXBC) + buffer * words
+        self.start_word(at::TXBC) + buffer * words
     }
 
     fn candidate(&self, buffer: u32, ram: &mut MessageRam) -> Candidate {
@@ -320,7 +314,7 @@ impl Controller {
         self.counters.oldest_sent = self.counters.oldest_sent.max(sending.age);
         self.transmit.pending &= !bit;
         self.transmit.occurred |= bit;
-        if bit & self.registers.at(at::TXBTIE) != 0 {
+        if bit & self.registers.value(at::TXBTIE) != 0 {
             self.flags |= ir::TC;
         }
         if sending.cancelled {
@@ -341,7 +335,7 @@ impl Controller {
         let in_spite = sent.cancelled || self.registers.has(at::CCCR, cccr::DAR);
         let kind = if in_spite { SENT_IN_SPITE } else { SENT };
         let marker = field(sent.control, 24, 8) << 24;
-        let address = self.registers.start_word(at::TXEFC) + 2 * index;
+        let address = self.start_word(at::TXEFC) + 2 * index;
         ram.store(address, sent.header);
         ram.store(address + 1, marker | kind | sent.control & 0xF << 16 | sent.timestamp);
     }

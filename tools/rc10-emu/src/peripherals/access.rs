@@ -169,12 +169,9 @@ impl Write {
 
     /// The write behind an AHB-to-APB bridge, which repeats what is narrower than a word (RM0468).
     pub(super) const fn repeated(self) -> Self {
-        let value = self.value >> self.lanes.trailing_zeros();
-        let value = match self.width() {
-            Width::Byte => value * 0x0101_0101,
-            Width::Half => value * 0x0001_0001,
-            Width::Word => value,
-        };
+        // As often as it fits into a word.
+        let copies = u32::MAX / self.width().mask();
+        let value = (self.value >> self.lanes.trailing_zeros()) * copies;
         Self { value, lanes: u32::MAX, ..self }
     }
 

@@ -344,7 +344,7 @@ impl Adc {
     }
 
     fn length(&self) -> usize {
-        field(self.registers.value(SQR[0]), 0, 4) as usize + 1
+        self.registers.field(SQR[0], 0, 4) as usize + 1
     }
 
     /// The channel of a rank, 0 for the first.
@@ -352,7 +352,7 @@ impl Adc {
         // SQR1 has L and four ranks, the others five each.
         let (register, place) = ((rank + 1) / 5, (rank + 1) % 5);
         let shift = u32::try_from(6 * place).unwrap_or(0);
-        SQR.get(register).map_or(0, |at| field(self.registers.value(*at), shift, 5))
+        SQR.get(register).map_or(0, |at| self.registers.field(*at, shift, 5))
     }
 
     fn check_preselection(&self) -> Answer {
@@ -366,7 +366,7 @@ impl Adc {
 
     fn bits(&self) -> u32 {
         // RES; 5 and 6 are 14 and 12 bits with less power.
-        match field(self.registers.value(CFGR), 2, 3) {
+        match self.registers.field(CFGR, 2, 3) {
             0 => 16,
             1 | 5 => 14,
             2 | 6 => 12,

@@ -138,8 +138,10 @@ impl Soc {
 
     fn output_of(&self, (port, pin): (usize, usize), signal: Option<Signal>) -> Option<bool> {
         match signal {
-            Some(Signal::Timer(timer, channel)) => self.timers[timer].output(channel),
-            Some(Signal::TimerComplement(timer, channel)) => self.timers[timer].complement(channel),
+            Some(Signal::Timer(timer, channel)) => self.timers[timer].level(channel, false),
+            Some(Signal::TimerComplement(timer, channel)) => {
+                self.timers[timer].level(channel, true)
+            }
             Some(Signal::SerialEnable(usart)) => self.usarts[usart].driver_level(),
             _ => self.ports[port].output(pin),
         }
@@ -342,12 +344,11 @@ impl Soc {
         start: Nanos,
     ) -> bool {
         let Some(format) = Format::of_length(bits).filter(|_| baud != 0) else { return false };
-        let after = |frames: u64| {
-            let nanos = u128::from(frames) * u128::from(bits) * 1_000_000_000 / u128::from(baud);
-            start + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX))
-        };
-        (0..).zip(bytes).all(|(index, &byte)| {
-            self.feed_character(uart, Character::new(byte.into(), format, baud, after(index)))
+        let mut at = start;
+        bytes.iter().all(|&byte| {
+            let character = Character::new(byte.into(), format, baud, at);
+            at = character.end();
+            self.feed_character(uart, character)
         }) && index_of(&USARTS, uart).is_some()
     }
 

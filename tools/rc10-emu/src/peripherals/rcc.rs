@@ -117,7 +117,7 @@ const STARTERS: [(u32, u32, Nanos); 4] = [
     (HSE, 17, Nanos::new(2_000_000)),
 ];
 const HSI: u32 = 0;
-const CSI: u32 = 7;
+pub(super) const CSI: u32 = 7;
 const HSI48: u32 = 12;
 const HSI48_HZ: u64 = 48_000_000;
 const HSE: u32 = 16;
@@ -151,7 +151,7 @@ pub(super) struct Rcc {
     ready: [Option<Nanos>; 34],
     options: Options,
     /// HSI's frequency, hertz.
-    hsi_hz: u64,
+    pub(super) hsi_hz: u64,
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
     /// SWS.
@@ -213,7 +213,7 @@ impl Rcc {
 
     /// PLLSRC.
     fn pll_source(&self) -> usize {
-        field(self.registers.value(PLLCKSELR), 0, 2) as usize
+        self.registers.field(PLLCKSELR, 0, 2) as usize
     }
 
     fn plls_are_fed_by_hse(&self) -> bool {
@@ -244,16 +244,13 @@ impl Rcc {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
-    fn is_ready(&self, source: u32) -> bool {
+    /// Whether a source of clocks is, by its bit in CR.
+    pub(super) fn is_ready(&self, source: u32) -> bool {
         self.ready[source as usize].is_some_and(|at| at <= self.settled)
     }
 
     fn pll_is_on(&self, pll: u32) -> bool {
-        field(self.registers.value(CR), pll_bit(pll), 1) != 0
-    }
-
-    pub(super) fn csi_is_ready(&self) -> bool {
-        self.is_ready(CSI)
+        self.registers.field(CR, pll_bit(pll), 1) != 0
     }
 
     /// Whether one of `mask`'s bits is set in the enable register, and none in the reset register.
@@ -266,7 +263,7 @@ impl Rcc {
     }
 
     pub(super) fn memories_run(&self) -> [bool; 2] {
-        [29, 30].map(|bit| field(self.registers.value(0xDC), bit, 1) != 0)
+        [29, 30].map(|bit| self.registers.field(0xDC, bit, 1) != 0)
     }
 
     /// Whether gates or resets may have changed by a write there.
@@ -395,24 +392,20 @@ impl Rcc {
 
     /// HSIDIV.
     fn hsi_shift(&self) -> u32 {
-        field(self.registers.value(CR), 3, 2)
+        self.registers.field(CR, 3, 2)
     }
 
     fn pll(&self, pll: u32) -> Pll {
-        let (config, dividers) =
-            (self.registers.value(PLLCFGR), self.registers.value(divider(pll)));
+        let [config, dividers] = [PLLCFGR, divider(pll)].map(|at| self.registers.value(at));
+        let has_fraction = field(config, 4 * pll, 1) != 0;
         let output = |index, shift| {
             let enabled = field(config, 16 + 3 * pll + index, 1) != 0;
             enabled.then(|| u64::from(field(dividers, shift, 7)) + 1)
         };
         Pll {
-            pre_divider: field(self.registers.value(PLLCKSELR), 4 + 8 * pll, 6),
+            pre_divider: self.registers.field(PLLCKSELR, 4 + 8 * pll, 6),
             multiplier: field(dividers, 0, 9) + 1,
-            fraction: if field(config, 4 * pll, 1) != 0 {
-                field(self.registers.value(fraction(pll)), 3, 13)
-            } else {
-                0
-            },
+            fraction: if has_fraction { self.registers.field(fraction(pll), 3, 13) } else { 0 },
             wide: field(config, 4 * pll + 1, 1) == 0,
             range: field(config, 4 * pll + 2, 2),
             dividers: [output(0, 9), output(1, 16), output(2, 24)],
@@ -426,7 +419,7 @@ impl Rcc {
     /// Sources that are due become ready; the system clock is switched when its new source is.
     pub(super) fn advance(&mut self, now: Nanos) {
         self.settled = now.max(self.settled);
-        let wanted = field(self.registers.value(CFGR), 0, 3);
+        let wanted = self.registers.field(CFGR, 0, 3);
         let Some(&bit) = SOURCES.get(wanted as usize) else { return };
         if wanted != self.source && self.is_ready(bit) {
             self.source = wanted;
@@ -456,16 +449,8 @@ impl Rcc {
         [lsi, divided(lse, 1), hse, divided(output, field(config, 18, 4)), None]
     }
 
-    pub(super) fn clocks(&self) -> Clocks {
-        self.clocks_with(self.hsi_hz)
-    }
-
-    /// The clocks if HSI were not off: limits are those of nominal frequencies.
-    pub(super) fn nominal_clocks(&self) -> Clocks {
-        self.clocks_with(HSI_HZ)
-    }
-
-    fn clocks_with(&self, hsi_hz: u64) -> Clocks {
+    /// The clocks with HSI at this frequency: limits are those of nominal ones.
+    pub(super) fn clocks(&self, hsi_hz: u64) -> Clocks {
         Clocks::new(&self.sources(hsi_hz), self.source, |at| self.registers.value(at))
     }
 

@@ -2,27 +2,34 @@
 
 use super::access::{AccessKind, Answer, Write};
 
-/// A register: offset, value after a reset, and the bits that can be written.
+/// A register: offset, value after a reset, the bits that can be written, and whether only while
+/// the block is unlocked.
 #[derive(Debug)]
 pub(crate) struct Register {
     pub offset: u32,
     pub reset: u32,
     pub writable: u32,
+    pub locks: bool,
 }
 
 /// A register whose bits all keep a written value.
 pub(crate) const fn plain(offset: u32, reset: u32) -> Register {
-    Register { offset, reset, writable: u32::MAX }
+    masked(offset, reset, u32::MAX)
 }
 
 /// A register of which some bits keep a written value.
 pub(crate) const fn masked(offset: u32, reset: u32, writable: u32) -> Register {
-    Register { offset, reset, writable }
+    Register { offset, reset, writable, locks: false }
+}
+
+/// The same, if they can be written only while the block is unlocked.
+pub(crate) const fn locking(offset: u32, reset: u32, writable: u32) -> Register {
+    Register { offset, reset, writable, locks: true }
 }
 
 /// A register that cannot be written.
 pub(crate) const fn fixed(offset: u32, value: u32) -> Register {
-    Register { offset, reset: value, writable: 0 }
+    masked(offset, value, 0)
 }
 
 /// `width` (below 32) bits of a word from bit `low` on.
@@ -64,8 +71,27 @@ impl Registers {
         self.values[offset as usize / 4]
     }
 
+    /// `width` (below 32) bits of a register from bit `low` on.
+    pub(crate) fn field(&self, offset: u32, low: u32, width: u32) -> u32 {
+        field(self.value(offset), low, width)
+    }
+
+    /// Whether all these bits of a register are set.
+    pub(crate) fn has(&self, offset: u32, bits: u32) -> bool {
+        self.value(offset) & bits == bits
+    }
+
     pub(crate) fn write(&mut self, write: Write) -> Answer {
         self.write_only(write, u32::MAX)
+    }
+
+    /// Writes, but changes no register that locks while the block is locked.
+    pub(crate) fn write_if(&mut self, is_unlocked: bool, write: Write) -> Answer {
+        let register = self.find(write.offset)?;
+        let old = self.value(write.offset);
+        let changes = (write.over(old) ^ old) & register.writable != 0;
+        AccessKind::Protected.when(register.locks && !is_unlocked && changes)?;
+        self.write(write)
     }
 
     /// Writes those bits that are both writable and `unlocked`.
@@ -76,7 +102,7 @@ impl Registers {
         Ok(())
     }
 
-    pub(super) fn set(&mut self, offset: u32, value: u32) {
+    pub(crate) fn set(&mut self, offset: u32, value: u32) {
         self.values[offset as usize / 4] = value;
     }
 }

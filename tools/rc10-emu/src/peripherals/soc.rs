@@ -439,7 +439,7 @@ impl Soc {
             Block::Syscfg => {
                 let stored = self.syscfg.read(offset)?;
                 // CCCSR.RDY: the compensation cell needs CSI.
-                let ready = offset == 0x20 && stored & 1 != 0 && self.rcc.csi_is_ready();
+                let ready = offset == 0x20 && stored & 1 != 0 && self.rcc.is_ready(rcc::CSI);
                 Ok(stored | u32::from(ready) << 8)
             }
             Block::Exti => self.exti.registers.read(offset),
@@ -569,28 +569,22 @@ impl Soc {
     }
 
     fn apply_clocks(&mut self, now: Nanos) {
-        let clocks = self.rcc.clocks();
+        let mut clocks = self.rcc.clocks(self.rcc.hsi_hz);
         if clocks.fdcan != self.clocks.fdcan {
             self.fdcans().set_kernel_clock(clocks.fdcan);
         }
         self.clocks = clocks;
         let tones = self.rcc.tones();
         for (row, &running) in MAP.iter().zip(&self.running) {
-            let gated = |hz| if running { hz } else { 0 };
+            let hz = if running { *kernel_clock(&mut clocks, row.block) } else { 0 };
             match row.block {
                 Block::Timer(timer) => {
-                    let hz = clocks.timers[TIMERS[timer].bus];
-                    self.timers[timer].set_clock(gated(hz), now);
+                    self.timers[timer].set_clock(hz, now);
                     self.timers[timer].set_tones(tones, now);
                 }
-                Block::Usart(usart) => {
-                    let hz = clocks.usarts[USARTS[usart].clock];
-                    self.usarts[usart].set_clock(gated(hz), now);
-                }
-                Block::Spi(spi) => {
-                    self.spis[spi].hz = gated(clocks.spis[SPIS[spi].clock]);
-                }
-                Block::I2c(i2c) => self.i2cs[i2c].hz = gated(clocks.i2cs),
+                Block::Usart(usart) => self.usarts[usart].set_clock(hz, now),
+                Block::Spi(spi) => self.spis[spi].hz = hz,
+                Block::I2c(i2c) => self.i2cs[i2c].hz = hz,
                 Block::Adc => self.adc.set_clocks(&clocks, running),
                 _ => {}
             }
@@ -665,23 +659,11 @@ impl Soc {
 
     /// Reports each clock once when it becomes too fast for what it drives.
     fn check_clocks(&mut self, address: u32, now: Nanos) {
-        let nominal = self.rcc.nominal_clocks();
+        let mut nominal = self.rcc.clocks(clocks::HSI_HZ);
         // What drives nothing may be as fast as it is.
         let mut used = Clocks { fdcan: 0, usarts: [0; 2], spis: [0; 2], i2cs: 0, ..nominal };
         for (row, _) in MAP.iter().zip(&self.running).filter(|(_, running)| **running) {
-            match row.block {
-                Block::Fdcan(_) => used.fdcan = nominal.fdcan,
-                Block::Usart(usart) => {
-                    let bus = USARTS[usart].clock;
-                    used.usarts[bus] = nominal.usarts[bus];
-                }
-                Block::Spi(spi) => {
-                    let clock = SPIS[spi].clock;
-                    used.spis[clock] = nominal.spis[clock];
-                }
-                Block::I2c(_) => used.i2cs = nominal.i2cs,
-                _ => {}
-            }
+            *kernel_clock(&mut used, row.block) = *kernel_clock(&mut nominal, row.block);
         }
         let time_quantum = self.fdcans().time_quantum_of(used.fdcan);
         let too_fast = clocks::too_fast(&used, time_quantum, self.power.scale(now));
@@ -874,6 +856,18 @@ impl Soc {
 /// A lock. The state that a panic left behind is as good as any state of a chip.
 pub(crate) fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The clock that a device works with; that of its bus if it has no other.
+const fn kernel_clock(clocks: &mut Clocks, block: Block) -> &mut u64 {
+    match block {
+        Block::Timer(timer) => &mut clocks.timers[TIMERS[timer].bus],
+        Block::Usart(usart) => &mut clocks.usarts[USARTS[usart].clock],
+        Block::Spi(spi) => &mut clocks.spis[SPIS[spi].clock],
+        Block::I2c(_) => &mut clocks.i2cs,
+        Block::Fdcan(_) => &mut clocks.fdcan,
+        _ => &mut clocks.bus,
+    }
 }
 
 fn raise(levels: &mut [u32; INTERRUPT_WORDS], number: usize) {

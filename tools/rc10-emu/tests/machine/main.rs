@@ -5,8 +5,9 @@ mod bit_rates;
 mod links;
 mod parts;
 
+use rc10_emu::fault::ChipFault;
 use rc10_emu::peripherals::{AccessKind, ResetCause, Width};
-use rc10_emu::{Injection, Machine, Options};
+use rc10_emu::{Machine, Options};
 use rc10_sim::{Nanos, World};
 
 const FLASH: u32 = 0x0800_0000;
@@ -230,8 +231,8 @@ fn the_cycle_counter_counts_the_clocks_that_go_by() {
 fn no_fault_is_forgotten() {
     let program = program(LOAD, FLASH, HANDLER);
     let mut machine = Machine::new(&program).unwrap();
-    machine.inject(Injection::HardFault).unwrap();
-    machine.inject(Injection::HardFault).unwrap();
+    machine.inject(&ChipFault::HardFault, true).unwrap();
+    machine.inject(&ChipFault::HardFault, true).unwrap();
     machine.run(&mut World::new(1), micros(10)).unwrap();
     // The second one in the first one's handler.
     assert!(reports(&machine)[0].contains("locked up"), "{:?}", reports(&machine));
@@ -244,11 +245,11 @@ fn a_mask_ends_as_it_began() {
     let loops = program(LOAD, FLASH, HANDLER);
     let mut machine = Machine::new(&loops).unwrap();
     machine.run(&mut world, micros(1)).unwrap();
-    machine.inject(Injection::MaskInterrupts(true)).unwrap();
+    machine.inject(&ChipFault::Mask, true).unwrap();
     machine.profile.restart();
     machine.run(&mut world, micros(2)).unwrap();
     assert_eq!(busiest(&machine), "(outside flash)");
-    machine.inject(Injection::MaskInterrupts(false)).unwrap();
+    machine.inject(&ChipFault::Mask, false).unwrap();
     machine.profile.restart();
     machine.run(&mut world, micros(3)).unwrap();
     assert_eq!(busiest(&machine), "(no symbol)");
@@ -256,7 +257,7 @@ fn a_mask_ends_as_it_began() {
     let mut world = World::new(1);
     let mut machine = Machine::new(&program(MASK, 0, HANDLER)).unwrap();
     machine.run(&mut world, micros(1)).unwrap();
-    machine.inject(Injection::MaskInterrupts(true)).unwrap();
+    machine.inject(&ChipFault::Mask, true).unwrap();
     machine.profile.restart();
     machine.run(&mut world, micros(2)).unwrap();
     assert_eq!(busiest(&machine), "(no symbol)", "the program's own mask never ends");

@@ -9,26 +9,18 @@ const fn output_mode(bits: u32) -> u32 {
 }
 
 impl Timer {
-    /// The level at a channel's pin; `None` if the channel does not drive it.
-    pub(in super::super) fn output(&self, channel: usize) -> Option<bool> {
-        self.level(channel, false)
-    }
-
-    /// The level at the pin of a channel's complementary output; `None` if nothing drives it.
-    pub(in super::super) fn complement(&self, channel: usize) -> Option<bool> {
-        if channel < self.facts().complements { self.level(channel, true) } else { None }
-    }
-
-    /// RM0468, TIM1 and TIM8 chapter, output control bits for complementary channels, without dead time.
-    fn level(&self, channel: usize, complement: bool) -> Option<bool> {
-        let bits = self.mode(channel);
-        if channel >= self.facts().channels || bits & 3 != 0 {
+    /// The level at a channel's pin, or at that of its complementary output; `None` if nothing drives
+    /// it. RM0468, TIM1 and TIM8 chapter, output control bits for complementary channels, without
+    /// dead time.
+    pub(in super::super) fn level(&self, channel: usize, complement: bool) -> Option<bool> {
+        let (bits, facts) = (self.mode(channel), self.facts());
+        let channels = if complement { facts.complements } else { facts.channels };
+        if channel >= channels || bits & 3 != 0 {
             return None;
         }
         // CCxE, CCxP; CCxNE, CCxNP.
         let enables = self.outputs >> (4 * channel);
-        let (main, other) =
-            (enables & 1 != 0, enables & 4 != 0 && channel < self.facts().complements);
+        let (main, other) = (enables & 1 != 0, enables & 4 != 0 && channel < facts.complements);
         let (enabled, inverts) =
             if complement { (other, enables & 8 != 0) } else { (main, enables & 2 != 0) };
         if !main && !other {
@@ -77,7 +69,7 @@ impl Timer {
         }
         let channels = (0..CHANNELS.min(self.facts().channels)).filter(|channel| {
             self.watched >> channel & 1 != 0
-                && (self.output(*channel).is_some() || self.complement(*channel).is_some())
+                && self.level(*channel, false).or_else(|| self.level(*channel, true)).is_some()
         });
         let ticks = channels.filter_map(|channel| {
             let value = self.compare[channel].in_force;
