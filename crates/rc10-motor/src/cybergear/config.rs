@@ -4,7 +4,7 @@ use rc10_app::{Cascade, ConfigError, Direction, FeedForward, PidConfig, RpmPerSe
 use rc10_can::IdPattern;
 
 use super::wire::{Address, Faults};
-use crate::can_ids::{CanIds, Frames, MotorName, Rate};
+use crate::can_ids::{CanIds, Frames, Rate};
 use crate::feedback::Fault;
 use crate::mit::Limits;
 
@@ -186,16 +186,6 @@ impl Config {
     pub const fn with_position_range(mut self, range: f32) -> Self {
         self.model.limits.position = range;
         self
-    }
-
-    /// With gains of your own, efforts in N m.
-    pub const fn with_cascade(self, cascade: Cascade) -> Self {
-        Self { cascade, ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: self.model.name, id: self.address.motor as u16 }
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {

@@ -13,7 +13,6 @@ use crate::motor::FrameError;
 
 /// A register, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Register(pub u8);
 
 impl Register {
@@ -94,7 +93,6 @@ pub(super) const NAMES: [(u8, &str, &str); 45] = [
 
 /// The value of a register.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Value {
     /// An f32.
     Real(f32),
@@ -114,7 +112,6 @@ impl Value {
 
 /// A read or write of a register, or another command on the registers' identifier.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Access {
     /// Reads a register.
@@ -166,7 +163,6 @@ impl Access {
 
 /// The answer of a motor to an [`Access`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
     /// The motor's `CAN_ID`.
     pub id: u16,
@@ -176,7 +172,6 @@ pub struct Reply {
 
 /// The content of a [`Reply`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Content {
     /// The value of a register (0x33). Some models answer a write so, too.

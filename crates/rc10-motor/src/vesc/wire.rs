@@ -14,7 +14,6 @@ use crate::not_a_number::NotANumber;
 
 /// The number a VESC is set to: 0 ..= 254.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VescId(u8);
 
 /// The id that every VESC listens to.
@@ -44,7 +43,6 @@ impl fmt::Display for VescId {
 
 /// The receiver of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Address {
     /// This VESC.
     One(VescId),
@@ -76,7 +74,6 @@ macro_rules! packets {
         /// Others than for robots are named too: packets 5 to 8 carry the serial protocol, 28, 55,
         /// 56 and 63 set up encoders and bit rates. Nothing in this crate sends them.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
         pub enum Packet {
             $(#[doc = concat!("`", $name, "`")] $variant = $number,)*
@@ -198,7 +195,6 @@ const INPUT_PER_STEP: f32 = 1.0 / 1e3;
 ///
 /// A VESC holds values beyond its own limits to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
     /// Share of the supply voltage, -1 ..= 1. 0 shorts the motor: it brakes.
     Duty(f32),
@@ -304,7 +300,6 @@ pub fn shutdown(to: impl Into<Address>) -> CanFrame {
 
 /// A setting of a VESC: a pair of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Setting {
     /// The motor's current.
     MotorCurrent {
@@ -387,7 +382,6 @@ fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanF
 
 /// A frame of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reply {
     /// One of its periodic frames.
     Status {
@@ -409,7 +403,6 @@ pub enum Reply {
 
 /// The content of a status frame; positive is forward, as the VESC counts it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Status {
     /// STATUS
     Motion {
