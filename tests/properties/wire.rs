@@ -3,7 +3,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_can::embedded_can::{ExtendedId, StandardId};
-use rc10_can::{CanFrame, IdPattern};
+use rc10_can::{CanFrame, IdPattern, LengthBounds};
 use rc10_motor::TxBatch;
 
 use super::any;
@@ -83,7 +83,7 @@ proptest! {
         // CRC delimiter, acknowledge slot and delimiter, end of frame, interframe space.
         prop_assert_eq!(usize::from(length.unstuffed), bits.len() + 1 + 2 + 7 + 3);
         prop_assert_eq!(usize::from(length.stuff_bits), stuffed(&bits).len() - bits.len());
-        let bounds = frame.length_bounds();
+        let bounds = LengthBounds::of(frame.bytes().len(), frame.is_extended_id());
         prop_assert_eq!(bounds.min, u32::from(length.unstuffed));
         prop_assert!((bounds.min..=bounds.max).contains(&length.total()));
         prop_assert!((bounds.min..=bounds.max).contains(&bounds.typical()));

@@ -70,9 +70,6 @@ impl Address {
 macro_rules! packets {
     ($($variant:ident = $number:literal $name:literal,)*) => {
         /// The kind of a frame: identifier bits 15 to 8 (bldc's `datatypes.h`, `CAN_PACKET_ID`).
-        ///
-        /// Others than for robots are named too: packets 5 to 8 carry the serial protocol, 28, 55,
-        /// 56 and 63 set up encoders and bit rates. Nothing in this crate sends them.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[repr(u8)]
         pub enum Packet {
@@ -105,10 +102,6 @@ packets! {
     SetCurrentBrake = 2 "SET_CURRENT_BRAKE",
     SetRpm = 3 "SET_RPM",
     SetPos = 4 "SET_POS",
-    FillRxBuffer = 5 "FILL_RX_BUFFER",
-    FillRxBufferLong = 6 "FILL_RX_BUFFER_LONG",
-    ProcessRxBuffer = 7 "PROCESS_RX_BUFFER",
-    ProcessShortBuffer = 8 "PROCESS_SHORT_BUFFER",
     Status = 9 "STATUS",
     SetCurrentRel = 10 "SET_CURRENT_REL",
     SetCurrentBrakeRel = 11 "SET_CURRENT_BRAKE_REL",
@@ -126,14 +119,10 @@ packets! {
     ConfFocErpms = 25 "CONF_FOC_ERPMS",
     ConfStoreFocErpms = 26 "CONF_STORE_FOC_ERPMS",
     Status5 = 27 "STATUS_5",
-    PollTs5700n8501 = 28 "POLL_TS5700N8501_STATUS",
     ConfBatteryCut = 29 "CONF_BATTERY_CUT",
     ConfStoreBatteryCut = 30 "CONF_STORE_BATTERY_CUT",
     Shutdown = 31 "SHUTDOWN",
-    UpdatePidPosOffset = 55 "UPDATE_PID_POS_OFFSET",
-    PollRotorPos = 56 "POLL_ROTOR_POS",
     Status6 = 58 "STATUS_6",
-    UpdateBaud = 63 "UPDATE_BAUD",
 }
 
 impl Packet {
