@@ -132,7 +132,7 @@ impl CyberGear {
                 self.pending.replace(Question::Save, Question::Save.retry());
             }
             Some(Question::Save) => self.pending.end(Ok(Response::Done)),
-            Some(Question::ClearFaults) => match reported.faults.bits() {
+            Some(Question::ClearFaults) => match reported.faults {
                 0 => {
                     self.fault = None;
                     self.pending.end(Ok(Response::Done));
@@ -163,7 +163,7 @@ impl CyberGear {
             step => step,
         };
         self.reported = Some(*reported);
-        let fault = reported.faults.gravest(&self.model);
+        let fault = self.model.fault(reported.faults);
         self.fault = self.fault.or(fault);
         fault.map_or(FrameKind::Feedback, |_| FrameKind::Fault)
     }

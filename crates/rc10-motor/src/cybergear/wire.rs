@@ -167,22 +167,6 @@ pub enum Reply {
     },
 }
 
-/// Bits 21 to 16 of a feedback's identifier.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults(u8);
-
-impl Faults {
-    pub(super) const fn from_bits(bits: u8) -> Self {
-        Self(bits & 0x3F)
-    }
-
-    /// The six bits.
-    #[must_use]
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-}
-
 /// Whether a motor moves: bits 23 and 22 of the identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
@@ -203,8 +187,8 @@ pub struct Feedback {
     pub address: Address,
     /// Whether it moves.
     pub mode: Mode,
-    /// Fault bits of the motor.
-    pub faults: Faults,
+    /// Fault bits of the motor, 0 ..= 0x3F: bits 21 to 16 of the identifier.
+    pub faults: u8,
     /// Position as its field, 0 ..= 65535.
     pub steps: u16,
     /// In rad.
@@ -305,7 +289,7 @@ fn feedback(address: Address, upper: u8, bytes: &[u8; 8], limits: &Limits) -> Fe
             2 => Mode::Run,
             _ => Mode::Unknown,
         },
-        faults: Faults::from_bits(upper),
+        faults: upper & 0x3F,
         steps: u16::from_be_bytes([a, b]),
         position: unpack_signed::<16>(motion >> 16, limits.position),
         velocity: unpack_signed::<16>(motion & full(16), limits.velocity),

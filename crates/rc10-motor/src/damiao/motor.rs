@@ -240,7 +240,7 @@ impl Damiao {
     fn take_reply(&mut self, reply: &Reply) -> Heard {
         let access = self.access().filter(|access| reply.answers(self.id, access));
         let access = access.ok_or(FrameError::Unasked)?;
-        let held = reply.content.value();
+        let held = reply.held.map(|(_, value)| value);
         if let (Some(Question::Check), Some(checked)) =
             (self.pending.question(), CHECKED.get(self.next_check))
         {
