@@ -97,10 +97,10 @@ proptest! {
     ) {
         // Half of the random masks have more bits than any overlap allows.
         let thin = |mask: u32| if sparse { mask & mask >> 3 & mask >> 7 } else { mask };
-        let one = IdPattern::masked(standard(ids.0), thin(masks.0));
-        let other = IdPattern::masked(standard(ids.1), thin(masks.1));
+        let one = IdPattern::exact(standard(ids.0)).under(thin(masks.0));
+        let other = IdPattern::exact(standard(ids.1)).under(thin(masks.1));
         let both = |id: IdPattern| one.contains(id.id()) && other.contains(id.id());
-        let shared = (0..=0x7FF).any(|raw| both(standard(raw).into()));
+        let shared = (0..=0x7FF).any(|raw| both(IdPattern::exact(standard(raw))));
         let overlap = one.overlap(&other);
         prop_assert_eq!(overlap.is_some(), shared);
         prop_assert!(overlap.is_none_or(both));
@@ -115,9 +115,9 @@ proptest! {
         masks in (any::<u32>(), any::<u32>()),
         related in any::<bool>(),
     ) {
-        let one = IdPattern::masked(extended(ids.0), masks.0);
+        let one = IdPattern::exact(extended(ids.0)).under(masks.0);
         let second = if related { ids.0 ^ (ids.1 & !masks.1 & 0x1FFF_FFFF) } else { ids.1 };
-        let other = IdPattern::masked(extended(second), masks.1);
+        let other = IdPattern::exact(extended(second)).under(masks.1);
         let overlap = one.overlap(&other);
         prop_assert!(!related || overlap.is_some());
         prop_assert!(overlap.is_none_or(|id| one.contains(id.id()) && other.contains(id.id())));

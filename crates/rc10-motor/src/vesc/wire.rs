@@ -2,8 +2,6 @@
 //!
 //! Values are limited, rounded to the nearest step, and saturate. NaN is an error, not a frame.
 
-use core::fmt;
-
 use embedded_can::ExtendedId;
 use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, Degrees, ElectricalRpm};
@@ -32,12 +30,6 @@ impl VescId {
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
-    }
-}
-
-impl fmt::Display for VescId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
     }
 }
 
@@ -138,12 +130,6 @@ impl Packet {
         let raw = u32::from(u16::from_be_bytes([self.number(), address.into().byte()]));
         // Sixteen bits always fit; the compiler knows.
         ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO)
-    }
-}
-
-impl fmt::Display for Packet {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

@@ -203,7 +203,7 @@ fn identifiers_are_packet_and_address() {
         (Packet::Ping, 0x1164),
         (Packet::Status6, 0x3A64),
     ] {
-        assert_eq!(packet.id(id).as_raw(), raw, "{packet}");
+        assert_eq!(packet.id(id).as_raw(), raw, "{packet:?}");
     }
     assert_eq!(Packet::Status6.id(Address::Every).as_raw(), 0x3AFF);
 }
