@@ -139,6 +139,12 @@ impl fmt::Display for IdPattern {
     }
 }
 
+impl<I: Into<Id>> From<I> for IdPattern {
+    fn from(id: I) -> Self {
+        Self::exact(id)
+    }
+}
+
 impl fmt::Debug for IdPattern {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "IdPattern({self})")
