@@ -67,7 +67,7 @@ proptest! {
             Ok(Reply::Feedback(heard)) => {
                 prop_assert!(kind == 2 || kind == 24);
                 prop_assert_eq!(heard.address, from);
-                prop_assert_eq!((heard.mode as u8) << 6 | heard.faults.bits(), upper);
+                prop_assert_eq!((heard.mode as u8) << 6 | heard.faults, upper);
                 prop_assert!(heard.position.abs() <= limits.position);
                 prop_assert!(heard.velocity.abs() <= limits.velocity);
                 prop_assert!(heard.torque.abs() <= limits.torque);

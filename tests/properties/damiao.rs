@@ -4,7 +4,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_motor::damiao::registers::{Access, Content, Register, Reply, Value};
+use rc10_motor::damiao::registers::{Access, Register, Reply, Value};
 use rc10_motor::damiao::{DeviceId, Feedback, Limits, Mode, Operation, Setpoint, models, wire};
 
 use super::any;
@@ -149,7 +149,7 @@ proptest! {
             bytes[2] = [0x33, 0x55, 0xAA, bytes[2]][operation];
         }
         if let Ok(reply) = Reply::unpack(&frame) {
-            if let Content::Holds(_, Value::Real(real)) | Content::Written(_, Value::Real(real)) = reply.content {
+            if let Some((_, Value::Real(real))) = reply.held {
                 prop_assert!(real.is_finite());
             }
             prop_assert!(reply.id == id.raw() || !reply.answers(id, &Access::Save));
@@ -169,7 +169,7 @@ proptest! {
         };
         // The motor sends the same bytes back.
         let reply = Reply::unpack(&request).unwrap();
-        prop_assert_eq!(reply.content, Content::Written(register, value));
+        prop_assert_eq!((reply.held, reply.is_written), (Some((register, value)), true));
         prop_assert!(reply.answers(id, &access));
     }
 }

@@ -3,7 +3,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_can::embedded_can::{ExtendedId, StandardId};
-use rc10_can::{CanFrame, IdPattern};
+use rc10_can::{CanFrame, IdPattern, LengthBounds};
 use rc10_motor::TxBatch;
 
 use super::any;
@@ -83,7 +83,7 @@ proptest! {
         // CRC delimiter, acknowledge slot and delimiter, end of frame, interframe space.
         prop_assert_eq!(usize::from(length.unstuffed), bits.len() + 1 + 2 + 7 + 3);
         prop_assert_eq!(usize::from(length.stuff_bits), stuffed(&bits).len() - bits.len());
-        let bounds = frame.length_bounds();
+        let bounds = LengthBounds::of(frame.bytes().len(), frame.is_extended_id());
         prop_assert_eq!(bounds.min, u32::from(length.unstuffed));
         prop_assert!((bounds.min..=bounds.max).contains(&length.total()));
         prop_assert!((bounds.min..=bounds.max).contains(&bounds.typical()));
@@ -97,8 +97,8 @@ proptest! {
     ) {
         // Half of the random masks have more bits than any overlap allows.
         let thin = |mask: u32| if sparse { mask & mask >> 3 & mask >> 7 } else { mask };
-        let one = IdPattern::masked(standard(ids.0), thin(masks.0));
-        let other = IdPattern::masked(standard(ids.1), thin(masks.1));
+        let one = IdPattern::exact(standard(ids.0)).under(thin(masks.0));
+        let other = IdPattern::exact(standard(ids.1)).under(thin(masks.1));
         let both = |id: IdPattern| one.contains(id.id()) && other.contains(id.id());
         let shared = (0..=0x7FF).any(|raw| both(standard(raw).into()));
         let overlap = one.overlap(&other);
@@ -115,9 +115,9 @@ proptest! {
         masks in (any::<u32>(), any::<u32>()),
         related in any::<bool>(),
     ) {
-        let one = IdPattern::masked(extended(ids.0), masks.0);
+        let one = IdPattern::exact(extended(ids.0)).under(masks.0);
         let second = if related { ids.0 ^ (ids.1 & !masks.1 & 0x1FFF_FFFF) } else { ids.1 };
-        let other = IdPattern::masked(extended(second), masks.1);
+        let other = IdPattern::exact(extended(second)).under(masks.1);
         let overlap = one.overlap(&other);
         prop_assert!(!related || overlap.is_some());
         prop_assert!(overlap.is_none_or(|id| one.contains(id.id()) && other.contains(id.id())));

@@ -21,7 +21,7 @@ fn few_ids() -> impl Strategy<Value = Id> {
 fn pattern() -> impl Strategy<Value = IdPattern> {
     prop_oneof![
         4 => few_ids().prop_map(IdPattern::exact),
-        1 => (few_ids(), any::<u32>()).prop_map(|(id, mask)| IdPattern::masked(id, mask | 0x30)),
+        1 => (few_ids(), any::<u32>()).prop_map(|(id, mask)| IdPattern::exact(id).under(mask | 0x30)),
     ]
 }
 

@@ -196,7 +196,7 @@ fn whole(reply: &Reply, field: &str) -> Check<i64> {
         ("motor_id", Reply::Identity { motor, .. }, _) => Ok((*motor).into()),
         ("host", _, Some(address)) => Ok(address.host.into()),
         ("mode", Reply::Feedback(heard), _) => Ok(heard.mode as i64),
-        ("fault_bits", Reply::Feedback(heard), _) => Ok(heard.faults.bits().into()),
+        ("fault_bits", Reply::Feedback(heard), _) => Ok(heard.faults.into()),
         ("fault_bits", Reply::Faults(heard), _) => Ok(heard.faults.into()),
         ("warning_bits", Reply::Faults(heard), _) => Ok(heard.warnings.into()),
         ("index", Reply::Parameter(heard), _) => Ok(heard.parameter.0.into()),

@@ -1,7 +1,7 @@
 //! Vectors of protocol `damiao`, through the codec.
 
 use rc10_can::CanFrame;
-use rc10_motor::damiao::registers::{Access, Content, Register, Reply, Value as Held};
+use rc10_motor::damiao::registers::{Access, Register, Reply, Value as Held};
 use rc10_motor::damiao::{
     DeviceId, Feedback, Limits, Mode, Model, Operation, Setpoint, models, wire,
 };
@@ -312,11 +312,7 @@ fn feedback(
 fn register_reply(frame: &CanFrame, expected: &Value, tolerance: &mut Tolerance) -> Check {
     let reply = Reply::unpack(frame).map_err(|error| error.to_string())?;
     for (field, expected) in Fields::of("register_reply", expected.clone())?.into_expectations()? {
-        let (register, value, written) = match reply.content {
-            Content::Holds(register, value) => (Some(register), Some(value), false),
-            Content::Written(register, value) => (Some(register), Some(value), true),
-            _ => (None, None, false),
-        };
+        let (register, value) = reply.held.unzip();
         let flag = |actual: bool| same(&field, expected == actual, &expected, &actual);
         match (field.as_str(), register, value) {
             ("id", ..) => tolerance.raw(&field, &expected, reply.id.into())?,
@@ -325,8 +321,8 @@ fn register_reply(frame: &CanFrame, expected: &Value, tolerance: &mut Tolerance)
                 tolerance.raw(&field, &expected, whole.into())?;
             }
             ("f32", _, Some(Held::Real(real))) => tolerance.float(&field, 0.0, &expected, real)?,
-            ("write_ack", ..) => flag(written)?,
-            ("save_ack", ..) => flag(reply.content == Content::Saved)?,
+            ("write_ack", ..) => flag(reply.is_written)?,
+            ("save_ack", ..) => flag(reply.held.is_none())?,
             (other, ..) => return Err(format!("{other}: not in {reply:?}")),
         }
     }

@@ -38,7 +38,7 @@ fn exact(frame: &CanFrame, expected: &Map<String, Value>, tolerance: &mut Tolera
             "stuff_bits" => length.stuff_bits.into(),
             "bits_total" => length.total().into(),
             "crc15" => length.crc15.into(),
-            other => bound(frame.length_bounds(), other)?,
+            other => bound(LengthBounds::of(frame.bytes().len(), frame.is_extended_id()), other)?,
         };
         tolerance.raw(field, value, actual)?;
     }

@@ -46,8 +46,8 @@ fn an_exact_identifier_is_a_filter_of_all_its_bits() {
 
 #[test]
 fn filters_let_in_what_the_patterns_match_and_nothing_else() {
-    let module = IdPattern::masked(ExtendedId::new(0x1D00_1000).unwrap(), 0x1F00_FF00);
-    let group = IdPattern::masked(StandardId::new(0x200).unwrap(), 0x7F8);
+    let module = IdPattern::exact(ExtendedId::new(0x1D00_1000).unwrap()).under(0x1F00_FF00);
+    let group = IdPattern::exact(StandardId::new(0x200).unwrap()).under(0x7F8);
     let words = words(&[group, module, standard(0x301)]);
     for raw in 0..=0x7FF {
         assert_eq!(accepts(&words, raw, false), raw & 0x7F8 == 0x200 || raw == 0x301, "{raw:x}");

@@ -43,14 +43,14 @@ impl CanFrame {
         let mut bytes = [0; 8];
         bytes.get_mut(..data.len()).ok_or(FrameTooLong { len: data.len() })?.copy_from_slice(data);
         #[expect(clippy::cast_possible_truncation, reason = "at most 8, checked above")]
-        Ok(Self { key: key_of(id.into()), len: data.len() as u8, data: bytes })
+        Ok(Self { key: Self::key_of(id), len: data.len() as u8, data: bytes })
     }
 
     /// A data frame of exactly eight bytes: cannot fail.
     #[inline]
     #[must_use]
     pub fn eight_bytes(id: impl Into<Id>, data: [u8; 8]) -> Self {
-        Self { key: key_of(id.into()), len: 8, data }
+        Self { key: Self::key_of(id), len: 8, data }
     }
 
     /// A data frame whose length is known: more than eight bytes do not compile.
@@ -67,7 +67,7 @@ impl CanFrame {
         let mut bytes = [0; 8];
         bytes[..LEN].copy_from_slice(&data);
         #[expect(clippy::cast_possible_truncation, reason = "at most 8, checked above")]
-        Self { key: key_of(id.into()), len: LEN as u8, data: bytes }
+        Self { key: Self::key_of(id), len: LEN as u8, data: bytes }
     }
 
     /// A remote request for `len` bytes.
@@ -78,7 +78,7 @@ impl CanFrame {
         match u8::try_from(len) {
             Ok(short) if short <= 8 => {
                 let len = short | NO_DATA;
-                Ok(Self { key: key_of(id.into()) | REMOTE, len, data: [0; 8] })
+                Ok(Self { key: Self::key_of(id) | REMOTE, len, data: [0; 8] })
             }
             _ => Err(FrameTooLong { len }),
         }
@@ -129,7 +129,10 @@ impl CanFrame {
     #[inline]
     #[must_use]
     pub fn key_of(id: impl Into<Id>) -> u32 {
-        key_of(id.into())
+        match id.into() {
+            Id::Standard(id) => u32::from(id.as_raw()),
+            Id::Extended(id) => id.as_raw() | EXTENDED,
+        }
     }
 
     /// Number of data bytes (of bytes asked for, if this is a remote request), 0 ..= 8.
@@ -160,14 +163,6 @@ impl CanFrame {
     #[inline]
     pub const fn all_eight_mut(&mut self) -> Option<&mut [u8; 8]> {
         if self.len == 8 { Some(&mut self.data) } else { None }
-    }
-}
-
-#[inline]
-fn key_of(id: Id) -> u32 {
-    match id {
-        Id::Standard(id) => u32::from(id.as_raw()),
-        Id::Extended(id) => id.as_raw() | EXTENDED,
     }
 }
 

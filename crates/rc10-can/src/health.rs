@@ -23,20 +23,26 @@ impl ErrorState {
 }
 
 /// The last error a controller saw on the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusError {
     /// More than five equal bits in a row.
+    #[error("six equal bits in a row")]
     Stuff,
     /// A fixed-form field had the wrong value.
+    #[error("a malformed frame")]
     Form,
     /// No acknowledge: no other node is alive on the bus.
+    #[error("no acknowledge")]
     Acknowledge,
     /// A bit read back differs from the bit sent.
+    #[error("a bit was not read back as sent")]
     Bit,
     /// The checksum of a received frame was wrong.
+    #[error("a wrong checksum")]
     Crc,
     /// Frames came faster than they were read.
+    #[error("frames were read too slowly")]
     Overrun,
 }
 
@@ -96,19 +102,6 @@ impl fmt::Display for ErrorState {
             Self::Warning => "error warning",
             Self::Passive => "error passive",
             Self::BusOff => "bus-off",
-        })
-    }
-}
-
-impl fmt::Display for BusError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Stuff => "six equal bits in a row",
-            Self::Form => "a malformed frame",
-            Self::Acknowledge => "no acknowledge",
-            Self::Bit => "a bit was not read back as sent",
-            Self::Crc => "a wrong checksum",
-            Self::Overrun => "frames were read too slowly",
         })
     }
 }

@@ -136,11 +136,6 @@ impl CanFrame {
         let unstuffed = wire.count + UNSTUFFED_TAIL as u16;
         WireLength { unstuffed, stuff_bits: wire.stuff_bits, crc15 }
     }
-
-    /// The bounds for frames of this one's shape.
-    pub fn length_bounds(&self) -> LengthBounds {
-        LengthBounds::of(self.bytes().len(), self.is_extended_id())
-    }
 }
 
 #[cfg(test)]
@@ -191,7 +186,7 @@ mod tests {
                     let id = ExtendedId::new(u32::from(id) << 18 | 0x1F0F0).unwrap();
                     let long = CanFrame::data_frame(id, &data[..len]);
                     for frame in [short.unwrap(), long.unwrap()] {
-                        let bounds = frame.length_bounds();
+                        let bounds = LengthBounds::of(len, frame.is_extended_id());
                         let length = frame.wire_length();
                         assert_eq!(bounds.min, u32::from(length.unstuffed), "{frame}");
                         assert!(length.total() <= bounds.max, "{frame}");

@@ -50,11 +50,6 @@ impl IdPattern {
         }
     }
 
-    /// Every identifier of the same size that equals `id` where `mask` has a one.
-    pub fn masked(id: impl Into<Id>, mask: u32) -> Self {
-        Self::exact(id).under(mask)
-    }
-
     /// With only the bits of the identifier that are ones in `mask` counting.
     pub const fn under(mut self, mask: u32) -> Self {
         self.mask = mask & EXACT;
@@ -173,7 +168,7 @@ mod tests {
 
     #[test]
     fn an_overlap_belongs_to_both() {
-        let group = IdPattern::masked(standard(0x200), 0x7F0);
+        let group = IdPattern::exact(standard(0x200)).under(0x7F0);
         let one = IdPattern::exact(standard(0x205));
         let shared = group.overlap(&one).unwrap();
         assert!(group.contains(shared.id()) && one.contains(shared.id()));

@@ -1,5 +1,3 @@
-use core::fmt;
-
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::pubsub::{PubSubChannel, Subscriber, WaitResult};
 
@@ -23,6 +21,7 @@ type Channel<T, const CAPACITY: usize, const SUBSCRIBERS: usize> =
 /// assert_eq!((message.value, message.missed), (2, 1));
 /// # Ok::<(), rc10_message::SubscribersFull>(())
 /// ```
+#[derive(Debug)]
 pub struct Topic<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> {
     channel: Channel<T, CAPACITY, SUBSCRIBERS>,
 }
@@ -67,15 +66,8 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> Default
     }
 }
 
-impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
-    for Topic<T, CAPACITY, SUBSCRIBERS>
-{
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Topic").finish_non_exhaustive()
-    }
-}
-
 /// One listener of a [`Topic`].
+#[derive(Debug)]
 pub struct Subscription<'t, T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> {
     subscriber: Subscriber<'t, CriticalSectionRawMutex, T, CAPACITY, SUBSCRIBERS, 0>,
     missed: u64,
@@ -153,14 +145,6 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize>
                 Some(Message { value, missed: core::mem::take(&mut self.missed) })
             }
         }
-    }
-}
-
-impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
-    for Subscription<'_, T, CAPACITY, SUBSCRIBERS>
-{
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Subscription").field("missed", &self.missed).finish_non_exhaustive()
     }
 }
 

@@ -473,7 +473,7 @@ mod tests {
 
     #[test]
     fn a_device_that_obeys_a_low_byte_clashes_with_feedback_that_ends_in_it() {
-        let low_byte = IdPattern::masked(StandardId::new(0x001).unwrap(), 0xFF);
+        let low_byte = IdPattern::exact(StandardId::new(0x001).unwrap()).under(0xFF);
         let damiao = CanIds::new().listens_to(low_byte);
         let dji = CanIds::new().receives(feedback(0x201, None));
         let id = StandardId::new(0x201).unwrap().into();

@@ -54,6 +54,10 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+// First of all: what it defines is for those behind it.
+#[macro_use]
+mod handed_on;
+
 mod arm;
 mod batch;
 mod bus;

@@ -16,7 +16,6 @@ use crate::target::{Motion, Target, TargetError, TargetKind};
 
 /// A drive's own loop: `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setpoint {
     /// In rad, ±[`Limits::position`].
     pub position: f32,
@@ -38,7 +37,6 @@ impl Setpoint {
 
 /// Physical values at the ends of number fields: settings of the device, which wrong scale all.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
     /// Largest position, rad.
     pub position: f32,

@@ -2,7 +2,6 @@ use rc10_can::CanFrame;
 
 /// A command that contains a NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[error("the {field} is not a number")]
 pub struct NotANumber {
     /// Name of the value that is not a number.

@@ -8,7 +8,7 @@ use crate::pending::Outcome;
 use crate::request::Request;
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::target::{Target, TargetError};
+use crate::target::{Target, TargetError, TargetSet};
 
 #[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +25,14 @@ impl<D> Side<D> {
             Self::Here(servo) => servo.goals(),
             Self::Device(goals, _) => goals,
         }
+    }
+
+    pub(crate) const fn supports(&self) -> TargetSet {
+        self.goals().supports()
+    }
+
+    pub(crate) fn target(&self) -> Target {
+        self.goals().target()
     }
 
     pub(crate) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {

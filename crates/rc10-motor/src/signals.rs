@@ -69,7 +69,7 @@ impl Message {
 
     /// Whether a frame is one of these. Of several that fit, the last in a vendor's table is it.
     pub fn matches(&self, frame: &CanFrame) -> bool {
-        IdPattern::masked(self.id, !self.varies).contains(frame.id())
+        IdPattern::exact(self.id).under(!self.varies).contains(frame.id())
             && frame.is_remote() == self.remote
             && (self.remote || frame.len() == usize::from(self.len))
             && self.marks.are_in(frame.bytes())

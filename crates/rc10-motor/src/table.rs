@@ -166,7 +166,7 @@ mod tests {
             let guard = Guard { byte: 0, mask: 0x0F, value: slot + 1 };
             table.insert(&receive(master, Some(guard)), MotorId::new(slot));
         }
-        let module = IdPattern::masked(ExtendedId::new(0x1D00_1000).unwrap(), 0x1F00_FF00);
+        let module = IdPattern::exact(ExtendedId::new(0x1D00_1000).unwrap()).under(0x1F00_FF00);
         table.insert(&receive(module, None), MotorId::new(7));
         // Eight patterns that are masked, however much room there is for others.
         assert!(table.has_room(&[receive(module, None); 7]));

@@ -3,8 +3,8 @@
 use rc10_app::{Cascade, ConfigError, Direction, FeedForward, PidConfig, RpmPerSecond, ok};
 use rc10_can::IdPattern;
 
-use super::wire::{Address, Faults};
-use crate::can_ids::{CanIds, Frames, MotorName, Rate};
+use super::wire::Address;
+use crate::can_ids::{CanIds, Frames, Rate};
 use crate::feedback::Fault;
 use crate::mit::Limits;
 
@@ -137,6 +137,12 @@ pub mod models {
 }
 
 impl Model {
+    /// The fault of a feedback: bits as code, the gravest as text; `None` if nothing is wrong.
+    pub fn fault(&self, faults: u8) -> Option<Fault> {
+        let &(_, text) = self.faults.iter().find(|(bit, _)| faults >> bit & 1 != 0)?;
+        Some(Fault::new(faults.into(), text))
+    }
+
     /// The fault of a fault frame: bits as code, the gravest as text; `None` if no bit is set.
     pub fn detail(&self, faults: u32) -> Option<Fault> {
         if faults == 0 {
@@ -144,15 +150,6 @@ impl Model {
         }
         let known = self.details.iter().find(|(mask, _)| faults & mask != 0);
         Some(Fault::new(faults, known.map_or("unknown fault", |&(_, text)| text)))
-    }
-}
-
-impl Faults {
-    /// All bits as the code, the gravest as the text; `None` if nothing is wrong.
-    #[must_use]
-    pub fn gravest(self, model: &Model) -> Option<Fault> {
-        let &(_, text) = model.faults.iter().find(|(bit, _)| self.bits() >> bit & 1 != 0)?;
-        Some(Fault::new(self.bits().into(), text))
     }
 }
 
@@ -186,16 +183,6 @@ impl Config {
     pub const fn with_position_range(mut self, range: f32) -> Self {
         self.model.limits.position = range;
         self
-    }
-
-    /// With gains of your own, efforts in N m.
-    pub const fn with_cascade(self, cascade: Cascade) -> Self {
-        Self { cascade, ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: self.model.name, id: self.address.motor as u16 }
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
@@ -270,17 +257,16 @@ mod tests {
         for model in ALL {
             assert_eq!(Config::new(model, ADDRESS).validate(), Ok(()), "{}", model.name);
             for bit in 0..6 {
-                assert!(Faults::from_bits(1 << bit).gravest(model).is_some(), "{bit}");
+                assert!(model.fault(1 << bit).is_some(), "{bit}");
             }
         }
-        assert_eq!(Faults::from_bits(0xC0).gravest(&CYBERGEAR), None);
+        assert_eq!(CYBERGEAR.fault(0xC0), None);
     }
 
     #[test]
     fn the_gravest_fault_gives_the_text() {
-        let faults = Faults::from_bits(0b10_0011);
-        assert_eq!(faults.gravest(&CYBERGEAR), Some(Fault::new(0x23, "over-current")));
-        assert_eq!(faults.gravest(&RS04), Some(Fault::new(0x23, "driver fault")));
+        assert_eq!(CYBERGEAR.fault(0b10_0011), Some(Fault::new(0x23, "over-current")));
+        assert_eq!(RS04.fault(0b10_0011), Some(Fault::new(0x23, "driver fault")));
         assert_eq!(CYBERGEAR.detail(0), None);
         assert_eq!(CYBERGEAR.detail(0x4001), Some(Fault::new(0x4001, "motor too hot (80 °C)")));
         assert_eq!(RS04.detail(0x4008), Some(Fault::new(0x4008, "stall overload")));

@@ -50,4 +50,4 @@ pub mod wire;
 pub use crate::mit::{Limits, Setpoint};
 pub use config::{Config, Model, models};
 pub use motor::CyberGear;
-pub use wire::{Address, Faults, Reply};
+pub use wire::{Address, Reply};

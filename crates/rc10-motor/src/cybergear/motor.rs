@@ -10,11 +10,11 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedShaft, Setpoint};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
-use crate::target::{Target, TargetError, TargetSet};
+use crate::target::{Target, TargetError};
 
 /// One CyberGear or RobStride.
 ///
@@ -100,11 +100,6 @@ impl CyberGear {
         })
     }
 
-    /// The identifiers of the motor and of the host.
-    pub const fn address(&self) -> Address {
-        self.address
-    }
-
     /// The low two bytes of the identifier of what it hears.
     fn replies(&self) -> u32 {
         u32::from(self.address.motor) << 8 | u32::from(self.address.host)
@@ -137,7 +132,7 @@ impl CyberGear {
                 self.pending.replace(Question::Save, Question::Save.retry());
             }
             Some(Question::Save) => self.pending.end(Ok(Response::Done)),
-            Some(Question::ClearFaults) => match reported.faults.bits() {
+            Some(Question::ClearFaults) => match reported.faults {
                 0 => {
                     self.fault = None;
                     self.pending.end(Ok(Response::Done));
@@ -168,7 +163,7 @@ impl CyberGear {
             step => step,
         };
         self.reported = Some(*reported);
-        let fault = reported.faults.gravest(&self.model);
+        let fault = self.model.fault(reported.faults);
         self.fault = self.fault.or(fault);
         fault.map_or(FrameKind::Feedback, |_| FrameKind::Fault)
     }
@@ -228,12 +223,12 @@ impl CyberGear {
 }
 
 impl Motor for CyberGear {
+    handed_on!(supports, target, loops of [servo]);
+    handed_on!(fault of [fault]);
+    handed_on!(response of [pending]);
+
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.address.motor.into() }
-    }
-
-    fn supports(&self) -> TargetSet {
-        self.servo.supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
@@ -246,10 +241,6 @@ impl Motor for CyberGear {
         self.servo.set_target(target)
     }
 
-    fn target(&self) -> Target {
-        self.servo.target()
-    }
-
     fn feedback(&self) -> Feedback {
         let shaft = &self.ranged.shaft;
         let feedback = shaft.feedback();
@@ -258,10 +249,6 @@ impl Motor for CyberGear {
             .with_torque(NewtonMetres::new(reported.torque * shaft.sign()))
             .with_temperature(reported.temperature)
             .with_effort(self.servo.effort())
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.fault
     }
 
     fn update(&mut self, tick: &Tick) {
@@ -291,14 +278,6 @@ impl Motor for CyberGear {
             request => return self.servo.request(request, &mut self.ranged.shaft),
         };
         self.pending.ask(question, question.retry())
-    }
-
-    fn response(&mut self) -> Option<Result<Response, RequestError>> {
-        self.pending.take_outcome()
-    }
-
-    fn loops(&self) -> Option<Loops> {
-        Some(self.servo.loops())
     }
 
     fn condition(&self) -> Condition {

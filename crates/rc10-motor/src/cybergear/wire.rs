@@ -12,7 +12,6 @@ use crate::motor::FrameError;
 
 /// The identifiers of a motor and of the host that talks to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Address {
     /// The motor's identifier; 127 as it is sold.
     pub motor: u8,
@@ -93,7 +92,6 @@ pub fn set_id(to: Address, new: u8) -> CanFrame {
 
 /// A setting or measurement, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Parameter(pub u16);
 
 impl Parameter {
@@ -152,7 +150,6 @@ fn access(kind: u8, to: Address, parameter: Parameter, value: [u8; 4]) -> CanFra
 
 /// A frame from a motor, decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Reply {
     /// The state of the motor: the answer to a command, or a RobStride's report of its own accord.
@@ -170,26 +167,8 @@ pub enum Reply {
     },
 }
 
-/// Bits 21 to 16 of a feedback's identifier.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Faults(u8);
-
-impl Faults {
-    pub(super) const fn from_bits(bits: u8) -> Self {
-        Self(bits & 0x3F)
-    }
-
-    /// The six bits.
-    #[must_use]
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-}
-
 /// Whether a motor moves: bits 23 and 22 of the identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
     /// The motor stands: stopped, or never enabled.
     Reset = 0,
@@ -203,14 +182,13 @@ pub enum Mode {
 
 /// The feedback of a motor: types 2 and 24.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Feedback {
     /// From, and to.
     pub address: Address,
     /// Whether it moves.
     pub mode: Mode,
-    /// Fault bits of the motor.
-    pub faults: Faults,
+    /// Fault bits of the motor, 0 ..= 0x3F: bits 21 to 16 of the identifier.
+    pub faults: u8,
     /// Position as its field, 0 ..= 65535.
     pub steps: u16,
     /// In rad.
@@ -225,7 +203,6 @@ pub struct Feedback {
 
 /// The value of a parameter: type 17.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ParameterValue {
     /// From, and to.
     pub address: Address,
@@ -252,7 +229,6 @@ impl ParameterValue {
 
 /// The faults and warnings of a motor: type 21. The models have the texts of the bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FaultReport {
     /// From, and to. The vendor's table prints the two the other way round for this frame alone.
     pub address: Address,
@@ -313,7 +289,7 @@ fn feedback(address: Address, upper: u8, bytes: &[u8; 8], limits: &Limits) -> Fe
             2 => Mode::Run,
             _ => Mode::Unknown,
         },
-        faults: Faults::from_bits(upper),
+        faults: upper & 0x3F,
         steps: u16::from_be_bytes([a, b]),
         position: unpack_signed::<16>(motion >> 16, limits.position),
         velocity: unpack_signed::<16>(motion & full(16), limits.velocity),

@@ -4,7 +4,7 @@ use rc10_app::{Cascade, ConfigError, Direction, Rpm, ok};
 use rc10_can::IdPattern;
 
 use super::wire::{DeviceId, Mode, REGISTERS};
-use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, Frames, Guard, Ownership, Rate};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 use crate::side::Side;
@@ -12,7 +12,6 @@ use crate::target::{TargetKind, TargetSet};
 
 /// A model and its factory limits, which are settings and have changed: compare registers 21 to 23.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Model {
     /// The name, as the vendor writes it.
     pub name: &'static str,
@@ -148,11 +147,6 @@ impl Config {
     /// Whether its [registers are verified](Self::verify).
     pub const fn verify_limits(self, verify: bool) -> Self {
         Self { verify, ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: self.model.name, id: self.can_id }
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {

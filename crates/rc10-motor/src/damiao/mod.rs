@@ -23,15 +23,8 @@
 //! * What a mode's frame does while the motor is in another mode is not documented.
 //! * Storing the zero takes effect at once and lasts: only while disabled.
 //!
-//! A [`Damiao`] enables its motor when it is driven, and disables it when the robot is disarmed or
-//! has no command: only MIT mode can coast while enabled ([`Target::Coast`](crate::Target::Coast)).
-//! Before it is ever enabled, registers 10 and 21 to 23 are read; what is not as configured is a
-//! fault with text (code 0x100 + register). An error of the device (codes 5 to 14) keeps it
-//! disabled until [`Request::ClearFault`](crate::Request::ClearFault).
-//!
-//! * Angles are sought within ±PMAX, the longer way if need be; else `OutOfRange`.
-//! * Holding and braking are the same in position modes; in velocity mode a motor gives way slowly.
-//! * [`StoreZero`](crate::Request::StoreZero), writing and saving (30 ms deaf): disarmed only.
+//! A [`Damiao`] enables its motor when it is driven, and compares its registers with the
+//! configuration before: `docs/motors/damiao.md` has its targets, requests and faults.
 //!
 //! ```
 //! use rc10_motor::rc10_app::{Cascade, FeedForward};

@@ -14,11 +14,11 @@ use crate::can_ids::{CanIds, MotorName, standard};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedShaft};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::side::Side;
-use crate::target::{Target, TargetError, TargetSet, without_effort};
+use crate::target::{Target, TargetError, without_effort};
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
 #[derive(Clone, Debug)]
@@ -98,16 +98,6 @@ impl Damiao {
             command: Command::Operate(Operation::Disable),
             is_bare: false,
         })
-    }
-
-    /// Identifier of the frames that it takes.
-    pub const fn can_id(&self) -> DeviceId {
-        self.id
-    }
-
-    /// The control mode of the device.
-    pub const fn mode(&self) -> Mode {
-        self.mode
     }
 
     /// Whether the device is enabled, or what is wrong; `None` before it was heard.
@@ -250,7 +240,7 @@ impl Damiao {
     fn take_reply(&mut self, reply: &Reply) -> Heard {
         let access = self.access().filter(|access| reply.answers(self.id, access));
         let access = access.ok_or(FrameError::Unasked)?;
-        let held = reply.content.value();
+        let held = reply.held.map(|(_, value)| value);
         if let (Some(Question::Check), Some(checked)) =
             (self.pending.question(), CHECKED.get(self.next_check))
         {
@@ -304,12 +294,12 @@ impl Damiao {
 }
 
 impl Motor for Damiao {
+    handed_on!(supports, target, loops of [side]);
+    handed_on!(fault of [fault]);
+    handed_on!(response of [pending]);
+
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.id.raw() }
-    }
-
-    fn supports(&self) -> TargetSet {
-        self.side.goals().supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
@@ -339,10 +329,6 @@ impl Motor for Damiao {
         self.side.set_target(target)
     }
 
-    fn target(&self) -> Target {
-        self.side.goals().target()
-    }
-
     fn feedback(&self) -> Feedback {
         let shaft = &self.ranged.shaft;
         let feedback = shaft.feedback();
@@ -352,10 +338,6 @@ impl Motor for Damiao {
             .with_temperature(reported.motor_temperature)
             .with_controller_temperature(reported.driver_temperature)
             .with_effort(self.side.effort())
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.fault
     }
 
     fn update(&mut self, tick: &Tick) {
@@ -410,14 +392,6 @@ impl Motor for Damiao {
             return Err(RequestError::NotWhileArmed);
         }
         self.pending.ask(question, retry)
-    }
-
-    fn response(&mut self) -> Option<Result<Response, RequestError>> {
-        self.pending.take_outcome()
-    }
-
-    fn loops(&self) -> Option<Loops> {
-        self.side.loops()
     }
 
     fn condition(&self) -> Condition {

@@ -13,7 +13,6 @@ use crate::motor::FrameError;
 
 /// A register, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Register(pub u8);
 
 impl Register {
@@ -94,7 +93,6 @@ pub(super) const NAMES: [(u8, &str, &str); 45] = [
 
 /// The value of a register.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Value {
     /// An f32.
     Real(f32),
@@ -114,7 +112,6 @@ impl Value {
 
 /// A read or write of a register, or another command on the registers' identifier.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Access {
     /// Reads a register.
@@ -166,35 +163,13 @@ impl Access {
 
 /// The answer of a motor to an [`Access`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
     /// The motor's `CAN_ID`.
     pub id: u16,
-    /// The content of the answer.
-    pub content: Content,
-}
-
-/// The content of a [`Reply`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum Content {
-    /// The value of a register (0x33). Some models answer a write so, too.
-    Holds(Register, Value),
-    /// The value of a register after a write (0x55).
-    Written(Register, Value),
-    /// Everything is saved.
-    Saved,
-}
-
-impl Content {
-    /// The value of the register; `None` in an answer without one.
-    pub(super) const fn value(&self) -> Option<Value> {
-        match *self {
-            Self::Holds(_, value) | Self::Written(_, value) => Some(value),
-            Self::Saved => None,
-        }
-    }
+    /// What a register holds; `None`: everything is saved.
+    pub held: Option<(Register, Value)>,
+    /// It answers a write (0x55). Some models answer one like a read (0x33), too.
+    pub is_written: bool,
 }
 
 impl Reply {
@@ -211,24 +186,21 @@ impl Reply {
             return Err(FrameError::Length);
         };
         let register = Register(last);
-        let content = match operation {
-            READ => Content::Holds(register, held(register, value)?),
-            WRITE => Content::Written(register, held(register, value)?),
-            SAVE if last == 1 => Content::Saved,
+        let held = match operation {
+            READ | WRITE => Some((register, held(register, value)?)),
+            SAVE if last == 1 => None,
             _ => return Err(FrameError::NotMine),
         };
-        Ok(Self { id: u16::from_le_bytes([low, high]), content })
+        let id = u16::from_le_bytes([low, high]);
+        Ok(Self { id, held, is_written: operation == WRITE })
     }
 
     /// Whether this is motor `id`'s answer to `access`. A refused write answers another value.
     pub fn answers(&self, id: DeviceId, access: &Access) -> bool {
-        let fits = match (access, &self.content) {
-            (Access::Read(asked), Content::Holds(register, _))
-            | (
-                Access::Write(asked, _),
-                Content::Holds(register, _) | Content::Written(register, _),
-            ) => asked == register,
-            (Access::Save, Content::Saved) => true,
+        let fits = match (access, &self.held) {
+            (Access::Read(asked), Some((register, _))) => asked == register && !self.is_written,
+            (Access::Write(asked, _), Some((register, _))) => asked == register,
+            (Access::Save, None) => true,
             _ => false,
         };
         fits && self.id == id.raw()
@@ -336,15 +308,16 @@ mod tests {
         let read = Access::Read(Register(21));
         let write = Access::Write(Register(21), Value::Real(12.5));
         let holds = reply(&[1, 0, 0x33, 21, 0, 0, 0x48, 0x41]).unwrap();
-        assert_eq!(holds.content, Content::Holds(Register(21), Value::Real(12.5)));
+        assert_eq!(holds.held, Some((Register(21), Value::Real(12.5))));
+        assert!(!holds.is_written);
         assert!(holds.answers(one, &read) && holds.answers(one, &write));
         assert!(!holds.answers(DeviceId::new(0x101).unwrap(), &read));
         assert!(!holds.answers(one, &Access::Read(Register(22))));
         assert!(!holds.answers(one, &Access::Save));
         let written = reply(&[7, 0, 0x55, 10, 2, 0, 0, 0]).unwrap();
         assert_eq!(
-            (written.id, written.content),
-            (7, Content::Written(Register::MODE, Value::Whole(2)))
+            (written.id, written.held, written.is_written),
+            (7, Some((Register::MODE, Value::Whole(2))), true)
         );
         let seven = DeviceId::new(7).unwrap();
         assert!(written.answers(seven, &Access::Write(Register::MODE, Value::Whole(2))));

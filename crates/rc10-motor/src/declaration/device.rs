@@ -1,4 +1,4 @@
-use rc10_app::{ConfigError, Direction};
+use rc10_app::{Cascade, ConfigError, Direction};
 
 use crate::can_ids::{CanIds, MotorName};
 use crate::{cybergear, damiao, dji, lk, odrive, unitree, vesc};
@@ -99,8 +99,14 @@ impl Device {
 
 /// The functions that the configurations of all vendors have in common.
 macro_rules! devices {
-    ($($device:ident: $config:ty),+ $(,)?) => {$(
+    ($($device:ident: $config:ty, |$of:ident| $model:expr, $id:expr;)+) => {$(
         impl $config {
+            /// Model and identifier.
+            pub const fn name(&self) -> MotorName {
+                let $of = self;
+                MotorName { model: $model, id: $id as u16 }
+            }
+
             /// The same, whose output shaft counts this way.
             pub const fn with_direction(self, direction: Direction) -> Self {
                 Self { direction, ..self }
@@ -120,15 +126,29 @@ macro_rules! devices {
 }
 
 devices! {
-    Dji: dji::Config,
-    Vesc: vesc::Config,
-    Damiao: damiao::Config,
-    CyberGear: cybergear::Config,
-    Lk: lk::Config,
-    ODrive: odrive::Config,
-    GoModule: unitree::ModuleConfig,
-    GoM8010: unitree::LineConfig,
+    Dji: dji::Config, |of| of.model.name, of.id;
+    Vesc: vesc::Config, |of| "VESC", of.id;
+    Damiao: damiao::Config, |of| of.model.name, of.can_id;
+    CyberGear: cybergear::Config, |of| of.model.name, of.address.motor;
+    Lk: lk::Config, |of| of.model.name, of.id;
+    ODrive: odrive::Config, |of| "ODrive", of.node;
+    GoModule: unitree::ModuleConfig, |of| of.model(), of.motor;
+    GoM8010: unitree::LineConfig, |of| "GO-M8010-6", of.id;
 }
+
+/// For the configurations that come with gains.
+macro_rules! with_gains {
+    ($($config:ty),+) => {$(
+        impl $config {
+            /// With gains of your own, in the unit of its efforts.
+            pub const fn with_cascade(self, cascade: Cascade) -> Self {
+                Self { cascade, ..self }
+            }
+        }
+    )+};
+}
+
+with_gains!(dji::Config, cybergear::Config, unitree::ModuleConfig, unitree::LineConfig);
 
 impl OtherDevice {
     /// The same, as one of many vendors.

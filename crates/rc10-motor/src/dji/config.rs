@@ -4,7 +4,7 @@ use embedded_can::StandardId;
 use rc10_app::{Cascade, ConfigError, Direction, FeedForward, Gear, PidConfig, RpmPerSecond, ok};
 use rc10_can::IdPattern;
 
-use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, Frames, Ownership, Rate};
 use crate::shaft::gear;
 
 /// Properties of a DJI model. Controllers of the same protocol are one more constant.
@@ -227,16 +227,6 @@ impl Config {
         self.model.rotor_torque_constant * self.gear.ratio()
     }
 
-    /// With gains of your own.
-    pub const fn with_cascade(self, cascade: Cascade) -> Self {
-        Self { cascade, ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: self.model.name, id: self.id as u16 }
-    }
-
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.model.ids(self.id));
         ok!(self.cascade.validate());
@@ -264,7 +254,6 @@ impl Config {
 
 /// The feedback rate, set in RoboMaster Assistant (GM6020: 1 kHz only).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FeedbackRate {
     /// 1000 Hz, the factory setting.
     #[default]

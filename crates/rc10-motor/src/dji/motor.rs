@@ -11,11 +11,11 @@ use super::wire::{ENCODER_COUNTS, RawFeedback};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Fault, Feedback};
-use crate::motor::{CanMotor, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::motor::{CanMotor, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
-use crate::target::{Target, TargetError, TargetKind, TargetSet};
+use crate::target::TargetKind;
 
 /// One DJI motor.
 #[derive(Clone, Debug)]
@@ -95,20 +95,10 @@ const fn servo(model: &Model, cascade: Cascade) -> Servo {
 }
 
 impl Motor for Dji {
+    handed_on!(supports, set_target, target, loops of [servo]);
+
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.id.into() }
-    }
-
-    fn supports(&self) -> TargetSet {
-        self.servo.supports()
-    }
-
-    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        self.servo.set_target(target)
-    }
-
-    fn target(&self) -> Target {
-        self.servo.target()
     }
 
     fn feedback(&self) -> Feedback {
@@ -141,10 +131,6 @@ impl Motor for Dji {
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.servo.request(request, &mut self.shaft)
-    }
-
-    fn loops(&self) -> Option<Loops> {
-        Some(self.servo.loops())
     }
 }
 

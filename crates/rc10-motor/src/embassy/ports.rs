@@ -78,6 +78,7 @@ impl<N: Names, const BUSES: usize, const LINES: usize> Ports<N, BUSES, LINES> {
 }
 
 /// The ports of a robot, of whatever numbers of buses and lines.
+#[derive(Clone, Copy)]
 pub struct PortsOf<'p, N> {
     /// One for each bus; bus 1 is the first.
     pub buses: &'p [BusPort],
@@ -85,14 +86,6 @@ pub struct PortsOf<'p, N> {
     pub lines: &'p [Rs485Port],
     names: PhantomData<fn(N)>,
 }
-
-impl<N> Clone for PortsOf<'_, N> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<N> Copy for PortsOf<'_, N> {}
 
 impl<'p, N: Names> PortsOf<'p, N> {
     /// Those of the robot's buses and lines.

@@ -5,13 +5,12 @@ use rc10_app::{Amps, Cascade, ConfigError, Degrees, Direction, Gear, ok};
 use rc10_can::IdPattern;
 
 use super::wire::{BASE_ID, DriveId, FULL_SCALE, MULTI_MOTOR, Motion, OPEN_LOOP};
-use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, Frames, Ownership, Rate};
 use crate::motor::FrameError;
 use crate::shaft::gear;
 
 /// Width of the encoder value in answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncoderBits {
     /// 14 bit devices: 0 ..= 16383.
     Fourteen = 14,
@@ -163,11 +162,6 @@ impl Config {
     /// Commanded by these frames.
     pub const fn with_commands(self, commands: Commands) -> Self {
         Self { commands, ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: self.model.name, id: self.id as u16 }
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {

@@ -11,7 +11,7 @@ use super::wire::{
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
@@ -166,6 +166,10 @@ impl Lk {
 }
 
 impl Motor for Lk {
+    handed_on!(loops of [servo]);
+    handed_on!(fault of [fault]);
+    handed_on!(response of [pending]);
+
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.id.number().into() }
     }
@@ -214,10 +218,6 @@ impl Motor for Lk {
             .with_effort(self.servo.effort())
     }
 
-    fn fault(&self) -> Option<Fault> {
-        self.fault
-    }
-
     fn update(&mut self, tick: &Tick) {
         self.pending.update(tick);
         let may = tick.mode != DriveMode::Off && tick.link == Link::Online && self.fault.is_none();
@@ -254,14 +254,6 @@ impl Motor for Lk {
             }
             _ => self.servo.request(request, &mut self.shaft),
         }
-    }
-
-    fn response(&mut self) -> Option<Result<Response, RequestError>> {
-        self.pending.take_outcome()
-    }
-
-    fn loops(&self) -> Option<Loops> {
-        Some(self.servo.loops())
     }
 
     fn condition(&self) -> Condition {

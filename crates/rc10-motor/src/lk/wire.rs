@@ -94,7 +94,6 @@ impl DriveId {
 
 /// The way round to an angle within a turn: the manual's `spinDirection`, byte 1 of `A5` and `A6`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SpinDirection {
     /// The way angles count up.
     Clockwise = 0,
@@ -283,7 +282,6 @@ pub struct Health {
 
 /// Error bits of a drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Errors(u8);
 
 /// Text of each error bit, lowest first. Bits 0 and 3: manual V2.3; all: librm, newer firmware.

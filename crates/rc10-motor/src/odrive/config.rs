@@ -7,7 +7,7 @@ use super::wire::{
     CLEAR_ERRORS, CURRENTS, ControlMode, ESTIMATES, HEARTBEAT, InputMode, MESSAGE_BITS, Node,
     POSITION, SUPPLY, TEMPERATURES, TORQUE, VELOCITY,
 };
-use crate::can_ids::{CanIds, Frames, MotorName, Rate};
+use crate::can_ids::{CanIds, Frames, Rate};
 use crate::feedback::Fault;
 
 /// The setup of an axis, and how it is controlled.
@@ -136,11 +136,6 @@ impl Config {
     /// Never exceeding these.
     pub const fn with_limits(self, limits: Limits) -> Self {
         Self { limits: Some(limits), ..self }
-    }
-
-    /// Model and node.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: "ODrive", id: self.node as u16 }
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {

@@ -14,7 +14,7 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals, Moment};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
@@ -325,12 +325,12 @@ fn microdegrees(turns: f32) -> i64 {
 }
 
 impl Motor for ODrive {
+    handed_on!(supports, target, loops of [side]);
+    handed_on!(fault of [fault]);
+    handed_on!(response of [pending]);
+
     fn name(&self) -> MotorName {
         MotorName { model: "ODrive", id: self.node.number().into() }
-    }
-
-    fn supports(&self) -> TargetSet {
-        self.side.goals().supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
@@ -349,10 +349,6 @@ impl Motor for ODrive {
         self.side.set_target(target)
     }
 
-    fn target(&self) -> Target {
-        self.side.goals().target()
-    }
-
     fn feedback(&self) -> Feedback {
         let feedback = self.shaft.feedback();
         if !self.shaft.is_known() {
@@ -365,10 +361,6 @@ impl Motor for ODrive {
             .with_controller_temperature(Celsius::new(self.controller_temperature))
             .with_supply(Volts::new(self.supply))
             .with_effort(self.side.effort())
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.fault
     }
 
     fn update(&mut self, tick: &Tick) {
@@ -449,14 +441,6 @@ impl Motor for ODrive {
             Request::CurrentLimit(limit) => self.limit_current(limit),
             _ => self.side.request(request, &mut self.shaft),
         }
-    }
-
-    fn response(&mut self) -> Option<Result<Response, RequestError>> {
-        self.pending.take_outcome()
-    }
-
-    fn loops(&self) -> Option<Loops> {
-        self.side.loops()
     }
 
     fn condition(&self) -> Condition {

@@ -34,7 +34,6 @@ const STEPS_PER_FEED_FORWARD: f32 = 1000.0;
 
 /// An axis on the bus: 0 ..= 63.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Node(u8);
 
 impl Node {
@@ -65,7 +64,6 @@ impl Node {
 
 /// The state of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AxisState(u8);
 
 /// Names of the states, in order (0.5.6 `AxisState`, 0.6.7 from 11 on; 5 up to 0.5.1).
@@ -113,7 +111,6 @@ impl AxisState {
 
 /// The control mode of an axis: the loops that run (firmware 0.5.6 `ControlMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ControlMode {
     /// None: a voltage, for gimbal motors.
     Voltage = 0,
@@ -127,7 +124,6 @@ pub enum ControlMode {
 
 /// The processing of an input before it reaches the loops (firmware 0.5.6 `InputMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum InputMode {
     /// Inputs are ignored.
     Inactive = 0,
@@ -248,7 +244,6 @@ impl Command {
 
 /// A message that can be asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Query {
     /// `09`.
     Estimates = ESTIMATES as isize,
@@ -270,7 +265,6 @@ impl Query {
 
 /// State and errors of an axis: message `01`, sent every 100 ms from the factory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heartbeat {
     /// Bits of [`Firmware::errors`](super::Firmware::errors); 0 if nothing is wrong.
     pub errors: u32,
@@ -283,7 +277,6 @@ pub struct Heartbeat {
 
 /// Position and velocity of an axis: message `09`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Estimates {
     /// Turns.
     pub position: f32,
@@ -293,7 +286,6 @@ pub struct Estimates {
 
 /// Torque current of an axis: message `14`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Currents {
     /// Setpoint of the current loop.
     pub setpoint: Amps,
@@ -303,7 +295,6 @@ pub struct Currents {
 
 /// Supply of an axis: message `17`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Supply {
     /// Volts.
     pub voltage: f32,
@@ -337,7 +328,6 @@ impl Temperatures {
 
 /// A message of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {
     /// `01`.
     Heartbeat(Heartbeat),

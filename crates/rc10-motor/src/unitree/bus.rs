@@ -42,11 +42,8 @@ use crate::supervision::{Safety, count};
 /// ```
 ///
 /// **Order of polls.** One motor at a time. Each is polled once a tick, in turn; where a tick is
-/// too short for all of them, the turn goes on in the next. A motor that does not reply costs the
-/// [reply time-out](Self::with_reply_timeout), so one that is lost, or was never heard, is polled
-/// every 100 ms only, and after each time that was in vain all others have their turn before the
-/// next such motor. When what it may do changes (it is lost, the robot is disarmed), it is polled
-/// three times without that pause: perhaps it hears its safe command though it is not heard.
+/// too short for all of them, the turn goes on in the next. One that does not reply is polled
+/// seldom, and holds up the others by its time-out only: `docs/motors/unitree.md`, "Time".
 pub struct Rs485Bus<'m> {
     motors: Motors<'m, GoM8010, CAPACITY>,
     /// One for each motor, in the same order.

@@ -5,7 +5,7 @@ use rc10_app::{
 };
 use rc10_can::IdPattern;
 
-use crate::can_ids::{CanIds, Frames, MotorName, Rate};
+use crate::can_ids::{CanIds, Frames, Rate};
 use crate::servo::{Servo, SpringRange};
 use crate::target::TargetKind;
 
@@ -63,16 +63,6 @@ impl LineConfig {
         Self { id, direction: Direction::Forward, cascade: CASCADE }
     }
 
-    /// With gains of your own.
-    pub const fn with_cascade(self, cascade: Cascade) -> Self {
-        Self { cascade, ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: "GO-M8010-6", id: self.id as u16 }
-    }
-
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {
         ok!(self.address());
         check_cascade(&self.cascade)
@@ -126,16 +116,10 @@ impl ModuleConfig {
         Self { module, motor, direction: Direction::Forward, cascade: CASCADE }
     }
 
-    /// With gains of your own.
-    pub const fn with_cascade(self, cascade: Cascade) -> Self {
-        Self { cascade, ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
+    /// The model, and the module that it is behind.
+    pub(crate) const fn model(&self) -> &'static str {
         let known = (self.module as usize) < NAMES.len();
-        let model = if known { NAMES[self.module as usize] } else { "GO-M8010-6" };
-        MotorName { model, id: self.motor as u16 }
+        if known { NAMES[self.module as usize] } else { "GO-M8010-6" }
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {

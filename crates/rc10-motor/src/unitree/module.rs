@@ -1,15 +1,8 @@
 //! A GO-M8010-6 behind Unitree's CAN-to-485 module, as a motor on a CAN bus.
 //!
-//! **Control.** The module keeps stiffness and damping ("gains") for each of its motors, and forgets
-//! them without power. Speeds, angles and torques are controlled here, by a
-//! [`Servo`](crate::servo::Servo), with both zero in the module. For [`Target::Impedance`] the module
-//! gets the target's `kp` and `kd`, and the motor runs the law itself, at its own rate.
-//!
-//! **Enabling.** Disarmed, the motor is polled with status 0 (lock). Armed, the gains are written
-//! to the module and read back, then the motor is put into field-oriented control, then driven,
-//! softly: from the fourth tick on at best. Until then it is [`Condition::Starting`], without
-//! torque. So again after a change of gains, a lost link, a lock, or other gains in the module
-//! (read 20 times a second during an impedance).
+//! What each target does, and when a motor is enabled anew: `docs/motors/unitree-module.md`. Armed,
+//! the gains are written to the module and read back, then the motor is put into field-oriented
+//! control, then driven: from the fourth tick on at best.
 //!
 //! **One frame a tick**, by identifiers' order, and one stream: the newest frame replaces others.
 //!
@@ -45,11 +38,11 @@ use super::wire::module::{Content, FROM_MODULE, Module, Reply, Request as Questi
 use super::wire::{self, Address, RawImpedance, RawMotion, RotorScale};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
-use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::feedback::{Condition, Feedback};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Spring;
-use crate::target::{Impedance, Target, TargetError, TargetSet};
+use crate::target::{Impedance, Target};
 
 /// A GO-M8010-6 behind a CAN-to-485 module.
 #[derive(Clone, Debug)]
@@ -82,16 +75,6 @@ impl GoModule {
         })
     }
 
-    /// The module it is behind.
-    pub const fn module(&self) -> Module {
-        self.module
-    }
-
-    /// The number on the module's line.
-    pub const fn address(&self) -> Address {
-        self.address
-    }
-
     /// The impedance that the motor shall make itself.
     fn impedance(&self) -> Option<Impedance> {
         match self.actuator.servo.target() {
@@ -122,28 +105,15 @@ impl GoModule {
 }
 
 impl Motor for GoModule {
+    handed_on!(supports, set_target, target, loops of [actuator.servo]);
+    handed_on!(fault of [actuator.fault]);
+
     fn name(&self) -> MotorName {
         ModuleConfig::new(self.module.get(), self.address.get()).name()
     }
 
-    fn supports(&self) -> TargetSet {
-        self.actuator.servo.supports()
-    }
-
-    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        self.actuator.servo.set_target(target)
-    }
-
-    fn target(&self) -> Target {
-        self.actuator.servo.target()
-    }
-
     fn feedback(&self) -> Feedback {
         self.actuator.feedback()
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.actuator.fault
     }
 
     fn update(&mut self, tick: &Tick) {
@@ -185,10 +155,6 @@ impl Motor for GoModule {
         } else {
             Condition::Starting
         }
-    }
-
-    fn loops(&self) -> Option<Loops> {
-        Some(self.actuator.servo.loops())
     }
 }
 

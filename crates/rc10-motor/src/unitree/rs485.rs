@@ -6,21 +6,15 @@ use super::motor::Actuator;
 use super::wire::line::{COMMAND_LEN, Command, Reply};
 use super::wire::{Address, Impedance, RawImpedance, RawMotion, RotorScale, Status};
 use crate::can_ids::MotorName;
-use crate::feedback::{Condition, Fault, Feedback};
-use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Loops, Motor, Tick};
+use crate::feedback::{Condition, Feedback};
+use crate::motor::{DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
-use crate::target::{Target, TargetError, TargetSet};
 
 /// A GO-M8010-6 on RS-485. It belongs to a [`Rs485Bus`](super::Rs485Bus), which polls it.
 ///
-/// * **Speed, angle, torque**: [loops of ours](crate::servo::Servo), one torque in each command.
-/// * **Impedance**: the controller's own law, stiffness and damping in each command. Both are taken
-///   back where the torque would exceed the limit, and for the first 20 ms.
-/// * **No torque** ([`DriveMode::Coast`]): field-oriented control with all zero. **Off**, and with
-///   a fault: status 0, the vendor's "lock", which is not documented: expect a brake.
-///
-/// It starts softly after a loss; its turns are estimated then ([`Feedback::turn_gaps`]).
+/// What each target does, and each fault: `docs/motors/unitree.md`. It starts softly after a loss;
+/// its turns are estimated then ([`Feedback::turn_gaps`]).
 #[derive(Clone, Debug)]
 pub struct GoM8010 {
     address: Address,
@@ -92,28 +86,16 @@ pub(super) const fn idle(address: Address, status: Status) -> Command {
 }
 
 impl Motor for GoM8010 {
+    handed_on!(supports, set_target, target, loops of [actuator.servo]);
+    handed_on!(fault of [actuator.fault]);
+    handed_on!(response of [pending]);
+
     fn name(&self) -> MotorName {
         MotorName { model: "GO-M8010-6", id: self.address.get().into() }
     }
 
-    fn supports(&self) -> TargetSet {
-        self.actuator.servo.supports()
-    }
-
-    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        self.actuator.servo.set_target(target)
-    }
-
-    fn target(&self) -> Target {
-        self.actuator.servo.target()
-    }
-
     fn feedback(&self) -> Feedback {
         self.actuator.feedback()
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.actuator.fault
     }
 
     fn update(&mut self, tick: &Tick) {
@@ -148,10 +130,6 @@ impl Motor for GoM8010 {
         }
     }
 
-    fn response(&mut self) -> Option<Result<Response, RequestError>> {
-        self.pending.take_outcome()
-    }
-
     fn condition(&self) -> Condition {
         let follows = self.mode != DriveMode::Run || self.status == Status::FOC;
         if follows || !self.actuator.shaft.is_known() {
@@ -160,15 +138,12 @@ impl Motor for GoM8010 {
             Condition::Starting
         }
     }
-
-    fn loops(&self) -> Option<Loops> {
-        Some(self.actuator.servo.loops())
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::target::Target;
     use rc10_app::{Celsius, Degrees, Rpm};
 
     #[test]

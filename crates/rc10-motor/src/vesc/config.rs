@@ -9,7 +9,7 @@ use rc10_can::IdPattern;
 use rc10_time::Micros;
 
 use super::wire::{EVERY, Packet, STATUSES, Status, VescId};
-use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, Frames, Guard, Ownership, Rate};
 use crate::shaft::Shaft;
 
 /// Below this it regulates no speed, as sold: `s_pid_min_erpm` in bldc's `mcconf_default.h`.
@@ -29,7 +29,6 @@ const STEPS_PER_ELECTRICAL_TURN: u32 = 6;
 /// assert!(!scale.regulates(Rpm::new(128.0)));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ElectricalScale {
     /// Half the magnet poles.
     pub pole_pairs: NonZeroU8,
@@ -92,7 +91,6 @@ pub const CONTROL_HZ: u16 = 200;
 ///
 /// VESC Tool knows two rates, and for each the frames that come with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct StatusRates {
     /// `STATUS`: speed, current, duty. Without it a motor is not there.
     pub status_1: u16,
@@ -158,7 +156,6 @@ impl StatusRates {
 
 /// The currents that a motor may be given, each in amperes of the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Currents {
     /// The largest, either way, above 0; at most "Motor Current Max" and "... Max Brake".
     pub limit: Amps,
@@ -226,11 +223,6 @@ impl Config {
     /// With [angle loops on our side](Self::angle_loops).
     pub const fn with_angle_loops(self, cascade: Cascade) -> Self {
         Self { angle_loops: Some(cascade), ..self }
-    }
-
-    /// Model and identifier.
-    pub const fn name(&self) -> MotorName {
-        MotorName { model: "VESC", id: self.id as u16 }
     }
 
     pub(crate) const fn check(&self) -> Result<(), ConfigError> {

@@ -25,29 +25,8 @@
 //! * `STATUS_6` is packet 58, from firmware 6.00 on; packet 28 asks for an encoder's state.
 //!
 //! **As a motor.** A [`Vesc`] repeats one command frame at the rate of its [`Config`], and sends a
-//! new one at once in place of one that waits. Each target is a packet of its own:
-//!
-//! | target | sent |
-//! |---|---|
-//! | `Coast`, and disarmed | `SET_CURRENT` 0 |
-//! | `Current` | `SET_CURRENT`, or `SET_CURRENT_REL`; rising within 20 ms |
-//! | `Duty` | `SET_DUTY`, rising by 2 a second when it begins |
-//! | `Speed` | `SET_RPM`, also below the minimum: then [`Condition::Unregulated`] |
-//! | `Brake` | `SET_CURRENT_BRAKE`, or `SET_CURRENT_BRAKE_REL` |
-//! | `Handbrake` | `SET_CURRENT_HANDBRAKE`, or `SET_CURRENT_HANDBRAKE_REL`; rising within 20 ms |
-//! | `Angle` | `SET_POS`, only with an encoder on the output shaft |
-//! | `TotalAngle`, and `Angle` without such an encoder | `SET_CURRENT` of our own angle loops ([`Config::angle_loops`]): `SET_RPM` cannot be regulated near standstill |
-//!
-//! The currents of the first three are shares (`_REL`) with [`Config::relative_to`], else amperes.
-//!
-//! The safe states: coast; the brake of its [`Currents`]; to hold, our angle loops if there are
-//! any, else the brake until a still field can catch the rotor, then the handbrake.
-//!
-//! A VESC that does not report is asked twice a second (PING). If it answers, its status frames are
-//! off: [`Condition::NoReports`]. One that draws no current though it should is
-//! [`Condition::NotFollowing`]: it may have a fault. A current limit
-//! ([`Request::CurrentLimit`](crate::Request::CurrentLimit)) is kept here, and told to the VESC
-//! (`CONF_CURRENT_LIMITS`, not stored) once a second and when it is heard again.
+//! new one at once in place of one that waits. What each target and safe state does, and what each
+//! [`Condition`](crate::Condition) tells: `docs/motors/vesc.md`.
 //!
 //! ```
 //! use core::num::NonZeroU8;
@@ -65,10 +44,6 @@
 //! bus.attach(&mut wheel, Safety::BRAKE)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
-//!
-//! [`Condition::Unregulated`]: crate::Condition::Unregulated
-//! [`Condition::NoReports`]: crate::Condition::NoReports
-//! [`Condition::NotFollowing`]: crate::Condition::NotFollowing
 //!
 //! Sources: vedderb/bldc 5.03 to 7.01: `comm_can.c`, `datatypes.h`, `mcconf_default.h`, docs.
 

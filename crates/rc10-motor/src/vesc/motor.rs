@@ -382,12 +382,10 @@ fn torque_current(current: f32, duty: f32, speed: ElectricalRpm) -> f32 {
 }
 
 impl Motor for Vesc {
+    handed_on!(supports, target of [goals]);
+
     fn name(&self) -> MotorName {
         self.config.name()
-    }
-
-    fn supports(&self) -> TargetSet {
-        self.goals.supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
@@ -407,10 +405,6 @@ impl Motor for Vesc {
             Some(servo) if is_servos => servo.set_target(target),
             _ => Ok(()),
         }
-    }
-
-    fn target(&self) -> Target {
-        self.goals.target()
     }
 
     fn feedback(&self) -> Feedback {

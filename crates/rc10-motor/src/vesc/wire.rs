@@ -2,8 +2,6 @@
 //!
 //! Values are limited, rounded to the nearest step, and saturate. NaN is an error, not a frame.
 
-use core::fmt;
-
 use embedded_can::ExtendedId;
 use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, Degrees, ElectricalRpm};
@@ -14,7 +12,6 @@ use crate::not_a_number::NotANumber;
 
 /// The number a VESC is set to: 0 ..= 254.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VescId(u8);
 
 /// The id that every VESC listens to.
@@ -36,15 +33,8 @@ impl VescId {
     }
 }
 
-impl fmt::Display for VescId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
 /// The receiver of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Address {
     /// This VESC.
     One(VescId),
@@ -72,11 +62,7 @@ impl Address {
 macro_rules! packets {
     ($($variant:ident = $number:literal $name:literal,)*) => {
         /// The kind of a frame: identifier bits 15 to 8 (bldc's `datatypes.h`, `CAN_PACKET_ID`).
-        ///
-        /// Others than for robots are named too: packets 5 to 8 carry the serial protocol, 28, 55,
-        /// 56 and 63 set up encoders and bit rates. Nothing in this crate sends them.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
         pub enum Packet {
             $(#[doc = concat!("`", $name, "`")] $variant = $number,)*
@@ -108,10 +94,6 @@ packets! {
     SetCurrentBrake = 2 "SET_CURRENT_BRAKE",
     SetRpm = 3 "SET_RPM",
     SetPos = 4 "SET_POS",
-    FillRxBuffer = 5 "FILL_RX_BUFFER",
-    FillRxBufferLong = 6 "FILL_RX_BUFFER_LONG",
-    ProcessRxBuffer = 7 "PROCESS_RX_BUFFER",
-    ProcessShortBuffer = 8 "PROCESS_SHORT_BUFFER",
     Status = 9 "STATUS",
     SetCurrentRel = 10 "SET_CURRENT_REL",
     SetCurrentBrakeRel = 11 "SET_CURRENT_BRAKE_REL",
@@ -129,14 +111,10 @@ packets! {
     ConfFocErpms = 25 "CONF_FOC_ERPMS",
     ConfStoreFocErpms = 26 "CONF_STORE_FOC_ERPMS",
     Status5 = 27 "STATUS_5",
-    PollTs5700n8501 = 28 "POLL_TS5700N8501_STATUS",
     ConfBatteryCut = 29 "CONF_BATTERY_CUT",
     ConfStoreBatteryCut = 30 "CONF_STORE_BATTERY_CUT",
     Shutdown = 31 "SHUTDOWN",
-    UpdatePidPosOffset = 55 "UPDATE_PID_POS_OFFSET",
-    PollRotorPos = 56 "POLL_ROTOR_POS",
     Status6 = 58 "STATUS_6",
-    UpdateBaud = 63 "UPDATE_BAUD",
 }
 
 impl Packet {
@@ -152,12 +130,6 @@ impl Packet {
         let raw = u32::from(u16::from_be_bytes([self.number(), address.into().byte()]));
         // Sixteen bits always fit; the compiler knows.
         ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO)
-    }
-}
-
-impl fmt::Display for Packet {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 
@@ -198,7 +170,6 @@ const INPUT_PER_STEP: f32 = 1.0 / 1e3;
 ///
 /// A VESC holds values beyond its own limits to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
     /// Share of the supply voltage, -1 ..= 1. 0 shorts the motor: it brakes.
     Duty(f32),
@@ -304,7 +275,6 @@ pub fn shutdown(to: impl Into<Address>) -> CanFrame {
 
 /// A setting of a VESC: a pair of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Setting {
     /// The motor's current.
     MotorCurrent {
@@ -387,7 +357,6 @@ fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanF
 
 /// A frame of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reply {
     /// One of its periodic frames.
     Status {
@@ -409,7 +378,6 @@ pub enum Reply {
 
 /// The content of a status frame; positive is forward, as the VESC counts it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Status {
     /// STATUS
     Motion {

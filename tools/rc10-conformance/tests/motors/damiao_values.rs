@@ -2,7 +2,7 @@
 
 use rc10_can::CanFrame;
 use rc10_motor::damiao::Limits;
-use rc10_motor::damiao::registers::{Content, Reply, Value};
+use rc10_motor::damiao::registers::{Register, Reply, Value};
 use rc10_motor::damiao::wire::Feedback;
 
 /// The values of a frame of the message `name`; empty for a message that only we send.
@@ -24,11 +24,10 @@ pub fn values(name: &str, frame: &CanFrame, limits: &Limits) -> Vec<(&'static st
     }
     // A question with a value has the layout of an answer.
     let Ok(reply) = Reply::unpack(frame) else { return Vec::new() };
-    let (operation, register, value) = match reply.content {
-        Content::Holds(register, value) => (0x33, register.0, value),
-        Content::Written(register, value) => (0x55, register.0, value),
-        _ => return vec![("CAN_ID", reply.id.into()), ("OPERATION", f64::from(0xAA))],
+    let Some((Register(register), value)) = reply.held else {
+        return vec![("CAN_ID", reply.id.into()), ("OPERATION", f64::from(0xAA))];
     };
+    let operation = if reply.is_written { 0x55 } else { 0x33 };
     let mut values = vec![
         ("CAN_ID", reply.id.into()),
         ("OPERATION", f64::from(operation)),

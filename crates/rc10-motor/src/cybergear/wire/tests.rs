@@ -65,7 +65,7 @@ fn feedback_has_the_values_of_other_drivers() {
             panic!("no feedback")
         };
         assert_eq!(heard.address, Address { motor: 3, host: 0x12 });
-        assert_eq!((heard.mode, heard.faults.bits()), (Mode::Run, 5));
+        assert_eq!((heard.mode, heard.faults), (Mode::Run, 5));
         let values = [heard.position, heard.velocity, heard.torque].map(f32::to_bits);
         assert_eq!(values, [12.5_f32, -30.0, 12.0].map(f32::to_bits));
         assert!((heard.temperature.get() - 100.1).abs() < 1e-4);

@@ -8,6 +8,7 @@ use super::super::{GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use super::*;
 use crate::motor::DriveMode;
 use crate::request::Gains;
+use crate::target::{Target, TargetError};
 
 fn frame(id: u16, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(StandardId::new(id).unwrap(), data)

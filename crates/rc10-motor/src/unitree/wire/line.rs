@@ -37,7 +37,6 @@ pub fn crc(bytes: &[u8]) -> u16 {
 
 /// A command to one motor, or with [`Address::BROADCAST`] to all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Command {
     /// The motor it is for.
     pub address: Address,
@@ -87,7 +86,6 @@ pub fn destination(command: &[u8; COMMAND_LEN]) -> Option<Address> {
 
 /// A reply of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
     /// The motor.
     pub address: Address,
@@ -141,7 +139,6 @@ impl Reply {
 
 /// Why bytes are no reply of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ReplyError {
     /// Not sixteen bytes.

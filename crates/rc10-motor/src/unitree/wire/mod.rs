@@ -13,7 +13,6 @@ use crate::feedback::Fault;
 
 /// A motor on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Address(u8);
 
 impl Address {
@@ -36,7 +35,6 @@ impl Address {
 ///
 /// Motors may report one of the five values that have no name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Status(u8);
 
 impl Status {

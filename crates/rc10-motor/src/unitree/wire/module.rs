@@ -33,7 +33,6 @@ pub(in crate::unitree) const NO_TEMPERATURE: i8 = -128;
 
 /// A module on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Module(u8);
 
 impl Module {
@@ -54,7 +53,6 @@ impl Module {
 
 /// A request to a module about one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
     /// 10: a motion of the rotor, answered with a state or a fault.
     Control(Status, RawMotion),
@@ -106,7 +104,6 @@ fn impedance_data(impedance: RawImpedance) -> [u8; 8] {
 ///
 /// A frame is a motor's only if module and address are both its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
     /// The module.
     pub module: Module,
@@ -118,7 +115,6 @@ pub struct Reply {
 
 /// The content of a [`Reply`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Content {
     /// The motor runs, or could.
     State {

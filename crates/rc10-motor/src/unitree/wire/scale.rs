@@ -44,7 +44,6 @@ const fn single(x: f64) -> f32 {
 
 /// Torque, speed and angle at a shaft: what a command asks for, and what a motor measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Motion {
     /// In a command, the torque that is added to what stiffness and damping make.
     pub torque: NewtonMetres,
@@ -56,7 +55,6 @@ pub struct Motion {
 
 /// Stiffness and damping at a shaft: the reaction to a difference of motions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Impedance {
     /// `k_pos` in N m / rad, 0 ..= 1025.7 at the output shaft.
     pub stiffness: f32,
@@ -66,7 +64,6 @@ pub struct Impedance {
 
 /// τ, ω and θ of the rotor as they stand in commands and replies of both links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RawMotion {
     /// In 1/256 N m.
     pub torque: i16,
@@ -78,7 +75,6 @@ pub struct RawMotion {
 
 /// `k_pos` and `k_spd` of the rotor as they stand in frames of both links, in steps of 1/1280.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RawImpedance {
     /// `k_pos` in 1/1280 N m / rad.
     pub stiffness: u16,

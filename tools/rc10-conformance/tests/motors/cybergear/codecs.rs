@@ -116,7 +116,7 @@ proptest! {
         prop_assert_eq!(heard.address, from);
         let modes = [Mode::Reset, Mode::Calibration, Mode::Run, Mode::Unknown];
         prop_assert_eq!(heard.mode, modes[usize::from(mode)]);
-        prop_assert_eq!(heard.faults.bits(), faults);
+        prop_assert_eq!(heard.faults, faults);
         for (is, was, range) in [
             (heard.position, report.position, theirs.position),
             (heard.velocity, report.velocity, theirs.velocity),

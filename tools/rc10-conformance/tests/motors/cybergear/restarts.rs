@@ -79,8 +79,7 @@ fn a_robstrides_time_out_is_a_restart() {
 #[test]
 fn a_robstrides_own_reports_are_feedback() {
     with_rs04(|mut pair| {
-        let address = CyberGear::new(Config::new(&models::RS04, ADDRESS)).unwrap().address();
-        let id = 24 << 24 | u32::from(address.host) << 8 | u32::from(address.motor);
+        let id = 24 << 24 | u32::from(ADDRESS.host) << 8 | u32::from(ADDRESS.motor);
         let id = rc10_can::embedded_can::ExtendedId::new(id).unwrap();
         let report = rc10_can::CanFrame::eight_bytes(id, [1, 2, 3, 4, 5, 6, 1, 0]);
         pair.bench.wire.inject(&report);

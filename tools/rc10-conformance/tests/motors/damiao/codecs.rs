@@ -1,6 +1,6 @@
 //! Two codecs, written apart: what one writes the other reads.
 
-use super::{controls, motor};
+use super::{controls, device_id};
 use crate::motors::{cases, number};
 use proptest::prelude::*;
 use rc10_can::embedded_can::StandardId;
@@ -166,7 +166,7 @@ fn no_saturated_setpoint_is_an_operation() {
 #[test]
 fn operations_are_understood_in_every_mode() {
     for control in controls() {
-        let (id, mode) = (motor(control).can_id(), motor(control).mode());
+        let (id, mode) = (device_id(control), control.mode());
         for (ours, theirs) in [
             (wire::Operation::ClearError, device::Operation::ClearError),
             (wire::Operation::Enable, device::Operation::Enable),

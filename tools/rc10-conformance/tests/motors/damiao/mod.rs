@@ -9,7 +9,7 @@ mod table;
 
 use rc10_app::{PidConfig, Rpm, RpmPerSecond};
 use rc10_motor::Safety;
-use rc10_motor::damiao::{Config, Control, Damiao, models};
+use rc10_motor::damiao::{Config, Control, Damiao, DeviceId, models};
 use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
@@ -44,6 +44,10 @@ pub fn controls() -> [Control; 4] {
 
 pub fn config(control: Control) -> Config {
     Config::new(models::J4310, CAN_ID, MASTER_ID, control)
+}
+
+pub fn device_id(control: Control) -> DeviceId {
+    DeviceId::new(config(control).can_id).unwrap()
 }
 
 pub fn motor(control: Control) -> Damiao {

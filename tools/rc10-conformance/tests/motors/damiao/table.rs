@@ -1,6 +1,6 @@
 //! The signal table says of every frame what the codec says.
 
-use super::{config, controls, motor};
+use super::{config, controls, device_id};
 use crate::motors::damiao_values::values;
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
@@ -80,14 +80,13 @@ fn what_we_send_has_the_values_that_were_sent() {
         low + share * (high - low)
     };
     for control in controls() {
-        let motor = motor(control);
         let messages = messages(&config(control), scaled);
-        let id = motor.can_id();
+        let id = device_id(control);
         for _ in 0..FRAMES {
             let (p, v, kp) = (number(-12.5, 12.5), number(0.0, 30.0), number(0.0, 500.0));
             let (kd, torque, share) = (number(0.0, 5.0), number(-10.0, 10.0), number(0.0, 1.0));
             let setpoint = Setpoint { position: p, velocity: v, kp, kd, torque };
-            let (frame, sent): (_, Vec<(&str, f32, f32)>) = match motor.mode() {
+            let (frame, sent): (_, Vec<(&str, f32, f32)>) = match control.mode() {
                 wire::Mode::Mit => (
                     wire::mit(id, &setpoint, &models::J4310.limits),
                     vec![

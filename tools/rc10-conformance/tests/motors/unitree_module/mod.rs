@@ -29,8 +29,8 @@ fn with_plant(safety: Safety, plant: Plant) -> One {
 
 fn with_module(config: ModuleConfig, safety: Safety, plant: Plant) -> (One, UnitreeModule) {
     let motor = GoModule::new(config).unwrap();
-    let module = UnitreeModule::new(motor.module().get()).unwrap();
-    let device = module.motor(motor.address().get()).unwrap();
+    let module = UnitreeModule::new(config.module).unwrap();
+    let device = module.motor(config.motor).unwrap();
     let mut one = One::new(motor, device, plant, safety);
     one.bench.wait(20);
     (one, module)
