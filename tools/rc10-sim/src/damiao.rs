@@ -45,7 +45,7 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
 use rc10_time::Micros;
 
-use crate::device::{Beyond, Device, EscFault, Outbox, Taken, Winding};
+use crate::device::{Device, EscFault, Outbox, Taken, Winding};
 use crate::motor::Shaft;
 
 pub use codec::{Access, Limits, Mode, Operation, Report, Setpoint};
@@ -216,14 +216,7 @@ impl Damiao {
 
     fn report(&mut self, shaft: &Shaft) -> CanFrame {
         let limits = self.registers.limits();
-        let position = self.position(shaft);
-        let position = match self.config.beyond {
-            Beyond::Saturates => position,
-            Beyond::Wraps => {
-                let range = 2.0 * limits.position;
-                position - range * ((position + limits.position) / range).floor()
-            }
-        };
+        let position = self.config.beyond.of(self.position(shaft), limits.position);
         let report = Report {
             id: self.can_id(),
             code: self.code(),
@@ -383,7 +376,6 @@ impl Device for Damiao {
                 let torque = self.loops.torque(setpoint, here, shaft, &self.registers);
                 Winding::Current(torque / shaft.plant.torque_constant)
             }
-            State::Disabled if self.config.brakes_while_disabled => Winding::Voltage(0.0),
             _ => Winding::Open,
         }
     }

@@ -109,6 +109,21 @@ pub enum Beyond {
     Wraps,
 }
 
+impl Beyond {
+    /// What is reported of an angle by a field that ends at ± `end`; it saturates by itself.
+    pub(crate) fn of(self, angle: f64, end: f64) -> f64 {
+        match self {
+            Self::Saturates => angle,
+            Self::Wraps => (angle + end).rem_euclid(2.0 * end) - end,
+        }
+    }
+}
+
+/// There is no such device: why it cannot be set up like this.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct NoDevice(pub(crate) String);
+
 /// Sets an identifier, if there can be such a one; says whether there can.
 pub(crate) const fn set_if(can_be: bool, place: &mut u8, id: u8) -> bool {
     if can_be {

@@ -24,20 +24,17 @@ const MOST_STEPS: i16 = 2048;
 const TOO_HOT: f64 = 100.0;
 /// Below this too, V; our estimate.
 const TOO_LOW: f64 = 7.0;
+/// Steps of the encoder's value in answers: of 16 bits (there are drives with 14 and 15, too).
+const ENCODER_STEPS: f64 = 65_536.0;
 /// The identifier by which four drives are commanded at once.
 const SHARED: u16 = 0x280;
 
 /// Error bits of the answer to `9A` (manual V2.3: bits 0 and 3; newer firmware: all).
-pub mod error {
-    /// Supply voltage too low.
+mod error {
     pub const UNDER_VOLTAGE: u8 = 1;
-    /// Supply voltage too high.
     pub const OVER_VOLTAGE: u8 = 1 << 1;
-    /// Motor too hot.
     pub const OVER_TEMPERATURE: u8 = 1 << 3;
-    /// Current too high.
     pub const OVER_CURRENT: u8 = 1 << 4;
-    /// Commands have stopped.
     pub const COMMANDS_STOPPED: u8 = 1 << 7;
 }
 
@@ -49,8 +46,6 @@ pub struct Settings {
     pub id: u8,
     /// Amperes at 2048 steps: 33 (MG), 16.5 (MF).
     pub full_scale: f64,
-    /// Bits of the encoder's value in answers: 14, 15 or 16.
-    pub encoder_bits: u32,
     /// Obeys the multi-motor frame, and no other.
     pub multi_motor: bool,
     /// Does what a frame says when the next one comes.
@@ -62,12 +57,11 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// An MG with a 16 bit encoder, as it is sold; off after power-on.
+    /// An MG, as it is sold; off after power-on.
     pub const fn mg(id: u8) -> Self {
         Self {
             id,
             full_scale: 33.0,
-            encoder_bits: 16,
             multi_motor: false,
             is_late: false,
             starts_on: false,
@@ -116,21 +110,23 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// With these settings; `None` if the identifier or the encoder cannot be.
+    /// With these settings; `None` if the identifier cannot be.
     #[must_use]
     pub fn new(settings: Settings) -> Option<Self> {
-        let good =
-            settings.ids().contains(&settings.id) && (14..=16).contains(&settings.encoder_bits);
-        good.then_some(Self {
+        settings.ids().contains(&settings.id).then(|| Self::started(settings, Micros::ZERO))
+    }
+
+    const fn started(settings: Settings, now: Micros) -> Self {
+        Self {
             settings,
-            is_on: false,
+            is_on: settings.starts_on || settings.multi_motor,
             goal: Goal::Nothing,
             late: None,
             errors: 0,
             causes: 0,
-            last_command: Micros::ZERO,
+            last_command: now,
             integral: 0.0,
-        })
+        }
     }
 
     fn own_id(&self) -> u16 {
@@ -143,12 +139,11 @@ impl Drive {
 
     #[expect(clippy::cast_possible_truncation, reason = "saturates, as the drive's own numbers do")]
     fn state(&self, shaft: &Shaft) -> State {
-        let counts = f64::from(1_u32 << self.settings.encoder_bits);
         State {
             temperature: shaft.temperature.round() as i8,
             current: (shaft.current / self.amps_per_step()).round() as i16,
             speed: (shaft.rotor_rpm() * 6.0).round() as i16,
-            encoder: (shaft.rotor_angle() * counts).min(counts - 1.0) as u16,
+            encoder: (shaft.rotor_angle() * ENCODER_STEPS) as u16,
         }
     }
 
@@ -252,10 +247,7 @@ impl Device for Drive {
     }
 
     fn power_on(&mut self, _shaft: &Shaft, now: Micros, _phase: Micros) {
-        self.is_on = self.settings.starts_on || self.settings.multi_motor;
-        (self.goal, self.late, self.integral) = (Goal::Nothing, None, 0.0);
-        (self.errors, self.causes) = (0, 0);
-        self.last_command = now;
+        *self = Self::started(self.settings, now);
     }
 
     fn receive(&mut self, frame: &CanFrame, shaft: &Shaft, now: Micros, out: &mut Outbox) -> Taken {

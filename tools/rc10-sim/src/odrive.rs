@@ -54,8 +54,6 @@ pub struct Settings {
     /// `iq_msg_rate_ms`, `temperature_msg_rate_ms` and `bus_voltage_msg_rate_ms` alike; `None`:
     /// not sent.
     pub others_every: Option<Micros>,
-    /// The encoder knows its angle in the turn at power-on; else it counts from zero.
-    pub is_absolute: bool,
     /// Expires without frames; `None`: off.
     pub watchdog: Option<Micros>,
     /// The time for which it starts before it can be switched on (firmware 0.6 says so in its
@@ -73,7 +71,6 @@ impl Settings {
             estimates_every: Micros::from_millis(1),
             heartbeat_every: Micros::from_millis(20),
             others_every: None,
-            is_absolute: false,
             watchdog: None,
             starts_for: Micros::ZERO,
         }
@@ -135,24 +132,27 @@ impl Axis {
         let Settings { estimates_every, heartbeat_every, others_every, .. } = settings;
         let others = others_every.unwrap_or(heartbeat_every);
         let good = [estimates_every, heartbeat_every, others].iter().all(|it| *it > Micros::ZERO);
-        (settings.node <= 63 && good).then_some(Self {
+        (settings.node <= 63 && good).then(|| Self::started(settings, Micros::ZERO))
+    }
+
+    fn started(settings: Settings, now: Micros) -> Self {
+        Self {
             settings,
             state: State::Idle,
             controller: Controller::new(),
             errors: 0,
             causes: 0,
             origin: None,
-            started_at: Micros::ZERO,
-            fed_at: Micros::ZERO,
-            due: [Micros::ZERO; 3],
-        })
+            started_at: now,
+            fed_at: now,
+            due: [now; 3],
+        }
     }
 
-    /// Turns as the encoder counts them.
+    /// Turns as the encoder counts them: from zero at power-on.
     fn position(&mut self, shaft: &Shaft) -> f64 {
         let turns = shaft.rotor_turns();
-        let zero = if self.settings.is_absolute { turns.floor() } else { turns };
-        turns - *self.origin.get_or_insert(zero)
+        turns - *self.origin.get_or_insert(turns)
     }
 
     fn is_starting(&self, now: Micros) -> bool {
@@ -218,6 +218,10 @@ impl Axis {
         encode_heartbeat(self.settings.node, self.errors, self.state as u8, details)
     }
 
+    fn estimates(&mut self, shaft: &Shaft) -> CanFrame {
+        encode_estimates(self.settings.node, self.position(shaft), shaft.rotor_rpm() / 60.0)
+    }
+
     fn currents(&self, shaft: &Shaft) -> CanFrame {
         encode_currents(self.settings.node, self.controller.amps, shaft.current)
     }
@@ -231,10 +235,9 @@ impl Axis {
 
     /// Answers a remote frame, as firmware 0.5 does for what it does not send by itself.
     fn answer(&mut self, message: u8, shaft: &Shaft, out: &mut Outbox) -> Taken {
-        let node = self.settings.node;
         out.push(match message {
             0x01 => self.heartbeat(),
-            0x09 => encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0),
+            0x09 => self.estimates(shaft),
             0x14 => self.currents(shaft),
             0x17 => self.supply(shaft),
             _ => return Taken::Malformed,
@@ -249,11 +252,7 @@ impl Device for Axis {
     }
 
     fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
-        self.state = State::Idle;
-        self.controller = Controller::new();
-        (self.errors, self.causes, self.origin) = (0, 0, None);
-        (self.started_at, self.fed_at) = (now, now);
-        self.due = [now + phase; 3];
+        *self = Self { due: [now + phase; 3], ..Self::started(self.settings, now) };
     }
 
     fn period(&self) -> Micros {
@@ -290,7 +289,7 @@ impl Device for Axis {
         }
         if now >= self.due[1] {
             self.due[1] += estimates_every;
-            out.push(encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0));
+            out.push(self.estimates(shaft));
         }
         if let Some(every) = others_every
             && now >= self.due[2]

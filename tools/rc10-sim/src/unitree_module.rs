@@ -24,8 +24,8 @@ use std::rc::Rc;
 use rc10_can::CanFrame;
 use rc10_time::Micros;
 
-pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
-use crate::device::{Device, EscFault, Outbox, Taken, Winding};
+pub use self::codec::{Asked, Command, Gains, Motion, Report, Told};
+use crate::device::{Device, EscFault, NoDevice, Outbox, Taken, Winding};
 use crate::motor::Shaft;
 use crate::plant::Plant;
 use crate::unitree_line::{self, GEAR, TOO_HOT, TORQUE_CONSTANT, error_of};
@@ -46,18 +46,6 @@ pub const fn plant() -> Plant {
         .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }
 
-/// No module or no motor can be set to this number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a {of} has a number from 0 to {last}, not {asked}")]
-pub struct NoSuchNumber {
-    /// "module" or "motor".
-    pub of: &'static str,
-    /// The number that was asked for.
-    pub asked: u8,
-    /// The largest there is; the smallest is 0.
-    pub last: u8,
-}
-
 /// A module. Clones are the same module.
 #[derive(Clone, Debug)]
 pub struct UnitreeModule {
@@ -75,10 +63,10 @@ impl UnitreeModule {
     /// A module with this number (switches 1 and 2), 0 ..= 3, powered.
     ///
     /// # Errors
-    /// [`NoSuchNumber`].
-    pub fn new(number: u8) -> Result<Self, NoSuchNumber> {
+    /// With another number.
+    pub fn new(number: u8) -> Result<Self, NoDevice> {
         if number > 3 {
-            return Err(NoSuchNumber { of: "module", asked: number, last: 3 });
+            return Err(NoDevice(format!("a module has a number from 0 to 3, not {number}")));
         }
         let inner = Inner { powered: true, gains: [Gains::default(); 16] };
         Ok(Self { number, inner: Rc::new(RefCell::new(inner)) })
@@ -87,10 +75,10 @@ impl UnitreeModule {
     /// A motor on its line, with this number, 0 ..= 14.
     ///
     /// # Errors
-    /// [`NoSuchNumber`].
-    pub fn motor(&self, number: u8) -> Result<UnitreeMotor, NoSuchNumber> {
+    /// With another number.
+    pub fn motor(&self, number: u8) -> Result<UnitreeMotor, NoDevice> {
         if number > 14 {
-            return Err(NoSuchNumber { of: "motor", asked: number, last: 14 });
+            return Err(NoDevice(format!("a motor has a number from 0 to 14, not {number}")));
         }
         Ok(UnitreeMotor::new(self.clone(), number))
     }
@@ -211,11 +199,6 @@ impl UnitreeMotor {
         };
         Some(Report { module: self.module.number, motor: self.number, told }.pack())
     }
-
-    /// A frame for this motor behind this module, or for every motor.
-    const fn is_meant(&self, module: u8, motor: u8) -> bool {
-        module == self.module.number && (motor == self.number || motor == 15)
-    }
 }
 
 impl Device for UnitreeMotor {
@@ -225,17 +208,15 @@ impl Device for UnitreeMotor {
     }
 
     fn receive(&mut self, frame: &CanFrame, _: &Shaft, now: Micros, _: &mut Outbox) -> Taken {
-        let command = match Command::unpack(frame) {
-            Ok(Some(command)) => command,
-            Err(Malformed { module, motor }) if self.is_meant(module, motor) => {
-                return Taken::Malformed;
-            }
-            Ok(None) | Err(_) => return Taken::NotMine,
+        let is_meant = |command: &Command| {
+            command.module == self.module.number && [self.number, 15].contains(&command.motor)
         };
-        if !self.module.inner.borrow().powered || !self.is_meant(command.module, command.motor) {
+        let Some(command) = Command::unpack(frame).filter(is_meant) else { return Taken::NotMine };
+        let Some(asked) = command.asked else { return Taken::Malformed };
+        if !self.module.inner.borrow().powered {
             return Taken::NotMine;
         }
-        let answer = match command.asked {
+        let answer = match asked {
             Asked::Control { status, motion, answered } => {
                 if !self.unplugged && self.mode != Mode::Calibrating {
                     self.control(status, motion, now);

@@ -59,16 +59,7 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
         }
         rig.tick(Some(rig.cruise()));
     }
-    let ahead = rig.status().feedback.total_angle.plus(TotalAngle::from_degrees(AHEAD));
-    let target = match doing {
-        Doing::Turning | Doing::Holding | Doing::Braking => rig.cruise(),
-        Doing::Seeking => Target::TotalAngle(ahead),
-        Doing::Moving => Target::Motion(Motion { angle: Some(ahead), ..Motion::default() }),
-        Doing::Springing => {
-            let spring = spring_of(rig.declared).ok_or(Halt::Stuck)?;
-            Target::Impedance(Impedance { angle: ahead.degrees(), ..spring })
-        }
-    };
+    let target = ahead_of(rig.status().feedback.total_angle, rig, doing)?;
     match doing {
         Doing::Turning => rig.wait(Some(target), 50),
         Doing::Seeking | Doing::Springing | Doing::Moving => rig.wait(Some(target), 1500),
@@ -77,6 +68,20 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
         Doing::Braking => rig.wait(None, 150),
     }
     Ok(target)
+}
+
+/// The target of what it does, so far ahead of an angle if it has one.
+fn ahead_of(angle: TotalAngle, rig: &Rig<'_>, doing: Doing) -> Result<Target, Halt> {
+    let ahead = angle.plus(TotalAngle::from_degrees(AHEAD));
+    Ok(match doing {
+        Doing::Turning | Doing::Holding | Doing::Braking => rig.cruise(),
+        Doing::Seeking => Target::TotalAngle(ahead),
+        Doing::Moving => Target::Motion(Motion { angle: Some(ahead), ..Motion::default() }),
+        Doing::Springing => {
+            let spring = spring_of(rig.declared).ok_or(Halt::Stuck)?;
+            Target::Impedance(Impedance { angle: ahead.degrees(), ..spring })
+        }
+    })
 }
 
 /// Sets the zero of a driven motor, on purpose.
@@ -183,32 +188,15 @@ fn angle_of(target: Target) -> Option<Degrees> {
     }
 }
 
-/// The same target, but on its way.
-fn further(target: Target) -> Target {
-    match target {
-        Target::TotalAngle(angle) => {
-            Target::TotalAngle(angle.plus(TotalAngle::from_degrees(AHEAD)))
-        }
-        Target::Motion(Motion { angle: Some(angle), .. }) => {
-            let angle = Some(angle.plus(TotalAngle::from_degrees(AHEAD)));
-            Target::Motion(Motion { angle, ..Motion::default() })
-        }
-        Target::Impedance(spring) => {
-            let angle = spring.angle + TotalAngle::from_degrees(AHEAD).degrees();
-            Target::Impedance(Impedance { angle, ..spring })
-        }
-        other => other,
-    }
-}
-
 pub(super) fn target_is_on_the_new_scale(case: &Case<'_>, found: &mut Findings) {
     for doing in doings(case) {
         if !matches!(doing, Doing::Seeking | Doing::Springing | Doing::Moving) {
             continue;
         }
         found.note(scenario(case, doing, |rig| {
-            let near = start(rig, doing)?;
-            let target = further(near);
+            let near = angle_of(start(rig, doing)?).and_then(TotalAngle::try_from_degrees);
+            // The same, but on its way.
+            let target = ahead_of(near.ok_or(Halt::Stuck)?, rig, doing)?;
             rig.wait(Some(target), 3);
             let zero = rig.status().feedback.total_angle.degrees();
             set_zero(rig)?;

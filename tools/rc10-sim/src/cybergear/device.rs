@@ -124,17 +124,10 @@ impl CyberGear {
     }
 
     fn report(&self, shaft: &Shaft) -> Report {
-        let range = 2.0 * self.model.position;
-        let position = match self.beyond {
-            Beyond::Saturates => self.position(shaft),
-            Beyond::Wraps => {
-                (self.position(shaft) + self.model.position).rem_euclid(range) - self.model.position
-            }
-        };
         Report {
             mode: if self.mode == Mode::Run { 2 } else { 0 },
             faults: self.faults,
-            position,
+            position: self.beyond.of(self.position(shaft), self.model.position),
             velocity: shaft.speed,
             torque: shaft.torque(),
             temperature: shaft.temperature,
@@ -287,9 +280,7 @@ impl Device for CyberGear {
         if target != self.id {
             return Taken::NotMine;
         }
-        let Ok(command) = command else {
-            return Taken::Malformed;
-        };
+        let Some(command) = command else { return Taken::Malformed };
         if !self.placed {
             self.place(shaft);
         }

@@ -15,10 +15,8 @@ pub struct Parameters {
     pub velocity: f32,
     /// 0x700B, N m.
     pub torque_limit: f32,
-    /// 0x7010, 0x7011: kept, not simulated.
-    pub current_gains: [f32; 2],
-    /// 0x7014: kept, not simulated.
-    pub current_filter: f32,
+    /// 0x7010 and 0x7011, gains of current, and 0x7014, its filter: kept, not simulated.
+    pub(super) kept: [f32; 3],
     /// 0x7016, rad.
     pub position: f32,
     /// 0x7017, rad/s.
@@ -46,8 +44,7 @@ impl Parameters {
             current: 0.0,
             velocity: 0.0,
             torque_limit: model.torque as f32,
-            current_gains: if robstride { [0.17, 0.012] } else { [0.125, 0.0158] },
-            current_filter: 0.1,
+            kept: if robstride { [0.17, 0.012, 0.1] } else { [0.125, 0.0158, 0.1] },
             position: 0.0,
             velocity_limit: if robstride { 10.0 } else { 2.0 },
             current_limit: model.current as f32,
@@ -124,9 +121,9 @@ impl Parameters {
             0x7006 => (&mut self.current, -current, current),
             0x700A => (&mut self.velocity, -speed, speed),
             0x700B => (&mut self.torque_limit, 0.0, torque),
-            0x7010 => (&mut self.current_gains[0], 0.0, MOST),
-            0x7011 => (&mut self.current_gains[1], 0.0, MOST),
-            0x7014 => (&mut self.current_filter, 0.0, MOST),
+            0x7010 => (&mut self.kept[0], 0.0, MOST),
+            0x7011 => (&mut self.kept[1], 0.0, MOST),
+            0x7014 => (&mut self.kept[2], 0.0, MOST),
             0x7016 => (&mut self.position, -MOST, MOST),
             0x7017 => (&mut self.velocity_limit, 0.0, speed),
             0x7018 => (&mut self.current_limit, 0.0, current),

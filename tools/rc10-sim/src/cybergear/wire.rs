@@ -59,10 +59,10 @@ fn to_field(value: f64, low: f64, high: f64) -> u16 {
     ((value - low) * 65_535.0 / (high - low)) as u16
 }
 
-/// The addressee, the sender and the command of a frame; `None` for a foreign frame, `Some(Err)` for
-/// a length or content that the device does not take.
+/// The addressee, the sender and the command of a frame; `None` for a foreign frame, and for the
+/// command if the device does not take such a length or content.
 #[must_use]
-pub fn read(frame: &CanFrame, model: &Model) -> Option<(u8, u8, Result<Command, Malformed>)> {
+pub fn read(frame: &CanFrame, model: &Model) -> Option<(u8, u8, Option<Command>)> {
     if !frame.is_extended_id() || frame.is_remote() {
         return None;
     }
@@ -70,26 +70,22 @@ pub fn read(frame: &CanFrame, model: &Model) -> Option<(u8, u8, Result<Command, 
     let [kind, upper, host, target] = id.to_be_bytes();
     let command = match kind {
         // Drivers send it with one byte.
-        0 => Ok(Command::Identify),
+        0 => Some(Command::Identify),
         // Reverse-engineered by `python-cybergear` 0.1.2: no torque, at once.
-        20 => Ok(Command::Stop { clear: false }),
+        20 => Some(Command::Stop { clear: false }),
         1 | 3 | 4 | 6 | 7 | 17 | 18 | 22 | 24 => {
-            frame.all_eight().ok_or(Malformed).and_then(|data| eight(kind, upper, id, *data, model))
+            frame.all_eight().and_then(|data| eight(kind, upper, id, *data, model))
         }
         _ => return None,
     };
     Some((target, host, command))
 }
 
-/// Not the length or content that the device takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Malformed;
-
-fn eight(kind: u8, upper: u8, id: u32, data: [u8; 8], model: &Model) -> Result<Command, Malformed> {
+fn eight(kind: u8, upper: u8, id: u32, data: [u8; 8], model: &Model) -> Option<Command> {
     let big = |first: usize| u16::from_be_bytes([data[first], data[first + 1]]);
     let index = u16::from_le_bytes([data[0], data[1]]);
     let value = [data[4], data[5], data[6], data[7]];
-    Ok(match kind {
+    Some(match kind {
         1 => {
             let [_, high, low, _] = id.to_be_bytes();
             let torque = u16::from_be_bytes([high, low]);
@@ -109,7 +105,7 @@ fn eight(kind: u8, upper: u8, id: u32, data: [u8; 8], model: &Model) -> Result<C
         18 => Command::Write(index, value),
         22 => Command::SaveOrBitRate(data),
         24 if model.robstride && data[..6] == [1, 2, 3, 4, 5, 6] => Command::Report(data[6] == 1),
-        _ => return Err(Malformed),
+        _ => return None,
     })
 }
 

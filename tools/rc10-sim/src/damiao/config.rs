@@ -24,8 +24,6 @@ pub struct DamiaoConfig {
     pub acknowledges_with: u8,
     /// Old firmware takes frames only with the offset of the mode it is in.
     pub old_firmware: bool,
-    /// Whether it shorts its winding while disabled (H3510).
-    pub brakes_while_disabled: bool,
     /// Reports beyond ±PMAX: no source tells.
     pub beyond: Beyond,
     /// The motor and its load.
@@ -56,7 +54,6 @@ impl DamiaoConfig {
             acceleration: 200.0,
             acknowledges_with: 0x55,
             old_firmware: false,
-            brakes_while_disabled: false,
             beyond: Beyond::Saturates,
             plant,
         }

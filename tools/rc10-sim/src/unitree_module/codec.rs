@@ -36,8 +36,8 @@ pub struct Command {
     pub module: u8,
     /// Which of its motors, 0 ..= 15; 15 is all of them.
     pub motor: u8,
-    /// The question or the command.
-    pub asked: Asked,
+    /// The question or the command; `None` if the module takes no such length or operation.
+    pub asked: Option<Asked>,
 }
 
 /// A question or command to a module.
@@ -58,15 +58,6 @@ pub enum Asked {
     ReadGains,
 }
 
-/// A frame to a module whose length or operation it does not take.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Malformed {
-    /// Number of the module.
-    pub module: u8,
-    /// Which of its motors.
-    pub motor: u8,
-}
-
 #[expect(clippy::cast_possible_truncation, reason = "a byte of an identifier")]
 const fn byte(id: u32, from: u32) -> u8 {
     (id >> from) as u8
@@ -74,27 +65,22 @@ const fn byte(id: u32, from: u32) -> u8 {
 
 impl Command {
     /// Reads a frame; `None` if it is not for a module at all.
-    ///
-    /// # Errors
-    /// [`Malformed`].
-    pub fn unpack(frame: &CanFrame) -> Result<Option<Self>, Malformed> {
+    #[must_use]
+    pub fn unpack(frame: &CanFrame) -> Option<Self> {
         let id = frame.raw_id();
         // Bits 26 to 24: direction and content, zero in what goes to a module.
         if !frame.is_extended_id() || frame.is_remote() || byte(id, 24) & 7 != 0 {
-            return Ok(None);
+            return None;
         }
-        let (module, motor) = (byte(id, 27) & 3, byte(id, 8) & 15);
-        let malformed = Malformed { module, motor };
-        let data = *frame.all_eight().ok_or(malformed)?;
-        let status = byte(id, 12) & 7;
-        let asked = match byte(id, 16) {
-            10 => Asked::Control { status, motion: motion(data), answered: true },
-            11 => Asked::SetGains(gains(data)),
-            12 => Asked::ReadGains,
-            13 => Asked::Control { status, motion: motion(data), answered: false },
-            _ => return Err(malformed),
-        };
-        Ok(Some(Self { module, motor, asked }))
+        let (module, motor, status) = (byte(id, 27) & 3, byte(id, 8) & 15, byte(id, 12) & 7);
+        let asked = frame.all_eight().and_then(|data| match byte(id, 16) {
+            10 => Some(Asked::Control { status, motion: motion(*data), answered: true }),
+            11 => Some(Asked::SetGains(gains(*data))),
+            12 => Some(Asked::ReadGains),
+            13 => Some(Asked::Control { status, motion: motion(*data), answered: false }),
+            _ => None,
+        });
+        Some(Self { module, motor, asked })
     }
 }
 

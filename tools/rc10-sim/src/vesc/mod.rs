@@ -17,7 +17,7 @@ use rc10_time::Micros;
 pub use control::Mode;
 pub use wire::{Order, Report};
 
-use crate::device::{Device, EscFault, Outbox, Taken, Winding, set_if};
+use crate::device::{Device, EscFault, NoDevice, Outbox, Taken, Winding, set_if};
 use crate::motor::{STEP, Shaft};
 use crate::plant::Plant;
 use control::Control;
@@ -33,10 +33,8 @@ pub struct VescConfig {
     pub status_hz: [u16; 6],
     /// Slower than this speed is not regulated, electrical rpm.
     pub minimum_erpm: f64,
-    /// The time for which a command holds.
+    /// The time for which a command holds; then it lets go.
     pub timeout: Micros,
-    /// The braking current after that, A.
-    pub timeout_brake: f64,
     /// Most current that drives, A.
     pub current_max: f64,
     /// Most current that brakes, A.
@@ -66,7 +64,6 @@ impl VescConfig {
             status_hz: [0; 6],
             minimum_erpm: 900.0,
             timeout: Micros::from_millis(1000),
-            timeout_brake: 0.0,
             current_max: 60.0,
             brake_max: 60.0,
             encoder_on_shaft: false,
@@ -76,20 +73,6 @@ impl VescConfig {
             plant,
         }
     }
-}
-
-/// A VESC cannot be set up like this.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum VescError {
-    /// Id 255 means all of them.
-    #[error("a VESC takes ids 0 to 254")]
-    Id,
-    /// There is no motor without poles.
-    #[error("a motor has one pole pair or more")]
-    PolePairs,
-    /// A VESC reports at most 1000 times a second.
-    #[error("a VESC reports at most 1000 times a second, not {0}")]
-    StatusRate(u16),
 }
 
 /// An outrunner of the size that robots drive wheels with, 270 rpm/V, on 24 V, no gearbox and no
@@ -130,18 +113,23 @@ impl Vesc {
     /// ([`Bus::add`](crate::Bus::add)).
     ///
     /// # Errors
-    /// [`VescError`].
-    pub fn new(config: VescConfig) -> Result<Self, VescError> {
+    /// If there is no such id, motor or rate.
+    pub fn new(config: VescConfig) -> Result<Self, NoDevice> {
+        // Id 255 means all of them.
         if config.id == 255 {
-            return Err(VescError::Id);
+            return Err(NoDevice("a VESC takes ids 0 to 254".into()));
         }
         if config.pole_pairs == 0 {
-            return Err(VescError::PolePairs);
+            return Err(NoDevice("a motor has one pole pair or more".into()));
         }
-        if let Some(&hz) = config.status_hz.iter().find(|hz| **hz > 1000) {
-            return Err(VescError::StatusRate(hz));
+        if let Some(hz) = config.status_hz.iter().find(|hz| **hz > 1000) {
+            return Err(NoDevice(format!("a VESC reports at most 1000 times a second, not {hz}")));
         }
-        Ok(Self {
+        Ok(Self::started(config))
+    }
+
+    fn started(config: VescConfig) -> Self {
+        Self {
             control: Control::default(),
             last_order: None,
             current_limits: (-config.brake_max, config.current_max),
@@ -154,7 +142,7 @@ impl Vesc {
             duty: 0.0,
             input_current: 0.0,
             config,
-        })
+        }
     }
 
     /// Connects it to a motor with another number of pole pairs, 1 or more.
@@ -231,13 +219,7 @@ impl Device for Vesc {
     }
 
     fn power_on(&mut self, _shaft: &Shaft, now: Micros, phase: Micros) {
-        self.control = Control::default();
-        self.last_order = None;
-        self.current_limits = (-self.config.brake_max, self.config.current_max);
-        (self.fault, self.is_off) = (None, false);
-        self.tachometer_zero = None;
-        (self.charge, self.energy) = ([0.0; 2], [0.0; 2]);
-        (self.duty, self.input_current) = (0.0, 0.0);
+        *self = Self::started(self.config);
         self.schedule(now + phase);
     }
 
@@ -291,7 +273,7 @@ impl Device for Vesc {
         let silent = self.last_order.is_some_and(|at| now.since(at) >= self.config.timeout);
         if silent {
             self.last_order = None;
-            self.control.take(&Order::Brake(self.config.timeout_brake), self.current_limits);
+            self.control = Control::default();
         }
         if self.fault.is_some() || self.is_off {
             self.control = Control::default();

@@ -9,7 +9,7 @@ use super::{One, behind, speed, with_module};
 
 /// Frames of the last tick, by the device's codec.
 fn sent(one: &One) -> Vec<Asked> {
-    let read = |frame| Command::unpack(frame).unwrap().unwrap().asked;
+    let read = |frame| Command::unpack(frame).unwrap().asked.unwrap();
     one.bench.sent.frames().iter().map(read).collect()
 }
 

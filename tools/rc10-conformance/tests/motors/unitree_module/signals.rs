@@ -30,10 +30,10 @@ fn each_message_is_what_its_name_says_to_the_module() {
         let table = messages(&ModuleConfig::new(3, 2));
         let message = table.iter().find(|message| message.name == name).unwrap();
         let frame = CanFrame::eight_bytes(message.id, [0; 8]);
-        let command = Command::unpack(&frame).unwrap().unwrap();
+        let command = Command::unpack(&frame).unwrap();
         assert_eq!((command.module, command.motor), (3, 2));
         assert!(!message.from_device && message.len == 8);
-        command.asked
+        command.asked.unwrap()
     };
     let status = |asked| match asked {
         Asked::Control { status, answered: true, .. } => Some(status),
