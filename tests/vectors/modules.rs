@@ -65,7 +65,10 @@ pub fn tfmini(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
                 "distance_mm" => tolerance.raw(field, value, i64::from(centimetres) * 10)?,
                 "strength" => tolerance.raw(field, value, strength.into())?,
                 "temp_C" => tolerance.float(field, 0.125, value, temperature.get())?,
-                "reliable" => flag(field, value, message.is_reliable())?,
+                "reliable" => {
+                    let is_doubted = matches!(message.range(), Range::Unreliable(_));
+                    flag(field, value, !is_doubted)?;
+                },
                 other => return Err(unknown(other)),
             }
         }

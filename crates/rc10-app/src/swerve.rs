@@ -118,7 +118,7 @@ impl<const N: usize> Swerve<N> {
         let (mut x, mut y, mut at) = (0.0, 0.0, 0);
         while at < N {
             if let Err(error) = places[at].check() {
-                return Err(BaseError::Wheel { wheel: at, error });
+                return Err(BaseError::Wheel(at, error));
             }
             (x, y) = (x + places[at].x as f64 / N as f64, y + places[at].y as f64 / N as f64);
             at += 1;
@@ -139,7 +139,7 @@ impl<const N: usize> Swerve<N> {
         );
         // A millimetre from the middle or less: the wheels' contacts are wider.
         if N < 2 || squares < 1e-6 * N as f64 {
-            return Err(BaseError::CannotTurn { about: middle });
+            return Err(BaseError::CannotTurn(middle));
         }
         Ok(Self { places, radius, max_wheel_speed, steering, rpm, rim, middle, inertia })
     }

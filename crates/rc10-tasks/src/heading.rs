@@ -60,28 +60,15 @@ impl Zeroed {
     }
 }
 
-/// Listens to an HWT101 or WT901 on a serial port, for ever; hands on each heading and its time.
-pub async fn listen_to_wit(
-    port: impl Read,
-    switch: &ArmSwitch,
-    reception: &Reception,
-    mut hear: impl FnMut(Heading, Micros),
-) -> ! {
-    let mut zeroed = Zeroed::default();
-    listen(port, Wit, reception, |message, at| {
-        let wit::Message::Angle { yaw, .. } = message else { return };
-        if let Some(heading) = zeroed.hear(yaw, 0, switch, at) {
-            hear(heading, at);
-        }
-    })
-    .await
-}
-
 /// Listens to an HWT101 or WT901 on a serial port, for ever: the heading that all tasks share.
 pub async fn listen_for<N: Names>(shared: &Common<'_, N, impl Live>, port: impl Read) -> ! {
     shared.has_imu.store(true, Ordering::Relaxed);
-    listen_to_wit(port, &shared.switch, &shared.imu_reception, |heading, at| {
-        shared.heading.set(heading, at);
+    let mut zeroed = Zeroed::default();
+    listen(port, Wit, &shared.imu_reception, |message, at| {
+        let wit::Message::Angle { yaw, .. } = message else { return };
+        if let Some(heading) = zeroed.hear(yaw, 0, &shared.switch, at) {
+            shared.heading.set(heading, at);
+        }
     })
     .await
 }

@@ -41,11 +41,8 @@ use crate::config::{ConfigError, not_negative, positive};
 use crate::maths::fast_sqrt;
 use crate::ok;
 use crate::profile::AngleSetpoint;
-use crate::units::{Degrees, Direction, Rpm, RpmPerSecond, Seconds};
+use crate::units::{DEGREES_PER_SECOND, Degrees, Direction, Rpm, RpmPerSecond, Seconds};
 use crate::{TotalAngle, maths};
-
-/// 1 rpm in degrees a second.
-const DEGREES_PER_SECOND: f32 = 6.0;
 
 /// A command to one motor, at its output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -24,18 +24,6 @@ pub enum Parity {
     Even,
 }
 
-impl SerialSettings {
-    /// Bits of a character on the wire: start, data, parity and stop.
-    #[must_use]
-    pub const fn character_bits(&self) -> u8 {
-        let parity = match self.parity {
-            Parity::None => 0,
-            Parity::Even => 1,
-        };
-        1 + 8 + parity + self.stop_bits
-    }
-}
-
 impl Receiver {
     /// Settings of the UART; `None` for pulses. DR16 manual; Futaba's SBUS; `ExpressLRS` (TBS's
     /// 416,666 baud are heard too); DJI's VT03 notes.
@@ -49,20 +37,5 @@ impl Receiver {
             Self::Ppm => return None,
         };
         Some(SerialSettings { baud, parity, stop_bits, inverted })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn characters_are_as_long_as_they_are() {
-        let bits = |receiver: Receiver| receiver.serial().map(|serial| serial.character_bits());
-        assert_eq!(bits(Receiver::Dr16), Some(11));
-        assert_eq!(bits(Receiver::Sbus), Some(12));
-        assert_eq!(bits(Receiver::Crsf), Some(10));
-        assert_eq!(bits(Receiver::Vt03), Some(10));
-        assert_eq!(bits(Receiver::Ppm), None);
     }
 }
