@@ -68,7 +68,7 @@ pub fn tfmini(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
                 "reliable" => {
                     let is_doubted = matches!(message.range(), Range::Unreliable(_));
                     flag(field, value, !is_doubted)?;
-                },
+                }
                 other => return Err(unknown(other)),
             }
         }

@@ -19,7 +19,7 @@ use crate::twist::{Twist, TwistNotFinite};
 use crate::units::{Degrees, NewtonMetres, Rpm, RpmPerSecond};
 
 /// Radians per second in one revolution per minute.
-const RADIANS_PER_SECOND: f64 = PI / 30.0;
+pub(crate) const RADIANS_PER_SECOND: f64 = PI / 30.0;
 
 /// A base on `N` wheels.
 ///

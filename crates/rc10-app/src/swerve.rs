@@ -7,7 +7,7 @@
 use core::f32::consts::PI;
 
 use crate::angle::TotalAngle;
-use crate::base::{BaseError, BaseMotion, Body};
+use crate::base::{BaseError, BaseMotion, Body, RADIANS_PER_SECOND};
 use crate::config::{ConfigError, positive};
 use crate::maths;
 use crate::ok;
@@ -15,8 +15,6 @@ use crate::transform::{Point, RobotFrame};
 use crate::twist::{Twist, TwistNotFinite};
 use crate::units::{NewtonMetres, Rpm, RpmPerSecond};
 
-/// Radians per second in one revolution per minute.
-const RADIANS_PER_SECOND: f64 = core::f64::consts::PI / 30.0;
 /// Millionths of a degree in a radian.
 const MICRODEGREES: f32 = 180e6 / PI;
 /// Revolutions per minute in 1 rad/s.

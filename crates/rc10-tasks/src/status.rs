@@ -216,7 +216,10 @@ fn write_counts<const N: usize>(
     f: &mut fmt::Formatter<'_>,
     counts: [(u32, &str); N],
 ) -> fmt::Result {
-    counts.iter().filter(|(count, _)| *count > 0).try_for_each(|(count, what)| write!(f, ", {count} {what}"))
+    counts
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .try_for_each(|(count, what)| write!(f, ", {count} {what}"))
 }
 
 /// Sees whether every bus and line ticks: a watchdog is fed only then.
