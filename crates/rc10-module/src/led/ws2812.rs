@@ -58,7 +58,6 @@ pub fn spi_bytes(colour: RGB8) -> [u8; BITS] {
 
 /// The widths of a timer's pulses, in its clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseTiming {
     /// Clocks between pulses: the timer's period (an STM32's auto-reload register gets one less).
     pub period: u16,

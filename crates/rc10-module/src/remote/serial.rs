@@ -2,7 +2,6 @@ use super::Receiver;
 
 /// Settings of a UART to hear a receiver. Eight data bits, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SerialSettings {
     /// Bits per second.
     pub baud: u32,
@@ -16,7 +15,6 @@ pub struct SerialSettings {
 
 /// A bit that makes errors show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Parity {
     /// No such bit.
     None,
