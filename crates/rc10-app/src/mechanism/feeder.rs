@@ -444,7 +444,7 @@ mod tests {
             command = feeder.update(&CONFIG, &standing, DT);
         }
         assert_eq!(command, MotorCommand::hold(CONFIG.piece().reversed()));
-        let offline = Measured { health: super::super::Health::Offline, ..standing };
+        let offline = Measured { trouble: Some(super::super::Trouble::Offline), ..standing };
         assert_eq!(feeder.update(&CONFIG, &offline, DT), MotorCommand::Coast);
         let before = feeder;
         feeder.update(&CONFIG, &standing, Seconds::new(f32::NAN));
