@@ -5,7 +5,7 @@ use rc10_module::imu::{Wit, wit};
 use rc10_module::positioning::action::{self, Coordinate, Pose};
 use rc10_module::positioning::{Action, Rc9, rc9};
 use rc10_module::ranging::jrt::{self, Answer, Speed};
-use rc10_module::ranging::{Jrt, Stp23l, TfMini, stp23l, tfmini};
+use rc10_module::ranging::{Jrt, Range, Stp23l, TfMini, stp23l, tfmini};
 use serde_json::{Value, json};
 
 use crate::fields::{Check, Fields, Tolerance, float, narrow, same, unknown};
