@@ -2,7 +2,7 @@
 
 use std::env;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 
@@ -31,20 +31,21 @@ pub fn robots() -> Result<Vec<String>> {
 /// Builds a program of the workspace `firmware/` for release, for its default board or another one; says where
 /// its ELF file is.
 pub fn build(package: &str, board: Option<&str>) -> Result<PathBuf> {
-    build_with(package, board, chip_toolchain()?.as_deref())
+    chip_toolchain()?;
+    compile(package, board)
 }
 
-/// The same with this compiler, if not the active toolchain's.
-pub fn build_with(package: &str, board: Option<&str>, rustc: Option<&Path>) -> Result<PathBuf> {
+/// The same where the toolchain is known to build for the chip.
+pub fn compile(package: &str, board: Option<&str>) -> Result<PathBuf> {
     // By itself: features unify over packages that are built together.
     let arguments = format!("build --release --package {package}");
     let default = elf(package);
     let Some(board) = board.filter(|board| *board != "h723zg") else {
-        run(&mut chip(&arguments, rustc))?;
+        run(&mut chip(&arguments))?;
         return Ok(default);
     };
     let features = format!("--no-default-features --features {board}");
-    run(&mut chip(&format!("{arguments} {features}"), rustc))?;
+    run(&mut chip(&format!("{arguments} {features}")))?;
     let own = elf(&format!("{package}-{board}"));
     // The next build for another board replaces its file.
     fs::copy(&default, &own).with_context(|| format!("cannot copy {}", default.display()))?;
@@ -52,22 +53,22 @@ pub fn build_with(package: &str, board: Option<&str>, rustc: Option<&Path>) -> R
 }
 
 /// Builds everything that `emulate` runs; says where the team's ELF file is.
-pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
+pub fn build_all() -> Result<PathBuf> {
     for package in ON_DM_MC02 {
-        build_with(package, Some(DM_MC02), rustc)?;
+        compile(package, Some(DM_MC02))?;
     }
     for package in robots()?.into_iter().chain(["interop", "selftest"].map(str::to_owned)) {
-        build_with(&package, None, rustc)?;
+        compile(&package, None)?;
     }
-    build_with(TEAM, None, rustc)
+    compile(TEAM, None)
 }
 
 /// Does what flashes a board, with nothing in the probe's place: the program is the one that is meant.
-pub fn flash_nothing(rustc: Option<&Path>) -> Result<()> {
+pub fn flash_nothing() -> Result<()> {
     let nothing = format!("run --release --config target.{TARGET}.runner=\"true\"");
-    run(&mut chip(&nothing, rustc))?;
+    run(&mut chip(&nothing))?;
     let other = format!("--no-default-features --features {DM_MC02}");
-    run(&mut chip(&format!("{nothing} {other}"), rustc))
+    run(&mut chip(&format!("{nothing} {other}")))
 }
 
 fn elf(name: &str) -> PathBuf {

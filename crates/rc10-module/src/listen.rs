@@ -1,5 +1,4 @@
 use core::cell::Cell;
-use core::fmt;
 use core::pin::pin;
 
 use embassy_sync::blocking_mutex::Mutex;
@@ -38,12 +37,6 @@ impl Reception {
 impl Default for Reception {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-impl fmt::Debug for Reception {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Reception").field(&self.read()).finish()
     }
 }
 

@@ -2,8 +2,7 @@ use core::array::from_fn;
 use rc10::prelude::*;
 
 use rc10::app::mechanism::{
-    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Measured, MotorCommand,
-    Stage,
+    Axes, AxesFailure, AxesHoming, AxesHomingStatus, Measured, MotorCommand, Stage,
 };
 use rc10::app::{AngleLimits, AngleProfile, AngleSetpoint, ConfigError};
 
@@ -118,8 +117,7 @@ impl Lift {
             State::Idle => None,
             State::Homing(homing) => match homing.status() {
                 AxesHomingStatus::Failed(
-                    AxesHomingFailure::Motor { motor, .. }
-                    | AxesHomingFailure::Spread { behind: motor, .. },
+                    AxesFailure::Motor { motor, .. } | AxesFailure::Lags { motor, .. },
                 ) => Some(motor),
                 _ => None,
             },

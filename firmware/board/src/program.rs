@@ -172,7 +172,9 @@ macro_rules! program {
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
             async fn serve(shared: &'static Shared<'static>, soldered: Soldered) {
-                board::serve(shared, soldered, $crate::outputs!($([$($output),*])?)).await;
+                let all = $crate::Output::ALL;
+                let on = $crate::rc10_tasks::or!([$(&[$($crate::Output::$output),*])?] all);
+                board::serve(shared, soldered, on).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
@@ -180,17 +182,5 @@ macro_rules! program {
                 Robot::run(shared).await
             }
         }
-    };
-}
-
-/// The outputs of supply that are switched on: these, or all.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! outputs {
-    () => {
-        $crate::Output::ALL
-    };
-    ([$($output:ident),*]) => {
-        &[$($crate::Output::$output),*]
     };
 }

@@ -33,12 +33,10 @@ pub fn measure() {
     odometries();
 }
 
-// SAFETY: nothing else has this name.
-#[unsafe(export_name = "count_1_base_inverse")]
-#[inline(never)]
-fn inverse(base: &Base<4>, twist: Twist) -> Result<WheelSpeeds<4>, TwistNotFinite> {
+measured!("count_1_base_inverse", inverse(base: &Base<4>, twist: Twist)
+-> Result<WheelSpeeds<4>, TwistNotFinite> {
     base.inverse(twist)
-}
+});
 
 /// Steered wheels: endless, and within a range that is reached.
 fn swerves() {
@@ -60,18 +58,11 @@ fn swerves() {
     }
 }
 
-type SwerveInput = (Twist, [TotalAngle; 4]);
-
-// SAFETY: nothing else has this name.
-#[unsafe(export_name = "count_1_swerve")]
-#[inline(never)]
-fn swerve(
-    base: &Swerve<4>,
-    state: &mut SwerveState<4>,
-    (twist, measured): &SwerveInput,
+measured!("count_1_swerve", swerve(
+    base: &Swerve<4>, state: &mut SwerveState<4>, input: &(Twist, [TotalAngle; 4])
 ) -> Result<Modules<4>, TwistNotFinite> {
-    state.update(base, *twist, *measured)
-}
+    state.update(base, input.0, input.1)
+});
 
 /// Arcs, with a gyro and without, with slip and without.
 fn odometries() {
@@ -85,9 +76,8 @@ fn odometries() {
     }
 }
 
-// SAFETY: nothing else has this name.
-#[unsafe(export_name = "count_1_odometry")]
-#[inline(never)]
-fn odometry_step(odometry: &mut Odometry, config: &OdometryConfig, input: &OdometryInput) {
+measured!("count_1_odometry", odometry_step(
+    odometry: &mut Odometry, config: &OdometryConfig, input: &OdometryInput
+) {
     odometry.update(config, *input, Seconds::new(0.005));
-}
+});

@@ -2,7 +2,6 @@ use super::{Remote, Stick, Switch, Travel};
 
 /// A channel of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use]
 pub struct Channel {
     /// From 1 on, as transmitters show it.
@@ -25,7 +24,6 @@ impl Channel {
 
 /// The channels of the sticks, switches and dial: the mixer page of the transmitter, as data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use]
 pub struct ChannelOrder {
     /// The right stick, to the right.
@@ -106,7 +104,6 @@ impl ChannelOrder {
 /// # Ok::<(), rc10_module::remote::ChannelMapError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ChannelMap<const CHANNELS: usize> {
     order: ChannelOrder,
     travel: Travel,

@@ -16,23 +16,14 @@ struct YourDriver;
 
 impl Can for YourDriver {
     type Frame = CanFrame;
-    type Error = Never;
+    type Error = Infallible;
 
-    fn transmit(&mut self, _: &CanFrame) -> nb::Result<Option<CanFrame>, Never> {
+    fn transmit(&mut self, _: &CanFrame) -> nb::Result<Option<CanFrame>, Infallible> {
         Ok(None)
     }
 
-    fn receive(&mut self) -> nb::Result<CanFrame, Never> {
+    fn receive(&mut self) -> nb::Result<CanFrame, Infallible> {
         Err(nb::Error::WouldBlock)
-    }
-}
-
-#[derive(Debug)]
-struct Never(Infallible);
-
-impl rc10_can::embedded_can::Error for Never {
-    fn kind(&self) -> rc10_can::embedded_can::ErrorKind {
-        match self.0 {}
     }
 }
 
