@@ -29,10 +29,14 @@ pub fn free(arguments: &str) -> Command {
     cargo
 }
 
-/// A cargo command in the firmware workspace.
-pub fn chip(arguments: &str) -> Command {
+/// A cargo command in the firmware workspace. `rustc` is the compiler to use if it is not the
+/// active toolchain's.
+pub fn chip(arguments: &str, rustc: Option<&Path>) -> Command {
     let mut cargo = host(arguments);
     cargo.current_dir(root().join("firmware"));
+    if let Some(rustc) = rustc {
+        cargo.env("RUSTC", rustc);
+    }
     cargo
 }
 

@@ -11,7 +11,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 
 use crate::cargo::{cargo, chip, free, host, root, run as run_command};
-use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, compile, flash_nothing};
+use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, deny, emulate, floors, golden, size};
 
@@ -133,14 +133,14 @@ const DAILY: [&str; 3] =
 /// If a step failed, or was skipped on a CI machine.
 pub fn run(is_whole: bool) -> Result<()> {
     let mut report = Report { is_whole, steps: Vec::new() };
-    // Whether there are steps on the chip, or why not.
-    let mut has_chip = Err("not set up".to_owned());
+    // The compiler for the steps on the chip, or why it is missing.
+    let mut rustc: Result<Option<PathBuf>, String> = Err("not set up".to_owned());
     report.step("setup", || {
-        has_chip = chip_toolchain().map_err(|error| format!("{error:#}"));
+        rustc = chip_toolchain().map_err(|error| format!("{error:#}"));
         let lacks = |why| Skipped(format!("no chip build here: {why}")).into();
-        has_chip.clone().map_err(lacks)
+        rustc.as_ref().map(drop).map_err(lacks)
     });
-    let has_chip = || has_chip.clone().map_err(Skipped);
+    let rustc = || rustc.as_ref().map(Option::as_deref).map_err(|why| Skipped(why.clone()));
     report.step("python", || needed(python(), "no tests against Python here"));
     report.rare("deny", deny::run);
     report.step("format", || {
@@ -148,7 +148,7 @@ pub fn run(is_whole: bool) -> Result<()> {
         cargo("fmt --all --check")?;
         cargo(&format!("fmt {TWO_WHEELS} --check"))?;
         cargo(&format!("fmt --manifest-path {OTHER_CHIPS}/Cargo.toml --check"))?;
-        run_command(&mut chip("fmt --all --check"))
+        run_command(&mut chip("fmt --all --check", None))
     });
     report.step("lint", || {
         need_component("clippy")?;
@@ -163,21 +163,23 @@ pub fn run(is_whole: bool) -> Result<()> {
         cargo(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings"))
     });
     report.rare("lint chip", || {
-        has_chip()?;
+        // clippy is a compiler of its own and knows only its own toolchain's targets.
+        let lacks = Skipped("the active toolchain's clippy has no chip target".to_owned());
+        ensure!(matches!(rustc(), Ok(None)), lacks);
         need_component("clippy")?;
         let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
         cargo(&format!("clippy {bsp} -- -D warnings"))?;
-        run_command(&mut chip("clippy --workspace --release -- -D warnings"))?;
+        run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
         // A build has one chip, so the other board comes by itself.
         let packages = ON_DM_MC02.map(|name| format!(" --package {name}")).concat();
         let packages = format!("--package rc10-board{packages}");
         let board = format!("--no-default-features --features {DM_MC02}");
         let board = format!("clippy --release {packages} {board} -- -D warnings");
-        run_command(&mut chip(&board))?;
+        run_command(&mut chip(&board, None))?;
         docs(&mut host(&format!("doc --no-deps {bsp}")))?;
         for (board, chip_name) in [("h723zg", "stm32h723zg"), (DM_MC02, "stm32h723vg")] {
             let features = format!("--features {board},embassy-stm32/{chip_name}");
-            docs(&mut chip(&format!("doc --no-deps --package rc10-board {features}")))?;
+            docs(&mut chip(&format!("doc --no-deps --package rc10-board {features}"), None))?;
         }
         Ok(())
     });
@@ -191,33 +193,27 @@ pub fn run(is_whole: bool) -> Result<()> {
     report.rare("other PCs", compiles_for_other_pcs);
     report.step("robots", robots);
     report.rare("two wheels", two_wheels);
-    report.rare("new robot", || new_robot(has_chip().is_ok()));
+    report.rare("new robot", || new_robot(rustc().is_ok()));
     report.rare("package", package);
     report.step("docs", || docs(&mut host("doc --workspace --exclude viewers --no-deps")));
     let mut program = None;
     report.step("firmware", || {
-        has_chip()?;
+        let rustc = rustc()?;
         if !is_whole {
-            program = Some(compile(TEAM, None)?);
+            program = Some(build_with(TEAM, None, rustc)?);
             return Ok(());
         }
         // Before the rest: what it leaves is the other board's.
-        flash_nothing()?;
-        compile("usb", None)?;
-        program = Some(build_all()?);
+        flash_nothing(rustc)?;
+        build_with("usb", None, rustc)?;
+        program = Some(build_all(rustc)?);
         Ok(())
     });
     let program = || program.as_deref().ok_or_else(|| Skipped("no firmware".to_owned()));
     report.step("size", || size::run(program()?));
     report.step("emulate", || emulate::run(program()?, if is_whole { &[] } else { &DAILY }));
-    report.rare("other chips", || {
-        has_chip()?;
-        other_chips()
-    });
-    report.rare("count", || {
-        has_chip()?;
-        count::run(&compile("count", None)?)
-    });
+    report.rare("other chips", || other_chips(rustc()?));
+    report.rare("count", || count::run(&build_with("count", None, rustc()?)?));
     report.conclude()
 }
 
@@ -266,15 +262,15 @@ fn two_wheels() -> Result<()> {
     cargo(&format!("run {TWO_WHEELS} -- {arguments}"))
 }
 
-/// Builds the robot on other chips for each, with its own lock file, and lints it, and what
-/// `rc10-stm32-can` has for the chip.
-fn other_chips() -> Result<()> {
-    let lints = component("clippy");
+/// Builds the robot on other chips for each, with its own lock file. With the active toolchain's compiler
+/// it lints it, and what `rc10-stm32-can` has for the chip: clippy knows only its own targets.
+fn other_chips(rustc: Option<&Path>) -> Result<()> {
+    let lints = rustc.is_none() && component("clippy");
     for (name, port) in ITS_CHIPS {
         let own = |command: &str, rest: &str| {
             let arguments =
                 format!("{command} --release --no-default-features --features {name} {rest}");
-            run_command(chip(&arguments).current_dir(root().join(OTHER_CHIPS)))
+            run_command(chip(&arguments, rustc).current_dir(root().join(OTHER_CHIPS)))
         };
         own("build", "")?;
         if lints {

@@ -2,7 +2,7 @@
 
 use std::env;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
@@ -31,21 +31,20 @@ pub fn robots() -> Result<Vec<String>> {
 /// Builds a program of the workspace `firmware/` for release, for its default board or another one; says where
 /// its ELF file is.
 pub fn build(package: &str, board: Option<&str>) -> Result<PathBuf> {
-    chip_toolchain()?;
-    compile(package, board)
+    build_with(package, board, chip_toolchain()?.as_deref())
 }
 
-/// The same where the toolchain is known to build for the chip.
-pub fn compile(package: &str, board: Option<&str>) -> Result<PathBuf> {
+/// The same with this compiler, if not the active toolchain's.
+pub fn build_with(package: &str, board: Option<&str>, rustc: Option<&Path>) -> Result<PathBuf> {
     // By itself: features unify over packages that are built together.
     let arguments = format!("build --release --package {package}");
     let default = elf(package);
     let Some(board) = board.filter(|board| *board != "h723zg") else {
-        run(&mut chip(&arguments))?;
+        run(&mut chip(&arguments, rustc))?;
         return Ok(default);
     };
     let features = format!("--no-default-features --features {board}");
-    run(&mut chip(&format!("{arguments} {features}")))?;
+    run(&mut chip(&format!("{arguments} {features}"), rustc))?;
     let own = elf(&format!("{package}-{board}"));
     // The next build for another board replaces its file.
     fs::copy(&default, &own).with_context(|| format!("cannot copy {}", default.display()))?;
@@ -53,22 +52,22 @@ pub fn compile(package: &str, board: Option<&str>) -> Result<PathBuf> {
 }
 
 /// Builds everything that `emulate` runs; says where the team's ELF file is.
-pub fn build_all() -> Result<PathBuf> {
+pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
     for package in ON_DM_MC02 {
-        compile(package, Some(DM_MC02))?;
+        build_with(package, Some(DM_MC02), rustc)?;
     }
     for package in robots()?.into_iter().chain(["interop", "selftest"].map(str::to_owned)) {
-        compile(&package, None)?;
+        build_with(&package, None, rustc)?;
     }
-    compile(TEAM, None)
+    build_with(TEAM, None, rustc)
 }
 
 /// Does what flashes a board, with nothing in the probe's place: the program is the one that is meant.
-pub fn flash_nothing() -> Result<()> {
+pub fn flash_nothing(rustc: Option<&Path>) -> Result<()> {
     let nothing = format!("run --release --config target.{TARGET}.runner=\"true\"");
-    run(&mut chip(&nothing))?;
+    run(&mut chip(&nothing, rustc))?;
     let other = format!("--no-default-features --features {DM_MC02}");
-    run(&mut chip(&format!("{nothing} {other}")))
+    run(&mut chip(&format!("{nothing} {other}"), rustc))
 }
 
 fn elf(name: &str) -> PathBuf {

@@ -41,7 +41,7 @@ fn main() -> ExitCode {
     let task: fn() -> Result<()> = match std::env::args().nth(1).as_deref() {
         Some("setup") => || {
             setup::probe();
-            setup::chip_toolchain().and_then(|()| setup::python())
+            setup::chip_toolchain().and_then(|_| setup::python())
         },
         Some("check") => || check::run(std::env::args().any(|it| it == "--all")),
         Some("firmware") => || {
@@ -57,10 +57,9 @@ fn main() -> ExitCode {
         Some("emulate") => || {
             let names: Vec<_> = std::env::args().skip(2).collect();
             let names: Vec<_> = names.iter().map(String::as_str).collect();
-            setup::chip_toolchain()?;
             let program = match names[..] {
-                [] => firmware::build_all()?,
-                _ => firmware::compile(firmware::TEAM, None)?,
+                [] => firmware::build_all(setup::chip_toolchain()?.as_deref())?,
+                _ => firmware::build(firmware::TEAM, None)?,
             };
             emulate::run(&program, &names)
         },

@@ -1,29 +1,44 @@
 //! Making a machine able to build for the chip.
 //!
 //! A `targets` line in rust-toolchain.toml is not enough: with `RUSTUP_AUTO_INSTALL=0` it installs
-//! nothing. So the target is asked for explicitly.
+//! nothing. So the target is asked for explicitly; and where rustup or its server is not there, a
+//! Debian machine can build the two libraries that the target needs from Debian's own packages.
 //!
 //! The tests against programs of others need a Python that can make virtual environments.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
-use crate::cargo::{answer, paths, run};
+use crate::cargo::{answer, paths, root, run};
 
 /// The chip's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Makes sure that the active toolchain builds for the chip.
-pub fn chip_toolchain() -> Result<()> {
-    if !has_target() {
-        println!("setup: the active toolchain has no {TARGET}; asking rustup for it");
-        run(Command::new("rustup").args(["target", "add", TARGET]))?;
-        ensure!(has_target(), "rustup added {TARGET} to another toolchain than the active one");
+const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
+
+/// The compiler to build for the chip with: `None` is the active toolchain's. Installs what is
+/// missing.
+pub fn chip_toolchain() -> Result<Option<PathBuf>> {
+    if has_target(Path::new("rustc")) {
+        println!("setup: the active toolchain builds for {TARGET}");
+        return Ok(None);
     }
-    println!("setup: the active toolchain builds for {TARGET}");
-    Ok(())
+    println!("setup: the active toolchain has no {TARGET}; asking rustup for it");
+    match run(Command::new("rustup").args(["target", "add", TARGET])) {
+        Ok(()) if has_target(Path::new("rustc")) => return Ok(None),
+        Ok(()) => println!("setup: rustup added it to another toolchain than the active one"),
+        Err(error) => println!("setup: {error:#}"),
+    }
+    let rustc = PathBuf::from(DEBIAN_RUSTC);
+    if !has_target(&rustc) {
+        println!("setup: making {TARGET} from Debian's packages");
+        from_debian(&rustc).context("neither rustup nor Debian could provide the chip's target")?;
+    }
+    println!("setup: building for the chip with RUSTC={DEBIAN_RUSTC}");
+    Ok(Some(rustc))
 }
 
 /// Makes sure that `cargo fmt` or `cargo clippy` is there.
@@ -40,11 +55,8 @@ pub fn python() -> Result<()> {
         || answer(Command::new("python3").args(["-c", "import venv, ensurepip"])).is_some();
     if !can_make_environments() {
         println!("setup: no python3 that can make virtual environments; asking Debian for one");
-        let mut install = Command::new("apt-get");
-        install.args(["install", "--quiet", "--yes", "--no-install-recommends"]);
-        install.args(["python3", "python3-venv"]).env("DEBIAN_FRONTEND", "noninteractive");
         run(Command::new("apt-get").args(["update", "--quiet"]))
-            .and_then(|()| run(&mut install))
+            .and_then(|()| install(&["python3", "python3-venv"]))
             .context("install Python 3.10 or newer, with venv and ensurepip")?;
     }
     ensure!(can_make_environments(), "python3 cannot make virtual environments");
@@ -79,17 +91,98 @@ fn judge_probe_rs(version: Option<&str>) -> String {
     }
 }
 
-fn has_target() -> bool {
+/// Debian's packages.
+fn install(packages: &[&str]) -> Result<()> {
+    let mut apt = Command::new("apt-get");
+    apt.args(["install", "--quiet", "--yes", "--no-install-recommends"])
+        .args(packages)
+        .env("DEBIAN_FRONTEND", "noninteractive");
+    run(&mut apt)
+}
+
+fn has_target(rustc: &Path) -> bool {
     let question = ["--print", "target-libdir", "--target", TARGET];
-    let Some(folder) = answer(Command::new("rustc").args(question)) else {
+    let Some(folder) = answer(Command::new(rustc).args(question)) else {
         return false;
     };
     // The folder's name is answered whether it exists or not.
-    let is_core = |path: &Path| {
-        let file = path.file_name().unwrap_or_default().to_string_lossy();
-        file.starts_with("libcore-") && file.ends_with(".rlib")
+    paths(Path::new(&folder)).is_ok_and(|found| found.iter().any(|path| is_library(path, "core")))
+}
+
+fn is_library(path: &Path, name: &str) -> bool {
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    file.starts_with(&format!("lib{name}-")) && file.ends_with(".rlib")
+}
+
+/// Debian has the compiler and the library's source, but not the library for this target: build
+/// it once, into the compiler's own sysroot.
+fn from_debian(rustc: &Path) -> Result<()> {
+    let packages = ["rustc-web", "rust-web-src"];
+    run(Command::new("apt-get").args(["update", "--quiet"]))?;
+    install(&packages)?;
+    let sysroot = answer(Command::new(rustc).args(["--print", "sysroot"]))
+        .context("Debian's rustc does not run")?;
+    let targets = Path::new(&sysroot).join("lib/rustlib");
+
+    // An empty crate that needs `core` and `alloc` makes cargo build them.
+    let work = root().join("target/chip-sysroot");
+    fs::create_dir_all(work.join("src"))?;
+    fs::write(
+        work.join("Cargo.toml"),
+        "[package]\nname = \"chip-sysroot\"\nversion = \"0.0.0\"\nedition = \"2021\"\n[workspace]\n",
+    )?;
+    fs::write(work.join("src/lib.rs"), "#![no_std]\nextern crate alloc;\n")?;
+    let build = [
+        "build",
+        "--release",
+        "--target",
+        TARGET,
+        "-Zbuild-std=core,alloc,compiler_builtins",
+        "-Zbuild-std-features=compiler-builtins-mem",
+    ];
+    run(Command::new("cargo")
+        .args(build)
+        .current_dir(&work)
+        .env("RUSTC", rustc)
+        // -Z needs a nightly compiler, or this.
+        .env("RUSTC_BOOTSTRAP", "1")
+        // Without bitcode in the libraries, link-time optimisation over them fails.
+        .env("RUSTFLAGS", "-Cembed-bitcode=yes")
+        .env("CARGO_TARGET_DIR", work.join("target")))?;
+
+    let built = work.join("target").join(TARGET).join("release/deps");
+    let destination = targets.join(TARGET).join("lib");
+    fs::create_dir_all(&destination).with_context(|| format!("{}", destination.display()))?;
+    for path in paths(&built)? {
+        let wanted = ["core", "alloc", "compiler_builtins"];
+        if wanted.iter().any(|name| is_library(&path, name)) {
+            fs::copy(&path, destination.join(path.file_name().unwrap_or_default()))?;
+        }
+    }
+    linker(&targets)
+}
+
+/// The target links with `rust-lld`, which Debian's compiler package does not bring.
+fn linker(targets: &Path) -> Result<()> {
+    let details = answer(Command::new("rustc").arg("-vV")).context("rustc does not run")?;
+    let Some(machine) = details.lines().find_map(|line| line.strip_prefix("host: ")) else {
+        bail!("rustc does not say what machine it runs on");
     };
-    paths(Path::new(&folder)).is_ok_and(|found| found.iter().any(|path| is_core(path)))
+    let place = targets.join(machine).join("bin/rust-lld");
+    if place.exists() {
+        return Ok(());
+    }
+    let active = answer(Command::new("rustc").args(["--print", "sysroot"])).unwrap_or_default();
+    let mut linker = Path::new(&active).join("lib/rustlib").join(machine).join("bin/rust-lld");
+    if !linker.exists() {
+        install(&["lld"])?;
+        linker = PathBuf::from("/usr/bin/ld.lld");
+    }
+    if let Some(folder) = place.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    // A link, not a copy: the linker finds its libraries by where it really is.
+    run(Command::new("ln").arg("-sfn").arg(linker).arg(place))
 }
 
 #[cfg(test)]
