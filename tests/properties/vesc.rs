@@ -175,7 +175,7 @@ proptest! {
             let actual = numbers(status);
             prop_assert_eq!(actual.len(), expected.len());
             for (actual, expected) in actual.into_iter().zip(expected) {
-                prop_assert!(near(actual, expected), "{} {} {}", packet, actual, expected);
+                prop_assert!(near(actual, expected), "{:?} {} {}", packet, actual, expected);
             }
             if let Status::Tachometer { steps, .. } = status {
                 prop_assert_eq!(steps, word);
