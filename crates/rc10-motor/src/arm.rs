@@ -58,17 +58,18 @@ const STOPPED: u8 = 2;
 /// Stopped, and without torque: it was not armed, or has been disarmed since.
 const STOPPED_OFF: u8 = 3;
 const SUSPENDED: u8 = 4;
-/// From here on it is disarmed until the next start, and the state is an [`Unfit`].
-const UNFIT: u8 = 5;
+/// Disarmed until the next start: [`Unfit::Overload`], [`Unfit::Clock`], [`Unfit::Chip`].
+const OVERLOAD: u8 = 5;
+const CLOCK: u8 = 6;
+const CHIP: u8 = 7;
 
 /// Why a robot cannot be armed until it is started again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[repr(u8)]
 pub enum Unfit {
     /// The motors of a bus need more than the bus has: frames would be lost.
     #[error("the motors of a bus do not fit on it")]
-    Overload = UNFIT,
+    Overload,
     /// The crystal does not work, or is not the one that the program is for: bit rates and times are not exact.
     #[error("the crystal does not work or is another")]
     Clock,
@@ -105,7 +106,7 @@ impl ArmSwitch {
     pub fn state(&self) -> ArmState {
         match self.load() {
             ARMED => ArmState::Armed,
-            DISARMED | UNFIT.. => ArmState::Disarmed,
+            DISARMED | OVERLOAD | CLOCK | CHIP => ArmState::Disarmed,
             SUSPENDED => ArmState::Suspended,
             _ => ArmState::EStopped,
         }
@@ -126,13 +127,22 @@ impl ArmSwitch {
 
     /// Disarms the robot until it is started again, because it is unsafe. The first reason stays.
     pub fn forbid(&self, why: Unfit) {
-        self.always(|_| why as u8);
+        let unfit = match why {
+            Unfit::Overload => OVERLOAD,
+            Unfit::Clock => CLOCK,
+            Unfit::Chip => CHIP,
+        };
+        self.always(|_| unfit);
     }
 
     /// Why the robot cannot be armed, if it cannot.
     pub fn unfit(&self) -> Option<Unfit> {
-        let state = self.load();
-        [Unfit::Overload, Unfit::Clock, Unfit::Chip].into_iter().find(|why| *why as u8 == state)
+        match self.load() {
+            OVERLOAD => Some(Unfit::Overload),
+            CLOCK => Some(Unfit::Clock),
+            CHIP => Some(Unfit::Chip),
+            _ => None,
+        }
     }
 
     /// Lets every motor coast, also one that holds during an emergency stop, which stays latched.
@@ -158,7 +168,7 @@ impl ArmSwitch {
             let state = state_of(word);
             let stopped =
                 if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF };
-            (state < UNFIT).then(|| with(word.wrapping_add(ONE_STOP), stopped))
+            (state < OVERLOAD).then(|| with(word.wrapping_add(ONE_STOP), stopped))
         });
     }
 
@@ -192,7 +202,7 @@ impl ArmSwitch {
     fn always(&self, step: impl Fn(u8) -> u8) {
         self.update(&|word| {
             let state = state_of(word);
-            (state < UNFIT).then(|| with(word, step(state)))
+            (state < OVERLOAD).then(|| with(word, step(state)))
         });
     }
 
