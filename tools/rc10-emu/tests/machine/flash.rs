@@ -351,6 +351,28 @@ fn a_guarded_read_of_a_torn_word_goes_on() {
     assert_eq!(bench.read(SR) & DBECCERR, DBECCERR);
 }
 
+/// A DMA takes the bytes as they are, and the flag tells.
+#[test]
+fn a_dma_reads_a_torn_word_without_a_fault() {
+    const DMA1: u32 = 0x4002_0000;
+    let mut bench = bench(1);
+    bench.unlock();
+    bench.program_words(KEPT, WORDS);
+    bench.finish();
+    bench.program_words(KEPT, [0; 8]);
+    bench.finish();
+    bench.write(RCC + 0xD8, 1);
+    for (offset, value) in [(0x14, 8), (0x18, KEPT), (0x1C, 0x2400_0000)] {
+        bench.write(DMA1 + offset, value);
+    }
+    // Memory to memory, both count on, words.
+    bench.write(DMA1 + 0x10, 2 << 13 | 2 << 11 | 1 << 10 | 1 << 9 | 2 << 6 | 1);
+    bench.wait(10_000);
+    assert_eq!(bench.read(DMA1) & 0x3D, 0x20 | 0x10, "complete, no error");
+    assert_eq!(bench.machine.memory.word(0x2400_0000).unwrap(), 0);
+    assert_eq!(bench.read(SR) & DBECCERR, DBECCERR);
+}
+
 /// Without an MPU the core looks ahead into protected memory now and then.
 #[test]
 fn looking_ahead_sets_read_errors() {
