@@ -217,7 +217,7 @@ impl Machine {
         for name in options.silent {
             ensure!(soc.silence(name), "there is no peripheral {name}");
         }
-        let parts = Parts::new(&options.board, &mut soc);
+        let parts = Parts::new(&options.board, &mut soc, options.seed);
         if let Some((port, pin)) = options.board.key {
             soc.drive_pin(port, pin, Some(true), Nanos::ZERO);
         }
@@ -396,6 +396,7 @@ impl Machine {
             ChipFault::CrystalStops | ChipFault::CrystalDead => self.set_crystal(!begins),
             ChipFault::CutPower if begins => {
                 self.memory.lose(self.now);
+                self.parts.memory.iter().for_each(|memory| memory.cut(self.now()));
                 lock(&self.soc).reset(ResetCause::PowerOn, self.now());
                 self.core.reset();
                 self.faults = Faults::default();

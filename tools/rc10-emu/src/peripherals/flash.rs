@@ -10,6 +10,7 @@
 //! waits for the first on the bus, as here the second does).
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use rc10_sim::{Nanos, Random};
 
@@ -20,7 +21,7 @@ use crate::memory::{FLASH, Memory};
 pub(crate) const WORD: u32 = 32;
 /// Bytes of a sector, which is erased at once.
 pub(crate) const SECTOR: u32 = 128 << 10;
-const WORDS: usize = (8 * SECTOR / WORD) as usize;
+const WORDS: u32 = 8 * SECTOR / WORD;
 
 const ACR: u32 = 0x00;
 const KEYR: u32 = 0x04;
@@ -84,9 +85,9 @@ enum Sick {
 #[derive(Debug)]
 enum Task {
     /// Programs the word with this number.
-    Program(usize, [u8; WORD as usize]),
+    Program(u32, [u8; WORD as usize]),
     /// Erases the sectors of these numbers.
-    Erase(std::ops::Range<u32>),
+    Erase(Range<u32>),
 }
 
 #[derive(Debug)]
@@ -99,7 +100,7 @@ struct Operation {
 /// The buffer of the word that is written next: its number, its bytes, and which of them were written.
 #[derive(Debug)]
 struct Buffer {
-    word: usize,
+    word: u32,
     bytes: [u8; WORD as usize],
     written: u32,
 }
@@ -119,7 +120,7 @@ pub(super) struct Flash {
     failed: u32,
     /// Words that are programmed, as far as they can be read.
     programmed: Vec<bool>,
-    sick: BTreeMap<usize, Sick>,
+    sick: BTreeMap<u32, Sick>,
     /// Sectors that are worn out: a bit each.
     worn: u32,
 }
@@ -153,16 +154,16 @@ impl Flash {
         (self.keys, self.buffer, self.failed) = (Some(0), None, 0);
     }
 
-    fn bytes(&self, word: usize) -> [u8; WORD as usize] {
+    fn bytes(&self, word: u32) -> [u8; WORD as usize] {
         let mut bytes = [0; WORD as usize];
         // Each word lies in the flash.
         let _ = self.memory.read(address_of(word), &mut bytes);
         bytes
     }
 
-    fn put(&mut self, word: usize, bytes: [u8; WORD as usize], sick: Option<Sick>) {
+    fn put(&mut self, word: u32, bytes: [u8; WORD as usize], sick: Option<Sick>) {
         let _ = self.memory.write(address_of(word), &bytes);
-        self.programmed[word] = bytes != [0xFF; WORD as usize];
+        self.programmed[word as usize] = bytes != [0xFF; WORD as usize];
         match sick {
             Some(sick) => self.sick.insert(word, sick),
             None => self.sick.remove(&word),
@@ -248,7 +249,7 @@ impl Flash {
     /// A write of the core or a DMA to the flash, of one to four bytes.
     pub(super) fn store(&mut self, address: u32, bytes: &[u8], now: Nanos) -> Result<(), BusFault> {
         let offset = address - FLASH;
-        let (word, first) = ((offset / WORD) as usize, (offset % WORD) as usize);
+        let (word, first) = (offset / WORD, (offset % WORD) as usize);
         if self.control & (LOCK | PG) != PG {
             self.flags |= PGSERR;
             return Err(BusFault);
@@ -302,11 +303,11 @@ impl Flash {
         let now = self.memory.word(address).unwrap_or(0);
         let (number, first) = ((address - FLASH) / WORD, (address - FLASH) % WORD);
         match self.running.as_ref().map(|running| &running.task) {
-            Some(Task::Program(word, bytes)) if *word == number as usize => {
+            Some(Task::Program(word, bytes)) if *word == number => {
                 let bytes = bytes[first as usize..].first_chunk().copied().unwrap_or_default();
                 now & u32::from_le_bytes(bytes)
             }
-            Some(Task::Erase(sectors)) if sectors.contains(&sector_of(number as usize)) => u32::MAX,
+            Some(Task::Erase(sectors)) if sectors.contains(&sector_of(number)) => u32::MAX,
             _ => now,
         }
     }
@@ -317,7 +318,7 @@ impl Flash {
         match operation.task {
             Task::Program(word, bytes) => {
                 let old = self.bytes(word);
-                let is_free = !self.programmed[word] && !self.sick.contains_key(&word);
+                let is_free = !self.programmed[word as usize] && !self.sick.contains_key(&word);
                 let both = std::array::from_fn(|at| old[at] & bytes[at]);
                 if is_free {
                     self.put(word, bytes, None);
@@ -354,7 +355,7 @@ impl Flash {
 
     /// Leaves a word that was programmed or erased for this part of the time. Cells need between 0.3 and 0.7 of it; now
     /// and then all but one are as quick.
-    fn tear(&mut self, word: usize, wanted: Option<[u8; WORD as usize]>, part: f64) {
+    fn tear(&mut self, word: u32, wanted: Option<[u8; WORD as usize]>, part: f64) {
         const ERASED: [u8; WORD as usize] = [0xFF; WORD as usize];
         let (old, goal) = (self.bytes(word), wanted.unwrap_or(ERASED));
         let mut torn = old;
@@ -384,7 +385,7 @@ impl Flash {
         let first = (address - FLASH) / WORD;
         let last = (address - FLASH + bytes - 1) / WORD;
         for word in first..=last {
-            let flag = match self.sick.get(&(word as usize)) {
+            let flag = match self.sick.get(&word) {
                 Some(Sick::Single) => SNECCERR,
                 Some(Sick::Double) => DBECCERR,
                 Some(Sick::Weak) | None => continue,
@@ -421,15 +422,14 @@ impl Flash {
     }
 }
 
-fn address_of(word: usize) -> u32 {
-    FLASH + WORD * word as u32
+fn address_of(word: u32) -> u32 {
+    FLASH + WORD * word
 }
 
-const fn sector_of(word: usize) -> u32 {
-    word as u32 / (SECTOR / WORD)
+const fn sector_of(word: u32) -> u32 {
+    word / (SECTOR / WORD)
 }
 
-fn words(sectors: &std::ops::Range<u32>) -> std::ops::Range<usize> {
-    let word = |sector| (sector * (SECTOR / WORD)) as usize;
-    word(sectors.start)..word(sectors.end)
+const fn words(sectors: &Range<u32>) -> Range<u32> {
+    sectors.start * (SECTOR / WORD)..sectors.end * (SECTOR / WORD)
 }

@@ -16,8 +16,9 @@ use super::flash::{Flash, SECTOR};
 use super::gpio::{PINS, Port, pins_where};
 use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
+use super::octospi::{OctoSpi, SerialMemory};
 use super::outside::{Holder, Jumper, Recorder};
-use super::pins::{Signal, pin_of};
+use super::pins::{Signal, pin_of, signal_at};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
@@ -37,6 +38,8 @@ const PORTS: usize = 11;
 const FDCAN_INTERRUPTS: [[usize; 2]; 3] = [[19, 21], [20, 22], [159, 160]];
 /// The flash's interrupt. Source: stm32-metapac.
 const FLASH_INTERRUPT: usize = 4;
+/// OCTOSPI1's. Source: stm32-metapac.
+const OCTOSPI_INTERRUPT: usize = 92;
 /// First port's mode register.
 const GPIO: u32 = 0x5802_0000;
 /// Refused accesses kept until they are taken; more are only counted.
@@ -64,6 +67,8 @@ pub struct Soc {
     pub(super) spis: [Spi; SPIS.len()],
     pub(super) i2cs: [I2c; I2CS.len()],
     pub(super) adc: Adc,
+    octospi: OctoSpi,
+    octospi_manager: Registers,
     pub(super) dmas: [Dma; 2],
     mux: DmaMux,
     watchdog: Watchdog,
@@ -111,6 +116,8 @@ impl Soc {
             spis: std::array::from_fn(Spi::new),
             i2cs: std::array::from_fn(I2c::new),
             adc: Adc::new(),
+            octospi: OctoSpi::new(),
+            octospi_manager: Registers::new(registers::OCTOSPIM),
             dmas: [Dma::new(0), Dma::new(1)],
             mux: DmaMux::default(),
             watchdog: Watchdog::new(),
@@ -280,6 +287,7 @@ impl Soc {
             self.spis.iter_mut().for_each(|spi| spi.advance(at));
             self.i2cs.iter_mut().for_each(|i2c| i2c.advance(at));
             self.adc.advance(at);
+            self.octospi.advance(at);
             self.flash.advance(at);
             self.settle(at);
         }
@@ -308,6 +316,11 @@ impl Soc {
         let (bus, apb) = map::way_to(address);
         let of = |hz| self.clocks.core.checked_div(hz).unwrap_or(0);
         bus * of(self.clocks.bus) + apb * of(self.clocks.apb[0])
+    }
+
+    /// Solders a memory to port 1 of the OCTOSPIs.
+    pub(crate) fn attach_memory(&mut self, memory: Box<dyn SerialMemory>) {
+        self.octospi.attach(memory);
     }
 
     /// Whether the core's non-maskable interrupt is asked for: by clock security.
@@ -512,6 +525,8 @@ impl Soc {
             Block::I2c(i2c) => self.i2cs[i2c].read(offset, now),
             Block::Adc => self.adc.read(offset, now),
             Block::AdcCommon => self.adc.read_common(offset),
+            Block::OctoSpi => self.octospi.read(offset, width, now),
+            Block::OctoSpiManager => self.octospi_manager.read(offset),
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
             Block::Fdcan(index) => self.fdcans().read(index, offset, now),
@@ -557,6 +572,12 @@ impl Soc {
             Block::I2c(i2c) => self.i2cs[i2c].write(write.repeated(), now),
             Block::Adc => self.adc.write(write, now),
             Block::AdcCommon => self.adc.write_common(write),
+            Block::OctoSpi => self.octospi.write(write, now),
+            Block::OctoSpiManager => {
+                let written = self.octospi_manager.write(write);
+                self.connect_pins(now);
+                written
+            }
             Block::Dma(dma) => self.dmas[dma].write(write),
             Block::DmaMux => self.mux.write(write),
             // Registers are words: a part of one writes zeros to the rest.
@@ -600,6 +621,8 @@ impl Soc {
             Block::Spi(spi) => self.spis[spi].reset(),
             Block::I2c(i2c) => self.i2cs[i2c].reset(now),
             Block::Adc => self.adc.reset(),
+            Block::OctoSpi => self.octospi.reset(now),
+            Block::OctoSpiManager => self.octospi_manager.reset(),
             Block::Dma(dma) => self.dmas[dma] = Dma::new(dma),
             // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
@@ -647,6 +670,8 @@ impl Soc {
                 }
                 Block::I2c(i2c) => self.i2cs[i2c].hz = gated(clocks.i2cs),
                 Block::Adc => self.adc.set_clocks(&clocks, running),
+                // HCLK3, after a reset.
+                Block::OctoSpi => self.octospi.hz = gated(clocks.bus),
                 _ => {}
             }
         }
@@ -670,6 +695,15 @@ impl Soc {
             let pins = [Signal::I2cClock(index), Signal::I2cData(index)];
             i2c.connected = pins.into_iter().all(connected);
         }
+        // A memory is soldered to its pins; a port that is not OCTOSPI1's, or in part, does not lead there.
+        let is_wired = self.options.board.memory.is_some_and(|pins| {
+            (0..).zip(pins).all(|(line, (port, pin))| {
+                let port = port_index(port).unwrap_or(PORTS);
+                signal_at(ports, port, pin) == Some(Signal::Octo(line))
+            })
+        });
+        self.octospi.connected =
+            is_wired && self.octospi_manager.value(registers::P1CR) == registers::P1CR_RESET;
         let mut fdcans = lock(&self.fdcan);
         for index in 0..3 {
             let pins = [Signal::CanReceive(index), Signal::CanTransmit(index)];
@@ -772,8 +806,13 @@ impl Soc {
         for number in self.exti.interrupts().chain(devices) {
             raise(&mut levels, number);
         }
-        if self.flash.interrupts() {
-            raise(&mut levels, FLASH_INTERRUPT);
+        for (is_high, number) in [
+            (self.flash.interrupts(), FLASH_INTERRUPT),
+            (self.octospi.interrupts(), OCTOSPI_INTERRUPT),
+        ] {
+            if is_high {
+                raise(&mut levels, number);
+            }
         }
         self.levels = levels;
         self.schedule();
@@ -789,6 +828,7 @@ impl Soc {
             self.watchdog.next_event(),
             self.adc.next_event(),
             self.flash.busy_until(),
+            self.octospi.next_event(),
         ];
         let others = others.into_iter().flatten();
         self.next = timers.chain(usarts).chain(spis).chain(i2cs).chain(others).min();

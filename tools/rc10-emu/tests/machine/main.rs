@@ -4,6 +4,7 @@
 mod bit_rates;
 mod flash;
 mod links;
+mod memory;
 mod parts;
 
 use rc10_emu::fault::ChipFault;
