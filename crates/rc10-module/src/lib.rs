@@ -82,6 +82,7 @@ pub mod positioning;
 pub mod ranging;
 pub mod remote;
 pub mod servo;
+pub mod store;
 mod stream;
 mod sum;
 

@@ -1,5 +1,5 @@
 //! The flash: programming, erasing, codes, and cuts of power. Source of what is expected: RM0468 and `facts` of others
-//! who met it (Zephyr 33140, 34374, 60449, 103501; embassy 4777; ArduPilot 30013).
+//! who met it (Zephyr 33140, 34374, 60449, 103501; embassy 4777; `ArduPilot` 30013).
 
 use super::*;
 
