@@ -70,6 +70,7 @@ pub mod positioning;
 pub mod ranging;
 pub mod remote;
 pub mod servo;
+pub mod store;
 mod stream;
 mod sum;
 

@@ -7,4 +7,5 @@ mod heater;
 mod jrt;
 mod pages;
 mod servo;
+mod store;
 mod waiting;

@@ -62,6 +62,8 @@ pub struct Board {
     pub imu: Option<ImuWiring>,
     /// The BMI088's heater.
     pub heater: Option<Heater>,
+    /// Where a W25Q64JV is: pins of its select, clock, and data lines 0 to 3.
+    pub memory: Option<[Pin; 6]>,
     /// The key, which connects the pin to ground; a pull-up is beside it.
     pub key: Option<Pin>,
     /// Inputs for switches to ground, without a pull-up.
@@ -115,6 +117,7 @@ impl Board {
         supply_sense: None,
         imu: None,
         heater: None,
+        memory: None,
         key: None,
         switches: [('G', 2), ('G', 3), ('G', 5), ('G', 6), ('G', 7), ('G', 8), ('G', 9), ('G', 10)],
         servos: [('D', 12), ('D', 13), ('D', 14), ('D', 15)],
@@ -134,6 +137,7 @@ impl Board {
         imu: Some(ImuWiring { spi: 2, accelerometer_select: ('C', 0), gyroscope_select: ('C', 3) }),
         // Ten of 470 ohms in parallel.
         heater: Some(Heater { pin: ('B', 1), ohms: 47 }),
+        memory: Some([('E', 11), ('B', 2), ('D', 11), ('B', 0), ('A', 3), ('A', 1)]),
         key: Some(('A', 15)),
         switches: [
             ('E', 14),

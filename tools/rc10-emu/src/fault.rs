@@ -28,18 +28,21 @@ pub enum ChipFault {
     CrystalDead,
     /// `crystal-stops`: the board's crystal stops swinging.
     CrystalStops,
+    /// `cut-power`: the chip has no power. The flash is kept, but for what it was programming or erasing.
+    CutPower,
 }
 
 /// The handler that runs the buses of RC10's firmware.
 const CONTROL_EXECUTOR: &str = "UART9";
 
 /// Names of the faults without an argument.
-const NAMES: [(&str, ChipFault); 5] = [
+const NAMES: [(&str, ChipFault); 6] = [
     ("panic", ChipFault::Panic),
     ("hardfault", ChipFault::HardFault),
     ("mask", ChipFault::Mask),
     ("crystal-dead", ChipFault::CrystalDead),
     ("crystal-stops", ChipFault::CrystalStops),
+    ("cut-power", ChipFault::CutPower),
 ];
 
 impl fmt::Display for ChipFault {
@@ -54,7 +57,7 @@ impl fmt::Display for ChipFault {
 }
 
 impl Others for ChipFault {
-    const NAMES: &str = " panic hardfault hang[:HANDLER] mask crystal-dead crystal-stops";
+    const NAMES: &str = " panic hardfault hang[:HANDLER] mask crystal-dead crystal-stops cut-power";
 
     fn read(name: &str, argument: Option<&str>) -> Option<Result<Self, String>> {
         if name == "hang" {
@@ -99,6 +102,7 @@ mod tests {
             ("hardfault@1ms", ChipFault::HardFault, 1_000_000, None),
             ("crystal-dead", ChipFault::CrystalDead, 0, None),
             ("crystal-stops@1s", ChipFault::CrystalStops, 1_000_000_000, None),
+            ("cut-power@1s..2s", ChipFault::CutPower, 1_000_000_000, Some(2_000_000_000)),
         ] {
             let (from, until) = (Nanos::new(from), until.map(Nanos::new));
             let fault: Fault = text.parse().unwrap();

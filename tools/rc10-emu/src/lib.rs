@@ -17,6 +17,7 @@ pub mod profile;
 mod rig;
 pub mod strip;
 mod time;
+pub mod w25q64;
 
 pub use board::{Board, Heater, ImuWiring, Package, Pin, SupplySense};
 pub use fdcan::Spread;

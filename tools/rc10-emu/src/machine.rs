@@ -40,6 +40,8 @@ const BRANCH_TO_SELF: [u8; 2] = [0xFE, 0xE7];
 /// `LDR.W PC, [PC]`: goes on at the address in the next word.
 const JUMP: [u8; 4] = [0xDF, 0xF8, 0x00, 0xF0];
 /// Source location of an injected panic.
+/// Protected memory into which the core may look ahead: the flash takes it for a breach (Zephyr 60449).
+const PROTECTED: u32 = 0x1FF0_0000;
 const PANIC_FILE: &str = "injected.rs";
 const PANIC_LINE: u32 = 2300;
 
@@ -173,6 +175,8 @@ pub struct Machine {
     rate: u64,
     faults: Faults,
     is_locked_up: bool,
+    /// The core waits for the flash until then.
+    stalled_until: Nanos,
     /// Time at which the last injected fault struck: the program has to execute something first.
     pub struck: Option<Nanos>,
     /// Time at which the chip ran on its final clock for the first time.
@@ -213,7 +217,7 @@ impl Machine {
         for name in options.silent {
             ensure!(soc.silence(name), "there is no peripheral {name}");
         }
-        let parts = Parts::new(&options.board, &mut soc);
+        let parts = Parts::new(&options.board, &mut soc, options.seed);
         if let Some((port, pin)) = options.board.key {
             soc.drive_pin(port, pin, Some(true), Nanos::ZERO);
         }
@@ -239,6 +243,7 @@ impl Machine {
             rate: 1,
             faults: Faults::default(),
             is_locked_up: false,
+            stalled_until: Nanos::ZERO,
             struck: None,
             ready: None,
             reports: Vec::new(),
@@ -389,6 +394,15 @@ impl Machine {
                 }
             }
             ChipFault::CrystalStops | ChipFault::CrystalDead => self.set_crystal(!begins),
+            ChipFault::CutPower if begins => {
+                self.memory.lose(self.now);
+                self.parts.memory.iter().for_each(|memory| memory.cut(self.now()));
+                lock(&self.soc).reset(ResetCause::PowerOn, self.now());
+                self.core.reset();
+                self.faults = Faults::default();
+                self.stalled_until = Nanos::new(u64::MAX);
+            }
+            ChipFault::CutPower => self.restart(ResetCause::PowerOn),
         }
         Ok(())
     }
@@ -462,13 +476,16 @@ impl Machine {
             } else {
                 self.talk(world, next_of_world, now);
             }
-            let (levels, nmi, memories, guards) = {
+            let (levels, nmi) = {
                 let mut soc = lock(&self.soc);
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
-                (soc.interrupt_levels(), soc.nmi(), soc.memories_run(), soc.guards_ram())
+                self.stalled_until = soc.take_stall().unwrap_or(self.stalled_until);
+                let (memories, guards, flash) =
+                    (soc.memories_run(), soc.guards_ram(), soc.flash_state());
+                self.core.bus.set_memories(memories, guards, flash);
+                (soc.interrupt_levels(), soc.nmi())
             };
-            self.core.bus.set_memories(memories, guards);
             self.core.set_interrupts(levels);
             self.core.set_nmi(nmi);
             self.after(now)?;
@@ -496,9 +513,14 @@ impl Machine {
     fn execute(&mut self, horizon: u64) {
         let clock = lock(&self.soc).clocks().core;
         self.core.bus.touched = false;
-        if clock == 0 {
+        if clock == 0 || self.stalled_until.get() > self.now {
             // Nothing is executed, and no interrupt taken.
-            self.now = horizon.max(self.now);
+            let end = if clock == 0 { horizon } else { horizon.min(self.stalled_until.get()) };
+            let end = end.max(self.now);
+            let clocks =
+                u128::from(end - self.now) * u128::from(clock) / u128::from(NANOS_PER_SECOND);
+            self.core.wait(u64::try_from(clocks).unwrap_or(u64::MAX));
+            self.now = end;
             self.core.bus.now = self.now;
             return;
         }
@@ -621,6 +643,9 @@ impl Machine {
             self.lines.extend(messages.into_iter().map(|text| Report { at: now, text }));
             self.compare_bit_rates();
             self.parts.advance(&mut lock(&self.soc), now);
+            if self.core.looks_ahead(PROTECTED) {
+                lock(&self.soc).speculate(now);
+            }
         }
         if let Some(cause) = cause {
             self.restart(cause);
@@ -628,14 +653,16 @@ impl Machine {
         Ok(())
     }
 
-    /// Restarts the chip, now. RAM keeps its contents, whatever the cause.
+    /// Restarts the chip, now. RAM keeps its contents, whatever the cause, but for a last word that was written in part.
     pub fn restart(&mut self, cause: ResetCause) {
         let now = self.now();
+        self.memory.drop_partial();
         self.restarts.push(Restart { at: now, cause });
         lock(&self.soc).reset(cause, now);
         self.core.reset();
         self.log.reset();
         (self.faults, self.is_locked_up) = (Faults::default(), false);
+        self.stalled_until = Nanos::ZERO;
     }
 
     /// Tells, once for each bus, that a controller's bits have another length than its bus's.

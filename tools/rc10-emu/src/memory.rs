@@ -51,6 +51,15 @@ const fn bank(name: &'static str, base: u32, length: u32) -> Bank {
 
 const BYTES: u32 = BANKS[7].start + BANKS[7].length;
 
+/// The RAM whose code is of 64 bits; that of the others is of 32.
+const AXI: Bank = BANKS[3];
+
+/// The RAM that has this place.
+fn ram_of(place: u32) -> Option<usize> {
+    let holds = |bank: &Bank| place.wrapping_sub(bank.start) < bank.length && bank.base != FLASH;
+    BANKS.iter().position(holds)
+}
+
 /// Address of the processor's first instruction.
 pub const FLASH: u32 = BANKS[1].base;
 
@@ -74,6 +83,19 @@ struct Words {
     code: Box<[AtomicBool]>,
     /// The first place written there since, and the one behind the last; 0: nothing.
     stale: [AtomicU32; 2],
+    /// Of each bank the last word of its code that was written in part, if nothing was written since.
+    partial: [Partial; BANKS.len()],
+    /// Banks that have one: a bit each.
+    partials: AtomicU32,
+}
+
+/// A word of a RAM's code that was written in part: its place, which of its bytes, and what they were. A reset
+/// discards what was written (RM0433 2.4; Zephyr 103501).
+#[derive(Default)]
+struct Partial {
+    place: AtomicU32,
+    written: AtomicU32,
+    before: [AtomicU32; 2],
 }
 
 impl Memory {
@@ -93,7 +115,8 @@ impl Memory {
             }
         }
         let code = (0..BYTES / BLOCK).map(|_| AtomicBool::new(false)).collect();
-        Self(Arc::new(Words { words: words.into(), code, stale: Default::default() }))
+        let (words, stale, partial) = (words.into(), Default::default(), Default::default());
+        Self(Arc::new(Words { words, code, stale, partial, partials: AtomicU32::new(0) }))
     }
 
     /// Memories with a program in them.
@@ -138,6 +161,11 @@ impl Memory {
     /// Writes 1, 2 or 4 bytes to an aligned place.
     #[inline]
     pub(crate) fn put(&self, place: u32, bytes: u32, value: u32) {
+        if bytes < 4 || place.wrapping_sub(AXI.start) < AXI.length {
+            self.note_partial(place, bytes);
+        } else if self.0.partials.load(Ordering::Relaxed) != 0 {
+            self.forget_partial(place);
+        }
         let word = &self.0.words[(place / 4) as usize];
         if bytes == 4 {
             word.store(value, Ordering::Relaxed);
@@ -152,6 +180,63 @@ impl Memory {
             self.0.stale[0].store(first, Ordering::Relaxed);
             self.0.stale[1].store(end.max(place + bytes), Ordering::Relaxed);
         }
+    }
+
+    /// Notes what the word of a RAM's code was before a part of it is written; forgets it when all of it was.
+    fn note_partial(&self, place: u32, bytes: u32) {
+        let Some(index) = ram_of(place) else { return };
+        let size = if BANKS[index].base == AXI.base { 8 } else { 4 };
+        let (partial, first) = (&self.0.partial[index], place & !(size - 1));
+        let is_there = self.0.partials.load(Ordering::Relaxed) >> index & 1 != 0;
+        let mut written = 0;
+        if is_there && partial.place.load(Ordering::Relaxed) == first {
+            written = partial.written.load(Ordering::Relaxed);
+        } else {
+            partial.place.store(first, Ordering::Relaxed);
+            for (before, at) in partial.before.iter().zip([first, first + 4]) {
+                before.store(self.get(at.min(BYTES - 4), 4), Ordering::Relaxed);
+            }
+        }
+        written |= ((1 << bytes) - 1) << (place - first);
+        partial.written.store(written, Ordering::Relaxed);
+        let is_whole = written == (1 << size) - 1;
+        let others = self.0.partials.load(Ordering::Relaxed) & !(1 << index);
+        self.0.partials.store(others | u32::from(!is_whole) << index, Ordering::Relaxed);
+    }
+
+    /// Another word of the same RAM is written: the one before is in it.
+    fn forget_partial(&self, place: u32) {
+        if let Some(index) = ram_of(place) {
+            self.0.partials.fetch_and(!(1 << index), Ordering::Relaxed);
+        }
+    }
+
+    /// A reset: what was written last of a word in part is lost.
+    pub(crate) fn drop_partial(&self) {
+        let partials = self.0.partials.load(Ordering::Relaxed);
+        for (index, partial) in self.0.partial.iter().enumerate() {
+            let [first, written] =
+                [&partial.place, &partial.written].map(|it| it.load(Ordering::Relaxed));
+            let before = partial.before.each_ref().map(|word| word.load(Ordering::Relaxed));
+            for at in (0..8).filter(|at| partials >> index & written >> at & 1 != 0) {
+                self.put(first + at, 1, before[at as usize / 4] >> (8 * (at & 3)) & 0xFF);
+            }
+        }
+        self.0.partials.store(0, Ordering::Relaxed);
+    }
+
+    /// The power goes: RAM is noise when it comes back, the flash stays.
+    pub(crate) fn lose(&self, seed: u64) {
+        for bank in BANKS.iter().filter(|bank| bank.base != FLASH) {
+            let noise = noise(seed ^ u64::from(bank.base));
+            for (place, noise) in (bank.start..bank.start + bank.length).step_by(8).zip(noise) {
+                #[expect(clippy::cast_possible_truncation, reason = "one half, then the other")]
+                let halves = [noise as u32, (noise >> 32) as u32];
+                self.put(place, 4, halves[0]);
+                self.put(place + 4, 4, halves[1]);
+            }
+        }
+        self.0.partials.store(0, Ordering::Relaxed);
     }
 
     /// An instruction at this place is decoded: a write to it is to be told.

@@ -9,6 +9,7 @@ use rc10_sim::{Base, Nanos};
 
 use crate::board::{Board, Heater};
 use crate::peripherals::{Soc, SpiDevice, lock};
+use crate::w25q64::W25Q64;
 
 /// A BMI088 on an SPI, switched on at time zero: one handle of it, as its two halves are.
 #[derive(Clone, Debug, Default)]
@@ -84,6 +85,8 @@ impl Thermal {
 pub struct Parts {
     /// The board's BMI088.
     pub imu: Option<Imu>,
+    /// The board's W25Q64JV.
+    pub memory: Option<W25Q64>,
     heater: Option<Heater>,
     /// How the heater warms the IMU.
     pub thermal: Thermal,
@@ -97,7 +100,7 @@ pub struct Parts {
 
 impl Parts {
     /// Puts a board's parts on its chip's pins.
-    pub(crate) fn new(board: &Board, soc: &mut Soc) -> Self {
+    pub(crate) fn new(board: &Board, soc: &mut Soc, seed: u64) -> Self {
         let thermal = Thermal::default();
         let imu = board.imu.map(|wiring| {
             let imu = Imu::default();
@@ -113,9 +116,22 @@ impl Parts {
         if let Some(Heater { pin: (port, pin), .. }) = board.heater {
             soc.watch_pin(port, pin, Nanos::ZERO);
         }
+        let memory = board.memory.map(|_| {
+            let memory = W25Q64::new(seed);
+            soc.attach_memory(Box::new(memory.clone()));
+            memory
+        });
         soc.set_supply(board.supply, Nanos::ZERO);
         let heated = (Nanos::ZERO, Nanos::ZERO);
-        Self { imu, heater: board.heater, thermal, supply: board.supply, base: None, heated }
+        Self {
+            imu,
+            memory,
+            heater: board.heater,
+            thermal,
+            supply: board.supply,
+            base: None,
+            heated,
+        }
     }
 
     /// Motion and temperature of the IMU now: called once a millisecond.

@@ -5,10 +5,13 @@ use std::sync::{Arc, Mutex};
 use rc10_sim::Nanos;
 
 use super::exceptions::Fault;
+use super::system::CCR;
 use super::{Core, Done, system};
 use crate::memory::{Bank, FLASH, Memory};
-use crate::peripherals::{Soc, Width, lock};
+use crate::peripherals::{SECTOR, Soc, Width, lock};
 
+/// `CCR.BFHFNMIGN`.
+const IGNORES_BUS_FAULTS: u32 = 1 << 8;
 /// Memories that AHB2ENR gives a clock, by their addresses.
 const GATED: [u32; 2] = [0x3000_0000, 0x3000_4000];
 /// Ranges of addresses by their upper bits: two memories in the same one are neighbours, or slow.
@@ -46,6 +49,8 @@ pub(crate) struct Bus {
     running: [bool; 2],
     /// RAM must not be written yet.
     guarded: bool,
+    /// The flash answers at once; and those of its sectors that the peripherals must be asked for: a bit each.
+    flash: (bool, u32),
     readable: [Window; RANGES],
     writable: [Window; RANGES],
     executable: Window,
@@ -62,6 +67,7 @@ impl Bus {
             waited: 0,
             running: [soc.is_none(); 2],
             guarded: soc.as_ref().is_some_and(|soc| lock(soc).guards_ram()),
+            flash: soc.as_ref().map_or((true, 0), |soc| lock(soc).flash_state()),
             soc,
             readable: [Window::default(); RANGES],
             writable: [Window::default(); RANGES],
@@ -70,12 +76,12 @@ impl Bus {
         }
     }
 
-    /// Sets which of SRAM1 and SRAM2 have a clock now, and whether RAM must still not be written:
+    /// Sets which of SRAM1 and SRAM2 have a clock now, whether RAM must still not be written, and how the flash is:
     /// the peripherals take such accesses, and tell.
-    pub(crate) fn set_memories(&mut self, running: [bool; 2], guarded: bool) {
+    pub(crate) fn set_memories(&mut self, running: [bool; 2], guarded: bool, flash: (bool, u32)) {
         let guarded = guarded && self.guarded;
-        if (running, guarded) != (self.running, self.guarded) {
-            (self.running, self.guarded) = (running, guarded);
+        if (running, guarded, flash) != (self.running, self.guarded, self.flash) {
+            (self.running, self.guarded, self.flash) = (running, guarded, flash);
             self.forget();
         }
     }
@@ -97,7 +103,13 @@ impl Bus {
     fn bank(&self, address: u32, access: Access) -> Option<&'static Bank> {
         Memory::bank(address).filter(|bank| {
             let gate = GATED.iter().position(|&gated| gated == bank.base);
-            let is_locked = access == Access::Write && (bank.base == FLASH || self.guarded);
+            let is_locked = match access {
+                Access::Write => bank.base == FLASH || self.guarded,
+                Access::Read | Access::Fetch if bank.base == FLASH => {
+                    !self.flash.0 || self.flash.1 >> ((address - FLASH) / SECTOR) & 1 != 0
+                }
+                Access::Read | Access::Fetch => false,
+            };
             gate.is_none_or(|gate| self.running[gate]) && !is_locked
         })
     }
@@ -140,7 +152,11 @@ impl Bus {
             return Some(self.memory.get(place, 2));
         }
         self.touched = true;
-        lock(self.soc.as_ref()?).refuse(address, false);
+        let mut soc = lock(self.soc.as_ref()?);
+        if Memory::bank(address).is_some_and(|bank| bank.base == FLASH) {
+            return soc.read_flash(address, Width::Half).ok();
+        }
+        soc.refuse(address, false);
         None
     }
 
@@ -149,7 +165,15 @@ impl Bus {
         let Some(bank) = self.bank(address, access) else { return };
         let (first, last) = self.permitted[access as usize];
         let base = first.max(bank.base);
-        let end = last.min(bank.base + (bank.length - 1));
+        let mut end = last.min(bank.base + (bank.length - 1));
+        if bank.base == FLASH && self.flash.1 != 0 {
+            // Up to the first sector that must be asked for: what lies behind goes the long way.
+            let healthy = FLASH + SECTOR * self.flash.1.trailing_zeros();
+            if address >= healthy {
+                return;
+            }
+            end = end.min(healthy - 1);
+        }
         let start = bank.start + (base - bank.base);
         let window = Window { base, length: end - base + 1, start };
         let range = (address >> RANGE_BITS) as usize;
@@ -217,7 +241,13 @@ impl Core {
         };
         #[cfg(test)]
         read.inspect(|&value| self.watch.note(address, bytes, value, false));
-        read.ok_or_else(|| self.fault_at(address, Fault::DataBus))
+        // In a handler of the most urgent faults a program may look at what does not answer (B1.5.8).
+        let is_ignored = || {
+            let ignores = self.system.word(CCR) & IGNORES_BUS_FAULTS != 0;
+            ignores && self.system.is_negative(self.faultmask)
+        };
+        read.or_else(|| is_ignored().then_some(0))
+            .ok_or_else(|| self.fault_at(address, Fault::DataBus))
     }
 
     #[cold]
@@ -244,6 +274,11 @@ impl Core {
     pub(super) fn fetch(&mut self, address: u32) -> Result<u32, Fault> {
         self.permit(address, 2, Access::Fetch, self.is_privileged())?;
         self.bus.fetch(address).ok_or(Fault::FetchBus)
+    }
+
+    /// Whether the MPU lets the core look ahead at an address: fetch what it may not need.
+    pub(crate) fn looks_ahead(&self, address: u32) -> bool {
+        self.system.mpu.verdict(address, Access::Fetch, true, false).0
     }
 
     /// Asks the MPU about an access; both its ends, for it may not be aligned.

@@ -41,6 +41,9 @@ pub(super) enum Block {
     Adc,
     /// The registers that ADC1 shares with ADC2.
     AdcCommon,
+    /// OCTOSPI1.
+    OctoSpi,
+    OctoSpiManager,
     /// The chip has it, the model does not.
     Unmodelled,
 }
@@ -158,13 +161,13 @@ pub(super) const MAP: &[Row] = &[
     row("DMA2D", 0x5200_1000, 0x1000, gate(AHB3, 4), Unmodelled),
     row("FLASH", 0x5200_2000, 0x1000, NO_GATE, Block::Flash),
     row("FMC", 0x5200_4000, 0x1000, gate(AHB3, 12), Unmodelled),
-    row("OCTOSPI1", 0x5200_5000, 0x1000, gate(AHB3, 14), Unmodelled),
+    row("OCTOSPI1", 0x5200_5000, 0x1000, gate(AHB3, 14), Block::OctoSpi),
     row("DLYB_OCTOSPI1", 0x5200_6000, 0x1000, gate(AHB3, 14), Unmodelled),
     row("SDMMC1", 0x5200_7000, 0x1000, gate(AHB3, 16), Unmodelled),
     row("DLYB_SDMMC1", 0x5200_8000, 0x1000, gate(AHB3, 16), Unmodelled),
     row("OCTOSPI2", 0x5200_A000, 0x1000, gate(AHB3, 19), Unmodelled),
     row("DLYB_OCTOSPI2", 0x5200_B000, 0x400, gate(AHB3, 19), Unmodelled),
-    row("OCTOSPIM", 0x5200_B400, 0x400, gate(AHB3, 21), Unmodelled),
+    row("OCTOSPIM", 0x5200_B400, 0x400, gate(AHB3, 21), Block::OctoSpiManager),
     row("EXTI", 0x5800_0000, 0x400, NO_GATE, Block::Exti),
     row("SYSCFG", 0x5800_0400, 0x400, gate(APB4, 1), Block::Syscfg),
     row("LPUART1", 0x5800_0C00, 0x400, gate(APB4, 3), Unmodelled),

@@ -24,6 +24,8 @@ pub(super) enum Signal {
     /// Index in the table of I2Cs.
     I2cClock(usize),
     I2cData(usize),
+    /// Of port 1 of the OCTOSPIs: select, clock, data lines 0 to 3.
+    Octo(usize),
 }
 
 /// Port (A is 0), pin, alternate function.
@@ -89,6 +91,10 @@ const SIGNALS: &[Kind] = &[
     ]),
     (Signal::I2cClock, &["B6:4 B8:4", "B10:4 F1:4", "A8:4", "A8:6 C11:4 F1:6"]),
     (Signal::I2cData, &["B7:4 B9:4", "B11:4 F0:4", "C9:4", "C9:6 C10:4 F0:6"]),
+    (Signal::Octo, &[
+        "B6:10 B10:9 C11:9 E11:11 G6:10", "A3:12 B2:9 F10:9", "A2:6 B1:4 B12:12 C3:9 C9:9 D11:9 F8:10",
+        "B0:4 C10:9 D12:9 F9:10", "A3:6 A7:10 B13:4 C2:9 E2:9 F7:10", "A1:9 A6:6 D13:9 F6:10",
+    ]),
 ];
 
 static PLACES: LazyLock<Vec<(Signal, Vec<Place>)>> = LazyLock::new(|| {
@@ -128,7 +134,7 @@ mod tests {
     fn every_place_is_read() {
         let texts = SIGNALS.iter().flat_map(|(_, places)| *places).flat_map(|it| it.split(' '));
         let places = PLACES.iter().map(|(_, places)| places.len()).sum::<usize>();
-        assert_eq!((places, PLACES.len()), (texts.count(), 105));
+        assert_eq!((places, PLACES.len()), (texts.count(), 111));
         assert!(PLACES.contains(&(Signal::SpiOut(4), vec![(5, 9, 5), (5, 11, 5)])));
     }
 }

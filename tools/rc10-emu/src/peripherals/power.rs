@@ -1,7 +1,6 @@
 //! Power control, and the flash's wait states, which depend on it (RM0468, PWR and FLASH).
 //!
-//! Only stored: voltage detectors, low-power modes, wake-up pins. Of the flash interface only `ACR`
-//! is modelled: the program cannot erase, program or set option bytes.
+//! Only stored: voltage detectors, low-power modes, wake-up pins.
 
 use rc10_sim::Nanos;
 
@@ -103,9 +102,6 @@ impl Power {
         }
     }
 }
-
-/// The flash interface: `ACR`, also at 0x100.
-pub(super) const FLASH: &[Register] = &[masked(0x00, 0x13, 0x37)];
 
 /// Highest AXI clock in MHz by wait states and voltage scale. Source: RM0468, flash wait states.
 const LIMITS: [&[u64]; 4] = [&[70, 140, 210, 275], &[67, 133, 200], &[50, 100, 150], &[35, 70, 85]];

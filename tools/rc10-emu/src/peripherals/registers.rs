@@ -118,6 +118,13 @@ pub(super) const DEBUG: &[Register] = &[
     plain(0x54, 0),
 ];
 
+/// The OCTOSPIs' I/O manager: which of them is at port 1 (`P1CR`), and at port 2. After a reset each is at its own.
+pub(super) const OCTOSPIM: &[Register] =
+    &[plain(0x00, 0), plain(P1CR, P1CR_RESET), plain(0x08, 0x0705_0333)];
+pub(super) const P1CR: u32 = 0x04;
+/// OCTOSPI1's clock, select and lower data lines: all on.
+pub(super) const P1CR_RESET: u32 = 0x0301_0111;
+
 /// SYSCFG's `PMCR`: the switch of PC2 is bit 26, of PC3 bit 27; 0 is closed (RM0468, `PCxSO`).
 pub(super) const PMCR: u32 = 0x04;
 pub(super) const SWITCHES: u32 = 3 << 26;

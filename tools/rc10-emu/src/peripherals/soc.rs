@@ -12,11 +12,13 @@ use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::facts::{I2CS, SPIS, USARTS};
+use super::flash::{Flash, SECTOR};
 use super::gpio::{PINS, Port, pins_where};
 use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
+use super::octospi::{OctoSpi, SerialMemory};
 use super::outside::{Holder, Jumper, Recorder};
-use super::pins::{Signal, pin_of};
+use super::pins::{Signal, pin_of, signal_at};
 use super::power::{self, Power};
 use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
@@ -34,6 +36,10 @@ use crate::memory::{FLASH, Memory, PERIPHERALS};
 const PORTS: usize = 11;
 /// Line 0 and line 1 of FDCAN1, FDCAN2, FDCAN3. Source: stm32-metapac.
 const FDCAN_INTERRUPTS: [[usize; 2]; 3] = [[19, 21], [20, 22], [159, 160]];
+/// The flash's interrupt. Source: stm32-metapac.
+const FLASH_INTERRUPT: usize = 4;
+/// OCTOSPI1's. Source: stm32-metapac.
+const OCTOSPI_INTERRUPT: usize = 92;
 /// First port's mode register.
 const GPIO: u32 = 0x5802_0000;
 /// Refused accesses kept until they are taken; more are only counted.
@@ -49,7 +55,9 @@ pub struct Soc {
     options: Options,
     rcc: Rcc,
     power: Power,
-    flash: Registers,
+    flash: Flash,
+    /// The core has read or fetched from a flash that was busy: the time at which it gets an answer.
+    stalls_until: Option<Nanos>,
     syscfg: Registers,
     debug: Registers,
     exti: Exti,
@@ -59,6 +67,8 @@ pub struct Soc {
     pub(super) spis: [Spi; SPIS.len()],
     pub(super) i2cs: [I2c; I2CS.len()],
     pub(super) adc: Adc,
+    octospi: OctoSpi,
+    octospi_manager: Registers,
     pub(super) dmas: [Dma; 2],
     mux: DmaMux,
     watchdog: Watchdog,
@@ -91,11 +101,12 @@ impl Soc {
     pub fn new(options: Options, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         let mut soc = Self {
             fdcan,
+            flash: Flash::new(memory.clone(), options.seed),
+            stalls_until: None,
             memory,
             options,
             rcc: Rcc::new(options),
             power: Power::new(),
-            flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),
             debug: Registers::new(registers::DEBUG),
             exti: Exti::new(),
@@ -105,6 +116,8 @@ impl Soc {
             spis: std::array::from_fn(Spi::new),
             i2cs: std::array::from_fn(I2c::new),
             adc: Adc::new(),
+            octospi: OctoSpi::new(),
+            octospi_manager: Registers::new(registers::OCTOSPIM),
             dmas: [Dma::new(0), Dma::new(1)],
             mux: DmaMux::default(),
             watchdog: Watchdog::new(),
@@ -136,6 +149,9 @@ impl Soc {
     /// power was gone; levels and bytes at the pins stay.
     pub fn reset(&mut self, cause: ResetCause, now: Nanos) {
         self.rcc.reset(cause, now);
+        if let ResetCause::PowerOn | ResetCause::BrownOut = cause {
+            self.flash.cut(now);
+        }
         if cause == ResetCause::PowerOn {
             self.power = Power::new();
             self.debug.reset();
@@ -166,6 +182,9 @@ impl Soc {
             self.report(address, false, AccessKind::Gated);
             return Ok(0);
         }
+        if is_flash(address) {
+            return self.read_flash(address, width);
+        }
         let value = self.access_read(address, width, now)?;
         if let Some((_, row)) = row_of(address)
             && matches!(
@@ -195,12 +214,50 @@ impl Soc {
             self.report(address, true, AccessKind::Gated);
             return Ok(());
         }
+        if is_flash(address) {
+            self.stalls_until = self.flash.busy_until();
+            let bytes = &value.to_le_bytes()[..width.bytes() as usize];
+            let stored = self.flash.store(address, bytes, now);
+            if stored.is_err() {
+                self.report(address, true, AccessKind::Protected);
+            }
+            self.settle(now);
+            return stored;
+        }
         let block = self.access_write(address, width, value, now)?;
         // The FDCANs' interrupt lines are read anew each time.
         if !matches!(block, Block::Fdcan(_) | Block::FdcanRam) {
             self.settle(now);
         }
         Ok(())
+    }
+
+    /// What the core reads or fetches from a flash that is busy, or has a word whose code does not fit.
+    pub(crate) fn read_flash(&mut self, address: u32, width: Width) -> Result<u32, BusFault> {
+        self.stalls_until = self.flash.busy_until();
+        self.flash.check(address, width.bytes(), false)?;
+        Ok(self.flash.word(address & !3) >> (8 * (address & 3)) & width.mask())
+    }
+
+    /// The time at which the core gets an answer of the flash, if it waits for one since the last call.
+    pub(crate) fn take_stall(&mut self) -> Option<Nanos> {
+        self.stalls_until.take()
+    }
+
+    /// Whether the flash answers at once, and its sectors with words whose codes do not fit.
+    pub(crate) fn flash_state(&self) -> (bool, u32) {
+        (self.flash.busy_until().is_none(), self.flash.sick_sectors())
+    }
+
+    /// The core has looked ahead into protected memory.
+    pub(crate) fn speculate(&mut self, now: Nanos) {
+        self.flash.speculate();
+        self.settle(now);
+    }
+
+    /// Wears a sector of the flash out, 0 to 7: erasing it fails from now on.
+    pub fn wear_flash(&mut self, sector: u32) {
+        self.flash.wear(sector);
     }
 
     /// Reports an access without an answer; instructions are not fetched from peripherals.
@@ -230,6 +287,8 @@ impl Soc {
             self.spis.iter_mut().for_each(|spi| spi.advance(at));
             self.i2cs.iter_mut().for_each(|i2c| i2c.advance(at));
             self.adc.advance(at);
+            self.octospi.advance(at);
+            self.flash.advance(at);
             self.settle(at);
         }
     }
@@ -257,6 +316,11 @@ impl Soc {
         let (bus, apb) = map::way_to(address);
         let of = |hz| self.clocks.core.checked_div(hz).unwrap_or(0);
         bus * of(self.clocks.bus) + apb * of(self.clocks.apb[0])
+    }
+
+    /// Solders a memory to port 1 of the OCTOSPIs.
+    pub(crate) fn attach_memory(&mut self, memory: Box<dyn SerialMemory>) {
+        self.octospi.attach(memory);
     }
 
     /// Whether the core's non-maskable interrupt is asked for: by clock security.
@@ -347,7 +411,7 @@ impl Soc {
     /// Does a write to a RAM that the core is kept from, and reports the first. `false`: there is
     /// no such RAM.
     pub(crate) fn write_early(&mut self, address: u32, bytes: &[u8]) -> bool {
-        let is_ram = address >> 24 != FLASH >> 24 && !self.is_gated_memory(address);
+        let is_ram = !is_flash(address) && !self.is_gated_memory(address);
         if !self.guards_ram() || !is_ram || self.memory.write(address, bytes).is_err() {
             return false;
         }
@@ -417,7 +481,12 @@ impl Soc {
         let (row, answers) = self.owner(address, width, true)?;
         if answers {
             let write = Write::new(address - row.base, width, value);
-            if let Err(refusal) = self.write_block(row.block, write, now) {
+            let written = if row.block == Block::Flash {
+                self.flash.write(write.at(write.offset & !0x100), now)?
+            } else {
+                self.write_block(row.block, write, now)
+            };
+            if let Err(refusal) = written {
                 self.report(address, true, refusal);
             }
             if matches!(row.block, Block::Rcc | Block::Power | Block::Flash) {
@@ -456,6 +525,8 @@ impl Soc {
             Block::I2c(i2c) => self.i2cs[i2c].read(offset, now),
             Block::Adc => self.adc.read(offset, now),
             Block::AdcCommon => self.adc.read_common(offset),
+            Block::OctoSpi => self.octospi.read(offset, width, now),
+            Block::OctoSpiManager => self.octospi_manager.read(offset),
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
             Block::Fdcan(index) => self.fdcans().read(index, offset, now),
@@ -471,7 +542,6 @@ impl Soc {
         match block {
             Block::Rcc => self.write_rcc(write, now),
             Block::Power => self.power.write(write, now),
-            Block::Flash => self.flash.write(write.at(write.offset & !0x100)),
             Block::Syscfg => {
                 let written = self.syscfg.write(write);
                 self.connect_pins(now);
@@ -502,6 +572,12 @@ impl Soc {
             Block::I2c(i2c) => self.i2cs[i2c].write(write.repeated(), now),
             Block::Adc => self.adc.write(write, now),
             Block::AdcCommon => self.adc.write_common(write),
+            Block::OctoSpi => self.octospi.write(write, now),
+            Block::OctoSpiManager => {
+                let written = self.octospi_manager.write(write);
+                self.connect_pins(now);
+                written
+            }
             Block::Dma(dma) => self.dmas[dma].write(write),
             Block::DmaMux => self.mux.write(write),
             // Registers are words: a part of one writes zeros to the rest.
@@ -514,7 +590,7 @@ impl Soc {
                 Ok(())
             }
             Block::FdcanCalibration => self.fdcans().write_calibration(write.offset, write.ones()),
-            Block::Unmodelled => Err(AccessKind::Unmodelled),
+            Block::Flash | Block::Unmodelled => Err(AccessKind::Unmodelled),
         }
     }
 
@@ -545,6 +621,8 @@ impl Soc {
             Block::Spi(spi) => self.spis[spi].reset(),
             Block::I2c(i2c) => self.i2cs[i2c].reset(now),
             Block::Adc => self.adc.reset(),
+            Block::OctoSpi => self.octospi.reset(now),
+            Block::OctoSpiManager => self.octospi_manager.reset(),
             Block::Dma(dma) => self.dmas[dma] = Dma::new(dma),
             // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
@@ -586,6 +664,8 @@ impl Soc {
                 Block::Spi(spi) => self.spis[spi].hz = hz,
                 Block::I2c(i2c) => self.i2cs[i2c].hz = hz,
                 Block::Adc => self.adc.set_clocks(&clocks, running),
+                // HCLK3, after a reset.
+                Block::OctoSpi => self.octospi.hz = gated(clocks.bus),
                 _ => {}
             }
         }
@@ -609,6 +689,15 @@ impl Soc {
             let pins = [Signal::I2cClock(index), Signal::I2cData(index)];
             i2c.connected = pins.into_iter().all(connected);
         }
+        // A memory is soldered to its pins; a port that is not OCTOSPI1's, or in part, does not lead there.
+        let is_wired = self.options.board.memory.is_some_and(|pins| {
+            (0..).zip(pins).all(|(line, (port, pin))| {
+                let port = port_index(port).unwrap_or(PORTS);
+                signal_at(ports, port, pin) == Some(Signal::Octo(line))
+            })
+        });
+        self.octospi.connected =
+            is_wired && self.octospi_manager.value(registers::P1CR) == registers::P1CR_RESET;
         let mut fdcans = lock(&self.fdcan);
         for index in 0..3 {
             let pins = [Signal::CanReceive(index), Signal::CanTransmit(index)];
@@ -649,7 +738,7 @@ impl Soc {
 
     /// Reports once when the flash becomes too slow for its clock.
     fn check_flash(&mut self, address: u32, now: Nanos) {
-        let (scale, wait_states) = (self.power.scale(now), self.flash.value(0) & 7);
+        let (scale, wait_states) = (self.power.scale(now), self.flash.wait_states() & 7);
         let keeps_up = power::flash_keeps_up(scale, self.clocks.bus, wait_states);
         if self.flash_keeps_up && !keeps_up {
             self.report(address, true, AccessKind::WaitStates);
@@ -699,6 +788,14 @@ impl Soc {
         for number in self.exti.interrupts().chain(devices) {
             raise(&mut levels, number);
         }
+        for (is_high, number) in [
+            (self.flash.interrupts(), FLASH_INTERRUPT),
+            (self.octospi.interrupts(), OCTOSPI_INTERRUPT),
+        ] {
+            if is_high {
+                raise(&mut levels, number);
+            }
+        }
         self.levels = levels;
         self.schedule();
     }
@@ -708,7 +805,13 @@ impl Soc {
         let usarts = self.usarts.iter().filter_map(Usart::next_event);
         let spis = self.spis.iter().filter_map(Spi::next_event);
         let i2cs = self.i2cs.iter().filter_map(I2c::next_event);
-        let others = [self.rcc.next_event(), self.watchdog.next_event(), self.adc.next_event()];
+        let others = [
+            self.rcc.next_event(),
+            self.watchdog.next_event(),
+            self.adc.next_event(),
+            self.flash.busy_until(),
+            self.octospi.next_event(),
+        ];
         let others = others.into_iter().flatten();
         self.next = timers.chain(usarts).chain(spis).chain(i2cs).chain(others).min();
     }
@@ -842,15 +945,24 @@ impl Soc {
     fn read_item(&mut self, from: u32, width: Width) -> Option<u32> {
         let mut bytes = [0; 4];
         let known = self.memory.read(from, &mut bytes[..width.bytes() as usize]).is_ok();
+        if is_flash(from) {
+            // A DMA takes the bytes as they are: only flags tell.
+            let _ = self.flash.check(from, width.bytes(), true);
+        }
         self.reaches(from, false, known).then(|| u32::from_le_bytes(bytes))
     }
 
     fn write_item(&mut self, to: u32, value: u32, width: Width) -> Option<()> {
         // A plain write does not program the flash.
-        let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
+        let known = !is_flash(to) && self.memory.word(to & !3).is_ok();
         let bytes = &value.to_le_bytes()[..width.bytes() as usize];
         if self.reaches(to, true, known) { self.memory.write(to, bytes).ok() } else { None }
     }
+}
+
+/// Whether an address lies in the flash, or where it would.
+const fn is_flash(address: u32) -> bool {
+    address.wrapping_sub(FLASH) < 8 * SECTOR
 }
 
 /// A lock. The state that a panic left behind is as good as any state of a chip.

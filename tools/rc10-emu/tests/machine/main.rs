@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod bit_rates;
+mod flash;
 mod links;
+mod memory;
 mod parts;
 
 use rc10_emu::fault::ChipFault;
@@ -149,7 +151,7 @@ fn what_has_no_owner_is_counted_wherever_it_is() {
 fn flash_is_not_written_and_peripherals_are_not_executed() {
     let stores = program(STORE, START + 4, HANDLER);
     let machine = run(&stores);
-    assert_eq!(machine.soc().count(AccessKind::Unowned), 1);
+    assert_eq!(machine.soc().count(AccessKind::Protected), 1);
     assert_eq!(machine.memory.word(START + 4).unwrap(), 0xE7FE_E7FE);
     // RCC.
     let machine = run(&program(BRANCH, 0x5802_4401, HANDLER));
