@@ -665,7 +665,7 @@ impl Soc {
                 Block::I2c(i2c) => self.i2cs[i2c].hz = hz,
                 Block::Adc => self.adc.set_clocks(&clocks, running),
                 // HCLK3, after a reset.
-                Block::OctoSpi => self.octospi.hz = gated(clocks.bus),
+                Block::OctoSpi => self.octospi.hz = hz,
                 _ => {}
             }
         }
