@@ -5,7 +5,7 @@ use rc10_module::imu::{Wit, wit};
 use rc10_module::positioning::action::{self, Coordinate, Pose};
 use rc10_module::positioning::{Action, Rc9, rc9};
 use rc10_module::ranging::jrt::{self, Answer, Speed};
-use rc10_module::ranging::{Jrt, Range, Stp23l, TfMini, stp23l, tfmini};
+use rc10_module::ranging::{Jrt, Stp23l, TfMini, stp23l, tfmini};
 use serde_json::{Value, json};
 
 use crate::fields::{Check, Fields, Tolerance, float, narrow, same, unknown};
@@ -65,10 +65,7 @@ pub fn tfmini(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
                 "distance_mm" => tolerance.raw(field, value, i64::from(centimetres) * 10)?,
                 "strength" => tolerance.raw(field, value, strength.into())?,
                 "temp_C" => tolerance.float(field, 0.125, value, temperature.get())?,
-                "reliable" => {
-                    let is_doubted = matches!(message.range(), Range::Unreliable(_));
-                    flag(field, value, !is_doubted)?;
-                }
+                "reliable" => flag(field, value, message.is_reliable())?,
                 other => return Err(unknown(other)),
             }
         }

@@ -13,13 +13,13 @@ pub use wheel::{Tread, Wheel};
 
 use core::f64::consts::PI;
 
-use crate::config::positive;
+use crate::config::{ConfigError, positive};
 use crate::ok;
-use crate::twist::{Twist, TwistNotFinite};
+use crate::twist::{Twist, TwistLimits, TwistNotFinite};
 use crate::units::{Degrees, NewtonMetres, Rpm, RpmPerSecond};
 
 /// Radians per second in one revolution per minute.
-pub(crate) const RADIANS_PER_SECOND: f64 = PI / 30.0;
+const RADIANS_PER_SECOND: f64 = PI / 30.0;
 
 /// A base on `N` wheels.
 ///
@@ -262,6 +262,32 @@ impl<const N: usize> Base<N> {
             *residual = (speeds[at].get() - product(self.inverse[at], twist)) * self.rim[at];
         }
         BaseMotion { twist, residual }
+    }
+
+    /// Whether wheels accelerating by `most` keep these limits in every direction, both at once.
+    ///
+    /// # Errors
+    /// The acceleration that a wheel would need, if it is more; or the limit that cannot be used.
+    pub const fn validate_limits(
+        &self,
+        limits: &TwistLimits,
+        most: RpmPerSecond,
+    ) -> Result<(), ConfigError> {
+        ok!(limits.validate());
+        let mut at = 0;
+        while at < N {
+            let [x, y, turn] = self.inverse[at];
+            let along = solve::sqrt(x as f64 * x as f64 + y as f64 * y as f64);
+            let linear = along * limits.linear_m_s2 as f64;
+            let angular = turn.abs() as f64 * limits.angular_rad_s2 as f64;
+            #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
+            let needed = (linear + angular) as f32;
+            let is_kept = needed <= most.get();
+            let must_be = "within what the wheels accelerate by";
+            ok!(ConfigError::check(is_kept, "wheel acceleration, rpm/s", needed, must_be));
+            at += 1;
+        }
+        Ok(())
     }
 }
 

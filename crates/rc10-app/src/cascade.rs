@@ -10,7 +10,6 @@
 use crate::config::positive;
 use crate::maths::{fast_sqrt, within};
 use crate::ok;
-use crate::units::DEGREES_PER_SECOND;
 use crate::{ConfigError, FeedForward, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
 
 /// Gains and limits of both loops.
@@ -53,6 +52,9 @@ const fn unweighted(pid: &PidConfig) -> Result<(), ConfigError> {
     let weight = pid.setpoint_weight;
     ConfigError::check(weight >= 1.0, "setpoint_weight", weight, "1 in a cascade")
 }
+
+/// 1 rpm in degrees a second.
+const DEGREES_PER_SECOND: f32 = 6.0;
 
 /// The speed at which the acceleration limit just stops in time, if the angle loop asked for more.
 fn brake_in_time(config: &Cascade, way: f32, asked: f32) -> f32 {

@@ -64,10 +64,17 @@ pub use units::{
 
 /// The pages of `docs/control`: their examples are compiled and run.
 #[cfg(doctest)]
-#[doc = include_str!("../../../docs/control/pid.md")]
-#[doc = include_str!("../../../docs/control/profiles.md")]
-#[doc = include_str!("../../../docs/control/bases.md")]
-#[doc = include_str!("../../../docs/control/odometry.md")]
-#[doc = include_str!("../../../docs/control/paths.md")]
-#[doc = include_str!("../../../docs/control/mechanisms.md")]
-struct Pages;
+mod pages {
+    #[doc = include_str!("../../../docs/control/pid.md")]
+    struct Pid;
+    #[doc = include_str!("../../../docs/control/profiles.md")]
+    struct Profiles;
+    #[doc = include_str!("../../../docs/control/bases.md")]
+    struct Bases;
+    #[doc = include_str!("../../../docs/control/odometry.md")]
+    struct Odometry;
+    #[doc = include_str!("../../../docs/control/paths.md")]
+    struct Paths;
+    #[doc = include_str!("../../../docs/control/mechanisms.md")]
+    struct Mechanisms;
+}

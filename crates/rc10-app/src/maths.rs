@@ -112,6 +112,11 @@ pub fn hypot(x: f32, y: f32) -> f32 {
     }
 }
 
+/// e to the power of x, less one: exact also where x is nearly zero.
+pub fn exp_m1(x: f32) -> f32 {
+    libm::expm1f(x)
+}
+
 /// The nearest whole number; halves away from zero.
 pub fn round(x: f32) -> f32 {
     libm::roundf(x)

@@ -145,12 +145,12 @@ impl<const N: usize> Path<N> {
         let mut at = 0;
         while at < N {
             if let Err(error) = waypoints[at].validate() {
-                return Err(PathError::Waypoint(at, error));
+                return Err(PathError::Waypoint { waypoint: at, error });
             }
             let radius = waypoints[at].radius_m;
             if (at == 0 || at + 1 == N) && radius > 0.0 {
                 let error = ConfigError::new("radius_m", radius, "0 at an end of the path");
-                return Err(PathError::Waypoint(at, error));
+                return Err(PathError::Waypoint { waypoint: at, error });
             }
             at += 1;
         }
@@ -161,13 +161,13 @@ impl<const N: usize> Path<N> {
             let (from, to) = (&waypoints[leg], &waypoints[leg + 1]);
             let (_, length) = leg::between(from, to);
             if length < SAME_PLACE {
-                return Err(PathError::SamePlace(leg + 1));
+                return Err(PathError::SamePlace { waypoint: leg + 1 });
             }
             let mut takes = 0.0;
             if leg + 2 < N {
                 let turn = Turn::at(from, to, &waypoints[leg + 2]);
                 if to.radius_m > 0.0 && turn.is_back() {
-                    return Err(PathError::TurnsBack(leg + 1));
+                    return Err(PathError::TurnsBack { waypoint: leg + 1 });
                 }
                 takes = turn.takes(to.radius_m);
                 // The leg after it is checked in the next round, together with the next arc.

@@ -7,7 +7,7 @@
 use core::f32::consts::PI;
 
 use crate::angle::TotalAngle;
-use crate::base::{BaseError, BaseMotion, Body, RADIANS_PER_SECOND};
+use crate::base::{BaseError, BaseMotion, Body};
 use crate::config::{ConfigError, positive};
 use crate::maths;
 use crate::ok;
@@ -15,6 +15,8 @@ use crate::transform::{Point, RobotFrame};
 use crate::twist::{Twist, TwistNotFinite};
 use crate::units::{NewtonMetres, Rpm, RpmPerSecond};
 
+/// Radians per second in one revolution per minute.
+const RADIANS_PER_SECOND: f64 = core::f64::consts::PI / 30.0;
 /// Millionths of a degree in a radian.
 const MICRODEGREES: f32 = 180e6 / PI;
 /// Revolutions per minute in 1 rad/s.
@@ -116,7 +118,7 @@ impl<const N: usize> Swerve<N> {
         let (mut x, mut y, mut at) = (0.0, 0.0, 0);
         while at < N {
             if let Err(error) = places[at].check() {
-                return Err(BaseError::Wheel(at, error));
+                return Err(BaseError::Wheel { wheel: at, error });
             }
             (x, y) = (x + places[at].x as f64 / N as f64, y + places[at].y as f64 / N as f64);
             at += 1;
@@ -137,7 +139,7 @@ impl<const N: usize> Swerve<N> {
         );
         // A millimetre from the middle or less: the wheels' contacts are wider.
         if N < 2 || squares < 1e-6 * N as f64 {
-            return Err(BaseError::CannotTurn(middle));
+            return Err(BaseError::CannotTurn { about: middle });
         }
         Ok(Self { places, radius, max_wheel_speed, steering, rpm, rim, middle, inertia })
     }

@@ -111,9 +111,6 @@ units! {
     Celsius: "degC";
 }
 
-/// 1 rpm in degrees a second.
-pub(crate) const DEGREES_PER_SECOND: f32 = 6.0;
-
 impl Seconds {
     /// Whether it is a step of a control loop: finite and above zero.
     pub(crate) const fn is_step(self) -> bool {

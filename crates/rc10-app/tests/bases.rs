@@ -3,7 +3,7 @@
 use crate::random::Random;
 use crate::walk::bases::SKID_STEER;
 use rc10_app::base::{Base, BaseError, Body, Tread, Wheel};
-use rc10_app::{BaseMotion, Degrees, Direction, Point, Rpm, Twist};
+use rc10_app::{BaseMotion, Degrees, Direction, Point, Rpm, RpmPerSecond, Twist, TwistLimits};
 
 const LIMIT: Rpm = Rpm::new(450.0);
 const MECANUM: Base<4> = Base::mecanum(0.076, 0.20, 0.25, LIMIT);
@@ -237,18 +237,18 @@ fn an_unsound_base_is_refused_with_the_reason() {
     let parallel = [omni(0.2, 0.2, 0.0), omni(0.2, -0.2, 0.0), omni(-0.2, 0.2, 0.0)];
     assert_eq!(why(parallel), "the wheels cannot move or hold the base along (0, 1)");
     assert_eq!(why([omni(0.2, 0.2, 0.0)]), "the wheels cannot move or hold the base along (0, 1)");
-    assert!(matches!(Base::new([], LIMIT), Err(BaseError::CannotMove(_))));
+    assert!(matches!(Base::new([], LIMIT), Err(BaseError::CannotMove { .. })));
     // Mecanum wheels all of one kind, and on a square with left and right exchanged.
     let mecanum = *MECANUM.wheels();
     let one_kind = mecanum.map(|wheel| Wheel { tread: mecanum[0].tread, ..wheel });
-    assert!(matches!(Base::new(one_kind, LIMIT), Err(BaseError::CannotMove(_))));
+    assert!(matches!(Base::new(one_kind, LIMIT), Err(BaseError::CannotMove { .. })));
     let square = *Base::mecanum(0.076, 0.2, 0.2, LIMIT).wheels();
     let exchanged = [square[1], square[0], square[3], square[2]];
     let exchanged = [0, 1, 2, 3].map(|at| Wheel { place: square[at].place, ..exchanged[at] });
     assert_eq!(why(exchanged), "the wheels cannot turn the base about (0, 0)");
     // Two plain wheels one behind the other, and one alone.
     let bicycle = [plain(0.2, 0.0, 0.0), plain(-0.2, 0.0, 0.0)];
-    assert!(matches!(Base::new(bicycle, LIMIT), Err(BaseError::CannotTurn(_))));
+    assert!(matches!(Base::new(bicycle, LIMIT), Err(BaseError::CannotTurn { .. })));
     assert_eq!(why([plain(0.0, 0.1, 0.0)]), "the wheels cannot turn the base about (0, 0.1)");
     let at_odds = [plain(0.0, 0.2, 0.0), omni(0.0, 0.0, 0.0), plain(0.0, -0.2, 3.0)];
     let reason =
@@ -349,4 +349,17 @@ fn forward_ignores_what_no_motion_explains() {
         *speed = *speed + slip;
     }
     near(MECANUM.forward(speeds).twist, wanted, 1e-5);
+}
+
+#[test]
+fn limits_that_the_wheels_cannot_keep_are_told() {
+    let limits = TwistLimits { linear_m_s2: 3.0, angular_rad_s2: 12.0 };
+    // The worst direction of a mecanum wheel is along its rollers' axis: √2 · 3 m/s² and
+    // 0.45 m · 12 rad/s², of 76 mm: 126.88 rad/s².
+    let needed = RpmPerSecond::new(1211.6);
+    assert_eq!(MECANUM.validate_limits(&limits, needed + RpmPerSecond::new(0.1)), Ok(()));
+    let error = MECANUM.validate_limits(&limits, needed - RpmPerSecond::new(0.1)).unwrap_err();
+    assert!((error.value - 1211.6).abs() < 0.1, "{error}");
+    let bad = TwistLimits { linear_m_s2: -1.0, ..limits };
+    assert_eq!(MECANUM.validate_limits(&bad, needed).unwrap_err().field, "linear_m_s2");
 }

@@ -225,7 +225,7 @@ fn what_cannot_be_a_path_is_refused_with_the_waypoint() {
     for bad in [f32::NAN, f32::INFINITY, 1001.0] {
         for one in [waypoint(bad, 0.0, 0.0), waypoint(0.0, bad, 0.0), waypoint(0.0, 0.0, bad)] {
             let error = Path::new([ahead(9.0, 0.0), one]).unwrap_err();
-            assert!(matches!(error, PathError::Waypoint(1, _)), "{error}");
+            assert!(matches!(error, PathError::Waypoint { waypoint: 1, .. }), "{error}");
         }
     }
     for (field, one) in [
@@ -235,7 +235,7 @@ fn what_cannot_be_a_path_is_refused_with_the_waypoint() {
         ("max_speed_m_s", ahead(1.0, 0.0).at_most(f32::NAN)),
     ] {
         let error = Path::new([ahead(0.0, 0.0), one, ahead(2.0, 0.0)]).unwrap_err();
-        let PathError::Waypoint(1, error) = error else { panic!("{error}") };
+        let PathError::Waypoint { waypoint: 1, error } = error else { panic!("{error}") };
         assert_eq!(error.field, field);
     }
     // At its ends there is no corner.
@@ -260,7 +260,7 @@ fn what_cannot_be_a_path_is_refused_with_the_waypoint() {
     let back =
         |radius| Path::new([ahead(0.0, 0.0), ahead(1.0, 0.0).rounded(radius), ahead(0.1, 0.01)]);
     assert!(back(0.0).is_ok());
-    assert_eq!(back(0.1), Err(PathError::TurnsBack(1)));
+    assert_eq!(back(0.1), Err(PathError::TurnsBack { waypoint: 1 }));
 }
 
 #[test]
@@ -281,7 +281,7 @@ fn what_cannot_be_planned_is_refused() {
     }
     assert_eq!(field(&PathLimits { wheel_share: 1.1, ..LIMITS }, 0.0), "wheel_share");
     assert_eq!(field(&LIMITS, f32::NAN), "start_speed");
-    let Err(PlanError::TooFast(allowed)) = plan(&LIMITS, 2.5) else { panic!() };
+    let Err(PlanError::TooFast { allowed }) = plan(&LIMITS, 2.5) else { panic!() };
     assert!((allowed - 2.0).abs() < 1e-4, "{allowed}");
     let mut planner = Planner::new(&COURSE, &MECANUM, &LIMITS, 2.5).unwrap();
     let mut refused = || (0..6).map(|_| planner.step()).filter(Result::is_err).count();

@@ -203,5 +203,5 @@ fn bad_input_changes_nothing_and_an_unsound_base_is_refused() {
         "wheel 0: `place.x` is NaN, but must be finite"
     );
     let one = Swerve::new([PLACES[0]], 0.05, LIMIT, Steering::Endless);
-    assert!(matches!(one, Err(BaseError::CannotTurn(_))));
+    assert!(matches!(one, Err(BaseError::CannotTurn { .. })));
 }

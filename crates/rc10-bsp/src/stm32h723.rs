@@ -35,7 +35,6 @@ pub mod watchdog;
 pub use crystal::{Crystal, CrystalState, crystal};
 
 use cortex_m::peripheral::DWT;
-use embassy_stm32::gpio::{AfType, Flex};
 use embassy_stm32::rcc::mux::{Adcsel, Fdcansel};
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
@@ -124,16 +123,6 @@ fn forbid_regions(mpu: &cortex_m::peripheral::MPU) {
     }
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
-}
-
-/// A pin, and the alternate function that connects it.
-type PinFunction = (Flex<'static>, u8);
-
-/// Connects a pin for good.
-fn connect((mut pin, function): PinFunction, kind: AfType) {
-    pin.set_as_af_unchecked(function, kind);
-    // Dropped, it would disconnect.
-    core::mem::forget(pin);
 }
 
 /// Starts the cycle counter, which stands still after a reset.

@@ -82,6 +82,7 @@ impl Counter {
 
 /// Properties of an encoder and its counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
     /// Counts after which the counter starts over: 2 ..= 2³², `1 << 16` for a timer of 16 bits.
     pub modulus: u64,

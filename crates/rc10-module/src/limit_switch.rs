@@ -14,6 +14,7 @@ use rc10_time::Micros;
 
 /// The level of the pin that means that the switch is pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Active {
     /// Low: the contact that closes when pressed, against ground, with a pull-up.
     Low,
@@ -65,6 +66,7 @@ impl<P: InputPin> Contact<P> {
 
 /// Settings of a limit switch: its wiring, and its times of bouncing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
     /// The level of a pressed switch.
     pub active: Active,

@@ -1,4 +1,5 @@
 use core::cell::Cell;
+use core::fmt;
 use core::pin::pin;
 
 use embassy_sync::blocking_mutex::Mutex;
@@ -37,6 +38,12 @@ impl Reception {
 impl Default for Reception {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl fmt::Debug for Reception {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Reception").field(&self.read()).finish()
     }
 }
 

@@ -7,6 +7,7 @@ use rc10_app::{ConfigError, Degrees};
 
 /// What a servo gets while the robot is not armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum WhenDisarmed {
     /// The last pulse: it holds where it is.
     Hold,

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use rc10_app::mechanism::{Measured, Trouble};
+use rc10_app::mechanism::{Health, Measured};
 use rc10_app::{Amps, NewtonMetres, Rpm};
 use rc10_time::Micros;
 
@@ -165,12 +165,12 @@ impl MotorStatus {
         let Feedback { total_angle: angle, speed, turn_gaps: gaps, .. } = self.feedback;
         let torque = || self.feedback.torque().map(NewtonMetres::get);
         let effort = self.feedback.current().map(Amps::get).or_else(torque).unwrap_or_default();
-        let trouble = match (self.link, self.fault) {
-            (Link::Online, None) => None,
-            (Link::Online, Some(_)) => Some(Trouble::Faulty),
-            (Link::NeverSeen | Link::Lost, _) => Some(Trouble::Offline),
+        let health = match (self.link, self.fault) {
+            (Link::Online, None) => Health::Ready,
+            (Link::Online, Some(_)) => Health::Faulty,
+            (Link::NeverSeen | Link::Lost, _) => Health::Offline,
         };
-        Measured { angle, speed, effort, gaps, trouble }
+        Measured { angle, speed, effort, gaps, health }
     }
 
     /// The status of a motor that was never heard.

@@ -58,6 +58,7 @@ use crate::program::Program;
 
 /// The switches that arm, disarm and stop a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ArmingConfig {
     /// Disarms. Every other position of the same switch arms.
     pub disarm: SwitchAt,
@@ -135,6 +136,7 @@ pub const STEADY: Micros = Micros::from_millis(40);
 
 /// A switch in a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SwitchAt {
     /// The switch.
     pub switch: SwitchName,

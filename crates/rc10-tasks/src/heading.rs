@@ -16,8 +16,8 @@ use embedded_io_async::Read;
 use rc10_app::{Degrees, Seconds};
 use rc10_module::imu::attitude::Attitude;
 use rc10_module::imu::bmi088::{self, Bmi088};
-use rc10_module::imu::{Heading, Wit, wit};
-use rc10_module::listen;
+use rc10_module::imu::{Heading, Sample, Wit, wit};
+use rc10_module::{Reception, listen};
 use rc10_motor::{ArmState, ArmSwitch, Names};
 use rc10_time::Micros;
 
@@ -60,15 +60,28 @@ impl Zeroed {
     }
 }
 
+/// Listens to an HWT101 or WT901 on a serial port, for ever; hands on each heading and its time.
+pub async fn listen_to_wit(
+    port: impl Read,
+    switch: &ArmSwitch,
+    reception: &Reception,
+    mut hear: impl FnMut(Heading, Micros),
+) -> ! {
+    let mut zeroed = Zeroed::default();
+    listen(port, Wit, reception, |message, at| {
+        let wit::Message::Angle { yaw, .. } = message else { return };
+        if let Some(heading) = zeroed.hear(yaw, 0, switch, at) {
+            hear(heading, at);
+        }
+    })
+    .await
+}
+
 /// Listens to an HWT101 or WT901 on a serial port, for ever: the heading that all tasks share.
 pub async fn listen_for<N: Names>(shared: &Common<'_, N, impl Live>, port: impl Read) -> ! {
     shared.has_imu.store(true, Ordering::Relaxed);
-    let mut zeroed = Zeroed::default();
-    listen(port, Wit, &shared.imu_reception, |message, at| {
-        let wit::Message::Angle { yaw, .. } = message else { return };
-        if let Some(heading) = zeroed.hear(yaw, 0, &shared.switch, at) {
-            shared.heading.set(heading, at);
-        }
+    listen_to_wit(port, &shared.switch, &shared.imu_reception, |heading, at| {
+        shared.heading.set(heading, at);
     })
     .await
 }
@@ -76,23 +89,24 @@ pub async fn listen_for<N: Names>(shared: &Common<'_, N, impl Live>, port: impl 
 /// Setting it up takes 0.12 s.
 const LONGEST_READ: Duration = Duration::from_millis(250);
 
-/// Reads a BMI088 once a millisecond, for ever: the heading that all tasks share, and why there is none; hands on
-/// the temperature of each sample and its time.
+/// Reads a BMI088 once a millisecond, for ever; passes on each heading, and each sample or why it
+/// is missing, with its time.
 ///
-/// Of [`Common::imu_reception`] samples are the frames, invalid samples of the chips are damaged, and errors of the
-/// SPI bus are errors of the port. The sensor lies flat, its z axis up. If the robot does not stand
+/// `reception` counts samples as frames, invalid samples of the chips as damaged, and errors of the
+/// SPI bus as errors of the port. The sensor lies flat, its z axis up. If the robot does not stand
 /// still for a second after power-on, its heading drifts: see [`Attitude`].
-pub async fn measure<N: Names, A, G, D>(
-    shared: &Common<'_, N, impl Live>,
+pub async fn measure<A, G, D>(
     mut imu: Bmi088<A, G, D>,
-    mut warm: impl FnMut(Option<f32>, Micros),
+    switch: &ArmSwitch,
+    reception: &Reception,
+    mut hear: impl FnMut(Heading, Micros),
+    mut tell: impl FnMut(Result<&Sample, &'static str>, Micros),
 ) -> !
 where
     A: SpiDevice<Error: fmt::Debug>,
     G: SpiDevice<Error = A::Error>,
     D: DelayNs,
 {
-    shared.has_imu.store(true, Ordering::Relaxed);
     let (mut zeroed, mut attitude) = (Zeroed::default(), Attitude::new());
     let mut ticker = Ticker::every(Duration::from_millis(1));
     let mut last = rc10_message::now();
@@ -107,21 +121,26 @@ where
             ticker.reset();
         }
         let bmi088::Counters { samples, spi_errors, refused, .. } = imu.counters();
-        shared.imu_reception.count(samples, refused, spi_errors);
+        reception.count(samples, refused, spi_errors);
         let sample = match sample {
-            Ok(sample) => sample.map_err(|error| error.words()),
-            Err(TimeoutError) => Err("does not end a transfer"),
+            Ok(Ok(sample)) => sample,
+            Ok(Err(error)) => {
+                tell(Err(error.words()), at);
+                continue;
+            }
+            Err(TimeoutError) => {
+                tell(Err("does not end a transfer"), at);
+                continue;
+            }
         };
-        shared.imu_trouble.set(sample.as_ref().err().copied(), at);
-        let Ok(sample) = sample else { continue };
-        warm(sample.temperature, at);
+        tell(Ok(&sample), at);
         let step = Seconds::from_micros(at.since(last).get());
         last = at;
         // One that is refused is a rotation that was missed, which the attitude counts.
         let _ = attitude.update(&sample, step);
         let yaw = Degrees::new(attitude.yaw().get().to_degrees());
-        if let Some(heading) = zeroed.hear(yaw, attitude.gaps(), &shared.switch, at) {
-            shared.heading.set(heading, at);
+        if let Some(heading) = zeroed.hear(yaw, attitude.gaps(), switch, at) {
+            hear(heading, at);
         }
     }
 }

@@ -30,7 +30,7 @@ pub use arming::{Arming, ArmingConfig, ArmingError, Axis, SwitchAt, SwitchName};
 pub use base::{BaseDriver, Drive, DrivenBase, DrivenSwerve};
 pub use common::{Changes, Common};
 pub use program::{Declared, Program};
-pub use status::{RobotStatus, TickWatch};
+pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};
 pub use supply::Supply;
 #[doc(hidden)]
 pub use {embassy_futures, embedded_hal, embedded_io_async, rc10_motor, rc10_time};

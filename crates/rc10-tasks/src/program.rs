@@ -263,7 +263,7 @@ macro_rules! robot {
         >;
 
         /// Everything that the robot's tasks share.
-        pub type Shared<'p> = $crate::Common<'p, Name, $crate::or!([$($Own)?] ())>;
+        pub type Shared<'p> = $crate::Common<'p, Name, $crate::or_unit!($($Own)?)>;
 
         /// The robot: what it has is declared, what it does is its [`Program`]($crate::Program).
         #[derive(Clone, Copy, Debug)]
@@ -271,7 +271,7 @@ macro_rules! robot {
 
         impl $crate::program::Declared for Robot {
             type Name = Name;
-            type Own = $crate::or!([$($Own)?] ());
+            type Own = $crate::or_unit!($($Own)?);
             type Motors = Motors;
             const SERIALS: &'static [$crate::program::SerialPart] = &[$($crate::program::SerialPart {
                 label: stringify!($serial),
@@ -282,8 +282,8 @@ macro_rules! robot {
                 &[$((stringify!($contact), $crate::active!($($opens)?))),*];
             const VOLTAGES: &'static [(&'static str, f32)] = &[$((stringify!($voltage), $divider)),*];
             const SERVOS: &'static [&'static str] = &[$(stringify!($servo)),*];
-            const HAS_IMU: bool = $crate::or!([$(!stringify!($imu).is_empty())?] false);
-            const STRIP: Option<(usize, u8)> = $crate::or!([$(Some(($leds, $brightness)))?] None);
+            const HAS_IMU: bool = $crate::is_any!($($imu)?);
+            const STRIP: Option<(usize, u8)> = $crate::or_none!($(($leds, $brightness))?);
             const RS485: &'static [$crate::program::LinePart] = &[$($crate::program::LinePart {
                 uart: $crate::uart!($line),
                 baud: $bits,
@@ -393,6 +393,18 @@ macro_rules! uart {
     };
 }
 
+/// An option of what there is.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! or_none {
+    () => {
+        None
+    };
+    ($it:expr) => {
+        Some($it)
+    };
+}
+
 /// The level of a pressed contact, by how it is wired.
 #[doc(hidden)]
 #[macro_export]
@@ -405,12 +417,28 @@ macro_rules! active {
     };
 }
 
-/// What there is, or what stands for nothing: `or!([Some(1)] None)`.
+/// Whether there is anything.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! or {
-    ([] $($nothing:tt)*) => { $($nothing)* };
-    ([$($it:tt)+] $($nothing:tt)*) => { $($it)+ };
+macro_rules! is_any {
+    () => {
+        false
+    };
+    ($it:tt) => {
+        true
+    };
+}
+
+/// The type, or `()` without one.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! or_unit {
+    () => {
+        ()
+    };
+    ($Type:ty) => {
+        $Type
+    };
 }
 
 /// All of these futures at once.

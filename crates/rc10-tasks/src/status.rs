@@ -6,6 +6,7 @@ use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Ticker};
 use heapless::Vec;
+use rc10_can::ErrorState;
 use rc10_message::{CycleCount, Cycles};
 use rc10_module::Counters;
 use rc10_module::remote::RemoteLink;
@@ -41,9 +42,9 @@ pub struct RobotStatus<N> {
     /// Counters of the bytes and frames of its receiver, of the IMU, and of its serial parts.
     pub receptions: [(&'static str, Counters); PARTS],
     /// Status of each bus.
-    pub buses: Vec<BusStatus, MOST_BUSES>,
+    pub buses: Vec<BusSummary, MOST_BUSES>,
     /// Status of each line.
-    pub lines: Vec<Rs485Status, MOST_LINES>,
+    pub lines: Vec<LineSummary, MOST_LINES>,
     /// The error of the IMU, in a few words behind that word.
     pub imu_trouble: Option<&'static str>,
     /// The supply, of a board that measures it.
@@ -94,12 +95,10 @@ impl<N: Names> fmt::Display for RobotStatus<N> {
             }
         }
         for (number, bus) in (1_u8..).zip(&self.buses) {
-            write!(f, "; bus {number} ")?;
-            write_bus(f, bus)?;
+            write!(f, "; bus {number} {bus}")?;
         }
         for (number, line) in (1_u8..).zip(&self.lines) {
-            write!(f, "; line {number} ")?;
-            write_line(f, line)?;
+            write!(f, "; line {number} {line}")?;
         }
         if let Some(CycleCount { mean, most, a_second }) = self.bus_cycles {
             // In each millisecond the first bus computes, each sends as the next computes, the last sends.
@@ -152,8 +151,8 @@ pub fn now<N: Names>(shared: &Common<'_, N, impl Live>) -> RobotStatus<N> {
         last_refused: shared.refused.read().map(|refused| refused.value),
         remote: shared.remote_link.read().map(|freshness| freshness.value),
         receptions: receptions.map(|(label, reception)| (label, reception.read())),
-        buses: shared.ports.buses.iter().map(|bus| bus.status()).collect(),
-        lines: shared.ports.lines.iter().map(|line| line.status()).collect(),
+        buses: shared.ports.buses.iter().map(|bus| bus.status().into()).collect(),
+        lines: shared.ports.lines.iter().map(|line| line.status().into()).collect(),
         imu_trouble: imu_trouble(shared, at),
         supply: shared.supply.newer_than(OLDEST_SUPPLY, at),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
@@ -171,55 +170,131 @@ fn imu_trouble<N: Names>(shared: &Common<'_, N, impl Live>, at: Micros) -> Optio
     told.or(is_missing.then_some("gives no heading"))
 }
 
-/// A bus, for a log.
-fn write_bus(f: &mut fmt::Formatter<'_>, bus: &BusStatus) -> fmt::Result {
-    let BusStatus { ticks, overruns, period, execution, received, health, .. } = bus;
-    write!(f, "{}", health.state)?;
-    if health.is_alone() {
-        write!(f, ", alone on the bus")?;
+/// Status of a bus, for a log.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusSummary {
+    /// Ticks so far.
+    pub ticks: u32,
+    /// Ticks that did not happen in time.
+    pub overruns: u32,
+    /// Longest time from tick to tick, in microseconds.
+    pub longest_period: u32,
+    /// Longest tick, in microseconds.
+    pub longest_tick: u32,
+    /// Frames that its motors understood.
+    pub received: u32,
+    /// Frames that had a motor's identifier and were no feedback.
+    pub malformed: u32,
+    /// Received frames that were lost.
+    pub lost: u32,
+    /// Error state of the controller.
+    pub state: ErrorState,
+    /// No other node acknowledges its frames: it seems to be alone on the bus.
+    pub alone: bool,
+    /// Number of times that the controller went bus-off.
+    pub bus_offs: u32,
+    /// Number of times that the controller was found unable to send (restricted operation).
+    pub restrictions: u32,
+    /// Number of times that the bus stood still and was made safe.
+    pub stalls: u32,
+}
+
+impl From<BusStatus> for BusSummary {
+    fn from(status: BusStatus) -> Self {
+        let BusStatus { ticks, overruns, period, execution, received, health, .. } = status;
+        Self {
+            ticks,
+            overruns,
+            longest_period: period.max().unwrap_or(0),
+            longest_tick: execution.max().unwrap_or(0),
+            received: received.received,
+            malformed: received.malformed,
+            lost: health.receive_lost,
+            state: health.state,
+            alone: health.is_alone(),
+            bus_offs: health.bus_offs,
+            restrictions: health.restrictions,
+            stalls: health.stalls,
+        }
     }
-    let (longest, apart) = (execution.max().unwrap_or(0), period.max().unwrap_or(0));
-    write!(f, ": {ticks} ticks of {longest} us, {apart} us apart, {} received", received.received)?;
-    write_counts(
-        f,
-        [
-            (*overruns, "ticks missed"),
-            (received.malformed, "malformed"),
-            (health.receive_lost, "lost"),
-            (health.bus_offs, "times bus-off"),
-            (health.restrictions, "times restricted"),
-            (health.stalls, "times stalled"),
-        ],
-    )
 }
 
-/// An RS-485 line, for a log.
-fn write_line(f: &mut fmt::Formatter<'_>, line: &Rs485Status) -> fmt::Result {
-    let Rs485Status { overruns, traffic, port_errors, .. } = line;
-    let range = |timing: Timing| (timing.min().unwrap_or(0), timing.max().unwrap_or(0));
-    let ((short, long), (least, most)) = (range(traffic.exchange), range(traffic.cycle));
-    write!(f, "{} exchanges of {short} to {long} us, ", traffic.exchanges)?;
-    write!(f, "{least} to {most} us apart")?;
-    write_counts(
-        f,
-        [
-            (*overruns, "ticks missed"),
-            (traffic.timeouts, "timeouts"),
-            (traffic.crc_errors, "wrong CRCs"),
-            (*port_errors, "port errors"),
-        ],
-    )
+impl fmt::Display for BusSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.state)?;
+        if self.alone {
+            write!(f, ", alone on the bus")?;
+        }
+        let Self { ticks, longest_tick, longest_period, received, .. } = self;
+        write!(f, ": {ticks} ticks of {longest_tick} us, {longest_period} us apart")?;
+        write!(f, ", {received} received")?;
+        for (count, what) in [
+            (self.overruns, "ticks missed"),
+            (self.malformed, "malformed"),
+            (self.lost, "lost"),
+            (self.bus_offs, "times bus-off"),
+            (self.restrictions, "times restricted"),
+            (self.stalls, "times stalled"),
+        ] {
+            if count > 0 {
+                write!(f, ", {count} {what}")?;
+            }
+        }
+        Ok(())
+    }
 }
 
-/// What has happened: mostly nothing.
-fn write_counts<const N: usize>(
-    f: &mut fmt::Formatter<'_>,
-    counts: [(u32, &str); N],
-) -> fmt::Result {
-    counts
-        .iter()
-        .filter(|(count, _)| *count > 0)
-        .try_for_each(|(count, what)| write!(f, ", {count} {what}"))
+/// Status of an RS-485 line, for a log.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineSummary {
+    /// Ticks that did not happen in time.
+    pub overruns: u32,
+    /// Commands with a reply.
+    pub exchanges: u32,
+    /// Commands without a whole reply in time.
+    pub timeouts: u32,
+    /// Replies with a wrong CRC.
+    pub crc_errors: u32,
+    /// Times the serial port could not read or write.
+    pub port_errors: u32,
+    /// Shortest and longest time from a command to the next one to the same motor, in microseconds.
+    pub cycle: [u32; 2],
+    /// The same from a command to the end of its reply.
+    pub exchange: [u32; 2],
+}
+
+impl From<Rs485Status> for LineSummary {
+    fn from(status: Rs485Status) -> Self {
+        let Rs485Status { overruns, traffic, port_errors, .. } = status;
+        let range = |timing: Timing| [timing.min().unwrap_or(0), timing.max().unwrap_or(0)];
+        Self {
+            overruns,
+            exchanges: traffic.exchanges,
+            timeouts: traffic.timeouts,
+            crc_errors: traffic.crc_errors,
+            port_errors,
+            cycle: range(traffic.cycle),
+            exchange: range(traffic.exchange),
+        }
+    }
+}
+
+impl fmt::Display for LineSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { exchanges, cycle: [least, most], exchange: [short, long], .. } = self;
+        write!(f, "{exchanges} exchanges of {short} to {long} us, {least} to {most} us apart")?;
+        for (count, what) in [
+            (self.overruns, "ticks missed"),
+            (self.timeouts, "timeouts"),
+            (self.crc_errors, "wrong CRCs"),
+            (self.port_errors, "port errors"),
+        ] {
+            if count > 0 {
+                write!(f, ", {count} {what}")?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Sees whether every bus and line ticks: a watchdog is fed only then.
@@ -282,7 +357,7 @@ mod tests {
             last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
             remote: Some(RemoteLink::Online),
             receptions: [("remote", Counters::default()); PARTS],
-            buses: [BusStatus::default(); 3].into_iter().collect(),
+            buses: [BusSummary::default(); 3].into_iter().collect(),
             lines: Vec::new(),
             imu_trouble: None,
             supply: None,

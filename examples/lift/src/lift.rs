@@ -2,7 +2,8 @@ use core::array::from_fn;
 use rc10::prelude::*;
 
 use rc10::app::mechanism::{
-    Axes, AxesFailure, AxesHoming, AxesHomingStatus, Measured, MotorCommand, Stage,
+    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Measured, MotorCommand,
+    Stage,
 };
 use rc10::app::{AngleLimits, AngleProfile, AngleSetpoint, ConfigError};
 
@@ -117,7 +118,8 @@ impl Lift {
             State::Idle => None,
             State::Homing(homing) => match homing.status() {
                 AxesHomingStatus::Failed(
-                    AxesFailure::Motor { motor, .. } | AxesFailure::Lags { motor, .. },
+                    AxesHomingFailure::Motor { motor, .. }
+                    | AxesHomingFailure::Spread { behind: motor, .. },
                 ) => Some(motor),
                 _ => None,
             },

@@ -172,9 +172,7 @@ macro_rules! program {
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
             async fn serve(shared: &'static Shared<'static>, soldered: Soldered) {
-                let all = $crate::Output::ALL;
-                let on = $crate::rc10_tasks::or!([$(&[$($crate::Output::$output),*])?] all);
-                board::serve(shared, soldered, on).await;
+                board::serve(shared, soldered, $crate::outputs!($([$($output),*])?)).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
@@ -182,5 +180,17 @@ macro_rules! program {
                 Robot::run(shared).await
             }
         }
+    };
+}
+
+/// The outputs of supply that are switched on: these, or all.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! outputs {
+    () => {
+        $crate::Output::ALL
+    };
+    ([$($output:ident),*]) => {
+        &[$($crate::Output::$output),*]
     };
 }

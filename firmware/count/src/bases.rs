@@ -33,10 +33,12 @@ pub fn measure() {
     odometries();
 }
 
-measured!("count_1_base_inverse", inverse(base: &Base<4>, twist: Twist)
--> Result<WheelSpeeds<4>, TwistNotFinite> {
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_base_inverse")]
+#[inline(never)]
+fn inverse(base: &Base<4>, twist: Twist) -> Result<WheelSpeeds<4>, TwistNotFinite> {
     base.inverse(twist)
-});
+}
 
 /// Steered wheels: endless, and within a range that is reached.
 fn swerves() {
@@ -58,11 +60,18 @@ fn swerves() {
     }
 }
 
-measured!("count_1_swerve", swerve(
-    base: &Swerve<4>, state: &mut SwerveState<4>, input: &(Twist, [TotalAngle; 4])
+type SwerveInput = (Twist, [TotalAngle; 4]);
+
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_swerve")]
+#[inline(never)]
+fn swerve(
+    base: &Swerve<4>,
+    state: &mut SwerveState<4>,
+    (twist, measured): &SwerveInput,
 ) -> Result<Modules<4>, TwistNotFinite> {
-    state.update(base, input.0, input.1)
-});
+    state.update(base, *twist, *measured)
+}
 
 /// Arcs, with a gyro and without, with slip and without.
 fn odometries() {
@@ -76,8 +85,9 @@ fn odometries() {
     }
 }
 
-measured!("count_1_odometry", odometry_step(
-    odometry: &mut Odometry, config: &OdometryConfig, input: &OdometryInput
-) {
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_odometry")]
+#[inline(never)]
+fn odometry_step(odometry: &mut Odometry, config: &OdometryConfig, input: &OdometryInput) {
     odometry.update(config, *input, Seconds::new(0.005));
-});
+}

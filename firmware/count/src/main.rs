@@ -7,20 +7,6 @@
 #![no_std]
 #![no_main]
 
-/// Gives a function of its own, and a symbol to find it by, to something that is measured.
-macro_rules! measured {
-    ($symbol:literal, $name:ident($($argument:ident: $type:ty),*) $(-> $out:ty)? $what:block) => {
-        // SAFETY: nothing else has this name.
-        #[unsafe(export_name = $symbol)]
-        #[inline(never)]
-        fn $name($($argument: $type),*) $(-> $out)? {
-            // SAFETY: a comment. It keeps the compiler from merging functions that are equal.
-            unsafe { core::arch::asm!(concat!("// ", $symbol), options(nomem, nostack)) };
-            $what
-        }
-    };
-}
-
 mod bases;
 mod codecs;
 mod control;
@@ -39,7 +25,7 @@ use rc10_app::{Degrees, Rpm, Seconds};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
 use rc10_motor::dji::{self, Dji, M2006, M3508};
-use rc10_motor::{ArmSwitch, CanMotor, MotorBus as Bus, Safety, Target, TxBatch};
+use rc10_motor::{ArmSwitch, CanMotor, MotorBus, Safety, Target, TxBatch};
 use rc10_time::Micros;
 
 /// The motors' identifiers: M3508 are 1 to 4, M2006 5 to 8.
@@ -78,11 +64,14 @@ fn main() -> ! {
 
 /// Four M3508 and four M2006 on one bus that follow a moving target closely; `tick` once a
 /// millisecond. `target` makes one from the output's angle and speed.
-fn measure(target: fn(Degrees, Rpm) -> Target, tick: fn(&mut Bus<'_>, &Input, &mut TxBatch)) {
+fn measure(
+    target: fn(Degrees, Rpm) -> Target,
+    tick: extern "C" fn(&mut MotorBus<'_>, &Input, &mut TxBatch),
+) {
     let switch = ArmSwitch::new();
     let mut motors =
         IDS.map(|id| Dji::new(dji::Config::new(if id <= 4 { &M3508 } else { &M2006 }, id)).ok());
-    let mut bus = Bus::new(&switch);
+    let mut bus = MotorBus::new(&switch);
     let numbers = motors.each_mut().map(|motor| {
         let Some(motor) = motor else { cortex_m::asm::udf() };
         let motor: &mut dyn CanMotor = motor;
@@ -137,31 +126,50 @@ impl Input {
     }
 }
 
-fn everything(bus: &mut Bus<'_>, input: &Input, tx: &mut TxBatch) {
+fn everything(bus: &mut MotorBus<'_>, input: &Input, tx: &mut TxBatch) {
     for frame in &input.frames {
         bus.on_frame(frame, input.now);
     }
     let _ = bus.tick(input.now, Seconds::from_micros(TICK.get()), tx);
 }
 
-// Eight frames received and dispatched, eight speed loops, two group frames.
-measured!("count_8_motor_speed", speed_tick(bus: &mut Bus<'_>, input: &Input, tx: &mut TxBatch) {
-    everything(bus, input, tx);
-});
-// The tick above with the angle loop before the speed loop.
-measured!("count_8_motor_angle", angle_tick(bus: &mut Bus<'_>, input: &Input, tx: &mut TxBatch) {
-    everything(bus, input, tx);
-});
-// The tick above without a loop.
-measured!("count_8_motor_coasting", coasting_tick(bus: &mut Bus<'_>, input: &Input, tx: &mut TxBatch) {
-    everything(bus, input, tx);
-});
-// The receiving half alone.
-measured!("count_8_frame_received", frames(bus: &mut Bus<'_>, input: &Input, _tx: &mut TxBatch) {
+fn receive(bus: &mut MotorBus<'_>, input: &Input, _: &mut TxBatch) {
     for frame in &input.frames {
         bus.on_frame(frame, input.now);
     }
-});
+}
+
+/// Gives a function of its own, and a symbol to find it by, to something that is measured.
+macro_rules! measured {
+    ($(#[$doc:meta])* $symbol:literal, $name:ident, $what:ident) => {
+        $(#[$doc])*
+        // SAFETY: nothing else has this name.
+        #[unsafe(export_name = $symbol)]
+        #[inline(never)]
+        extern "C" fn $name(bus: &mut MotorBus<'_>, input: &Input, tx: &mut TxBatch) {
+            // SAFETY: a comment. It keeps the compiler from merging functions that are equal.
+            unsafe { core::arch::asm!(concat!("// ", $symbol), options(nomem, nostack)) };
+            $what(bus, input, tx);
+        }
+    };
+}
+
+measured! {
+    /// Eight frames received and dispatched, eight speed loops, two group frames.
+    "count_8_motor_speed", speed_tick, everything
+}
+measured! {
+    /// The tick above with the angle loop before the speed loop.
+    "count_8_motor_angle", angle_tick, everything
+}
+measured! {
+    /// The tick above without a loop.
+    "count_8_motor_coasting", coasting_tick, everything
+}
+measured! {
+    /// The receiving half alone.
+    "count_8_frame_received", frames, receive
+}
 
 /// A walk is over: its number, and its hash.
 // SAFETY: nothing else has this name.

@@ -11,6 +11,16 @@ use rc10_app::{
 /// Random targets for each kind of call.
 const CALLS: u32 = 2000;
 
+/// Gives a function of its own, and a symbol to find it by, to something that is measured.
+macro_rules! measured {
+    ($symbol:literal, $name:ident($($argument:ident: $type:ty),*) $what:block) => {
+        // SAFETY: nothing else has this name.
+        #[unsafe(export_name = $symbol)]
+        #[inline(never)]
+        fn $name($($argument: $type),*) $what
+    };
+}
+
 measured!("count_1_follow_profile", tick(profile: &mut Profile) {
     black_box(profile.update(Seconds::new(0.001)));
 });

@@ -28,10 +28,10 @@ pub(super) const fn solve<const N: usize>(wheels: &[Wheel; N]) -> Result<Solutio
     let mut at = 0;
     while at < N {
         if let Err(error) = check(&wheels[at]) {
-            return Err(BaseError::Wheel(at, error));
+            return Err(BaseError::Wheel { wheel: at, error });
         }
         if wheels[at].grip() < LEAST_GRIP {
-            return Err(BaseError::RollersAlongAxle(at));
+            return Err(BaseError::RollersAlongAxle { wheel: at });
         }
         at += 1;
     }
@@ -118,7 +118,7 @@ impl Plain {
                     (plain.is_there, plain.d, plain.e, first) = (true, d, e, at);
                 }
                 if (plain.e[0] * d[0] + plain.e[1] * d[1]).abs() > PARALLEL {
-                    return Err(BaseError::AtOdds([first, at]));
+                    return Err(BaseError::AtOdds { wheels: [first, at] });
                 }
                 plain.lever += wheels[at].with_lever(plain.e)[2];
                 count += 1.0;
@@ -168,9 +168,10 @@ impl Plain {
         let length = sqrt(x * x + y * y);
         #[expect(clippy::cast_possible_truncation, reason = "for a message")]
         if turn.abs() * size * 1e3 > length {
-            BaseError::CannotTurn(Point::new(tidy(-y / turn) as f32, tidy(x / turn) as f32))
+            let about = Point::new(tidy(-y / turn) as f32, tidy(x / turn) as f32);
+            BaseError::CannotTurn { about }
         } else {
-            BaseError::CannotMove([tidy(x / length) as f32, tidy(y / length) as f32])
+            BaseError::CannotMove { along: [tidy(x / length) as f32, tidy(y / length) as f32] }
         }
     }
 }

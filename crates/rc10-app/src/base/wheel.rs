@@ -91,16 +91,16 @@ impl Wheel {
     }
 }
 
-/// A wheel in the middle of the base that rolls ahead.
-const fn ahead(radius: f32, tread: Tread) -> Wheel {
-    let (place, turns) = (Point::new(0.0, 0.0), Direction::Forward);
-    Wheel { place, direction: Degrees::ZERO, tread, radius, turns }
-}
-
 /// Four mecanum wheels: front left, front right, rear left, rear right, rollers an X from above.
 pub(super) const fn mecanum(radius: f32, half_wheelbase: f32, half_track: f32) -> [Wheel; 4] {
-    let wheel = ahead(radius, Tread::Rollers(Degrees::new(45.0)));
-    let other = ahead(radius, Tread::Rollers(Degrees::new(-45.0)));
+    let wheel = Wheel {
+        place: Point::new(0.0, 0.0),
+        direction: Degrees::ZERO,
+        tread: Tread::Rollers(Degrees::new(45.0)),
+        radius,
+        turns: Direction::Forward,
+    };
+    let other = Wheel { tread: Tread::Rollers(Degrees::new(-45.0)), ..wheel };
     let (x, y) = (half_wheelbase, half_track);
     [
         Wheel { place: Point::new(x, y), ..wheel },
@@ -112,7 +112,14 @@ pub(super) const fn mecanum(radius: f32, half_wheelbase: f32, half_track: f32) -
 
 /// Omni wheels evenly on a circle, the first at `first`; each turns the base counter-clockwise.
 pub(super) const fn ring<const N: usize>(radius: f32, distance: f32, first: Degrees) -> [Wheel; N] {
-    let mut wheels = [ahead(radius, Tread::OMNI); N];
+    let wheel = Wheel {
+        place: Point::new(0.0, 0.0),
+        direction: Degrees::ZERO,
+        tread: Tread::OMNI,
+        radius,
+        turns: Direction::Forward,
+    };
+    let mut wheels = [wheel; N];
     let mut at = 0;
     while at < N {
         let angle = first.get() as f64 + 360.0 * at as f64 / N as f64;
@@ -121,7 +128,7 @@ pub(super) const fn ring<const N: usize>(radius: f32, distance: f32, first: Degr
         let (x, y) = ((distance as f64 * cos) as f32, (distance as f64 * sin) as f32);
         #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
         let direction = Degrees::new((angle + 90.0) as f32);
-        wheels[at] = Wheel { place: Point::new(x, y), direction, ..wheels[at] };
+        wheels[at] = Wheel { place: Point::new(x, y), direction, ..wheel };
         at += 1;
     }
     wheels
@@ -129,9 +136,14 @@ pub(super) const fn ring<const N: usize>(radius: f32, distance: f32, first: Degr
 
 /// A plain wheel on the left and one on the right that roll forward.
 pub(super) const fn pair(radius: f32, half_track: f32) -> [Wheel; 2] {
-    let wheel = ahead(radius, Tread::Plain);
-    let [left, right] = [Point::new(0.0, half_track), Point::new(0.0, -half_track)];
-    [Wheel { place: left, ..wheel }, Wheel { place: right, ..wheel }]
+    let left = Wheel {
+        place: Point::new(0.0, half_track),
+        direction: Degrees::ZERO,
+        tread: Tread::Plain,
+        radius,
+        turns: Direction::Forward,
+    };
+    [left, Wheel { place: Point::new(0.0, -half_track), ..left }]
 }
 
 /// Sine and cosine of degrees, within 1e-15 for few turns; exact at quarter turns and opposites.

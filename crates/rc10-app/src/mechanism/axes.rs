@@ -47,16 +47,16 @@ impl AxesConfig {
 /// Below this pace the setpoint waits: [`AxesConfig::patience`].
 const WAITING: f32 = 0.1;
 
-/// Why axes stopped, or their homing failed. `Cause`: what stops a single motor.
+/// Why axes stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum AxesFailure<Cause = Trouble> {
-    /// A motor cannot be relied on, or its homing failed.
+pub enum AxesFailure {
+    /// A motor cannot be relied on.
     Motor {
         /// The motor's index.
         motor: usize,
-        /// Why.
-        why: Cause,
+        /// Why not.
+        trouble: Trouble,
     },
     /// The motors are too far apart, or the setpoint had to wait for too long.
     Lags {
@@ -193,8 +193,8 @@ impl<const N: usize> Axes<N> {
     ) -> Option<AxesFailure> {
         let gaps = *self.gaps.get_or_insert(motors.map(|motor| motor.gaps));
         for (index, motor) in motors.iter().enumerate() {
-            if let Err(why) = motor.reliable(gaps[index]) {
-                return Some(AxesFailure::Motor { motor: index, why });
+            if let Err(trouble) = motor.reliable(gaps[index]) {
+                return Some(AxesFailure::Motor { motor: index, trouble });
             }
         }
         let is_level = self.difference < config.stop.get() && self.waiting <= config.patience.get();
@@ -222,6 +222,7 @@ pub(super) fn difference<const N: usize>(degrees: &[f32; N]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Health;
     use super::*;
     use crate::TotalAngle;
     use crate::units::RpmPerSecond;
@@ -327,8 +328,8 @@ mod tests {
     fn a_motor_that_cannot_be_relied_on_stops_all() {
         let good = motors([100, 100]);
         for (bad, trouble) in [
-            (Measured { trouble: Some(Trouble::Offline), ..good[1] }, Trouble::Offline),
-            (Measured { trouble: Some(Trouble::Faulty), ..good[1] }, Trouble::Faulty),
+            (Measured { health: Health::Offline, ..good[1] }, Trouble::Offline),
+            (Measured { health: Health::Faulty, ..good[1] }, Trouble::Faulty),
             (Measured { speed: Rpm::new(f32::NAN), ..good[1] }, Trouble::NotFinite),
             (Measured { gaps: 1, ..good[1] }, Trouble::AngleGap),
         ] {
@@ -340,7 +341,7 @@ mod tests {
             };
             assert_eq!(step(good[1]), (None, 1.0));
             // And the setpoint stands, until they are reset.
-            let failed = (Some(AxesFailure::Motor { motor: 1, why: trouble }), 0.0);
+            let failed = (Some(AxesFailure::Motor { motor: 1, trouble }), 0.0);
             assert_eq!([step(bad), step(good[1])], [failed; 2]);
         }
     }

@@ -2,8 +2,7 @@
 
 use super::axes::difference;
 use super::{
-    AxesFailure, Homing, HomingConfig, HomingFailure, HomingStatus, Measured, MotorCommand, Phase,
-    way,
+    Homing, HomingConfig, HomingFailure, HomingStatus, Measured, MotorCommand, Phase, way,
 };
 use crate::TotalAngle;
 use crate::config::{ConfigError, positive};
@@ -27,6 +26,26 @@ impl AxesHomingConfig {
     }
 }
 
+/// Why homing of axes failed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum AxesHomingFailure {
+    /// Homing of one motor failed.
+    Motor {
+        /// The motor's index.
+        motor: usize,
+        /// Why.
+        failure: HomingFailure,
+    },
+    /// The ways of the motors differ by too much.
+    Spread {
+        /// The motor that has come least far towards its reference.
+        behind: usize,
+        /// The difference at that time.
+        difference: Degrees,
+    },
+}
+
 /// How far homing of axes is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -39,7 +58,7 @@ pub enum AxesHomingStatus<const N: usize> {
         zeros: [TotalAngle; N],
     },
     /// Ended without zeros.
-    Failed(AxesFailure<HomingFailure>),
+    Failed(AxesHomingFailure),
 }
 
 /// State of homing of `N` motors at one speed: each stands where it touched until all have.
@@ -141,8 +160,8 @@ impl<const N: usize> AxesHoming<N> {
         let mut zeros = [None; N];
         for (motor, axis) in self.axes.iter().enumerate() {
             match axis.status() {
-                HomingStatus::Failed(why) => {
-                    return AxesHomingStatus::Failed(AxesFailure::Motor { motor, why });
+                HomingStatus::Failed(failure) => {
+                    return AxesHomingStatus::Failed(AxesHomingFailure::Motor { motor, failure });
                 }
                 HomingStatus::Done { zero } => zeros[motor] = Some(zero),
                 HomingStatus::Running(_) => {}
@@ -156,8 +175,8 @@ impl<const N: usize> AxesHoming<N> {
         let spread = difference(&ways);
         if spread > config.spread.get() {
             let least = |least, motor| if ways[motor] < ways[least] { motor } else { least };
-            let (motor, difference) = ((0..N).fold(0, least), Degrees::new(spread));
-            return AxesHomingStatus::Failed(AxesFailure::Lags { motor, difference });
+            let (behind, difference) = ((0..N).fold(0, least), Degrees::new(spread));
+            return AxesHomingStatus::Failed(AxesHomingFailure::Spread { behind, difference });
         }
         if zeros.iter().all(Option::is_some) {
             AxesHomingStatus::Done { zeros: zeros.map(Option::unwrap_or_default) }

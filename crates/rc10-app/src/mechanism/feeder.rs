@@ -1,11 +1,13 @@
 //! A feeder that counts its pieces by angle.
 
-use super::{Braking, Jam, JamConfig, JamStatus, Measured, MotorCommand, small_angle};
+use super::{
+    Braking, DEGREES_PER_SECOND, Jam, JamConfig, JamStatus, Measured, MotorCommand, small_angle,
+};
 use crate::angle::{CountsPerTurn, TotalAngle};
 use crate::config::{ConfigError, not_negative, positive};
 use crate::ok;
 use crate::profile::AngleSetpoint;
-use crate::units::{DEGREES_PER_SECOND, Degrees, Direction, Rpm, RpmPerSecond, Seconds};
+use crate::units::{Degrees, Direction, Rpm, RpmPerSecond, Seconds};
 
 /// Properties of a feeder.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -444,7 +446,7 @@ mod tests {
             command = feeder.update(&CONFIG, &standing, DT);
         }
         assert_eq!(command, MotorCommand::hold(CONFIG.piece().reversed()));
-        let offline = Measured { trouble: Some(super::super::Trouble::Offline), ..standing };
+        let offline = Measured { health: super::super::Health::Offline, ..standing };
         assert_eq!(feeder.update(&CONFIG, &offline, DT), MotorCommand::Coast);
         let before = feeder;
         feeder.update(&CONFIG, &standing, Seconds::new(f32::NAN));

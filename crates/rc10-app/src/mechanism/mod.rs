@@ -30,7 +30,7 @@ mod stage;
 
 pub use absolute::{AbsoluteEncoder, OutOfTravel};
 pub use axes::{Axes, AxesConfig, AxesFailure};
-pub use axes_homing::{AxesHoming, AxesHomingConfig, AxesHomingStatus};
+pub use axes_homing::{AxesHoming, AxesHomingConfig, AxesHomingFailure, AxesHomingStatus};
 pub use feeder::{Feeder, FeederConfig};
 pub use homing::{Homing, HomingConfig, HomingFailure, HomingStatus, Phase, Reference};
 pub use jam::{Jam, JamConfig, JamStatus};
@@ -41,8 +41,11 @@ use crate::config::{ConfigError, not_negative, positive};
 use crate::maths::fast_sqrt;
 use crate::ok;
 use crate::profile::AngleSetpoint;
-use crate::units::{DEGREES_PER_SECOND, Degrees, Direction, Rpm, RpmPerSecond, Seconds};
+use crate::units::{Degrees, Direction, Rpm, RpmPerSecond, Seconds};
 use crate::{TotalAngle, maths};
+
+/// 1 rpm in degrees a second.
+const DEGREES_PER_SECOND: f32 = 6.0;
 
 /// A command to one motor, at its output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -99,17 +102,30 @@ pub struct Measured {
     pub effort: f32,
     /// Number of times that the motor's turns had to be estimated.
     pub gaps: u32,
-    /// Why the motor cannot be used, if it cannot.
-    pub trouble: Option<Trouble>,
+    /// Whether the motor can be used.
+    pub health: Health,
+}
+
+/// Whether a motor can be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Health {
+    /// The motor can be used.
+    #[default]
+    Ready,
+    /// The motor is not heard.
+    Offline,
+    /// The motor reports a fault.
+    Faulty,
 }
 
 /// Why the measurements of a motor cannot be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Trouble {
-    /// The motor is not heard.
+    /// [`Health::Offline`].
     Offline,
-    /// The motor reports a fault.
+    /// [`Health::Faulty`].
     Faulty,
     /// A measurement is infinite or NaN.
     NotFinite,
@@ -125,10 +141,11 @@ impl Measured {
 
     /// Whether the motor can be used and everything measured is finite.
     const fn usable(&self) -> Result<(), Trouble> {
-        match self.trouble {
-            Some(trouble) => Err(trouble),
-            None if self.speed.is_finite() && self.effort.is_finite() => Ok(()),
-            None => Err(Trouble::NotFinite),
+        match self.health {
+            Health::Offline => Err(Trouble::Offline),
+            Health::Faulty => Err(Trouble::Faulty),
+            Health::Ready if self.speed.is_finite() && self.effort.is_finite() => Ok(()),
+            Health::Ready => Err(Trouble::NotFinite),
         }
     }
 

@@ -1,6 +1,6 @@
 use super::{
-    Axes, AxesFailure, AxesHoming, AxesHomingStatus, Feeder, Homing, HomingFailure, HomingStatus,
-    Jam, JamStatus, OutOfTravel, Phase, Trouble,
+    Axes, AxesFailure, AxesHoming, AxesHomingFailure, AxesHomingStatus, Feeder, Homing,
+    HomingFailure, HomingStatus, Jam, JamStatus, OutOfTravel, Phase, Trouble,
 };
 
 /// The stages, and their names.
@@ -60,7 +60,7 @@ stages! {
     NeverOpened: "contact never opened",
     /// Given up: [`HomingFailure::TouchesDiffer`].
     TouchesDiffer: "touches differ",
-    /// Given up, while they home: [`AxesFailure::Lags`].
+    /// Given up: [`AxesHomingFailure::Spread`].
     Apart: "motors apart",
     /// Given up: [`AxesFailure::Lags`].
     Lags: "motors lag",
@@ -148,8 +148,8 @@ impl<const N: usize> AxesHoming<N> {
     /// The stage of the motor that is furthest behind; [`Stage::Ready`] when it is done.
     pub fn stage(&self) -> Stage {
         match self.status() {
-            AxesHomingStatus::Failed(AxesFailure::Motor { why, .. }) => why.into(),
-            AxesHomingStatus::Failed(AxesFailure::Lags { .. }) => Stage::Apart,
+            AxesHomingStatus::Failed(AxesHomingFailure::Motor { failure, .. }) => failure.into(),
+            AxesHomingStatus::Failed(AxesHomingFailure::Spread { .. }) => Stage::Apart,
             _ => self.axes().iter().map(Homing::stage).min().unwrap_or_default(),
         }
     }
@@ -160,7 +160,7 @@ impl<const N: usize> Axes<N> {
     pub fn stage(&self) -> Stage {
         match self.failure() {
             None => Stage::Ready,
-            Some(AxesFailure::Motor { why, .. }) => why.into(),
+            Some(AxesFailure::Motor { trouble, .. }) => trouble.into(),
             Some(AxesFailure::Lags { .. }) => Stage::Lags,
         }
     }

@@ -7,10 +7,18 @@ use crate::text::Text;
 pub enum PathError {
     /// A path has two waypoints at least.
     TooFewWaypoints,
-    /// A field of this waypoint that cannot be used.
-    Waypoint(usize, ConfigError),
-    /// This waypoint is less than a millimetre from the one before.
-    SamePlace(usize),
+    /// A number of a waypoint that cannot be used.
+    Waypoint {
+        /// The waypoint.
+        waypoint: usize,
+        /// The field of the waypoint.
+        error: ConfigError,
+    },
+    /// A waypoint less than a millimetre from the one before.
+    SamePlace {
+        /// The later of the two.
+        waypoint: usize,
+    },
     /// An arc, or two with one leg between them, that takes more of a leg than there is.
     ArcTooWide {
         /// The waypoint with the wider arc.
@@ -20,8 +28,11 @@ pub enum PathError {
         /// The leg's length, in metres.
         length: f32,
     },
-    /// An arc where the path goes back within 10 degrees: at this waypoint only a stop, radius 0, is possible.
-    TurnsBack(usize),
+    /// An arc where the path goes back within 10 degrees: only a stop, radius 0, is possible.
+    TurnsBack {
+        /// The waypoint.
+        waypoint: usize,
+    },
 }
 
 impl PathError {
@@ -31,23 +42,23 @@ impl PathError {
             Self::TooFewWaypoints => {
                 return Text::new().push("a path has two waypoints at least");
             }
-            Self::Waypoint(waypoint, _)
-            | Self::SamePlace(waypoint)
+            Self::Waypoint { waypoint, .. }
+            | Self::SamePlace { waypoint }
             | Self::ArcTooWide { waypoint, .. }
-            | Self::TurnsBack(waypoint) => (*waypoint, Text::new().push("waypoint ")),
+            | Self::TurnsBack { waypoint } => (*waypoint, Text::new().push("waypoint ")),
         };
         let text = text.push_number(waypoint as u64).push(": ");
         match self {
             Self::TooFewWaypoints => text,
-            Self::Waypoint(_, error) => error.add_to(text),
-            Self::SamePlace(_) => text.push("at the place of the one before"),
+            Self::Waypoint { error, .. } => error.add_to(text),
+            Self::SamePlace { .. } => text.push("at the place of the one before"),
             Self::ArcTooWide { takes, length, .. } => text
                 .push("its arc takes ")
                 .push_float(*takes)
                 .push(" m of a leg of ")
                 .push_float(*length)
                 .push(" m, with the arc at the leg's other end"),
-            Self::TurnsBack(_) => text.push("the path turns back, which no arc can round off"),
+            Self::TurnsBack { .. } => text.push("the path turns back, which no arc can round off"),
         }
     }
 }
@@ -61,7 +72,10 @@ pub enum PlanError {
     /// A limit that cannot be used.
     #[error(transparent)]
     Limits(ConfigError),
-    /// The start is faster than this, in m/s: it could not slow down within the limits.
-    #[error("faster at the start than the path allows, {0} m/s")]
-    TooFast(f32),
+    /// The start is faster than it could slow down within the limits.
+    #[error("faster at the start than the path allows, {allowed} m/s")]
+    TooFast {
+        /// Highest speed at the start, in m/s.
+        allowed: f32,
+    },
 }

@@ -222,7 +222,7 @@ impl<'a, const N: usize> Planner<'a, N> {
                 if leg == 0 {
                     let allowed = self.square.min(leg::speed_squared(self.waypoints, 0));
                     if self.start > allowed {
-                        return Err(PlanError::TooFast(maths::fast_sqrt(allowed)));
+                        return Err(PlanError::TooFast { allowed: maths::fast_sqrt(allowed) });
                     }
                     self.square = self.start;
                 }

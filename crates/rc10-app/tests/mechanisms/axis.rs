@@ -1,6 +1,6 @@
 //! A simulated motor with its loops, on an axis. Degrees, seconds; efforts in A.
 
-use rc10_app::mechanism::{Braking, Measured, MotorCommand, Trouble};
+use rc10_app::mechanism::{Braking, Health, Measured, MotorCommand};
 use rc10_app::{AngleSetpoint, Rpm, RpmPerSecond, Seconds, TotalAngle};
 
 /// A repeatable generator (`SplitMix64`).
@@ -70,7 +70,7 @@ pub struct Axis {
     pub strength: f64,
     /// Where it is stuck both ways.
     pub stuck_at: Option<f64>,
-    pub trouble: Option<Trouble>,
+    pub health: Health,
     pub gaps: u32,
     /// By which the counted angle has jumped.
     pub jumped: f64,
@@ -107,7 +107,7 @@ impl Axis {
             slips_at: f64::INFINITY,
             strength: 1.0,
             stuck_at: None,
-            trouble: None,
+            health: Health::Ready,
             gaps: random.below(3) as u32,
             jumped: 0.0,
             not_finite: false,
@@ -131,7 +131,7 @@ impl Axis {
     }
 
     pub fn command(&mut self, command: MotorCommand) {
-        if self.trouble.is_none() {
+        if self.health == Health::Ready {
             self.command = command;
         }
     }
@@ -141,9 +141,9 @@ impl Axis {
     }
 
     fn measure(&mut self, random: &mut Random) {
-        let Self { trouble, gaps, .. } = *self;
-        if trouble == Some(Trouble::Offline) {
-            self.measured.trouble = trouble;
+        let Self { health, gaps, .. } = *self;
+        if health == Health::Offline {
+            self.measured.health = health;
             return;
         }
         let angle = TotalAngle::from_microdegrees((self.counted() * 1e6).round() as i64);
@@ -151,7 +151,7 @@ impl Axis {
         let effort = self.effort + random.between(-0.1, 0.1);
         let effort = if self.not_finite { f64::NAN } else { effort };
         let speed = Rpm::new(speed as f32);
-        self.measured = Measured { angle, speed, effort: effort as f32, gaps, trouble };
+        self.measured = Measured { angle, speed, effort: effort as f32, gaps, health };
     }
 
     /// The motor's loops: an angle loop with speed feed-forward, an acceleration limit, a PI speed loop
@@ -182,7 +182,7 @@ impl Axis {
     /// A millisecond.
     pub fn step(&mut self, random: &mut Random) {
         self.measure(random);
-        if self.trouble.is_none() {
+        if self.health == Health::Ready {
             self.drive();
         } else {
             (self.effort, self.integral, self.reference) = (0.0, 0.0, self.speed);

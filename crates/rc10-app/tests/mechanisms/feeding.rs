@@ -1,7 +1,7 @@
 //! Jams of a simulated motor, and a feeder that counts through them.
 
 use rc10_app::mechanism::{
-    Feeder, FeederConfig, Jam, JamConfig, JamStatus, MotorCommand, SoftLimits, Stall, Trouble,
+    Feeder, FeederConfig, Health, Jam, JamConfig, JamStatus, MotorCommand, SoftLimits, Stall,
 };
 use rc10_app::{CountsPerTurn, Degrees, Direction, Rpm, Seconds, TotalAngle};
 
@@ -153,7 +153,7 @@ fn pieces_are_counted_right_through_jams() {
             if offline_for == 0 && axis.speed.abs() < 60.0 && random.chance(0.0002) {
                 offline_for = 100;
             }
-            axis.trouble = if offline_for > 0 { Some(Trouble::Offline) } else { None };
+            axis.health = if offline_for > 0 { Health::Offline } else { Health::Ready };
             offline_for = u32::saturating_sub(offline_for, 1);
             if ms % period == 0 {
                 let before = feeder.fed();

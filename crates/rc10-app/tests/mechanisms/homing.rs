@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use rc10_app::mechanism::{
-    Homing, HomingConfig, HomingFailure, HomingStatus, MotorCommand, Reference, Stall, Trouble,
+    Health, Homing, HomingConfig, HomingFailure, HomingStatus, MotorCommand, Reference, Stall,
+    Trouble,
 };
 use rc10_app::{Degrees, Direction, Rpm, Seconds, TotalAngle};
 
@@ -177,8 +178,8 @@ fn run(seed: u64, fault: Fault, by_contact: bool) -> &'static str {
         if ms == fault_at && ended.is_none() {
             struck = true;
             match fault {
-                Fault::Offline => axis.trouble = Some(Trouble::Offline),
-                Fault::Faulty => axis.trouble = Some(Trouble::Faulty),
+                Fault::Offline => axis.health = Health::Offline,
+                Fault::Faulty => axis.health = Health::Faulty,
                 Fault::NotFinite => axis.not_finite = true,
                 Fault::AngleGap => {
                     (axis.gaps, axis.jumped) = (axis.gaps + 1, random.between(-60.0, 60.0));
@@ -204,7 +205,7 @@ fn run(seed: u64, fault: Fault, by_contact: bool) -> &'static str {
         axis.step(&mut random);
         // A motor that obeys never leaves its travel; one that is not heard just coasts.
         let gone = (axis.angle - start).abs();
-        assert!(gone <= bound || axis.trouble.is_some(), "{seed}: {fault:?} {gone}");
+        assert!(gone <= bound || axis.health != Health::Ready, "{seed}: {fault:?} {gone}");
         if ended.is_some_and(|at| ms > at + 1000) {
             break;
         }
@@ -214,7 +215,7 @@ fn run(seed: u64, fault: Fault, by_contact: bool) -> &'static str {
     // It does not go on pushing; only a soft stop still pushes it.
     let is_pushed = fault == Fault::StopSoft;
     assert!(axis.effort.abs() < 4.0 || is_pushed, "{seed}: {fault:?} {}", axis.effort);
-    assert!(axis.speed.abs() < 60.0 || axis.trouble.is_some(), "{seed}: {fault:?}");
+    assert!(axis.speed.abs() < 60.0 || axis.health != Health::Ready, "{seed}: {fault:?}");
 
     if let HomingStatus::Done { zero } = homing.status() {
         let zero = zero.microdegrees() as f64 * 1e-6;

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use rc10_app::mechanism::{
-    Axes, AxesConfig, AxesFailure, AxesHoming, AxesHomingConfig, AxesHomingStatus, HomingConfig,
-    HomingFailure, MotorCommand, Reference, Stall, Trouble,
+    Axes, AxesConfig, AxesFailure, AxesHoming, AxesHomingConfig, AxesHomingFailure,
+    AxesHomingStatus, Health, HomingConfig, HomingFailure, MotorCommand, Reference, Stall, Trouble,
 };
 use rc10_app::{AngleSetpoint, Degrees, Direction, Rpm, Seconds, TotalAngle};
 
@@ -48,7 +48,7 @@ impl Fault {
             }
             Self::Offline => {
                 axis.friction = axis.load + 2400.0 / axis.gain;
-                axis.trouble = Some(Trouble::Offline);
+                axis.health = Health::Offline;
             }
             Self::AngleGap => (axis.gaps, axis.jumped) = (axis.gaps + 1, 40.0),
         }
@@ -189,13 +189,13 @@ fn the_difference_never_exceeds_its_bound_and_the_way_to_brake() {
                     assert_eq!(motor, bad, "{seed} {fault:?}");
                 }
                 Fault::Offline => {
-                    let why = Trouble::Offline;
-                    assert_eq!(failure, Some(AxesFailure::Motor { motor: bad, why }));
+                    let trouble = Trouble::Offline;
+                    assert_eq!(failure, Some(AxesFailure::Motor { motor: bad, trouble }));
                     assert!(after <= 0.02, "{seed}: {after}");
                 }
                 Fault::AngleGap => {
-                    let why = Trouble::AngleGap;
-                    assert_eq!(failure, Some(AxesFailure::Motor { motor: bad, why }));
+                    let trouble = Trouble::AngleGap;
+                    assert_eq!(failure, Some(AxesFailure::Motor { motor: bad, trouble }));
                 }
             }
         }
@@ -281,26 +281,29 @@ fn check_homing<const N: usize>(seed: u64, fault: Fault) -> &'static str {
     assert!(worst <= bound, "{seed} {fault:?}: {worst}");
     match (fault, status) {
         (Fault::None, AxesHomingStatus::Done { .. }) => "done",
-        (Fault::None | Fault::Weak, AxesHomingStatus::Failed(AxesFailure::Lags { .. })) => {
+        (Fault::None | Fault::Weak, AxesHomingStatus::Failed(AxesHomingFailure::Spread { .. })) => {
             assert!(tilt > 25.0, "{seed} {fault:?}: {status:?}");
             "tilted too far"
         }
         (Fault::Weak, AxesHomingStatus::Done { .. }) => "done",
         (
             Fault::VeryWeak | Fault::Blocked | Fault::Dead,
-            AxesHomingStatus::Failed(AxesFailure::Lags { motor: behind, .. }),
+            AxesHomingStatus::Failed(AxesHomingFailure::Spread { behind, .. }),
         ) => {
             assert!(behind == bad || fault == Fault::VeryWeak, "{seed} {fault:?} {bad}: {behind}");
             "lags"
         }
         (Fault::VeryWeak, AxesHomingStatus::Done { .. }) => "done",
-        (Fault::VeryWeak, AxesHomingStatus::Failed(AxesFailure::Motor { motor, .. })) => {
+        (Fault::VeryWeak, AxesHomingStatus::Failed(AxesHomingFailure::Motor { motor, .. })) => {
             assert_eq!(motor, bad);
             "motor fails"
         }
         (
             Fault::Offline | Fault::AngleGap,
-            AxesHomingStatus::Failed(AxesFailure::Motor { motor, why: HomingFailure::Motor(_) }),
+            AxesHomingStatus::Failed(AxesHomingFailure::Motor {
+                motor,
+                failure: HomingFailure::Motor(_),
+            }),
         ) => {
             assert_eq!(motor, bad);
             "trouble"

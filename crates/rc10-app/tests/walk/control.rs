@@ -31,6 +31,7 @@ fn numbers(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
             maths::sqrt(x.abs()),
             maths::fast_sqrt(x.abs()),
             maths::hypot(x, y),
+            maths::exp_m1(x * 1e-3),
             maths::round(y),
             maths::within(x, 100.0),
             f32::from(maths::round_to_i16(y)),

@@ -3,8 +3,8 @@
 
 use rc10_app::mechanism::{
     Axes, AxesConfig, AxesHoming, AxesHomingConfig, AxesHomingStatus, Braking, Feeder,
-    FeederConfig, Homing, HomingConfig, HomingStatus, Jam, JamConfig, Limited, Measured,
-    MotorCommand, Reference, SoftLimits, Stall, Trouble,
+    FeederConfig, Health, Homing, HomingConfig, HomingStatus, Jam, JamConfig, Limited, Measured,
+    MotorCommand, Reference, SoftLimits, Stall,
 };
 use rc10_app::{
     AngleSetpoint, CountsPerTurn, Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle,
@@ -222,7 +222,7 @@ fn walk_jams(put: &mut dyn FnMut(f32), random: &mut Random) {
         if random.one_in(300) {
             jam.reset();
         }
-        fed_by.measured.trouble = if random.one_in(50) { Some(Trouble::Offline) } else { None };
+        fed_by.measured.health = if random.one_in(50) { Health::Offline } else { Health::Ready };
         let command = feeder.update(&config, &fed_by.measured, DT);
         put_command(put, command);
         put(feeder.fed() as f32);

@@ -18,15 +18,19 @@ use embassy_stm32::pac::dma::{regs, vals};
 use embassy_stm32::{pac, peripherals};
 
 /// A type that the elements of a [`DmaBuffer`] can have.
-pub trait Element: Copy + Default + 'static {
+pub trait Element: Copy + 'static {
+    #[doc(hidden)]
+    const ZERO: Self;
     #[doc(hidden)]
     const SIZE: vals::Size;
 }
 
 impl Element for u8 {
+    const ZERO: Self = 0;
     const SIZE: vals::Size = vals::Size::BITS8;
 }
 impl Element for u32 {
+    const ZERO: Self = 0;
     const SIZE: vals::Size = vals::Size::BITS32;
 }
 
@@ -70,7 +74,7 @@ impl<T: Element, const N: usize> Storage<T, N> {
         // SAFETY: the first time and the only one, as just checked. Aligned, and as long as a static.
         let memory = unsafe { &mut *self.0.get() };
         // No start-up code clears SRAM1: it has no clock then.
-        DmaBuffer(memory.write([T::default(); N]))
+        DmaBuffer(memory.write([T::ZERO; N]))
     }
 }
 
@@ -115,7 +119,7 @@ impl<T: Element> DmaMemory<T> {
     #[inline]
     pub fn read(&self, index: usize) -> T {
         if index >= self.length {
-            return T::default();
+            return T::ZERO;
         }
         // SAFETY: inside the buffer, which has been initialised; volatile, because a DMA may write.
         unsafe { self.start.add(index).read_volatile() }
@@ -276,19 +280,31 @@ pub trait DmaStream: ChannelInstance {
 }
 
 macro_rules! streams {
-    ($($controller:ident, $before:literal before it: $($name:ident $index:literal)*;)*) => {
-        $($(impl DmaStream for peripherals::$name {
-            const STREAM: Stream = Stream::new(pac::$controller, $index, $before + $index);
-        })*)*
+    ($($name:ident $controller:ident $index:literal $router:literal),* $(,)?) => {
+        $(impl DmaStream for peripherals::$name {
+            const STREAM: Stream = Stream::new(pac::$controller, $index, $router);
+        })*
     };
 }
 
-streams! {
-    DMA1, 0 before it:
-        DMA1_CH0 0 DMA1_CH1 1 DMA1_CH2 2 DMA1_CH3 3 DMA1_CH4 4 DMA1_CH5 5 DMA1_CH6 6 DMA1_CH7 7;
-    DMA2, 8 before it:
-        DMA2_CH0 0 DMA2_CH1 1 DMA2_CH2 2 DMA2_CH3 3 DMA2_CH4 4 DMA2_CH5 5 DMA2_CH6 6 DMA2_CH7 7;
-}
+streams!(
+    DMA1_CH0 DMA1 0 0,
+    DMA1_CH1 DMA1 1 1,
+    DMA1_CH2 DMA1 2 2,
+    DMA1_CH3 DMA1 3 3,
+    DMA1_CH4 DMA1 4 4,
+    DMA1_CH5 DMA1 5 5,
+    DMA1_CH6 DMA1 6 6,
+    DMA1_CH7 DMA1 7 7,
+    DMA2_CH0 DMA2 0 8,
+    DMA2_CH1 DMA2 1 9,
+    DMA2_CH2 DMA2 2 10,
+    DMA2_CH3 DMA2 3 11,
+    DMA2_CH4 DMA2 4 12,
+    DMA2_CH5 DMA2 5 13,
+    DMA2_CH6 DMA2 6 14,
+    DMA2_CH7 DMA2 7 15,
+);
 
 /// Switches an interrupt on whose handler is bound.
 pub(super) fn enable<I: Interrupt>(priority: Priority) {

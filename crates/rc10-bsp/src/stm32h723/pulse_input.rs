@@ -17,7 +17,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use rc10_time::Micros;
 
-use super::{TIMER_CLOCK, connect};
+use super::TIMER_CLOCK;
 use crate::dma::enable;
 
 /// Edges that wait for their reader: three frames of eight channels.
@@ -90,7 +90,10 @@ impl PulseInput {
         priority: Priority,
     ) -> Self {
         let function = pin.af_num();
-        connect((Flex::new(pin), function), AfType::input(Pull::Down));
+        let mut pin = Flex::new(pin);
+        pin.set_as_af_unchecked(function, AfType::input(Pull::Down));
+        // Dropped, it would disconnect.
+        core::mem::forget(pin);
         rcc::enable_and_reset::<T>();
         let (timer, channel) = (registers::<T>(), C::CHANNEL.index());
         timer.psc().write_value(DIVISOR - 1);

@@ -21,7 +21,6 @@ use embassy_stm32::timer::{
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
-use super::connect;
 use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
 
 /// Values of zero behind the last pulse: the DMA brings the second when the first takes effect.
@@ -149,8 +148,10 @@ impl PulseOutput {
 
         // The pin only now: the timer behind it says low.
         let function = pin.function();
-        let push_pull = AfType::output(OutputType::PushPull, Speed::Medium);
-        connect((Flex::new(pin), function), push_pull);
+        let mut pin = Flex::new(pin);
+        pin.set_as_af_unchecked(function, AfType::output(OutputType::PushPull, Speed::Medium));
+        // Dropped, it would disconnect.
+        core::mem::forget(pin);
         enable::<D::Interrupt>(priority);
         let (request, memory) = (stream.request(), buffer.memory());
         Self { timer, channel, stream: D::STREAM, request, memory }

@@ -8,8 +8,6 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::{OutputCompareMode, RoundTo, Timer};
 use embassy_stm32::timer::{Channel, GeneralInstance4Channel, TimerChannel, TimerPin};
 
-use super::connect;
-
 /// The largest share of [`PwmOutput::set`].
 pub const WHOLE: u16 = 1000;
 
@@ -41,8 +39,10 @@ impl<T: GeneralInstance4Channel> PwmOutput<T> {
         timer.start();
         // The pin only now: the timer behind it says low.
         let function = pin.af_num();
-        let push_pull = AfType::output(OutputType::PushPull, Speed::Low);
-        connect((Flex::new(pin), function), push_pull);
+        let mut pin = Flex::new(pin);
+        pin.set_as_af_unchecked(function, AfType::output(OutputType::PushPull, Speed::Low));
+        // Dropped, it would disconnect.
+        core::mem::forget(pin);
         let period = timer.get_max_compare_value().into() + 1;
         let timer = ManuallyDrop::new(timer);
         Self { timer, channel: C::CHANNEL, period, most }

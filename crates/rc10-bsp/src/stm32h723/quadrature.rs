@@ -5,19 +5,27 @@
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AfType, Flex, Pull};
 use embassy_stm32::pac::timer::{TimGp32, vals};
+use embassy_stm32::peripherals::{TIM3, TIM4, TIM5, TIM24};
 use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::timer::{Ch1, Ch2, GeneralInstance4Channel, TimerPin};
 
-use super::connect;
-
-/// A timer of two tracks.
+/// A timer of two tracks whose counter's length is known.
 pub trait QuadratureTimer: GeneralInstance4Channel {
     /// Counts after which its counter starts over.
     const MODULUS: u64;
 }
 
-impl<T: GeneralInstance4Channel> QuadratureTimer for T {
-    const MODULUS: u64 = 1 << (8 * size_of::<T::Word>());
+impl QuadratureTimer for TIM3 {
+    const MODULUS: u64 = 1 << 16;
+}
+impl QuadratureTimer for TIM4 {
+    const MODULUS: u64 = 1 << 16;
+}
+impl QuadratureTimer for TIM5 {
+    const MODULUS: u64 = 1 << 32;
+}
+impl QuadratureTimer for TIM24 {
+    const MODULUS: u64 = 1 << 32;
 }
 
 /// The counter of an encoder: both edges of both tracks count.
@@ -34,8 +42,12 @@ impl QuadratureCounter {
         pull: Pull,
     ) -> Self {
         let functions = [track_a.af_num(), track_b.af_num()];
-        for pin in [Flex::new(track_a), Flex::new(track_b)].into_iter().zip(functions) {
-            connect(pin, AfType::input(pull));
+        for (mut pin, function) in
+            [Flex::new(track_a), Flex::new(track_b)].into_iter().zip(functions)
+        {
+            pin.set_as_af_unchecked(function, AfType::input(pull));
+            // Dropped, it would disconnect.
+            core::mem::forget(pin);
         }
         let timer = Timer::new(timer);
         // SAFETY: a general timer by its trait; those of 16 bits read zero in the upper halves.

@@ -12,7 +12,7 @@ use embassy_stm32::timer::{GeneralInstance4Channel, TimerChannel, TimerPin};
 use embassy_stm32::{Peri, peripherals};
 use embedded_hal::pwm::{ErrorType, SetDutyCycle};
 
-use super::{TIMER_CLOCK, connect};
+use super::TIMER_CLOCK;
 
 /// The shortest pulse, µs.
 pub const SHORTEST: u16 = 500;
@@ -86,8 +86,10 @@ impl<T: ServoTimer, P: Pin> ServoParts<T, P> {
         timer.ccer().modify(|w| w.set_cce(channel, true));
         // The pin only now: the timer behind it says low.
         let function = self.pin.af_num();
-        let push_pull = AfType::output(OutputType::PushPull, Speed::Low);
-        connect((Flex::new(self.pin), function), push_pull);
+        let mut pin = Flex::new(self.pin);
+        pin.set_as_af_unchecked(function, AfType::output(OutputType::PushPull, Speed::Low));
+        // Dropped, it would disconnect.
+        core::mem::forget(pin);
         ServoOutput { timer, channel }
     }
 }

@@ -104,6 +104,7 @@ impl Protocol for Wit {
 
 /// A setting, taken within 10 s of [`Unlock`](Self::Unlock), kept by [`Save`](Self::Save).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
     /// Settings may be changed.
     Unlock,
@@ -119,6 +120,7 @@ pub enum Command {
 
 /// The rate at which a module sends, with the maker's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[expect(missing_docs, reason = "the names say it")]
 #[repr(u8)]
 pub enum Rate {
@@ -135,6 +137,7 @@ pub enum Rate {
 
 /// The baud rate of a module, with the maker's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[expect(missing_docs, reason = "the names say it")]
 #[repr(u8)]
 pub enum Baud {

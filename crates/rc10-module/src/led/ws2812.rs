@@ -58,6 +58,7 @@ pub fn spi_bytes(colour: RGB8) -> [u8; BITS] {
 
 /// The widths of a timer's pulses, in its clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseTiming {
     /// Clocks between pulses: the timer's period (an STM32's auto-reload register gets one less).
     pub period: u16,
@@ -187,12 +188,16 @@ impl<F: AsyncFnMut(&[u16]) -> Result<(), E>, E> Output for Pulses<F> {
 ///
 /// ```
 /// use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
+/// # fn example() -> Result<(), rc10_module::led::ws2812::TooCoarse> {
 /// const TIMING: PulseTiming = match PulseTiming::new(240_000_000) {
 ///     Ok(timing) => timing,
 ///     Err(_) => panic!("the timer is too slow"),
 /// };
 /// let timer = async |compare: &[u16]| Ok::<(), ()>(drop(compare.len()));
 /// let strip = Strip::<_, 16>::new(Pulses::new(TIMING, timer)).with_brightness(40);
+/// # let _ = strip;
+/// # Ok(())
+/// # }
 /// ```
 #[derive(Debug)]
 #[must_use]

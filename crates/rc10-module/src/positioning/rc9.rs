@@ -23,6 +23,7 @@ const LONGEST: usize = HEADER + MOST + 4;
 
 /// The protocol of RC9 frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Rc9 {
     /// Whether frames with a CRC of `00 00` are taken unchecked: for one positioning module of the
     /// team that calculates none. Off for all else.

@@ -123,6 +123,7 @@ impl Protocol for Jrt {
 
 /// A command to a module of address 0, as sold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
     /// The laser as a pointer.
     LaserOn,

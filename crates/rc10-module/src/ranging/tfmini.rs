@@ -53,6 +53,12 @@ pub struct Measurement {
 }
 
 impl Measurement {
+    /// Whether its strength is one with which the maker calls the distance reliable.
+    #[must_use]
+    pub const fn is_reliable(&self) -> bool {
+        self.strength >= WEAKEST && self.strength != SATURATED
+    }
+
     /// The distance of something, or why it is not known.
     pub fn range(&self) -> Range {
         match (self.strength, self.centimetres) {
@@ -123,6 +129,15 @@ mod tests {
         assert_eq!(range(1201, 5000), Range::OutOfRange);
         assert_eq!(range(300, 99), Range::Unreliable(Doubt::TooWeak));
         assert_eq!(range(0, 65_535), Range::Unreliable(Doubt::TooStrong));
+    }
+
+    #[test]
+    fn a_frame_that_says_unreliable_is_not_reliable() {
+        for strength in [0, 99, 100, 65_534, 65_535] {
+            let measurement = heard(&frame(300, strength)).0[0];
+            let doubted = matches!(measurement.range(), Range::Unreliable(_));
+            assert_eq!(measurement.is_reliable(), !doubted, "{strength}");
+        }
     }
 
     /// 59 59 59: the frame begins with the second of them.

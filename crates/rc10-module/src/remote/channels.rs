@@ -2,6 +2,7 @@ use super::{Remote, Stick, Switch, Travel};
 
 /// A channel of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use]
 pub struct Channel {
     /// From 1 on, as transmitters show it.
@@ -24,6 +25,7 @@ impl Channel {
 
 /// The channels of the sticks, switches and dial: the mixer page of the transmitter, as data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use]
 pub struct ChannelOrder {
     /// The right stick, to the right.
@@ -104,6 +106,7 @@ impl ChannelOrder {
 /// # Ok::<(), rc10_module::remote::ChannelMapError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ChannelMap<const CHANNELS: usize> {
     order: ChannelOrder,
     travel: Travel,

@@ -18,7 +18,6 @@ mod watch;
 
 use core::fmt;
 
-use rc10_app::ok;
 use rc10_time::Micros;
 
 pub use channels::{Channel, ChannelMap, ChannelMapError, ChannelOrder};
@@ -131,7 +130,9 @@ impl Receiver {
             Self::Vt03 => "vt03",
         }
     }
+}
 
+impl Receiver {
     /// The order of its channels on most transmitters: [`ChannelOrder::AETR`], of pulses
     /// [`ChannelOrder::AIR_JOY`]. DJI's have their own.
     pub const fn channels(self) -> ChannelOrder {
@@ -146,12 +147,18 @@ impl Receiver {
     /// # Errors
     /// [`ChannelMapError`]: one that it does not have, or that is two things.
     pub const fn check(self, channels: ChannelOrder) -> Result<(), ChannelMapError> {
-        match self {
-            Self::Dr16 | Self::Vt03 => {}
-            Self::Sbus | Self::Crsf => _ = ok!(ChannelMap::<16>::new(channels, SBUS_TRAVEL)),
-            Self::Ppm => _ = ok!(ChannelMap::<8>::new(channels, PPM_TRAVEL)),
-        }
-        Ok(())
+        let checked = match self {
+            Self::Dr16 | Self::Vt03 => return Ok(()),
+            Self::Sbus | Self::Crsf => match ChannelMap::<16>::new(channels, SBUS_TRAVEL) {
+                Ok(_) => return Ok(()),
+                Err(error) => error,
+            },
+            Self::Ppm => match ChannelMap::<8>::new(channels, PPM_TRAVEL) {
+                Ok(_) => return Ok(()),
+                Err(error) => error,
+            },
+        };
+        Err(checked)
     }
 }
 

@@ -2,6 +2,7 @@ use super::Receiver;
 
 /// Settings of a UART to hear a receiver. Eight data bits, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SerialSettings {
     /// Bits per second.
     pub baud: u32,
@@ -15,11 +16,24 @@ pub struct SerialSettings {
 
 /// A bit that makes errors show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Parity {
     /// No such bit.
     None,
     /// With it, the number of ones is even.
     Even,
+}
+
+impl SerialSettings {
+    /// Bits of a character on the wire: start, data, parity and stop.
+    #[must_use]
+    pub const fn character_bits(&self) -> u8 {
+        let parity = match self.parity {
+            Parity::None => 0,
+            Parity::Even => 1,
+        };
+        1 + 8 + parity + self.stop_bits
+    }
 }
 
 impl Receiver {
@@ -35,5 +49,20 @@ impl Receiver {
             Self::Ppm => return None,
         };
         Some(SerialSettings { baud, parity, stop_bits, inverted })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn characters_are_as_long_as_they_are() {
+        let bits = |receiver: Receiver| receiver.serial().map(|serial| serial.character_bits());
+        assert_eq!(bits(Receiver::Dr16), Some(11));
+        assert_eq!(bits(Receiver::Sbus), Some(12));
+        assert_eq!(bits(Receiver::Crsf), Some(10));
+        assert_eq!(bits(Receiver::Vt03), Some(10));
+        assert_eq!(bits(Receiver::Ppm), None);
     }
 }

@@ -38,9 +38,7 @@ fn heard(receiver: Receiver, mut line: Line) -> (Vec<(Remote, u64)>, Counters) {
 
 fn byte_ns(receiver: Receiver) -> u64 {
     let serial = receiver.serial().expect("one on a UART");
-    // Start, data, parity and stop.
-    let bits = 1 + 8 + u64::from(serial.parity == Parity::Even) + u64::from(serial.stop_bits);
-    bits * 1_000_000_000 / u64::from(serial.baud)
+    u64::from(serial.character_bits()) * 1_000_000_000 / u64::from(serial.baud)
 }
 
 const SERIAL: [(Receiver, &[u8]); 4] = [

@@ -1,6 +1,7 @@
 //! Soldered parts of a DM-MC02: outputs, IMU with heater, lamp, buzzer, key, supply.
 
 use core::cell::Cell;
+use core::sync::atomic::Ordering;
 
 use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
 use embassy_futures::join::{join3, join5};
@@ -192,9 +193,19 @@ async fn tell_heading<N: Names>(
         SpiDevice::new(&bus, gpio::Output::new(parts.accelerometer, Level::High, Speed::Medium));
     let gyroscope =
         SpiDevice::new(&bus, gpio::Output::new(parts.gyroscope, Level::High, Speed::Medium));
+    shared.has_imu.store(true, Ordering::Relaxed);
     let imu = Bmi088::new(accelerometer, gyroscope, Delay, Config::default());
-    heading::measure(shared, imu, |degrees, at| {
-        temperature.set(degrees.map(|degrees| (degrees, at)));
-    })
+    heading::measure(
+        imu,
+        &shared.switch,
+        &shared.imu_reception,
+        |heading, at| shared.heading.set(heading, at),
+        |sample, at| {
+            shared.imu_trouble.set(sample.err(), at);
+            if let Ok(sample) = sample {
+                temperature.set(sample.temperature.map(|degrees| (degrees, at)));
+            }
+        },
+    )
     .await;
 }

@@ -16,8 +16,8 @@ use embassy_stm32::can::{
 };
 use embassy_stm32::peripherals::FDCAN1;
 use interop::{start, superloop};
-use rc10_can::embedded_can::ErrorKind;
 use rc10_can::embedded_can::nb::Can;
+use rc10_can::embedded_can::{Error, ErrorKind};
 use static_cell::ConstStaticCell;
 
 bind_interrupts!(struct Irqs {
@@ -37,29 +37,34 @@ struct Embassy {
 
 impl Can for Embassy {
     type Frame = Frame;
-    type Error = ErrorKind;
+    type Error = Failed;
 
-    fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, ErrorKind> {
+    fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Failed> {
         self.sender.try_write(*frame).map(|()| None).map_err(|_| nb::Error::WouldBlock)
     }
 
-    fn receive(&mut self) -> nb::Result<Frame, ErrorKind> {
+    fn receive(&mut self) -> nb::Result<Frame, Failed> {
         match self.receiver.try_receive() {
             Ok(Ok(envelope)) => Ok(envelope.frame),
-            Ok(Err(error)) => Err(nb::Error::Other(kind(error))),
+            Ok(Err(error)) => Err(nb::Error::Other(Failed(error))),
             Err(_) => Err(nb::Error::WouldBlock),
         }
     }
 }
 
-const fn kind(error: BusError) -> ErrorKind {
-    match error {
-        BusError::Stuff => ErrorKind::Stuff,
-        BusError::Form => ErrorKind::Form,
-        BusError::Acknowledge => ErrorKind::Acknowledge,
-        BusError::BitRecessive | BusError::BitDominant => ErrorKind::Bit,
-        BusError::Crc => ErrorKind::Crc,
-        _ => ErrorKind::Other,
+#[derive(Debug)]
+struct Failed(BusError);
+
+impl Error for Failed {
+    fn kind(&self) -> ErrorKind {
+        match self.0 {
+            BusError::Stuff => ErrorKind::Stuff,
+            BusError::Form => ErrorKind::Form,
+            BusError::Acknowledge => ErrorKind::Acknowledge,
+            BusError::BitRecessive | BusError::BitDominant => ErrorKind::Bit,
+            BusError::Crc => ErrorKind::Crc,
+            _ => ErrorKind::Other,
+        }
     }
 }
 

@@ -18,7 +18,7 @@ use fdcan::{FdCan, NormalOperationMode, ReceiveOverrun, message_ram};
 use interop::{start, superloop};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::nb::Can;
-use rc10_can::embedded_can::{ErrorKind, ExtendedId, Frame, Id, StandardId};
+use rc10_can::embedded_can::{self, Error, ErrorKind, ExtendedId, Frame, Id, StandardId};
 
 /// FDCAN1, as the crate wants to know it.
 struct Controller {
@@ -74,20 +74,50 @@ fn lay_out_message_ram() {
     can.txesc().write(|w| w.set_tbds(LARGEST));
 }
 
+/// Frames that the crate can send: no data frames of no bytes, which become remote ones.
+#[derive(Clone)]
+struct Sendable(CanFrame);
+
+impl Frame for Sendable {
+    fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
+        if data.is_empty() {
+            return None;
+        }
+        CanFrame::new(id, data).map(Self)
+    }
+    fn new_remote(id: impl Into<Id>, length: usize) -> Option<Self> {
+        if length > 0 {
+            return None;
+        }
+        CanFrame::new_remote(id, length).map(Self)
+    }
+    fn is_extended(&self) -> bool {
+        self.0.is_extended()
+    }
+    fn is_remote_frame(&self) -> bool {
+        self.0.is_remote_frame()
+    }
+    fn id(&self) -> Id {
+        self.0.id()
+    }
+    fn dlc(&self) -> usize {
+        self.0.dlc()
+    }
+    fn data(&self) -> &[u8] {
+        self.0.data()
+    }
+}
+
 struct Fdcan {
     can: FdCan<Controller, NormalOperationMode>,
     overrun: bool,
 }
 
 impl Can for Fdcan {
-    type Frame = CanFrame;
-    type Error = ErrorKind;
+    type Frame = Sendable;
+    type Error = Overrun;
 
-    fn transmit(&mut self, frame: &CanFrame) -> nb::Result<Option<CanFrame>, ErrorKind> {
-        // The crate makes a remote frame of each one without bytes, and of no other.
-        if frame.is_remote_frame() != (frame.dlc() == 0) {
-            return Err(nb::Error::Other(ErrorKind::Other));
-        }
+    fn transmit(&mut self, frame: &Sendable) -> nb::Result<Option<Sendable>, Overrun> {
         let header = TxFrameHeader {
             len: u8::try_from(frame.dlc()).unwrap_or(8),
             frame_format: FrameFormat::Standard,
@@ -103,15 +133,15 @@ impl Can for Fdcan {
             from_crate(header.id, &data[..usize::from(header.len).min(8)])
         };
         match self.can.transmit_preserve(header, frame.data(), &mut evicted) {
-            Ok(evicted) => Ok(evicted.flatten()),
+            Ok(evicted) => Ok(evicted.flatten().map(Sendable)),
             Err(_) => Err(nb::Error::WouldBlock),
         }
     }
 
-    fn receive(&mut self) -> nb::Result<CanFrame, ErrorKind> {
+    fn receive(&mut self) -> nb::Result<Sendable, Overrun> {
         if core::mem::take(&mut self.overrun) {
             self.can.clear_interrupt(Interrupt::RxFifo0MsgLost);
-            return Err(nb::Error::Other(ErrorKind::Overrun));
+            return Err(nb::Error::Other(Overrun));
         }
         let mut data = [0; 64];
         let received = self.can.receive0(&mut data).map_err(|_| nb::Error::WouldBlock)?;
@@ -124,7 +154,7 @@ impl Can for Fdcan {
         } else {
             from_crate(info.id, &data[..length])
         };
-        frame.ok_or(nb::Error::WouldBlock)
+        frame.map(Sendable).ok_or(nb::Error::WouldBlock)
     }
 }
 
@@ -150,6 +180,16 @@ fn from_crate_id(id: fdcan::id::Id) -> Id {
 
 fn from_crate(id: fdcan::id::Id, data: &[u8]) -> Option<CanFrame> {
     CanFrame::new(from_crate_id(id), data)
+}
+
+/// Frames came faster than they were read.
+#[derive(Debug)]
+struct Overrun;
+
+impl Error for Overrun {
+    fn kind(&self) -> ErrorKind {
+        embedded_can::ErrorKind::Overrun
+    }
 }
 
 /// 25 MHz / 1 = 25 time quanta a bit; sampled after 19 of them (76 %).

@@ -16,14 +16,23 @@ struct YourDriver;
 
 impl Can for YourDriver {
     type Frame = CanFrame;
-    type Error = Infallible;
+    type Error = Never;
 
-    fn transmit(&mut self, _: &CanFrame) -> nb::Result<Option<CanFrame>, Infallible> {
+    fn transmit(&mut self, _: &CanFrame) -> nb::Result<Option<CanFrame>, Never> {
         Ok(None)
     }
 
-    fn receive(&mut self) -> nb::Result<CanFrame, Infallible> {
+    fn receive(&mut self) -> nb::Result<CanFrame, Never> {
         Err(nb::Error::WouldBlock)
+    }
+}
+
+#[derive(Debug)]
+struct Never(Infallible);
+
+impl rc10_can::embedded_can::Error for Never {
+    fn kind(&self) -> rc10_can::embedded_can::ErrorKind {
+        match self.0 {}
     }
 }
 

@@ -4,7 +4,6 @@ use embassy_stm32::{Peri, rcc};
 use embassy_time::{Duration, block_for};
 
 use super::port::{BusPeripheral, FdcanPort};
-use crate::stm32h723::{PinFunction, connect};
 
 /// The time that a transceiver gets from standby until it sends: data sheets say up to 50 µs.
 const WAKE_UP: Duration = Duration::from_micros(100);
@@ -13,8 +12,8 @@ const WAKE_UP: Duration = Duration::from_micros(100);
 pub struct BusParts<T: BusPeripheral> {
     /// Holding it is what makes this the only port on the controller.
     _peripheral: Peri<'static, T>,
-    receive: PinFunction,
-    transmit: PinFunction,
+    receive: (Flex<'static>, u8),
+    transmit: (Flex<'static>, u8),
     standby: Option<(Flex<'static>, Level)>,
 }
 
@@ -62,9 +61,14 @@ impl Bus {
             block_for(WAKE_UP);
         }
         // The pins only now: a transmit pin without a controller behind it could hold the bus low.
+        let (mut receive, function) = parts.receive;
         // Pulled to recessive: a transceiver without supply would leave it to the noise.
-        connect(parts.receive, AfType::input(Pull::Up));
-        connect(parts.transmit, AfType::output(OutputType::PushPull, Speed::VeryHigh));
+        receive.set_as_af_unchecked(function, AfType::input(Pull::Up));
+        let (mut transmit, function) = parts.transmit;
+        let push_pull = AfType::output(OutputType::PushPull, Speed::VeryHigh);
+        transmit.set_as_af_unchecked(function, push_pull);
+        // Dropped, they would disconnect.
+        core::mem::forget((receive, transmit));
 
         T::CONTROLLER.start();
         FdcanPort::new(T::CONTROLLER)

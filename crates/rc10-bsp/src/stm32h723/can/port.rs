@@ -1,4 +1,5 @@
 use core::cell::Cell;
+use core::fmt;
 
 use embassy_stm32::can::Instance;
 use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3};
@@ -236,6 +237,12 @@ impl CanPort for FdcanPort {
             self.controller.cancel(!0);
             self.controller.go_on_bus();
         }
+    }
+}
+
+impl fmt::Debug for FdcanPort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FdcanPort").finish_non_exhaustive()
     }
 }
 

@@ -14,13 +14,15 @@ use super::config::{BaudError, SerialConfig};
 use super::ring::{Next, SerialCounters, SerialError};
 use super::uart::{Direction, Interrupt, SerialPeripheral, Uart};
 use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
-use crate::stm32h723::{PinFunction, connect};
+
+/// A pin, and the alternate function that connects it.
+type Pin = (Flex<'static>, u8);
 
 /// The parts of a receiver: a UART, its receive pin, and the DMA stream `D`.
 pub struct ReceiverParts<T: SerialPeripheral, D: DmaStream> {
     /// Holding it is what makes this the only port of the UART.
     _peripheral: Peri<'static, T>,
-    pin: PinFunction,
+    pin: Pin,
     _stream: Peri<'static, D>,
     request: u8,
 }
@@ -28,9 +30,9 @@ pub struct ReceiverParts<T: SerialPeripheral, D: DmaStream> {
 /// The parts of a port that receives and sends: the stream `D` in, the stream `E` out.
 pub struct SerialParts<T: SerialPeripheral, D: DmaStream, E: DmaStream> {
     receiver: ReceiverParts<T, D>,
-    pin: PinFunction,
+    pin: Pin,
     /// Never disconnected: see [`with_driver_enable`](SerialParts::with_driver_enable).
-    driver_enable: Option<ManuallyDrop<PinFunction>>,
+    driver_enable: Option<ManuallyDrop<Pin>>,
     _stream: Peri<'static, E>,
     request: u8,
 }
@@ -83,6 +85,13 @@ impl<T: SerialPeripheral, D: DmaStream + RxDma<T>, E: DmaStream + TxDma<T>> Seri
         self.driver_enable = Some(ManuallyDrop::new((pin, function)));
         self
     }
+}
+
+/// Connects a pin for good.
+fn connect((mut pin, function): Pin, kind: AfType) {
+    pin.set_as_af_unchecked(function, kind);
+    // Dropped, it would disconnect.
+    core::mem::forget(pin);
 }
 
 /// The receiving half of a UART: an [`embedded_io_async::Read`].

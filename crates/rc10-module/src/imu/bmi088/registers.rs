@@ -40,6 +40,7 @@ pub const GYRO_SOFTRESET: u8 = 0x14;
 
 /// The accelerometer's range (5.3.10).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AccelerationRange {
     /// ±3 g.
     G3 = 0,
@@ -62,6 +63,7 @@ impl AccelerationRange {
 
 /// The rate at which the accelerometer measures (5.3.9).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AccelerationRate {
     /// 100 Hz.
     Hz100 = 0x8,
@@ -78,6 +80,7 @@ pub enum AccelerationRate {
 
 /// Smoothing by the accelerometer; at 1600 Hz 280, 234 and 145 Hz come through (4.4.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AccelerationFilter {
     /// Widest.
     Normal = 0xA,
@@ -90,6 +93,7 @@ pub enum AccelerationFilter {
 
 /// The gyroscope's range (5.5.4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RotationRange {
     /// ±2000 °/s: a turn in 0.18 s.
     #[default]
@@ -119,6 +123,7 @@ impl RotationRange {
 
 /// The bandwidth of the gyroscope, and the rate at which it measures (5.5.5).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RotationBandwidth {
     /// 532 Hz at 2000 Hz.
     Hz532At2000 = 0,
@@ -141,6 +146,7 @@ pub enum RotationBandwidth {
 
 /// Settings of both chips. The default is right for a robot that is read at 1 kHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
     /// The accelerometer's range.
     pub acceleration_range: AccelerationRange,

@@ -9,6 +9,7 @@ use crate::{Reception, listen};
 
 /// The speed and precision with which a module measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Speed {
     /// The module's own choice.
     #[default]
