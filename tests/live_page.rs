@@ -9,81 +9,10 @@ use std::process::Command;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use crate::common::browser::{Browser, has_browser};
 use crate::common::scratch::Scratch;
-use crate::common::served::{JSON, Started, http, live, start};
+use crate::common::served::{JSON, http, live, start};
 use serde_json::{Value, json};
-
-/// A browser under remote control.
-struct Browser {
-    port: u16,
-    session: String,
-    _driver: Started,
-}
-
-impl Browser {
-    fn open(url: &str) -> Self {
-        let (driver, line) =
-            start(Command::new("chromedriver").arg("--port=0"), "started successfully on port");
-        let port = line.trim_end_matches('.').rsplit(' ').next().unwrap().parse().unwrap();
-        let options = json!({ "args": [
-            "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-            "--window-size=1500,950",
-        ]});
-        let wanted =
-            json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": options } } });
-        let (_, body) = http(port, "POST", "/session", JSON, &wanted.to_string());
-        let answer: Value = serde_json::from_str(&body).unwrap();
-        let session = answer["value"]["sessionId"].as_str().unwrap_or_else(|| panic!("{answer}"));
-        let browser = Self { port, session: session.to_owned(), _driver: driver };
-        browser.tell("url", &json!({ "url": url }));
-        browser
-    }
-
-    fn tell(&self, command: &str, body: &Value) -> Value {
-        let path = format!("/session/{}/{command}", self.session);
-        let (status, body) = http(self.port, "POST", &path, JSON, &body.to_string());
-        assert_eq!(status, 200, "{body}");
-        serde_json::from_str::<Value>(&body).unwrap()["value"].clone()
-    }
-
-    fn look(&self, script: &str) -> Value {
-        self.tell("execute/sync", &json!({ "script": script, "args": [] }))
-    }
-
-    /// Types.
-    fn keys(&self, text: &str) {
-        let both = |key: char| {
-            ["keyDown", "keyUp"].map(|kind| json!({ "type": kind, "value": key.to_string() }))
-        };
-        let keys: Vec<_> = text.chars().flat_map(both).collect();
-        let keys = json!({ "actions": [{ "type": "key", "id": "k", "actions": keys }] });
-        self.tell("actions", &keys);
-    }
-
-    /// Waits until a script says true.
-    fn until(&self, script: &str) {
-        let begin = Instant::now();
-        while self.look(script) != json!(true) {
-            assert!(begin.elapsed() < Duration::from_secs(600), "never: {script}");
-            sleep(Duration::from_millis(100));
-        }
-    }
-}
-
-impl Drop for Browser {
-    fn drop(&mut self) {
-        let _ = http(self.port, "DELETE", &format!("/session/{}", self.session), "", "");
-    }
-}
-
-fn has_browser() -> bool {
-    let is_there = |name: &str| Command::new(name).arg("--version").output().is_ok();
-    let both = is_there("chromium") && is_there("chromedriver");
-    if !both {
-        eprintln!("SKIPPED: no chromium and chromedriver on this machine: the page is not tested");
-    }
-    both
-}
 
 /// Opens the page of a robot, and does with it what one does on a test day.
 fn a_test_day(name: &str, source: &[&OsStr]) {

@@ -1,5 +1,6 @@
 //! A bus of our own code on a simulated wire, ticked by a plain loop.
 
+pub mod browser;
 pub mod made;
 pub mod mixed;
 pub mod scratch;

@@ -12,7 +12,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::cargo::{cargo, chip, free, host, root, run as run_command};
 use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
-use crate::setup::{TARGET, chip_toolchain, component, python};
+use crate::setup::{TARGET, browser, chip_toolchain, component, python};
 use crate::{count, deny, emulate, floors, golden, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
@@ -142,6 +142,7 @@ pub fn run(is_whole: bool) -> Result<()> {
     });
     let rustc = || rustc.as_ref().map(Option::as_deref).map_err(|why| Skipped(why.clone()));
     report.step("python", || needed(python(), "no tests against Python here"));
+    report.rare("browser", || needed(browser(), "the page is not tested"));
     report.rare("deny", deny::run);
     report.step("format", || {
         need_component("fmt")?;

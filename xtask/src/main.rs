@@ -41,6 +41,8 @@ fn main() -> ExitCode {
     let task: fn() -> Result<()> = match std::env::args().nth(1).as_deref() {
         Some("setup") => || {
             setup::probe();
+            // A board or a browser is not required.
+            setup::browser().unwrap_or_else(|error| println!("setup: {error:#}"));
             setup::chip_toolchain().and_then(|_| setup::python())
         },
         Some("check") => || check::run(std::env::args().any(|it| it == "--all")),

@@ -64,6 +64,22 @@ pub fn python() -> Result<()> {
     Ok(())
 }
 
+/// Makes sure that there is a browser and its driver, for the tests of the page and the report.
+pub fn browser() -> Result<()> {
+    let programs = ["chromium", "chromedriver"];
+    let are_there =
+        || programs.iter().all(|it| answer(Command::new(it).arg("--version")).is_some());
+    if !are_there() {
+        println!("setup: no chromium and chromedriver; asking Debian for them");
+        run(Command::new("apt-get").args(["update", "--quiet"]))
+            .and_then(|()| install(&["chromium", "chromium-driver"]))
+            .context("install Chromium and its driver")?;
+    }
+    ensure!(are_there(), "chromium and chromedriver do not run");
+    println!("setup: a browser for the tests of the page");
+    Ok(())
+}
+
 /// The first probe-rs whose `run` knows the flags that `.cargo/config.toml` gives it (its change log,
 /// 0.28.0): major and minor version.
 const PROBE_RS: [u32; 2] = [0, 28];

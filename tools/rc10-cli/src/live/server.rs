@@ -118,6 +118,10 @@ fn page() -> String {
         include_str!("page/motors.js"),
         include_str!("page/parameters.js"),
         include_str!("page/plots.js"),
+        include_str!("page/time.js"),
+        include_str!("page/field.js"),
+        include_str!("page/drive.js"),
+        include_str!("page/tune.js"),
         include_str!("page/stop.js"),
         include_str!("page/main.js"),
     );

@@ -21,6 +21,26 @@ async function refresh() {
   setTimeout(refresh, 200);
 }
 
+// One view of the robot at a time, so that what belongs together is seen without scrolling.
+const VIEWS = ['robot', 'motors', 'more'];
+function look(view) {
+  for (const it of VIEWS) {
+    $('tab-' + it).hidden = it !== view;
+    $('tabs').children[VIEWS.indexOf(it)].setAttribute('aria-selected', it === view);
+  }
+  try { localStorage.setItem('rc10-view', view); } catch { /* private window */ }
+}
+for (const view of VIEWS) {
+  const tab = $('tabs').appendChild(document.createElement('button'));
+  tab.textContent = $('tab-' + view).getAttribute('aria-label'); tab.setAttribute('role', 'tab'); tab.setAttribute('aria-controls', 'tab-' + view);
+  tab.onclick = () => look(view);
+}
+{
+  let view = null;
+  try { view = localStorage.getItem('rc10-view'); } catch { /* private window */ }
+  look(VIEWS.includes(view) ? view : 'motors');
+}
+
 for (const seconds of [1, 2, 5, 10, 30, 60, 120]) $('window').add(new Option(seconds + ' s', seconds, seconds === 10, seconds === 10));
 for (const period of [1, 2, 5, 10]) $('period').add(new Option(period + ' ms', period, period === 10, period === 10));
 $('window').onchange = () => { span = +$('window').value; keep(); };

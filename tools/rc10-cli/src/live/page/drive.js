@@ -1,0 +1,1 @@
+// The remote in the hand: keyboard, gamepad and mouse.

@@ -1,0 +1,1 @@
+// The field from above, and the mechanisms.

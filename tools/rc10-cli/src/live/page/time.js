@@ -1,0 +1,1 @@
+// The time bar: where the window stands in what is known, and playing it.
