@@ -193,7 +193,7 @@ impl<C: Cells> Store<C> {
         digest.finalize()
     }
 
-    /// Copies the newest snapshot out; `None` if there is none, or it is longer.
+    /// Copies the newest snapshot out; `None` without one, or if it is longer.
     pub fn load<'a>(&mut self, to: &'a mut [u8]) -> Option<&'a [u8]> {
         let (sector, first, head) = self.newest?;
         let to = to.get_mut(..head.length as usize)?;

@@ -8,7 +8,7 @@ use super::exceptions::Fault;
 use super::system::CCR;
 use super::{Core, Done, system};
 use crate::memory::{Bank, FLASH, Memory};
-use crate::peripherals::{SECTOR, Soc, Width, lock};
+use crate::peripherals::{FlashState, SECTOR, Soc, Width, lock};
 
 /// `CCR.BFHFNMIGN`.
 const IGNORES_BUS_FAULTS: u32 = 1 << 8;
@@ -49,8 +49,7 @@ pub(crate) struct Bus {
     running: [bool; 2],
     /// RAM must not be written yet.
     guarded: bool,
-    /// The flash answers at once; and those of its sectors that the peripherals must be asked for: a bit each.
-    flash: (bool, u32),
+    flash: FlashState,
     readable: [Window; RANGES],
     writable: [Window; RANGES],
     executable: Window,
@@ -67,7 +66,7 @@ impl Bus {
             waited: 0,
             running: [soc.is_none(); 2],
             guarded: soc.as_ref().is_some_and(|soc| lock(soc).guards_ram()),
-            flash: soc.as_ref().map_or((true, 0), |soc| lock(soc).flash_state()),
+            flash: soc.as_ref().map_or_else(FlashState::default, |soc| lock(soc).flash_state()),
             soc,
             readable: [Window::default(); RANGES],
             writable: [Window::default(); RANGES],
@@ -78,7 +77,7 @@ impl Bus {
 
     /// Sets which of SRAM1 and SRAM2 have a clock now, whether RAM must still not be written, and how the flash is:
     /// the peripherals take such accesses, and tell.
-    pub(crate) fn set_memories(&mut self, running: [bool; 2], guarded: bool, flash: (bool, u32)) {
+    pub(crate) fn set_memories(&mut self, running: [bool; 2], guarded: bool, flash: FlashState) {
         let guarded = guarded && self.guarded;
         if (running, guarded, flash) != (self.running, self.guarded, self.flash) {
             (self.running, self.guarded, self.flash) = (running, guarded, flash);
@@ -106,7 +105,7 @@ impl Bus {
             let is_locked = match access {
                 Access::Write => bank.base == FLASH || self.guarded,
                 Access::Read | Access::Fetch if bank.base == FLASH => {
-                    !self.flash.0 || self.flash.1 >> ((address - FLASH) / SECTOR) & 1 != 0
+                    self.flash.is_busy || self.flash.sick >> ((address - FLASH) / SECTOR) & 1 != 0
                 }
                 Access::Read | Access::Fetch => false,
             };
@@ -166,9 +165,9 @@ impl Bus {
         let (first, last) = self.permitted[access as usize];
         let base = first.max(bank.base);
         let mut end = last.min(bank.base + (bank.length - 1));
-        if bank.base == FLASH && self.flash.1 != 0 {
+        if bank.base == FLASH && self.flash.sick != 0 {
             // Up to the first sector that must be asked for: what lies behind goes the long way.
-            let healthy = FLASH + SECTOR * self.flash.1.trailing_zeros();
+            let healthy = FLASH + SECTOR * self.flash.sick.trailing_zeros();
             if address >= healthy {
                 return;
             }

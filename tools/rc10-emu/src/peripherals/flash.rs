@@ -105,6 +105,15 @@ struct Buffer {
     written: u32,
 }
 
+/// How reads of the flash go: by default as of plain memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct FlashState {
+    /// The core waits for its answer.
+    pub(crate) is_busy: bool,
+    /// Sectors with words whose codes do not fit: a bit each.
+    pub(crate) sick: u32,
+}
+
 /// The flash's cells and their interface.
 pub(super) struct Flash {
     memory: Memory,

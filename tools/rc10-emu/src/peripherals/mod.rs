@@ -37,7 +37,7 @@ pub use access::{Access, AccessKind, BusFault, PinFault, Width};
 pub(crate) use access::{Answer, Write};
 pub use adc::AdcFault;
 pub use clocks::{Clocks, Limit, TooFast};
-pub(crate) use flash::SECTOR;
+pub(crate) use flash::{FlashState, SECTOR};
 pub use i2c::I2cDevice;
 pub(crate) use octospi::{Header, SerialMemory};
 pub use outside::{Edge, PinTime};

@@ -20,7 +20,7 @@ pub(crate) struct Header {
     pub address: Option<(u32, u32)>,
     /// Clocks between address and data: of alternate bytes and dummy ones.
     pub wait: u32,
-    /// Lines of instruction, address and data; 0: there is none.
+    /// Lines of instruction, address and data; 0: that part is not sent.
     pub lines: [u32; 3],
     pub clock_hz: u64,
 }
@@ -296,9 +296,7 @@ impl OctoSpi {
                 let mut bytes = [0; 4];
                 for byte in bytes.iter_mut().take(width.bytes() as usize) {
                     while self.fifo.is_empty() && self.running.is_some() {
-                        self.wake(now);
-                        let at = self.next_event().unwrap_or(now).max(now);
-                        self.pass_byte(at);
+                        self.pass_next(now);
                     }
                     *byte = self.fifo.pop_front().unwrap_or(0);
                 }
@@ -314,6 +312,13 @@ impl OctoSpi {
         if let Some(running) = self.running.as_mut().filter(|running| running.next.is_none()) {
             running.next = Some(now + running.byte);
         }
+    }
+
+    /// The next byte on the lines, at once: the core waits for it.
+    fn pass_next(&mut self, now: Nanos) {
+        self.wake(now);
+        let at = self.next_event().unwrap_or(now).max(now);
+        self.pass_byte(at);
     }
 
     pub(super) fn write(&mut self, write: Write, now: Nanos) -> Answer {
@@ -343,9 +348,7 @@ impl OctoSpi {
                 // The bus waits for room.
                 for byte in taken {
                     while self.level() == FIFO && self.running.is_some() {
-                        self.wake(now);
-                        let at = self.next_event().unwrap_or(now).max(now);
-                        self.pass_byte(at);
+                        self.pass_next(now);
                     }
                     self.fifo.push_back(byte);
                 }

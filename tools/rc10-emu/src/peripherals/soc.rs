@@ -12,7 +12,7 @@ use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::facts::{I2CS, SPIS, USARTS};
-use super::flash::{Flash, SECTOR};
+use super::flash::{Flash, FlashState, SECTOR};
 use super::gpio::{PINS, Port, pins_where};
 use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
@@ -244,9 +244,9 @@ impl Soc {
         self.stalls_until.take()
     }
 
-    /// Whether the flash answers at once, and its sectors with words whose codes do not fit.
-    pub(crate) fn flash_state(&self) -> (bool, u32) {
-        (self.flash.busy_until().is_none(), self.flash.sick_sectors())
+    /// How reads of the flash go now.
+    pub(crate) fn flash_state(&self) -> FlashState {
+        FlashState { is_busy: self.flash.busy_until().is_some(), sick: self.flash.sick_sectors() }
     }
 
     /// The core has looked ahead into protected memory.
