@@ -14,6 +14,7 @@ mod emulate;
 mod following;
 mod interop_python;
 mod live;
+mod live_everywhere;
 mod live_http;
 mod live_page;
 mod live_port;

@@ -24,7 +24,7 @@ use rc10_motor::{
 };
 use rc10_time::Micros;
 
-use super::request::{Plots, Request as HttpRequest, read};
+use super::request::{Door, Plots, Request as HttpRequest, read};
 pub use super::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
 pub use super::tools::{bmi088, client, conversation, lines, record};
 
@@ -95,16 +95,17 @@ pub fn link(bytes: &[u8]) {
 pub fn http(bytes: &[u8]) {
     let mut rest = bytes;
     loop {
-        let outcome = read(rest, 8010);
+        let door = Door::here(8010);
+        let outcome = read(rest, &door);
         if outcome.is_err() {
-            assert_eq!(outcome, read(&[rest, b"\r\n\r\n"].concat(), 8010));
+            assert_eq!(outcome, read(&[rest, b"\r\n\r\n"].concat(), &door));
         }
         let Ok(Some(HttpRequest { len, target, body, .. })) = &outcome else { return };
         let (head, behind) = rest.split_at(*len);
         assert!(body.len() < head.len() && head.ends_with(body));
-        assert_eq!(read(head, 8010), outcome);
-        assert_eq!(read(&head[..len - 1], 8010), Ok(None));
-        assert_eq!(read(&head[..len / 2], 8010), Ok(None));
+        assert_eq!(read(head, &door), outcome);
+        assert_eq!(read(&head[..len - 1], &door), Ok(None));
+        assert_eq!(read(&head[..len / 2], &door), Ok(None));
         let query = target.split_once('?').map_or("", |(_, query)| query);
         if let Some(plots) = Plots::parse(query) {
             assert!(plots.signals.len() <= 64 && plots.span[0] <= plots.span[1]);

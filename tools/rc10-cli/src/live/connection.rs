@@ -9,7 +9,7 @@ use std::sync::{MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use std::{io, thread};
 
-use super::request::Request;
+use super::request::{Door, Request};
 
 const MOST: usize = 32;
 /// Time limit from the first byte of a request to its last.
@@ -43,7 +43,7 @@ struct Connection {
 }
 
 /// Answers all requests, for ever.
-pub fn serve<A>(listener: &TcpListener, port: u16, answer: A)
+pub fn serve<A>(listener: &TcpListener, door: &Door, answer: A)
 where
     A: Fn(&Request) -> Reply + Clone + Send + 'static,
 {
@@ -62,9 +62,9 @@ where
         let phase = Mutex::new((Phase::Reading, Instant::now()));
         let connection = Arc::new(Connection { stream, phase });
         open.push(Arc::downgrade(&connection));
-        let answer = answer.clone();
+        let (door, answer) = (door.clone(), answer.clone());
         // Without a thread the connection is closed; an error ends it alone.
-        let _ = thread::Builder::new().spawn(move || connection.serve(port, answer));
+        let _ = thread::Builder::new().spawn(move || connection.serve(&door, answer));
     }
 }
 
@@ -78,12 +78,12 @@ fn shut_one(open: &mut Vec<Weak<Connection>>) {
 }
 
 impl Connection {
-    fn serve(&self, port: u16, answer: impl Fn(&Request) -> Reply) -> io::Result<()> {
+    fn serve(&self, door: &Door, answer: impl Fn(&Request) -> Reply) -> io::Result<()> {
         self.stream.set_nodelay(true)?;
         self.stream.set_write_timeout(Some(IDLE))?;
         let mut bytes = Vec::new();
         loop {
-            let request = self.receive(&mut bytes, port)?;
+            let request = self.receive(&mut bytes, door)?;
             self.enter(Phase::Answering);
             match &request {
                 Ok(request) => self.send(&answer(request), request.is_last)?,
@@ -100,10 +100,10 @@ impl Connection {
     }
 
     /// Waits for a request, or for a refusal.
-    fn receive(&self, bytes: &mut Vec<u8>, port: u16) -> io::Result<Result<Request, Reply>> {
+    fn receive(&self, bytes: &mut Vec<u8>, door: &Door) -> io::Result<Result<Request, Reply>> {
         let mut until = Instant::now() + if bytes.is_empty() { IDLE } else { WHOLE };
         loop {
-            match read(bytes, port) {
+            match read(bytes, door) {
                 Ok(None) => {}
                 Ok(Some(request)) => return Ok(Ok(request)),
                 Err((status, why)) => return Ok(Err(Reply::text(status, why))),
@@ -182,7 +182,7 @@ mod tests {
             }
             Reply::text(200, "")
         };
-        thread::spawn(move || serve(&listener, port, answer));
+        thread::spawn(move || serve(&listener, &Door::here(port), answer));
         let send = |text: &str| {
             let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
             // It may be one of those that are closed.

@@ -1,12 +1,15 @@
 //! `rc10 live`: a page in the browser that shows a robot while it runs.
 
 use std::io::{self, Write};
+use std::net::{IpAddr, UdpSocket};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use qrcode::QrCode;
+use qrcode::render::unicode::Dense1x2;
 use rc10_link::{Action, Urgent};
 use rc10_time::Micros;
 use serde_json::{Value, json};
@@ -34,6 +37,10 @@ pub struct LiveArgs {
     /// The page's port on this PC; 0 is any that is free
     #[arg(long, value_name = "N", default_value_t = 8010)]
     pub page: u16,
+    /// Lets a phone in the same network watch and stop, by a QR code; at this address of this PC
+    /// [default: the one of its network]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, default_missing_value = "0.0.0.0")]
+    pub lan: Option<IpAddr>,
     /// Folder for records
     #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
     pub out: PathBuf,
@@ -66,6 +73,9 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         writeln!(out, "foxglove  {address}")?;
     }
     writeln!(out, "live  {}\n{}; Ctrl-C ends it", pages.address, session.name())?;
+    if let Some(address) = args.lan {
+        tell_guests(&pages, address, out)?;
+    }
     out.flush()?;
     let mut live = LivePage {
         session,
@@ -95,6 +105,27 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     let Some((record, path)) = live.record.take() else { return outcome };
     record.finish(outcome)?;
     writeln!(out, "record  {}", path.display())?;
+    Ok(())
+}
+
+/// Opens the page for other devices, and prints its address, also as a QR code.
+fn tell_guests(pages: &Pages, address: IpAddr, out: &mut dyn Write) -> Result<()> {
+    let address = if address.is_unspecified() {
+        // Nothing is sent: it only finds the way out of this PC.
+        let way = UdpSocket::bind((address, 0)).and_then(|it| {
+            it.connect("192.0.2.1:9")?;
+            it.local_addr()
+        });
+        way.context("this PC is in no network; or name its address: --lan=ADDRESS")?.ip()
+    } else {
+        address
+    };
+    let url = pages.serve_guests(address)?;
+    let code = QrCode::new(&url)?.render::<Dense1x2>().build();
+    writeln!(
+        out,
+        "phone  {url}\nwatches, and STOP; for who has this address, in this network\n{code}"
+    )?;
     Ok(())
 }
 

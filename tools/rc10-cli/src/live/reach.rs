@@ -4,7 +4,6 @@
 //! says the first key before anything else and is answered with the second. So nothing is heard of another
 //! user or of a page in a browser, and a program that has got the port of an old file is no robot.
 
-use std::hash::{BuildHasher as _, RandomState};
 use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
@@ -13,6 +12,7 @@ use std::{env, fmt, fs};
 
 use anyhow::{Context, Result, bail};
 
+use super::request::by_chance;
 use crate::files::write_file;
 
 /// Time limit of a robot's answer to the key.
@@ -70,8 +70,7 @@ impl LocalRobot {
         make(&folder).with_context(|| format!("cannot make {} private", folder.display()))?;
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         listener.set_nonblocking(true)?;
-        let half = |half| RandomState::new().hash_one(half);
-        let keys = [0, 1].map(|_| format!("{:016x}{:016x}", half(0), half(1)));
+        let keys = [0, 1].map(|_| by_chance());
         let (port, file) = (listener.local_addr()?.port(), name.replace(':', "-"));
         write_file(&folder, &file, format!("{port} {} {} {title}", keys[0], keys[1]).as_bytes())?;
         let file = folder.join(file);

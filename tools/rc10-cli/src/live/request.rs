@@ -1,5 +1,8 @@
 //! Requests of pages, read from bytes: without sockets, so that it can be fuzzed.
 
+use std::hash::{BuildHasher as _, RandomState};
+use std::net::SocketAddr;
+
 use rc10_time::Micros;
 
 /// Limit of bytes before the body.
@@ -8,6 +11,45 @@ const HEAD: usize = 8 * 1024;
 const BODY: usize = 64 * 1024;
 /// Limit of signals in one answer.
 const SIGNALS: usize = 64;
+
+/// Where a server is reached: by this PC alone, or by others that know a key.
+#[derive(Clone, Debug)]
+pub struct Door {
+    /// What a browser may call it: names with the port.
+    hosts: Vec<String>,
+    /// What each path begins with.
+    key: String,
+}
+
+impl Door {
+    /// For this PC alone, at a port.
+    #[must_use]
+    pub fn here(port: u16) -> Self {
+        let hosts = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{port}"));
+        Self { hosts: hosts.into(), key: String::new() }
+    }
+
+    /// For other devices in the network, at an address of this PC; with the address to give them.
+    #[must_use]
+    pub fn lan(address: SocketAddr) -> (Self, String) {
+        let key = format!("/{}", by_chance());
+        let url = format!("http://{address}{key}/");
+        (Self { hosts: vec![address.to_string()], key }, url)
+    }
+
+    /// Whether it is for guests: they watch, and stop.
+    #[must_use]
+    pub const fn is_for_guests(&self) -> bool {
+        !self.key.is_empty()
+    }
+}
+
+/// 128 bits that other programs do not know, in hexadecimal.
+#[must_use]
+pub fn by_chance() -> String {
+    let half = |half| RandomState::new().hash_one(half);
+    format!("{:016x}{:016x}", half(0), half(1))
+}
 
 /// A whole request that is allowed.
 #[derive(Debug, PartialEq, Eq)]
@@ -29,12 +71,12 @@ pub type Refusal = (u16, &'static str);
 
 type Headers<'h> = [httparse::Header<'h>];
 
-/// Reads the first request in `bytes`, for the server at this port; `None` if it is not whole yet.
-/// Origin and length are checked as soon as the head is there.
+/// Reads the first request in `bytes`, for the server behind this door; `None` if it is not whole yet.
+/// Origin, key and length are checked as soon as the head is there.
 ///
 /// # Errors
 /// The request is not allowed; the connection is to be closed.
-pub fn read(bytes: &[u8], port: u16) -> Result<Option<Request>, Refusal> {
+pub fn read(bytes: &[u8], door: &Door) -> Result<Option<Request>, Refusal> {
     let mut headers = [httparse::EMPTY_HEADER; 64];
     let mut head = httparse::Request::new(&mut headers);
     let start = &bytes[..bytes.len().min(HEAD)];
@@ -46,7 +88,10 @@ pub fn read(bytes: &[u8], port: u16) -> Result<Option<Request>, Refusal> {
     };
     let method = head.method.unwrap_or_default();
     let is_post = method == "POST";
-    admit(head.headers, is_post, port)?;
+    admit(head.headers, is_post, door)?;
+    let target = head.path.unwrap_or_default().strip_prefix(&door.key);
+    let target = target.filter(|it| it.starts_with('/'));
+    let target = target.ok_or((403, "the key is missing: take the whole address"))?;
     if !is_post && method != "GET" {
         return Err((501, "only GET and POST"));
     }
@@ -56,7 +101,7 @@ pub fn read(bytes: &[u8], port: u16) -> Result<Option<Request>, Refusal> {
     let closes = connection.split(',').any(|word| word.trim().eq_ignore_ascii_case("close"));
     Ok(Some(Request {
         is_post,
-        target: head.path.unwrap_or_default().to_owned(),
+        target: target.to_owned(),
         body: body.to_vec(),
         is_last: closes || head.version != Some(1),
         len,
@@ -73,11 +118,8 @@ fn only<'h>(headers: &Headers<'h>, name: &str) -> Result<Option<&'h str>, Refusa
 
 /// A page of another site in the same browser must not drive the robot, nor keep this PC busy:
 /// neither by its own name for this PC, nor by a form or an image.
-fn admit(headers: &Headers<'_>, is_post: bool, port: u16) -> Result<(), Refusal> {
-    let is_ours = |host: &str| {
-        host.strip_suffix(&format!(":{port}"))
-            .is_some_and(|it| ["127.0.0.1", "localhost"].contains(&it))
-    };
+fn admit(headers: &Headers<'_>, is_post: bool, door: &Door) -> Result<(), Refusal> {
+    let is_ours = |host: &str| door.hosts.iter().any(|it| it == host);
     let is_our_page = |origin: &str| origin.strip_prefix("http://").is_some_and(is_ours);
     if !only(headers, "Host")?.is_some_and(is_ours) {
         return Err((403, "not under this name"));
@@ -161,9 +203,9 @@ mod tests {
 
     fn read_all(text: &str) -> Result<Option<Request>, Refusal> {
         // In pieces it is the same, but for what is not there yet.
-        let whole = read(text.as_bytes(), 8010);
+        let whole = read(text.as_bytes(), &Door::here(8010));
         for end in 0..text.len() {
-            let part = read(&text.as_bytes()[..end], 8010);
+            let part = read(&text.as_bytes()[..end], &Door::here(8010));
             assert!(part == Ok(None) || part == whole, "{text}: {part:?}, then {whole:?}");
         }
         whole
@@ -230,6 +272,29 @@ mod tests {
     }
 
     #[test]
+    fn a_guest_says_the_key() {
+        let (door, url) = Door::lan("192.168.1.5:8010".parse().unwrap());
+        let path = url.strip_prefix("http://192.168.1.5:8010").unwrap();
+        assert!(door.is_for_guests() && path.len() == 34, "{path}");
+        let get = |host: &str, path: &str| {
+            let text = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n");
+            read(text.as_bytes(), &door).map(|it| it.unwrap().target).map_err(|it| it.0)
+        };
+        let ours = "192.168.1.5:8010";
+        assert_eq!(get(ours, path), Ok("/".to_owned()));
+        assert_eq!(get(ours, &format!("{path}state")), Ok("/state".to_owned()));
+        let key = path.trim_end_matches('/');
+        for wrong in ["/", "/state", "//", &format!("{key}0/"), key, &path.replace(&key[3..5], "")]
+        {
+            assert_eq!(get(ours, wrong), Err(403), "{wrong}");
+        }
+        for host in ["127.0.0.1:8010", "example.org", "192.168.1.5", "192.168.1.5:8011"] {
+            assert_eq!(get(host, path), Err(403), "{host}");
+        }
+        assert_ne!(Door::lan("192.168.1.5:8010".parse().unwrap()).1, url);
+    }
+
+    #[test]
     fn a_body_has_one_length_that_is_short() {
         for (wanted, headers) in [
             (413, "Content-Length: 18446744073709551615\r\n"),
@@ -252,7 +317,7 @@ mod tests {
     #[test]
     fn a_head_has_an_end_and_is_http() {
         let long = format!("GET / HTTP/1.1\r\nX: {}", "x".repeat(HEAD));
-        assert_eq!(read(long.as_bytes(), 8010), Err((431, "the head is too long")));
+        assert_eq!(read(long.as_bytes(), &Door::here(8010)), Err((431, "the head is too long")));
         assert_eq!(status(&format!("GET / HTTP/1.1\r\n{}\r\n", "X: x\r\n".repeat(65))), 431);
         assert_eq!(status("\u{16}\u{3}\u{1}"), 400);
         assert_eq!(status("GET / HTTP/2.0\r\n\r\n"), 400);

@@ -5,7 +5,7 @@
 //! [`request`](crate::live::request) the rules.
 
 use crate::live::connection::look;
-use std::net::TcpListener;
+use std::net::{IpAddr, TcpListener};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -20,7 +20,7 @@ use super::client::NOT_HEARD;
 use super::connection;
 use super::connection::Reply;
 use super::history::{History, thin};
-use super::request::{Plots, Request};
+use super::request::{Door, Plots, Request};
 
 /// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +63,7 @@ pub struct Pages {
     pub address: String,
     /// The port of the address.
     pub port: u16,
+    queue: Sender<PendingRequest>,
 }
 
 /// Time limit of a request.
@@ -76,14 +77,37 @@ impl Pages {
         let port = listener.local_addr()?.port();
         let shown = Arc::new(Mutex::new(Shown { state: "null".into(), ..Shown::default() }));
         let (queue, requests) = channel();
-        let seen = Arc::clone(&shown);
-        let answer = move |request: &Request| respond(request, &seen, &queue);
-        thread::spawn(move || connection::serve(&listener, port, answer));
-        Ok(Self { shown, requests, address: format!("http://127.0.0.1:{port}/"), port })
+        let pages =
+            Self { shown, requests, queue, address: format!("http://127.0.0.1:{port}/"), port };
+        pages.open(listener, Door::here(port));
+        Ok(pages)
+    }
+
+    /// Serves other devices in the network too, at this address of this PC; gives what they are to open. Fails if the
+    /// address is not this PC's, or the port is taken there.
+    pub fn serve_guests(&self, address: IpAddr) -> Result<String> {
+        let listener = TcpListener::bind((address, self.port))
+            .with_context(|| format!("no page at {address}, port {}", self.port))?;
+        let (door, url) = Door::lan(listener.local_addr()?);
+        self.open(listener, door);
+        Ok(url)
+    }
+
+    fn open(&self, listener: TcpListener, door: Door) {
+        let (seen, queue, is_guest) =
+            (Arc::clone(&self.shown), self.queue.clone(), door.is_for_guests());
+        let answer = move |request: &Request| respond(request, &seen, &queue, is_guest);
+        thread::spawn(move || connection::serve(&listener, &door, answer));
     }
 }
 
-fn respond(request: &Request, shown: &Mutex<Shown>, queue: &Sender<PendingRequest>) -> Reply {
+/// A guest watches, and stops.
+fn respond(
+    request: &Request,
+    shown: &Mutex<Shown>,
+    queue: &Sender<PendingRequest>,
+    is_guest: bool,
+) -> Reply {
     let ok = |kind, body| Reply { status: 200, kind, body };
     let (path, query) = request.target.split_once('?').unwrap_or((&request.target, ""));
     match (request.is_post, path) {
@@ -98,7 +122,13 @@ fn respond(request: &Request, shown: &Mutex<Shown>, queue: &Sender<PendingReques
         },
         (false, "/favicon.ico") => ok("image/x-icon", Vec::new()),
         (true, "/wish") => {
-            let outcome = read_request(&request.body).and_then(|it| forward(it, queue));
+            let allowed = |it| match it {
+                PageRequest::Urge(Urgent::Stop) => Ok(it),
+                _ if is_guest => Err("from another device only STOP".to_owned()),
+                _ => Ok(it),
+            };
+            let outcome = read_request(&request.body).and_then(allowed);
+            let outcome = outcome.and_then(|it| forward(it, queue));
             let (status, body) = match outcome {
                 Ok(value) => (200, json!({ "ok": value })),
                 Err(why) => (409, json!({ "refused": why })),
@@ -114,6 +144,7 @@ fn page() -> String {
     const SCRIPT: &str = concat!(
         include_str!("../show/plot.js"),
         include_str!("page/base.js"),
+        include_str!("page/layout.js"),
         include_str!("page/signals.js"),
         include_str!("page/motors.js"),
         include_str!("page/parameters.js"),
@@ -125,9 +156,8 @@ fn page() -> String {
         include_str!("page/stop.js"),
         include_str!("page/main.js"),
     );
-    include_str!("page/page.html")
-        .replace("/*STYLE*/", include_str!("page/page.css"))
-        .replace("/*SCRIPT*/", SCRIPT)
+    const STYLE: &str = concat!(include_str!("../show/colours.css"), include_str!("page/page.css"));
+    include_str!("page/page.html").replace("/*STYLE*/", STYLE).replace("/*SCRIPT*/", SCRIPT)
 }
 
 /// The robot's time, µs, as a 64-bit float; then for each signal the number of its points as 32

@@ -53,7 +53,7 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
     let is_real = !recording.source.is_simulated();
     format!(
         include_str!("report.html"),
-        style = include_str!("report.css"),
+        style = concat!(include_str!("colours.css"), include_str!("report.css")),
         script = concat!(include_str!("plot.js"), include_str!("report.js")),
         seed = if is_real { String::new() } else { format!("seed <b>{seed}</b> · ") },
         seed_in_title = if is_real { String::new() } else { format!(", seed {seed}") },
@@ -251,7 +251,7 @@ fn remote(recording: &Recording) -> String {
 }
 
 fn table(table: &Table) -> String {
-    let mut html = "<div class=\"table\"><table>\n<thead><tr>".to_owned();
+    let mut html = "<div class=\"table\" tabindex=\"0\" role=\"region\" aria-label=\"Table\"><table>\n<thead><tr>".to_owned();
     for (column, title) in table.head.iter().enumerate() {
         let class = if column < table.words { " class=\"words\"" } else { "" };
         let _ = write!(html, "<th scope=\"col\"{class}>{title}</th>");
@@ -548,7 +548,7 @@ fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
     .collect()
 }
 
-/// States of a motor, a robot, and a remote; `report.css` has a colour for each.
+/// States of a motor, a robot, and a remote; `colours.css` has a colour for each.
 const STATES: &str = "run hold brake coast off lost unheard armed suspended stopped disarmed heard \
                       driven";
 

@@ -17,7 +17,7 @@ const post = async (wish, urgent) => {
   if (flying >= 3 && !urgent) throw new Error('the robot has not answered what was asked before');
   flying += 1;
   try {
-    const response = await fetch('/wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
+    const response = await fetch('wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
     const answer = await response.json();
     if (answer.refused !== undefined) throw new Error(answer.refused);
     return answer.ok;
@@ -31,5 +31,4 @@ const cell = (row, text, kind) => { const it = row.insertCell(); it.textContent 
 const value = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it ? it.value : null; };
 const named = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it && it.value !== null ? it.states[it.value] || '?' : '–'; };
 const labels = (folder) => [...new Set(state.signals.filter((it) => it.folder === folder).map((it) => it.label))];
-const keep = () => { try { localStorage.setItem('rc10', JSON.stringify({ chosen: [...chosen].map(key), span })); } catch { /* private window */ } };
 const key = (index) => { const it = state.signals.find((it) => it.index === index); return it ? it.folder + '/' + it.label + '/' + it.name : ''; };

@@ -1,7 +1,7 @@
 // The page: asks for the state, and shows it.
 async function refresh() {
   try {
-    state = await (await fetch('/state')).json() || state;
+    state = await (await fetch('state')).json() || state;
     $('trouble').textContent = state.trouble || '';
     document.body.classList.remove('ended');
   } catch { $('trouble').textContent = 'rc10 live has ended'; document.body.classList.add('ended'); setTimeout(refresh, 1000); return; }
@@ -44,7 +44,10 @@ for (const view of VIEWS) {
 for (const seconds of [1, 2, 5, 10, 30, 60, 120]) $('window').add(new Option(seconds + ' s', seconds, seconds === 10, seconds === 10));
 for (const period of [1, 2, 5, 10]) $('period').add(new Option(period + ' ms', period, period === 10, period === 10));
 $('window').onchange = () => { span = +$('window').value; keep(); };
-$('period').onchange = watch;
+$('period').onchange = () => { watch(); keep(); };
 $('search').oninput = tree; $('find').oninput = parameters;
 $('record').onclick = () => attempt({ record: !state.record }).catch(() => {});
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', Plot.restyle);
+// Another device's address has a key, and may watch and stop.
+document.body.classList.toggle('guest', location.pathname !== '/');
 refresh(); fetchData();

@@ -1,6 +1,6 @@
 // Tables of motors and buses; problems and events.
 function buttons(place, motor) {
-  const add = (text, title) => { const button = place.appendChild(document.createElement('button')); button.textContent = text; button.title = title; button.setAttribute('aria-label', motor + ': ' + title); button.style.padding = '0 5px'; return button; };
+  const add = (text, title) => { const button = place.appendChild(document.createElement('button')); button.textContent = text; button.title = title; button.setAttribute('aria-label', text + ' ' + motor + ': ' + title); button.style.padding = '0 5px'; return button; };
   for (const [text, action, title] of [['0', 'zero', 'The angle now is zero; only while the robot is disarmed'], ['✓', 'clear', 'Clear the fault']])
     add(text, title).onclick = () => attempt({ do: action, motor }).catch(() => {});
   for (const [text, way] of [['−', -1], ['+', 1]]) {

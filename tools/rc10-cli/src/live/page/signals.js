@@ -5,9 +5,7 @@ function begin() {
   declaration = state.declaration; chosen = new Set(); data = new Map(); undo = [];
   let known = {};
   try { known = JSON.parse(localStorage.getItem('rc10')) || {}; } catch { /* private window */ }
-  const wanted = new Set(known.chosen || []);
-  if (known.span) { span = known.span; $('window').value = String(span); }
-  for (const it of state.signals) if (wanted.has(key(it.index))) chosen.add(it.index);
+  arrange(known);
   const [motor] = labels('motors');
   if (!chosen.size) for (const it of state.signals) {
     const first = it.label === motor && ['target', 'measured', 'current'].includes(it.name);
