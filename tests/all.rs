@@ -19,6 +19,7 @@ mod live_http;
 mod live_page;
 mod live_port;
 mod live_reach;
+mod live_time;
 mod load;
 mod messages;
 mod mistakes;

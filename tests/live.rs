@@ -1,6 +1,7 @@
 //! A PC at the robot's console, in virtual time: what it is told, what it changes, what it loses.
 #![expect(clippy::float_cmp, reason = "it compares what was set")]
 
+mod rate;
 mod stops;
 
 use crate::common::scratch::Scratch;

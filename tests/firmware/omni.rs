@@ -8,7 +8,7 @@ use std::fs;
 use omni::simulation::{ALONG, ARMED};
 use omni::{Motors, Name, Ports, Shared};
 use rc10_cli::Description;
-use rc10_cli::live::{Answer, BAUD, Losses};
+use rc10_cli::live::{Answer, BAUD, Line, Losses, plan, watch_at};
 use rc10_cli::record::{RecordWriter, replay};
 use rc10_cli::recording::Recording;
 use rc10_cli::recording::sample::Source;
@@ -117,6 +117,54 @@ fn it_follows_its_path_and_comes_back() {
         let turned = (path[649].yaw - path[19].yaw).to_degrees();
         assert!((turned - 360.0).abs() < 1.0, "{turned}: once around, to the left");
     });
+}
+
+/// Twelve signals every millisecond beside all topics, at 921,600 baud: not one sample is missing. Without the
+/// line's rate the chip sends each frame by itself, and they are not whole.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn chosen_signals_are_whole_at_1_khz_beside_all_else() {
+    for knows_line in [true, false] {
+        let ports = Ports::new();
+        let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+        let robot = rc10_cli::robot_of::<omni::Robot>(&shared, &mut motors).unwrap();
+        let setup = Setup { console: Some(BAUD), ..setup(&[]) };
+        let mut emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
+        let mut pc = Watched::new(&mut emulation);
+        let (topics, _) = plan(&pc.client);
+        let line = Line::new(BAUD, &topics);
+        assert!(line.most(1) >= 12);
+        let signals = pc.signals(&["target", "speed", "current"]);
+        if knows_line {
+            pc.client.set_line(line.bytes);
+        }
+        pc.client.watch(0, 1, signals.iter().take(12).copied());
+        let paces = if knows_line { line.beside(12, 1).unwrap() } else { [10, 100] };
+        watch_at(&mut pc.client, &topics, paces);
+        pc.run(500);
+        pc.samples.clear();
+        let before = (Figures::of(&pc.emulation.rig).instructions, pc.client.losses());
+        pc.run(3000);
+        let spent = (Figures::of(&pc.emulation.rig).instructions - before.0) / 3;
+        let of = |group: usize| pc.samples.iter().filter(move |it| it.group == group);
+        let times: Vec<_> = of(0).map(|it| it.at.get()).collect();
+        let gap = times.windows(2).map(|two| two[1] - two[0]).max().unwrap();
+        let rest = [1, 2, 3].map(|group| of(group).count());
+        println!(
+            "{}: {} samples of 12 signals in 3 s, longest gap {gap} us; all else every {paces:?} ms: {rest:?}; {spent} \
+             instructions a second",
+            if knows_line { "by the line's rate" } else { "frame by frame" },
+            times.len()
+        );
+        if knows_line {
+            assert!((2999..=3001).contains(&times.len()) && gap < 1100, "{gap}");
+            assert_eq!(pc.client.losses().skipped, before.1.skipped);
+            assert!(rest[0] >= 3000 / usize::from(paces[0]) - 2, "{rest:?}");
+        } else {
+            assert!(gap > 2000 && times.len() < 2900);
+        }
+        assert_eq!(pc.client.losses().samples, 0);
+    }
 }
 
 /// A console of 921,600 baud, which every USB adapter can.

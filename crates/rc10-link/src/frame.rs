@@ -8,6 +8,15 @@
 //! | from 4 | the body |
 //! | the last four | CRC-32 (ISO-HDLC) of the body, little endian |
 //!
+//! A body that begins with [`CARRIER`] is a sample that carries a piece of other frames:
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 0 | [`CARRIER`] |
+//! | 1 | the number of bytes carried |
+//! | from 2 | those: the next of a stream of frames, which may begin and end within them |
+//! | behind them | the body of a [sample](samples); nothing if there is none |
+//!
 //! [`rc10_module::Stream`] finds them in any stream: a false head costs one byte, a damaged frame
 //! itself. Stuffing would cost a robot as many instructions as all else.
 
@@ -25,6 +34,12 @@ pub const BEGIN: u8 = 0xE7;
 pub const BODY: usize = 1024;
 /// Most bytes of a body that a robot hears.
 pub const ASK: usize = 192;
+/// The first byte of a body that carries a piece of other frames.
+pub const CARRIER: u8 = 5;
+/// Most bytes of such a body.
+pub const CARRIED: usize = 192;
+/// Bytes of a carrier that carries nothing yet, and has no sample.
+pub const CARRIER_HEAD: usize = 2;
 /// Bytes around a body.
 pub const AROUND: usize = HEAD + TAIL;
 
@@ -50,6 +65,8 @@ pub struct Writer<const N: usize> {
     bytes: [u8; N],
     /// The frame's length; 0 without a frame.
     length: usize,
+    /// Bytes of the body before a sample.
+    before: usize,
 }
 
 impl<const N: usize> Default for Writer<N> {
@@ -63,12 +80,38 @@ impl<const N: usize> Writer<N> {
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N > AROUND + samples::HEAD && N <= AROUND + BODY) };
-        Self { bytes: [0; N], length: 0 }
+        Self { bytes: [0; N], length: 0, before: 0 }
+    }
+
+    /// Begins a carrier. A [sample](Self::sample) may follow, or [`end_carrier`](Self::end_carrier).
+    pub fn carrier(&mut self) {
+        self.bytes[HEAD] = CARRIER;
+        self.bytes[HEAD + 1] = 0;
+        self.before = CARRIER_HEAD;
+    }
+
+    /// Takes some of these bytes into a carrier, until it carries `most`; returns how many.
+    pub fn carry(&mut self, bytes: &[u8], most: usize) -> usize {
+        let room = (CARRIER_HEAD + most).min(N - AROUND).saturating_sub(self.before);
+        let count = bytes.len().min(room);
+        let begin = HEAD + self.before;
+        self.bytes[begin..begin + count].copy_from_slice(&bytes[..count]);
+        #[expect(clippy::cast_possible_truncation, reason = "no more than a carrier has room for")]
+        let carried = count as u8;
+        self.bytes[HEAD + 1] = self.bytes[HEAD + 1].wrapping_add(carried);
+        self.before += count;
+        count
+    }
+
+    /// Ends a carrier that has no sample; one that carries nothing is no frame.
+    pub fn end_carrier(&mut self) {
+        let body = core::mem::take(&mut self.before);
+        if body > CARRIER_HEAD { self.end(body) } else { self.length = 0 }
     }
 
     /// Begins a [sample](samples), and returns where its values go.
     pub fn sample(&mut self, head: samples::Head) -> &mut [[u8; 4]] {
-        let (body, _) = self.bytes[HEAD..].split_at_mut(N - AROUND);
+        let (body, _) = self.bytes[HEAD + self.before..].split_at_mut(N - AROUND - self.before);
         let (place, values) = body.split_at_mut(samples::HEAD);
         place.copy_from_slice(&head.bytes());
         values.as_chunks_mut().0
@@ -76,7 +119,8 @@ impl<const N: usize> Writer<N> {
 
     /// Ends it, with this number of values.
     pub fn end_sample(&mut self, values: usize) {
-        self.end((samples::HEAD + 4 * values).min(N - AROUND));
+        let before = core::mem::take(&mut self.before);
+        self.end((before + samples::HEAD + 4 * values).min(N - AROUND));
     }
 
     /// Makes a whole frame of a message. Without room for it there is no frame.
@@ -100,6 +144,13 @@ impl<const N: usize> Writer<N> {
     pub fn bytes(&self) -> &[u8] {
         &self.bytes[..self.length]
     }
+}
+
+/// What a carrier's body carries, and the body of its sample, which may be empty; `None` for another body.
+#[must_use]
+pub fn carried(body: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (&[CARRIER, count], rest) = body.split_first_chunk()? else { return None };
+    rest.split_at_checked(count.into())
 }
 
 /// Examines the frame that begins with these bytes: `read` judges a sound body, and gets the frame's length.

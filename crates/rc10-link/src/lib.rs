@@ -21,7 +21,7 @@ pub use message::{
 };
 
 /// The version of these messages.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 
 /// A link is down after this silence, µs. A PC says hello every quarter of it.
 pub const SILENCE: u64 = 1_000_000;
@@ -31,3 +31,6 @@ pub const JOG_AGE: u64 = 150_000;
 
 /// Page size: [`Ask::Signals`] and [`Ask::Parameters`] get those up to the next multiple.
 pub const AT_ONCE: u16 = 8;
+
+/// Longest period, ms, of the first group's samples on which all else rides: see [`frame::CARRIER`].
+pub const RIDES: u16 = 10;

@@ -66,6 +66,12 @@ pub enum Ask {
         /// The action.
         action: Action,
     },
+    /// How much the line carries. From then on all else rides on the samples of group 0, while their
+    /// period is at most [`RIDES`](crate::RIDES): none of them waits behind a long frame.
+    Line {
+        /// Bytes in a millisecond; 0: unknown, and each frame is sent by itself.
+        bytes: u16,
+    },
 }
 
 /// FNV-1a of a robot's declaration: names and places of motors, buses, lines, signals, parameters.
@@ -257,6 +263,9 @@ pub enum Tell<'a> {
         /// The outcome of the request.
         outcome: Outcome<'a>,
     },
+    /// Number 5 on the wire belongs to [carriers](crate::frame::CARRIER).
+    #[doc(hidden)]
+    Carrier,
 }
 
 /// The outcome of a request.

@@ -6,7 +6,8 @@
 //!
 //! [`Link`] is the port. Until a PC says hello it is for text ([`Link::say`]), and so it is again when
 //! the PC is gone. It takes no time of the buses: it runs in thread mode, samples what the ports of the
-//! motors have, and sends as fast as the line is. What does not fit is not sampled, and counted.
+//! motors have, and sends as fast as the line is. What does not fit is not sampled, and counted. A PC that
+//! says how much the line carries gets every sample of its first group, and all else in pieces between.
 //!
 //! **A PC never arms the robot.** It may stop and disarm the robot, and change what a
 //! [`Parameter`] allows. A parameter has its value until power-off.
@@ -27,11 +28,11 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 use heapless::Vec;
 use rc10_app::Rpm;
-use rc10_link::frame::{AROUND, BODY, FromPc, Writer};
+use rc10_link::frame::{AROUND, BODY, CARRIED, CARRIER_HEAD, FromPc, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
 use rc10_link::{
-    AT_ONCE, Action, Ask, Bits, Declaration, GROUPS, JOG_AGE, Outcome, SIGNALS, SILENCE, Tell,
-    Urgent, VERSION,
+    AT_ONCE, Action, Ask, Bits, Declaration, GROUPS, JOG_AGE, Outcome, RIDES, SIGNALS, SILENCE,
+    Tell, Urgent, VERSION,
 };
 use rc10_message::{Cycles, Latest};
 use rc10_module::remote::{Remote, RemoteLink};
@@ -48,6 +49,14 @@ use signals::{sample, signal, signals, signals_of};
 
 /// A frame to a PC.
 type Frame = Writer<{ BODY + AROUND }>;
+
+/// What is on its way to a PC.
+struct Out {
+    frame: Frame,
+    /// How much of the frame was carried; all of it if it was sent by itself.
+    sent: usize,
+    carrier: Writer<{ CARRIED + AROUND }>,
+}
 
 /// Motors that a PC can tell apart.
 const MOTORS: usize = SIGNALS / 32;
@@ -125,6 +134,10 @@ struct State {
     /// When a PC said hello last.
     heard: Cell<Option<Instant>>,
     groups: RefCell<[Group; GROUPS]>,
+    /// Bytes that the line carries in a millisecond; 0: unknown.
+    line: Cell<u16>,
+    /// Bytes that ride on each sample of the first group; 0: all is sent by itself.
+    rides: Cell<u16>,
     /// There may be something to tell beside samples.
     is_asked: Cell<bool>,
     /// Whether a greeting has arrived and is not answered yet.
@@ -187,6 +200,8 @@ impl<W: Write> Link<W> {
             reception: Reception::new(),
             heard: Cell::new(None),
             groups: RefCell::new([Group::OFF; GROUPS]),
+            line: Cell::new(0),
+            rides: Cell::new(0),
             is_asked: Cell::new(false),
             is_greeted: Cell::new(false),
             signals: Cell::new((0, 0)),
@@ -216,11 +231,11 @@ impl<W: Write> Link<W> {
     pub async fn serve(&self, robot: &RobotView<'_>, reader: impl Read, grid: Instant) {
         let Self { state, .. } = self;
         let send = async {
-            let mut frame = Frame::new();
+            let mut out = Out { frame: Frame::new(), sent: 0, carrier: Writer::new() };
             loop {
                 state.wait(grid).await;
-                while state.next(&mut frame, robot, grid) {
-                    self.put(frame.bytes()).await;
+                while let Some(bytes) = state.next(&mut out, robot, grid) {
+                    self.put(bytes).await;
                 }
             }
         };
@@ -247,6 +262,8 @@ impl State {
         if let Ask::Hello { .. } | Ask::Urge { .. } = ask {
             if !was_up {
                 *self.groups.borrow_mut() = [Group::OFF; GROUPS];
+                self.line.set(0);
+                self.rides.set(0);
             }
             self.heard.set(Some(Instant::now()));
             self.is_greeted.set(true);
@@ -259,6 +276,11 @@ impl State {
             Ask::Watch { group, period, signals } => {
                 let now = Instant::now().saturating_duration_since(grid);
                 self.watch(group, period, signals, now.as_micros());
+                self.make_room();
+            }
+            Ask::Line { bytes } => {
+                self.line.set(bytes);
+                self.make_room();
             }
             Ask::Set { id, declaration, .. } | Ask::Act { id, declaration, .. }
                 if declaration != robot.declaration =>
@@ -334,6 +356,20 @@ impl State {
         *place = Group { period, signals, next, head: Head { group, ..Head::default() } };
     }
 
+    /// Finds out how much rides on a sample of the first group: a line that has no room for it carries some
+    /// all the same, so that the PC is answered.
+    fn make_room(&self) {
+        let groups = self.groups.borrow();
+        let Group { period, signals, .. } = &groups[0];
+        let (millis, own) = (period / 1000, 4 * signals.iter().count() + CARRIER_HEAD + HEAD);
+        let is_for_riders = self.line.get() > 0 && (1..=RIDES.into()).contains(&millis);
+        let line = u64::from(self.line.get()) * millis;
+        let most = usize::try_from(line).unwrap_or(usize::MAX).min(CARRIED + AROUND);
+        let rides = most.saturating_sub(own + AROUND).max(LEAST_RIDES);
+        let rides = if is_for_riders && own + rides <= CARRIED { rides } else { 0 };
+        self.rides.set(rides.try_into().unwrap_or_default());
+    }
+
     fn queue(&self, id: u16, job: Job) {
         if self.jobs.try_send((id, job)).is_err() {
             self.answer(id, Answer::Refused(Refusal::BUSY));
@@ -367,8 +403,9 @@ impl State {
     /// Waits until there may be something to send.
     async fn wait(&self, grid: Instant) {
         let due = {
-            let groups = self.groups.borrow();
-            groups.iter().filter(|it| it.period > 0).map(|it| it.next).min()
+            let (groups, count) =
+                (self.groups.borrow(), if self.rides.get() > 0 { 1 } else { GROUPS });
+            groups.iter().take(count).filter(|it| it.period > 0).map(|it| it.next).min()
         };
         match due.filter(|_| self.is_up()) {
             Some(due) => {
@@ -379,12 +416,46 @@ impl State {
         }
     }
 
-    /// The next frame that is to be sent now; whether there is one.
+    /// The next bytes that are to be sent now.
     #[inline(never)]
-    fn next(&self, frame: &mut Frame, robot: &RobotView<'_>, grid: Instant) -> bool {
+    fn next<'o>(&self, out: &'o mut Out, robot: &RobotView<'_>, grid: Instant) -> Option<&'o [u8]> {
+        let Out { frame, sent, carrier } = out;
         if !self.is_up() {
-            return false;
+            *sent = frame.bytes().len();
+            return None;
         }
+        let rides = usize::from(self.rides.get());
+        if rides == 0 && *sent >= frame.bytes().len() {
+            if !self.fill(frame, robot, grid, 0) {
+                return None;
+            }
+            *sent = frame.bytes().len();
+            return Some(frame.bytes());
+        }
+        let is_due = |it: &Group| it.next <= since(grid).1;
+        if rides > 0 && !is_due(&self.groups.borrow()[0]) {
+            return None;
+        }
+        // What was begun when the first group was switched off goes on without it.
+        let (most, has_sample) = (if rides > 0 { rides } else { CARRIED }, rides > 0);
+        carrier.carrier();
+        loop {
+            *sent += carrier.carry(&frame.bytes()[*sent..], most);
+            if *sent < frame.bytes().len() || !has_sample || !self.fill(frame, robot, grid, 1) {
+                break;
+            }
+            *sent = 0;
+        }
+        if has_sample {
+            Self::take(&mut self.groups.borrow_mut()[0], carrier, robot, grid);
+        } else {
+            carrier.end_carrier();
+        }
+        Some(carrier.bytes())
+    }
+
+    /// Writes the next frame that is due, of these groups; whether there is one.
+    fn fill(&self, frame: &mut Frame, robot: &RobotView<'_>, grid: Instant, first: usize) -> bool {
         if self.is_asked.get() {
             if let Some(tell) = self.tell(robot) {
                 frame.message(&tell);
@@ -392,14 +463,25 @@ impl State {
             }
             self.is_asked.set(false);
         }
-        let now = Instant::now();
-        let since = now.saturating_duration_since(grid).as_micros();
+        let (_, since) = since(grid);
         let mut groups = self.groups.borrow_mut();
         // The one that waits longest: on a line that is too slow each has its turn.
-        let due = groups.iter_mut().filter(|it| it.period > 0 && it.next <= since);
+        let due = groups.iter_mut().skip(first).filter(|it| it.period > 0 && it.next <= since);
         let Some(group) = due.min_by_key(|it| it.next) else {
             return false;
         };
+        Self::take(group, frame, robot, grid);
+        true
+    }
+
+    /// Samples a group that is due.
+    fn take<const N: usize>(
+        group: &mut Group,
+        frame: &mut Writer<N>,
+        robot: &RobotView<'_>,
+        grid: Instant,
+    ) {
+        let (now, since) = since(grid);
         group.next += group.period;
         let head = &mut group.head;
         if group.next <= since {
@@ -408,11 +490,10 @@ impl State {
             head.skipped = head.skipped.wrapping_add(u32::try_from(late).unwrap_or(u32::MAX));
         }
         head.count = head.count.wrapping_add(1);
-        head.at = now.as_micros();
+        head.at = now;
         let values = frame.sample(*head);
         let count = sample(&group.signals, robot, values);
         frame.end_sample(count);
-        true
     }
 
     /// The next thing that was asked for.
@@ -447,6 +528,15 @@ impl State {
         pop(&self.parameters).and_then(|index| parameter(index, robot))
     }
 }
+
+/// The time now, and since `grid`, µs.
+fn since(grid: Instant) -> (u64, u64) {
+    let now = Instant::now();
+    (now.as_micros(), now.saturating_duration_since(grid).as_micros())
+}
+
+/// Bytes that ride on a sample at least.
+const LEAST_RIDES: usize = 8;
 
 /// How long a jog may wait: it ends 80 ms later, and so within 100 ms after the last word.
 const JOG_WAITS: Duration = Duration::from_millis(15);

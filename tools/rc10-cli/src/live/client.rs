@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rc10_link::frame::{AROUND, ASK, FromRobot, Writer};
+use rc10_link::frame::{AROUND, ASK, FromRobot, Writer, carried};
 use rc10_link::samples::{Head, VALUES};
 use rc10_link::{
     AT_ONCE, Action, Ask, Bits, Change, Declaration, GROUPS, Outcome, SILENCE, Tell, Urgent,
@@ -112,12 +112,38 @@ struct Group {
     skipped: u64,
 }
 
-/// The frames in the robot's bytes.
-struct Frames(Stream<FromRobot>);
+/// The bodies in the robot's bytes: of its frames, and of those that ride on them.
+pub(super) struct Frames([Stream<FromRobot>; 2]);
 
 impl Default for Frames {
     fn default() -> Self {
-        Self(Stream::new(FromRobot))
+        Self([Stream::new(FromRobot), Stream::new(FromRobot)])
+    }
+}
+
+impl Frames {
+    /// Takes received bytes; returns the bodies that are whole now.
+    pub(super) fn take(&mut self, bytes: &[u8], now: Micros) -> Vec<Vec<u8>> {
+        let (mut bodies, [line, riders]) = (Vec::new(), &mut self.0);
+        if bytes.is_empty() {
+            return bodies;
+        }
+        line.receive(bytes, now, |body| match carried(&body) {
+            None => bodies.push(body.to_vec()),
+            Some((pieces, sample)) => {
+                if !pieces.is_empty() {
+                    riders.receive(pieces, now, |body| bodies.push(body.to_vec()));
+                }
+                if !sample.is_empty() {
+                    bodies.push(sample.to_vec());
+                }
+            }
+        });
+        bodies
+    }
+
+    fn damaged(&self) -> u64 {
+        self.0.iter().map(|it| u64::from(it.counters().damaged)).sum()
     }
 }
 
@@ -145,6 +171,8 @@ pub struct Client {
     samples: Vec<Sample>,
     losses: Losses,
     damaged_there: u32,
+    /// Bytes that the line carries in a millisecond; 0: unknown.
+    line: u16,
 }
 
 /// A table of descriptions that arrive page by page.
@@ -204,8 +232,9 @@ const GREET: Micros = Micros::from_millis(100);
 const URGE: Micros = Micros::from_millis(20);
 /// Limit of requests that wait for an answer.
 const ASKED: usize = 256;
-/// Largest step back of the robot's time without a restart: a sample may overtake a greeting.
-const LATE: Micros = Micros::from_millis(2);
+/// Largest step back of the robot's time without a restart: a sample overtakes a greeting, which may ride on
+/// many of them.
+const LATE: Micros = Micros::from_millis(200);
 /// Time after which a request without an answer is repeated.
 const AGAIN: Micros = Micros::from_millis(150);
 
@@ -285,12 +314,16 @@ impl Client {
     /// Losses so far.
     #[must_use]
     pub fn losses(&self) -> Losses {
-        let counters = self.frames.0.counters();
         Losses {
             skipped: self.groups.iter().map(|group| group.skipped).sum(),
-            damaged: u64::from(counters.damaged) + u64::from(self.damaged_there),
+            damaged: self.frames.damaged() + u64::from(self.damaged_there),
             ..self.losses
         }
+    }
+
+    /// Tells the robot how much its line carries, by its bit rate: from then on samples of group 0 are whole.
+    pub fn set_line(&mut self, bytes_per_milli: u16) {
+        self.line = bytes_per_milli;
     }
 
     /// Watches signals in one group, every `period` ms; returns how many fit, the rest is left out.
@@ -382,6 +415,9 @@ impl Client {
             self.hellos = self.hellos.wrapping_add(1);
             // Repeated, in case the robot has not heard it or was restarted.
             let repeats = is_new || self.hellos.is_multiple_of(2);
+            if repeats && self.line > 0 {
+                self.ask(&Ask::Line { bytes: self.line });
+            }
             for group in (0..GROUPS).filter(|_| repeats) {
                 let Group { period, signals, .. } = self.groups[group].clone();
                 let group = group as u8;
@@ -401,11 +437,7 @@ impl Client {
 
     /// Takes received bytes.
     pub fn hear(&mut self, bytes: &[u8], now: Micros) {
-        let mut bodies = Vec::new();
-        if !bytes.is_empty() {
-            self.frames.0.receive(bytes, now, |body| bodies.push(body));
-        }
-        for body in bodies {
+        for body in self.frames.take(bytes, now) {
             if body.first() == Some(&0) {
                 self.sample(&body);
             } else if let Ok((tell, _)) = postcard::take_from_bytes::<Tell<'_>>(&body) {
@@ -454,16 +486,16 @@ impl Client {
             } => {
                 let at = Micros::new(at);
                 let before = std::mem::replace(&mut self.declaration, declaration);
-                if self.at.is_some_and(|before| at + LATE < before)
+                let is_anew = self.at.is_some_and(|before| at + LATE < before)
                     || before != declaration
-                    || !self.is_up(now)
-                {
+                    || !self.is_up(now);
+                if is_anew {
                     // A restarted robot, or another one.
                     self.signals.renew();
                     self.parameters.renew();
                     self.groups.iter_mut().for_each(|group| group.last = None);
                 }
-                self.at = Some(at);
+                self.at = if is_anew { Some(at) } else { self.at.max(Some(at)) };
                 (self.heard, self.version) = (Some(now), version);
                 self.damaged_there = damaged[0];
                 self.signals.size(signals);

@@ -22,6 +22,8 @@ pub struct RobotConnection<'r> {
     pub source: Box<dyn Source + 'r>,
     /// Name of the connection.
     pub name: String,
+    /// Its bit rate.
+    pub baud: u32,
     /// Whether it leaves this program, so that others may speak there, too.
     pub is_real: bool,
 }

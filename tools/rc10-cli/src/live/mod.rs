@@ -38,7 +38,7 @@ pub use commands::{
 pub use history::{History, POINTS, thin};
 pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};
-pub use plan::{Topic, plan, watch};
+pub use plan::{Line, Topic, plan, watch, watch_at};
 pub use rc10_link::{Action, Urgent};
 pub use record::LiveRecord;
 pub use server::{PageRequest, Pages, Shown};

@@ -1,5 +1,6 @@
 //! `rc10 live`: a page in the browser that shows a robot while it runs.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 use std::net::{IpAddr, UdpSocket};
 use std::path::PathBuf;
@@ -14,10 +15,10 @@ use rc10_link::{Action, Urgent};
 use rc10_time::Micros;
 use serde_json::{Value, json};
 
-use super::client::{Answer, Client, Urgency};
+use super::client::{Answer, Client, Losses, Urgency};
 use super::connection::look;
 use super::judge::Judge;
-use super::plan::{Topic, plan, watch};
+use super::plan::{Line, SLOW, Topic, plan, watch_at};
 use super::record::{LiveRecord, RESTART, room, tell_leftovers};
 use super::server::{PageRequest, Pages, PendingRequest};
 use super::session::{Session, full_name};
@@ -53,8 +54,20 @@ pub struct LiveArgs {
 
 /// Period of samples of the motors, ms, unless a page asks for a shorter one.
 const OFTEN: u16 = 10;
+/// Shorter periods that a page offers, ms.
+const FAST: [u16; 3] = [1, 2, 5];
 /// Period of the state for the pages.
 const TELL: Micros = Micros::from_millis(50);
+/// Silence after which a page has gone: a browser lets a hidden one speak once a minute.
+const GONE: Micros = Micros::from_millis(150_000);
+/// Limit of pages.
+const PAGES: usize = 32;
+/// The signals that a page shows, their period, and when it said so last.
+struct Choice {
+    period: u16,
+    signals: Vec<u16>,
+    seen: Micros,
+}
 /// A request that waits for the robot's answer: its number, its time, and the way back.
 type Waiting = (u16, Micros, Sender<Result<Value, String>>);
 /// Limit of waiting requests: more would delay the next one on the line.
@@ -89,7 +102,11 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         records: 0,
         note: None,
         waiting: Vec::new(),
-        chosen: (OFTEN, Vec::new()),
+        line: Line::new(0, &[]),
+        chosen: BTreeMap::new(),
+        watched: (OFTEN, BTreeSet::new()),
+        paces: [OFTEN, SLOW],
+        before: Losses::default(),
         met: false,
         viewers,
         state_at: None,
@@ -150,8 +167,15 @@ struct LivePage<'r, 'k> {
     /// A message that the page shows once.
     note: Option<String>,
     waiting: Vec<Waiting>,
-    /// The signals that a page shows, and their period.
-    chosen: (u16, Vec<u16>),
+    line: Line,
+    /// The choice of each page, by its number.
+    chosen: BTreeMap<u32, Choice>,
+    /// What is watched for all pages: the shortest period, and the signals.
+    watched: (u16, BTreeSet<u16>),
+    /// Periods of the topics, ms: of the frequent ones, and of the others.
+    paces: [u16; 2],
+    /// Losses before that.
+    before: Losses,
     /// Whether the robot has described itself and is watched.
     met: bool,
     viewers: Viewers,
@@ -173,10 +197,18 @@ impl LivePage<'_, '_> {
                 (self.topics, self.left) = (topics, left.len());
                 self.judge = Judge::new(self.judge.kit);
                 self.stranger = self.judge.stranger(&self.topics);
+                self.chosen.clear();
             }
             self.viewers.meet(&self.session.client, &self.topics)?;
-            watch(&mut self.session.client, &self.topics, OFTEN);
-            self.choose();
+            self.line = Line::new(self.session.baud(), &self.topics);
+            self.session.client.set_line(self.line.bytes);
+            self.watch();
+        }
+        let now = self.session.now();
+        let pages = self.chosen.len();
+        self.chosen.retain(|_, it| now.since(it.seen) < GONE);
+        if self.chosen.len() < pages {
+            self.watch();
         }
         self.met = is_described;
         let samples = self.session.client.take_samples();
@@ -192,7 +224,6 @@ impl LivePage<'_, '_> {
             samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
         }
         // Pages ask five times a second: every step would be too often.
-        let now = self.session.now();
         let is_due = self.state_at.is_none_or(|at| now.since(at) >= TELL);
         let state = is_due.then(|| self.state().to_string().into());
         let mut shown = look(&self.pages.shown);
@@ -234,9 +265,8 @@ impl LivePage<'_, '_> {
         let now = self.session.now();
         // The number of the robot's answer, or one at once.
         let outcome = match request {
-            PageRequest::Watch(period, signals) => {
-                self.chosen = (period, signals);
-                Ok(Err(self.choose().into()))
+            PageRequest::Watch(page, period, signals) => {
+                self.choose(page, Choice { period, signals, seen: now }).map(Err)
             }
             PageRequest::Record(on) => self.switch_record(on).map(Err),
             PageRequest::Advise(name, value) => self.advise(&name, value).map(Err),
@@ -299,12 +329,48 @@ impl LivePage<'_, '_> {
         }))
     }
 
-    /// Watches the signals of a page, if it needs them at a higher rate.
-    fn choose(&mut self) -> usize {
-        let (period, signals) = &self.chosen;
-        let period = (*period).max(1);
-        let signals: &[u16] = if period < OFTEN { signals } else { &[] };
-        self.session.client.watch(0, period, signals.iter().copied())
+    /// Takes a page's choice, unless the line does not carry it beside those of other pages.
+    fn choose(&mut self, page: u32, choice: Choice) -> Result<Value> {
+        ensure!(
+            self.chosen.len() < PAGES || self.chosen.contains_key(&page),
+            "too many pages watch this robot"
+        );
+        let before = self.chosen.insert(page, choice);
+        let (period, signals) = self.wanted();
+        let (count, most) = (signals.len(), self.line.most(period));
+        if count > most && self.met {
+            match before {
+                Some(before) => self.chosen.insert(page, before),
+                None => self.chosen.remove(&page),
+            };
+            bail!(
+                "the line carries {most} signals every {period} ms, and {count} are chosen on all pages"
+            );
+        }
+        self.watch();
+        Ok(json!({ "period": period, "signals": count }))
+    }
+
+    /// What all pages that want more than is sent anyway want together.
+    fn wanted(&self) -> (u16, BTreeSet<u16>) {
+        let fast = || self.chosen.values().filter(|it| it.period < OFTEN && !it.signals.is_empty());
+        let period = fast().map(|it| it.period.max(1)).min().unwrap_or(OFTEN);
+        (period, fast().flat_map(|it| it.signals.iter().copied()).collect())
+    }
+
+    /// Has the robot send that, and all else as often as the line allows beside it.
+    fn watch(&mut self) {
+        let wanted = self.wanted();
+        let beside =
+            if wanted.1.is_empty() { None } else { self.line.beside(wanted.1.len(), wanted.0) };
+        self.paces = beside.unwrap_or([OFTEN, SLOW]);
+        let client = &mut self.session.client;
+        client.watch(0, wanted.0, wanted.1.iter().copied());
+        watch_at(client, &self.topics, self.paces);
+        if wanted != self.watched {
+            // What was lost of another choice says nothing about this one.
+            (self.watched, self.before) = (wanted, client.losses());
+        }
     }
 
     fn switch_record(&mut self, on: bool) -> Result<Value> {
@@ -333,7 +399,7 @@ impl LivePage<'_, '_> {
     fn state(&self) -> Value {
         let Self { session, topics, .. } = self;
         let client: &Client = &session.client;
-        let losses = client.losses();
+        let (losses, before) = (client.losses(), self.before);
         let shown = look(&self.pages.shown);
         let signal = |(index, it): (u16, &crate::live::client::Signal)| {
             let value = shown.history.newest(index).map(|(_, value)| value);
@@ -370,11 +436,15 @@ impl LivePage<'_, '_> {
             "now": shown.now.get(),
             "whole": is_whole,
             "losses": {
-                "samples": losses.samples, "skipped": losses.skipped, "damaged": losses.damaged,
-                "unknown": losses.unknown, "left": self.left,
+                "samples": losses.samples - before.samples, "skipped": losses.skipped - before.skipped,
+                "damaged": losses.damaged - before.damaged, "unknown": losses.unknown - before.unknown,
+                "left": self.left,
             },
             "record": record,
             "often": OFTEN,
+            "paces": self.paces,
+            "fast": (!self.watched.1.is_empty()).then_some(self.watched.0),
+            "fits": FAST.map(|period| json!([period, self.line.most(period)])),
             "topics": topics.len(),
             "signals": client.signals().map(signal).collect::<Vec<_>>(),
             "parameters": client.parameters().map(parameter).collect::<Vec<_>>(),

@@ -5,8 +5,9 @@ use rc10_tasks::seen::Seen;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use rc10_link::GROUPS;
-use rc10_link::samples::VALUES;
+use rc10_link::frame::{AROUND, CARRIED, CARRIER_HEAD};
+use rc10_link::samples::{HEAD, VALUES};
+use rc10_link::{GROUPS, RIDES};
 
 use super::client::{Client, Sample, Signal};
 use crate::record::fields::{MOTOR, about, line};
@@ -130,11 +131,73 @@ fn plan_of<'s>(signals: impl Iterator<Item = (u16, &'s Signal)>) -> (Vec<Topic>,
 
 /// Watches topics, the frequent ones every `period` ms.
 pub fn watch(client: &mut Client, topics: &[Topic], period: u16) {
+    watch_at(client, topics, [period, SLOW]);
+}
+
+/// Watches topics, the frequent ones and the others at these periods, ms.
+pub fn watch_at(client: &mut Client, topics: &[Topic], [frequent, other]: [u16; 2]) {
     for group in FIRST..GROUPS {
         let of_group = || topics.iter().filter(|topic| topic.group == group);
         let often = of_group().any(|topic| topic.often);
         let signals = of_group().flat_map(|topic| topic.signals.iter().map(|(index, _)| *index));
-        client.watch(group, if often { period } else { SLOW }, signals);
+        client.watch(group, if often { frequent } else { other }, signals);
+    }
+}
+
+/// What a line carries while signals of the first group are watched, and all else rides on their samples.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// Bytes in a millisecond: a little less than the bit rate says, for the pauses between frames.
+    pub bytes: u16,
+    /// Bytes of a sample of all frequent topics, and of all others.
+    rest: [f64; 2],
+}
+
+/// Bytes in a millisecond that are kept for greetings and answers.
+const ANSWERS: f64 = 1.0;
+/// Bytes in a millisecond that ride at least: the longest frame takes 130 ms then.
+const RIDE: f64 = 8.0;
+/// Longest period of frequent topics beside chosen signals, ms.
+const SLOWEST: u16 = 200;
+
+impl Line {
+    /// That of a bit rate, for a robot with these topics.
+    #[must_use]
+    pub fn new(baud: u32, topics: &[Topic]) -> Self {
+        let bytes = u64::from(baud) * 97 / 1_000_000;
+        let mut rest = [0.0; 2];
+        for group in FIRST..GROUPS {
+            let of_group = || topics.iter().filter(|topic| topic.group == group);
+            let count: usize = of_group().map(|topic| topic.signals.len()).sum();
+            if count > 0 {
+                let place = usize::from(!of_group().any(|topic| topic.often));
+                rest[place] += (AROUND + HEAD + 4 * count) as f64;
+            }
+        }
+        Self { bytes: bytes.try_into().unwrap_or(u16::MAX), rest }
+    }
+
+    /// Periods of the frequent topics and of the others, ms, beside `signals` that are watched every `period` ms;
+    /// `None` if the line does not carry that.
+    #[must_use]
+    pub fn beside(&self, signals: usize, period: u16) -> Option<[u16; 2]> {
+        let own = AROUND + CARRIER_HEAD + HEAD + 4 * signals;
+        let whole = (usize::from(self.bytes) * usize::from(period)).min(AROUND + CARRIED);
+        let rides = whole.checked_sub(own)? as f64 / f64::from(period);
+        if rides < RIDE || period == 0 || period > RIDES {
+            return None;
+        }
+        [SLOW, SLOWEST].into_iter().find_map(|other| {
+            let left = rides - ANSWERS - self.rest[1] / f64::from(other);
+            let frequent = (self.rest[0] / left.max(0.1)).ceil();
+            (frequent <= f64::from(other)).then_some([(frequent as u16).max(RIDES), other])
+        })
+    }
+
+    /// The most signals that may be watched every `period` ms.
+    #[must_use]
+    pub fn most(&self, period: u16) -> usize {
+        (1..CARRIED / 4).take_while(|count| self.beside(*count, period).is_some()).count()
     }
 }
 

@@ -167,12 +167,13 @@ pub struct Plots {
     pub span: [Micros; 2],
     /// Width in pixels.
     pub columns: u32,
+    /// Shortest time from one value to the next, µs; 0: all of them.
+    pub every: u64,
 }
 
 impl Plots {
     /// The form of a query that [`Self::parse`] reads.
-    pub const FORM: &str =
-        "signals=1,2&from=US&to=US&columns=N: at most 64 signals, each once, and from <= to";
+    pub const FORM: &str = "signals=1,2&from=US&to=US&columns=N[&every=MS]: at most 64 signals, each once, and from <= to";
 
     /// Reads the query of a request; `None` if it does not have its [`Self::FORM`].
     #[must_use]
@@ -183,6 +184,7 @@ impl Plots {
         let number = |name: &str| value(name)?.1.parse::<u64>().ok();
         let span = [Micros::new(number("from")?), Micros::new(number("to")?)];
         let columns = u32::try_from(number("columns")?).ok()?.clamp(1, 10_000);
+        let every = number("every").unwrap_or_default().min(1000) * 1000;
         let mut signals = Vec::new();
         for signal in value("signals")?.1.split(',').filter(|it| !it.is_empty()) {
             let signal = signal.parse().ok()?;
@@ -191,7 +193,7 @@ impl Plots {
             }
             signals.push(signal);
         }
-        (span[0] <= span[1]).then_some(Self { signals, span, columns })
+        (span[0] <= span[1]).then_some(Self { signals, span, columns, every })
     }
 }
 

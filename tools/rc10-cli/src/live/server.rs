@@ -25,8 +25,8 @@ use super::request::{Door, Plots, Request};
 /// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PageRequest {
-    /// Watch signals often: the period in ms, and their numbers.
-    Watch(u16, Vec<u16>),
+    /// Watch signals often: the page's number, the period in ms, and their numbers.
+    Watch(u32, u16, Vec<u16>),
     /// Change parameters, by their full names.
     Set(Vec<(String, f32)>),
     /// Give the effect of this value of a parameter.
@@ -169,6 +169,10 @@ fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
         values.clear();
         // The robot's samples wait for this lock, so each copy takes it anew.
         look(shown).history.copy(*signal, plots.span, &mut values);
+        if plots.every > 0 {
+            // Another page may watch it more often. A quarter behind whole multiples, where samples are.
+            values.dedup_by_key(|(at, _)| (at.get() + plots.every / 4) / plots.every);
+        }
         let points = thin(&values, plots.span, plots.columns);
         bytes.extend((points.len() as u32).to_le_bytes());
         for (at, value) in points {
@@ -189,7 +193,8 @@ fn parse(value: &Value) -> Option<PageRequest> {
     let short = |value: &Value| u16::try_from(value.as_u64()?).ok();
     if let Some(signals) = value.get("watch") {
         let signals: Option<Vec<u16>> = signals.as_array()?.iter().map(short).collect();
-        return Some(PageRequest::Watch(short(value.get("period")?)?, signals?));
+        let page = value.get("page").and_then(Value::as_u64).unwrap_or_default() as u32;
+        return Some(PageRequest::Watch(page, short(value.get("period")?)?, signals?));
     }
     if let Some(changes) = value.get("set") {
         let change = |change: &Value| {
@@ -238,7 +243,9 @@ mod tests {
         let read = |text: &str| parse(&serde_json::from_str(text).unwrap());
         let change = ("arm.speed_kp".to_owned(), 0.5);
         assert_eq!(read(r#"{"set":[["arm.speed_kp",0.5]]}"#), Some(PageRequest::Set(vec![change])));
-        assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(PageRequest::Watch(5, vec![1, 2])));
+        let watch = |page| Some(PageRequest::Watch(page, 5, vec![1, 2]));
+        assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), watch(0));
+        assert_eq!(read(r#"{"watch":[1,2],"period":5,"page":7}"#), watch(7));
         let zero = PageRequest::Do("zero".into(), "arm".into(), 0.0);
         assert_eq!(read(r#"{"do":"zero","motor":"arm"}"#), Some(zero));
         assert_eq!(read(r#"{"do":"stop"}"#), Some(PageRequest::Urge(Urgent::Stop)));

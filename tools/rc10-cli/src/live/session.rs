@@ -40,6 +40,12 @@ impl<'r> Session<'r> {
         &self.connection.name
     }
 
+    /// Bit rate of the line.
+    #[must_use]
+    pub const fn baud(&self) -> u32 {
+        self.connection.baud
+    }
+
     /// The time on the line.
     #[must_use]
     pub const fn now(&self) -> Micros {
@@ -184,7 +190,8 @@ mod tests {
     fn questions_are_counted_from_a_number_by_chance_where_others_may_speak() {
         let first = |connection| Session::new(connection).client.act(Action::Zero(0));
         let of = |is_real| {
-            first(RobotConnection { source: Box::new(Nowhere), name: String::new(), is_real })
+            let (source, name) = (Box::new(Nowhere), String::new());
+            first(RobotConnection { source, name, baud: 0, is_real })
         };
         assert_ne!([of(true), of(true), of(true), of(true)], [1; 4]);
         assert_eq!([of(false), of(false)], [1; 2]);

@@ -9,13 +9,13 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 
 use anyhow::Result;
-use rc10_link::frame::{AROUND, BODY, FromPc, FromRobot, Writer};
+use rc10_link::frame::{AROUND, BODY, FromPc, Writer};
 use rc10_link::samples::{Head, VALUES};
 use rc10_link::{Ask, GROUPS, Tell};
 use rc10_module::Stream;
 use rc10_time::Micros;
 
-use super::client::frame;
+use super::client::{Frames, frame};
 use super::line::Source;
 use super::reach::{KEY, LocalRobot};
 
@@ -69,7 +69,7 @@ pub(super) struct Shared<'r> {
     /// Numbers of questions, who asked, and its own number.
     asked: VecDeque<(u16, u32, u16)>,
     next_id: u16,
-    heard: Stream<FromRobot>,
+    heard: Frames,
 }
 
 impl Drop for Shared<'_> {
@@ -94,11 +94,7 @@ impl Source for Shared<'_> {
         first.append(&mut rest);
         let (bytes, now) = self.source.exchange(&first)?;
         self.now = now;
-        let mut bodies = Vec::new();
-        if !bytes.is_empty() {
-            self.heard.receive(&bytes, now, |body| bodies.push(body));
-        }
-        bodies.iter().for_each(|body| self.tell(body));
+        self.heard.take(&bytes, now).iter().for_each(|body| self.tell(body));
         self.programs.retain_mut(Program::send);
         Ok((std::mem::take(&mut self.programs[0].out), now))
     }
@@ -133,7 +129,7 @@ impl<'r> Shared<'r> {
             groups: Default::default(),
             asked: VecDeque::new(),
             next_id: 0,
-            heard: Stream::new(FromRobot),
+            heard: Frames::default(),
         }
     }
 

@@ -125,7 +125,7 @@ impl RunningArgs {
             }
             None => serial(&port, baud),
         };
-        Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, is_real: true })
+        Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, baud, is_real: true })
     }
 }
 
@@ -140,13 +140,14 @@ impl SourceArgs {
             let simulation = Simulation::new(robot, self.seed, Some(baud))?;
             let source = Box::new(Paced::new(simulation, paced)?);
             let name = "the simulated robot".into();
-            return Ok(RobotConnection { source, name, is_real: false });
+            return Ok(RobotConnection { source, name, baud, is_real: false });
         }
         if let Some(elf) = &self.emu {
+            let baud = self.running.baud_of(&robot);
             let (emulation, path) = emulated(robot, elf.clone(), self)?;
             let name = format!("{} on the emulated chip", path.display());
             let source = Box::new(Paced::new(emulation, paced)?);
-            return Ok(RobotConnection { source, name, is_real: false });
+            return Ok(RobotConnection { source, name, baud, is_real: false });
         }
         ensure!(
             self.injected.faults.is_empty() && self.injected.mistakes.is_empty(),
@@ -161,7 +162,7 @@ impl SourceArgs {
         robot: Robot<'r>,
         page: u16,
     ) -> Result<RobotConnection<'r>> {
-        let RobotConnection { mut source, mut name, is_real } = self.open(robot, true)?;
+        let RobotConnection { mut source, mut name, baud, is_real } = self.open(robot, true)?;
         let kind = if self.sim { "sim" } else { "emu" };
         if !is_real {
             match LocalRobot::announce(format!("{kind}:{page}"), &name) {
@@ -172,7 +173,7 @@ impl SourceArgs {
                 Err(why) => tell(format_args!("other shells do not reach this robot: {why:#}")),
             }
         }
-        Ok(RobotConnection { source, name, is_real })
+        Ok(RobotConnection { source, name, baud, is_real })
     }
 }
 

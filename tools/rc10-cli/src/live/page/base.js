@@ -11,6 +11,7 @@ let undo = [];
 let begun = false;
 let declaration = null; // of the robot that the page was made for
 
+class Refused extends Error {}
 // A browser opens six connections: some stay free for STOP, whatever the robot does not answer.
 let flying = 0;
 const post = async (wish, urgent) => {
@@ -19,7 +20,7 @@ const post = async (wish, urgent) => {
   try {
     const response = await fetch('wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
     const answer = await response.json();
-    if (answer.refused !== undefined) throw new Error(answer.refused);
+    if (answer.refused !== undefined) throw new Refused(answer.refused);
     return answer.ok;
   } finally { flying -= 1; }
 };

@@ -16,6 +16,7 @@ async function refresh() {
   $('record').className = state.record ? 'on' : '';
   const losses = [['samples', 'samples lost on the way'], ['skipped', 'samples the line was too slow for'], ['damaged', 'damaged frames'], ['unknown', 'messages not understood'], ['left', 'signals without room']];
   $('losses').textContent = losses.filter(([name]) => state.losses[name] > 0).map(([name, what]) => state.losses[name] + ' ' + what).join(' · ');
+  fits();
   if (state.whole && (!begun || state.declaration !== declaration)) begin();
   tables(); parameters();
   setTimeout(refresh, 200);
@@ -43,6 +44,8 @@ for (const view of VIEWS) {
 
 for (const seconds of [1, 2, 5, 10, 30, 60, 120]) $('window').add(new Option(seconds + ' s', seconds, seconds === 10, seconds === 10));
 for (const period of [1, 2, 5, 10]) $('period').add(new Option(period + ' ms', period, period === 10, period === 10));
+setInterval(watch, 20000);
+window.addEventListener('pagehide', () => fetch('wish', { method: 'POST', keepalive: true, headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ watch: [], period: 10, page: PAGE }) }));
 $('window').onchange = () => { span = +$('window').value; keep(); };
 $('period').onchange = () => { watch(); keep(); };
 $('search').oninput = tree; $('find').oninput = parameters;

@@ -4,7 +4,7 @@ async function fetchData() {
   from = Math.max(0, Math.round(to - span * 1e6));
   const signals = [...chosen], columns = Math.max(100, $('plots').clientWidth - 80);
   try {
-    const answer = await fetch('data?signals=' + signals.join(',') + '&from=' + from + '&to=' + Math.round(to) + '&columns=' + columns);
+    const answer = await fetch('data?signals=' + signals.join(',') + '&from=' + from + '&to=' + Math.round(to) + '&columns=' + columns + (state.fast < +$('period').value && state.fast ? '&every=' + $('period').value : ''));
     if (!answer.ok) throw new Error();
     const view = new DataView(await answer.arrayBuffer());
     let at = 8; const news = new Map();

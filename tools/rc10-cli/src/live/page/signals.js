@@ -45,4 +45,27 @@ function tree() {
   }));
 }
 
-const watch = () => post({ watch: [...chosen], period: +$('period').value }).catch(() => {});
+// What the line does not carry is refused, and the page shows what it had before. States stay as they come if
+// there is room for the numbers alone: they change seldom.
+const PAGE = crypto.getRandomValues(new Uint32Array(1))[0];
+let had = null;
+function watch() {
+  if (!begun) return undefined;
+  const wanted = { period: $('period').value, chosen: new Set(chosen) }, most = (state.fits || []).find(([period]) => period === +wanted.period);
+  const all = [...chosen], numbers = all.filter((index) => { const it = state.signals.find((it) => it.index === index); return it && !it.states.length; });
+  return post({ watch: most && all.length > most[1] ? numbers : all, period: +wanted.period, page: PAGE }).then(() => { had = wanted; }, (error) => {
+    if (!had || !(error instanceof Refused)) return;
+    say('refused', String(error.message));
+    $('period').value = had.period; chosen = new Set(had.chosen); keep(); tree();
+  });
+}
+
+// How many signals the line carries, before one asks for them.
+function fits() {
+  for (const [period, most] of state.fits || []) {
+    const option = [...$('period').options].find((it) => +it.value === period), text = period + ' ms, ' + most + ' signals';
+    if (option && option.textContent !== text) option.textContent = text;
+  }
+  const slow = state.paces && state.paces[0] > state.often ? 'all else every ' + state.paces[0] + ' ms' : '';
+  if ($('fits').textContent !== slow) $('fits').textContent = slow;
+}
