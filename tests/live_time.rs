@@ -36,7 +36,7 @@ fn each_page_keeps_its_period_and_what_does_not_fit_is_refused_before() {
     page.until("return begun && state.fits.length === 3");
     // How many there are is said before.
     page.until("return /^1 ms, 1[0-9] signals$/.test(document.querySelector('#period').options[0].textContent)");
-    let most = page.look("return state.fits[0][1]").as_u64().unwrap() as usize;
+    let most = usize::try_from(page.look("return state.fits[0][1]").as_u64().unwrap()).unwrap();
     choose(&page, most, 1);
     page.until("return state.fast === 1 && had !== null && had.period === '1' && document.querySelector('#fits').textContent.startsWith('all else every')");
     page.until("return state.now > 4e6");
