@@ -251,7 +251,13 @@ impl<W: Write> Link<W> {
 
 impl State {
     fn is_up(&self) -> bool {
-        self.heard.get().is_some_and(|heard| heard.elapsed().as_micros() < SILENCE)
+        self.is_up_at(Instant::now())
+    }
+
+    #[inline]
+    fn is_up_at(&self, now: Instant) -> bool {
+        let age = |heard: Instant| now.saturating_duration_since(heard).as_micros();
+        self.heard.get().is_some_and(|heard| age(heard) < SILENCE)
     }
 
     /// Takes what the PC asks. Stopping and disarming is done before anything else is sent.
@@ -420,42 +426,49 @@ impl State {
     #[inline(never)]
     fn next<'o>(&self, out: &'o mut Out, robot: &RobotView<'_>, grid: Instant) -> Option<&'o [u8]> {
         let Out { frame, sent, carrier } = out;
-        if !self.is_up() {
+        let now = Instant::now();
+        if !self.is_up_at(now) {
             *sent = frame.bytes().len();
             return None;
         }
+        let now = (now.as_micros(), now.saturating_duration_since(grid).as_micros());
         let rides = usize::from(self.rides.get());
         if rides == 0 && *sent >= frame.bytes().len() {
-            if !self.fill(frame, robot, grid, 0) {
+            if !self.fill(frame, robot, now, 0) {
                 return None;
             }
             *sent = frame.bytes().len();
             return Some(frame.bytes());
         }
-        let is_due = |it: &Group| it.next <= since(grid).1;
-        if rides > 0 && !is_due(&self.groups.borrow()[0]) {
+        if rides > 0 && self.groups.borrow()[0].next > now.1 {
             return None;
         }
         // What was begun when the first group was switched off goes on without it.
-        let (most, has_sample) = (if rides > 0 { rides } else { CARRIED }, rides > 0);
+        let (most, has_sample) = if rides > 0 { (rides, true) } else { (CARRIED, false) };
         carrier.carrier();
         loop {
             *sent += carrier.carry(&frame.bytes()[*sent..], most);
-            if *sent < frame.bytes().len() || !has_sample || !self.fill(frame, robot, grid, 1) {
+            if *sent < frame.bytes().len() || !has_sample || !self.fill(frame, robot, now, 1) {
                 break;
             }
             *sent = 0;
         }
         if has_sample {
-            Self::take(&mut self.groups.borrow_mut()[0], carrier, robot, grid);
+            Self::take(&mut self.groups.borrow_mut()[0], carrier, robot, now);
         } else {
             carrier.end_carrier();
         }
         Some(carrier.bytes())
     }
 
-    /// Writes the next frame that is due, of these groups; whether there is one.
-    fn fill(&self, frame: &mut Frame, robot: &RobotView<'_>, grid: Instant, first: usize) -> bool {
+    /// Writes the next frame that is due now, of the groups from `first` on; whether there is one.
+    fn fill(
+        &self,
+        frame: &mut Frame,
+        robot: &RobotView<'_>,
+        now: (u64, u64),
+        first: usize,
+    ) -> bool {
         if self.is_asked.get() {
             if let Some(tell) = self.tell(robot) {
                 frame.message(&tell);
@@ -463,25 +476,23 @@ impl State {
             }
             self.is_asked.set(false);
         }
-        let (_, since) = since(grid);
         let mut groups = self.groups.borrow_mut();
         // The one that waits longest: on a line that is too slow each has its turn.
-        let due = groups.iter_mut().skip(first).filter(|it| it.period > 0 && it.next <= since);
+        let due = groups.iter_mut().skip(first).filter(|it| it.period > 0 && it.next <= now.1);
         let Some(group) = due.min_by_key(|it| it.next) else {
             return false;
         };
-        Self::take(group, frame, robot, grid);
+        Self::take(group, frame, robot, now);
         true
     }
 
-    /// Samples a group that is due.
+    /// Samples a group that is due: at this time, and since the grid, in µs.
     fn take<const N: usize>(
         group: &mut Group,
         frame: &mut Writer<N>,
         robot: &RobotView<'_>,
-        grid: Instant,
+        (now, since): (u64, u64),
     ) {
-        let (now, since) = since(grid);
         group.next += group.period;
         let head = &mut group.head;
         if group.next <= since {
@@ -527,12 +538,6 @@ impl State {
         }
         pop(&self.parameters).and_then(|index| parameter(index, robot))
     }
-}
-
-/// The time now, and since `grid`, µs.
-fn since(grid: Instant) -> (u64, u64) {
-    let now = Instant::now();
-    (now.as_micros(), now.saturating_duration_since(grid).as_micros())
 }
 
 /// Bytes that ride on a sample at least.
