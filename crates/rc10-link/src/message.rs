@@ -174,6 +174,12 @@ impl Bits {
         self.0.iter().all(|word| *word == 0)
     }
 
+    /// How many they are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.0.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
     /// Their numbers.
     pub fn iter(&self) -> impl Iterator<Item = u16> {
         (0..u16::MAX).take(SIGNALS).filter(|signal| self.contains(*signal))

@@ -282,11 +282,11 @@ impl State {
             Ask::Watch { group, period, signals } => {
                 let now = Instant::now().saturating_duration_since(grid);
                 self.watch(group, period, signals, now.as_micros());
-                self.make_room();
             }
             Ask::Line { bytes } => {
-                self.line.set(bytes);
-                self.make_room();
+                if self.line.replace(bytes) != bytes {
+                    self.make_room();
+                }
             }
             Ask::Set { id, declaration, .. } | Ask::Act { id, declaration, .. }
                 if declaration != robot.declaration =>
@@ -360,6 +360,8 @@ impl State {
         }
         let next = now.div_ceil(period.max(1)) * period;
         *place = Group { period, signals, next, head: Head { group, ..Head::default() } };
+        drop(groups);
+        self.make_room();
     }
 
     /// Finds out how much rides on a sample of the first group: a line that has no room for it carries some
@@ -367,7 +369,7 @@ impl State {
     fn make_room(&self) {
         let groups = self.groups.borrow();
         let Group { period, signals, .. } = &groups[0];
-        let (millis, own) = (period / 1000, 4 * signals.iter().count() + CARRIER_HEAD + HEAD);
+        let (millis, own) = (period / 1000, 4 * signals.count() + CARRIER_HEAD + HEAD);
         let is_for_riders = self.line.get() > 0 && (1..=RIDES.into()).contains(&millis);
         let line = u64::from(self.line.get()) * millis;
         let most = usize::try_from(line).unwrap_or(usize::MAX).min(CARRIED + AROUND);
