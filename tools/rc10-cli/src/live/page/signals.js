@@ -54,9 +54,11 @@ function watch() {
   const wanted = { period: $('period').value, chosen: new Set(chosen) }, most = (state.fits || []).find(([period]) => period === +wanted.period);
   const all = [...chosen], numbers = all.filter((index) => { const it = state.signals.find((it) => it.index === index); return it && !it.states.length; });
   return post({ watch: most && all.length > most[1] ? numbers : all, period: +wanted.period, page: PAGE }).then(() => { had = wanted; }, (error) => {
-    if (!had || !(error instanceof Refused)) return;
+    if (!(error instanceof Refused) || document.body.classList.contains('guest')) return;
     say('refused', String(error.message));
-    $('period').value = had.period; chosen = new Set(had.chosen); keep(); tree();
+    $('period').value = had ? had.period : '10';
+    if (had) chosen = new Set(had.chosen);
+    keep(); tree();
   });
 }
 
