@@ -283,11 +283,7 @@ impl State {
                 let now = Instant::now().saturating_duration_since(grid);
                 self.watch(group, period, signals, now.as_micros());
             }
-            Ask::Line { bytes } => {
-                if self.line.replace(bytes) != bytes {
-                    self.make_room();
-                }
-            }
+            Ask::Line { bytes } => self.set_line(bytes),
             Ask::Set { id, declaration, .. } | Ask::Act { id, declaration, .. }
                 if declaration != robot.declaration =>
             {
@@ -362,6 +358,12 @@ impl State {
         *place = Group { period, signals, next, head: Head { group, ..Head::default() } };
         drop(groups);
         self.make_room();
+    }
+
+    fn set_line(&self, bytes: u16) {
+        if self.line.replace(bytes) != bytes {
+            self.make_room();
+        }
     }
 
     /// Finds out how much rides on a sample of the first group: a line that has no room for it carries some
