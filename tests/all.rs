@@ -20,6 +20,7 @@ mod live_page;
 mod live_port;
 mod live_reach;
 mod live_time;
+mod live_tune;
 mod load;
 mod messages;
 mod mistakes;

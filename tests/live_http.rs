@@ -268,7 +268,8 @@ fn a_gain_from_the_page_is_the_one_that_the_robot_has() {
     });
     let gain = before.expect("the robot tells its parameters") * 0.5;
     let change = json!(["wheel_front_left.speed_kp", gain]);
-    assert_eq!(wish(json!({ "advise": change })), (200, json!({ "ok": null })));
+    let (status, advice) = wish(json!({ "advise": change }));
+    assert!(status == 200 && advice["ok"]["margin"].as_f64() > advice["ok"]["least"].as_f64());
     assert_eq!(wish(json!({ "set": [change] })).0, 200);
     let now = (0..400).find_map(|_| {
         std::thread::sleep(Duration::from_millis(50));
@@ -276,8 +277,9 @@ fn a_gain_from_the_page_is_the_one_that_the_robot_has() {
     });
     assert!(now.is_some(), "{gain} was asked for, it has {:?}", value());
     let (status, advice) = wish(json!({ "advise": ["wheel_front_left.speed_kp", gain * 15.0] }));
-    let text = advice["ok"].as_str().unwrap_or_default();
+    let text = advice["ok"]["text"].as_str().unwrap_or_default();
     assert!(status == 200 && text.contains("gain margin of its speed loop"), "{advice}");
+    assert!(advice["ok"]["ask"].as_f64().is_some_and(|it| it < gain * 15.0), "{advice}");
 }
 
 /// A robot behind a serial server: it takes what comes, and says nothing. The stops that it heard.

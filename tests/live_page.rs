@@ -48,7 +48,7 @@ fn a_test_day(name: &str, source: &[&OsStr]) {
     // One that is refused says why, and changes nothing.
     page.look(&format!("{gain}.value = '-1'; {gain}.dispatchEvent(new Event('change'))"));
     page.until(
-        "return document.querySelector('#refused').textContent.includes('out of its range')",
+        "return document.querySelector('#parameters').textContent.includes('out of its range')",
     );
     page.until(&format!("return Math.abs({now} - 0.4) < 1e-6"));
 
@@ -79,12 +79,12 @@ fn a_test_day(name: &str, source: &[&OsStr]) {
     // Its script disarms it now and then: asked until it is armed.
     page.until(
         "if (flying > 0) return false; \
-         const told = document.querySelector('#refused').textContent.includes('disarmed'); \
-         if (!told) document.querySelector('[data-motor=\"lift front left\"] button').click(); \
+         const told = document.querySelector('#motors').textContent.includes('disarmed'); \
+         if (!told) document.querySelector('[aria-label^=\"Zero lift front left\"]').click(); \
          return told",
     );
     page.look(&format!("{gain}.value = '4'; {gain}.dispatchEvent(new Event('change'))"));
-    page.until("return document.querySelector('#refused').textContent.includes('margin')");
+    page.until("return document.querySelector('#parameters').textContent.includes('margin')");
     page.until(&format!("return Math.abs({now} - 0.4) < 1e-6"));
 
     // A space is a space where text is typed, and Esc stops there. Signals are chosen by Return.

@@ -61,7 +61,7 @@ fn parameters_are_read_and_set_from_a_shell() {
     let (done, text) = run(&["get", "feeder_speed", "feeder.speed_kp"], &link);
     assert!(done && text == "200\n0.5\n", "{text}");
     let (_, text) = run(&["params", "--rust"], &link);
-    assert!(text.contains("// feeder.speed_kp:") && text.contains("kp: 0.5,"), "{text}");
+    assert!(text.contains("// feeder: speed_kp was") && text.contains(".kp(0.5)"), "{text}");
     for (change, why) in [
         (&["set", "feeder_speed=451"][..], "out of its range"),
         (&["set", "feeder_speed=100", "feeder.limit=99"], "feeder limit (0 to 10)"),

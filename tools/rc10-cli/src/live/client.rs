@@ -47,6 +47,14 @@ pub struct Parameter {
     pub initial: f32,
 }
 
+impl Parameter {
+    /// Whether it is not as the robot's table has it.
+    #[must_use]
+    pub const fn is_changed(&self) -> bool {
+        self.value.to_bits() != self.initial.to_bits()
+    }
+}
+
 /// Values of a group at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {

@@ -14,8 +14,10 @@ use super::plan::{plan, watch};
 use super::record::{LiveRecord, room, tell_leftovers};
 use super::session::{Session, full_name};
 use super::source::{PlaceArgs, RunningArgs};
+use super::table::table_lines;
 use crate::args::seconds;
 use crate::live::session::stop;
+use crate::record::replay::Kit;
 use crate::terminal::tell;
 use crate::world::robot::Robot;
 
@@ -127,21 +129,17 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
 
 /// Lists the robot's parameters; fails without a robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let kit = Kit::of(&robot);
     let session = Session::meet(args.at.source().open(robot, false)?)?;
     if args.rust {
-        let changed =
-            session.client.parameters().filter(|it| it.value.to_bits() != it.initial.to_bits());
-        for it in changed {
-            writeln!(out, "// {}: {} at power-on", full_name(it), it.initial)?;
-            writeln!(out, "{}: {:?},", it.name.rsplit('_').next().unwrap_or(&it.name), it.value)?;
-        }
+        write!(out, "{}", table_lines(session.client.parameters(), &kit))?;
         return Ok(());
     }
     for it in session.client.parameters() {
         let [least, most] = it.range;
-        let initial = match it.value.to_bits() == it.initial.to_bits() {
-            true => String::new(),
-            false => format!(", {} at power-on", it.initial),
+        let initial = match it.is_changed() {
+            true => format!(", {} at power-on", it.initial),
+            false => String::new(),
         };
         let unit = if it.unit.is_empty() { "" } else { &format!(" {}", it.unit) };
         writeln!(out, "{} = {}{unit}  ({least} to {most}{initial})", full_name(it), it.value)?;

@@ -3,6 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use anyhow::Result;
+use rc10_motor::Loops;
 use rc10_time::Micros;
 
 use super::client::Sample;
@@ -12,7 +13,7 @@ use crate::judge::happened::happened;
 use crate::judge::problems;
 use crate::record::recorder::margins;
 use crate::record::replay::{Kit, Replay};
-use crate::recording::margin;
+use crate::recording::margin::{self, Margins};
 use crate::recording::problem::Problem;
 use crate::recording::sample::Source;
 use crate::world::environment::Environment;
@@ -21,21 +22,28 @@ use crate::world::environment::Environment;
 const SPAN: Micros = Micros::from_millis(30_000);
 /// Shortest recording that is judged: before, not everything has arrived once.
 const LEAST: Micros = Micros::from_millis(1000);
-const OFTEN: Micros = Micros::from_millis(1000);
+const OFTEN: Micros = Micros::from_millis(500);
 
 /// The effect of a gain before the robot gets it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Advice {
-    /// Gain margin of the loop that becomes worst, a factor.
+    /// The loop that becomes worst.
+    pub name: &'static str,
+    /// Its gain margin, a factor.
     pub margin: f64,
+    /// Its gain margin with the gains of now.
+    pub before: f64,
     /// The required margin.
     pub least: f64,
+    /// The value to ask for instead: the nearest that has the required margin; `None` if this one has it, or none
+    /// has.
+    pub ask: Option<f32>,
     /// The effect in words: a sentence without its subject, the gain.
     pub text: String,
 }
 
 impl Advice {
-    fn of(name: &str, margin: f64) -> Self {
+    fn of(name: &'static str, margin: f64, before: f64, ask: Option<f32>) -> Self {
         let what = match margin {
             _ if margin < 1.0 => ": it will shake",
             _ if margin < margin::LEAST => ": it may shake",
@@ -45,8 +53,30 @@ impl Advice {
             "gain margin of its {name} loop {margin:.1}, should be at least {}{what}",
             margin::LEAST
         );
-        Self { margin, least: margin::LEAST, text }
+        Self { name, margin, before, least: margin::LEAST, ask, text }
     }
+}
+
+fn change(loops: &mut Loops, name: &str, value: f32) {
+    match name {
+        "speed_kp" => loops.cascade.speed.kp = value,
+        "angle_kp" => loops.cascade.angle.kp = value,
+        _ => {}
+    }
+}
+
+/// Steps of 5 % that are looked for another gain, either way: up to 50 times.
+const TRIES: i32 = 80;
+
+/// The value nearest to this one, with two digits, that is good.
+fn nearest(value: f32, is_good: impl Fn(f32) -> bool) -> Option<f32> {
+    let tidy = |value: f32| {
+        let unit = 10_f32.powf(value.log10().floor() - 1.0);
+        // Of the decimal text, so that it is the number that a person would type.
+        format!("{:.6}", (value / unit).round() * unit).parse().unwrap_or(value)
+    };
+    let tries = (1..=TRIES).flat_map(|step| [-step, step]);
+    tries.map(|step| tidy(value * 1.05_f32.powi(step))).find(|it| *it > 0.0 && is_good(*it))
 }
 
 /// Judges a robot while it runs.
@@ -106,22 +136,32 @@ impl<'k> Judge<'k> {
         let description = self.kit.description();
         let line = description.motors.iter().position(|motor| motor.label == label)?;
         let mut loops = (*self.kit.loops().get(line)?)?;
-        for (name, value) in now.into_iter().chain([(name, value)]) {
-            match name {
-                "speed_kp" => loops.cascade.speed.kp = value,
-                "angle_kp" => loops.cascade.angle.kp = value,
-                _ => {}
-            }
+        for (name, value) in now {
+            change(&mut loops, name, value);
         }
         let around = Environment::new(description, 1).ok()?;
-        let margins = margins(loops, line, around.motors.get(line)?, description.base.as_ref())?;
-        match name {
-            "speed_kp" if margins.speed <= margins.angle => {
-                Some(Advice::of("speed", margins.speed))
-            }
-            "speed_kp" | "angle_kp" => Some(Advice::of("angle", margins.angle)),
-            _ => None,
-        }
+        let twin = around.motors.get(line)?;
+        let of = |loops| margins(loops, line, twin, description.base.as_ref());
+        let with = |value| {
+            let mut loops = loops;
+            change(&mut loops, name, value);
+            of(loops)
+        };
+        let (before, after) = (of(loops)?, with(value)?);
+        let is_speed = match name {
+            "speed_kp" => after.speed <= after.angle,
+            "angle_kp" => false,
+            _ => return None,
+        };
+        // The speed loop's gain matters to both.
+        let worst =
+            |it: Margins| if name == "speed_kp" { it.speed.min(it.angle) } else { it.angle };
+        let is_good = |value| with(value).is_some_and(|it| worst(it) >= margin::LEAST);
+        let ask = if is_good(value) { None } else { nearest(value, is_good) };
+        Some(match is_speed {
+            true => Advice::of("speed", after.speed, before.speed, ask),
+            false => Advice::of("angle", after.angle, before.angle, ask),
+        })
     }
 
     /// Takes a sample; fails if the robot cannot be simulated.
@@ -337,6 +377,16 @@ mod tests {
             let bad = advise("speed_kp", 100.0 * speed).unwrap();
             let text = "gain margin of its speed loop 0.2, should be at least 5: it will shake";
             assert_eq!(bad.text, text);
+            // What to ask for has the margin, and two steps more have it not.
+            let ask = bad.ask.unwrap();
+            assert!(advise("speed_kp", ask).unwrap().margin >= bad.least, "{ask}");
+            assert!(advise("speed_kp", 1.2 * ask).unwrap().margin < bad.least, "{ask}");
+            assert!((23.0..24.0).contains(&bad.before) && bad.name == "speed", "{bad:?}");
+            assert_eq!(advise("speed_kp", speed).unwrap().ask, None);
+            // Too slow a speed loop is no better for the angle loop around it.
+            let slow = advise("speed_kp", 0.005 * speed).unwrap();
+            let more = slow.ask.is_some_and(|it| it > 0.005 * speed);
+            assert!(slow.name == "angle" && slow.margin < slow.least && more, "{slow:?}");
             assert!(advise("angle_kp", 4.0 * angle).unwrap().text.ends_with(": it may shake"));
             // Those that the robot has now, beside the one that is typed.
             let slow = judge.advise(label, ("angle_kp", angle), [("speed_kp", 0.1 * speed)]);

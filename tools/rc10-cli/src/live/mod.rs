@@ -3,7 +3,7 @@
 //! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
 //! * [`SourceArgs`]: the choice of the robot. `reach`: robots that other programs keep; `shared`: their line.
 //! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
-//! * [`Judge`]: problems, as in a report. [`Viewers`]: other programs' viewers.
+//! * [`Judge`]: problems, as in a report. [`table_lines`]: changes for the robot's table. [`Viewers`]: other programs' viewers.
 //! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
 pub(crate) mod client;
@@ -26,6 +26,7 @@ pub(crate) mod server;
 pub(crate) mod session;
 pub(crate) mod shared;
 pub(crate) mod source;
+pub(crate) mod table;
 pub(crate) mod viewers;
 
 pub use crate::live::line::{RobotConnection, Source};
@@ -43,4 +44,5 @@ pub use rc10_link::{Action, Urgent};
 pub use record::LiveRecord;
 pub use server::{PageRequest, Pages, Shown};
 pub use session::{Session, full_name};
+pub use table::table_lines;
 pub use viewers::{ViewerArgs, Viewers, signal_name};

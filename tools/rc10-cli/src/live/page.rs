@@ -1,6 +1,7 @@
 //! `rc10 live`: a page in the browser that shows a robot while it runs.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{BuildHasher as _, RandomState};
 use std::io::{self, Write};
 use std::net::{IpAddr, UdpSocket};
 use std::path::PathBuf;
@@ -23,6 +24,7 @@ use super::record::{LiveRecord, RESTART, room, tell_leftovers};
 use super::server::{PageRequest, Pages, PendingRequest};
 use super::session::{Session, full_name};
 use super::source::PlaceArgs;
+use super::table::table_lines;
 use super::viewers::{ViewerArgs, Viewers};
 use crate::args::seconds;
 use crate::live::session::stop;
@@ -110,6 +112,8 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         met: false,
         viewers,
         state_at: None,
+        boot: RandomState::new().hash_one(0) as u32,
+        clocks: None,
     };
     tell_leftovers(&args.out);
     let mut outcome = Ok(());
@@ -151,6 +155,15 @@ fn is_there(error: &anyhow::Error) -> bool {
     error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
 }
 
+/// Time by which a robot's clock may differ from that on the line: samples come late.
+const LATE: Micros = Micros::from_millis(2000);
+
+/// Whether the robot was restarted, or is another one: its clock has not gone on with that on the line.
+fn is_another(before: (Micros, Micros), now: (Micros, Micros)) -> bool {
+    let (robot, line) = (now.0.since(before.0), now.1.since(before.1));
+    now.0 + RESTART < before.0 || robot > line + LATE || line > robot + LATE
+}
+
 /// The session with the robot, and the pages that show it.
 struct LivePage<'r, 'k> {
     session: Session<'r>,
@@ -180,6 +193,11 @@ struct LivePage<'r, 'k> {
     met: bool,
     viewers: Viewers,
     state_at: Option<Micros>,
+    /// By chance, and another number after each restart of the robot, or with another robot: so that a page does not
+    /// undo what it did to one before.
+    boot: u32,
+    /// The robot's time, and that on the line, of the newest sample.
+    clocks: Option<(Micros, Micros)>,
 }
 
 impl LivePage<'_, '_> {
@@ -222,6 +240,11 @@ impl LivePage<'_, '_> {
         }
         if self.stranger.is_none() {
             samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
+        }
+        if let Some(sample) = samples.last() {
+            let now = (sample.at, self.session.now());
+            let before = self.clocks.replace(now);
+            self.boot = self.boot.wrapping_add(before.is_some_and(|it| is_another(it, now)).into());
         }
         // Pages ask five times a second: every step would be too often.
         let is_due = self.state_at.is_none_or(|at| now.since(at) >= TELL);
@@ -270,6 +293,10 @@ impl LivePage<'_, '_> {
             }
             PageRequest::Record(on) => self.switch_record(on).map(Err),
             PageRequest::Advise(name, value) => self.advise(&name, value).map(Err),
+            PageRequest::Table => {
+                let lines = table_lines(self.session.client.parameters(), self.judge.kit);
+                Ok(Err(lines.into()))
+            }
             PageRequest::Urge(what) => Ok(Ok(self.session.client.urge(what, now))),
             PageRequest::Set(wanted) => {
                 self.may_ask().and_then(|()| self.session.ask(&wanted)).map(Ok)
@@ -286,7 +313,7 @@ impl LivePage<'_, '_> {
         };
     }
 
-    /// The effect of a gain before it is sent; null if nothing is known against it.
+    /// The effect of a gain before it is sent; null if nothing is known of it.
     fn advise(&self, name: &str, value: f32) -> Result<Value> {
         if self.stranger.is_some() {
             return Ok(Value::Null);
@@ -300,8 +327,12 @@ impl LivePage<'_, '_> {
         let known = self.session.client.parameters().filter(|it| it.label == wanted.label);
         let now: Vec<_> = known.map(|it| (it.name.as_str(), it.value)).collect();
         let advice = self.judge.advise(&wanted.label, (&wanted.name, value), now);
-        let bad = advice.filter(|advice| advice.margin < advice.least);
-        Ok(bad.map_or(Value::Null, |advice| advice.text.into()))
+        Ok(advice.map_or(Value::Null, |it| {
+            json!({
+                "loop": it.name, "margin": it.margin, "now": it.before, "least": it.least,
+                "ask": it.ask, "text": it.text,
+            })
+        }))
     }
 
     /// Whether the robot may get a request that is not urgent.
@@ -430,6 +461,7 @@ impl LivePage<'_, '_> {
             "stop": urgency(Urgent::Stop),
             "disarm": urgency(Urgent::Disarm),
             "declaration": client.declaration().0,
+            "boot": self.boot,
             "name": session.name(),
             "trouble": session.trouble(),
             "note": self.note,
@@ -449,5 +481,23 @@ impl LivePage<'_, '_> {
             "signals": client.signals().map(signal).collect::<Vec<_>>(),
             "parameters": client.parameters().map(parameter).collect::<Vec<_>>(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_robot_is_told_by_its_clock() {
+        let at = |robot, line| (Micros::from_millis(robot), Micros::from_millis(line));
+        let before = at(60_000, 5000);
+        for (robot, line) in [(60_050, 5050), (60_010, 6900), (61_500, 5010), (60_000, 5000)] {
+            assert!(!is_another(before, at(robot, line)), "{robot} {line}");
+        }
+        // Restarted; one that was switched on earlier; one that was later, behind a cable that was out for a while.
+        for (robot, line) in [(300, 5400), (90_000, 5050), (61_000, 65_000)] {
+            assert!(is_another(before, at(robot, line)), "{robot} {line}");
+        }
     }
 }

@@ -31,6 +31,8 @@ pub enum PageRequest {
     Set(Vec<(String, f32)>),
     /// Give the effect of this value of a parameter.
     Advise(String, f32),
+    /// Give what is changed as lines for the robot's table.
+    Table,
     /// Stop or disarm.
     Urge(Urgent),
     /// Do an action: its name, the motor's label, and a speed in rpm.
@@ -207,6 +209,9 @@ fn parse(value: &Value) -> Option<PageRequest> {
     if let Some(change) = value.get("advise") {
         let name = change.get(0)?.as_str()?.to_owned();
         return Some(PageRequest::Advise(name, change.get(1)?.as_f64()? as f32));
+    }
+    if value.get("table").is_some() {
+        return Some(PageRequest::Table);
     }
     if let Some(action) = value.get("do") {
         // By its label: its number may change with the next firmware.

@@ -20,6 +20,14 @@ const Plot = (() => {
   const style = (name) => ink[name] ??= getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
   const line = (index) => "line-" + (index % COLOURS);
   const colour = (index) => style(line(index));
+  // The variable of a state's colour: by its meaning where it has one, green for what drives, blue for what holds, amber for
+  // what coasts, red for what is lost; any other by its number.
+  const MEANINGS = "run hold brake coast off lost unheard armed suspended stopped disarmed heard driven".split(" ");
+  const SAME = { online: "run", active: "run", ready: "run", neverseen: "unheard", estopped: "stopped", fault: "lost", interrupted: "suspended", passive: "suspended", busoff: "lost" };
+  const state = (name, index = 0) => {
+    const word = String(name).toLowerCase(), meaning = SAME[word] || word;
+    return MEANINGS.includes(meaning) ? "state-" + meaning : "shade-" + index % COLOURS;
+  };
   // After the style has changed.
   const restyle = () => { ink = {}; };
 
@@ -107,10 +115,11 @@ const Plot = (() => {
       pen.fillStyle = style(paint);
       pen.fillRect(left, top, Math.max(right - left, 0.5) + 0.3, height);
       if (!words || right - left < pen.measureText(words).width + 8) return;
-      pen.fillStyle = style("text");
+      // These are dark by day, too.
+      pen.fillStyle = /lost|unheard|stopped/.test(paint) ? "#fff" : style("text");
       text(pen, words, left + 4, top + height / 2 + 1, "left", "middle");
     }));
   };
 
-  return { FONT, ticks, style, line, colour, restyle, open, text, stroke, inside, across, up, timeAxis, valueAxis, trace, lane };
+  return { FONT, ticks, style, line, colour, state, restyle, open, text, stroke, inside, across, up, timeAxis, valueAxis, trace, lane };
 })();

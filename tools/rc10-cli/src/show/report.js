@@ -244,7 +244,7 @@
       data.states.forEach((state, index) => {
         if (!used.has(index)) return;
         const item = element("span", this.legend);
-        element("i", item, "block").style.background = `var(--state-${state})`;
+        element("i", item, "block").style.background = `var(--${Plot.state(state)})`;
         item.append(state === "unheard" ? "never heard" : state);
       });
       this.output = element("output", element("span", this.legend, "whole"));
@@ -261,7 +261,7 @@
       this.place(box);
       const x = across(box), events = marks(x);
       data.lanes.forEach(({ name, runs }, number) => {
-        const named = runs.map(([from, to, state]) => ({ from, to, paint: "state-" + data.states[state] }));
+        const named = runs.map(([from, to, state]) => ({ from, to, paint: Plot.state(data.states[state]) }));
         lane(pen, box, x, [box.top + number * LANE + 3, LANE - 4], name, named);
       });
       timeAxis(pen, box, view, true);

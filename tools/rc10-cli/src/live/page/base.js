@@ -27,7 +27,7 @@ const post = async (wish, urgent) => {
 const say = (id, text) => { $(id).textContent = text || ''; $(id).hidden = !text; };
 const attempt = (wish) => post(wish).then((it) => { say('refused', ''); return it; }, (error) => { say('refused', String(error.message || error)); throw error; });
 const number = (value) => value === null || value === undefined || Number.isNaN(value) ? '–'
-  : Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toFixed(3));
+  : Number.isSafeInteger(value) ? String(value) : Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toFixed(3));
 const cell = (row, text, kind) => { const it = row.insertCell(); it.textContent = text; if (kind) it.className = kind; return it; };
 const value = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it ? it.value : null; };
 const named = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it && it.value !== null ? it.states[it.value] || '?' : '–'; };

@@ -18,7 +18,7 @@ async function refresh() {
   $('losses').textContent = losses.filter(([name]) => state.losses[name] > 0).map(([name, what]) => state.losses[name] + ' ' + what).join(' · ');
   fits();
   if (state.whole && (!begun || state.declaration !== declaration)) begin();
-  tables(); parameters();
+  tables(); parameters(); tune();
   setTimeout(refresh, 200);
 }
 

@@ -6,18 +6,22 @@ async function fetchData() {
   try {
     const answer = await fetch('data?signals=' + signals.join(',') + '&from=' + from + '&to=' + Math.round(to) + '&columns=' + columns + (state.fast < +$('period').value && state.fast ? '&every=' + $('period').value : ''));
     if (!answer.ok) throw new Error();
-    const view = new DataView(await answer.arrayBuffer());
-    let at = 8; const news = new Map();
-    for (const signal of signals) {
-      const count = view.getUint32(at, true); at += 4;
-      const times = new Float32Array(count), values = new Float32Array(count);
-      for (let i = 0; i < count; i += 1, at += 8) { times[i] = view.getFloat32(at, true); values[i] = view.getFloat32(at + 4, true); }
-      news.set(signal, { times, values });
-    }
-    data = news;
+    data = series(signals, new DataView(await answer.arrayBuffer()));
     draw();
   } catch { /* The next one is a new chance. */ }
   setTimeout(fetchData, 60);
+}
+
+// The server's answer: signal -> { times, values }.
+function series(signals, view) {
+  let at = 8; const news = new Map();
+  for (const signal of signals) {
+    const count = view.getUint32(at, true); at += 4;
+    const times = new Float32Array(count), values = new Float32Array(count);
+    for (let i = 0; i < count; i += 1, at += 8) { times[i] = view.getFloat32(at, true); values[i] = view.getFloat32(at + 4, true); }
+    news.set(signal, { times, values });
+  }
+  return news;
 }
 
 // One plot for each unit, one lane for each state.
@@ -92,7 +96,7 @@ function lanes(plot, signals) {
       const value = series.values[i]; if (!Number.isFinite(value)) continue;
       let last = i; while (last + 1 < series.times.length && series.values[last + 1] === value) last += 1;
       const to = last + 1 < series.times.length ? series.times[last + 1] : series.times[last];
-      runs.push({ from: series.times[i], to, paint: 'shade-' + value % 8, words: it.states[value] || String(value) });
+      runs.push({ from: series.times[i], to, paint: Plot.state(it.states[value], value), words: it.states[value] || String(value) });
       i = last;
     }
     Plot.lane(pen, box, x, [box.top + place * each, each - 3], (it.label + ' ' + it.name).trim(), runs);

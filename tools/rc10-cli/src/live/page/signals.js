@@ -2,7 +2,7 @@
 // The first look: what is remembered of the last time, or the first motor. Another robot has other numbers.
 function begin() {
   begun = true;
-  declaration = state.declaration; chosen = new Set(); data = new Map(); undo = [];
+  declaration = state.declaration; chosen = new Set(); data = new Map();
   let known = {};
   try { known = JSON.parse(localStorage.getItem('rc10')) || {}; } catch { /* private window */ }
   arrange(known);
