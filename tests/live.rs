@@ -468,7 +468,8 @@ fn found(
         let (topics, left) = plan(&scene.client);
         assert!(left.is_empty());
         watch(&mut scene.client, &topics, 10);
-        let mut record = LiveRecord::new(&path, false, &topics, kit.description()).unwrap();
+        let mut record =
+            LiveRecord::new(&path, false, &topics, kit.description(), Default::default()).unwrap();
         scene.run(1500);
         let changes: Vec<_> = factors
             .iter()

@@ -1,10 +1,12 @@
 //! Time on the page of `rc10 live`: values at a high rate, the time bar, records in the page, and reports from it.
 
 use std::process::Command;
+use std::time::Instant;
 
 use serde_json::{Value, json};
 
 use crate::common::browser::{Browser, has_browser};
+use crate::common::scratch::Scratch;
 use crate::common::served::{JSON, http, live};
 
 /// Chooses so many numbers of motors, at a period, as a person does.
@@ -76,4 +78,166 @@ fn each_page_keeps_its_period_and_what_does_not_fit_is_refused_before() {
     let (_, body) = http(port, "POST", "/wish", JSON, r#"{"watch":[1,2],"period":0,"page":9}"#);
     let answer: Value = serde_json::from_str(&body).unwrap();
     assert!(answer["ok"]["period"] == json!(1) || answer["refused"].is_string(), "{body}");
+}
+
+/// Waits for the robot's time, in seconds.
+fn wait_for(page: &Browser, seconds: u32) {
+    page.until(&format!("return state.now > {seconds}e6"));
+}
+
+#[test]
+fn the_past_of_a_robot_is_scrubbed_played_and_led_to() {
+    if !has_browser() {
+        return;
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    let (_live, port) =
+        live(command.args(["live", "--sim", "--page", "0", "--fault", "power:2@4s..500s"]));
+    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+    page.until("return begun && had !== null");
+    wait_for(&page, 12);
+    page.until("return happened.size > 2 && [...happened.values()].some(([, what]) => what.includes('lost'))");
+    page.look("window.hatched = 0; Plot.hatch = ((old) => (...all) => { window.hatched += 1; old(...all); })(Plot.hatch)");
+    // By keyboard, and by the bar: the window ends where one is.
+    page.look("document.querySelector('#scrub').focus()");
+    page.keys("\u{E012}");
+    assert_eq!(
+        page.look("return end !== null && end < state.now - 0.05 * span * 1e6"),
+        json!(true)
+    );
+    page.keys("\u{E011}");
+    page.until("return Math.abs(end - beginOf([...chosen])) < 1 && from <= Math.round(end)");
+    // Before the data it is hatched, on the bar and in each plot.
+    page.until("return window.hatched > 4");
+    let bar = "document.querySelector('#scrub').getBoundingClientRect()";
+    page.look(&format!(
+        "const bar = document.querySelector('#scrub'), at = {bar}; \
+         for (const type of ['pointerdown', 'pointerup']) bar.dispatchEvent(new PointerEvent(type, {{ pointerId: 1, clientX: at.left + at.width / 2, clientY: at.top + 9, buttons: 1, bubbles: true }}))"
+    ));
+    page.until("const [first, last] = extent(); return end > first + 0.3 * (last - first) && end < first + 0.7 * (last - first)");
+    page.until("return Math.abs(from + span * 1e6 - Math.max(end, span * 1e6)) < 2 && [...data.values()].some((it) => it.times.length > 20)");
+    // In and out: it plays between them.
+    page.look("seek(6e6); marked = [null, null]");
+    page.keys("i");
+    page.look("seek(7e6)");
+    page.keys("o");
+    assert_eq!(page.look("return marked"), json!([6_000_000, 7_000_000]));
+    page.look("document.querySelector('#speed').value = '8'; window.most = 0; window.turns = 0; window.was = end; \
+        setInterval(() => { if (end !== null) { window.most = Math.max(window.most, end); window.turns += end < window.was; window.was = end; } }, 5); \
+        document.querySelector('#play').click()");
+    page.until("return window.turns > 1");
+    assert_eq!(page.look("return window.most <= 7.001e6 && end >= 5.999e6"), json!(true));
+    // Without them it plays up to the newest, and is live again.
+    page.look("marked = [null, null]");
+    page.until("return end === null && playing === null");
+    assert_eq!(
+        page.look("return document.querySelector('#live').getAttribute('aria-pressed')"),
+        json!("true")
+    );
+    // An event leads to its time.
+    page.look("[...document.querySelectorAll('#happened .when')].find((it) => it.parentNode.textContent.includes('lost')).click()");
+    page.until("return lead !== null && Math.abs(lead - 4) < 0.5 && Math.abs(end * 1e-6 - lead - span / 2) < 0.01");
+    page.until("return marks(view()).some(([, what]) => what.includes('lost'))");
+    // The space bar stops the robot, whatever plays.
+    page.keys(" ");
+    page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+}
+
+#[test]
+fn a_record_opens_in_the_same_page() {
+    let folder = Scratch::new("live-record-page");
+    let file = folder.join("tonight.mcap");
+    let rc10 = || Command::new(env!("CARGO_BIN_EXE_rc10"));
+    let mut run = rc10();
+    run.args(["run", "--no-logs", "--seconds", "20", "--fault", "power:2@5s..15s", "--out"]);
+    let run = run.arg(&*folder).arg("--record").arg(&file).output().unwrap();
+    assert!(file.exists(), "{run:?}");
+    let begin = Instant::now();
+    let mut command = rc10();
+    let (_live, port) = live(command.arg("live").arg(&file).args(["--page", "0"]));
+    println!(
+        "20 s with every motor every millisecond are open after {} ms",
+        begin.elapsed().as_millis()
+    );
+    let (status, body) = http(port, "POST", "/wish", JSON, r#"{"do":"stop"}"#);
+    assert!(status == 409 && body.contains("this is a record, and no robot"), "{body}");
+    if !has_browser() {
+        return;
+    }
+    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+    page.until("return begun && state.file && state.file.judged");
+    for id in ["stop", "disarm", "record", "pause", "live", "naming"] {
+        assert_eq!(
+            page.look(&format!("return document.querySelector('#{id}').offsetParent")),
+            json!(null),
+            "{id}"
+        );
+    }
+    // The tables show the time at which one is.
+    let link = "return document.querySelector('#motors tr[data-motor=\"gimbal yaw\"]').cells[1].textContent";
+    page.look("seek(4e6)");
+    page.until(&format!("{link} === 'Online'"));
+    page.look("seek(10e6)");
+    page.until(&format!("{link} === 'Lost'"));
+    page.look("seek(19e6)");
+    page.until(&format!("{link} === 'Online'"));
+    // What happened up to then, and where it leads.
+    page.until("return document.querySelector('#happened').textContent.includes('cut')  || document.querySelectorAll('#happened li').length > 2");
+    let took = page.look("const begin = performance.now(), it = new XMLHttpRequest(); it.open('GET', '/state?at=9000000', false); it.send(); return performance.now() - begin");
+    println!("a seek takes {took} ms");
+    // The space bar plays.
+    page.look(
+        "seek(1e6); document.querySelector('#speed').value = '4'; document.activeElement.blur()",
+    );
+    page.keys(" ");
+    page.until("return playing !== null && end > 2e6");
+    page.keys(" ");
+    assert_eq!(page.look("return playing"), json!(null));
+    let (status, report) = http(port, "GET", "/report", "", "");
+    assert!(status == 200 && report.contains("gimbal yaw"));
+}
+
+#[test]
+fn a_record_becomes_a_report_without_a_terminal() {
+    if !has_browser() {
+        return;
+    }
+    let folder = Scratch::new("live-record-report");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    let (_live, port) = live(command.args(["live", "--sim", "--page", "0", "--out"]).arg(&*folder));
+    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+    page.until("return begun && had !== null");
+    wait_for(&page, 3);
+    page.look("document.querySelector('#title-of').value = '<b>../first try</b>'; document.querySelector('#record').click()");
+    page.until("return state.record !== null && state.record.seconds > 1");
+    page.keys("m");
+    page.until("return (state.happened || []).some(([, what]) => what === 'mark 1')");
+    page.look("document.querySelector('#words').value = 'it shook'; document.querySelector('#mark').click()");
+    page.until(
+        "return state.record.seconds > 3 && marks(view()).some(([, what]) => what === 'it shook')",
+    );
+    page.look("document.querySelector('#note-of').value = 'new tyres & grip'; document.querySelector('#record').click()");
+    page.until("return document.querySelector('#note').textContent.includes('.mcap')");
+    page.until("return !document.querySelector('#report').hidden");
+    let report = page.look("const it = new XMLHttpRequest(); it.open('GET', document.querySelector('#report').href, false); it.send(); return it.responseText");
+    let report = report.as_str().unwrap();
+    for text in ["&lt;b&gt;../first try&lt;/b&gt;", "new tyres &amp; grip", "mark 1", "it shook"] {
+        assert!(report.contains(text), "{text}");
+    }
+    let names: Vec<_> =
+        std::fs::read_dir(&*folder).unwrap().map(|it| it.unwrap().file_name()).collect();
+    assert!(names.iter().any(|it| it == "001-_b____first_try__b_.mcap"), "{names:?}");
+    // The message goes by itself.
+    page.until("return document.querySelector('#note').hidden");
+    // A picture and the numbers of a plot.
+    page.look("window.saved = []; save = (name, blob) => { blob.text().then((text) => window.saved.push([name, blob.type, blob.size, text.slice(0, 200000)])); }; \
+        document.querySelectorAll('.plot:not([data-unit=states]) .save').forEach((it) => it.click())");
+    page.until("return window.saved.length >= 2");
+    let saved = page.look("return window.saved.map(([name, type, size, text]) => [name.split('.').pop(), type, size > 1000, type === 'text/csv' ? text.split('\\r\\n')[0].split(',')[0] + ' ' + (text.split('\\r\\n').length > 500) : ''])");
+    let has = |wanted: &Value| saved.as_array().unwrap().iter().any(|it| it == wanted);
+    assert!(
+        has(&json!(["png", "image/png", true, ""]))
+            && has(&json!(["csv", "text/csv", true, "time_s true"])),
+        "{saved}"
+    );
 }

@@ -178,7 +178,7 @@ fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
 }
 
 /// The text of a message that is one string; else empty.
-fn label(bytes: &[u8]) -> String {
+pub(crate) fn label(bytes: &[u8]) -> String {
     let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
     String::from_utf8_lossy(text).into_owned()
 }

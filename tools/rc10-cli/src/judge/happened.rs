@@ -36,6 +36,7 @@ pub fn happened(recording: &Recording) -> Vec<(Micros, String)> {
         let offs: Vec<u32> = track.samples.iter().map(|sample| sample.bus_offs).collect();
         changes(&offs, |at, _| found.push((at, format!("bus {} off", track.number))));
     }
+    found.extend(recording.marks.iter().cloned());
     found.extend(recording.gaps.iter().map(|gap| (gap.at, gap.to_string())));
     found.sort_by_key(|(at, _)| *at);
     found

@@ -190,7 +190,8 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let folder = args.output.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or_else(|| Path::new("."));
     tell_leftovers(folder);
-    let mut record = LiveRecord::new(&args.output, args.force, &topics, &description)?;
+    let mut record =
+        LiveRecord::new(&args.output, args.force, &topics, &description, Default::default())?;
     room(folder, args.period).into_iter().for_each(tell);
     watch(&mut session.client, &topics, args.period);
     let outcome = go_on(args, &mut session, &mut record, &stop);

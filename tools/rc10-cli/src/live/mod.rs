@@ -4,6 +4,7 @@
 //! * [`SourceArgs`]: the choice of the robot. `reach`: robots that other programs keep; `shared`: their line.
 //! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
 //! * [`Judge`]: problems, as in a report. [`table_lines`]: changes for the robot's table. [`Viewers`]: other programs' viewers.
+//! * `playback`: a record on the same page.
 //! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
 pub(crate) mod client;
@@ -19,6 +20,7 @@ pub(crate) mod judge;
 pub(crate) mod line;
 pub(crate) mod page;
 pub(crate) mod plan;
+pub(crate) mod playback;
 pub(crate) mod reach;
 pub(crate) mod record;
 pub mod request;

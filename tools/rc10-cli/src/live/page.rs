@@ -5,8 +5,9 @@ use std::hash::{BuildHasher as _, RandomState};
 use std::io::{self, Write};
 use std::net::{IpAddr, UdpSocket};
 use std::path::PathBuf;
+use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
@@ -20,7 +21,8 @@ use super::client::{Answer, Client, Losses, Urgency};
 use super::connection::look;
 use super::judge::Judge;
 use super::plan::{Line, SLOW, Topic, plan, watch_at};
-use super::record::{LiveRecord, RESTART, room, tell_leftovers};
+use super::playback::play;
+use super::record::{LiveRecord, RESTART, named, room, tell_leftovers};
 use super::server::{PageRequest, Pages, PendingRequest};
 use super::session::{Session, full_name};
 use super::source::PlaceArgs;
@@ -62,6 +64,8 @@ const FAST: [u16; 3] = [1, 2, 5];
 const TELL: Micros = Micros::from_millis(50);
 /// Silence after which a page has gone: a browser lets a hidden one speak once a minute.
 const GONE: Micros = Micros::from_millis(150_000);
+/// Limit of marks.
+const MARKS: usize = 1000;
 /// Limit of pages.
 const PAGES: usize = 32;
 /// The signals that a page shows, their period, and when it said so last.
@@ -78,6 +82,9 @@ const PATIENCE: Micros = Micros::from_millis(5000);
 
 /// Serves the page until Ctrl-C; fails without a line to the robot, or if the port is taken.
 pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    if let Some(path) = args.at.record() {
+        return play(path, args, robot, out);
+    }
     let kit = Kit::of(&robot);
     let source = args.at.source();
     let stop = stop()?;
@@ -103,6 +110,8 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         record: None,
         records: 0,
         note: None,
+        marks: Vec::new(),
+        making: None,
         waiting: Vec::new(),
         line: Line::new(0, &[]),
         chosen: BTreeMap::new(),
@@ -150,6 +159,21 @@ fn tell_guests(pages: &Pages, address: IpAddr, out: &mut dyn Write) -> Result<()
     Ok(())
 }
 
+/// Makes the report of a record, by a program of its own: the robot is not held up.
+fn report_of(path: PathBuf) -> Receiver<Result<Vec<u8>>> {
+    let (made, making) = channel();
+    let make = move || {
+        let out = path.with_extension("report");
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(["report", "--out"]).arg(&out).arg("--").arg(&path).stdin(Stdio::null());
+        let output = command.output()?;
+        ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr).trim());
+        Ok(std::fs::read(out.join("report.html"))?)
+    };
+    std::thread::spawn(move || made.send(make()));
+    making
+}
+
 fn is_there(error: &anyhow::Error) -> bool {
     let error = error.downcast_ref::<io::Error>();
     error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
@@ -177,8 +201,12 @@ struct LivePage<'r, 'k> {
     left: usize,
     record: Option<(LiveRecord, PathBuf)>,
     records: u32,
-    /// A message that the page shows once.
-    note: Option<String>,
+    /// A message that the page shows, and whether it stays.
+    note: Option<(String, bool)>,
+    /// Moments that were marked.
+    marks: Vec<(Micros, String)>,
+    /// The report of the last record, while it is made.
+    making: Option<Receiver<Result<Vec<u8>>>>,
     waiting: Vec<Waiting>,
     line: Line,
     /// The choice of each page, by its number.
@@ -229,6 +257,13 @@ impl LivePage<'_, '_> {
             self.watch();
         }
         self.met = is_described;
+        if let Some(made) = self.making.as_ref().and_then(|it| it.try_recv().ok()) {
+            self.making = None;
+            match made {
+                Ok(report) => look(&self.pages.shown).report = Some(report),
+                Err(why) => self.note = Some((format!("no report: {why:#}"), true)),
+            }
+        }
         let samples = self.session.client.take_samples();
         samples.iter().for_each(|sample| self.viewers.take(sample, &self.session.client));
         if let Some((record, _)) = &mut self.record
@@ -236,7 +271,7 @@ impl LivePage<'_, '_> {
             && let Some((record, _)) = self.record.take()
             && let Err(error) = record.finish(error)
         {
-            self.note = Some(format!("the record has ended: {error:#}"));
+            self.note = Some((format!("the record has ended: {error:#}"), true));
         }
         if self.stranger.is_none() {
             samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
@@ -253,6 +288,7 @@ impl LivePage<'_, '_> {
         for sample in &samples {
             if sample.at + RESTART < shown.now {
                 shown.history.clear();
+                self.marks.clear();
                 shown.now = Micros::ZERO;
             }
             shown.now = shown.now.max(sample.at);
@@ -291,7 +327,8 @@ impl LivePage<'_, '_> {
             PageRequest::Watch(page, period, signals) => {
                 self.choose(page, Choice { period, signals, seen: now }).map(Err)
             }
-            PageRequest::Record(on) => self.switch_record(on).map(Err),
+            PageRequest::Record(on, words) => self.switch_record(on, words).map(Err),
+            PageRequest::Mark(words) => self.mark(words).map(Err),
             PageRequest::Advise(name, value) => self.advise(&name, value).map(Err),
             PageRequest::Table => {
                 let lines = table_lines(self.session.client.parameters(), self.judge.kit);
@@ -395,6 +432,8 @@ impl LivePage<'_, '_> {
         let beside =
             if wanted.1.is_empty() { None } else { self.line.beside(wanted.1.len(), wanted.0) };
         self.paces = beside.unwrap_or([OFTEN, SLOW]);
+        let chosen = self.chosen.values().flat_map(|it| it.signals.iter().copied());
+        look(&self.pages.shown).history.choose(chosen.collect());
         let client = &mut self.session.client;
         client.watch(0, wanted.0, wanted.1.iter().copied());
         watch_at(client, &self.topics, self.paces);
@@ -404,10 +443,29 @@ impl LivePage<'_, '_> {
         }
     }
 
-    fn switch_record(&mut self, on: bool) -> Result<Value> {
-        if let Some((record, path)) = self.record.take() {
+    /// Marks the moment.
+    fn mark(&mut self, words: String) -> Result<Value> {
+        ensure!(self.marks.len() < MARKS, "too many marks");
+        let words = if words.is_empty() { format!("mark {}", self.marks.len() + 1) } else { words };
+        if let Some((record, _)) = &mut self.record {
+            record.mark(&words)?;
+        }
+        let now = look(&self.pages.shown).now;
+        self.marks.push((now, words));
+        Ok(Value::Null)
+    }
+
+    fn switch_record(&mut self, on: bool, words: [String; 2]) -> Result<Value> {
+        if let Some((mut record, path)) = self.record.take() {
+            if !on {
+                record.name(words.clone());
+            }
+            let name = record.words()[0].clone();
             record.finish(Ok(()))?;
-            self.note = Some(format!("record: {}", path.display()));
+            let path = named(path, &name);
+            self.note = Some((format!("record: {}", path.display()), false));
+            look(&self.pages.shown).report = None;
+            self.making = Some(report_of(path));
         }
         if on {
             std::fs::create_dir_all(&self.folder)
@@ -415,13 +473,22 @@ impl LivePage<'_, '_> {
             self.record = loop {
                 self.records += 1;
                 let path = self.folder.join(format!("{:03}.mcap", self.records));
-                match LiveRecord::new(&path, false, &self.topics, self.judge.kit.description()) {
+                match LiveRecord::new(
+                    &path,
+                    false,
+                    &self.topics,
+                    self.judge.kit.description(),
+                    words.clone(),
+                ) {
                     // The file of another time, or of another program that shows a robot.
                     Err(error) if is_there(&error) => {}
                     record => break Some((record?, path)),
                 }
             };
-            self.note = room(&self.folder, OFTEN);
+            self.note = room(&self.folder, OFTEN).map(|it| {
+                let stays = it.starts_with("WARNING");
+                (it, stays)
+            });
         }
         Ok(Value::Null)
     }
@@ -437,6 +504,7 @@ impl LivePage<'_, '_> {
             json!({
                 "index": index, "folder": it.folder, "label": it.label, "name": it.name,
                 "unit": it.unit, "states": it.states, "value": value.filter(|it| it.is_finite()),
+                "begin": shown.history.begin(Some(index)).map(Micros::get),
             })
         };
         let parameter = |it: &crate::live::client::Parameter| {
@@ -449,13 +517,15 @@ impl LivePage<'_, '_> {
             json!({ "path": path.display().to_string(), "seconds": record.length().get() as f64 * 1e-6 })
         });
         let is_whole = client.is_described();
+        let mut happened: Vec<_> = self.judge.happened.iter().chain(&self.marks).collect();
+        happened.sort_by_key(|it| it.0);
         let urgency = |what| {
             let urgency = client.urgency(what, session.now());
             urgency.map(|it| if it == Urgency::Sent { "sent" } else { "not heard" })
         };
         json!({
             "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),
-            "happened": self.judge.happened.iter()
+            "happened": happened.iter()
                 .map(|(at, what)| json!([at.get() as f64 * 1e-6, what])).collect::<Vec<_>>(),
             "stranger": self.stranger,
             "stop": urgency(Urgent::Stop),
@@ -464,8 +534,14 @@ impl LivePage<'_, '_> {
             "boot": self.boot,
             "name": session.name(),
             "trouble": session.trouble(),
-            "note": self.note,
+            "note": self.note.as_ref().map(|it| &it.0),
+            "stays": self.note.as_ref().is_some_and(|it| it.1),
+            "report": match &self.making {
+                Some(_) => Some("making"),
+                None => shown.report.as_ref().map(|_| "ready"),
+            },
             "now": shown.now.get(),
+            "begin": shown.history.begin(None).map(Micros::get),
             "whole": is_whole,
             "losses": {
                 "samples": losses.samples - before.samples, "skipped": losses.skipped - before.skipped,

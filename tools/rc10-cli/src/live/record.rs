@@ -8,8 +8,8 @@ use rc10_time::Micros;
 
 use super::client::Sample;
 use super::plan::{Topic, messages};
-use crate::record::RecordFile;
 use crate::record::file::leftovers;
+use crate::record::{EVENT, EVENTS, RecordFile, text};
 use crate::robot::description::Description;
 use crate::terminal::tell;
 
@@ -63,11 +63,30 @@ fn names(found: &[PathBuf]) -> String {
     if more == 0 { names } else { format!("{names} and {more} more") }
 }
 
+/// A name and a note as metadata.
+fn about([name, note]: &[String; 2]) -> BTreeMap<String, String> {
+    let both = [("name".to_owned(), name.clone()), ("note".to_owned(), note.clone())];
+    both.into_iter().filter(|it| !it.1.is_empty()).collect()
+}
+
+/// The file of a record that got a name, renamed by it; the same file where that cannot be.
+pub(super) fn named(path: PathBuf, name: &str) -> PathBuf {
+    let safe = |letter: char| if letter.is_alphanumeric() || letter == '-' { letter } else { '_' };
+    let name: String = name.chars().take(60).map(safe).collect();
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let to = path.with_file_name(format!("{stem}-{name}.mcap"));
+    if name.is_empty() || to.exists() || std::fs::rename(&path, &to).is_err() { path } else { to }
+}
+
 /// A record that is being written.
 pub struct LiveRecord {
     file: RecordFile,
     topics: Vec<Topic>,
     channels: Vec<u16>,
+    /// The channel of what happens, once a moment was marked.
+    events: Option<u16>,
+    /// Its name and note.
+    words: [String; 2],
     /// The robot's time when the record began, or the robot anew.
     first: Option<Micros>,
     before: Micros,
@@ -89,8 +108,10 @@ impl LiveRecord {
         force: bool,
         topics: &[Topic],
         description: &Description,
+        words: [String; 2],
     ) -> Result<Self> {
-        let head = BTreeMap::from([
+        let mut head = about(&words);
+        head.extend([
             ("seed".to_owned(), "1".to_owned()),
             ("source".to_owned(), "robot".to_owned()),
         ]);
@@ -112,6 +133,8 @@ impl LiveRecord {
             file,
             topics: topics.to_vec(),
             channels,
+            events: None,
+            words,
             first: None,
             before,
             last,
@@ -144,6 +167,31 @@ impl LiveRecord {
         Ok(())
     }
 
+    /// Marks the newest moment; fails if the file cannot be written.
+    pub fn mark(&mut self, words: &str) -> Result<()> {
+        let channel = match self.events {
+            Some(channel) => channel,
+            None => self.file.channel(EVENT.0, EVENT.1, EVENTS, &BTreeMap::new())?,
+        };
+        self.events = Some(channel);
+        self.file.put_bytes(channel, self.last, &text(words))
+    }
+
+    /// Gives it this name and note, if they are not empty.
+    pub fn name(&mut self, words: [String; 2]) {
+        for (known, word) in self.words.iter_mut().zip(words) {
+            if !word.is_empty() {
+                *known = word;
+            }
+        }
+    }
+
+    /// Its name and note.
+    #[must_use]
+    pub const fn words(&self) -> &[String; 2] {
+        &self.words
+    }
+
     /// Length of the record.
     #[must_use]
     pub fn length(&self) -> Micros {
@@ -153,8 +201,9 @@ impl LiveRecord {
     /// Ends the record, also after an error. Fails if it cannot be written, or with the outcome's
     /// error.
     pub fn finish(self, outcome: Result<()>) -> Result<()> {
-        let length = self.length().get().to_string();
-        self.file.finish(outcome, BTreeMap::from([("length_us".to_owned(), length)]))
+        let mut end = about(&self.words);
+        end.insert("length_us".to_owned(), self.length().get().to_string());
+        self.file.finish(outcome, end)
     }
 }
 

@@ -37,8 +37,10 @@ pub enum PageRequest {
     Urge(Urgent),
     /// Do an action: its name, the motor's label, and a speed in rpm.
     Do(String, String, f32),
-    /// Begin or end a record.
-    Record(bool),
+    /// Begin or end a record, which has this name and note.
+    Record(bool, [String; 2]),
+    /// Mark this moment, with some words.
+    Mark(String),
 }
 
 /// A request of a page, and the way back for its answer.
@@ -53,6 +55,8 @@ pub struct Shown {
     pub now: Micros,
     /// All else, as JSON.
     pub state: Arc<str>,
+    /// The report of the last record.
+    pub report: Option<Vec<u8>>,
 }
 
 /// A server that runs.
@@ -68,6 +72,8 @@ pub struct Pages {
     queue: Sender<PendingRequest>,
 }
 
+/// Limit of letters of a name, a note and a mark.
+const TEXT: usize = 200;
 /// Time limit of a request.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -116,8 +122,19 @@ fn respond(
         (false, "/") => ok("text/html; charset=utf-8", page().into()),
         (false, "/state") => {
             let state = Arc::clone(&look(shown).state);
-            ok("application/json", state.as_bytes().into())
+            let at = query.strip_prefix("at=").and_then(|it| it.parse().ok());
+            ok(
+                "application/json",
+                match at {
+                    Some(at) => state_at(&state, Micros::new(at), shown),
+                    None => state.as_bytes().into(),
+                },
+            )
         }
+        (false, "/report") => match look(shown).report.clone() {
+            Some(report) => ok("text/html; charset=utf-8", report),
+            None => Reply::text(404, "there is no report yet"),
+        },
         (false, "/data") => match Plots::parse(query) {
             Some(plots) => ok("application/octet-stream", data(&plots, shown)),
             None => Reply::text(400, Plots::FORM),
@@ -139,6 +156,19 @@ fn respond(
         }
         _ => Reply::text(404, "there is no such page"),
     }
+}
+
+/// The state with the values that signals had at a time.
+fn state_at(state: &str, at: Micros, shown: &Mutex<Shown>) -> Vec<u8> {
+    let mut state: Value = serde_json::from_str(state).unwrap_or_default();
+    let signals = state.get_mut("signals").and_then(Value::as_array_mut);
+    for signal in signals.into_iter().flatten() {
+        let index =
+            signal.get("index").and_then(Value::as_u64).and_then(|it| u16::try_from(it).ok());
+        let value = index.and_then(|index| look(shown).history.at(index, at));
+        signal["value"] = value.filter(|it| it.is_finite()).into();
+    }
+    state.to_string().into()
 }
 
 /// One file, so that a page that is open works on while `rc10 live` begins anew.
@@ -170,7 +200,7 @@ fn data(plots: &Plots, shown: &Mutex<Shown>) -> Vec<u8> {
     for signal in &plots.signals {
         values.clear();
         // The robot's samples wait for this lock, so each copy takes it anew.
-        look(shown).history.copy(*signal, plots.span, &mut values);
+        look(shown).history.copy(*signal, plots.span, plots.columns, &mut values);
         if plots.every > 0 {
             // Another page may watch it more often. A quarter behind whole multiples, where samples are.
             values.dedup_by_key(|(at, _)| (at.get() + plots.every / 4) / plots.every);
@@ -223,7 +253,14 @@ fn parse(value: &Value) -> Option<PageRequest> {
             action => PageRequest::Do(action.into(), motor.into(), speed),
         });
     }
-    Some(PageRequest::Record(value.get("record")?.as_bool()?))
+    let text = |name: &str| {
+        let text = value.get(name).and_then(Value::as_str).unwrap_or_default();
+        text.chars().filter(|it| !it.is_control()).take(TEXT).collect::<String>().trim().to_owned()
+    };
+    if value.get("mark").is_some() {
+        return Some(PageRequest::Mark(text("mark")));
+    }
+    Some(PageRequest::Record(value.get("record")?.as_bool()?, ["name", "note"].map(text)))
 }
 
 fn forward(request: PageRequest, queue: &Sender<PendingRequest>) -> Result<Value, String> {
@@ -254,7 +291,10 @@ mod tests {
         let zero = PageRequest::Do("zero".into(), "arm".into(), 0.0);
         assert_eq!(read(r#"{"do":"zero","motor":"arm"}"#), Some(zero));
         assert_eq!(read(r#"{"do":"stop"}"#), Some(PageRequest::Urge(Urgent::Stop)));
-        assert_eq!(read(r#"{"record":true}"#), Some(PageRequest::Record(true)));
+        let record = |name: &str| Some(PageRequest::Record(true, [name.to_owned(), String::new()]));
+        assert_eq!(read(r#"{"record":true}"#), record(""));
+        assert_eq!(read(r#"{"record":true,"name":" a\n/../b "}"#), record("a/../b"));
+        assert_eq!(read(r#"{"mark":"here"}"#), Some(PageRequest::Mark("here".into())));
         for bad in ["{}", "[]", r#"{"set":[[3,1]]}"#, r#"{"set":[[1,null]]}"#, r#"{"do":3}"#] {
             assert_eq!(read(bad), None, "{bad}");
         }

@@ -3,7 +3,7 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{fs, io};
 
@@ -63,6 +63,13 @@ pub struct PlaceArgs {
 }
 
 impl PlaceArgs {
+    /// The record that the first argument is.
+    #[must_use]
+    pub fn record(&self) -> Option<&Path> {
+        let path = self.place.as_ref().map(Path::new);
+        path.filter(|it| it.extension().is_some_and(|it| it.eq_ignore_ascii_case("mcap")))
+    }
+
     /// The choice without the first argument.
     #[must_use]
     pub fn source(&self) -> SourceArgs {

@@ -23,7 +23,12 @@ pub(crate) struct Channel {
     pub(crate) map: BTreeMap<String, String>,
     /// Names of the numbers in its messages; `None` for other messages.
     pub(crate) columns: Option<Vec<String>>,
+    /// What its schema says of each of them.
+    pub(crate) notes: Vec<String>,
 }
+
+/// Names of numbers, and what a schema says of each.
+type Columns = (Vec<String>, Vec<String>);
 
 pub(crate) enum Item<'a> {
     Channel(u16, Channel),
@@ -108,7 +113,7 @@ fn next(file: &mut impl Read, body: &mut Vec<u8>) -> Result<(u8, u64)> {
 fn item(
     kind: u8,
     body: &[u8],
-    schemas: &mut BTreeMap<u16, Option<Vec<String>>>,
+    schemas: &mut BTreeMap<u16, Option<Columns>>,
     take: &mut impl FnMut(Item<'_>) -> Result<()>,
 ) -> Result<()> {
     let mut rest = Rest(body);
@@ -125,7 +130,9 @@ fn item(
             let (topic, encoding, map) = (rest.text()?, rest.text()?, rest.map()?);
             let columns = schemas.get(&schema).cloned().flatten();
             let columns = columns.filter(|_| encoding == "cdr");
-            take(Item::Channel(id, Channel { topic, map, columns }))
+            let (columns, notes) =
+                columns.map_or((None, Vec::new()), |(names, notes)| (Some(names), notes));
+            take(Item::Channel(id, Channel { topic, map, columns, notes }))
         }
         op::MESSAGE => {
             let (id, _, time) = (rest.number(2)? as u16, rest.number(4)?, rest.number(8)?);
@@ -183,13 +190,16 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// The names of a schema's numbers; `None` if it has other types than eight-byte numbers.
-fn columns(schema: &[u8]) -> Option<Vec<String>> {
+/// The names of a schema's numbers, and what it says of them; `None` if it has other types than eight-byte numbers.
+fn columns(schema: &[u8]) -> Option<Columns> {
     let text = std::str::from_utf8(schema).ok()?;
-    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    let lines = text.lines().map(|line| line.split_once('#').unwrap_or((line, "")));
     lines
-        .filter(|line| !line.is_empty())
-        .map(|line| line.strip_prefix("float64 ").map(|name| name.trim().to_owned()))
+        .filter(|line| !line.0.trim().is_empty())
+        .map(|(line, note)| {
+            let name = line.trim().strip_prefix("float64 ")?;
+            Some((name.trim().to_owned(), note.trim().to_owned()))
+        })
         .collect()
 }
 

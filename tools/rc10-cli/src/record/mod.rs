@@ -45,6 +45,18 @@ pub(crate) const END: &str = "rc10-end";
 /// Bytes before the fields of a message: CDR, little endian.
 pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
 
+/// The topic of what happens, and name and text of its schema.
+pub(crate) const EVENTS: &str = "/events";
+pub(crate) const EVENT: (&str, &str) = ("rc10/msg/Event", "string label\n");
+
+/// A message of a text.
+pub(crate) fn text(label: &str) -> Vec<u8> {
+    let mut bytes = CDR.to_vec();
+    bytes.extend((label.len() as u32 + 1).to_le_bytes());
+    bytes.extend(label.bytes().chain([0]));
+    bytes
+}
+
 pub(crate) fn pack(values: impl Iterator<Item = f64>, bytes: &mut Vec<u8>) {
     bytes.clear();
     bytes.extend(CDR);
@@ -328,10 +340,7 @@ impl RecordWriter {
             self.write(About::Loss, loss.lost.from, loss)?;
         }
         for event in events {
-            let mut bytes = CDR.to_vec();
-            bytes.extend((event.label.len() as u32 + 1).to_le_bytes());
-            bytes.extend(event.label.bytes().chain([0]));
-            self.file.put_bytes(self.channels[&About::Event], event.at, &bytes)?;
+            self.file.put_bytes(self.channels[&About::Event], event.at, &text(event.label))?;
         }
         let mut end = BTreeMap::from([("length_us".to_owned(), length.get().to_string())]);
         for (number, wire) in (1..).zip(wires) {
@@ -408,7 +417,7 @@ impl About {
             Self::Pose => ("/robot/pose", "Pose", all::<RobotLook>()),
             Self::Remote => ("/remote", "Remote", all::<RemoteLook>()),
             Self::Loss => ("/remote/losses", "Loss", all::<Loss>()),
-            Self::Event => ("/events", "Event", "string label\n".into()),
+            Self::Event => (EVENTS, "Event", EVENT.1.into()),
         }
     }
 }

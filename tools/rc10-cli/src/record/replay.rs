@@ -14,7 +14,8 @@ use rc10_time::Micros;
 
 use super::fields::{Named, Single};
 use super::file::{Channel, Item, walk};
-use super::{About, CDR, END, LAYOUT, VERSION, topic, topics};
+use super::{About, CDR, END, EVENTS, LAYOUT, VERSION, topic, topics};
+use crate::commands::report::label;
 use crate::record::recorder::Recorder;
 use crate::recording::look::{BusLook, Moment, MotorLook, Shaft};
 use crate::recording::problem::Problem;
@@ -133,9 +134,15 @@ pub fn replay(
             *fault = String::leak(text.clone());
         }
     }
+    let (mut events, mut marks) = (None, Vec::new());
     let cut = walk(file, |item| match item {
         Item::Channel(id, Channel { topic, columns, .. }) => {
+            events = if topic == EVENTS { Some(id) } else { events };
             state.channel(id, &topic, columns.unwrap_or_default());
+            Ok(())
+        }
+        Item::Message(id, _, bytes) if source == Source::Robot && Some(id) == events => {
+            marks.push((state.at, label(bytes)));
             Ok(())
         }
         Item::Message(id, time, bytes) => state.take(id, Micros::new(time / 1000), bytes),
@@ -146,6 +153,9 @@ pub fn replay(
     let mut recording = state.finish()?;
     recording.faults.clone_from(&kit.description.faults);
     recording.no_logs = true;
+    recording.marks = marks;
+    recording.about =
+        ["name", "note"].map(|key| end.get(key).or(heading.get(key)).cloned().unwrap_or_default());
     let cut = cut.or_else(|| end.is_empty().then(|| "its end is missing".into()));
     Ok((recording, cut))
 }

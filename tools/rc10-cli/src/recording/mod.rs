@@ -70,6 +70,10 @@ pub struct Recording {
     pub no_logs: bool,
     /// Source of the recording.
     pub source: Source,
+    /// Moments that were marked, with words.
+    pub marks: Vec<(Micros, String)>,
+    /// Name and note of the record; empty without.
+    pub about: [String; 2],
     /// Times that were not recorded; later times are nearer by their lengths.
     pub gaps: Vec<Gap>,
 }

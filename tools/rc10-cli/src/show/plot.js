@@ -86,6 +86,20 @@ const Plot = (() => {
     text(pen, unit, box.left - 6, box.top - 3, "right", "bottom");
   };
 
+  // Where there are no data.
+  const hatch = (pen, box) => inside(pen, box, () => {
+    const height = box.bottom - box.top;
+    for (let x = box.left - height; x < box.right; x += 8) stroke(pen, [[x, box.bottom], [x + height, box.top]], style("muted"), 0.5);
+  });
+  // A moment in a plot, with its words where there is room.
+  const moment = (pen, box, x, words, paint) => {
+    pen.setLineDash([3, 3]);
+    stroke(pen, [[x, box.top], [x, box.bottom]], style(paint));
+    pen.setLineDash([]);
+    pen.fillStyle = style(paint);
+    if (words) text(pen, words, x + 3, box.top + 1, "left", "top", 120);
+  };
+
   // One line through points from one number to another; it breaks where `point` has none, and where `joins` says.
   const trace = (pen, [first, last], point, { paint, width = 1.6, dash = [], stairs = false, joins = () => true }) => {
     let before = null;
@@ -121,5 +135,5 @@ const Plot = (() => {
     }));
   };
 
-  return { FONT, ticks, style, line, colour, state, restyle, open, text, stroke, inside, across, up, timeAxis, valueAxis, trace, lane };
+  return { FONT, ticks, style, line, colour, state, restyle, open, text, stroke, inside, across, up, timeAxis, valueAxis, hatch, moment, trace, lane };
 })();

@@ -66,6 +66,10 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
             1 => " and <b>1</b> RS-485 line".to_owned(),
             lines => format!(" and <b>{lines}</b> RS-485 lines"),
         },
+        about = match &recording.about {
+            [name, note] if name.is_empty() && note.is_empty() => String::new(),
+            [name, note] => format!("<p><b>{}</b> {}</p>\n", escape(name), escape(note)),
+        },
         verdict = verdict(recording, figures),
         ran = match recording.source {
             Source::Simulation => "simulated run",

@@ -8,7 +8,7 @@ function arrange(known) {
   const wanted = Array.isArray(known.chosen) ? known.chosen.filter((it) => typeof it === 'string').slice(0, 64) : [];
   const numbers = new Map(state.signals.map((it) => [it.folder + '/' + it.label + '/' + it.name, it.index]));
   chosen = new Set(wanted.filter((it) => numbers.has(it)).map((it) => numbers.get(it)));
-  if (known.span >= 0.02 && known.span <= 600) { span = known.span; $('window').value = String(span); }
+  if (known.span >= 0.02 && known.span <= 1800) { span = known.span; $('window').value = String(span); }
   if ([...$('period').options].some((it) => +it.value === known.period)) $('period').value = String(known.period);
   return wanted.filter((it) => !numbers.has(it));
 }

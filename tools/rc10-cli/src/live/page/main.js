@@ -1,12 +1,14 @@
 // The page: asks for the state, and shows it.
+let noted = { text: null, at: 0 };
 async function refresh() {
   try {
-    state = await (await fetch('state')).json() || state;
+    state = await (await fetch('state' + (state.file && end !== null ? '?at=' + Math.round(end) : ''))).json() || state;
     $('trouble').textContent = state.trouble || '';
     document.body.classList.remove('ended');
   } catch { $('trouble').textContent = 'rc10 live has ended'; document.body.classList.add('ended'); setTimeout(refresh, 1000); return; }
   $('name').textContent = state.name;
-  say('note', state.note);
+  if (state.note !== noted.text) noted = { text: state.note, at: performance.now() };
+  say('note', state.stays || performance.now() - noted.at < 10000 ? state.note : '');
   const arm = named('', 'arm');
   $('arm').textContent = arm; $('arm').className = 'pill ' + arm;
   const stick = named('', 'not_at_rest');
@@ -15,9 +17,10 @@ async function refresh() {
   $('record').textContent = state.record ? '■ ' + state.record.seconds.toFixed(0) + ' s' : '● Record';
   $('record').className = state.record ? 'on' : '';
   const losses = [['samples', 'samples lost on the way'], ['skipped', 'samples the line was too slow for'], ['damaged', 'damaged frames'], ['unknown', 'messages not understood'], ['left', 'signals without room']];
-  $('losses').textContent = losses.filter(([name]) => state.losses[name] > 0).map(([name, what]) => state.losses[name] + ' ' + what).join(' · ');
+  if (!state.file) $('losses').textContent = losses.filter(([name]) => state.losses[name] > 0).map(([name, what]) => state.losses[name] + ' ' + what).join(' · ');
   fits();
   if (state.whole && (!begun || state.declaration !== declaration)) begin();
+  time(); reports();
   tables(); parameters(); tune();
   setTimeout(refresh, 200);
 }
@@ -49,7 +52,8 @@ window.addEventListener('pagehide', () => fetch('wish', { method: 'POST', keepal
 $('window').onchange = () => { span = +$('window').value; keep(); };
 $('period').onchange = () => { watch(); keep(); };
 $('search').oninput = tree; $('find').oninput = parameters;
-$('record').onclick = () => attempt({ record: !state.record }).catch(() => {});
+$('record').onclick = record;
+$('mark').onclick = mark;
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', Plot.restyle);
 // Another device's address has a key, and may watch and stop.
 document.body.classList.toggle('guest', location.pathname !== '/');

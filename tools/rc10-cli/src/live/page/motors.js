@@ -84,11 +84,18 @@ function tables() {
   }
   const list = [state.trouble, state.stranger].filter(Boolean).map((text) => ({ text, severity: 'problem' })).concat(state.problems || []);
   const bad = list.filter((it) => it.severity === 'problem'), known = list.filter((it) => it.severity !== 'problem');
-  const items = (all) => all.map((it) => { const li = document.createElement('li'); li.className = it.severity; li.textContent = (it.about ? it.about + ': ' : '') + it.text; return li; });
-  $('problems').replaceChildren(...items(bad.length ? bad : [{ text: 'none', severity: 'none' }]));
-  $('known').replaceChildren(...items(known));
-  const lately = (state.happened || []).slice(-8).reverse();
-  $('happened').replaceChildren(...lately.map(([at, what]) => { const li = document.createElement('li'); li.textContent = at.toFixed(2) + ' s  ' + what; return li; }));
+  const items = (all) => all.map((it) => { const li = document.createElement('li'); li.className = it.severity; if (Number.isFinite(it.at)) li.append(when(it.at, it.signals)); li.append(document.createTextNode((it.about ? it.about + ': ' : '') + it.text)); return li; });
+  fill('problems', bad.length ? bad : [{ text: state.file && !state.file.judged ? 'being looked for …' : 'none', severity: 'none' }], items);
+  fill('known', known, items);
+  const lately = (state.happened || []).filter(([at]) => !state.file || at * 1e6 <= end + 1).slice(-8).reverse();
+  fill('happened', lately, (all) => all.map(([at, what]) => { const li = document.createElement('li'); li.append(when(at, []), document.createTextNode(what)); return li; }));
   $('happened').previousElementSibling.hidden = !lately.length;
   $('known').parentNode.hidden = !known.length; $('count').textContent = known.length;
+}
+
+// A list is made anew only if it changed: a button in it may be pressed.
+const filled = {};
+function fill(id, all, items) {
+  const known = JSON.stringify(all);
+  if (filled[id] !== known) { filled[id] = known; $(id).replaceChildren(...items(all)); }
 }

@@ -40,6 +40,10 @@ function draw() {
       plot.className = 'plot'; plot.dataset.unit = unit;
       plot.append(document.createElement('div'), document.createElement('canvas'));
       plot.firstChild.className = 'legend';
+      for (const [text, title, make] of [['PNG', 'Save this plot as a picture', savePicture], ['CSV', 'Save the values of this plot', saveNumbers]]) {
+        const button = document.createElement('button'); button.textContent = text; button.title = title; button.className = 'save'; button.onclick = () => make(plot);
+        plot.insertBefore(button, plot.firstChild.nextSibling);
+      }
       listen(plot.lastChild);
     }
     have.delete(unit);
@@ -84,7 +88,8 @@ function lines(plot, unit, signals) {
     const point = (i) => Number.isFinite(series.values[i]) ? [x(series.times[i]), y(series.values[i])] : null;
     Plot.trace(pen, [0, series.times.length - 1], point, { paint: Plot.colour(place), width: 1.5, dash: it.name === 'target' ? [5, 4] : [] });
   }));
-  mark(pen, box, x);
+  moments(pen, box, x, signals);
+  cross(pen, box, x);
   legend(plot, unit, signals.map((it, place) => [Plot.colour(place), (it.label + ' ' + it.name).trim(), number(at(data.get(it.index), cursor === null ? Infinity : cursor))]));
 }
 
@@ -102,11 +107,21 @@ function lanes(plot, signals) {
     Plot.lane(pen, box, x, [box.top + place * each, each - 3], (it.label + ' ' + it.name).trim(), runs);
   });
   Plot.timeAxis(pen, box, view(), false);
-  mark(pen, box, x);
+  moments(pen, box, x, signals);
+  cross(pen, box, x);
   legend(plot, 'states', cursor === null ? [] : signals.map((it) => ['transparent', (it.label + ' ' + it.name).trim(), it.states[at(data.get(it.index), cursor)] || '–']));
 }
 
-function mark(pen, box, x) { if (cursor !== null) Plot.stroke(pen, [[x(cursor), box.top], [x(cursor), box.bottom]], Plot.style('text')); }
+// What happened in the window; where one was led to; and where no data are.
+function moments(pen, box, x, signals) {
+  const begin = beginOf(signals.map((it) => it.index)) * 1e-6 - from * 1e-6;
+  if (begin > 0) Plot.hatch(pen, { ...box, right: Math.min(box.right, x(begin)) });
+  let last = -Infinity;
+  for (const [at, what, paint] of marks(view())) { const to = x(at - from * 1e-6); Plot.moment(pen, box, to, to - last > 90 ? what : '', paint); last = to - last > 90 ? to : last; }
+  if (lead !== null) Plot.stroke(pen, [[x(lead - from * 1e-6), box.top], [x(lead - from * 1e-6), box.bottom]], Plot.style('bad'), 2);
+}
+
+function cross(pen, box, x) { if (cursor !== null) Plot.stroke(pen, [[x(cursor), box.top], [x(cursor), box.bottom]], Plot.style('text')); }
 
 function listen(it) {
   const left = () => it.parentNode.dataset.unit === 'states' ? WIDE : LEFT, seconds = (event) => (event.offsetX - left()) / (it.clientWidth - left() - RIGHT) * span;
@@ -119,11 +134,11 @@ function listen(it) {
   it.onwheel = (event) => {
     event.preventDefault();
     const factor = event.deltaY > 0 ? 1.25 : 0.8, place = Math.min(1, Math.max(0, seconds(event) / span)), before = span;
-    span = Math.min(600, Math.max(0.02, span * factor));
+    span = Math.min(1800, Math.max(0.02, span * factor));
     if (end !== null) end += (span - before) * (1 - place) * 1e6;
   };
   it.ondblclick = go;
 }
 const hold = () => { if (end === null) { end = state.now; } $('pause').textContent = 'Newest'; };
-const go = () => { end = null; $('pause').textContent = 'Pause'; };
+const go = () => { lead = null; if (state.file) { seek(state.now); return; } end = null; $('pause').textContent = 'Pause'; };
 $('pause').onclick = () => end === null ? hold() : go();

@@ -27,6 +27,8 @@ $('stop').onclick = () => urge('stop');
 // Before anything else on the page gets them. Where text is typed the space bar is a space.
 const types = (it) => it && (it.tagName === 'TEXTAREA' || (it.tagName === 'INPUT' && it.type !== 'checkbox'));
 for (const kind of ['keydown', 'keyup']) window.addEventListener(kind, (event) => {
+  // A record has no robot: there the space bar plays.
+  if (state.file) return;
   const space = event.code === 'Space' && !types(event.target);
   if (space) { event.preventDefault(); event.stopPropagation(); }
   if ((space || event.key === 'Escape') && kind === 'keydown' && !event.repeat) urge('stop');
