@@ -232,7 +232,9 @@ fn a_record_becomes_a_report_without_a_terminal() {
     // A picture and the numbers of a plot.
     page.look("window.saved = []; save = (name, blob) => { blob.text().then((text) => window.saved.push([name, blob.type, blob.size, text.slice(0, 200000)])); }; \
         document.querySelectorAll('.plot:not([data-unit=states]) .save').forEach((it) => it.click())");
-    page.until("return window.saved.length >= 2");
+    page.until(
+        "return ['png', 'csv'].every((kind) => window.saved.some(([name]) => name.endsWith(kind)))",
+    );
     let saved = page.look("return window.saved.map(([name, type, size, text]) => [name.split('.').pop(), type, size > 1000, type === 'text/csv' ? text.split('\\r\\n')[0].split(',')[0] + ' ' + (text.split('\\r\\n').length > 500) : ''])");
     let has = |wanted: &Value| saved.as_array().unwrap().iter().any(|it| it == wanted);
     assert!(
