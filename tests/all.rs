@@ -16,6 +16,7 @@ mod interop_python;
 mod live;
 mod live_everywhere;
 mod live_http;
+mod live_kept;
 mod live_page;
 mod live_port;
 mod live_reach;

@@ -33,6 +33,8 @@ mod crystal;
 mod dm_mc02;
 #[path = "firmware/dma_memory.rs"]
 mod dma_memory;
+#[path = "firmware/kept.rs"]
+mod kept;
 #[path = "firmware/lift.rs"]
 mod lift_robot;
 #[path = "firmware/line.rs"]

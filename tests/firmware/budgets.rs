@@ -8,7 +8,7 @@ use rc10_emu::{Figures, Image};
 /// Static RAM and the deepest stack together, bytes.
 const RAM: u32 = 64 * 1024;
 /// Flash, bytes.
-const FLASH: u32 = 192 * 1024;
+const FLASH: u32 = 200 * 1024;
 /// Instructions of all in one second with eleven motors at 1 kHz.
 pub const SECOND: u64 = 16_000_000;
 /// Instructions of one more received frame.

@@ -14,6 +14,6 @@ pub use stm32h723::usb;
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{
     CORE_CLOCK, Crystal, CrystalState, FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, crystal,
-    cycle_count, dma, i2c, initialise, other_chip, pulse_input, pulse_output, pwm, quadrature,
-    serial, servo, spi, supervisor, voltage, watchdog,
+    cycle_count, dma, flash, i2c, initialise, other_chip, pulse_input, pulse_output, pwm,
+    quadrature, serial, servo, spi, supervisor, voltage, watchdog,
 };

@@ -8,6 +8,7 @@
 //! * [`servo`], [`pwm`] with a bound, [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
 //! * `usb`: a serial port on USB, with the feature of that name.
 //! * [`voltage`] at pins.
+//! * [`flash`]: the two sectors for what is kept.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
 //! * [`crash`]: after a panic or fault motors are made safe, the cause is kept, the chip restarts.
@@ -17,6 +18,7 @@ pub mod can;
 pub mod crash;
 mod crystal;
 pub mod dma;
+pub mod flash;
 pub mod i2c;
 pub mod pulse_input;
 pub mod pulse_output;

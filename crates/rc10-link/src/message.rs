@@ -72,6 +72,11 @@ pub enum Ask {
         /// Bytes in a millisecond; 0: unknown, and each frame is sent by itself.
         bytes: u16,
     },
+    /// Which values are kept over a power-off: some [`Tell::Kept`], from this one on.
+    Kept {
+        /// The first of them.
+        first: u16,
+    },
 }
 
 /// FNV-1a of a robot's declaration: names and places of motors, buses, lines, signals, parameters.
@@ -126,6 +131,13 @@ pub enum Action {
     ReadRegister(u8, u16),
     /// Turns a motor of a disarmed robot, tenths of rpm, for 80 ms: repeat it. Zero ends it.
     Jog(u8, i16),
+    /// Keeps all parameters that differ from the robot's table over a power-off, and what was kept for other programs.
+    /// Only while the robot is disarmed and at rest.
+    Save,
+    /// Keeps a value no longer, by its [`id`](Tell::Kept). The parameter has its own from the next start on. The same.
+    Forget(u32),
+    /// Keeps no value any longer. The same.
+    ForgetAll,
 }
 
 /// Some of a robot's signals.
@@ -259,7 +271,7 @@ pub enum Tell<'a> {
         range: [f32; 2],
         /// The value now.
         value: f32,
-        /// The value that it had at power-on.
+        /// The value in the robot's table, which it has at power-on unless another one is kept.
         initial: f32,
     },
     /// Answers a request.
@@ -272,6 +284,23 @@ pub enum Tell<'a> {
     /// Number 5 on the wire belongs to [carriers](crate::frame::CARRIER).
     #[doc(hidden)]
     Carrier,
+    /// A value that is kept over a power-off.
+    Kept {
+        /// Its number.
+        index: u16,
+        /// How many there are. Without any there is one message, whose index is 0, too.
+        of: u16,
+        /// Tells it from the others, for [`Action::Forget`].
+        id: u32,
+        /// The name of its parameter, or the end of it.
+        text: &'a str,
+        /// The value.
+        value: f32,
+        /// The number of its parameter, of a name that this robot knows.
+        parameter: Option<u16>,
+        /// Whether unit and range are as they were: else it is not used.
+        is_used: bool,
+    },
 }
 
 /// The outcome of a request.

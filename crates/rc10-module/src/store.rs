@@ -29,25 +29,56 @@ pub trait Cells {
 
     /// Erases a sector. What fails is seen when it is read.
     fn erase(&mut self, sector: u32);
+
+    /// The first word behind all that do not read as erased: the first four bytes of one that was programmed do not.
+    /// Only at the start: it looks at thousands of words.
+    fn free(&mut self, sector: u32) -> u32 {
+        let last = (0..self.words()).rev().find(|word| self.read(sector, *word) != ERASED);
+        last.map_or(0, |word| word + 1)
+    }
+}
+
+impl<C: Cells + ?Sized> Cells for &mut C {
+    fn words(&self) -> u32 {
+        (**self).words()
+    }
+
+    fn read(&mut self, sector: u32, word: u32) -> Word {
+        (**self).read(sector, word)
+    }
+
+    fn program(&mut self, sector: u32, word: u32, bytes: &Word) {
+        (**self).program(sector, word, bytes);
+    }
+
+    fn erase(&mut self, sector: u32) {
+        (**self).erase(sector);
+    }
+
+    fn free(&mut self, sector: u32) -> u32 {
+        (**self).free(sector)
+    }
 }
 
 /// What a [`Store`] has found at its start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Found {
-    /// Length of the newest snapshot, bytes; `None`: there is no snapshot.
-    pub length: Option<usize>,
+    /// Words of the newest snapshot; `None`: there is no snapshot.
+    pub length: Option<u32>,
     /// Sectors that were erased, which takes 1 to 2 s each.
     pub erased: u8,
     /// Sectors that could not be erased: they are worn out.
     pub worn: u8,
+    /// Whether a newer snapshot was there, of which a word can no longer be read.
+    pub is_damaged: bool,
 }
 
 /// Why a snapshot was not kept: the one before stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StoreError {
-    /// It has more bytes than a sector.
+    /// It has more words than a sector.
     #[error("too long for the flash")]
     TooLong,
     /// Its sector is full, and the other one is erased at the next start.
@@ -56,6 +87,9 @@ pub enum StoreError {
     /// Both sectors are worn out.
     #[error("the flash is worn out")]
     Worn,
+    /// It was given up before its end.
+    #[error("given up before its end")]
+    GivenUp,
 }
 
 /// First bytes of a mark and of a head.
@@ -67,15 +101,12 @@ const ERASED: Word = [0xFF; WORD];
 #[derive(Clone, Copy, Debug)]
 struct Head {
     sequence: u32,
+    /// Words.
     length: u32,
     sum: u32,
 }
 
 impl Head {
-    fn words(self) -> u32 {
-        words(self.length)
-    }
-
     fn bytes(self) -> Word {
         let mut word = [0; WORD];
         let own =
@@ -100,11 +131,7 @@ fn mark() -> Word {
     word
 }
 
-const fn words(bytes: u32) -> u32 {
-    bytes.div_ceil(32)
-}
-
-/// Without a table: a snapshot has a few hundred bytes.
+/// Without a table: a snapshot has some hundred bytes.
 const SUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// A store of snapshots in a flash.
@@ -114,24 +141,39 @@ pub struct Store<C> {
     place: Option<(u32, u32)>,
     /// The newest snapshot: its sector, its first word and its head.
     newest: Option<(u32, u32, Head)>,
+    /// Whether the other sector is erased.
+    has_other: bool,
 }
 
 impl<C: Cells> Store<C> {
-    /// Looks for the newest snapshot, and erases a sector that has none if it was not erased to the end.
+    /// Looks for the newest snapshot. A sector that has none is erased if it was not erased to the end, but only when a
+    /// quarter of the other one is used: each second counts. Both sectors of a new chip read as erased, and are.
     pub fn start(cells: C) -> (Self, Found) {
-        let mut store = Self { cells, place: None, newest: None };
+        let mut store = Self { cells, place: None, newest: None, has_other: false };
         let mut found = Found::default();
-        for sector in 0..2 {
-            store.search(sector);
+        let mut free = [0, 1].map(|sector| store.cells.free(sector));
+        let damaged =
+            (0..2).zip(free).filter_map(|(sector, free)| store.search(sector, free)).max();
+        found.is_damaged = damaged > store.newest.map(|(.., head)| head.sequence);
+        found.length = store.newest.map(|(.., head)| head.length);
+        if free == [0, 0] {
+            store.cells.program(0, 0, &mark());
+            free[0] = u32::from(store.is_marked(0));
         }
-        found.length = store.newest.map(|(.., head)| head.length as usize);
-        let used = store.newest.map(|(sector, ..)| sector);
+        // Without a snapshot it is the first that was erased to the end, whatever a cut save left in it.
+        let marked = (0..2).find(|sector| store.is_marked(*sector));
+        let used = store.newest.map(|(sector, ..)| sector).or(marked);
         if let Some(sector) = used {
+            let free = free[sector as usize];
             // A word that was being programmed when the power went may only look erased.
-            store.place = Some((sector, store.free(sector) + 1));
+            store.place = Some((sector, if free == 1 { 1 } else { free + 1 }));
+            if free <= store.cells.words() / 4 {
+                return (store, found);
+            }
         }
         for sector in (0..2).filter(|sector| Some(*sector) != used) {
-            let is_ready = |store: &mut Self| store.is_marked(sector) && store.free(sector) == 1;
+            let is_ready =
+                |store: &mut Self| store.is_marked(sector) && store.cells.free(sector) == 1;
             if !is_ready(&mut store) {
                 if store.is_marked(sector) {
                     // Not to be taken for erased if the power goes meanwhile.
@@ -139,7 +181,7 @@ impl<C: Cells> Store<C> {
                 }
                 store.cells.erase(sector);
                 found.erased += 1;
-                if store.free(sector) == 0 {
+                if store.cells.free(sector) == 0 {
                     store.cells.program(sector, 0, &mark());
                 }
                 if !is_ready(&mut store) {
@@ -147,7 +189,9 @@ impl<C: Cells> Store<C> {
                     continue;
                 }
             }
-            if store.place.is_none() {
+            if store.place.is_some() {
+                store.has_other = true;
+            } else {
                 store.place = Some((sector, 1));
                 break;
             }
@@ -159,90 +203,98 @@ impl<C: Cells> Store<C> {
         self.cells.read(sector, 0) == mark()
     }
 
-    /// The first word behind all that are not erased.
-    fn free(&mut self, sector: u32) -> u32 {
-        let words = self.cells.words();
-        let last = (0..words).rev().find(|word| self.cells.read(sector, *word) != ERASED);
-        last.map_or(0, |word| word + 1)
-    }
-
-    fn search(&mut self, sector: u32) {
+    /// Looks for the newest snapshot before the first free word. Returns the sequence of the newest that is not whole.
+    fn search(&mut self, sector: u32, free: u32) -> Option<u32> {
+        let mut damaged = None;
         if !self.is_marked(sector) {
-            return;
+            return damaged;
         }
-        for at in (1..self.cells.words()).rev() {
+        for at in (1..free).rev() {
             let Some(head) = Head::of(&self.cells.read(sector, at)) else { continue };
             let is_newer = self.newest.is_none_or(|(.., newest)| head.sequence > newest.sequence);
-            let Some(first) = at.checked_sub(head.words()).filter(|first| *first > 0) else {
+            let Some(first) = at.checked_sub(head.length).filter(|first| *first > 0) else {
                 continue;
             };
-            if is_newer && self.sum_of(sector, first, head.length) == head.sum {
+            if self.sum_of(sector, first, head.length) != head.sum {
+                damaged = damaged.max(Some(head.sequence));
+            } else if is_newer {
                 self.newest = Some((sector, first, head));
-                return;
+                break;
             }
         }
+        damaged
     }
 
     fn sum_of(&mut self, sector: u32, first: u32, length: u32) -> u32 {
         let mut digest = SUM.digest();
-        let mut rest = length as usize;
-        for word in first..first + words(length) {
-            digest.update(&self.cells.read(sector, word)[..rest.min(WORD)]);
-            rest = rest.saturating_sub(WORD);
+        for word in first..first + length {
+            digest.update(&self.cells.read(sector, word));
         }
         digest.finalize()
     }
 
-    /// Copies the newest snapshot out; `None` without one, or if it is longer.
-    pub fn load<'a>(&mut self, to: &'a mut [u8]) -> Option<&'a [u8]> {
-        let (sector, first, head) = self.newest?;
-        let to = to.get_mut(..head.length as usize)?;
-        for (word, bytes) in (first..).zip(to.chunks_mut(WORD)) {
-            bytes.copy_from_slice(&self.cells.read(sector, word)[..bytes.len()]);
-        }
-        Some(to)
+    /// The number of words of the newest snapshot.
+    pub fn len(&self) -> u32 {
+        self.newest.map_or(0, |(.., head)| head.length)
     }
 
-    /// Keeps a snapshot; when it returns, a cut of power no longer loses it. It takes a word each for 32 bytes, and one.
+    /// Whether the newest snapshot has no words, or there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// A word of the newest snapshot; `None` behind its last.
+    pub fn word(&mut self, at: u32) -> Option<Word> {
+        let (sector, first, head) = self.newest?;
+        (at < head.length).then(|| self.cells.read(sector, first + at))
+    }
+
+    /// Keeps a snapshot of the words that `next` gives, by their number, up to `None`; the one before can be read
+    /// meanwhile. When it returns, a cut of power no longer loses it. Before each word, and one behind them, it waits
+    /// until `moment` says whether it goes on. It may begin anew, and asks for all words again then.
     ///
     /// # Errors
-    /// If there is no room: the snapshot before stands.
-    pub fn save(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
-        let length = u32::try_from(bytes.len()).map_err(|_| StoreError::TooLong)?;
-        let count = words(length);
-        if count + 2 > self.cells.words() {
-            return Err(StoreError::TooLong);
-        }
+    /// If there is no room, or it was given up: the snapshot before stands.
+    pub async fn save(
+        &mut self,
+        mut next: impl FnMut(&mut Self, u32) -> Option<Word>,
+        mut moment: impl AsyncFnMut() -> bool,
+    ) -> Result<(), StoreError> {
         let (mut sector, mut first) = self.place.ok_or(StoreError::Worn)?;
-        let sequence = self.newest.map_or(0, |(.., head)| head.sequence + 1);
-        let head = Head { sequence, length, sum: SUM.checksum(bytes) };
+        let sequence = self.newest.map_or(0, |(.., head)| head.sequence.wrapping_add(1));
+        let (mut length, mut digest) = (0, SUM.digest());
         loop {
-            if first + count + 1 > self.cells.words() {
+            if first + length >= self.cells.words() {
                 let other = 1 - sector;
-                if !self.is_marked(other) || self.free(other) != 1 {
+                if first == 1 {
+                    return Err(StoreError::TooLong);
+                }
+                if !core::mem::take(&mut self.has_other) {
                     return Err(StoreError::Full);
                 }
-                (sector, first) = (other, 1);
+                (sector, first, length, digest) = (other, 1, 0, SUM.digest());
             }
-            let body = bytes.chunks(WORD).map(|bytes| {
-                let mut word = ERASED;
-                word[..bytes.len()].copy_from_slice(bytes);
-                word
+            let body = next(self, length);
+            let word = body.unwrap_or_else(|| {
+                Head { sequence, length, sum: digest.clone().finalize() }.bytes()
             });
-            let all = (first..).zip(body.chain([head.bytes()]));
-            let bad = all.into_iter().find(|(at, word)| {
-                self.cells.program(sector, *at, word);
-                self.cells.read(sector, *at) != *word
-            });
-            match bad {
+            if !moment().await {
+                return Err(StoreError::GivenUp);
+            }
+            self.cells.program(sector, first + length, &word);
+            self.place = Some((sector, first + length + 1));
+            if self.cells.read(sector, first + length) != word {
                 // It only looked erased.
-                Some((at, _)) => first = at + 1,
-                None => {
-                    self.newest = Some((sector, first, head));
-                    self.place = Some((sector, first + count + 1));
-                    return Ok(());
-                }
+                (first, length, digest) = (first + length + 1, 0, SUM.digest());
+                continue;
             }
+            if body.is_none() {
+                let head = Head { sequence, length, sum: digest.finalize() };
+                self.newest = Some((sector, first, head));
+                return Ok(());
+            }
+            digest.update(&word);
+            length += 1;
         }
     }
 

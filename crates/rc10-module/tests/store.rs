@@ -1,110 +1,27 @@
 //! The store of snapshots: any cut of power leaves the old one or the new one, whole.
 
-use rc10_module::store::{Cells, Found, Store, StoreError, WORD, Word};
+use embassy_futures::block_on;
+use rc10_module::store::{Found, Store, StoreError, WORD, Word};
 use rc10_sim::Random;
 
-/// How a word is.
-#[derive(Clone, Copy, PartialEq, Debug)]
-enum Cell {
-    Erased,
-    /// It reads as erased, and takes no word.
-    Weak,
-    Whole(Word),
-    /// Its code does not fit.
-    Torn,
+mod flash;
+
+use flash::{Cell, Flash};
+
+const OWN: Word = [9; WORD];
+
+fn snapshot(random: &mut Random) -> Vec<Word> {
+    let length = random.index(7);
+    (0..length).map(|_| std::array::from_fn(|_| random.bits().to_le_bytes()[0])).collect()
 }
 
-/// A flash whose power goes at an operation, in the middle of it.
-#[derive(Clone)]
-struct Flash {
-    sectors: [Vec<Cell>; 2],
-    /// Operations until then; an erase is one for each word of its sector.
-    left: u64,
-    done: u64,
-    random: Random,
-    worn: [bool; 2],
+fn save(store: &mut Store<Flash>, words: &[Word]) -> Result<(), StoreError> {
+    block_on(store.save(|_, at| words.get(at as usize).copied(), async || true))
 }
 
-impl Flash {
-    fn new(words: usize, seed: u64) -> Self {
-        let sectors = [vec![Cell::Erased; words], vec![Cell::Erased; words]];
-        Self { sectors, left: u64::MAX, done: 0, random: Random::new(seed), worn: [false; 2] }
-    }
-
-    /// Whether the next operation is done; one that is cut is torn.
-    fn goes_on(&mut self) -> Option<bool> {
-        self.done += 1;
-        self.left = self.left.checked_sub(1)?;
-        Some(self.left > 0)
-    }
-
-    fn torn(&mut self, before: Cell, goal: Cell) -> Cell {
-        match self.random.below(5) {
-            0 => before,
-            1 => goal,
-            2 if before == Cell::Erased || goal == Cell::Erased => Cell::Weak,
-            _ => Cell::Torn,
-        }
-    }
-}
-
-impl Cells for Flash {
-    fn words(&self) -> u32 {
-        u32::try_from(self.sectors[0].len()).unwrap()
-    }
-
-    fn read(&mut self, sector: u32, word: u32) -> Word {
-        match self.sectors[sector as usize][word as usize] {
-            _ if self.left == 0 => [0; WORD],
-            Cell::Erased | Cell::Weak => [0xFF; WORD],
-            Cell::Whole(word) => word,
-            Cell::Torn => [0; WORD],
-        }
-    }
-
-    fn program(&mut self, sector: u32, word: u32, bytes: &Word) {
-        let before = self.sectors[sector as usize][word as usize];
-        let goal = match before {
-            Cell::Erased => Cell::Whole(*bytes),
-            Cell::Whole(old) if old == *bytes => before,
-            Cell::Weak | Cell::Whole(_) | Cell::Torn => Cell::Torn,
-        };
-        let after = match self.goes_on() {
-            None => before,
-            Some(true) => goal,
-            Some(false) => self.torn(before, goal),
-        };
-        self.sectors[sector as usize][word as usize] = after;
-    }
-
-    fn erase(&mut self, sector: u32) {
-        if self.worn[sector as usize] {
-            return;
-        }
-        // All words change at once: the cut is somewhere in it.
-        let steps = self.sectors[sector as usize].len() as u64;
-        let is_whole = self.left > steps;
-        self.done += steps;
-        if self.left == 0 {
-            return;
-        }
-        for word in 0..self.sectors[sector as usize].len() {
-            let before = self.sectors[sector as usize][word];
-            let after = if is_whole { Cell::Erased } else { self.torn(before, Cell::Erased) };
-            self.sectors[sector as usize][word] = after;
-        }
-        self.left = self.left.saturating_sub(steps);
-    }
-}
-
-fn snapshot(random: &mut Random) -> Vec<u8> {
-    let length = random.index(6 * WORD);
-    (0..length).map(|_| random.bits().to_le_bytes()[0]).collect()
-}
-
-fn newest(store: &mut Store<Flash>) -> Option<Vec<u8>> {
-    let mut bytes = [0; 8 * WORD];
-    store.load(&mut bytes).map(<[u8]>::to_vec)
+/// The newest snapshot; no words are none.
+fn newest(store: &mut Store<Flash>) -> Vec<Word> {
+    (0..store.len()).map(|at| store.word(at).unwrap()).collect()
 }
 
 /// The power comes back.
@@ -114,7 +31,7 @@ fn start(mut flash: Flash) -> (Store<Flash>, Found) {
 }
 
 /// Saves, with a cut at an operation; the flash after it, and how many operations it takes without a cut.
-fn save_with_cut(flash: &Flash, bytes: &[u8], at: u64, seed: u64) -> Flash {
+fn save_with_cut(flash: &Flash, words: &[Word], at: u64, seed: u64) -> Flash {
     let mut flash = flash.clone();
     (flash.left, flash.random) = (u64::MAX, Random::new(seed));
     let (mut store, _) = Store::start(flash);
@@ -122,7 +39,7 @@ fn save_with_cut(flash: &Flash, bytes: &[u8], at: u64, seed: u64) -> Flash {
     cells.left = at;
     // It was started already, and nothing is to be erased: the cut is in the save.
     (store, _) = Store::start(cells);
-    let _ = store.save(bytes);
+    let _ = save(&mut store, words);
     store.into_cells()
 }
 
@@ -130,17 +47,18 @@ fn save_with_cut(flash: &Flash, bytes: &[u8], at: u64, seed: u64) -> Flash {
 fn what_was_saved_is_there_after_every_start() {
     let mut random = Random::new(1);
     let mut flash = Flash::new(64, 1);
-    let mut expected = None;
+    let mut expected = Vec::new();
     let mut erased = 0;
     for _ in 0..2_000 {
         let (mut store, found) = start(flash);
         assert_eq!(newest(&mut store), expected);
-        assert_eq!(found.length, expected.as_ref().map(Vec::len));
+        assert_eq!(found.length.unwrap_or(0) as usize, expected.len());
+        assert!(!found.is_damaged);
         erased += u32::from(found.erased);
-        let bytes = snapshot(&mut random);
-        store.save(&bytes).unwrap();
-        assert_eq!(newest(&mut store), Some(bytes.clone()), "and at once");
-        expected = Some(bytes);
+        let words = snapshot(&mut random);
+        save(&mut store, &words).unwrap();
+        assert_eq!(newest(&mut store), words, "and at once");
+        expected = words;
         flash = store.into_cells();
     }
     println!("{erased} erased sectors for 2,000 saves");
@@ -153,7 +71,7 @@ fn a_cut_leaves_the_old_snapshot_or_the_new_one() {
     let mut random = Random::new(2);
     let mut flash = Flash::new(32, 2);
     let (mut cuts, mut second, mut lost) = (0, 0, 0);
-    let mut old: Option<Vec<u8>> = None;
+    let mut old = Vec::new();
     for round in 0..10_000 {
         // At the start: of what is erased there.
         let mut fresh = flash.clone();
@@ -168,17 +86,17 @@ fn a_cut_leaves_the_old_snapshot_or_the_new_one() {
             assert_eq!(newest(&mut store), old, "round {round}, start cut at {at}");
             cuts += 1;
         }
-        let bytes = snapshot(&mut random);
+        let words = snapshot(&mut random);
         let mut whole = ready.clone();
         whole.done = 0;
         let (mut store, _) = Store::start(whole);
-        store.save(&bytes).unwrap();
+        save(&mut store, &words).unwrap();
         let whole = store.into_cells();
         for at in 1..=whole.done {
-            let cut = save_with_cut(&ready, &bytes, at, random.bits());
+            let cut = save_with_cut(&ready, &words, at, random.bits());
             let (mut store, _) = start(cut.clone());
             let kept = newest(&mut store);
-            assert!(kept == old || kept.as_ref() == Some(&bytes), "round {round}, cut at {at}");
+            assert!(kept == old || kept == words, "round {round}, cut at {at}");
             cuts += 1;
             lost += u32::from(kept == old);
             // Another save, cut too, at any place: a start in between, or none.
@@ -188,14 +106,14 @@ fn a_cut_leaves_the_old_snapshot_or_the_new_one() {
                 let cut = save_with_cut(&cut, &next, at, random.bits());
                 let (mut store, _) = start(cut);
                 let after = newest(&mut store);
-                assert!(after == kept || after.as_ref() == Some(&next), "round {round}, second");
+                assert!(after == kept || after == next, "round {round}, second");
                 // It takes the next one all the same.
-                assert_eq!(store.save(&bytes), Ok(()));
-                assert_eq!(newest(&mut store).as_ref(), Some(&bytes));
+                assert_eq!(save(&mut store, &words), Ok(()));
+                assert_eq!(newest(&mut store), words);
                 second += 1;
             }
         }
-        (flash, old) = (whole, Some(bytes));
+        (flash, old) = (whole, words);
     }
     println!("{cuts} cuts, {lost} of them left the old snapshot; {second} second cuts");
     assert!(cuts > 50_000 && second > 50_000 && lost > 1_000);
@@ -217,10 +135,10 @@ fn foreign_content_is_no_snapshot() {
             }
         }
         let (mut store, found) = start(flash);
-        assert_eq!((found.length, newest(&mut store)), (None, None));
-        store.save(b"own").unwrap();
+        assert_eq!((found.length, newest(&mut store)), (None, vec![]));
+        save(&mut store, &[OWN]).unwrap();
         let (mut store, _) = start(store.into_cells());
-        assert_eq!(newest(&mut store), Some(b"own".to_vec()));
+        assert_eq!(newest(&mut store), [OWN]);
     }
 }
 
@@ -228,13 +146,13 @@ fn foreign_content_is_no_snapshot() {
 #[test]
 fn a_snapshot_that_rots_is_not_used() {
     let mut store = start(Flash::new(64, 1)).0;
-    store.save(b"old").unwrap();
-    store.save(&[5; 3 * WORD]).unwrap();
+    save(&mut store, &[OWN]).unwrap();
+    save(&mut store, &[[5; WORD]; 3]).unwrap();
     let mut flash = store.into_cells();
     let at = flash.sectors[0].iter().position(|cell| *cell == Cell::Whole([5; WORD])).unwrap();
     flash.sectors[0][at + 1] = Cell::Torn;
-    let (mut store, _) = start(flash);
-    assert_eq!(newest(&mut store), Some(b"old".to_vec()));
+    let (mut store, found) = start(flash);
+    assert_eq!((newest(&mut store), found.is_damaged), (vec![OWN], true));
 }
 
 #[test]
@@ -245,18 +163,64 @@ fn a_worn_sector_is_told_and_the_other_one_serves() {
     let (mut store, found) = start(flash);
     assert_eq!(found.worn, 1);
     let mut saved = 0;
-    while store.save(&[7; 40]).is_ok() {
+    while save(&mut store, &[[7; WORD]; 2]).is_ok() {
         saved += 1;
     }
     assert!(saved > 8, "{saved}");
-    assert_eq!(store.save(&[7; 40]), Err(StoreError::Full));
+    assert_eq!(save(&mut store, &[[7; WORD]; 2]), Err(StoreError::Full));
     let (mut store, found) = start(store.into_cells());
-    assert_eq!((found.worn, newest(&mut store)), (1, Some(vec![7; 40])));
-    assert_eq!(store.save(&[8; 40]), Err(StoreError::Full), "what is there stays");
+    assert_eq!((found.worn, newest(&mut store)), (1, vec![[7; WORD]; 2]));
+    assert_eq!(save(&mut store, &[[8; WORD]; 2]), Err(StoreError::Full), "what is there stays");
     let mut flash = store.into_cells();
     flash.sectors[1].fill(Cell::Torn);
     flash.worn = [true; 2];
     let (mut store, found) = start(flash);
-    assert_eq!((found.worn, store.save(&[1])), (2, Err(StoreError::Worn)));
-    assert_eq!(store.save(&[0; 32 * WORD]), Err(StoreError::TooLong));
+    assert_eq!((found.worn, save(&mut store, &[OWN])), (2, Err(StoreError::Worn)));
+}
+
+#[test]
+fn what_does_not_fit_is_refused_and_what_was_given_up_leaves_the_one_before() {
+    let mut store = start(Flash::new(32, 1)).0;
+    assert_eq!(save(&mut store, &[OWN; 31]), Err(StoreError::TooLong));
+    let mut store = start(store.into_cells()).0;
+    save(&mut store, &[OWN]).unwrap();
+    for end in 0..=3 {
+        let mut left = end;
+        let moment = async || {
+            left -= 1;
+            left >= 0
+        };
+        let outcome = block_on(store.save(|_, at| (at < 2).then_some([3; WORD]), moment));
+        let is_whole = end == 3;
+        assert_eq!(outcome, if is_whole { Ok(()) } else { Err(StoreError::GivenUp) });
+        assert_eq!(newest(&mut store).len(), if is_whole { 2 } else { 1 });
+        let again = start(store.into_cells()).0;
+        store = again;
+    }
+}
+
+/// A chip that was never used, or wholly erased, begins without the seconds of an erase.
+#[test]
+fn a_new_chip_is_ready_at_once() {
+    let (mut store, found) = start(Flash::new(64, 1));
+    assert_eq!((found.erased, found.length), (0, None));
+    save(&mut store, &[OWN]).unwrap();
+    // The other sector, once, when it is to be needed.
+    let mut erased = Vec::new();
+    for _ in 0..20 {
+        let (again, found) = start(store.into_cells());
+        (store, erased) = (again, [erased, vec![found.erased]].concat());
+        save(&mut store, &[OWN]).unwrap();
+    }
+    assert_eq!(erased.iter().position(|count| *count > 0), Some(5));
+    assert_eq!(erased.iter().map(|count| u32::from(*count)).sum::<u32>(), 1);
+    // A first save that was cut leaves the sector as it is.
+    let mut flash = start(Flash::new(64, 1)).0.into_cells();
+    flash.left = 1;
+    let mut store = Store::start(flash).0;
+    let _ = save(&mut store, &[OWN; 3]);
+    let (mut store, found) = start(store.into_cells());
+    assert_eq!((found.erased, store.len()), (0, 0));
+    save(&mut store, &[OWN; 3]).unwrap();
+    assert_eq!(newest(&mut start(store.into_cells()).0), [OWN; 3]);
 }

@@ -62,6 +62,8 @@ const SUSPENDED: u8 = 4;
 const OVERLOAD: u8 = 5;
 const CLOCK: u8 = 6;
 const CHIP: u8 = 7;
+/// Disarmed until [`ArmSwitch::allow`]: [`Unfit::Parameters`].
+const PARAMETERS: u8 = 8;
 
 /// Why a robot cannot be armed until it is started again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -76,6 +78,9 @@ pub enum Unfit {
     /// The program is for another chip.
     #[error("the program is for another chip")]
     Chip,
+    /// The kept parameters have not been taken over yet, or one that the robot must have is not kept.
+    #[error("a parameter that it must have is not kept")]
+    Parameters,
 }
 
 /// Why [`ArmSwitch::arm`] was refused.
@@ -106,7 +111,7 @@ impl ArmSwitch {
     pub fn state(&self) -> ArmState {
         match self.load() {
             ARMED => ArmState::Armed,
-            DISARMED | OVERLOAD | CLOCK | CHIP => ArmState::Disarmed,
+            DISARMED | OVERLOAD | CLOCK | CHIP | PARAMETERS => ArmState::Disarmed,
             SUSPENDED => ArmState::Suspended,
             _ => ArmState::EStopped,
         }
@@ -125,14 +130,27 @@ impl ArmSwitch {
         }
     }
 
-    /// Disarms the robot until it is started again, because it is unsafe. The first reason stays.
+    /// Disarms the robot until it is started again, because it is unsafe. The first reason stays, but
+    /// [`Unfit::Parameters`], which [`allow`](Self::allow) ends.
     pub fn forbid(&self, why: Unfit) {
         let unfit = match why {
             Unfit::Overload => OVERLOAD,
             Unfit::Clock => CLOCK,
             Unfit::Chip => CHIP,
+            Unfit::Parameters => PARAMETERS,
         };
-        self.always(|_| unfit);
+        self.update(&|word| {
+            let state = state_of(word);
+            (state < OVERLOAD || state == PARAMETERS).then(|| with(word, unfit))
+        });
+    }
+
+    /// Ends [`Unfit::Parameters`]: the robot is disarmed, or stopped if it was ever stopped.
+    pub fn allow(&self) {
+        self.update(&|word| {
+            let free = if word < ONE_STOP { DISARMED } else { STOPPED_OFF };
+            (state_of(word) == PARAMETERS).then(|| with(word, free))
+        });
     }
 
     /// Why the robot cannot be armed, if it cannot.
@@ -141,6 +159,7 @@ impl ArmSwitch {
             OVERLOAD => Some(Unfit::Overload),
             CLOCK => Some(Unfit::Clock),
             CHIP => Some(Unfit::Chip),
+            PARAMETERS => Some(Unfit::Parameters),
             _ => None,
         }
     }
@@ -166,9 +185,14 @@ impl ArmSwitch {
     pub fn emergency_stop(&self) {
         self.update(&|word| {
             let state = state_of(word);
-            let stopped =
-                if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF };
-            (state < OVERLOAD).then(|| with(word.wrapping_add(ONE_STOP), stopped))
+            let stopped = match state {
+                ARMED | STOPPED | SUSPENDED => STOPPED,
+                // The count tells `allow`.
+                PARAMETERS => PARAMETERS,
+                _ => STOPPED_OFF,
+            };
+            let is_unfit = state >= OVERLOAD && state != PARAMETERS;
+            (!is_unfit).then(|| with(word.wrapping_add(ONE_STOP), stopped))
         });
     }
 
@@ -356,6 +380,32 @@ mod tests {
         switch.disarm();
         switch.resume();
         assert_eq!(switch.state(), ArmState::Disarmed);
+    }
+
+    /// Parameters are taken over in the first milliseconds: what forbids arming besides stays, and so does a stop.
+    #[test]
+    fn a_robot_that_waits_for_its_parameters_is_allowed_later() {
+        let switch = ArmSwitch::new();
+        switch.allow();
+        switch.forbid(Unfit::Parameters);
+        for step in [ArmSwitch::disarm, ArmSwitch::suspend, ArmSwitch::resume, ArmSwitch::reset] {
+            step(&switch);
+            assert_eq!(switch.arm(), Err(ArmError::Unfit(Unfit::Parameters)));
+            assert_eq!(switch.for_motors(), ArmState::Disarmed);
+        }
+        switch.allow();
+        assert_eq!((switch.arm(), switch.state()), (Ok(()), ArmState::Armed));
+        let switch = ArmSwitch::new();
+        switch.forbid(Unfit::Parameters);
+        switch.emergency_stop();
+        switch.allow();
+        assert_eq!((switch.state(), switch.arm()), (ArmState::EStopped, Err(ArmError::EStopped)));
+        let switch = ArmSwitch::new();
+        switch.forbid(Unfit::Parameters);
+        switch.forbid(Unfit::Clock);
+        switch.forbid(Unfit::Parameters);
+        switch.allow();
+        assert_eq!(switch.arm(), Err(ArmError::Unfit(Unfit::Clock)));
     }
 
     #[test]

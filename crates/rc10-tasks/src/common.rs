@@ -13,6 +13,7 @@ use rc10_motor::{ArmSwitch, Names, Target, TargetError};
 use rc10_time::Micros;
 
 use crate::arming::{Arming, Axis};
+use crate::live::KeptState;
 use crate::program::MOST_SERIALS;
 use crate::status::RobotStatus;
 use crate::supply::Supply;
@@ -40,6 +41,8 @@ pub struct Common<'p, N: Names, OWN = ()> {
     /// Cycles of the core that a tick of the buses takes, on a chip that counts its cycles: a run
     /// is a tick.
     pub bus_cycles: Option<&'p Cycles>,
+    /// What is to be told of kept parameters.
+    pub kept: Latest<KeptState, 1>,
     /// Changes of parameters by PCs.
     pub changes: Changes,
     /// The heading of the robot in the world, by its IMU: [`heading`](crate::heading) says from where that counts.
@@ -126,6 +129,7 @@ impl<'p, N: Names, OWN: Default> Common<'p, N, OWN> {
             refused: Latest::new(),
             status: Topic::new(),
             bus_cycles: None,
+            kept: Latest::new(),
             changes: Changes::new(),
             heading: Latest::new(),
             has_imu: AtomicBool::new(false),

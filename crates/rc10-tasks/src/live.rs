@@ -10,8 +10,9 @@
 //! says how much the line carries gets every sample of its first group, and all else in pieces between.
 //!
 //! **A PC never arms the robot.** It may stop and disarm the robot, and change what a
-//! [`Parameter`] allows. A parameter has its value until power-off.
+//! [`Parameter`] allows. A parameter has its value until power-off, or longer if it is [`Kept`].
 
+mod kept;
 mod own;
 mod parameters;
 mod signals;
@@ -43,7 +44,10 @@ use rc10_motor::{ArmState, ArmSwitch, Names, Request, RequestError, Response, Sl
 use crate::arming::Axis;
 use crate::common::{Changes, Common};
 
+use kept::Order;
+pub use kept::{Kept, KeptState};
 pub use own::{Contact, Live, Mechanism, Parameter, Signal};
+pub(crate) use parameters::changed;
 use parameters::{Change, Refusal, parameter, parameters, set};
 use signals::{sample, signal, signals, signals_of};
 
@@ -74,6 +78,8 @@ pub struct RobotView<'r> {
     cycles: Option<&'r Cycles>,
     changes: &'r Changes,
     not_at_rest: &'r Latest<Option<Axis>, 1>,
+    kept: Option<&'r Kept>,
+    kept_state: &'r Latest<KeptState, 1>,
     own: &'r dyn Live,
     declaration: Declaration,
 }
@@ -100,9 +106,17 @@ impl<'r> RobotView<'r> {
             cycles: shared.bus_cycles,
             changes: &shared.changes,
             not_at_rest: &shared.not_at_rest,
+            kept: None,
+            kept_state: &shared.kept,
             own,
             declaration: declaration(N::SLOTS, [N::BUSES.len(), N::LINES.into()], own),
         }
+    }
+
+    /// With a place where parameters are kept.
+    #[must_use]
+    pub fn with_kept(self, kept: &'r Kept) -> Self {
+        Self { kept: Some(kept), ..self }
     }
 
     fn motor(&self, number: usize) -> Option<MotorPort<'r>> {
@@ -142,9 +156,10 @@ struct State {
     is_asked: Cell<bool>,
     /// Whether a greeting has arrived and is not answered yet.
     is_greeted: Cell<bool>,
-    /// The signals, and the parameters, that are still to be told of.
+    /// The signals, the parameters, and the kept values, that are still to be told of.
     signals: Cell<Range>,
     parameters: Cell<Range>,
+    kept: Cell<Range>,
     jobs: Channel<NoopRawMutex, (u16, Job), WAITING>,
     answers: Channel<NoopRawMutex, (u16, Answer), WAITING>,
     /// The newest jog: the time in it, and its number.
@@ -164,6 +179,7 @@ enum Job {
     Ask(u8, Request),
     /// Asked for at this time.
     Jog(u8, Rpm, Instant),
+    Keep(Order),
 }
 
 #[derive(Clone, Copy)]
@@ -206,6 +222,7 @@ impl<W: Write> Link<W> {
             is_greeted: Cell::new(false),
             signals: Cell::new((0, 0)),
             parameters: Cell::new((0, 0)),
+            kept: Cell::new((0, 0)),
             jobs: Channel::new(),
             answers: Channel::new(),
             jogged: Cell::new((0, 0)),
@@ -240,7 +257,7 @@ impl<W: Write> Link<W> {
             }
         };
         let hear = |ask, _| state.hear(ask, robot, grid);
-        join3(listen(reader, FromPc, &state.reception, hear), state.work(robot), send).await;
+        join3(listen(reader, FromPc, &state.reception, hear), state.work(robot, grid), send).await;
     }
 
     async fn put(&self, bytes: &[u8]) {
@@ -279,6 +296,10 @@ impl State {
         match ask {
             Ask::Signals { first } => self.signals.set(page(first, signals(robot))),
             Ask::Parameters { first } => self.parameters.set(page(first, parameters(robot))),
+            Ask::Kept { first } => {
+                let count = robot.kept.and_then(Kept::count).unwrap_or(0);
+                self.kept.set(page(first, count.max(1)));
+            }
             Ask::Watch { group, period, signals } => {
                 let now = Instant::now().saturating_duration_since(grid);
                 self.watch(group, period, signals, now.as_micros());
@@ -329,6 +350,9 @@ impl State {
                 self.is_news(id, heard, tenths)?;
                 Job::Jog(motor, jog(robot, motor, tenths)?, Instant::now())
             }
+            Action::Save => Job::Keep(Order::Save),
+            Action::Forget(id) => Job::Keep(Order::Forget(id)),
+            Action::ForgetAll => Job::Keep(Order::ForgetAll),
             _ => return Err(Refusal::UNKNOWN),
         })
     }
@@ -392,8 +416,11 @@ impl State {
         self.is_asked.set(true);
     }
 
-    /// Does one after the other what takes its time.
-    async fn work(&self, robot: &RobotView<'_>) {
+    /// Does one after the other what takes its time, first of all what is kept.
+    async fn work(&self, robot: &RobotView<'_>, grid: Instant) {
+        if let Some(kept) = robot.kept {
+            kept.apply(robot).await;
+        }
         loop {
             let (id, job) = self.jobs.receive().await;
             let outcome = match job {
@@ -404,6 +431,10 @@ impl State {
                     Err(Refusal::BUSY)
                 }
                 Job::Jog(motor, speed, _) => ask(robot, motor, Request::Jog(speed)).await,
+                Job::Keep(order) => match robot.kept {
+                    Some(kept) => kept.carry_out(order, robot, grid).await.map(|()| Answer::Done),
+                    None => Err(Refusal::NOWHERE),
+                },
             };
             self.answer(id, outcome.unwrap_or_else(Answer::Refused));
             self.wake.signal(());
@@ -476,6 +507,10 @@ impl State {
         if self.is_asked.get() {
             if let Some(tell) = self.tell(robot) {
                 frame.message(&tell);
+                return true;
+            }
+            if let Some(index) = pop(&self.kept) {
+                kept::tell(index, robot, |tell| frame.message(tell));
                 return true;
             }
             self.is_asked.set(false);

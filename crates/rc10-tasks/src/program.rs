@@ -128,6 +128,10 @@ pub trait Program: Declared {
     /// Bits a second at the console: 921,600, which every USB adapter can, or 2,000,000.
     const CONSOLE: u32 = 921_600;
 
+    /// Parameters that must be kept, or the robot cannot be armed: `label` of its own, `label name` of a motor's, as
+    /// `"lift left limit"`.
+    const MUST_HAVE: &'static [&'static str] = &[];
+
     /// The robot's tasks, which do not end: several of them by `join`.
     fn run(shared: &Common<'_, Self::Name, Self::Own>) -> impl Future<Output = Never>;
 }

@@ -16,7 +16,7 @@ use rc10_time::{Micros, Timing};
 
 use crate::arming::Axis;
 use crate::common::Common;
-use crate::live::Live;
+use crate::live::{KeptState, Live, changed};
 use crate::program::MOST_SERIALS;
 use crate::supply::{OLDEST_SUPPLY, Supply};
 
@@ -31,6 +31,10 @@ pub struct RobotStatus<N> {
     pub unfit: Option<Unfit>,
     /// The axis that was not at rest when the remote was to arm the robot.
     pub not_at_rest: Option<Axis>,
+    /// Parameters that differ from the robot's table.
+    pub changed: u16,
+    /// What is to be told of kept parameters.
+    pub kept: KeptState,
     /// Motors that are heard.
     pub online: u8,
     /// Targets that motors refused, of all of them.
@@ -67,6 +71,19 @@ impl<N: Names> fmt::Display for RobotStatus<N> {
             write!(f, ", not armed: {axis} is not at rest; put it there and arm again")?;
         }
         write!(f, ", {} of {} motors online", self.online, N::ALL.len())?;
+        match self.changed {
+            0 => {}
+            1 => write!(f, ", 1 parameter differs from the table")?,
+            count => write!(f, ", {count} parameters differ from the table")?,
+        }
+        match self.kept.unused {
+            0 => {}
+            1 => write!(f, ", 1 kept parameter is not used")?,
+            count => write!(f, ", {count} kept parameters are not used")?,
+        }
+        if let Some(trouble) = self.kept.trouble {
+            write!(f, ", {trouble}")?;
+        }
         if self.refused > 0 {
             write!(f, ", {} targets refused", self.refused)?;
         }
@@ -126,8 +143,12 @@ pub async fn run<N: Names>(shared: &Common<'_, N, impl Live>) -> ! {
 #[must_use]
 pub fn now<N: Names>(shared: &Common<'_, N, impl Live>) -> RobotStatus<N> {
     let (mut online, mut refused) = (0, 0_u32);
+    let mut differ = 0;
+    shared.own.parameters(&mut |it| differ += usize::from(it.is_changed()));
     for name in N::ALL {
-        let status = shared.motor(*name).status();
+        let motor = shared.motor(*name);
+        let status = motor.status();
+        differ += motor.tuning().map_or(0, changed);
         online += u8::from(status.link == Link::Online);
         refused = refused.saturating_add(status.counters.refused.total());
     }
@@ -146,6 +167,8 @@ pub fn now<N: Names>(shared: &Common<'_, N, impl Live>) -> RobotStatus<N> {
         arm: shared.switch.state(),
         unfit: shared.switch.unfit(),
         not_at_rest: shared.not_at_rest.read().and_then(|axis| axis.value),
+        changed: u16::try_from(differ).unwrap_or(u16::MAX),
+        kept: shared.kept.read().map(|it| it.value).unwrap_or_default(),
         online,
         refused,
         last_refused: shared.refused.read().map(|refused| refused.value),
@@ -352,6 +375,8 @@ mod tests {
             arm: ArmState::Disarmed,
             unfit: Some(Unfit::Overload),
             not_at_rest: Some(Axis::LeftY),
+            changed: 3,
+            kept: KeptState { unused: 1, trouble: Some("the flash of the parameters is worn out") },
             online: 1,
             refused: 9800,
             last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
@@ -365,7 +390,8 @@ mod tests {
         };
         let expected = "disarmed, cannot be armed: the motors of a bus do not fit on it, not \
                         armed: left stick (up and down) is not at rest; put it there and arm again, \
-                        1 of 1 motors online, 9800 targets refused (wheel front left: the Speed target is \
+                        1 of 1 motors online, 3 parameters differ from the table, 1 kept parameter is \
+                        not used, the flash of the parameters is worn out, 9800 targets refused (wheel front left: the Speed target is \
                         infinite or NaN); bus 1 ";
         assert!(status.to_string().starts_with(expected), "{status}");
         let expected = "; ticks take 7740 of 120000 cycles (6.4 %), at most 11772";

@@ -45,6 +45,7 @@ macro_rules! program {
             use $crate::rc10_message::Cycles;
             use $crate::rc10_motor::embassy::BusPort;
             use $crate::rc10_motor::{MotorBus, Names};
+            use $crate::rc10_tasks::live::Kept;
             use $crate::rc10_tasks::{Declared, Program, remote};
             use $crate::robot::{self, Unstartable};
             use $crate::static_cell::{ConstStaticCell, StaticCell};
@@ -96,6 +97,7 @@ macro_rules! program {
                 shared.bus_cycles = Some(&TICKS);
                 let shared = &*shared;
                 robot::check_chip(&shared.switch);
+                let kept = robot::kept(&shared.switch, Robot::MUST_HAVE);
                 let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
                 let mut lines = $robot::__parts!([$crate::motor_lines] shared);
                 MOTORS.take().attach(
@@ -112,7 +114,7 @@ macro_rules! program {
 
                 let text = robot::console_port(board.text, Irqs, Priority::P7, Robot::CONSOLE)?;
                 spawner.spawn(tend(shared, board.watchdog)?);
-                spawner.spawn(console(shared, text, started + robot::BETWEEN)?);
+                spawner.spawn(console(shared, text, started + robot::BETWEEN, kept)?);
                 if Robot::RECEIVER.serial().is_some() {
                     let port = robot::remote(board.remote, Irqs, Robot::RECEIVER, Priority::P7)?;
                     spawner.spawn(listen(shared, port)?);
@@ -143,8 +145,13 @@ macro_rules! program {
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]
-            async fn console(shared: &'static Shared<'static>, text: Serial, quiet: Instant) {
-                robot::console(shared, text.split(), quiet).await;
+            async fn console(
+                shared: &'static Shared<'static>,
+                text: Serial,
+                quiet: Instant,
+                kept: Kept,
+            ) {
+                robot::console(shared, text.split(), quiet, kept).await;
             }
 
             #[embassy_executor::task(embassy_executor = $crate::embassy_executor)]

@@ -2,7 +2,7 @@
 //! watchdog, line of text, and what keeps it from starting.
 
 use core::fmt::Write as _;
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use embassy_executor::SpawnError;
 use embassy_futures::join::join;
@@ -19,6 +19,7 @@ use heapless::String;
 use rc10_bsp::can::{Bus, BusParts, FdcanPort};
 use rc10_bsp::crash::{self, LastCrash};
 use rc10_bsp::dma_buffer;
+use rc10_bsp::flash;
 use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{
     self, BaudError, Parity, ReceiverParts, Serial, SerialConfig, SerialParts, SerialReceiver,
@@ -28,10 +29,11 @@ use rc10_bsp::watchdog::Watchdog;
 use rc10_bsp::{CrystalState, TIMER_CLOCK};
 use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
 use rc10_module::remote::{self, Receiver, SerialSettings};
+use rc10_module::store::{Cells, Found, Store, WORD, Word};
 use rc10_motor::embassy::{BusPort, Ports, PortsOf, Rs485Port, Runner, run_buses};
 use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::{ArmSwitch, MotorBus, Names, SetupError, TxBatch, Unfit};
-use rc10_tasks::live::{self, Link, Live};
+use rc10_tasks::live::{self, Kept, Link, Live};
 use rc10_tasks::program::{Declared, LinePart};
 use rc10_tasks::{Common, TickWatch, status, status_led};
 use static_cell::StaticCell;
@@ -83,6 +85,69 @@ static HAS_CRASHED: AtomicBool = AtomicBool::new(false);
 /// Whether the last run ended in a crash, as [`begin`] has found.
 pub fn has_crashed() -> bool {
     HAS_CRASHED.load(Ordering::Relaxed)
+}
+
+/// The chip's flash for what is kept.
+struct KeptFlash;
+
+/// µs since the start of a moment half way between two ticks; [`u32::MAX`]: nothing ticks yet.
+static QUIET: AtomicU32 = AtomicU32::new(u32::MAX);
+
+/// Whether a word may be programmed from now on: it takes 200 µs at most, and the buses wake 274 µs behind the middle.
+fn is_quiet() -> bool {
+    const LATEST: u32 = 50;
+    const EARLIEST: u32 = 1000 - 350;
+    #[expect(clippy::cast_possible_truncation, reason = "as QUIET is")]
+    let now = Instant::now().as_micros() as u32;
+    let quiet = QUIET.load(Ordering::Relaxed);
+    let since = now.wrapping_sub(quiet) % 1000;
+    quiet == u32::MAX || !(LATEST..EARLIEST).contains(&since)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "there are two sectors")]
+impl Cells for KeptFlash {
+    fn words(&self) -> u32 {
+        flash::WORDS
+    }
+
+    fn read(&mut self, sector: u32, word: u32) -> Word {
+        flash::read(sector as u8, word).unwrap_or([0; WORD])
+    }
+
+    fn program(&mut self, sector: u32, word: u32, bytes: &Word) {
+        let _ = flash::program(sector as u8, word, bytes, is_quiet);
+    }
+
+    fn erase(&mut self, sector: u32) {
+        let _ = flash::erase(sector as u8);
+    }
+
+    fn free(&mut self, sector: u32) -> u32 {
+        flash::free(sector as u8)
+    }
+}
+
+/// The kept parameters, before the buses and the watchdog run: now and then a sector is erased, in 1 to 2 s. Those that
+/// the robot must have are named.
+#[must_use]
+pub fn kept(switch: &ArmSwitch, must_have: &'static [&'static str]) -> Kept {
+    static FLASH: StaticCell<KeptFlash> = StaticCell::new();
+    let (store, found) = Store::start(FLASH.init(KeptFlash) as &'static mut dyn Cells);
+    let Found { length, erased, worn, is_damaged } = found;
+    match length {
+        Some(count) => defmt::info!("{=u32} parameters are kept", count),
+        None => defmt::info!("no parameters are kept"),
+    }
+    if erased > 0 {
+        defmt::info!("{=u8} of 2 sectors of their flash were erased", erased);
+    }
+    if worn > 0 {
+        defmt::warn!("{=u8} of 2 sectors of their flash are worn out", worn);
+    }
+    if is_damaged {
+        defmt::warn!("the newest of them are damaged: those before are used");
+    }
+    Kept::new((store, found), must_have, switch)
 }
 
 /// Forbids arming on another chip than the board's, and without its crystal: the buses' bit rate is wrong then.
@@ -359,13 +424,17 @@ pub async fn tend<N: Names>(shared: &Common<'_, N, impl Live>, watchdog: Peri<'s
 
 /// Writes the status as a line, ten times a second: to the console, unless a PC speaks there as
 /// [`rc10_link`](mod@rc10_tasks::live) does, and to the probe's buffer. That blocks interrupts: so
-/// no faster, of text made before, and whole milliseconds after `quiet`, when no bus sends.
+/// no faster, of text made before, and whole milliseconds after `quiet`, when no bus sends. The parameters that are kept
+/// are used first.
 pub async fn console<N: Names>(
     shared: &Common<'_, N, impl Live>,
     (receiver, transmitter): (impl Read, impl Write),
     quiet: Instant,
+    kept: Kept,
 ) {
-    let (link, robot) = (Link::new(transmitter), live::RobotView::new(shared));
+    #[expect(clippy::cast_possible_truncation, reason = "it is soon after the start")]
+    QUIET.store(quiet.as_micros() as u32, Ordering::Relaxed);
+    let (link, robot) = (Link::new(transmitter), live::RobotView::new(shared).with_kept(&kept));
     join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
 }
 

@@ -61,6 +61,7 @@ async fn main(spawner: Spawner) {
         Err(_) => defmt::panic!("there is room for one task"),
     }
     let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
-    let console = robot::console(shared, (receiver, transmitter), Instant::now());
+    let kept = robot::kept(&shared.switch, &[]);
+    let console = robot::console(shared, (receiver, transmitter), Instant::now(), kept);
     join(status::run(shared), console).await.0
 }

@@ -52,7 +52,9 @@ use crate::commands::report::{CsvArgs, ReportArgs, csv, report};
 use crate::commands::run::RunArgs;
 use crate::formats::dbc::DbcArgs;
 use crate::lang::Language;
-use crate::live::commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs};
+use crate::live::commands::{
+    ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs,
+};
 use crate::live::page::LiveArgs;
 use crate::run::simulate::simulate;
 use commands::decode::DecodeArgs;
@@ -92,8 +94,12 @@ enum Command {
     Params(ParamsArgs),
     /// Prints parameters of the robot that runs
     Get(GetArgs),
-    /// Changes parameters of the robot that runs, until power-off
+    /// Changes parameters of the robot that runs, until power-off; rc10 save keeps them
     Set(SetArgs),
+    /// Keeps the parameters of the robot that runs over a power-off
+    Save(SaveArgs),
+    /// Has the robot that runs keep no longer what was saved
+    Forget(ForgetArgs),
     /// Stops the robot that runs: sent until the robot says that it is stopped
     Stop(StopArgs),
     /// Records the robot that runs
@@ -127,6 +133,7 @@ Examples:
   rc10 live                              of the robot at the only serial port; --emu: of its firmware
   rc10 set feeder_speed=200              a parameter of the robot that runs; rc10 params lists them
   rc10 set feeder_speed=200 --port sim   of the one that rc10 live --sim keeps running
+  rc10 save                              what was set stays after power-off; rc10 params --kept lists it
   rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
   rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
   rc10 report can0.log --bus can0=2      what a capture of bus 2 tells, as such a report
@@ -182,6 +189,8 @@ impl CommandLine {
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,
+            Command::Save(args) => live::save(&args, robot, out).map(|()| 0)?,
+            Command::Forget(args) => live::forget(&args, robot, out).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
             Command::Report(args) => strict(args.strict, report(&args, robot, out)?),

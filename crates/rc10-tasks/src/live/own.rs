@@ -112,7 +112,7 @@ pub struct Parameter {
     pub unit: &'static str,
     /// The lowest and the highest value.
     pub range: [f32; 2],
-    /// The value it has at power-on.
+    /// The value in the robot's table, which it has at power-on unless another one is kept.
     pub initial: f32,
     value: AtomicU32,
     was_read: AtomicBool,
@@ -149,6 +149,12 @@ impl Parameter {
     /// Returns the value, for a PC.
     pub(super) fn peek(&self) -> f32 {
         f32::from_bits(self.value.load(Ordering::Relaxed))
+    }
+
+    /// Whether it differs from its value in the table.
+    #[must_use]
+    pub fn is_changed(&self) -> bool {
+        self.peek().to_bits() != self.initial.to_bits()
     }
 
     /// Whether a task has read it.

@@ -28,6 +28,7 @@ impl Refusal {
     );
     pub const UNKNOWN: Self = Self::because(None, "this robot does not know what is asked");
     pub const BUSY: Self = Self::because(None, "too many requests at once");
+    pub const NOWHERE: Self = Self::because(None, "this robot keeps no parameters");
     pub const NO_MOTOR: Self = Self::because(None, "there is no motor with this number");
 
     pub const fn because(parameter: Option<u16>, why: &'static str) -> Self {
@@ -124,6 +125,12 @@ impl Part {
     }
 }
 
+/// How many of a motor's parameters differ from the table.
+pub(crate) fn changed([mut declared, mut now]: [Tuning; 2]) -> usize {
+    let differs = |it: &&Field| (it.get)(&mut declared).to_bits() != (it.get)(&mut now).to_bits();
+    MOTOR.iter().filter(differs).count()
+}
+
 /// The number of parameters, those included that a motor has not.
 pub(super) fn parameters(robot: &RobotView<'_>) -> u16 {
     short(robot.motors.len()) * EACH + count(|see| robot.own.parameters(see))
@@ -169,6 +176,7 @@ fn range(field: &Field, mut declared: Tuning, most_gain: f32) -> [f32; 2] {
 
 /// A parameter in words; one without a name if the motor has none with this number, `None` behind the
 /// last.
+#[inline(never)] // Once in flash.
 pub(super) fn parameter<'r>(index: u16, robot: &RobotView<'r>) -> Option<Tell<'r>> {
     let nothing = Topic { folder: "", label: "" };
     let none = Tell::Parameter {

@@ -43,7 +43,7 @@ pub struct Parameter {
     pub range: [f32; 2],
     /// Current value.
     pub value: f32,
-    /// Value at power-on.
+    /// Value in the robot's table.
     pub initial: f32,
 }
 
@@ -53,6 +53,21 @@ impl Parameter {
     pub const fn is_changed(&self) -> bool {
         self.value.to_bits() != self.initial.to_bits()
     }
+}
+
+/// A value that the robot keeps over a power-off.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeptValue {
+    /// Tells it from the others.
+    pub id: u32,
+    /// The name of its parameter, or the end of it.
+    pub text: String,
+    /// The value.
+    pub value: f32,
+    /// The parameter with that name.
+    pub parameter: Option<u16>,
+    /// Whether unit and range are still those of the parameter.
+    pub is_used: bool,
 }
 
 /// Values of a group at one time.
@@ -170,6 +185,7 @@ pub struct Client {
     at: Option<Micros>,
     signals: Table<Signal>,
     parameters: Table<Parameter>,
+    kept: Table<KeptValue>,
     changes: Option<u32>,
     groups: [Group; GROUPS],
     declaration: Declaration,
@@ -243,6 +259,8 @@ const ASKED: usize = 256;
 /// Largest step back of the robot's time without a restart: a sample overtakes a greeting, which may ride on
 /// many of them.
 const LATE: Micros = Micros::from_millis(200);
+/// The first version of the messages in which values are kept.
+const KEPT: u16 = 3;
 /// Time after which a request without an answer is repeated.
 const AGAIN: Micros = Micros::from_millis(150);
 
@@ -293,6 +311,12 @@ impl Client {
     /// The robot's parameters, as far as they are known.
     pub fn parameters(&self) -> impl Iterator<Item = &Parameter> {
         self.parameters.rows.iter().flatten().filter(|row| !row.name.is_empty())
+    }
+
+    /// The values that the robot keeps; `None` as long as that is not known.
+    pub fn kept(&self) -> Option<impl Iterator<Item = &KeptValue>> {
+        let is_known = self.heard.is_some() && self.version >= KEPT && self.kept.is_whole();
+        is_known.then(|| self.kept.rows.iter().flatten())
     }
 
     /// The identity of the robot.
@@ -441,6 +465,20 @@ impl Client {
         if let Some(first) = self.parameters.next(now) {
             self.ask(&Ask::Parameters { first });
         }
+        if self.version >= KEPT
+            && self.is_described()
+            && let Some(first) = self.kept.next(now)
+        {
+            self.ask(&Ask::Kept { first });
+        }
+    }
+
+    /// Asks for all parameters and kept values again.
+    fn renew_parameters(&mut self) {
+        self.parameters.renew();
+        // How many there are comes with the first one.
+        self.kept.size(self.kept.rows.len().max(1) as u16);
+        self.kept.renew();
     }
 
     /// Takes received bytes.
@@ -500,7 +538,7 @@ impl Client {
                 if is_anew {
                     // A restarted robot, or another one.
                     self.signals.renew();
-                    self.parameters.renew();
+                    self.renew_parameters();
                     self.groups.iter_mut().for_each(|group| group.last = None);
                 }
                 self.at = if is_anew { Some(at) } else { self.at.max(Some(at)) };
@@ -510,7 +548,7 @@ impl Client {
                 self.parameters.size(parameters);
                 if self.changes.replace(changes).is_some_and(|before| before != changes) {
                     // Changed by this PC or another one.
-                    self.parameters.renew();
+                    self.renew_parameters();
                 }
             }
             Tell::Signal { index, topic, name, unit, states } => {
@@ -536,6 +574,11 @@ impl Client {
                     initial,
                 };
                 self.parameters.put(index, parameter);
+            }
+            Tell::Kept { index, of, id, text, value, parameter, is_used } => {
+                self.kept.size(of);
+                self.kept
+                    .put(index, KeptValue { id, text: text.into(), value, parameter, is_used });
             }
             Tell::Answer { id, outcome } => {
                 let answer = match outcome {

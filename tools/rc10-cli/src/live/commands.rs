@@ -1,4 +1,4 @@
-//! `rc10 params`, `rc10 get`, `rc10 set` and `rc10 record`.
+//! `rc10 params`, `rc10 get`, `rc10 set`, `rc10 save`, `rc10 forget` and `rc10 record`.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use rc10_link::Urgent;
+use rc10_link::{Action, Urgent};
 use rc10_time::Micros;
 
 use super::client::Urgency;
@@ -26,9 +26,12 @@ use crate::world::robot::Robot;
 pub struct ParamsArgs {
     #[command(flatten)]
     pub(crate) at: PlaceArgs,
-    /// Only those that are not as they were at power-on, as lines for the robot's table
+    /// Only those that are not as in the robot's table, as lines for it
     #[arg(long)]
     pub rust: bool,
+    /// Only those that are kept over a power-off, and those that are not saved
+    #[arg(long = "kept", conflicts_with = "rust")]
+    pub only_kept: bool,
 }
 
 /// Arguments of `rc10 get`.
@@ -47,6 +50,23 @@ pub struct SetArgs {
     /// Changes, made together or not at all
     #[arg(required = true, value_name = "NAME=VALUE")]
     pub changes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) running: RunningArgs,
+}
+
+/// Arguments of `rc10 save`.
+#[derive(Args, Debug)]
+pub struct SaveArgs {
+    #[command(flatten)]
+    pub(crate) running: RunningArgs,
+}
+
+/// Arguments of `rc10 forget`.
+#[derive(Args, Debug)]
+pub struct ForgetArgs {
+    /// Names of kept values, as rc10 params --kept has them [default: all]
+    #[arg(value_name = "NAME")]
+    pub names: Vec<String>,
     #[command(flatten)]
     pub(crate) running: RunningArgs,
 }
@@ -130,7 +150,10 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
 /// Lists the robot's parameters; fails without a robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let kit = Kit::of(&robot);
-    let session = Session::meet(args.at.source().open(robot, false)?)?;
+    let mut session = Session::meet(args.at.source().open(robot, false)?)?;
+    if args.only_kept {
+        return list_kept(&mut session, out);
+    }
     if args.rust {
         write!(out, "{}", table_lines(session.client.parameters(), &kit))?;
         return Ok(());
@@ -138,12 +161,80 @@ pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     for it in session.client.parameters() {
         let [least, most] = it.range;
         let initial = match it.is_changed() {
-            true => format!(", {} at power-on", it.initial),
+            true => format!(", {} in the table", it.initial),
             false => String::new(),
         };
         let unit = if it.unit.is_empty() { "" } else { &format!(" {}", it.unit) };
         writeln!(out, "{} = {}{unit}  ({least} to {most}{initial})", full_name(it), it.value)?;
     }
+    Ok(())
+}
+
+/// Lists the values that are kept, what becomes of each, and what is not saved.
+fn list_kept(session: &mut Session<'_>, out: &mut dyn Write) -> Result<()> {
+    let kept = session.kept()?;
+    if kept.is_empty() {
+        writeln!(out, "nothing is kept")?;
+    }
+    let parameters: Vec<_> = session.client.parameters().collect();
+    let of = |index| parameters.iter().find(|it| Some(it.index) == index);
+    for (name, it) in &kept {
+        let note = match of(it.parameter) {
+            None => "not known to this program, and kept for the one that knows it".into(),
+            Some(_) if !it.is_used => "NOT USED: its unit or range is another".into(),
+            Some(now) if now.value.to_bits() == it.value.to_bits() => {
+                format!("{} in the table", now.initial)
+            }
+            Some(now) => format!("{} now, {} in the table", now.value, now.initial),
+        };
+        writeln!(out, "{name} = {}  ({note})", it.value)?;
+    }
+    for it in &parameters {
+        let is_kept = kept.iter().any(|(_, kept)| kept.is_used && kept.parameter == Some(it.index));
+        if !is_kept && it.value.to_bits() != it.initial.to_bits() {
+            let (name, value, initial) = (full_name(it), it.value, it.initial);
+            writeln!(out, "{name} = {value}  (NOT SAVED, {initial} in the table)")?;
+        }
+    }
+    Ok(())
+}
+
+/// Keeps the parameters over a power-off. Fails without a robot, or if it refuses: armed, or a motor turns.
+pub fn save(args: &SaveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let mut session = Session::meet(args.running.open(&robot)?)?;
+    session.kept()?;
+    session.carry_out(Action::Save)?;
+    let what = match session.kept()?.len() {
+        1 => "1 parameter is".into(),
+        count => format!("{count} parameters are"),
+    };
+    writeln!(out, "{what} kept over a power-off: {}", session.name())?;
+    list_kept(&mut session, out)
+}
+
+/// Keeps values no longer: these, or all. Fails without a robot or such a value, or if it refuses.
+pub fn forget(args: &ForgetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let mut session = Session::meet(args.running.open(&robot)?)?;
+    let kept = session.kept()?;
+    let id_of = |name: &String| {
+        let found = kept.iter().find(|(other, _)| other == name);
+        let found = found
+            .with_context(|| format!("no value `{name}` is kept: rc10 params --kept lists them"))?;
+        Ok(Action::Forget(found.1.id))
+    };
+    let actions = match args.names.as_slice() {
+        [] => vec![Action::ForgetAll],
+        names => names.iter().map(id_of).collect::<Result<_>>()?,
+    };
+    for action in actions {
+        session.carry_out(action)?;
+    }
+    let what = if args.names.is_empty() { "all kept values".into() } else { args.names.join(", ") };
+    writeln!(
+        out,
+        "forgotten: {what}. The robot's table counts from its next start on: {}",
+        session.name()
+    )?;
     Ok(())
 }
 

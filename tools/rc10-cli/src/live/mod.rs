@@ -34,9 +34,12 @@ pub(crate) mod viewers;
 pub use crate::live::line::{RobotConnection, Source};
 pub use crate::live::source::{PlaceArgs, RunningArgs, SourceArgs};
 pub use crate::world::console::BAUD;
-pub use client::{Answer, Client, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame};
+pub use client::{
+    Answer, Client, KeptValue, Losses, NOT_HEARD, Parameter, Sample, Signal, Urgency, frame,
+};
 pub use commands::{
-    GetArgs, ParamsArgs, RecordArgs, SetArgs, StopArgs, get, params, record, set, stop_robot,
+    ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs, forget, get, params,
+    record, save, set, stop_robot,
 };
 pub use history::{History, POINTS, thin};
 pub use judge::{Advice, Judge};

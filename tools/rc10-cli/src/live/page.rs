@@ -17,7 +17,7 @@ use rc10_link::{Action, Urgent};
 use rc10_time::Micros;
 use serde_json::{Value, json};
 
-use super::client::{Answer, Client, Losses, Urgency};
+use super::client::{Answer, Client, KeptValue, Losses, Urgency};
 use super::connection::look;
 use super::judge::Judge;
 use super::plan::{Line, SLOW, Topic, plan, watch_at};
@@ -51,6 +51,9 @@ pub struct LiveArgs {
     pub out: PathBuf,
     #[command(flatten)]
     pub(crate) viewers: ViewerArgs,
+    /// File in which the simulated robot keeps its saved parameters; without it they are kept for this run
+    #[arg(long, value_name = "FILE", requires = "sim")]
+    pub kept: Option<PathBuf>,
     /// Ends after this many seconds of the robot's time [default: runs until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,
@@ -81,9 +84,12 @@ const MOST_WAITING: usize = 16;
 const PATIENCE: Micros = Micros::from_millis(5000);
 
 /// Serves the page until Ctrl-C; fails without a line to the robot, or if the port is taken.
-pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     if let Some(path) = args.at.record() {
         return play(path, args, robot, out);
+    }
+    if let Some(file) = &args.kept {
+        robot.keep_in(file)?;
     }
     let kit = Kit::of(&robot);
     let source = args.at.source();
@@ -385,6 +391,9 @@ impl LivePage<'_, '_> {
     }
 
     fn act(&mut self, action: &str, label: &str, speed: f32) -> Result<u16> {
+        if action == "save" {
+            return Ok(self.session.client.act(Action::Save));
+        }
         let client = &mut self.session.client;
         let motor = client.motor(label);
         let motor = motor.with_context(|| format!("the robot has no motor `{label}`"))?;
@@ -507,8 +516,14 @@ impl LivePage<'_, '_> {
                 "begin": shown.history.begin(Some(index)).map(Micros::get),
             })
         };
+        let kept: Option<Vec<_>> = client.kept().map(Iterator::collect);
+        let kept_of = |index| {
+            let is_it = |it: &&&KeptValue| it.is_used && it.parameter == Some(index);
+            kept.iter().flatten().find(is_it).map(|it| it.value)
+        };
         let parameter = |it: &crate::live::client::Parameter| {
             json!({
+                "kept": kept_of(it.index),
                 "index": it.index, "full": full_name(it), "label": it.label, "name": it.name,
                 "unit": it.unit, "range": it.range, "value": it.value, "initial": it.initial,
             })
@@ -555,6 +570,10 @@ impl LivePage<'_, '_> {
             "fits": FAST.map(|period| json!([period, self.line.most(period)])),
             "topics": topics.len(),
             "signals": client.signals().map(signal).collect::<Vec<_>>(),
+            "kept": kept.as_ref().map(|kept| kept.iter().map(|it| json!({
+                "name": session.name_of(it), "value": it.value, "used": it.is_used,
+                "known": it.parameter.is_some(),
+            })).collect::<Vec<_>>()),
             "parameters": client.parameters().map(parameter).collect::<Vec<_>>(),
         })
     }

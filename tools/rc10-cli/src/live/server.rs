@@ -180,6 +180,7 @@ fn page() -> String {
         include_str!("page/signals.js"),
         include_str!("page/motors.js"),
         include_str!("page/parameters.js"),
+        include_str!("page/kept.js"),
         include_str!("page/plots.js"),
         include_str!("page/time.js"),
         include_str!("page/field.js"),

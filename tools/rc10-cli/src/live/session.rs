@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_link::VERSION;
+use rc10_link::{Action, VERSION};
 use rc10_time::Micros;
 #[cfg(unix)]
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::client::{Answer, Client, Parameter};
+use super::client::{Answer, Client, KeptValue, Parameter};
 use crate::live::line::RobotConnection;
 
 /// A client, and its connection to a robot.
@@ -132,6 +132,32 @@ impl<'r> Session<'r> {
         }
     }
 
+    /// Has an action carried out; fails if the robot refuses or does not answer.
+    pub fn carry_out(&mut self, action: Action) -> Result<()> {
+        let id = self.client.act(action);
+        match self.until(|client| client.answer(id))? {
+            Answer::Refused(why) => bail!("refused: {why}"),
+            Answer::Done | Answer::Register(_) => Ok(()),
+        }
+    }
+
+    /// The values that the robot keeps, with the full name of each; fails of a robot that keeps none by its messages.
+    pub fn kept(&mut self) -> Result<Vec<(String, KeptValue)>> {
+        if let (Some(why), true) = (self.trouble(), self.client.version() < VERSION) {
+            bail!(why);
+        }
+        let kept = self.until(|client| Some(client.kept()?.cloned().collect::<Vec<_>>()))?;
+        Ok(kept.into_iter().map(|it| (self.name_of(&it), it)).collect())
+    }
+
+    /// The full name of a kept value, or as much of it as is known.
+    #[must_use]
+    pub fn name_of(&self, kept: &KeptValue) -> String {
+        let mut known = self.client.parameters();
+        let known = kept.parameter.and_then(|index| known.find(|it| it.index == index));
+        known.map_or_else(|| kept.text.replace(' ', "_"), full_name)
+    }
+
     /// The parameter of a full name: `motor.name` or the robot's own `name`, `_` for spaces. Fails
     /// unless there is one.
     pub fn parameter(&self, name: &str) -> Result<Parameter> {
@@ -171,8 +197,6 @@ pub(crate) fn stop() -> Result<Arc<AtomicBool>> {
 
 #[cfg(test)]
 mod tests {
-    use rc10_link::Action;
-
     use super::*;
     use crate::live::line::Source;
     use crate::live::source::SourceArgs;

@@ -4,5 +4,6 @@ pub mod built;
 pub mod console;
 pub mod environment;
 pub mod hang;
+pub mod kept;
 pub mod ports;
 pub mod robot;

@@ -1,6 +1,7 @@
 //! A robot that is set up: its description, with the buses and tasks of a robot crate.
 
 use std::iter::zip;
+use std::path::Path;
 use std::pin::Pin;
 use std::rc::Rc;
 
@@ -8,6 +9,7 @@ use anyhow::{Result, bail, ensure};
 use embassy_time::Instant;
 use rc10_emu::fault::{Fault, Kind};
 use rc10_module::Reception;
+use rc10_module::store::{Cells, Store};
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
@@ -27,6 +29,7 @@ use crate::world::built::Built;
 use crate::world::console::ConsolePort;
 use crate::world::environment::Environment;
 use crate::world::hang;
+use crate::world::kept::KeptFlash;
 use crate::world::ports::Ports;
 
 /// Bytes in a log of a frame with eight bytes, between a standard and an extended one.
@@ -44,11 +47,14 @@ pub struct Robot<'r> {
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
     /// Numbers of serial parts, behind the others, of contacts, voltages and servos; and their task.
     parts: Option<([usize; 4], StartParts<'r>)>,
-    console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
+    console: Option<Serve<'r>>,
+    /// Where its parameters are kept, and those that it must have.
+    kept: (KeptFlash, &'static [&'static str]),
     /// Whether it runs even if motors do not fit on a bus.
     is_forced: bool,
 }
 
+type Serve<'r> = Box<dyn FnOnce(ConsolePort, KeptFlash, &'static [&'static str]) -> Task<'r> + 'r>;
 type StartParts<'r> = Box<dyn FnOnce(Parts) -> Task<'r> + 'r>;
 
 /// Ports and pins of what a robot has beside motors.
@@ -136,6 +142,7 @@ impl<'r> Robot<'r> {
     /// Adds the tasks of a program.
     #[must_use]
     pub fn program<P: Program>(mut self, shared: &'r Common<'_, P::Name, P::Own>) -> Self {
+        self.kept.1 = P::MUST_HAVE;
         if P::HAS_IMU {
             self = self.serial(&shared.imu_reception, async |port| {
                 heading::listen_for(shared, port).await;
@@ -261,7 +268,6 @@ impl<'r> Robot<'r> {
     pub(crate) fn live<N: Names>(mut self, shared: &'r Common<'_, N, impl Live>) -> Self {
         let own: &dyn Live = &shared.own;
         let seen = Rc::new(live::RobotView::new(shared));
-        let served = Rc::clone(&seen);
         self.ports.whole = Some(Rc::new(move || seen.whole()));
         own.signals(&mut |signal| {
             let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
@@ -270,10 +276,14 @@ impl<'r> Robot<'r> {
         });
         own.parameters(&mut |parameter| self.ports.parameters.push(parameter));
         let name = TaskName::of::<Link<ConsolePort>>();
-        self.console = Some(Box::new(move |port| {
+        self.console = Some(Box::new(move |port, flash, must_have| {
+            // Of a robot that runs there is one in a program.
+            let flash: &'static mut dyn Cells = Box::leak(Box::new(flash));
+            let kept = live::Kept::new(Store::start(flash), must_have, &shared.switch);
             boxed(name, async move {
+                let robot = live::RobotView::new(shared).with_kept(&kept);
                 let link = Link::new(port.clone());
-                link.serve(&served, port, Instant::from_ticks(0)).await;
+                link.serve(&robot, port, Instant::from_ticks(0)).await;
             })
         }));
         self
@@ -299,6 +309,15 @@ impl<'r> Robot<'r> {
             Some(remote) => remote.plug(receiver),
             None => bail!("this robot has no remote control: no --remote"),
         }
+    }
+
+    /// Sets the file in which its parameters are kept, instead of the memory of one run.
+    ///
+    /// # Errors
+    /// If the file cannot be used, or is another one.
+    pub fn keep_in(&mut self, file: &Path) -> Result<()> {
+        self.kept.0 = KeptFlash::open(file)?;
+        Ok(())
     }
 
     /// Sets the faults of a run.
@@ -438,7 +457,8 @@ impl<'r> Robot<'r> {
             own.push(listen(remote.receiver, remote.wire.port()));
         }
         if let (Some(serve), Some(line)) = (self.console, &around.console) {
-            own.push(serve(line.port()));
+            let (flash, must_have) = self.kept;
+            own.push(serve(line.port(), flash, must_have));
         }
         let mut links = around.serials.iter().map(Serial::port);
         for (speak, port) in self.serials.into_iter().zip(&mut links) {

@@ -21,7 +21,7 @@ async function refresh() {
   fits();
   if (state.whole && (!begun || state.declaration !== declaration)) begin();
   time(); reports();
-  tables(); parameters(); tune();
+  tables(); parameters(); tune(); kept();
   setTimeout(refresh, 200);
 }
 

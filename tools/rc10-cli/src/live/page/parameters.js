@@ -39,7 +39,7 @@ function rowsOf(table, list, name, targets, steps) {
     rows.delete(it.full);
     row.className = same(it.value, it.initial) ? '' : 'changed';
     row.cells[2].textContent = (it.unit + ' ' + brief(it.range[0]) + ' … ' + brief(it.range[1])).trim();
-    row.title = it.range[0] + ' to ' + it.range[1] + ', ' + it.initial + ' at power-on';
+    row.title = it.range[0] + ' to ' + it.range[1] + ', ' + it.initial + ' in the table';
     row.cells[2].title = row.className ? it.initial + ' in the table' : '';
     const input = row.querySelector('input');
     input.dataset.value = brief(it.value);
