@@ -4,6 +4,7 @@
 
 mod architecture;
 mod bus_off;
+mod chinese;
 mod closed_loop;
 mod common;
 mod corpus;

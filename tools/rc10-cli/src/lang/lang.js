@@ -64,3 +64,4 @@ const Lang = (() => {
   }
   return { isChinese, tr, watch };
 })();
+Lang.watch();

@@ -24,10 +24,9 @@ pub enum Language {
 /// The Chinese of English texts: a line each, with a tab between. `{0}` to `{9}` stand for what changes.
 const TABLE: &str = include_str!("zh.tsv");
 
-/// The table's script for a page, which begins with the table and the language, `null` for the browser's.
-#[expect(dead_code, reason = "the page and the report come next")]
-pub(crate) fn script(language: Option<Language>) -> String {
-    let language = language.map(|it| if it == Language::Zh { "zh" } else { "en" });
+/// The table's script for a page: in the language of the command line, or the browser's.
+pub(crate) fn script() -> String {
+    let language = Language::asked().map(|it| if it == Language::Zh { "zh" } else { "en" });
     let table: Value = TABLE.lines().map(|line| line.split('\t').collect::<Value>()).collect();
     // Of text within a script element.
     let table = json!([table, language]).to_string().replace('<', "\\u003c");

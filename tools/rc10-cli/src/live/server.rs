@@ -21,6 +21,7 @@ use super::connection;
 use super::connection::Reply;
 use super::history::{History, thin};
 use super::request::{Door, Plots, Request};
+use crate::lang;
 
 /// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
@@ -190,7 +191,9 @@ fn page() -> String {
         include_str!("page/main.js"),
     );
     const STYLE: &str = concat!(include_str!("../show/colours.css"), include_str!("page/page.css"));
-    include_str!("page/page.html").replace("/*STYLE*/", STYLE).replace("/*SCRIPT*/", SCRIPT)
+    include_str!("page/page.html")
+        .replace("/*STYLE*/", STYLE)
+        .replace("/*SCRIPT*/", &(lang::script() + SCRIPT))
 }
 
 /// The robot's time, µs, as a 64-bit float; then for each signal the number of its points as 32

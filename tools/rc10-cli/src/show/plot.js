@@ -45,7 +45,7 @@ const Plot = (() => {
   const text = (pen, words, x, y, align, baseline, widest) => {
     pen.textAlign = align;
     pen.textBaseline = baseline;
-    pen.fillText(words, x, y, widest);
+    pen.fillText(Lang.tr(words), x, y, widest);
   };
   const stroke = (pen, points, paint, width = 1) => {
     pen.strokeStyle = paint;
@@ -128,7 +128,7 @@ const Plot = (() => {
       const left = Math.max(box.left, x(from)), right = Math.min(box.right, x(to));
       pen.fillStyle = style(paint);
       pen.fillRect(left, top, Math.max(right - left, 0.5) + 0.3, height);
-      if (!words || right - left < pen.measureText(words).width + 8) return;
+      if (!words || right - left < pen.measureText(Lang.tr(words)).width + 8) return;
       // These are dark by day, too.
       pen.fillStyle = /lost|unheard|stopped/.test(paint) ? "#fff" : style("text");
       text(pen, words, left + 4, top + height / 2 + 1, "left", "middle");

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use crate::files::write_file;
 use crate::judge::happened::happened;
 use crate::judge::path::{Apart, PathFigures, Paths};
+use crate::lang;
 use crate::recording::problem::{Problem, Severity};
 use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::{
@@ -54,7 +55,7 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
     format!(
         include_str!("report.html"),
         style = concat!(include_str!("colours.css"), include_str!("report.css")),
-        script = concat!(include_str!("plot.js"), include_str!("report.js")),
+        script = lang::script() + concat!(include_str!("plot.js"), include_str!("report.js")),
         seed = if is_real { String::new() } else { format!("seed <b>{seed}</b> · ") },
         seed_in_title = if is_real { String::new() } else { format!(", seed {seed}") },
         virtual_time = if is_real { "" } else { " of virtual time" },
