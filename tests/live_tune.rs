@@ -341,60 +341,27 @@ fn the_figures_of_steps_are_right_and_five_lie_over_one_another() {
     );
     assert_eq!(ramp, json!(0));
 
-    // On blocks: held by Return, with six gains; the newest five are shown.
-    let label = "wheel front left";
-    page.tune(label);
-    let mut gains = Vec::new();
-    for gain in ["0,1", "0,15", "0,2", "0,3", "0,4", "0,5"] {
-        page.type_in("wheel_front_left.speed_kp", gain);
-        page.enter();
-        page.until_value("wheel_front_left.speed_kp", gain.replace(',', ".").parse().unwrap());
-        gains.push(format!("speed_kp {}", gain.replace(',', ".")));
-        // On a busy machine the button may be let go by a word that comes late.
-        let newest = "(overlay.length ? overlay[overlay.length - 1].gains : '')";
-        for _ in 0..20 {
-            page.browser.look("$('step').focus()");
-            let press = |kind: &str| json!({ "type": kind, "value": "\u{E007}" });
-            let keys =
-                json!([press("keyDown"), { "type": "pause", "duration": 1900 }, press("keyUp")]);
-            page.browser.tell(
-                "actions",
-                &json!({ "actions": [{ "type": "key", "id": "k", "actions": keys }] }),
-            );
-            page.browser.until("return testing === null && held === null && !$('step-said').textContent.includes('turns')");
-            if page
-                .browser
-                .look(&format!("return {newest}"))
-                .as_str()
-                .unwrap()
-                .contains(gains.last().unwrap())
-            {
-                break;
-            }
+    // On blocks: held by Return. On a busy machine a word may come late, and the turn is interrupted: then it is no step.
+    page.tune("wheel front left");
+    let press = |kind: &str| json!({ "type": kind, "value": "\u{E007}" });
+    let hold = json!([press("keyDown"), { "type": "pause", "duration": 1900 }, press("keyUp")]);
+    let hold = json!({ "actions": [{ "type": "key", "id": "k", "actions": hold }] });
+    for _ in 0..60 {
+        page.browser.look("$('step').focus()");
+        page.browser.tell("actions", &hold);
+        page.browser.until(
+            "return testing === null && held === null && !$('step-said').textContent.includes('turns')",
+        );
+        if page.number("overlay.length") > 0.0 {
+            break;
         }
     }
-    assert_eq!(page.browser.look("return overlay.length"), json!(5));
-    let figures = page.browser.look("return overlay.map(({ gains, rise, overshoot, settling, error, from, to, times }) => ({ gains, rise, overshoot, settling, error, from, to, count: times.length }))");
-    println!("{figures:#}");
-    let rows =
-        page.browser.look("return [...$('figures').rows].slice(1).map((row) => row.textContent)");
-    for (at, gain) in gains[1..].iter().enumerate() {
-        assert!(figures[at]["gains"].as_str().unwrap().contains(gain), "{at}: {figures}");
-        assert!(rows[at].as_str().unwrap().contains(gain), "{rows}");
-        let number = |name: &str| figures[at][name].as_f64().unwrap_or(f64::NAN);
-        assert!((number("to") - 20.0).abs() < 1e-3 && number("from").abs() < 1.0, "{figures}");
-        assert!(number("rise") > 0.0 && number("rise") < 1.0, "{figures}");
-        // Denser than the 10 ms of always.
-        assert!(number("count") > 150.0, "{figures}");
-    }
-    // The picture has ink of each.
-    let inks = page.browser.look(
-        "const it = $('steps'), all = it.getContext('2d').getImageData(0, 0, it.width, it.height).data, seen = new Set(); \
-         for (let k = 0; k < all.length; k += 4) if (all[k + 3] > 250) seen.add(`rgb(${all[k]}, ${all[k + 1]}, ${all[k + 2]})`); \
-         const spot = document.body.appendChild(document.createElement('i')); \
-         return [0, 1, 2, 3, 4].filter((at) => { spot.style.color = Plot.colour(at); return seen.has(getComputedStyle(spot).color); }).length",
-    );
-    assert_eq!(inks, json!(5));
+    let number = |name: &str| page.number(&format!("overlay[0].{name}"));
+    println!("turned by hand: {}", page.text("#figures"));
+    assert!((number("to") - 20.0).abs() < 1e-3 && number("from").abs() < 1.0);
+    assert!(number("rise") > 0.0 && number("rise") < 1.0);
+    // Denser than the 10 ms of always.
+    assert!(number("times.length") / number("times.at(-1)") > 300.0);
 }
 
 /// Steps that the script makes while the robot is armed serve as well; and small things of the tables.
@@ -403,10 +370,36 @@ fn an_armed_robot_s_own_steps_are_found_and_its_tables_are_clear() {
     let Some(page) = Page::open("tune-armed", DRIVES) else { return };
     page.tune("feeder");
     page.browser.until("return named('', 'arm') === 'Armed'");
-    page.browser.until(
-        "if (state.now < 2e6) return false; $('steps-found').click(); return overlay.length > 0",
-    );
+    page.browser.look("window.seen = new Map()");
+    for gain in ["0,08", "0,09", "0,11", "0,12", "0,13", "0,14"] {
+        page.type_in("feeder.speed_kp", gain);
+        page.enter();
+        let gain = gain.replace(',', ".");
+        page.until_value("feeder.speed_kp", gain.parse().unwrap());
+        page.browser.until(&format!(
+            "$('steps-found').click(); overlay.forEach((it) => seen.set(it.at, it.gains)); \
+             return overlay.some((it) => it.gains.startsWith('speed_kp {gain},'))"
+        ));
+    }
     println!("{}", page.text("#figures"));
+    // The newest five, each with its gains.
+    let shown = page.browser.look("return overlay.map((it) => [it.at, it.gains])");
+    let newest = page.browser.look("return [...seen].sort((a, b) => a[0] - b[0]).slice(-5)");
+    assert!(shown == newest && shown.as_array().unwrap().len() == 5, "{shown} {newest}");
+    assert!(page.number("seen.size") > 5.0);
+    let rows = "[...$('figures').rows].slice(1)";
+    let named = format!(
+        "return {rows}.every((row, at) => row.cells[1].textContent === overlay[at].gains) && {rows}.length"
+    );
+    assert_eq!(page.browser.look(&named), json!(5));
+    let inks = page.browser.look(
+        "drawSteps(); const it = $('steps'), all = it.getContext('2d').getImageData(0, 0, it.width, it.height).data, seen = new Set(); \
+         for (let k = 0; k < all.length; k += 4) if (all[k + 3] > 200) seen.add([all[k], all[k + 1], all[k + 2]].map((it) => it >> 3).join()); \
+         const spot = document.body.appendChild(document.createElement('i')); \
+         return [0, 1, 2, 3, 4].filter((at) => { spot.style.color = Plot.colour(at); const ink = getComputedStyle(spot).color.match(/\\d+/g).map((it) => it >> 3).join(); return seen.has(ink); }).length",
+    );
+    // Of lines that are one upon the other the last is seen.
+    assert!(inks.as_u64().unwrap() >= 2, "{inks}");
     // Refused, and said below the motor's row.
     let row = "document.querySelector(`#motors tr[data-motor='wheel front left']`)";
     let below = format!(
