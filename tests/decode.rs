@@ -305,7 +305,7 @@ fn every_special_frame_of_every_vendor_has_its_name() {
     assert_eq!(code, Some(0), "{printed}");
     for (line, (frame, motor, said)) in printed.lines().zip(SPECIAL) {
         let (words, channel) = (words(line), frame.split(' ').next().unwrap());
-        let whose = format!("0000000001.000000 {channel} {motor} ");
+        let whose = format!("1.000000 {channel} {motor} ");
         let rest = words.strip_prefix(&whose).unwrap_or_else(|| panic!("{frame}: {words}"));
         let name = said.split(' ').next().unwrap();
         let told = rest.find(name).map(|start| &rest[start..]);
@@ -430,4 +430,51 @@ mod round_trip {
             let _ = candump::parse(&text);
         }
     }
+}
+
+#[test]
+fn frames_are_filtered_by_motor_time_and_changes() {
+    let log = "\
+(100.0) can0 201#0100000000000000
+(100.1) can0 202#0100000000000000
+(100.2) can0 201#0100000000000000
+(100.3) can0 200#00010002000000FF
+(100.4) can0 201#0200000000000000
+(100.5) can0 201#0200000000000000
+(101.0) can0 203#0100000000000000
+";
+    let lines = |arguments: &[&str]| -> Vec<String> {
+        let output = with_input(&[&["-"], arguments].concat(), log.as_bytes());
+        assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+        let frames = text(&output.stdout).lines().filter(|line| line.contains(" can0 "));
+        frames.map(|line| line.split_whitespace().next().unwrap().to_owned()).collect()
+    };
+    let at = |wanted: &[&str]| -> Vec<String> {
+        wanted.iter().map(|time| format!("{time}00000")).collect()
+    };
+    let all = ["100.0", "100.1", "100.2", "100.3", "100.4", "100.5", "101.0"];
+    assert_eq!(lines(&[]), at(&all));
+    let left = ["100.0", "100.2", "100.3", "100.4", "100.5"];
+    assert_eq!(lines(&["--motor", "wheel-front-left"]), at(&left));
+    assert_eq!(lines(&["--motor", "Wheel front l"]), at(&left));
+    assert_eq!(lines(&["--motor", "3"]), at(&["100.3", "101.0"]));
+    assert_eq!(lines(&["--from", "0.3", "--to", "0.4"]), at(&["100.3", "100.4"]));
+    assert_eq!(lines(&["--changes"]), at(&["100.0", "100.1", "100.3", "100.4", "101.0"]));
+    let both = ["--changes", "--motor", "wheel-front-left", "--from", "0.2"];
+    assert_eq!(lines(&both), at(&["100.2", "100.3", "100.4"]));
+    let json = json(&with_input(&["-", "--json", "--motor", "3"], log.as_bytes()));
+    assert_eq!(json["frames"].as_array().unwrap().len(), 2);
+    assert_eq!(json["summary"]["frames"], 7);
+    for (wrong, why) in [
+        (["--motor", "leg"], "there is no such motor; there are: wheel front left"),
+        (["--from", "soon"], "must be a number of seconds, 0 or more"),
+        (["--to", "-1"], "unexpected argument"),
+    ] {
+        let output = with_input(&["-", wrong[0], wrong[1]], log.as_bytes());
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(why), "{wrong:?}: {}", text(&output.stderr));
+    }
+    // Times since power-on have no zeros of a date.
+    let output = with_input(&["-"], b"(0000000000.000567) can0 201#0100000000000000\n");
+    assert!(text(&output.stdout).trim_start().starts_with("0.000567 "), "{}", text(&output.stdout));
 }

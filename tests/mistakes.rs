@@ -33,40 +33,69 @@ fn mixed(arguments: &[&str]) -> (Option<i32>, String) {
 /// The robot's own sensors know each of these, and the run says what it is.
 #[test]
 fn a_mistake_that_sensors_know_is_named() {
-    for (mistake, cause) in [
-        ("direction:wheel-front-left", "the direction of wheel front left were wrong"),
-        ("direction:wheel rear right", "the direction of wheel rear right were wrong"),
-        ("radius:x2", "the wheels' radius were 1.9"),
-        ("radius:x0.5", "the wheels' radius were 0.50 times that of the table"),
-        ("radius:x1.1", "the wheels' radius were 1.10 times that of the table"),
-        ("track:x1.5", "wheelbase and track together 1.2"),
+    for (mistake, headline, cause) in [
+        (
+            "direction:wheel-front-left",
+            "wheel front left: direction is reversed",
+            "the direction of wheel front left were wrong",
+        ),
+        (
+            "direction:wheel rear right",
+            "wheel rear right: direction is reversed",
+            "the direction of wheel rear right were wrong",
+        ),
+        ("radius:x2", RADIUS, "the wheels' radius were 1.9"),
+        ("radius:x0.5", RADIUS, "the wheels' radius were 0.50 times that of the table"),
+        ("radius:x1.1", RADIUS, "the wheels' radius were 1.10 times that of the table"),
+        ("track:x1.5", RADIUS, "wheelbase and track together 1.2"),
         // They follow their commands though the floor drags them: the IMU alone sees something of it.
-        ("swap:wheel-front-l,wheel-rear-l", ONE_SIDE),
+        (
+            "swap:wheel-front-l,wheel-rear-l",
+            "robot: wheel radius wrong, or two wheels swapped",
+            ONE_SIDE,
+        ),
         (
             "swap:wheel-front-l,wheel-front-r",
+            "robot: two wheels are perhaps swapped",
             "wheel front left and wheel front right were exchanged",
         ),
-        ("gear:wheel-front-left=36", "wheel front left turned about 0.4 times as fast"),
-        ("gear:wheel-rear-left=10", "wheel rear left turned about 2.1 times as fast"),
+        (
+            "gear:wheel-front-left=36",
+            "wheel front left: another gear or wheel",
+            "wheel front left turned about 0.4 times as fast",
+        ),
+        (
+            "gear:wheel-rear-left=10",
+            "wheel rear left: another gear or wheel",
+            "wheel rear left turned about 2.1 times as fast",
+        ),
         (
             "id:wheel-front-left=2",
+            "wheel front right: two devices, one identifier",
             "wheel front right: answers twice: 2.0 times as many frames as it sends, so two devices \
              on bus 1 have the identifier of M3508 id 2, and wheel front left is never heard",
         ),
         (
             "id:feeder=7",
+            "feeder: set to another identifier",
             "frames of 0x207 belong to no motor of the table, and feeder is never heard",
         ),
-        ("direction:lift-front-left", "lift front left: its effort stands at its limit"),
+        (
+            "direction:lift-front-left",
+            "lift front left: effort stands at its limit",
+            "lift front left: its effort stands at its limit",
+        ),
     ] {
         let (code, text) = rc10(&["--mistake", mistake]);
         assert_eq!(code, Some(3), "{mistake}: {text}");
         assert!(text.contains(cause), "{mistake}: {text}");
+        assert!(text.contains(&format!("\n  {headline}\n")), "{mistake}: {text}");
         // Nothing else is in doubt.
         assert_eq!(text.contains(ONE_SIDE), cause == ONE_SIDE, "{mistake}: {text}");
     }
 }
 
+const RADIUS: &str = "robot: wheel radius or track is wrong";
 const ONE_SIDE: &str = "times theirs; two wheels of one side that are exchanged look the same";
 
 /// A difference that no sensor knows is no problem, and the run says which sensor would show it.

@@ -18,6 +18,11 @@ use rc10_time::Micros;
 /// The problems of a run, a line each.
 fn problems(recording: &Recording) -> String {
     let figures = Figures::of(recording);
+    for problem in &figures.problems {
+        let headline = problem.headline();
+        assert!(headline.split_whitespace().count() <= 8, "{headline}");
+        assert!(headline.contains(": ") && !headline.contains("-"), "no cause: {headline}");
+    }
     let lines = figures.found(Severity::Problem).map(ToString::to_string);
     lines.collect::<Vec<_>>().join("\n")
 }

@@ -58,7 +58,7 @@ use crate::live::commands::{
 use crate::live::page::LiveArgs;
 use crate::run::simulate::simulate;
 use commands::decode::DecodeArgs;
-use terminal::{Plain, tell};
+use terminal::{Painted, Plain, tell, tell_progress, width};
 
 pub use crate::robot::base::Base;
 pub use crate::robot::description::{
@@ -173,7 +173,7 @@ impl CommandLine {
     /// The robot is not as described, does not fit on its buses, or a file cannot be read or
     /// written.
     pub fn run(self, robot: Robot<'_>) -> anyhow::Result<ExitCode> {
-        let mut out = io::BufWriter::new(io::stdout().lock());
+        let mut out = Painted(io::BufWriter::new(anstream::stdout().lock()));
         let code = self.run_to(robot, &mut out)?;
         out.flush()?;
         Ok(ExitCode::from(code))
@@ -220,7 +220,9 @@ pub fn main_for(
     robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>,
 ) -> ExitCode {
     let language = Language::asked().unwrap_or_else(Language::of_environment);
-    let parsed = language.help(Arguments::command()).try_get_matches();
+    tell_progress();
+    let command = language.help(Arguments::command()).term_width(width().unwrap_or(80));
+    let parsed = command.try_get_matches();
     let arguments = match parsed.and_then(|it| Arguments::from_arg_matches(&it)) {
         Ok(arguments) => arguments,
         Err(error) => {

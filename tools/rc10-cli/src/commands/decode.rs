@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use rc10_time::Micros;
 
+use crate::decode::filter::{Filter, Wanted};
 use crate::decode::print::Printer;
 use crate::decode::{BusOfChannel, Decoder, Summary, excerpt, known_on};
 use crate::files::{open, unreadable};
@@ -13,7 +14,7 @@ use crate::formats::candump::{Numbered, Reader};
 use crate::world::robot::Robot;
 
 /// Arguments of `rc10 decode`.
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args, Clone, Debug, Default)]
 #[command(after_help = HELP)]
 pub struct DecodeArgs {
     /// A log of candump (file or console form) or of python-can; `-` reads standard input
@@ -21,6 +22,8 @@ pub struct DecodeArgs {
     /// Which of the robot's buses an interface is; canN is bus N+1 unless told. Repeatable
     #[arg(long = "bus", value_name = "CHANNEL=NUMBER")]
     pub buses: Vec<BusOfChannel>,
+    #[command(flatten)]
+    pub(crate) wanted: Wanted,
     /// Print one JSON object, { "frames": [..], "summary": {..} }, instead of text
     #[arg(long)]
     pub json: bool,
@@ -49,8 +52,11 @@ With --json each frame is a line of its own, written while the log is read:
   malformed  {.., \"kind\": \"malformed\", \"frame\", \"motor\", \"error\"}
 Unknown frames are only counted, in the summary. What a line does not tell is null.
 
+Filters leave frames out of the lines, not out of the sums; together they must all fit.
+
 Examples:
   rc10 decode capture.log
+  rc10 decode capture.log --motor wheel-front-left --from 1.5 --to 2 --changes
   rc10 decode capture.log --bus can0=2 --bus slcan0=3
   candump can0 | rc10 decode -
 
@@ -83,6 +89,7 @@ fn decode_log(
     err: &mut dyn Write,
 ) -> anyhow::Result<bool> {
     let (robot, buses, _) = robot.into_buses()?;
+    let mut filter = Filter::new(&args.wanted, &robot)?;
     let messages = (1..=robot.buses).map(|bus| known_on(&robot, bus)).collect();
     let mut decoder = Decoder { robot: &robot, messages, buses, newest: Micros::ZERO };
     let mut summary = Summary::new(&args.buses, robot.buses)?;
@@ -99,7 +106,10 @@ fn decode_log(
                     writeln!(err, "{hint}")?;
                 }
                 if let Some((bus, meaning)) = summary.count(&mut decoder, &line) {
-                    printer.frame(number, &line, bus, &meaning)?;
+                    let body = printer.body(&line, &meaning);
+                    if filter.takes(&line, &meaning, &body) {
+                        printer.frame(number, &line, bus, &meaning, &body)?;
+                    }
                 }
                 // The bus may be watched live.
                 if args.file == Path::new("-") {
@@ -133,7 +143,8 @@ mod tests {
 
     fn run(log: &[u8], buses: &[&str], json: bool) -> anyhow::Result<Output> {
         let buses = buses.iter().map(|bus| bus.parse().unwrap()).collect();
-        let args = DecodeArgs { file: PathBuf::from("test.log"), buses, json };
+        let args =
+            DecodeArgs { file: PathBuf::from("test.log"), buses, json, ..DecodeArgs::default() };
         let (mut out, mut err) = (Vec::new(), Vec::new());
         let broken = decode_team(log, &args, &mut out, &mut err)?;
         let text = |bytes| String::from_utf8(bytes).unwrap();
@@ -375,7 +386,8 @@ mod tests {
 
     #[test]
     fn a_closed_pipe_is_recognised() {
-        let args = DecodeArgs { file: PathBuf::from("test.log"), buses: Vec::new(), json: true };
+        let file = PathBuf::from("test.log");
+        let args = DecodeArgs { file, json: true, ..DecodeArgs::default() };
         let error = decode_team(MIXED, &args, &mut Closed, &mut io::sink()).unwrap_err();
         let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);
         assert_eq!(kind, Some(io::ErrorKind::BrokenPipe));

@@ -13,7 +13,8 @@ use crate::decode::BusOfChannel;
 use crate::decode::heard::hear;
 use crate::files::{Unfinished, make_folder, open, unreadable};
 use crate::record::file::{Channel, Item, walk};
-use crate::record::replay::{numbers, replay};
+use crate::record::replay::{numbers, replay, replay_of};
+use crate::show::compare::Comparison;
 use crate::show::figures::{Figures, to_json};
 use crate::show::print::print;
 use crate::show::report::write_files;
@@ -36,6 +37,9 @@ pub struct ReportArgs {
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+    /// An earlier record, for comparison: both runs' curves, and what is better and what is worse
+    #[arg(long, value_name = "FILE.mcap")]
+    pub against: Option<PathBuf>,
     /// Exit code 3 if the run had problems
     #[arg(long)]
     pub strict: bool,
@@ -43,9 +47,19 @@ pub struct ReportArgs {
 
 /// Makes the report of a record; returns whether the run had problems. Fails like [`replay`], or if
 /// the folder cannot be written.
-pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
+pub fn report(args: &ReportArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     let names = args.files.iter().map(|file| file.display().to_string());
     let named = names.collect::<Vec<_>>().join(", ");
+    let before = args.against.as_ref().map(|file| {
+        let named = || format!("--against {}", file.display());
+        ensure!(is_record(file).with_context(named)?, "{}: it is no record (.mcap)", named());
+        let (before, cut) = replay_of(&mut open(file)?, &mut robot, false).with_context(named)?;
+        if let Some(why) = cut {
+            tell(format_args!("{}: cut off: {why}", named()));
+        }
+        Ok((before, file.display().to_string()))
+    });
+    let before = before.transpose()?;
     let (recording, cut) = if is_record(&args.files[0])? {
         let [file] = args.files.as_slice() else {
             bail!("{named}: one record at a time");
@@ -58,7 +72,9 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     };
     let figures = Figures::of(&recording);
     make_folder(&args.out)?;
-    write_files(&recording, &figures, &args.out)?;
+    let against =
+        before.map(|(before, name)| Comparison::new((&recording, &figures), name, before));
+    write_files(&recording, &figures, &args.out, against.as_ref())?;
     let length = recording.length.get() as f64 / 1e6;
     if let Some(why) = cut {
         tell(format_args!("{named}: cut off after {length} s: {why}"));
@@ -72,13 +88,21 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
         tell(format_args!("{named}: {more} such gaps more"));
     }
     if args.json {
-        writeln!(out, "{}", to_json(&recording, &figures, None))?;
+        let mut json = to_json(&recording, &figures, None);
+        if let Some(against) = &against {
+            json["against"] = against.to_json();
+        }
+        writeln!(out, "{json}")?;
     } else {
         let mut headline = format!("{length} s of {named}");
         if recording.source.is_simulated() {
             headline += &format!(", seed {}", recording.seed);
         }
         print(&recording, &figures, &headline, &args.out, out)?;
+        if let Some(against) = against {
+            let table = against.table().map_or_else(String::new, |table| table.text());
+            writeln!(out, "\n{table}{}", against.sentence())?;
+        }
     }
     Ok(figures.any_problems())
 }

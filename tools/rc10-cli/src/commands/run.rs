@@ -11,6 +11,7 @@ use rc10_time::Micros;
 use crate::args::{Injected, check_end, seconds, seed};
 use crate::files::make_folder;
 use crate::record::RecordWriter;
+use crate::recording::origin::Origin;
 use crate::robot::remote::{self, Receiver};
 use crate::run::simulate::{heading, simulate_into};
 use crate::show::figures::{Figures, to_json};
@@ -79,11 +80,14 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     let started = Instant::now();
     let record = |path: &PathBuf| RecordWriter::new(path, args.force, &heading(&robot, args.seed));
     let record = args.record.as_ref().map(record).transpose()?;
+    let origin = Origin::now(&robot.description().name);
     let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;
     recording.faults.clone_from(&args.injected.faults);
+    recording.mistakes = args.injected.mistakes.iter().map(ToString::to_string).collect();
+    recording.origin = origin;
     let wall = started.elapsed().as_secs_f64();
     let figures = Figures::of(&recording);
-    write_files(&recording, &figures, &args.out)?;
+    write_files(&recording, &figures, &args.out, None)?;
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, Some(wall)))?;
     } else {

@@ -1,6 +1,7 @@
 //! The meaning of the frames in a candump log: each goes through the robot's own buses and motors,
 //! so what is printed is what the robot would have understood.
 
+pub(crate) mod filter;
 pub(crate) mod heard;
 pub(crate) mod print;
 
@@ -100,6 +101,18 @@ pub(crate) struct Lane<'d> {
     number: u8,
     raw: i16,
     motor: Option<&'d Motor>,
+}
+
+impl Meaning<'_> {
+    /// Whether it concerns a motor that `is_it`.
+    pub(crate) fn concerns(&self, is_it: impl Fn(&Motor) -> bool) -> bool {
+        match self {
+            Self::Feedback { motor, .. } | Self::Unasked { motor } => is_it(motor),
+            Self::Message { motor, .. } | Self::Malformed { motor, .. } => motor.is_some_and(is_it),
+            Self::Command(lanes) => lanes.iter().any(|lane| lane.motor.is_some_and(&is_it)),
+            Self::Unknown => false,
+        }
+    }
 }
 
 /// All DJI models: their command frames are known also on a bus where the robot has none.

@@ -37,12 +37,22 @@ impl<'o> Printer<'o> {
         line: &CandumpLine<'_>,
         bus: u8,
         meaning: &Meaning<'_>,
+        body: &str,
     ) -> io::Result<()> {
         if !self.json {
-            return writeln!(self.out, "{}", text(&self.columns, line, meaning));
+            let at = line.at.map_or_else(|| "-".to_owned(), |at| SecondsOf(at).to_string());
+            // The time of a run since power-on, without the zeros of a date.
+            let at = at.trim_start_matches('0');
+            let zero = if at.starts_with('.') { "0" } else { "" };
+            return writeln!(self.out, "{:>17}  {body}", format!("{zero}{at}"));
         }
         let separator = std::mem::replace(&mut self.separator, ",\n");
         write!(self.out, "{separator}{}", object(number, line, bus, meaning))
+    }
+
+    /// What a frame says, without its time.
+    pub(crate) fn body(&self, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> String {
+        text(&self.columns, line, meaning)
     }
 
     pub(crate) fn finish(self, summary: &Summary, decoder: &Decoder<'_, '_>) -> io::Result<()> {
@@ -134,8 +144,7 @@ fn signal_text((signal, value, name): (&Signal, f64, Option<&'static str>)) -> S
 }
 
 fn text(columns: &Columns, line: &CandumpLine<'_>, meaning: &Meaning<'_>) -> String {
-    let at = line.at.map_or_else(|| "-".to_owned(), |at| SecondsOf(at).to_string());
-    let start = format!("{at:>17}  {:<5}", line.channel);
+    let start = format!("{:<5}", line.channel);
     match meaning {
         Meaning::Feedback { motor, feedback, .. } => {
             let celsius = feedback.temperature().map(|temperature| temperature.get().to_string());

@@ -309,6 +309,7 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
     let likely = causes.iter().filter(|(cost, _)| is_explained && *cost < least + ALIKE);
     let likely: Vec<Cause> = likely.map(|(_, cause)| *cause).collect();
     let directions = likely.iter().filter(|cause| matches!(cause, Cause::Direction(_))).count();
+    let (cause, culprits) = judged.headline(&likely, directions > 2);
     let likely: Vec<String> = likely.into_iter().map(|cause| judged.sentence(cause)).collect();
     let mut likely = match likely.len() {
         0 => "why cannot be told from this run".to_owned(),
@@ -320,11 +321,18 @@ pub(super) fn base_and_wheels(recording: &Recording, found: &mut Vec<Problem>) {
         _ => format!("it looks as if {}", likely.join(", or ")),
     };
     // The wheels follow their commands though the floor drags them: only the IMU sees it.
-    if matches!(best, Cause::Yaw(_)) && is_explained && least > SURE && judged.is_mecanum() {
+    let is_either = matches!(best, Cause::Yaw(_)) && is_explained && least > SURE;
+    let is_either = is_either && judged.is_mecanum();
+    if is_either {
         likely += "; two wheels of one side that are exchanged look the same";
     }
+    let cause = if is_either { "wheel radius wrong, or two wheels swapped" } else { cause };
     let text = format!("the base does not do what its wheels say: {likely}; {}", seen.join("; "));
-    found.push(Problem::new(About::Robot, "base", text));
+    let shown = worst.map(|(.., end)| *end).or(fights.first().map(|(_, window)| window.end));
+    let length = Micros::new(WINDOW as u64 * SAMPLE_PERIOD.get());
+    let span = shown.map(|end| (end.since(length), end));
+    let problem = Problem::new(About::Robot, "base", text).because(cause);
+    found.push(Problem { culprits, span, ..problem });
 }
 
 /// Cost from which on a cause explains nothing; causes that differ by less are alike.
@@ -338,6 +346,23 @@ const ENOUGH: f64 = 10.0;
 const SIMPLER: f64 = 0.05;
 
 impl Judged<'_> {
+    /// The cause in a few words, and the wheels that it names. Of several causes none is named: it may be the wrong one.
+    fn headline(&self, likely: &[Cause], is_any: bool) -> (&'static str, Vec<&'static str>) {
+        let label = |wheel: usize| self.wheels[wheel].motor.label;
+        match *likely {
+            [] => ("its wheels and sensors disagree", vec![]),
+            _ if is_any => ("one wheel's direction or gear is wrong", vec![]),
+            [Cause::Direction(it)] => ("direction is reversed", vec![label(it)]),
+            [Cause::Scale(it, _)] => ("another gear or wheel", vec![label(it)]),
+            [Cause::Swap(a, b)] => ("swapped", vec![label(a), label(b)]),
+            [Cause::Yaw(_) | Cause::None] => ("wheel radius or track is wrong", vec![]),
+            [Cause::Direction(_), ..] => ("one wheel's direction is perhaps reversed", vec![]),
+            [Cause::Scale(..), ..] => ("one wheel's gear is perhaps wrong", vec![]),
+            [Cause::Swap(..), ..] => ("two wheels are perhaps swapped", vec![]),
+            [Cause::Yaw(_) | Cause::None, ..] => ("wheel radius is perhaps wrong", vec![]),
+        }
+    }
+
     fn sentence(&self, cause: Cause) -> String {
         let label = |wheel: usize| self.wheels[wheel].motor.label;
         match cause {

@@ -62,7 +62,9 @@ pub(super) fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
                  it set to {other}?",
                 bus.last.received.unclaimed, silent.motor.label,
             );
-            found.push(Problem::new(About::Bus(bus.number), "other-identifier", text));
+            let problem = Problem::new(About::Bus(bus.number), "other-identifier", text);
+            let culprits = vec![silent.motor.label];
+            found.push(Problem { culprits, ..problem }.because("set to another identifier"));
         }
     }
 }
@@ -89,7 +91,8 @@ fn runaway(recording: &Recording, track: &MotorTrack) -> Option<Problem> {
         last.measured,
         last.target.unwrap_or_default(),
     );
-    Some(Problem::new(About::Motor(track.motor.label), "runaway", text))
+    let problem = Problem::new(About::Motor(track.motor.label), "runaway", text);
+    Some(problem.in_time(time_of(at), end.since(time_of(at))))
 }
 
 fn is_away(samples: &[MotorSample]) -> bool {

@@ -62,6 +62,14 @@ fn sample_at<T>(samples: &[T], at: Micros) -> Option<&T> {
     samples.get(usize::try_from(at.get().div_ceil(SAMPLE_PERIOD.get())).ok()?.checked_sub(1)?)
 }
 
+/// Time from the first rise of a count to the last one.
+fn rises<T>(samples: &[T], count: impl Fn(&T) -> u64) -> Option<(Micros, Micros)> {
+    let rose = (1..).zip(samples.windows(2));
+    let mut rose = rose.filter(|(_, pair)| count(&pair[1]) > count(&pair[0])).map(|(at, _)| at);
+    let first = rose.next()?;
+    Some((time_of(first), time_of(rose.last().unwrap_or(first))))
+}
+
 /// Whether a fault must make motors of its bus inaudible, as far as that can be seen.
 const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
     match kind {
@@ -89,7 +97,8 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
             && let Some((at, _)) = during().find(|(_, sample)| sample.link == Link::Online)
         {
             let text = format!("is heard at {:.3} s, in spite of {kind}", seconds(at));
-            found.push(Problem::new(about, "fault-without-effect", text));
+            let problem = Problem::new(about, "fault-without-effect", text);
+            found.push(problem.in_time(at, SAMPLE_PERIOD));
         }
         let Some(until) = until else { continue };
         let other = recording.faults.iter().any(|other| {
@@ -102,7 +111,7 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
         if !other && sample.is_some_and(|sample| sample.link != Link::Online) {
             let limit = BACK_WITHIN.get() / 1000;
             let text = format!("is not back {limit} ms after the end of {kind}");
-            found.push(Problem::new(about, "not-back", text));
+            found.push(Problem::new(about, "not-back", text).in_time(until, BACK_WITHIN));
             is_back = false;
         }
     }
@@ -172,7 +181,7 @@ pub(super) fn mechanisms(recording: &Recording, found: &mut Vec<Problem>) {
         for (at, stage) in gave_up.filter(|(at, _)| !is_excused(*at)) {
             if told.replace(stage) != Some(stage) {
                 let text = format!("gave up at {:.2} s: {}", seconds(at), why_it_gave_up(stage));
-                found.push(Problem::new(about, "gave-up", text));
+                found.push(Problem::new(about, "gave-up", text).in_time(at, SAMPLE_PERIOD));
             }
         }
         let has_begun = track.range.is_some_and(|[.., highest]| stage(highest) != Stage::NotBegun);
@@ -230,7 +239,10 @@ pub(super) fn motors(recording: &Recording, found: &mut Vec<Problem>) {
                 found.push(Problem::new(about, "never-heard", text));
             }
             Link::Lost if is_back && !is_excused_now => {
-                found.push(Problem::new(about, "lost", "lost at the end".into()));
+                let heard = track.samples.iter().rposition(|it| it.link == Link::Online);
+                let since = time_of(heard.unwrap_or(0));
+                let problem = Problem::new(about, "lost", "lost at the end".into());
+                found.push(problem.in_time(since, recording.length.since(since)));
             }
             _ => (),
         }
@@ -256,7 +268,9 @@ pub(super) fn motors(recording: &Recording, found: &mut Vec<Problem>) {
             ),
             (refused.unsupported, "targets refused: of a kind that it does not take"),
         ];
-        found.extend(counted(about, counts.map(|(count, what)| (count.into(), "refused", what))));
+        let counts = counts.map(|(count, what)| (count.into(), "refused", what));
+        let refusals = rises(&track.samples, |it| it.counters.refused.total().into());
+        found.extend(counted(about, counts).map(|it| Problem { span: refusals, ..it }));
         let was_driven = track.samples.iter().any(|sample| sample.drive == DriveMode::Run);
         let is_well = last.link == Link::Online && last.fault.is_none() && refused.total() == 0;
         let armed = armed_for(recording);
@@ -276,20 +290,27 @@ fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Probl
         unexcused(recording, on, total, &track.samples, of)
     };
     let lost = count(counters.lost.into(), |sample| sample.counters.lost.into());
-    found.extend(counted(about, [(lost, "was-lost", "× lost during the run")]));
+    let losses = counted(about, [(lost, "was-lost", "× lost during the run")]);
+    let losing = rises(&track.samples, |sample| sample.counters.lost.into());
+    found.extend(losses.map(|it| Problem { span: losing, ..it }));
     let received = u64::from(counters.received);
     let malformed = count(counters.malformed.into(), |sample| sample.counters.malformed.into());
-    found.extend(share(about, "malformed", malformed, received, "malformed frames"));
+    let problem = share(about, "malformed", malformed, received, "malformed frames");
+    let span = rises(&track.samples, |sample| sample.counters.malformed.into());
+    found.extend(problem.map(|it| Problem { span, ..it }));
     let overwritten = count(track.overwritten, |sample| sample.overwritten);
     // A device that is alone on its bus is not acknowledged before the robot is there.
     let before = track.samples.first().map_or(0, |sample| sample.overwritten);
     let overwritten = overwritten.saturating_sub(before);
     let what = "feedback frames overwritten because the bus was busy";
-    found.extend(share(about, "overwritten", overwritten, received, what));
+    let problem = share(about, "overwritten", overwritten, received, what);
+    let span = rises(&track.samples, |sample| sample.overwritten);
+    found.extend(problem.map(|it| Problem { span, ..it }));
     let expired = count(counters.expired.into(), |sample| sample.counters.expired.into());
     if expired > 0 {
         let text = format!("{expired} × its command expired while the robot was armed");
-        found.push(Problem::information(about, "expired", text));
+        let span = rises(&track.samples, |sample| sample.counters.expired.into());
+        found.push(Problem { span, ..Problem::information(about, "expired", text) });
     }
 }
 
@@ -312,6 +333,7 @@ pub(super) fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
         let EffortTrack { loops, margins, windows, reversals, at_limit, .. } = effort;
         let about = About::Motor(track.motor.label);
         let millis = WINDOW.get() / 1000;
+        let windows_in_a_row = Micros::new(WINDOW.get() * u64::from(IN_A_ROW));
         if effort.oscillates() {
             let text = format!(
                 "shakes: its effort changes direction {} times in {millis} ms (from {:.2} s on; in \
@@ -320,7 +342,8 @@ pub(super) fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
                 seconds(reversals.at),
                 reversals.windows,
             );
-            found.push(Problem::new(about, "oscillation", text));
+            let problem = Problem::new(about, "oscillation", text);
+            found.push(problem.in_time(reversals.at, windows_in_a_row));
         }
         let margins = margins.map(|margins| [("speed", margins.speed), ("angle", margins.angle)]);
         let low = |(_, margin): &(&str, f64)| *margin < margin::LEAST;
@@ -330,7 +353,8 @@ pub(super) fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
                  the kp of its {name} loop is too high for what it moves",
                 margin::LEAST,
             );
-            found.push(Problem::new(about, "gain-margin", text));
+            let cause = if name == "speed" { "speed kp too high" } else { "angle kp too high" };
+            found.push(Problem::new(about, "gain-margin", text).because(cause));
         }
         if margins.is_none() {
             let text = "what it moves is not described (inertia 0): its gain margin is not judged";
@@ -348,7 +372,8 @@ pub(super) fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
                 seconds(at_limit.at),
                 at_limit.windows,
             );
-            found.push(Problem::new(about, "saturation", text));
+            let problem = Problem::new(about, "saturation", text);
+            found.push(problem.in_time(at_limit.at, windows_in_a_row));
         }
     }
 }
@@ -375,7 +400,12 @@ fn feed_forward(about: About, effort: &EffortTrack, found: &mut Vec<Problem>) {
             "{what} {factor:.1} times what {of} says ({took:.2} {unit} where {said:.2} {unit} are said): \
              {cause}, and the integral holds the rest"
         );
-        found.push(Problem::new(about, "feed-forward", text));
+        let short = if factor < 0.0 {
+            "feed-forward's sign is wrong"
+        } else {
+            "feed-forward's size is wrong"
+        };
+        found.push(Problem::new(about, "feed-forward", text).because(short));
     }
 }
 
@@ -395,14 +425,20 @@ pub(super) fn buses(recording: &Recording, found: &mut Vec<Problem>) {
         let replaced = count(last.replaced, |sample| sample.replaced);
         let submitted = last.submitted.into();
         let what = "commands replaced before they left";
-        found.extend(share(about, "replaced", replaced, submitted, what));
-        let counts = [
-            (count(last.overruns, |sample| sample.overruns), "overrun", "ticks overrun"),
-            (count(last.health.receive_lost, |one| one.lost), "rx-lost", "received frames lost"),
-            (count(last.refused, |sample| sample.refused), "frame-refused", "frames refused"),
-            (count(last.health.bus_offs, |sample| sample.bus_offs), "bus-off", "× bus-off"),
+        let problem = share(about, "replaced", replaced, submitted, what);
+        let span = |of: fn(&BusSample) -> u32| rises(&track.samples, |one| of(one).into());
+        let replacing = span(|sample| sample.replaced);
+        found.extend(problem.map(|it| Problem { span: replacing, ..it }));
+        let counts: [(_, fn(&BusSample) -> u32, _, _); 4] = [
+            (last.overruns, |one| one.overruns, "overrun", "ticks overrun"),
+            (last.health.receive_lost, |one| one.lost, "rx-lost", "received frames lost"),
+            (last.refused, |one| one.refused, "frame-refused", "frames refused"),
+            (last.health.bus_offs, |one| one.bus_offs, "bus-off", "× bus-off"),
         ];
-        found.extend(counted(about, counts));
+        for (total, of, kind, what) in counts {
+            let problems = counted(about, [(count(total, of), kind, what)]);
+            found.extend(problems.map(|it| Problem { span: span(of), ..it }));
+        }
         let unclaimed = last.received.unclaimed;
         if let (1.., Some(key)) = (unclaimed, last.received.last_unclaimed) {
             let text = format!("{unclaimed} frames that no motor claims, the newest of {key:#x}");
@@ -468,14 +504,16 @@ pub(super) fn remote(recording: &Recording, found: &mut Vec<Problem>) {
     for loss in losses {
         if let Some(time) = loss.reaction().filter(|time| *time > REACTION) {
             let text = format!("lost: the motors coasted after {:.1} ms only", seconds(time) * 1e3);
-            found.push(Problem::new(about, "late-to-coast", text));
+            let problem = Problem::new(about, "late-to-coast", text);
+            found.push(problem.in_time(loss.lost.from, time));
         } else if is_driven_on(loss, recording.length) {
             let text = format!(
                 "lost at {:.3} s: the motors did not coast within {} ms of the last good frame",
                 seconds(loss.lost.from),
                 REACTION.get() / 1000,
             );
-            found.push(Problem::new(about, "not-coasting", text));
+            let problem = Problem::new(about, "not-coasting", text);
+            found.push(problem.in_time(loss.lost.from, REACTION));
         }
     }
 }

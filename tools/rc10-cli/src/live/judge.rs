@@ -191,9 +191,12 @@ impl<'k> Judge<'k> {
             Some((begun, replay)) if is_due && self.before.since(*begun) >= LEAST => {
                 let recording = replay.clone().finish()?;
                 let happened = happened(&recording).into_iter();
-                let told = |(at, what)| (*begun + recording.robot_time(at), what);
-                self.happened = happened.map(told).collect();
+                let time = |at| *begun + recording.robot_time(at);
+                self.happened = happened.map(|(at, what)| (time(at), what)).collect();
                 self.found = problems(&recording);
+                for span in self.found.iter_mut().filter_map(|it| it.span.as_mut()) {
+                    *span = (time(span.0), time(span.1));
+                }
                 self.judged = Some(self.before);
             }
             _ => {}

@@ -46,6 +46,9 @@ pub struct LiveArgs {
     /// [default: the one of its network]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, default_missing_value = "0.0.0.0")]
     pub lan: Option<IpAddr>,
+    /// Open the page in the browser
+    #[arg(long)]
+    pub open: bool,
     /// Folder for records
     #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
     pub out: PathBuf,
@@ -105,6 +108,9 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
         tell_guests(&pages, address, out)?;
     }
     out.flush()?;
+    if args.open {
+        open_browser(&pages.address);
+    }
     let mut live = LivePage {
         session,
         pages,
@@ -178,6 +184,17 @@ fn report_of(path: PathBuf) -> Receiver<Result<Vec<u8>>> {
     };
     std::thread::spawn(move || made.send(make()));
     making
+}
+
+/// Opens an address in the browser. One that does not open is no error: the address is said.
+fn open_browser(address: &str) {
+    let mut command = Command::new(match () {
+        () if cfg!(windows) => "explorer",
+        () if cfg!(target_os = "macos") => "open",
+        () => "xdg-open",
+    });
+    let quiet = command.arg(address).stdin(Stdio::null()).stdout(Stdio::null());
+    let _ = quiet.stderr(Stdio::null()).spawn();
 }
 
 fn is_there(error: &anyhow::Error) -> bool {

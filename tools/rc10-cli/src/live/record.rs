@@ -10,6 +10,7 @@ use super::client::Sample;
 use super::plan::{Topic, messages};
 use crate::record::file::leftovers;
 use crate::record::{EVENT, EVENTS, RecordFile, text};
+use crate::recording::origin::Origin;
 use crate::robot::description::Description;
 use crate::terminal::tell;
 
@@ -115,6 +116,7 @@ impl LiveRecord {
             ("seed".to_owned(), "1".to_owned()),
             ("source".to_owned(), "robot".to_owned()),
         ]);
+        head.extend(Origin::now(&description.name).entries());
         let mut file = RecordFile::new(path, force, head)?;
         let mut channels = Vec::new();
         for topic in topics {

@@ -81,8 +81,9 @@ const PATIENCE: Duration = Duration::from_secs(5);
 impl Pages {
     /// Begins to serve, on this PC only (port 0: any free one); fails if the port is taken.
     pub fn serve(port: u16) -> Result<Self> {
-        let listener = TcpListener::bind(("127.0.0.1", port))
-            .with_context(|| format!("no page at port {port} of this PC"))?;
+        let listener = TcpListener::bind(("127.0.0.1", port)).with_context(|| {
+            format!("no page at port {port} of this PC; --page 0 takes one that is free")
+        })?;
         let port = listener.local_addr()?.port();
         let shown = Arc::new(Mutex::new(Shown { state: "null".into(), ..Shown::default() }));
         let (queue, requests) = channel();

@@ -169,9 +169,17 @@ impl<'r> Session<'r> {
         let near: Vec<_> =
             all.iter().map(|it| full_name(it)).filter(|it| it.contains(name)).collect();
         ensure!(!near.is_empty(), "there is no parameter `{name}`: rc10 params lists them");
-        bail!("there is no parameter `{name}`; there are {}", near.join(", "))
+        let more = match near.len().saturating_sub(NEAR) {
+            0 => String::new(),
+            more => format!(" and {more} more: rc10 params lists them"),
+        };
+        let near = near.get(..NEAR).unwrap_or(&near).join(", ");
+        bail!("there is no parameter `{name}`; there are {near}{more}")
     }
 }
+
+/// Limit of names that a wrong one is answered with.
+const NEAR: usize = 10;
 
 /// A parameter's name on a command line.
 #[must_use]

@@ -88,7 +88,10 @@ impl RunningArgs {
 
     /// Opens the connection. Fails if it cannot be opened, with the reason and what helps.
     pub fn open(&self, robot: &Robot<'_>) -> Result<RobotConnection<'static>> {
-        let place = only(self.places()?)?;
+        let place = only(match self.port {
+            Some(_) => self.places()?,
+            None => likely(self.places()?)?,
+        })?;
         if self.port.is_none() {
             tell(format_args!("the only robot here: {}", place.1));
         }
@@ -206,6 +209,24 @@ fn meant(wanted: Option<&str>, mut places: Vec<(String, String)>) -> Result<Vec<
         }
     );
     Ok(places)
+}
+
+/// Places without the PC's built-in serial ports, at which a robot seldom is; fails if nothing else is there.
+fn likely(places: Vec<(String, String)>) -> Result<Vec<(String, String)>> {
+    let is_built_in = |port: &str| {
+        let port = port.strip_prefix("/dev/").unwrap_or(port);
+        let numbered = port.strip_prefix("ttyS").or_else(|| port.strip_prefix("ttyAMA"));
+        numbered.is_some_and(|number| number.bytes().all(|it| it.is_ascii_digit()))
+    };
+    let (built_in, others): (Vec<_>, Vec<_>) =
+        places.into_iter().partition(|(port, _)| is_built_in(port));
+    let names: Vec<_> = built_in.into_iter().map(|(port, _)| port).collect();
+    ensure!(
+        !others.is_empty(),
+        "only built-in ports are here, which are not taken by themselves: --port with one of {}",
+        names.join(", ")
+    );
+    Ok(others)
 }
 
 /// The only place; fails with a list if there are more.
@@ -400,12 +421,18 @@ mod tests {
         let of = |wanted, ports: &[&str]| {
             let places =
                 ports.iter().map(|port| ((*port).to_owned(), format!("a robot at {port}")));
-            let found = meant(wanted, places.collect()).and_then(only);
+            let found = meant(wanted, places.collect());
+            let found = found.and_then(|it| if wanted.is_none() { likely(it) } else { Ok(it) });
+            let found = found.and_then(only);
             found.map_or_else(|why| why.to_string(), |(port, _)| port)
         };
         let real = "/dev/ttyUSB0";
         assert_eq!(of(None, &[real]), real);
         assert_eq!(of(None, &["sim:8010"]), "sim:8010");
+        assert_eq!(of(None, &["/dev/ttyS0", real]), real);
+        assert_eq!(of(None, &["/dev/ttyAMA10", "/dev/ttyACM0"]), "/dev/ttyACM0");
+        let refused = of(None, &["/dev/ttyS0", "/dev/ttyS1"]);
+        assert!(refused.contains("--port with one of /dev/ttyS0, /dev/ttyS1"), "{refused}");
         let both =
             "which robot? --port with one of these: a robot at /dev/ttyUSB0, a robot at sim:8010";
         assert_eq!(of(None, &[real, "sim:8010"]), both);

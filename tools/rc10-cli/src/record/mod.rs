@@ -28,6 +28,8 @@ use rc10_time::Micros;
 
 use self::fields::{MOTOR, MOTOR_HEALTH, Single, schema};
 use crate::recording::look::{BusLook, Moment, MotorLook, RemoteLook, RobotLook, Shaft};
+use crate::recording::margin::Margins;
+use crate::recording::origin::Origin;
 use crate::recording::remote::Loss;
 use crate::recording::sample::{Source, WireEnd};
 use crate::robot::description::Description;
@@ -329,6 +331,7 @@ impl RecordWriter {
         losses: &[Loss],
         events: &[Event],
         faults: impl Iterator<Item = Option<Fault>>,
+        margins: impl Iterator<Item = (&'static str, Margins)>,
     ) -> Result<()> {
         for (at, wire) in wires.iter().enumerate() {
             for (window, load) in (1..).zip(&wire.load_windows) {
@@ -351,6 +354,10 @@ impl RecordWriter {
                 end.insert(format!("fault_{number}"), fault.text.to_owned());
             }
         }
+        // Of the gains of this run: a later program may have others.
+        for (label, Margins { speed, angle }) in margins {
+            end.insert(format!("margin {label}"), format!("{speed} {angle}"));
+        }
         self.file.finish(Ok(()), end)
     }
 }
@@ -369,6 +376,7 @@ fn heading_of(heading: &Heading<'_>) -> BTreeMap<String, String> {
         ("faults".to_owned(), faults.join("\n")),
         ("mistakes".to_owned(), mistakes.join("\n")),
     ]);
+    map.extend(Origin::now(&description.name).entries());
     if let Some(remote) = &description.remote {
         map.insert("receiver".to_owned(), remote.receiver.to_string());
     }

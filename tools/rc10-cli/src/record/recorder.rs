@@ -313,7 +313,11 @@ impl<'d> Recorder<'d> {
         let events = if is_scripted { self.description.events(length) } else { Vec::new() };
         if let Some(record) = self.record.0.take() {
             let faults = self.motors.iter().map(|motor| motor.last.status.fault);
-            record.finish(length, &wires, &losses, &events, faults)?;
+            let described = self.description.motors.iter().zip(&self.motors);
+            let margins = described.filter_map(|(motor, recorder)| {
+                Some((motor.label, recorder.effort.as_ref()?.margins()?))
+            });
+            record.finish(length, &wires, &losses, &events, faults, margins)?;
         }
         let motors = self.description.motors.iter().zip(self.motors);
         let motors = motors.map(|(described, recorder)| MotorTrack {

@@ -18,6 +18,8 @@ use super::{About, CDR, END, EVENTS, LAYOUT, VERSION, topic, topics};
 use crate::commands::report::label;
 use crate::record::recorder::Recorder;
 use crate::recording::look::{BusLook, Moment, MotorLook, Shaft};
+use crate::recording::margin::Margins;
+use crate::recording::origin::Origin;
 use crate::recording::problem::Problem;
 use crate::recording::remote::Loss;
 use crate::recording::sample::{SAMPLE_PERIOD, Source, WireEnd};
@@ -94,6 +96,19 @@ pub fn replay(
     file: &mut (impl Read + Seek),
     mut robot: Robot<'_>,
 ) -> Result<(Recording, Option<String>)> {
+    replay_of(file, &mut robot, true)
+}
+
+/// The same; a record that need not be the robot's own is read as far as its topics are those of this one, for
+/// comparison.
+///
+/// # Errors
+/// As [`replay`].
+pub(crate) fn replay_of(
+    file: &mut (impl Read + Seek),
+    robot: &mut Robot<'_>,
+    is_own: bool,
+) -> Result<(Recording, Option<String>)> {
     // The metadata come first, but for those of the end.
     let mut heading = None;
     let mut end = BTreeMap::new();
@@ -115,15 +130,17 @@ pub fn replay(
         "its layout has version {version}, and this rc10 reads version {VERSION}"
     );
     let seed = text("seed").parse().context("its seed is no number")?;
-    prepare(&mut robot, &text)?;
-    is_of(&robot, &found)?;
+    if is_own {
+        prepare(robot, &text)?;
+        is_of(robot, &found)?;
+    }
 
     let source = match (text("source"), text("emulated")) {
         ("robot", _) => Source::Robot,
         (_, "true") => Source::Emulation,
         _ => Source::Simulation,
     };
-    let kit = Kit::of(&robot);
+    let kit = Kit::of(robot);
     let mut state = Replay::new(&kit, seed, source)?;
     for (number, wire) in (1..).zip(&mut state.wires) {
         wire.log_hash = end.get(&format!("log_hash_{number}")).cloned().unwrap_or_default();
@@ -152,6 +169,16 @@ pub fn replay(
         cut.or_else(|| state.is_full.then(|| "a report is made of four hours at most".into()));
     let mut recording = state.finish()?;
     recording.faults.clone_from(&kit.description.faults);
+    recording.mistakes = text("mistakes").lines().map(str::to_owned).collect();
+    recording.origin = Origin::read(&text);
+    for track in &mut recording.motors {
+        let told = end.get(&format!("margin {}", track.motor.label));
+        let told = told.and_then(|it| it.split_once(' '));
+        let told = told.and_then(|(speed, angle)| Some((speed.parse().ok()?, angle.parse().ok()?)));
+        if let (Some((speed, angle)), Some(effort)) = (told, &mut track.effort) {
+            effort.margins = Some(Margins { speed, angle });
+        }
+    }
     recording.no_logs = true;
     recording.marks = marks;
     recording.about =

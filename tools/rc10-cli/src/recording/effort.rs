@@ -133,6 +133,12 @@ impl EffortWatch {
         self.track.loops
     }
 
+    /// Gain margins of the loops.
+    #[must_use]
+    pub const fn margins(&self) -> Option<Margins> {
+        self.track.margins
+    }
+
     /// Takes the effort, if the time is new; `None` while the loops do not drive.
     pub fn look(&mut self, now: Micros, effort: Option<f64>) {
         if self.last.is_some_and(|last| now <= last) {

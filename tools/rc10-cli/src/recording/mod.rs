@@ -5,6 +5,7 @@ pub mod excuse;
 pub mod load;
 pub mod look;
 pub mod margin;
+pub mod origin;
 pub mod problem;
 pub mod remote;
 pub mod sample;
@@ -23,6 +24,7 @@ use rc10_time::Micros;
 use sha2::{Digest, Sha256};
 
 use crate::recording::effort::EffortTrack;
+use crate::recording::origin::Origin;
 use crate::recording::problem::Problem;
 use crate::recording::remote::RemoteTrack;
 use crate::recording::sample::{
@@ -66,6 +68,10 @@ pub struct Recording {
     pub not_at_rest: Option<Axis>,
     /// Injected faults.
     pub faults: Vec<Fault>,
+    /// Mistakes of the run, as a user writes them.
+    pub mistakes: Vec<String>,
+    /// The robot and the program that recorded it.
+    pub origin: Origin,
     /// Whether the buses' logs were left out.
     pub no_logs: bool,
     /// Source of the recording.

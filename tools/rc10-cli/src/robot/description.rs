@@ -1,6 +1,6 @@
 //! A robot for the tools: plain data of its motors and their surroundings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
 use rc10_emu::Board;
@@ -23,6 +23,8 @@ use crate::robot::script::{Event, Script};
 /// A robot before it runs: its motors, buses, base, remote and script.
 #[derive(Clone, Debug, Default)]
 pub struct Description {
+    /// Name of the robot; empty if it has none.
+    pub name: String,
     /// All motors; those of one bus in the order in which they are attached to it.
     pub motors: Vec<Motor>,
     /// Number of buses, which are counted from 1 to this.
@@ -267,7 +269,9 @@ impl Description {
             &Twin::Voltage(_, volts) => Some(VoltagePart { divider: f64::from(*divider), volts }),
             Twin::Serial(..) | Twin::Contact(..) => None,
         });
+        let name = Path::new(P::FOLDER).file_name().unwrap_or_default();
         Self {
+            name: name.to_string_lossy().into_owned(),
             console: Some(P::CONSOLE),
             firmware: Some(|board| build_firmware_in(P::FOLDER, board)),
             serials: imu.into_iter().chain(serials).collect(),

@@ -13,6 +13,7 @@ use crate::run::emulation::Emulation;
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;
 use crate::run::watch::Watch;
+use crate::terminal::Progress;
 use crate::world::robot::Robot;
 
 /// Runs a robot up to a time, and takes down what is seen of it.
@@ -24,6 +25,7 @@ fn record(
     let mut watch = Watch::new(running.description().remote.as_ref());
     let mut now = running.now();
     let mut next_look = Recorder::next_look(now, length);
+    let mut progress = Progress::new();
     while now < length {
         now = watch.next(now).unwrap_or(next_look).min(next_look);
         running.run_to(now)?;
@@ -41,6 +43,7 @@ fn record(
         let status = |entry| running.status(entry, now);
         if recorder.look((now, length), running.twins(), status)? {
             recorder.sample(now, running.wires(), running.moment(now))?;
+            progress.tell(now, length);
         }
     }
     recorder.finish(now, running.wires(), watch.losses)
@@ -81,13 +84,13 @@ pub fn simulate_into(
         let text = "no task has read this parameter: setting it changes nothing".to_owned();
         Problem::new(About::Part(it.label), "unread-parameter", text)
     }));
-    recording.found.extend(running.tasks.ended().iter().map(|(name, at)| {
-        let at = seconds(*at);
+    recording.found.extend(running.tasks.ended().iter().map(|(name, ended)| {
+        let at = seconds(*ended);
         let text = format!(
             "its task {name} ended at {at:.3} s, and a task goes on for ever: is an `.await` missing, \
              or a `loop`?"
         );
-        Problem::new(About::Robot, "task-ended", text)
+        Problem::new(About::Robot, "task-ended", text).in_time(*ended, Micros::ZERO)
     }));
     Ok(recording)
 }

@@ -16,6 +16,7 @@ use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::{Source, is_angle, seconds};
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, PartTrack, Recording, Tracking};
+use crate::terminal::{width, wrapped};
 
 /// The figures of a run: computed once, and printed as text, JSON and HTML.
 pub struct Figures {
@@ -154,16 +155,18 @@ pub struct Entry {
     pub text: String,
     /// Whether it is not as it should be.
     pub bad: bool,
+    /// Whether it is better than it was.
+    pub good: bool,
 }
 
 pub(crate) fn words(text: impl ToString) -> Entry {
-    Entry { text: text.to_string(), bad: false }
+    Entry { text: text.to_string(), bad: false, good: false }
 }
 
 /// A count that should be zero.
 fn loss(count: impl Into<u64>) -> Entry {
     let count = count.into();
-    Entry { text: grouped(count), bad: count > 0 }
+    Entry { bad: count > 0, ..words(grouped(count)) }
 }
 
 fn count(count: impl Into<u64>) -> Entry {
@@ -206,29 +209,62 @@ impl Table {
         }
     }
 
-    /// The table as text for a terminal.
+    /// The table as text for a terminal. In one that is too narrow, columns that count nothing are left out, and the
+    /// others stand below one another.
     #[must_use]
     pub fn text(&self) -> String {
-        let titles = self.head.iter().map(|title| title.chars().count());
-        let mut widths: Vec<usize> = titles.collect();
-        for row in &self.rows {
-            for (width, entry) in widths.iter_mut().zip(row) {
-                *width = entry.text.chars().count().max(*width);
+        self.text_in(width())
+    }
+
+    fn text_in(&self, room: Option<usize>) -> String {
+        let wide = |column: usize| {
+            let entries = self.rows.iter().filter_map(|row| row.get(column)).map(|it| &*it.text);
+            entries
+                .chain(self.head.get(column).copied())
+                .map(|it| it.chars().count())
+                .max()
+                .unwrap_or(0)
+        };
+        let all: Vec<(usize, usize)> = (0..self.head.len()).map(|at| (at, wide(at))).collect();
+        let fits = |columns: &[(usize, usize)]| {
+            let sum: usize = columns.iter().map(|(_, wide)| wide + 2).sum();
+            room.is_none_or(|room| sum <= room + 2)
+        };
+        if fits(&all) {
+            return self.block(&all);
+        }
+        let counts = |at: usize| {
+            at < self.words
+                || self.rows.iter().any(|row| row.get(at).is_some_and(|it| it.text != "0"))
+        };
+        let mut blocks: Vec<Vec<(usize, usize)>> = Vec::new();
+        for column in all.iter().copied().skip(1).filter(|(at, _)| counts(*at)) {
+            let last =
+                blocks.last_mut().filter(|last| fits(&[last.as_slice(), &[column]].concat()));
+            match last {
+                Some(last) => last.push(column),
+                None => blocks.push(vec![all[0], column]),
             }
         }
-        let line = |texts: &mut dyn Iterator<Item = &str>| {
+        blocks.iter().map(|columns| self.block(columns)).collect::<Vec<_>>().join("\n")
+    }
+
+    /// Some columns of the table, by number and width.
+    fn block(&self, columns: &[(usize, usize)]) -> String {
+        let line = |text: &dyn Fn(usize) -> Option<String>| {
             let mut line = String::new();
-            for (column, (text, &width)) in texts.zip(&widths).enumerate() {
-                let _ = match column < self.words {
+            for (column, width) in columns {
+                let text = text(*column).unwrap_or_default();
+                let _ = match *column < self.words {
                     true => write!(line, "{text:<width$}  "),
                     false => write!(line, "{text:>width$}  "),
                 };
             }
             line.trim_end().replace('\u{202f}', " ") + "\n"
         };
-        let mut text = line(&mut self.head.iter().copied());
+        let mut text = line(&|at| self.head.get(at).map(ToString::to_string));
         for row in &self.rows {
-            text += &line(&mut row.iter().map(|entry| entry.text.as_str()));
+            text += &line(&|at| row.get(at).map(|entry| entry.text.clone()));
         }
         text
     }
@@ -359,11 +395,13 @@ pub(crate) const fn drive_name(drive: DriveMode) -> &'static str {
 /// The verdict of a run, in a line or more: for the end of the output.
 #[must_use]
 pub fn verdict(recording: &Recording, figures: &Figures) -> String {
+    // What no run of this robot shows is told where somebody tries it out.
+    let is_told = |it: &&Problem| !it.is_standing() || !recording.mistakes.is_empty();
     let list = |severity| -> String {
-        figures.found(severity).map(|problem| format!("  {problem}\n")).collect()
+        figures.found(severity).filter(is_told).map(Problem::lines).collect()
     };
-    let headline = headline(recording, figures) + "\n" + &list(Severity::Problem);
-    match list(Severity::Information) {
+    let headline = headline(recording, figures) + "\n" + &wrapped(&list(Severity::Problem));
+    match wrapped(&list(Severity::Information)) {
         information if information.is_empty() => headline,
         information => format!("{headline}Good to know\n{information}"),
     }
@@ -827,6 +865,28 @@ mod tests {
         let json = signals_json(&recording);
         assert_eq!((&json[0]["lowest"], &json[0]["last"]), (&json!(-2.0), &Value::Null));
         assert_eq!(json[0]["absent_us"], 3000);
+    }
+
+    #[test]
+    fn a_table_fits_the_terminal_without_what_counts_nothing() {
+        let head = vec!["motor", "received", "malformed", "lost", "measured"];
+        let row = |label: &str, lost: u32| {
+            vec![
+                words(label),
+                count(20_000_u32),
+                loss(0_u32),
+                loss(lost),
+                number(Some(1.5), 1, " rpm"),
+            ]
+        };
+        let table = Table { head, words: 1, rows: vec![row("wheel left", 0), row("arm", 3)] };
+        let wide = table.text_in(None);
+        assert_eq!((wide.lines().count(), table.text_in(Some(47)).as_str()), (3, wide.as_str()));
+        assert_eq!(wide.lines().map(|line| line.chars().count()).max(), Some(47), "{wide}");
+        let narrow = table.text_in(Some(26));
+        assert!(narrow.lines().all(|line| line.chars().count() <= 26), "{narrow}");
+        assert!(!narrow.contains("malformed") && narrow.contains("lost"), "{narrow}");
+        assert_eq!(narrow.matches("wheel left").count(), 2, "{narrow}");
     }
 
     #[test]

@@ -121,8 +121,8 @@ const Plot = (() => {
   };
 
   // A lane of states: its name, and a block for each run of one, in its paint and with its words where there is room.
-  const lane = (pen, box, x, [top, height], name, runs) => {
-    pen.fillStyle = style("text");
+  const lane = (pen, box, x, [top, height], name, runs, paint = "text") => {
+    pen.fillStyle = style(paint);
     text(pen, name, box.left - 8, top + height / 2 + 1, "right", "middle", box.left - 10);
     inside(pen, box, () => runs.forEach(({ from, to, paint, words }) => {
       const left = Math.max(box.left, x(from)), right = Math.min(box.right, x(to));

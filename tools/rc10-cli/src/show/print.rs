@@ -4,8 +4,8 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use crate::recording::Recording;
-use crate::recording::sample::Source;
 use crate::show::figures::{Figures, Tables, remote_lines, verdict};
+use crate::terminal::wrapped;
 
 pub(crate) fn print(
     recording: &Recording,
@@ -17,19 +17,13 @@ pub(crate) fn print(
     writeln!(out, "{headline}\n")?;
     let Tables { motors, buses, lines, parts, signals } = &figures.tables;
     let lines = lines.as_ref().map_or_else(String::new, |lines| format!("\n{}", lines.text()));
-    writeln!(out, "{}\n{}{lines}{}", motors.text(), buses.text(), remote_lines(recording))?;
+    let remote = wrapped(&remote_lines(recording));
+    writeln!(out, "{}\n{}{lines}{remote}", motors.text(), buses.text())?;
     for table in [parts, signals].into_iter().flatten() {
         writeln!(out, "{}", table.text())?;
     }
     if let Some(path) = &figures.path {
-        writeln!(out, "{}", path.lines())?;
-    }
-    if recording.source == Source::Simulation {
-        writeln!(
-            out,
-            "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\
-             on the chip: cargo xtask count.\n"
-        )?;
+        writeln!(out, "{}", wrapped(&path.lines()))?;
     }
     if recording.source.is_simulated() {
         writeln!(out, "trace {}", recording.trace_hash())?;

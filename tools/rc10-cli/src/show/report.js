@@ -3,7 +3,7 @@
   "use strict";
   const data = JSON.parse(document.getElementById("data").textContent);
   const { FONT, ticks, style, line, colour, restyle, open, text, stroke, inside, up, timeAxis, valueAxis, lane } = Plot;
-  const LANE = 15, SLANT = Math.PI / 3;
+  const LANE = 15, SLANT = Math.PI / 3, WIDEST = 170, CROWDED = 13;
   const whole = [0, Math.max(data.length, data.period)];
   let view = whole, cursor = null;
 
@@ -28,11 +28,18 @@
     pen.fillStyle = style("stop");
     pen.fillRect(x(from), box.top, x(to) - x(from), box.bottom - box.top);
   }));
-  const marks = (x) => data.events.map(([time, label], index) => ({ time, x: x(time), label, number: String(index + 1) }))
-    .filter(({ time }) => time >= view[0] && time <= view[1]);
+  // Of more events than have room, only some lines and no names: those that were injected stay.
+  const marks = (x, box) => {
+    const all = data.events.map(([time, label, injected], index) => ({ time, x: x(time), label, injected, number: String(index + 1) }))
+      .filter(({ time }) => time >= view[0] && time <= view[1]);
+    if (all.length * CROWDED <= box.right - box.left) return all;
+    let free = -Infinity;
+    return all.filter((event) => event.injected || (event.x >= free && (free = event.x + 2 * CROWDED)))
+      .map((event) => (event.injected ? event : { ...event, label: "", number: "" }));
+  };
   const eventLines = (pen, box, events) => {
     pen.setLineDash([2, 3]);
-    events.forEach(({ x }) => stroke(pen, [[x, box.top], [x, box.bottom]], style("event")));
+    events.forEach(({ x, injected }) => stroke(pen, [[x, box.top], [x, box.bottom]], style(injected ? "bad" : "event")));
     pen.setLineDash([]);
   };
   // The name of an event where there is room, else its number, else only its line.
@@ -54,6 +61,7 @@
   class TimePlot {
     constructor(canvas) {
       this.canvas = canvas;
+      canvas.tabIndex = 0;
       this.holder = canvas.parentElement;
       this.holder.classList.add("time");
       this.legend = canvas.closest("figure").querySelector(".legend");
@@ -105,6 +113,16 @@
       this.holder.addEventListener("pointercancel", stop);
       this.holder.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && point(null));
       this.holder.addEventListener("dblclick", () => zoom(whole));
+      this.canvas.addEventListener("keydown", (event) => {
+        if (event.ctrlKey || event.altKey || event.metaKey) return;
+        const [from, to] = view, middle = cursor !== null && cursor >= from && cursor <= to ? cursor : (from + to) / 2;
+        const scaled = (factor) => [middle - (middle - from) * factor, middle + (to - middle) * factor];
+        const moved = (share) => [from + share * (to - from), to + share * (to - from)];
+        const keys = { "+": () => scaled(0.5), "=": () => scaled(0.5), "-": () => scaled(2), ArrowLeft: () => moved(-0.2), ArrowRight: () => moved(0.2), "0": () => whole };
+        if (!keys[event.key]) return;
+        event.preventDefault();
+        zoom(keys[event.key]());
+      });
     }
     point() {
       const seen = cursor !== null && cursor >= view[0] && cursor <= view[1];
@@ -142,6 +160,11 @@
         output.style.minWidth = room + (paired ? 3 : 1) + chart.unit.length + "ch";
         return output;
       });
+      if (chart.series.some(({ before }) => before)) {
+        const item = element("span", this.legend, "before");
+        element("i", item).style.background = "var(--muted)";
+        element("span", item, "", "the earlier run (dashed)");
+      }
     }
     shown() {
       return this.chart.series.map((series, index) => ({ ...series, index })).filter(({ index }) => !this.hidden.has(index));
@@ -158,6 +181,7 @@
         for (let index = first; index <= last; index++) {
           bounds(series, index).forEach(see);
           see(series.target?.[index]);
+          see(series.before?.[index]);
         }
       }
       if (this.chart.plan) [0, 100, ...this.chart.plan].forEach(see);
@@ -176,13 +200,14 @@
       shade(pen, box, x);
       valueAxis(pen, box, [low, high], chart.unit);
       timeAxis(pen, box, view, true);
-      const events = marks(x);
+      const events = marks(x, box);
       eventLines(pen, box, events);
       flags(pen, box, events);
       inside(pen, box, () => {
         if (chart.plan) this.drawPlan(pen, box, y);
         for (const series of this.shown()) {
-          const { measured, target, index } = series;
+          const { measured, target, before, index } = series;
+          if (before) this.trace(pen, before, x, y, [first, last], { paint: style("muted"), width: 1.2, dash: [3, 3] });
           this.envelope(pen, series, x, y, first, last);
           this.trace(pen, measured, x, y, [first, last], { paint: colour(index) });
           if (target) this.trace(pen, target, x, y, [first, last], { paint: colour(index), width: 1.2, dash: [6, 4] });
@@ -252,17 +277,22 @@
       pen.font = FONT;
       const longest = (all) => Math.max(0, ...all.map((words) => pen.measureText(words).width));
       this.left = longest(data.lanes.map(({ name }) => name)) + 12;
-      this.top = longest(data.events.map(([, label]) => "00 " + label)) * Math.sin(SLANT) + 22;
+      this.top = Math.min(WIDEST, longest(data.events.map(([, label]) => "00 " + label))) * Math.sin(SLANT) + 22;
       canvas.style.height = this.top + data.lanes.length * LANE + 38 + "px";
     }
     draw() {
       const { pen, width, height } = open(this.canvas);
       const box = { left: this.left, top: this.top, right: width - 48, bottom: height - 36 };
       this.place(box);
-      const x = across(box), events = marks(x);
-      data.lanes.forEach(({ name, runs }, number) => {
+      const x = across(box), events = marks(x, box);
+      data.lanes.forEach(({ name, runs, bad }, number) => {
         const named = runs.map(([from, to, state]) => ({ from, to, paint: Plot.state(data.states[state]) }));
-        lane(pen, box, x, [box.top + number * LANE + 3, LANE - 4], name, named);
+        const top = box.top + number * LANE + 3;
+        if (bad) {
+          pen.fillStyle = style("bad-back");
+          pen.fillRect(0, top - 2, width, LANE);
+        }
+        lane(pen, box, x, [top, LANE - 4], name, named, bad ? "bad" : "text");
       });
       timeAxis(pen, box, view, true);
       eventLines(pen, box, events);
@@ -272,24 +302,24 @@
     // The events' names, slanted, moved apart where their marks are close together.
     names(pen, box, events) {
       const gap = 13, end = box.right + 8;
-      let shown = events.map((event) => ({ ...event, at: event.x }));
-      if (shown.length * gap > end - box.left) {
-        shown = shown.reduce((kept, event) => (kept.length && event.x < kept.at(-1).x + gap ? kept : [...kept, event]), []);
-      } else {
-        shown.forEach((event, index) => index && (event.at = Math.max(event.x, shown[index - 1].at + gap)));
-        for (let index = shown.length - 1, most = end; index >= 0; index--, most -= gap) {
-          shown[index].at = most = Math.min(shown[index].at, most);
-        }
+      const shown = events.filter(({ label }) => label).map((event) => ({ ...event, at: event.x }));
+      shown.forEach((event, index) => index && (event.at = Math.max(event.x, shown[index - 1].at + gap)));
+      for (let index = shown.length - 1, most = end; index >= 0; index--, most -= gap) {
+        shown[index].at = most = Math.min(shown[index].at, most);
       }
-      shown.forEach(({ x, at, label, number }) => {
+      if (shown.length < events.length) {
+        pen.fillStyle = style("muted");
+        text(pen, "zoom in for the names of the events", box.left, box.top - 6, "left", "bottom");
+      }
+      shown.forEach(({ x, at, label, number, injected }) => {
         pen.setLineDash([2, 3]);
         stroke(pen, [[x, box.top], [at, box.top - 10]], style("event"));
         pen.setLineDash([]);
         pen.save();
         pen.translate(at, box.top - 12);
         pen.rotate(-SLANT);
-        pen.fillStyle = style("text");
-        text(pen, number + " " + label, 0, 0, "left", "middle");
+        pen.fillStyle = style(injected ? "bad" : "text");
+        text(pen, number + " " + label, 0, 0, "left", "middle", WIDEST);
         pen.restore();
       });
     }
@@ -422,16 +452,29 @@
     cursor = time;
     plots.forEach((plot) => plot.point());
   }
-  function zoom(wanted) {
-    view = wanted;
+  function zoom([from, to]) {
+    const [first, last] = whole, span = Math.max(to - from, 2 * data.period);
+    const begin = clamp(from, first, Math.max(first, last - span));
+    view = span >= last - first ? whole : [begin, begin + span];
     reset.hidden = view === whole;
     draw();
   }
+  const folds = document.querySelectorAll(".verdict details");
   const print = (on) => {
     document.documentElement.classList.toggle("print", on);
+    folds.forEach((fold) => {
+      if (on) fold.dataset.open = fold.open;
+      fold.open = on || fold.dataset.open === "true";
+    });
     point(null);
     draw();
   };
+  // From a finding to its time, with some of what was before and after it.
+  document.querySelectorAll("a[data-zoom]").forEach((link) => link.addEventListener("click", () => {
+    const [from, to] = link.dataset.zoom.split(" ").map(Number);
+    zoom([from - 0.4, to + 0.4]);
+    point(from);
+  }));
   reset.addEventListener("click", () => zoom(whole));
   window.addEventListener("resize", draw);
   window.addEventListener("beforeprint", () => print(true));

@@ -3,11 +3,13 @@
 //! The tables are HTML; in the browser `report.js` draws the plots from the samples in the page's
 //! JSON.
 
+use std::collections::BTreeSet;
 use std::fmt::{Display, Write as _};
 use std::fs;
-use std::path::Path;
+use std::path::{Component, Path};
 
 use anyhow::Result;
+use rc10_emu::fault::Fault;
 use rc10_motor::{ArmState, DriveMode, Link, TargetKind};
 use rc10_time::Micros;
 use serde_json::{Value, json};
@@ -16,6 +18,7 @@ use crate::files::write_file;
 use crate::judge::happened::happened;
 use crate::judge::path::{Apart, PathFigures, Paths};
 use crate::lang;
+use crate::recording::origin::Origin;
 use crate::recording::problem::{Problem, Severity};
 use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::{
@@ -24,6 +27,7 @@ use crate::recording::sample::{
 use crate::recording::signal::SignalTrack;
 use crate::recording::{BusTrack, MotorTrack, Recording};
 use crate::robot::motor::Place;
+use crate::show::compare::Comparison;
 use crate::show::figures::{
     Figures, Table, drive_name, grouped, headline, number, optional, sentence,
 };
@@ -40,15 +44,33 @@ const LISTED: usize = 60;
 /// lowest and highest values.
 #[must_use]
 pub fn report(recording: &Recording, figures: &Figures) -> String {
-    let (motion, signals) = (motion_charts(recording), signal_charts(recording));
-    let (currents, loads) = (current_charts(recording), load_charts(recording));
+    page(recording, figures, "", None)
+}
+
+/// The report, with links to the pages in the folder `docs` if that is known, beside an earlier run if there is one.
+fn page(
+    recording: &Recording,
+    figures: &Figures,
+    docs: &str,
+    against: Option<&Comparison>,
+) -> String {
+    let before = against.map(|it| &it.before);
+    let (motion, signals) = (motion_charts(recording, before), signal_charts(recording, before));
+    let (currents, loads) = (current_charts(recording, before), load_charts(recording));
     let all = || motion.iter().chain(&signals).chain(&currents).chain(&loads);
+    let charts_of: Vec<&Chart> = all().collect();
+    let bad = culprits(figures);
     let mut charts = all().enumerate();
     let mut next = |count: usize| -> String {
         let places = charts.by_ref().take(count);
-        places.map(|(at, chart)| figure(&at, &chart.title, chart.note, "over time")).collect()
+        let place = |(at, chart): (usize, &Chart)| {
+            let axes = format!("{}, over time", chart.kind);
+            figure(&at, &chart.title, chart.note, &axes)
+        };
+        places.map(place).collect()
     };
     let main = motion.len().min(1);
+    let table = |it: &Table| table(it, &bad);
     let optional = |it: &Option<Table>| it.as_ref().map_or_else(String::new, table);
     let (seed, is_capture) = (recording.seed, recording.source == Source::Capture);
     let is_real = !recording.source.is_simulated();
@@ -71,7 +93,14 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
             [name, note] if name.is_empty() && note.is_empty() => String::new(),
             [name, note] => format!("<p><b>{}</b> {}</p>\n", escape(name), escape(note)),
         },
-        verdict = verdict(recording, figures),
+        origin = origin(recording),
+        verdict = verdict(recording, figures, &charts_of, docs),
+        against = against.map_or_else(String::new, |it| {
+            let table = it.table().map_or_else(String::new, |it| table(&it));
+            let sentence = format!("<p>{}</p>\n", escape(&it.sentence()));
+            section("Against the earlier run", &(sentence + &table))
+        }),
+        standing = standing(figures, docs),
         ran = match recording.source {
             Source::Simulation => "simulated run",
             Source::Emulation => "run on an emulated chip",
@@ -90,7 +119,7 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
         main_motion = next(main),
         path = recording.base.as_ref().map_or_else(String::new, |_| {
             let note = "seen from above, an arrow each 0.5 s";
-            figure(&"path", "Path of the base", note, "in the plane, in metres")
+            figure(&"path", "Path of the base", note, ", in the plane, in metres")
         }),
         motion = next(motion.len() - main),
         signals = figures.tables.signals.as_ref().map_or_else(String::new, |own| {
@@ -104,16 +133,87 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
         line_table = optional(&figures.tables.lines),
         remote = section("Remote", &remote(recording)),
         parts = section("Parts on UARTs", &optional(&figures.tables.parts)),
-        data = data(recording, all()),
+        data = data(recording, all(), &bad, before),
     )
 }
 
 // ---- what the run was like ---------------------------------------------------------------------
 
-fn verdict(recording: &Recording, figures: &Figures) -> String {
+/// Robot, program and command line of the recording, and what was injected.
+fn origin(recording: &Recording) -> String {
+    let Origin { robot, command, date, revision } = &recording.origin;
+    let facts = [("robot", robot), ("", date), ("revision", revision)].into_iter();
+    let facts = facts.filter(|(_, text)| !text.is_empty());
+    let facts: Vec<_> =
+        facts.map(|(name, text)| format!("{name} <b>{}</b>", escape(text))).collect();
+    let mut html = format!("<p class=\"facts\">{}</p>\n", facts.join(" · "));
+    if !command.is_empty() {
+        let _ = writeln!(html, "<p class=\"facts\"><code>{}</code></p>", escape(command));
+    }
+    let faults = recording.faults.iter().map(|Fault { kind, from, until }| {
+        let second = |at: Micros| format!("{}s", seconds(at));
+        let until = until.map_or_else(String::new, |it| format!("..{}", second(it.micros())));
+        format!("fault {kind}@{}{until}", second(from.micros()))
+    });
+    let mistakes = recording.mistakes.iter().map(|it| format!("mistake {it}"));
+    let injected: Vec<_> = faults.chain(mistakes).map(|it| escape(&it)).collect();
+    if !injected.is_empty() {
+        let _ = writeln!(
+            html,
+            "<p class=\"facts injected\">Injected: <b>{}</b></p>",
+            injected.join(", ")
+        );
+    }
+    html
+}
+
+/// The labels of all culprits of problems: of motors and parts, or "bus 1".
+fn culprits(figures: &Figures) -> BTreeSet<String> {
+    let all = figures.found(Severity::Problem);
+    let of = |it: &Problem| match it.culprits.as_slice() {
+        [] => vec![it.about.to_string()],
+        labels => labels.iter().map(ToString::to_string).collect(),
+    };
+    all.flat_map(of).collect()
+}
+
+/// A text with links to the docs that it names.
+fn linked(text: &str, docs: &str) -> String {
+    const PAGE: &str = "docs/bring-up.md";
+    let link = format!("<a href=\"{}bring-up.md\">{PAGE}</a>", escape(docs));
+    let text = escape(text);
+    if docs.is_empty() { text } else { text.replace(PAGE, &link) }
+}
+
+/// One finding: its headline, with all else folded under it, and links to its time and its plot.
+fn finding(problem: &Problem, charts: &[&Chart], docs: &str) -> String {
+    let about = problem.about.to_string();
+    let is_its = |chart: &&Chart| {
+        let is_culprit = |label: &String| problem.culprits.contains(&label.as_str());
+        chart.labels.iter().any(|label| *label == about || is_culprit(label))
+    };
+    let place = match (charts.iter().position(is_its), problem.kind) {
+        (Some(at), _) => at.to_string(),
+        (None, "base") => "path".to_owned(),
+        (None, _) => "timeline".to_owned(),
+    };
+    let time = problem.span.map_or_else(String::new, |(from, to)| {
+        let (from, to) = (seconds(from), seconds(to));
+        format!("<a href=\"#plot-{place}\" data-zoom=\"{from} {to}\">{from:.2} s</a> ")
+    });
+    let (headline, text) = (escape(&problem.headline()), linked(&problem.to_string(), docs));
+    let folded = if headline == text {
+        format!("<p>{headline}</p>")
+    } else {
+        format!("<details><summary>{headline}</summary>{text}</details>")
+    };
+    format!("<li><span class=\"go\">{time}<a href=\"#plot-{place}\">plot</a></span>{folded}</li>")
+}
+
+fn verdict(recording: &Recording, figures: &Figures, charts: &[&Chart], docs: &str) -> String {
     let list = |severity| {
-        let item = |problem: &Problem| format!("<li>{}</li>", escape(&problem.to_string()));
-        let items: String = figures.found(severity).map(item).collect();
+        let told = figures.found(severity).filter(|problem| !problem.is_standing());
+        let items: String = told.map(|problem| finding(problem, charts, docs)).collect();
         if items.is_empty() { items } else { format!("<ul>{items}</ul>") }
     };
     let class = if figures.any_problems() { "bad" } else { "good" };
@@ -124,6 +224,19 @@ fn verdict(recording: &Recording, figures: &Figures) -> String {
         let _ = write!(html, "<div class=\"verdict information\">Good to know{information}</div>");
     }
     html
+}
+
+/// What no run of this robot can show, folded: it is the same after every run.
+fn standing(figures: &Figures, docs: &str) -> String {
+    let told = figures.problems.iter().filter(|problem| problem.is_standing());
+    let items: String =
+        told.map(|it| format!("<li>{}</li>", linked(&it.to_string(), docs))).collect();
+    if items.is_empty() {
+        return items;
+    }
+    format!(
+        "<details class=\"standing\"><summary>What no sensor of this robot checks</summary><ul>{items}</ul></details>\n"
+    )
 }
 
 fn tiles(recording: &Recording, figures: &Figures) -> String {
@@ -185,27 +298,55 @@ fn driven(path: &[PathPoint]) -> f64 {
     steps.filter(|metres| metres.is_finite()).sum()
 }
 
-/// The driver's events, or those of a real robot; events at the same time are merged.
-fn merged_events(recording: &Recording) -> Vec<(Micros, String)> {
+/// The driver's events, or those of a real robot, and what was injected; events at the same time are merged.
+fn merged_events(recording: &Recording) -> Vec<(Micros, String, bool)> {
     let events = match recording.source {
         Source::Robot => happened(recording),
         _ => recording.events.iter().map(|event| (event.at, event.label.to_owned())).collect(),
     };
     let merged = |events: &[(Micros, String)]| {
         let labels: Vec<_> = events.iter().map(|(_, label)| label.as_str()).collect();
-        (events[0].0, labels.join(" + "))
+        (events[0].0, labels.join(" + "), false)
     };
-    events.chunk_by(|(at, _), (next, _)| at == next).map(merged).collect()
+    let mut all: Vec<_> = events.chunk_by(|(at, _), (next, _)| at == next).map(merged).collect();
+    all.extend(recording.mistakes.iter().map(|it| (Micros::ZERO, format!("mistake {it}"), true)));
+    for Fault { kind, from, until } in &recording.faults {
+        let begins = if until.is_some() { " begins" } else { "" };
+        all.push((from.micros(), format!("fault {kind}{begins}"), true));
+        let ended = until.map(|until| until.micros()).filter(|until| *until <= recording.length);
+        all.extend(ended.map(|until| (until, format!("fault {kind} ends"), true)));
+    }
+    all.sort_by_key(|(at, ..)| *at);
+    all
 }
 
+/// The list of events; many are grouped by what happened.
 fn events(recording: &Recording) -> String {
     let mut list = String::new();
     let events = merged_events(recording);
-    for (number, (at, label)) in (1..).zip(events.iter().take(LISTED)) {
-        let (at, label) = (seconds(*at), escape(label));
-        let _ = writeln!(list, "<li><b>{number}</b> {label} <time>{at:.2} s</time></li>");
+    let mut groups: Vec<(&str, Vec<f64>, usize)> = Vec::new();
+    for (number, (at, label, _)) in (1..).zip(&events) {
+        let known = groups.iter_mut().find(|(known, ..)| known == label && events.len() > LISTED);
+        match known {
+            Some((_, times, _)) => times.push(seconds(*at)),
+            None => groups.push((label, vec![seconds(*at)], number)),
+        }
     }
-    if let more @ 1.. = events.len().saturating_sub(LISTED) {
+    for (label, times, number) in groups.iter().take(LISTED) {
+        let label = escape(label);
+        let _ = match times.as_slice() {
+            [first, .., last] => {
+                let count = times.len();
+                writeln!(
+                    list,
+                    "<li>{label} <b>× {count}</b> <time>{first:.2} s to {last:.2} s</time></li>"
+                )
+            }
+            [at, ..] => writeln!(list, "<li><b>{number}</b> {label} <time>{at:.2} s</time></li>"),
+            [] => Ok(()),
+        };
+    }
+    if let more @ 1.. = groups.len().saturating_sub(LISTED) {
         let _ = writeln!(list, "<li>… and {more} more</li>");
     }
     list
@@ -226,7 +367,8 @@ fn remote(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
     let [sent, live] = [sent.frames, sent.live].map(grouped);
-    let mut html = format!("<p class=\"hint\">{receiver}: {sent} frames sent, {live} of them live");
+    let mut html =
+        format!("<p class=\"heard\">{receiver}: {sent} frames sent, {live} of them live");
     if let Some(heard) = heard {
         let counts = [heard.frames, heard.damaged, heard.port_errors];
         let [frames, damaged, errors] = counts.map(|count| grouped(count.into()));
@@ -250,12 +392,13 @@ fn remote(recording: &Recording) -> String {
         let head = "lost at | until | last good frame | all coast | after that frame | disarmed | \
                     good frames again | resumed";
         let (head, rows) = (head.split(" | ").collect(), losses.iter().map(row).collect());
-        html.push_str(&table(&Table { head, words: 1, rows }));
+        html.push_str(&table(&Table { head, words: 1, rows }, &BTreeSet::new()));
     }
     html
 }
 
-fn table(table: &Table) -> String {
+/// A table; a row whose first entry is one of `bad` is marked.
+fn table(table: &Table, bad: &BTreeSet<String>) -> String {
     let mut html = "<div class=\"table\" tabindex=\"0\" role=\"region\" aria-label=\"Table\"><table>\n<thead><tr>".to_owned();
     for (column, title) in table.head.iter().enumerate() {
         let class = if column < table.words { " class=\"words\"" } else { "" };
@@ -263,13 +406,15 @@ fn table(table: &Table) -> String {
     }
     html.push_str("</tr></thead>\n<tbody>\n");
     for row in &table.rows {
-        html.push_str("<tr>");
+        let is_bad = row.first().is_some_and(|entry| bad.contains(&entry.text));
+        html.push_str(if is_bad { "<tr class=\"bad\">" } else { "<tr>" });
         for (column, entry) in row.iter().enumerate() {
-            let class = match (column < table.words, entry.bad) {
-                (true, true) => " class=\"words bad\"",
-                (true, false) => " class=\"words\"",
-                (false, true) => " class=\"bad\"",
-                (false, false) => "",
+            let class = match (column < table.words, entry.bad, entry.good) {
+                (true, true, _) => " class=\"words bad\"",
+                (true, _, true) => " class=\"words good\"",
+                (true, false, false) => " class=\"words\"",
+                (false, true, _) => " class=\"bad\"",
+                (false, ..) => "",
             };
             let _ = write!(html, "<td{class}>{}</td>", escape(&entry.text));
         }
@@ -373,6 +518,9 @@ fn escape(text: &str) -> String {
 
 struct Chart {
     title: String,
+    /// Its values in words, and what they are of: labels of motors and signals, or a bus.
+    kind: &'static str,
+    labels: Vec<String>,
     note: &'static str,
     body: Value,
 }
@@ -381,15 +529,15 @@ struct Chart {
 fn figure(plot: &dyn Display, title: &str, note: &str, axes: &str) -> String {
     let title = escape(title);
     format!(
-        "<figure>\n<figcaption><h3>{title} <small>{note}</small></h3></figcaption>\n\
+        "<figure id=\"plot-{plot}\">\n<figcaption><h3>{title} <small>{note}</small></h3></figcaption>\n\
          <div class=\"legend\"></div>\n<div class=\"plot\"><canvas data-plot=\"{plot}\" \
-         role=\"img\" aria-label=\"{title} {axes}\"></canvas></div>\n</figure>\n"
+         role=\"img\" aria-label=\"{title}{axes}\"></canvas></div>\n</figure>\n"
     )
 }
 
 /// Plots of measurements and targets: one for all motors with the same first word and kind of
 /// target.
-fn motion_charts(recording: &Recording) -> Vec<Chart> {
+fn motion_charts(recording: &Recording, before: Option<&Recording>) -> Vec<Chart> {
     let plot = |track: &MotorTrack| (split(track.motor.label).0, plotted(track));
     let stride = stride(recording);
     let chart = |((word, kind), tracks): ((&str, TargetKind), Vec<&MotorTrack>)| {
@@ -401,15 +549,32 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
             if recording.source.is_told() {
                 curve["target"] = numbers(targets.map(|it| it.unwrap_or(f64::NAN)), 2);
             }
+            beside(&mut curve, same(before, track), |other| {
+                cells("", &other.samples, stride, |sample| measured(kind, sample))
+            });
             curve
         });
         let (noun, unit) = if is_angle(kind) { ("angle", "°") } else { ("speed", "rpm") };
         let mut body = curves(stride, unit, 1, 2.0, series.collect());
         // 360 degrees are 0.
         body["wraps"] = (kind == TargetKind::Angle).into();
-        Chart { title: format!("{} {noun}", capital(word)), note: "", body }
+        let labels = tracks.iter().map(|track| track.motor.label.to_owned()).collect();
+        Chart { title: format!("{} {noun}", capital(word)), kind: "", labels, note: "", body }
     };
     by_plot(&recording.motors, plot).into_iter().map(chart).collect()
+}
+
+/// The track of the same motor in an earlier run, if that was heard there.
+fn same<'r>(before: Option<&'r Recording>, track: &MotorTrack) -> Option<&'r MotorTrack> {
+    let mut tracks = before?.motors.iter().filter(|it| it.last.counters.received > 0);
+    tracks.find(|it| it.motor.label == track.motor.label)
+}
+
+/// Lays the curve of an earlier run beside one.
+fn beside<T>(curve: &mut Value, earlier: Option<T>, of: impl Fn(T) -> Value) {
+    if let Some(earlier) = earlier {
+        curve["before"] = of(earlier)["measured"].take();
+    }
 }
 
 /// Groups of tracks with the same key, in order of appearance.
@@ -438,35 +603,53 @@ fn curves(stride: usize, unit: &str, places: u8, least: f64, series: Value) -> V
 }
 
 /// Plots of own signals: one for all with the same unit and first word.
-fn signal_charts(recording: &Recording) -> Vec<Chart> {
+fn signal_charts(recording: &Recording, before: Option<&Recording>) -> Vec<Chart> {
     let plot = |track: &SignalTrack| (split(track.label).0, track.unit);
     let stride = stride(recording);
     let chart = |((word, unit), tracks): ((&str, &str), Vec<&SignalTrack>)| {
         let series = tracks.iter().map(|track| {
-            let chunks = track.samples.chunks(stride);
-            let merged = chunks.map(|chunk| joined(chunk.iter().copied().flatten()));
-            curve(split(track.label).1, &merged.collect::<Vec<_>>())
+            let of = |track: &SignalTrack| {
+                let chunks = track.samples.chunks(stride);
+                let merged = chunks.map(|chunk| joined(chunk.iter().copied().flatten()));
+                curve(split(track.label).1, &merged.collect::<Vec<_>>())
+            };
+            let mut others = before.iter().flat_map(|before| &before.signals);
+            let mut curve = of(track);
+            beside(&mut curve, others.find(|it| it.label == track.label), of);
+            curve
         });
         let title = if let [track] = tracks.as_slice() { track.label } else { word };
         let body = curves(stride, unit, 2, 0.1, series.collect());
-        Chart { title: capital(title), note: "", body }
+        let labels = tracks.iter().map(|track| track.label.to_owned()).collect();
+        Chart { title: capital(title), kind: "", labels, note: "", body }
     };
     by_plot(&recording.signals, plot).into_iter().map(chart).collect()
 }
 
-fn current_charts(recording: &Recording) -> Vec<Chart> {
+fn current_charts(recording: &Recording, before: Option<&Recording>) -> Vec<Chart> {
     let stride = stride(recording);
     let chart = |bus: &BusTrack| {
         let is_on = |track: &&MotorTrack| track.motor.on == Place::Bus(bus.number);
         let series = recording.motors.iter().filter(is_on).map(|track| {
-            cells(track.motor.label, &track.samples, stride, |sample| sample.current_cell)
+            let of = |track: &MotorTrack| {
+                cells(track.motor.label, &track.samples, stride, |sample| sample.current_cell)
+            };
+            let mut curve = of(track);
+            beside(&mut curve, same(before, track), of);
+            curve
         });
         let body = curves(stride, "A", 2, 0.2, series.collect());
         let note = match recording.source {
             Source::Capture | Source::Robot => "current by feedback, where it is told",
             _ => "current in the windings",
         };
-        Chart { title: format!("Bus {}", bus.number), note, body }
+        Chart {
+            title: format!("Bus {}", bus.number),
+            kind: " currents",
+            labels: vec![],
+            note,
+            body,
+        }
     };
     recording.buses.iter().map(chart).collect()
 }
@@ -489,7 +672,8 @@ fn load_charts(recording: &Recording) -> Vec<Chart> {
             }],
         });
         let note = "dashed: planned, typically · band: planned, least to worst";
-        Chart { title: format!("Bus {}", bus.number), note, body }
+        let labels = vec![format!("bus {}", bus.number)];
+        Chart { title: format!("Bus {}", bus.number), kind: " load", labels, note, body }
     };
     recording.buses.iter().map(chart).collect()
 }
@@ -505,18 +689,33 @@ fn capital(word: &str) -> String {
 }
 
 /// The data of the plots, as JSON that can stand in a script element.
-fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> String {
+fn data<'c>(
+    recording: &Recording,
+    charts: impl Iterator<Item = &'c Chart>,
+    bad: &BTreeSet<String>,
+    before: Option<&Recording>,
+) -> String {
     let events = merged_events(recording);
     let stride = stride(recording);
     let path =
         |of: fn(&PathPoint) -> f64| numbers(path(recording).iter().step_by(stride).map(of), 3);
     let motor_lanes = recording.motors.iter().map(|track| motor_lane(track, recording.source));
+    let event = |(at, label, is_injected): &(Micros, String, bool)| match is_injected {
+        false => json!([seconds(*at), label]),
+        true => json!([seconds(*at), label, true]),
+    };
+    let lanes = remote_lanes(recording).into_iter().chain(motor_lanes).map(|mut lane| {
+        if lane["name"].as_str().is_some_and(|name| bad.contains(name)) {
+            lane["bad"] = true.into();
+        }
+        lane
+    });
     let data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
-        "events": events.iter().map(|(at, label)| json!([seconds(*at), label])).collect::<Value>(),
+        "events": events.iter().map(event).collect::<Value>(),
         "states": STATES.split(' ').collect::<Vec<_>>(),
-        "lanes": remote_lanes(recording).into_iter().chain(motor_lanes).collect::<Value>(),
+        "lanes": lanes.collect::<Value>(),
         "stops": stops(recording),
         "charts": charts.map(|chart| &chart.body).collect::<Vec<_>>(),
         "path": {
@@ -525,7 +724,7 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
             "x": path(|at| at.x),
             "y": path(|at| at.y),
             "yaw": path(|at| at.yaw),
-            "lines": path_lines(recording, stride),
+            "lines": path_lines(recording, before, stride),
         },
     });
     // Only strings have this sign in JSON.
@@ -534,7 +733,7 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
 
 /// The other lines of the path plot: by the wheels, the estimate and the reference; `report.css`
 /// has the colours.
-fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
+fn path_lines(recording: &Recording, before: Option<&Recording>, stride: usize) -> Vec<Value> {
     let Some(base) = &recording.base else { return Vec::new() };
     let Paths { estimate, reference } = Paths::of(base);
     let line = |(name, paint, points): (&str, &str, Vec<PathPoint>)| {
@@ -547,6 +746,7 @@ fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
         ("by its wheels", "muted", base.by_wheels()),
         ("by its own estimate", "line-1", estimate),
         ("its reference", "line-2", reference),
+        ("the base before", "line-5", before.map_or_else(Vec::new, |it| path(it).to_vec())),
     ]
     .into_iter()
     .filter_map(line)
@@ -634,9 +834,29 @@ fn runs<T: Copy + PartialEq + Into<Value>>(values: impl Iterator<Item = T>) -> V
     values.chunk_by(T::eq).map(json).collect()
 }
 
-/// Writes the report and the bus logs of a run into an existing folder; fails if it cannot.
-pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> Result<()> {
-    write_file(folder, "report.html", report(recording, figures).as_bytes())?;
+/// The folder of the docs, as seen from another folder; empty if it is not here.
+fn docs_from(folder: &Path) -> String {
+    if !Path::new("docs/bring-up.md").is_file() {
+        return String::new();
+    }
+    let is_below = folder.components().all(|it| matches!(it, Component::Normal(_)));
+    match std::env::current_dir() {
+        _ if is_below => "../".repeat(folder.components().count()) + "docs/",
+        Ok(here) => format!("file://{}/docs/", here.display()),
+        Err(_) => String::new(),
+    }
+}
+
+/// Writes the report and the bus logs of a run into an existing folder, beside an earlier run if there is one; fails if
+/// it cannot.
+pub fn write_files(
+    recording: &Recording,
+    figures: &Figures,
+    folder: &Path,
+    against: Option<&Comparison>,
+) -> Result<()> {
+    let page = page(recording, figures, &docs_from(folder), against);
+    write_file(folder, "report.html", page.as_bytes())?;
     for bus in &recording.buses {
         let name = format!("bus{}.log", bus.number);
         if recording.no_logs {
@@ -775,7 +995,12 @@ mod tests {
 
     #[test]
     fn loads_nothing() {
-        let page = page_of(&two_seconds());
+        let mut recording = two_seconds();
+        recording.motors[4].last.link = Link::Lost;
+        let page = page_of(&recording);
+        assert!(page.contains("href=\"#plot-"));
+        // Links to its own plots load nothing.
+        let page = page.replace("href=\"#plot-", "");
         for reference in ["http", "src=", "href=", "url(", "@import", "fetch("] {
             assert!(!page.contains(reference), "{reference}");
         }
@@ -837,10 +1062,10 @@ mod tests {
         assert!(!page.contains(good));
         for text in [
             "✗ 4 problems",
-            "<li>gimbal yaw: lost at the end</li>",
-            "<li>gimbal yaw: 2 × lost during the run</li>",
-            "<li>gimbal pitch: 7 feedback frames overwritten because the bus was busy</li>",
-            "<li>bus 3: 3 ticks overrun</li>",
+            "<p>gimbal yaw: lost at the end</p></li>",
+            "<summary>gimbal yaw: lost during the run</summary>gimbal yaw: 2 × lost during the run<",
+            ">gimbal pitch: 7 feedback frames overwritten because the bus was busy<",
+            ">bus 3: 3 ticks overrun<",
             "<b>10 of 11</b>",
             "<td class=\"bad\">7</td>",
         ] {
@@ -969,13 +1194,13 @@ mod tests {
         heard.damaged = 31;
         track.heard = Some(heard);
         recording.remote = Some(track.clone());
-        assert!(page_of(&recording).contains("<li>remote: 30 damaged frames</li>"));
+        assert!(page_of(&recording).contains(">remote: 30 damaged frames<"));
         track.heard = None;
         track.losses[0].coasting = at(618);
         track.samples[0].arm = None;
         recording.remote = Some(track);
         let page = page_of(&recording);
-        assert!(page.contains("<li>remote: lost: the motors coasted after 121.0 ms only</li>"));
+        assert!(page.contains(">remote: lost: the motors coasted after 121.0 ms only<"));
         assert_eq!(embedded(&page)["lanes"].as_array().unwrap().len(), 12);
     }
 
@@ -1019,13 +1244,12 @@ mod tests {
         (heard.frames, heard.damaged) = (1234, 5);
         recording.parts = vec![PartTrack { label: "IMU", uart: 7, heard }];
         let page = page_of(&recording);
-        for text in
-            ["Parts on UARTs", "<td class=\"words\">UART 7</td>", "<li>IMU: 5 damaged frames"]
+        for text in ["Parts on UARTs", "<td class=\"words\">UART 7</td>", ">IMU: 5 damaged frames"]
         {
             assert!(page.contains(text), "{text}");
         }
         recording.parts[0].heard = Counters::default();
-        assert!(page_of(&recording).contains("<li>IMU: never heard at UART 7</li>"));
+        assert!(page_of(&recording).contains(">IMU: never heard at UART 7<"));
     }
 
     #[test]

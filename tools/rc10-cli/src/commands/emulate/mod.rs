@@ -18,6 +18,7 @@ use crate::args::{Injected, check_end, seconds, seed};
 use crate::commands::emulate::output::Outcome;
 use crate::files::{make_folder, unreadable, write_file};
 use crate::record::RecordWriter;
+use crate::recording::origin::Origin;
 use crate::run::board;
 use crate::run::emulation::{Emulation, Setup};
 use crate::show::figures::{Figures, verdict};
@@ -101,12 +102,14 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         emulation.record_into(args.seconds, record).with_context(named)?;
     let took = started.elapsed();
     recording.faults.clone_from(&args.injected.faults);
+    recording.mistakes = args.injected.mistakes.iter().map(ToString::to_string).collect();
+    recording.origin = Origin::now(&emulation.description.name);
     let mut figures = Figures::of(&recording);
     let Emulation { rig, description, .. } = &mut emulation;
     let log = rig.machine.take_log();
     problems::search(rig, description, &recording, &log, &mut figures.problems);
     problems::warnings(&log, &recording, &mut figures.problems);
-    write_files(&recording, &figures, &args.out)?;
+    write_files(&recording, &figures, &args.out, None)?;
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
     for text in &texts {

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use rc10_emu::fault::{ChipFault, Fault, Kind};
 use rc10_emu::{Figures, LogLine, Machine, Restart, Rig};
+use rc10_time::Micros;
 
 use crate::recording::Recording;
 use crate::recording::excuse::is_excused;
@@ -20,7 +21,8 @@ pub(super) fn warnings(log: &[LogLine], recording: &Recording, found: &mut Vec<P
         if told.insert(text) {
             let at = line.at.get() as f64 * 1e-9;
             let text = format!("the program warns from {at:.2} s on: {text}");
-            found.push(Problem::new(About::Chip, "warning", text));
+            let problem = Problem::new(About::Chip, "warning", text);
+            found.push(problem.in_time(line.at.micros(), Micros::ZERO));
         }
     }
 }
@@ -67,7 +69,9 @@ pub(super) fn search(
     };
     for report in machine.reports.iter().filter(|report| !is_rescue(report.at)) {
         let at = report.at.get() as f64 * 1e-6;
-        problem("bad-access", format!("{} at {at:.3} ms", report.text));
+        let text = format!("{} at {at:.3} ms", report.text);
+        let problem = Problem::new(About::Chip, "bad-access", text);
+        found.push(problem.in_time(report.at.micros(), Micros::ZERO));
     }
     let crashes =
         |kind: &Kind| matches!(kind, Kind::Other(fault) if *fault != ChipFault::CrystalDead);
@@ -75,7 +79,9 @@ pub(super) fn search(
     for restart in machine.restarts.iter().skip(crashed) {
         let at = restart.at.get() as f64 * 1e-6;
         let cause = cause_of(restart, machine, log);
-        problem("restart", format!("restarted at {at:.3} ms: {cause}"));
+        let text = format!("restarted at {at:.3} ms: {cause}");
+        let problem = Problem::new(About::Chip, "restart", text);
+        found.push(problem.in_time(restart.at.micros(), Micros::ZERO));
     }
     for part in description.serials.iter().filter(|part| !machine.soc().listens(part.uart)) {
         let uart = part.uart;
