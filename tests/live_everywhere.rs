@@ -87,8 +87,9 @@ fn axe_finds_nothing_serious_on_page_and_report() {
         return;
     }
     let folder = Scratch::new("everywhere");
-    let (_live, port) =
-        live(Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", "--sim", "--page", "0"]));
+    let (_live, port) = live(
+        Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", "--sim", "--script", "--page", "0"]),
+    );
     let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
     page.until("return document.querySelectorAll('.plot').length >= 2");
     for view in ["robot", "motors", "more"] {
@@ -120,8 +121,9 @@ fn the_page_by_keyboard_alone() {
     if !has_browser() {
         return;
     }
-    let (_live, port) =
-        live(Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", "--sim", "--page", "0"]));
+    let (_live, port) = live(
+        Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", "--sim", "--script", "--page", "0"]),
+    );
     let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
     page.until("return document.querySelectorAll('.plot').length >= 2");
     // Every control that is seen is reached by Tab, and Return works it.
@@ -143,8 +145,9 @@ fn a_layout_is_kept_and_shared_as_a_file() {
     if !has_browser() {
         return;
     }
-    let (_live, port) =
-        live(Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", "--sim", "--page", "0"]));
+    let (_live, port) = live(
+        Command::new(env!("CARGO_BIN_EXE_rc10")).args(["live", "--sim", "--script", "--page", "0"]),
+    );
     let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
     page.until("return document.querySelectorAll('.plot').length >= 2");
     let open = |text: &str| {
@@ -188,7 +191,7 @@ fn a_phone_watches_and_stops_and_no_more() {
     // An address of this PC that is not the one of its own page.
     let (_live, line): (Started, String) = start(
         Command::new(env!("CARGO_BIN_EXE_rc10"))
-            .args(["live", "--sim", "--page", "0", "--lan=127.0.0.2"])
+            .args(["live", "--sim", "--script", "--page", "0", "--lan=127.0.0.2"])
             .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR")),
         "phone  ",
     );

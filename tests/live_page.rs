@@ -56,7 +56,7 @@ fn a_test_day(name: &str, source: &[&OsStr]) {
     page.look("document.querySelector('#record').click()");
     page.until("return state.record !== null && state.record.seconds > 3");
     let pictured = |picture_name| {
-        if source == ["--sim"] {
+        if source == ["--sim", "--script"] {
             picture(&page, picture_name);
         }
     };
@@ -207,7 +207,7 @@ fn another_site_in_the_browser_does_nothing() {
         return;
     }
     let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-    let (_live, port) = live(command.args(["live", "--sim", "--page", "0"]));
+    let (_live, port) = live(command.args(["live", "--sim", "--script", "--page", "0"]));
     let site = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}/", site.local_addr().unwrap());
     let text = EVIL.replace("PAGE", &format!("http://127.0.0.1:{port}"));
@@ -234,14 +234,14 @@ fn another_site_in_the_browser_does_nothing() {
 
 #[test]
 fn the_simulated_robot_on_a_page() {
-    a_test_day("live-sim", &["--sim".as_ref()]);
+    a_test_day("live-sim", &["--sim".as_ref(), "--script".as_ref()]);
 }
 
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_emulated_chip_on_a_page() {
     let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
-    a_test_day("live-emu", &["--emu".as_ref(), firmware.as_ref()]);
+    a_test_day("live-emu", &["--emu".as_ref(), firmware.as_ref(), "--script".as_ref()]);
 }
 
 /// The tool and the chip know of each other by the bytes at a port alone.
@@ -278,7 +278,8 @@ fn problems_are_those_of_a_report() {
     ];
     for (number, wrong) in wrong.into_iter().enumerate() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        let (_live, port) = live(command.args(["live", "--page", "0", "--sim"]).args(wrong));
+        let (_live, port) =
+            live(command.args(["live", "--page", "0", "--sim", "--script"]).args(wrong));
         let file = folder.join(format!("{number}.mcap"));
         let rc10 = || Command::new(env!("CARGO_BIN_EXE_rc10"));
         let record = rc10()

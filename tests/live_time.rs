@@ -32,7 +32,8 @@ fn each_page_keeps_its_period_and_what_does_not_fit_is_refused_before() {
         return;
     }
     let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-    let (_live, port) = live(command.args(["live", "--sim", "--baud", "921600", "--page", "0"]));
+    let (_live, port) =
+        live(command.args(["live", "--sim", "--script", "--baud", "921600", "--page", "0"]));
     let url = format!("http://127.0.0.1:{port}/");
     let page = Browser::open(&url);
     page.until("return begun && state.fits.length === 3");
@@ -91,8 +92,15 @@ fn the_past_of_a_robot_is_scrubbed_played_and_led_to() {
         return;
     }
     let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-    let (_live, port) =
-        live(command.args(["live", "--sim", "--page", "0", "--fault", "power:2@4s..500s"]));
+    let (_live, port) = live(command.args([
+        "live",
+        "--sim",
+        "--script",
+        "--page",
+        "0",
+        "--fault",
+        "power:2@4s..500s",
+    ]));
     let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
     page.until("return begun && had !== null");
     wait_for(&page, 12);
@@ -204,7 +212,8 @@ fn a_record_becomes_a_report_without_a_terminal() {
     }
     let folder = Scratch::new("live-record-report");
     let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-    let (_live, port) = live(command.args(["live", "--sim", "--page", "0", "--out"]).arg(&*folder));
+    let (_live, port) =
+        live(command.args(["live", "--sim", "--script", "--page", "0", "--out"]).arg(&*folder));
     let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
     page.until("return begun && had !== null");
     wait_for(&page, 3);

@@ -18,7 +18,7 @@ use rc10_tasks::Common;
 use serde_json::json;
 
 /// The robot that drives itself, and one that no remote arms.
-const DRIVES: &[&str] = &["--sim"];
+const DRIVES: &[&str] = &["--sim", "--script"];
 const RESTS: &[&str] = &["--sim", "--fault", "remote-lost@0s..3600s"];
 
 fn rc10() -> Command {

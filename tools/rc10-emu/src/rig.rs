@@ -1,7 +1,7 @@
 //! A chip on its wires, with motors, faults and everything that is measured: one scenario.
 
 use anyhow::{Result, ensure};
-use rc10_sim::{Bus, Contact, Esc, Faults, Line, LineEntry, Nanos, Serial, TraceEntry, World};
+use rc10_sim::{Bus, Esc, Faults, Line, LineEntry, Nanos, Parts, TraceEntry, World};
 
 use crate::fault::{ChipFault, Fault, Kind};
 use crate::machine::Machine;
@@ -71,14 +71,14 @@ impl Rig {
         })
     }
 
-    /// Adds parts on UARTs by their labels, and contacts by those of their motors, for their
-    /// faults.
-    pub fn connect_parts(
-        &mut self,
-        serials: Vec<(String, Serial)>,
-        contacts: Vec<(String, Contact)>,
-    ) {
-        self.faults.set_parts(serials, contacts);
+    /// Adds the things with labels, for their faults.
+    pub fn connect_parts(&mut self, parts: Parts) {
+        self.faults.set_parts(parts);
+    }
+
+    /// Begins one more fault now, or ends one.
+    pub fn plan(&mut self, begins: bool, kind: Kind) {
+        self.faults.plan(self.machine.now(), begins, kind);
     }
 
     /// The bytes on each line since the last call, in the order of their ends.

@@ -29,11 +29,11 @@ impl fmt::Display for Wire {
 /// Defects of a part beside the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Defect {
-    /// `cut:NAME`: the plug of a part on a UART is out.
+    /// `cut:NAME`: the plug of a part on a UART is out, or that of a motor.
     Cut,
     /// `noise:NAME`: the character that it sends, or the next one, is damaged. Has no end.
     Noise,
-    /// `power:NAME`: it has no power.
+    /// `power:NAME`: it has no power, or a motor has none.
     Power,
     /// `stuck:NAME`: a contact stays closed, as a switch that jams while it is pressed.
     Stuck,
@@ -274,7 +274,7 @@ fn kind_of<O: Others>(text: &str) -> Result<Kind<O>, String> {
         _ => Err(format!(
             "there is no such fault; there are: cut:BUS short:BUS dominant:BUS noise:BUS power:BUS \
              load:BUS remote-lost{}; cut, noise and power also of a LINE, or of a part on a UART by \
-             its label; stuck:NAME torn:NAME bounces:NAME of a contact by its motor's",
+             its label; cut and power of a motor by its label; stuck:NAME torn:NAME bounces:NAME of a contact by its motor's",
             O::NAMES
         )),
     }

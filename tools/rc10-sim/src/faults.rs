@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use rc10_can::CanFrame;
 
 use crate::fault::{Defect, Fault, Kind, NoFault, Others, Wire, is_called};
-use crate::{Bus, Contact, Line, Nanos, Serial, TraceEntry, UartFault};
+use crate::{Bus, Contact, Esc, Line, Nanos, Serial, TraceEntry, UartFault};
 
 /// Time from one filling of a bus to the next.
 const STEP: Nanos = Nanos::new(1_000_000);
@@ -21,11 +21,20 @@ const FILLER_PAUSE: u64 = 100;
 pub struct Faults<O = Infallible> {
     buses: Vec<Filled>,
     lines: Vec<Line>,
-    /// Parts on UARTs by their labels, and contacts by those of their motors.
-    serials: Vec<(String, Serial)>,
-    contacts: Vec<(String, Contact)>,
+    parts: Parts,
     /// Beginnings (`true`) and ends, the next one last.
     timeline: Vec<(Nanos, bool, Kind<O>)>,
+}
+
+/// Things with labels that can have defects.
+#[derive(Default)]
+pub struct Parts {
+    /// Parts on UARTs.
+    pub serials: Vec<(String, Serial)>,
+    /// Contacts, by the labels of their motors.
+    pub contacts: Vec<(String, Contact)>,
+    /// Motors.
+    pub motors: Vec<(String, Esc)>,
 }
 
 /// A bus, and what fills it while a fault does.
@@ -53,14 +62,18 @@ impl<O: Others> Faults<O> {
         timeline.reverse();
         let filled = |bus: &Bus| Filled { bus: bus.clone(), on: false, filler: None };
         let buses = buses.iter().map(filled).collect();
-        let (serials, contacts) = (Vec::new(), Vec::new());
-        Ok(Self { buses, lines: lines.into(), serials, contacts, timeline })
+        Ok(Self { buses, lines: lines.into(), parts: Parts::default(), timeline })
     }
 
-    /// Adds parts on UARTs by their labels, and contacts by those of their motors: they can have
-    /// defects.
-    pub fn set_parts(&mut self, serials: Vec<(String, Serial)>, contacts: Vec<(String, Contact)>) {
-        (self.serials, self.contacts) = (serials, contacts);
+    /// Adds the things with labels.
+    pub fn set_parts(&mut self, parts: Parts) {
+        self.parts = parts;
+    }
+
+    /// Begins one more fault at a time, or ends one.
+    pub fn plan(&mut self, at: Nanos, begins: bool, kind: Kind<O>) {
+        let place = self.timeline.partition_point(|entry| entry.0 > at);
+        self.timeline.insert(place, (at, begins, kind));
     }
 
     /// Whether a robot with this number of buses and lines can have such faults.
@@ -140,7 +153,7 @@ impl<O: Others> Faults<O> {
     }
 
     fn act_on_part(&self, begins: bool, defect: Defect, name: &str) {
-        for (_, serial) in self.serials.iter().filter(|(label, _)| is_called(label, name)) {
+        for (_, serial) in self.parts.serials.iter().filter(|(label, _)| is_called(label, name)) {
             match defect {
                 Defect::Cut => serial.set_cut(begins),
                 Defect::Noise => serial.inject(UartFault::Framing),
@@ -148,8 +161,15 @@ impl<O: Others> Faults<O> {
                 Defect::Stuck | Defect::Torn | Defect::Bounces => {}
             }
         }
-        for (_, contact) in self.contacts.iter().filter(|(label, _)| is_called(label, name)) {
+        for (_, contact) in self.parts.contacts.iter().filter(|(label, _)| is_called(label, name)) {
             contact.set_defect(begins.then_some(defect));
+        }
+        for (_, motor) in self.parts.motors.iter().filter(|(label, _)| is_called(label, name)) {
+            match defect {
+                Defect::Cut => motor.set_cut(begins),
+                Defect::Power => motor.set_power(!begins),
+                _ => {}
+            }
         }
     }
 

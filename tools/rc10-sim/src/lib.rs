@@ -111,7 +111,7 @@ pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
 pub use device::{Beyond, Device, EscFault, EscState, NoDevice, Outbox, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use fault::Fault;
-pub use faults::Faults;
+pub use faults::{Faults, Parts};
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use line::{Heard, Line, LineConfig, LineCounters, LineEntry};
 pub use motor::Shaft;

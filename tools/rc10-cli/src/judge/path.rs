@@ -56,7 +56,7 @@ fn apart(one: &PathPoint, other: &PathPoint, sample: usize) -> Option<Apart> {
 }
 
 /// The same pose in other axes, in which `from` is at `to`.
-fn laid(pose: &PathPoint, from: &PathPoint, to: &PathPoint) -> PathPoint {
+pub(crate) fn laid(pose: &PathPoint, from: &PathPoint, to: &PathPoint) -> PathPoint {
     let (sin, cos) = (to.yaw - from.yaw).sin_cos();
     let (x, y) = (pose.x - from.x, pose.y - from.y);
     PathPoint {

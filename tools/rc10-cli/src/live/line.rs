@@ -3,6 +3,8 @@
 use anyhow::Result;
 use rc10_time::Micros;
 
+use crate::run::running::Running;
+
 /// A line to a robot.
 pub trait Source {
     /// Sends bytes, waits a few milliseconds, and returns the received bytes, and the robot's time
@@ -12,6 +14,11 @@ pub trait Source {
 
     /// Why no bytes arrive, if that is known.
     fn trouble(&self) -> Option<&str> {
+        None
+    }
+
+    /// The world of a robot that is simulated here, whose remote can be held; a real robot has none.
+    fn world(&mut self) -> Option<&mut dyn Running> {
         None
     }
 }

@@ -5,16 +5,21 @@
 //! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
 //! * [`Judge`]: problems, as in a report. [`table_lines`]: changes for the robot's table. [`Viewers`]: other programs' viewers.
 //! * `playback`: a record on the same page.
+//! * `hands`: pages that drive a simulated robot by its remote. `field`: where its base is.
+//!   `broken`: what goes wrong with it.
 //! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
+pub(crate) mod broken;
 pub(crate) mod client;
 pub(crate) mod commands;
 pub(crate) mod connection;
+pub(crate) mod field;
 #[cfg(feature = "viewers")]
 pub(crate) mod foxglove;
 #[cfg(not(feature = "viewers"))]
 #[path = "no_foxglove.rs"]
 pub(crate) mod foxglove;
+pub(crate) mod hands;
 pub(crate) mod history;
 pub(crate) mod judge;
 pub(crate) mod line;

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
@@ -17,8 +18,10 @@ use rc10_link::{Action, Urgent};
 use rc10_time::Micros;
 use serde_json::{Value, json};
 
+use super::broken::Broken;
 use super::client::{Answer, Client, KeptValue, Losses, Urgency};
 use super::connection::look;
+use super::field::Field;
 use super::judge::Judge;
 use super::plan::{Line, SLOW, Topic, plan, watch_at};
 use super::playback::play;
@@ -32,6 +35,7 @@ use crate::args::seconds;
 use crate::live::session::stop;
 use crate::record::replay::Kit;
 use crate::recording::problem::Problem;
+use crate::run::running::Running;
 use crate::world::robot::Robot;
 
 /// Arguments of `rc10 live`.
@@ -49,6 +53,9 @@ pub struct LiveArgs {
     /// Open the page in the browser
     #[arg(long)]
     pub open: bool,
+    /// The script drives the robot of --sim or --emu from its begin, until a page takes its remote
+    #[arg(long)]
+    pub script: bool,
     /// Folder for records
     #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
     pub out: PathBuf,
@@ -80,6 +87,10 @@ struct Choice {
     signals: Vec<u16>,
     seen: Micros,
 }
+/// Time for which an event is shown.
+const LATELY: Micros = Micros::from_millis(60_000);
+/// Period of what moves.
+const MOVING: Micros = Micros::from_millis(20);
 /// A request that waits for the robot's answer: its number, its time, and the way back.
 type Waiting = (u16, Micros, Sender<Result<Value, String>>);
 /// Limit of waiting requests: more would delay the next one on the line.
@@ -98,7 +109,12 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let source = args.at.source();
     let stop = stop()?;
     let pages = Pages::serve(args.page)?;
-    let session = Session::new(source.open_for_shells(robot, pages.port)?);
+    let mut session = Session::new(source.open_for_shells(robot, pages.port)?);
+    let is_simulated = session.world().is_some();
+    match session.world() {
+        Some(world) => look(&pages.hands).begin(world, args.script),
+        None => ensure!(!args.script, "--script is for --sim and --emu that are begun here"),
+    }
     let viewers = Viewers::new(&args.viewers)?;
     if let Some(address) = viewers.address() {
         writeln!(out, "foxglove  {address}")?;
@@ -135,6 +151,12 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
         state_at: None,
         boot: RandomState::new().hash_one(0) as u32,
         clocks: None,
+        moving_at: None,
+        field: None,
+        is_simulated,
+        broken: Broken::default(),
+        told: Vec::new(),
+        pace: (Instant::now(), Micros::ZERO, None),
     };
     tell_leftovers(&args.out);
     let mut outcome = Ok(());
@@ -249,6 +271,14 @@ struct LivePage<'r, 'k> {
     boot: u32,
     /// The robot's time, and that on the line, of the newest sample.
     clocks: Option<(Micros, Micros)>,
+    moving_at: Option<Micros>,
+    field: Option<Field<'k>>,
+    is_simulated: bool,
+    broken: Broken,
+    /// What was let go wrong and taken back, as events.
+    told: Vec<(Micros, String)>,
+    /// The begin of a second by this PC's clock, the robot's time at it, and how far that came in the second before.
+    pace: (Instant, Micros, Option<f64>),
 }
 
 impl LivePage<'_, '_> {
@@ -256,6 +286,10 @@ impl LivePage<'_, '_> {
         // First, so that a stop goes out with these bytes.
         while let Ok(request) = self.pages.requests.try_recv() {
             self.handle(request);
+        }
+        let now = self.session.now();
+        if let Some(operator) = self.session.world().and_then(Running::operator) {
+            look(&self.pages.hands).act(operator, now);
         }
         self.session.step()?;
         self.answer();
@@ -269,6 +303,9 @@ impl LivePage<'_, '_> {
                 self.chosen.clear();
             }
             self.viewers.meet(&self.session.client, &self.topics)?;
+            let mut field = Field::new(self.judge.kit.description(), &self.session.client);
+            self.session.world().into_iter().for_each(|world| field.build(world));
+            self.field = Some(field).filter(|_| self.stranger.is_none());
             self.line = Line::new(self.session.baud(), &self.topics);
             self.session.client.set_line(self.line.bytes);
             self.watch();
@@ -307,7 +344,12 @@ impl LivePage<'_, '_> {
         // Pages ask five times a second: every step would be too often.
         let is_due = self.state_at.is_none_or(|at| now.since(at) >= TELL);
         let state = is_due.then(|| self.state().to_string().into());
+        let is_due = self.moving_at.is_none_or(|at| now.since(at) >= MOVING);
+        let moving = is_due.then(|| self.moving().to_string().into());
         let mut shown = look(&self.pages.shown);
+        if let Some(moving) = moving {
+            (shown.moving, self.moving_at) = (moving, Some(now));
+        }
         for sample in &samples {
             if sample.at + RESTART < shown.now {
                 shown.history.clear();
@@ -323,6 +365,24 @@ impl LivePage<'_, '_> {
             (shown.state, self.state_at) = (state, Some(now));
         }
         Ok(())
+    }
+
+    /// What moves: the remote, and how fast time runs.
+    fn moving(&mut self) -> Value {
+        let now = self.session.now();
+        let wall = self.pace.0.elapsed().as_secs_f64();
+        if wall >= 1.0 {
+            let passed = now.since(self.pace.1).get() as f64 * 1e-6;
+            self.pace = (Instant::now(), now, Some(passed / wall));
+        }
+        let pace = self.pace.2;
+        let mut world = self.session.world();
+        let hands = look(&self.pages.hands);
+        let remote = world.as_mut().and_then(|it| Some(hands.state(it.operator()?)));
+        let shown = look(&self.pages.shown);
+        let field = self.field.as_mut().map(|it| it.look(&shown.history, world.as_deref()));
+        let pace = pace.filter(|_| world.is_some());
+        json!({ "now": now.get() as f64 * 1e-6, "remote": remote, "pace": pace, "field": field })
     }
 
     /// Passes the robot's answers on to the pages.
@@ -352,6 +412,7 @@ impl LivePage<'_, '_> {
             }
             PageRequest::Record(on, words) => self.switch_record(on, words).map(Err),
             PageRequest::Mark(words) => self.mark(words).map(Err),
+            PageRequest::Break(words, begins) => self.let_break(&words, begins).map(Err),
             PageRequest::Advise(name, value) => self.advise(&name, value).map(Err),
             PageRequest::Table => {
                 let lines = table_lines(self.session.client.parameters(), self.judge.kit);
@@ -371,6 +432,17 @@ impl LivePage<'_, '_> {
             Ok(Err(value)) => tell.send(Ok(value)),
             Err(why) => tell.send(Err(format!("{why:#}"))),
         };
+    }
+
+    /// Lets something go wrong with a simulated robot, or takes it back.
+    fn let_break(&mut self, words: &str, begins: bool) -> Result<Value> {
+        let now = self.session.now();
+        let world = self.session.world();
+        let world = world.context("a real robot is broken by hand, not from here")?;
+        self.broken.change(world, words, begins)?;
+        let what = if begins { "let go wrong" } else { "taken back" };
+        self.told.push((now, format!("{what}: {words}")));
+        Ok(Value::Null)
     }
 
     /// The effect of a gain before it is sent; null if nothing is known of it.
@@ -555,7 +627,12 @@ impl LivePage<'_, '_> {
             let urgency = client.urgency(what, session.now());
             urgency.map(|it| if it == Urgency::Sent { "sent" } else { "not heard" })
         };
+        let lately = self.told.iter().filter(|(at, _)| session.now().since(*at) < LATELY);
+        let mut happened: Vec<_> = self.judge.happened.iter().chain(lately).collect();
+        happened.sort_by_key(|(at, _)| *at);
         json!({
+            "is_simulated": self.is_simulated,
+            "broken": self.broken.words().collect::<Vec<_>>(),
             "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),
             "happened": happened.iter()
                 .map(|(at, what)| json!([at.get() as f64 * 1e-6, what])).collect::<Vec<_>>(),
@@ -564,6 +641,7 @@ impl LivePage<'_, '_> {
             "disarm": urgency(Urgent::Disarm),
             "declaration": client.declaration().0,
             "boot": self.boot,
+            "drawn": self.judge.kit.description().drawn(),
             "name": session.name(),
             "trouble": session.trouble(),
             "note": self.note.as_ref().map(|it| &it.0),

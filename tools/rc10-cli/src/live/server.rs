@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 use super::client::NOT_HEARD;
 use super::connection;
 use super::connection::Reply;
+use super::hands::Hands;
 use super::history::{History, thin};
 use super::request::{Door, Plots, Request};
 use crate::lang;
@@ -42,6 +43,8 @@ pub enum PageRequest {
     Record(bool, [String; 2]),
     /// Mark this moment, with some words.
     Mark(String),
+    /// Let something go wrong in these words, or take it back.
+    Break(String, bool),
 }
 
 /// A request of a page, and the way back for its answer.
@@ -58,12 +61,16 @@ pub struct Shown {
     pub state: Arc<str>,
     /// The report of the last record.
     pub report: Option<Vec<u8>>,
+    /// What moves, as JSON: the remote, and the base.
+    pub moving: Arc<str>,
 }
 
 /// A server that runs.
 pub struct Pages {
     /// The data of the pages.
     pub shown: Arc<Mutex<Shown>>,
+    /// The pages' hands at a remote.
+    pub hands: Arc<Mutex<Hands>>,
     /// Requests of the pages.
     pub requests: Receiver<PendingRequest>,
     /// The address for a browser.
@@ -85,10 +92,14 @@ impl Pages {
             format!("no page at port {port} of this PC; --page 0 takes one that is free")
         })?;
         let port = listener.local_addr()?.port();
-        let shown = Arc::new(Mutex::new(Shown { state: "null".into(), ..Shown::default() }));
+        let shown = Arc::new(Mutex::new(Shown {
+            state: "null".into(),
+            moving: "null".into(),
+            ..Shown::default()
+        }));
         let (queue, requests) = channel();
-        let pages =
-            Self { shown, requests, queue, address: format!("http://127.0.0.1:{port}/"), port };
+        let (hands, address) = (Arc::default(), format!("http://127.0.0.1:{port}/"));
+        let pages = Self { shown, hands, requests, queue, address, port };
         pages.open(listener, Door::here(port));
         Ok(pages)
     }
@@ -104,9 +115,9 @@ impl Pages {
     }
 
     fn open(&self, listener: TcpListener, door: Door) {
-        let (seen, queue, is_guest) =
-            (Arc::clone(&self.shown), self.queue.clone(), door.is_for_guests());
-        let answer = move |request: &Request| respond(request, &seen, &queue, is_guest);
+        let (seen, hands) = (Arc::clone(&self.shown), Arc::clone(&self.hands));
+        let (queue, is_guest) = (self.queue.clone(), door.is_for_guests());
+        let answer = move |request: &Request| respond(request, &seen, &hands, &queue, is_guest);
         thread::spawn(move || connection::serve(&listener, &door, answer));
     }
 }
@@ -115,6 +126,7 @@ impl Pages {
 fn respond(
     request: &Request,
     shown: &Mutex<Shown>,
+    hands: &Mutex<Hands>,
     queue: &Sender<PendingRequest>,
     is_guest: bool,
 ) -> Reply {
@@ -137,6 +149,19 @@ fn respond(
             Some(report) => ok("text/html; charset=utf-8", report),
             None => Reply::text(404, "there is no report yet"),
         },
+        (false, "/moving") => ok("application/json", look(shown).moving.as_bytes().into()),
+        // Answered here: a page that drives neither waits for the robot's thread nor delays it.
+        (true, "/drive") if !is_guest => {
+            let wish = serde_json::from_slice(&request.body).map_err(|error| error.to_string());
+            match wish.and_then(|wish: Value| look(hands).ask(&wish)) {
+                Ok(Value::Null) => ok("application/json", look(shown).moving.as_bytes().into()),
+                Ok(answer) => ok("application/json", answer.to_string().into()),
+                Err(why) => {
+                    let body = json!({ "refused": why }).to_string().into();
+                    Reply { status: 409, kind: "application/json", body }
+                }
+            }
+        }
         (false, "/data") => match Plots::parse(query) {
             Some(plots) => ok("application/octet-stream", data(&plots, shown)),
             None => Reply::text(400, Plots::FORM),
@@ -177,6 +202,7 @@ fn state_at(state: &str, at: Micros, shown: &Mutex<Shown>) -> Vec<u8> {
 fn page() -> String {
     const SCRIPT: &str = concat!(
         include_str!("../show/plot.js"),
+        include_str!("../show/field.js"),
         include_str!("page/base.js"),
         include_str!("page/layout.js"),
         include_str!("page/signals.js"),
@@ -187,6 +213,7 @@ fn page() -> String {
         include_str!("page/time.js"),
         include_str!("page/field.js"),
         include_str!("page/drive.js"),
+        include_str!("page/broken.js"),
         include_str!("page/tune.js"),
         include_str!("page/stop.js"),
         include_str!("page/main.js"),
@@ -257,6 +284,9 @@ fn parse(value: &Value) -> Option<PageRequest> {
             "disarm" => PageRequest::Urge(Urgent::Disarm),
             action => PageRequest::Do(action.into(), motor.into(), speed),
         });
+    }
+    if let Some(words) = value.get("break").or_else(|| value.get("mend")) {
+        return Some(PageRequest::Break(words.as_str()?.into(), value.get("break").is_some()));
     }
     let text = |name: &str| {
         let text = value.get(name).and_then(Value::as_str).unwrap_or_default();

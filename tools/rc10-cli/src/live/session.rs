@@ -12,6 +12,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::client::{Answer, Client, KeptValue, Parameter};
 use crate::live::line::RobotConnection;
+use crate::run::running::Running;
 
 /// A client, and its connection to a robot.
 pub struct Session<'r> {
@@ -50,6 +51,11 @@ impl<'r> Session<'r> {
     #[must_use]
     pub const fn now(&self) -> Micros {
         self.now
+    }
+
+    /// The world of a robot that is simulated here.
+    pub fn world(&mut self) -> Option<&mut dyn Running> {
+        self.connection.source.world()
     }
 
     /// Sends and receives, for a few milliseconds; fails if the line has ended.

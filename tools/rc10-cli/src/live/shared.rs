@@ -18,6 +18,7 @@ use rc10_time::Micros;
 use super::client::{Frames, frame};
 use super::line::Source;
 use super::reach::{KEY, LocalRobot};
+use crate::run::running::Running;
 
 /// Limit of connections.
 const MOST: usize = 8;
@@ -97,6 +98,10 @@ impl Source for Shared<'_> {
         self.heard.take(&bytes, now).iter().for_each(|body| self.tell(body));
         self.programs.retain_mut(Program::send);
         Ok((std::mem::take(&mut self.programs[0].out), now))
+    }
+
+    fn world(&mut self) -> Option<&mut dyn Running> {
+        self.source.world()
     }
 }
 

@@ -293,6 +293,10 @@ impl<W: Running> Source for Paced<W> {
         }
         Ok((self.line.take(), until))
     }
+
+    fn world(&mut self) -> Option<&mut dyn Running> {
+        Some(&mut self.world)
+    }
 }
 
 /// Bytes in both directions; a read waits for a few milliseconds.

@@ -81,6 +81,12 @@ impl Wheels {
         })
     }
 
+    /// The distance of a wheel's rim by a motion.
+    #[must_use]
+    pub fn rim(&self, wheel: usize, motion: &[f64; 3]) -> f64 {
+        self.rims.get(wheel).map_or(0.0, |row| dot(row, motion))
+    }
+
     /// Sum of the squares of the rims' distances as the base goes one metre ahead.
     #[must_use]
     pub fn ahead(&self) -> f64 {

@@ -2,16 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 use rc10_emu::Board;
-use rc10_emu::fault::Fault;
+use rc10_emu::fault::{Fault, Kind};
 use rc10_motor::__declaration::is_same;
 use rc10_motor::{MotorId, Names, numbers};
+use rc10_sim::fault::{Defect, is_called};
 use rc10_sim::imu::Hwt101;
-use rc10_sim::{ArmLink, Closed, Esc, Nanos, Serial, World};
+use rc10_sim::{ArmLink, Closed, Esc, Faults, Nanos, Serial, World};
 use rc10_tasks::Program;
 use rc10_tasks::program::Active;
 use rc10_time::Micros;
+use serde_json::{Value, json};
 
 use crate::robot::base::Base;
 use crate::robot::build::build_firmware_in;
@@ -35,6 +37,8 @@ pub struct Description {
     pub base: Option<Base>,
     /// Arms whose links hang on each other. (The weight of a single one is in its motor's [`Plant`].)
     pub arms: Vec<ArmPart>,
+    /// Mechanisms as the page and the report draw them.
+    pub mechanisms: Vec<Shape>,
     /// Own signals of the estimated pose: [`Robot::estimate`](crate::Robot::estimate).
     pub estimate: Option<PoseSignals>,
     /// Label of the own signal with the yaw by the IMU, degrees counter-clockwise, all turns counted, which a run
@@ -96,6 +100,42 @@ impl ArmPart {
     #[must_use]
     pub fn new<N: Names>(links: impl IntoIterator<Item = (N, ArmLink)>) -> Self {
         Self { links: links.into_iter().map(|(motor, link)| (motor.index(), link)).collect() }
+    }
+}
+
+/// A mechanism as the page and the report draw it, by the angles of its motors.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    label: &'static str,
+    kind: &'static str,
+    /// Indices into [`Description::motors`].
+    pub(crate) motors: Vec<usize>,
+    /// Degrees at the bottom and at the top.
+    span: [f64; 2],
+    /// Lengths of the links, in any unit.
+    lengths: Vec<f64>,
+}
+
+impl Shape {
+    /// A lift, as a bar between two angles of a motor, degrees.
+    #[must_use]
+    pub fn lift<N: Names>(label: &'static str, motor: N, span: [f64; 2]) -> Self {
+        let motors = vec![motor.index()];
+        Self { label, kind: "bar", motors, span, lengths: Vec::new() }
+    }
+
+    /// An arm seen from its side, as a line for each link: its motor, which counts upwards from the link before and
+    /// from ahead, and its length.
+    #[must_use]
+    pub fn arm<N: Names>(label: &'static str, links: impl IntoIterator<Item = (N, f64)>) -> Self {
+        let (motors, lengths) = links.into_iter().map(|(it, length)| (it.index(), length)).unzip();
+        Self { label, kind: "arm", motors, span: [0.0; 2], lengths }
+    }
+
+    /// A turret seen from above, as its angle from ahead.
+    #[must_use]
+    pub fn turret<N: Names>(label: &'static str, motor: N) -> Self {
+        Self { kind: "turret", ..Self::arm(label, [(motor, 1.0)]) }
     }
 }
 
@@ -285,6 +325,45 @@ impl Description {
     /// The motors of a bus, in the order in which they are attached.
     pub fn on_bus(&self, bus: u8) -> impl Iterator<Item = &Motor> {
         self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
+    }
+
+    /// Checks that the robot can have such faults; fails if one is on a missing bus, line or part.
+    pub fn check(&self, faults: &[Fault]) -> Result<()> {
+        let Self { buses, lines, serials, contacts, motors, .. } = self;
+        Faults::check(faults, usize::from(*buses), lines.len())?;
+        for Fault { kind, .. } in faults {
+            let Kind::Part(defect, name) = kind else { continue };
+            let all_motors = || motors.iter().map(|motor| motor.label);
+            let parts = || serials.iter().map(|part| part.label);
+            let (what, labels): (_, Vec<&str>) = match defect {
+                Defect::Cut | Defect::Power => {
+                    ("part on a UART or motor", parts().chain(all_motors()).collect())
+                }
+                Defect::Noise => ("part on a UART", parts().collect()),
+                _ => {
+                    let motors = contacts.iter().filter_map(|it| motors.get(it.motor));
+                    ("contact", motors.map(|motor| motor.label).collect())
+                }
+            };
+            let is_there = labels.iter().any(|label| is_called(label, name));
+            let all = if labels.is_empty() { "none".into() } else { labels.join(", ") };
+            ensure!(is_there, "{kind}: there is no {what} `{name}`; there are: {all}");
+        }
+        Ok(())
+    }
+
+    /// What page and report draw: the wheels' places and ways, and the mechanisms.
+    #[must_use]
+    pub fn drawn(&self) -> Value {
+        let wheels = self.base.iter().flat_map(|base| &base.chassis.wheels);
+        let wheels = wheels.map(|it| json!([it.x, it.y, it.direction, it.radius]));
+        let label = |line: &usize| self.motors.get(*line).map(|motor| motor.label);
+        let mechanisms = self.mechanisms.iter().map(|it| {
+            let motors: Vec<_> = it.motors.iter().map(label).collect();
+            let Shape { label, kind, span, lengths, .. } = it;
+            json!({ "label": label, "kind": kind, "motors": motors, "span": span, "lengths": lengths })
+        });
+        json!({ "wheels": wheels.collect::<Value>(), "mechanisms": mechanisms.collect::<Value>() })
     }
 
     /// The events before `end`, in order of time: the script's, the operator's, and the losses of

@@ -1,6 +1,6 @@
-//! The operator of a remote control, who follows a script.
+//! The operator of a remote control, who follows a script until other hands take it.
 
-use rc10_sim::remote::Remote;
+use rc10_sim::remote::{Controls, Remote, Stick};
 use rc10_time::Micros;
 
 use crate::robot::remote::{Lost, RemoteControl, ScriptLine};
@@ -14,6 +14,14 @@ pub struct Operator {
     /// The next line of the script, and the begin of its round.
     line: usize,
     round: Micros,
+    /// Label of the script's newest line; empty while other hands hold the remote.
+    label: &'static str,
+    /// The time at which the word of other hands ends.
+    until: Option<Micros>,
+    /// Why the transmitter is off: it is lost, and no hands hold it.
+    off: [bool; 2],
+    /// The remote as it lies there: disarmed.
+    safe: Controls,
     /// The times at which the transmitter goes off (`false`) or on (`true`), the next first.
     switching: Vec<(Micros, bool)>,
 }
@@ -31,8 +39,70 @@ impl Operator {
             repeats_after: control.repeats_after.filter(|period| *period > Micros::ZERO),
             line: 0,
             round: Micros::ZERO,
+            label: "",
+            until: None,
+            off: [false; 2],
+            safe: control.safe(),
             switching: control.lost.iter().flat_map(off_and_on).collect(),
         }
+    }
+
+    /// The remote.
+    #[must_use]
+    pub const fn remote(&self) -> &Remote {
+        &self.remote
+    }
+
+    /// The remote as it lies there: disarmed.
+    #[must_use]
+    pub const fn safe(&self) -> Controls {
+        self.safe
+    }
+
+    /// Whether its transmitter is on.
+    #[must_use]
+    pub fn is_on(&self) -> bool {
+        self.off == [false; 2]
+    }
+
+    /// Label of the script's newest line; `None` while it is not followed.
+    #[must_use]
+    pub fn follows(&self) -> Option<&'static str> {
+        (self.line < self.script.len() || !self.label.is_empty()).then_some(self.label)
+    }
+
+    /// Puts the remote down, switched on and disarmed, and follows no script.
+    pub fn lay_down(&mut self) {
+        self.hold(self.safe, None);
+    }
+
+    /// Holds the remote so. Its transmitter goes off at a time, if there is one.
+    pub fn hold(&mut self, controls: Controls, until: Option<Micros>) {
+        (self.line, self.label, self.until) = (self.script.len(), "", until);
+        self.remote.set(controls);
+        self.switch(1, true);
+    }
+
+    /// Switches the transmitter off, with the sticks let go.
+    pub fn leave(&mut self) {
+        self.hold(at_rest(self.remote.controls()), None);
+        self.switch(1, false);
+    }
+
+    /// Follows the script from its first line on.
+    pub fn follow(&mut self, now: Micros) {
+        (self.line, self.round, self.until) = (0, now, None);
+        self.switch(1, true);
+    }
+
+    /// Loses the radio link, or gets it back.
+    pub fn lose(&mut self, is_lost: bool) {
+        self.switch(0, !is_lost);
+    }
+
+    fn switch(&mut self, why: usize, on: bool) {
+        self.off[why] = !on;
+        self.remote.set_transmitter(self.is_on());
     }
 
     /// The time of the next action, if there is one.
@@ -40,7 +110,7 @@ impl Operator {
     pub fn next(&self) -> Option<Micros> {
         let line = self.script.get(self.line).map(|line| self.round + line.at);
         let switched = self.switching.first().map(|(at, _)| *at);
-        line.into_iter().chain(switched).min()
+        line.into_iter().chain(switched).chain(self.until).min()
     }
 
     /// Does the actions that are due.
@@ -48,6 +118,7 @@ impl Operator {
         while let Some(line) = self.script.get(self.line).filter(|line| self.round + line.at <= now)
         {
             self.remote.set(line.controls);
+            self.label = line.label;
             self.line += 1;
             if let (true, Some(period)) = (self.line == self.script.len(), self.repeats_after) {
                 self.line = 0;
@@ -55,10 +126,19 @@ impl Operator {
             }
         }
         while let Some((_, on)) = self.switching.first().copied().filter(|(at, _)| *at <= now) {
-            self.remote.set_transmitter(on);
+            self.switch(0, on);
             self.switching.remove(0);
         }
+        if self.until.is_some_and(|until| until <= now) {
+            self.leave();
+        }
     }
+}
+
+/// The same switches, and sticks and dial in the middle.
+#[must_use]
+pub const fn at_rest(controls: Controls) -> Controls {
+    Controls { left: Stick::MIDDLE, right: Stick::MIDDLE, dial: 0.0, keys: 0, ..controls }
 }
 
 #[cfg(test)]

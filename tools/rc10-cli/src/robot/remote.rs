@@ -3,9 +3,10 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use rc10_emu::fault::{Fault, Kind};
-use rc10_sim::remote::{Controls, Crsf, Dr16, Mixer, Ppm, Remote, Sbus, Vt03};
+use rc10_sim::remote::{Controls, Crsf, Dr16, Mixer, Ppm, Remote, Sbus, Switch, Vt03};
 use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
 use rc10_tasks::Program;
+use rc10_tasks::arming::{ArmingConfig, SwitchAt, SwitchName};
 use rc10_time::Micros;
 
 pub use rc10_module::remote::{ChannelOrder, Receiver};
@@ -17,6 +18,8 @@ pub struct RemoteControl {
     pub receiver: Receiver,
     /// Which channel of its transmitter is what.
     pub channels: ChannelOrder,
+    /// Which switches arm, disarm and stop the robot.
+    pub arming: ArmingConfig,
     /// Receivers that the robot supports.
     pub receivers: Vec<Receiver>,
     /// The chip's UART for receivers that send bytes.
@@ -134,6 +137,7 @@ impl RemoteControl {
         Self {
             receiver,
             channels: receiver.channels(),
+            arming: ArmingConfig::DEFAULT,
             receivers: Receiver::ALL.into(),
             uart: 5,
             script: script.into(),
@@ -145,7 +149,27 @@ impl RemoteControl {
     /// Creates the remote of a program, as [`new`](Self::new).
     #[must_use]
     pub fn of<P: Program>(script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
-        Self { channels: P::CHANNELS, ..Self::new(P::RECEIVER, script, repeats_after) }
+        let of_receiver = Self::new(P::RECEIVER, script, repeats_after);
+        Self { channels: P::CHANNELS, arming: P::ARMING, ..of_receiver }
+    }
+
+    /// The remote with its sticks at rest and its switches where they disarm.
+    #[must_use]
+    pub fn safe(&self) -> Controls {
+        let SwitchAt { switch, position } = self.arming.disarm;
+        let position = match position {
+            rc10_module::remote::Switch::Up => Switch::Up,
+            rc10_module::remote::Switch::Middle => Switch::Middle,
+            rc10_module::remote::Switch::Down => Switch::Down,
+        };
+        let mut controls = Controls::REST;
+        *match switch {
+            SwitchName::Left => &mut controls.left_switch,
+            SwitchName::Right => &mut controls.right_switch,
+            SwitchName::Third => &mut controls.more_switches[0],
+            SwitchName::Fourth => &mut controls.more_switches[1],
+        } = position;
+        controls
     }
 
     /// Sets the losses from a run's faults; fails if one begins before another has ended.

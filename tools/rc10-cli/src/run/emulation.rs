@@ -154,7 +154,7 @@ impl<'r> Emulation<'r> {
         let uarts = description.lines.iter().map(|part| part.uart);
         let ends = uarts.zip(ends).collect();
         let mut rig = Rig::new(machine, world, wires, ends, on_buses.collect(), &of_chip)?;
-        rig.connect_parts(parts.0, parts.1);
+        rig.connect_parts(parts);
         let seed = setup.seed;
         Ok(Self {
             rig,
@@ -207,6 +207,23 @@ impl Running for Emulation<'_> {
 
     fn console(&self) -> Option<&ConsoleLine> {
         self.console.as_ref()
+    }
+
+    fn operator(&mut self) -> Option<&mut Operator> {
+        self.operator.as_mut()
+    }
+
+    fn inject(&mut self, begins: bool, kind: &Kind) -> Result<()> {
+        if *kind != Kind::RemoteLost {
+            self.rig.plan(begins, kind.clone());
+        } else if let Some(operator) = &mut self.operator {
+            operator.lose(begins);
+        }
+        Ok(())
+    }
+
+    fn base(&self) -> Option<&Base> {
+        self.base.as_ref()
     }
 
     fn twins(&self) -> &[Esc] {

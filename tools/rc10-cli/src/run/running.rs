@@ -1,12 +1,14 @@
 //! A robot that runs in virtual time: in the simulator, or its program on the emulated chip.
 
 use anyhow::Result;
+use rc10_emu::fault::Kind;
 use rc10_motor::MotorStatus;
-use rc10_sim::{Bus, Esc, TraceEntry};
+use rc10_sim::{Base, Bus, Esc, TraceEntry};
 use rc10_time::Micros;
 
 use crate::recording::look::Moment;
 use crate::robot::description::Description;
+use crate::robot::operator::Operator;
 use crate::run::watch::Sight;
 use crate::world::console::ConsoleLine;
 
@@ -23,6 +25,15 @@ pub trait Running {
     fn run_to(&mut self, until: Micros) -> Result<()>;
     /// The line from its console to a PC, if there is one.
     fn console(&self) -> Option<&ConsoleLine>;
+    /// The operator of its remote, if it has one.
+    fn operator(&mut self) -> Option<&mut Operator>;
+    /// Its base on the simulated floor, if it has one.
+    fn base(&self) -> Option<&Base>;
+    /// Begins a fault now, or ends it.
+    ///
+    /// # Errors
+    /// If there is no chip to do it to.
+    fn inject(&mut self, begins: bool, kind: &Kind) -> Result<()>;
     /// The twins of its motors, in the order of the description.
     fn twins(&self) -> &[Esc];
     /// The wires of its buses.

@@ -1,7 +1,7 @@
 //! A robot in the simulator: its own tasks, against simulated motors on simulated wires.
 
-use anyhow::{Result, ensure};
-use rc10_emu::fault::ChipFault;
+use anyhow::{Result, bail, ensure};
+use rc10_emu::fault::{ChipFault, Kind};
 use rc10_module::Reception;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmState, ArmSwitch, Loops, MotorStatus};
@@ -12,6 +12,7 @@ use rc10_time::Micros;
 use crate::recording::look::{BusLook, Moment, RobotLook};
 use crate::recording::sample::NOWHERE;
 use crate::robot::description::Description;
+use crate::robot::operator::Operator;
 use crate::run::running::Running;
 use crate::run::watch::Sight;
 use crate::world::console::ConsoleLine;
@@ -91,6 +92,25 @@ impl Running for Simulation<'_> {
 
     fn console(&self) -> Option<&ConsoleLine> {
         self.around.console.as_ref()
+    }
+
+    fn operator(&mut self) -> Option<&mut Operator> {
+        self.around.operator.as_mut()
+    }
+
+    fn inject(&mut self, begins: bool, kind: &Kind) -> Result<()> {
+        match (kind, &mut self.around.operator) {
+            (Kind::Other(_), _) => {
+                bail!("{kind}: the simulator has no chip to do that to; --emu does it")
+            }
+            (Kind::RemoteLost, Some(operator)) => operator.lose(begins),
+            _ => self.faults.plan(self.around.world.now_ns(), begins, kind.clone()),
+        }
+        Ok(())
+    }
+
+    fn base(&self) -> Option<&Base> {
+        self.around.base.as_ref()
     }
 
     fn twins(&self) -> &[Esc] {

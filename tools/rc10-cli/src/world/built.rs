@@ -9,7 +9,7 @@ use rc10_sim::{Chassis, Esc, Scale};
 
 use crate::robot::description::{ArmPart, Description};
 use crate::robot::mistake::{Mistake, Quantity};
-use crate::robot::motor::{Device, Motor};
+use crate::robot::motor::{Device, Motor, Plant};
 
 const NO_BASE: &str = "this robot has no base that is simulated";
 
@@ -101,6 +101,25 @@ impl Built {
             }
         }
         Ok(())
+    }
+
+    /// The identifier that a motor's device has.
+    pub(crate) fn id(&self, index: usize) -> u16 {
+        let changed = self.changes.iter().rev().find_map(|change| match change {
+            (at, Mistake::Id(_, id)) if *at == index => Some(u16::from(*id)),
+            _ => None,
+        });
+        changed.unwrap_or(self.motors[index].name().id)
+    }
+
+    /// Whether a motor is built in another way there.
+    pub(crate) fn differs(&self, other: &Self, index: usize) -> bool {
+        let of = |it: &Self| {
+            let changes = it.changes.iter().filter(|(at, _)| *at == index).cloned();
+            let Plant { load, nonlinear, .. } = it.motors[index].plant;
+            (it.id(index), load, nonlinear, changes.collect::<Vec<_>>())
+        };
+        of(self) != of(other)
     }
 
     /// Makes the changes to a motor that was just plugged in; fails if its device cannot have one.

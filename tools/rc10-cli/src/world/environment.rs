@@ -8,8 +8,8 @@ use rc10_emu::fault::ChipFault;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{
-    ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Nanos, Serial, Tasks,
-    Voltage, WheelMotors, World,
+    ArmLink, Base, BusConfig, Contact, Esc, Faults, LineConfig, Mounting, Nanos, Parts, Serial,
+    Tasks, Voltage, WheelMotors, World,
 };
 use rc10_time::Micros;
 
@@ -55,8 +55,6 @@ pub struct RemoteLink {
     /// Wire of the receiver.
     pub wire: ReceiverWire,
 }
-
-type Named<T> = Vec<(String, T)>;
 
 impl Environment {
     /// Builds the environment of a description, with its mistakes, and all chance from `seed`.
@@ -167,20 +165,21 @@ impl Environment {
     /// The faults of a description in this environment; fails if a bus or line does not exist.
     pub fn faults(&self, description: &Description) -> Result<Faults<ChipFault>> {
         let mut faults = Faults::new(&self.wires, &self.lines, &description.faults)?;
-        let (serials, contacts) = self.parts(description);
-        faults.set_parts(serials, contacts);
+        faults.set_parts(self.parts(description));
         Ok(faults)
     }
 
-    /// The parts on UARTs by their labels, and the contacts by their motors'.
-    pub(crate) fn parts(&self, description: &Description) -> (Named<Serial>, Named<Contact>) {
+    /// The parts on UARTs, contacts and motors by their labels.
+    pub(crate) fn parts(&self, description: &Description) -> Parts {
         let serials = description.serials.iter().map(|part| part.label.to_owned());
         let motors = description.contacts.iter().filter_map(|it| description.motors.get(it.motor));
         let labels = motors.map(|motor| motor.label.to_owned());
-        (
-            serials.zip(self.serials.iter().cloned()).collect(),
-            labels.zip(self.contacts.iter().cloned()).collect(),
-        )
+        let motors = description.motors.iter().map(|motor| motor.label.to_owned());
+        Parts {
+            serials: serials.zip(self.serials.iter().cloned()).collect(),
+            contacts: labels.zip(self.contacts.iter().cloned()).collect(),
+            motors: motors.zip(self.motors.iter().cloned()).collect(),
+        }
     }
 
     /// Adds a PC at the console.

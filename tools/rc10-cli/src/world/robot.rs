@@ -13,8 +13,7 @@ use rc10_module::store::{Cells, Store};
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Verdict};
-use rc10_sim::fault::is_called;
-use rc10_sim::{Contact, Faults, Serial, Servo, TaskName, Tasks, UartPort, Voltage};
+use rc10_sim::{Contact, Serial, Servo, TaskName, Tasks, UartPort, Voltage};
 use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, Program, heading, remote, status};
 use rc10_time::Micros;
@@ -325,21 +324,8 @@ impl<'r> Robot<'r> {
     /// # Errors
     /// A fault is on a missing bus or line; or a remote is missing or lost already.
     pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
-        let Description { buses, lines, remote, serials, contacts, motors, .. } =
-            &mut self.description;
-        Faults::check(faults, usize::from(*buses), lines.len())?;
-        for Fault { kind, .. } in faults {
-            let Kind::Part(defect, name) = kind else { continue };
-            let (what, labels): (_, Vec<&str>) = if defect.is_of_contact() {
-                let motors = contacts.iter().filter_map(|it| motors.get(it.motor));
-                ("contact", motors.map(|motor| motor.label).collect())
-            } else {
-                ("part on a UART", serials.iter().map(|part| part.label).collect())
-            };
-            let is_there = labels.iter().any(|label| is_called(label, name));
-            let all = if labels.is_empty() { "none".into() } else { labels.join(", ") };
-            ensure!(is_there, "{kind}: there is no {what} `{name}`; there are: {all}");
-        }
+        self.description.check(faults)?;
+        let remote = &mut self.description.remote;
         match remote {
             Some(remote) => remote.lose(faults)?,
             None => ensure!(

@@ -21,7 +21,7 @@ async function refresh() {
   fits();
   if (state.whole && (!begun || state.declaration !== declaration)) begin();
   time(); reports();
-  tables(); parameters(); tune(); kept();
+  tables(); parameters(); tune(); kept(); Broken.show();
   setTimeout(refresh, 200);
 }
 
@@ -57,4 +57,4 @@ $('mark').onclick = mark;
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', Plot.restyle);
 // Another device's address has a key, and may watch and stop.
 document.body.classList.toggle('guest', location.pathname !== '/');
-refresh(); fetchData();
+refresh(); fetchData(); Drive.talk(); View.draw();

@@ -15,7 +15,7 @@ function show() {
   }
 }
 function urge(action) {
-  held = null;
+  held = null; Drive.rest();
   const mine = pressed[action] = { how: 'sent', at: performance.now() };
   const come = (how) => { if (pressed[action] === mine) { mine.how = how; state[action] = how === 'done' ? null : how; show(); } };
   const late = setTimeout(() => come('not heard'), 190);
@@ -25,7 +25,7 @@ function urge(action) {
 $('disarm').onclick = () => urge('disarm');
 $('stop').onclick = () => urge('stop');
 // Before anything else on the page gets them. Where text is typed the space bar is a space.
-const types = (it) => it && (it.tagName === 'TEXTAREA' || (it.tagName === 'INPUT' && it.type !== 'checkbox'));
+const types = (it) => it && (it.tagName === 'TEXTAREA' || (it.tagName === 'INPUT' && !['checkbox', 'range'].includes(it.type)));
 for (const kind of ['keydown', 'keyup']) window.addEventListener(kind, (event) => {
   // A record has no robot: there the space bar plays.
   if (state.file) return;

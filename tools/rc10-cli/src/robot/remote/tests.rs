@@ -11,6 +11,7 @@ pub(crate) fn control() -> RemoteControl {
     RemoteControl {
         receiver: Receiver::Dr16,
         channels: Receiver::Dr16.channels(),
+        arming: ArmingConfig::DEFAULT,
         receivers: vec![Receiver::Dr16, Receiver::Ppm],
         uart: 5,
         script: vec![line(0, Switch::Down), line(100, Switch::Up)],

@@ -1,0 +1,194 @@
+//! The field of `rc10 live`: what is seen there of a robot with a mistake; and what goes wrong by a click.
+
+use std::process::Command;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::common::browser::{Browser, has_browser};
+use crate::common::served::{JSON, Started, http, live};
+use serde_json::{Value, json};
+
+fn begin(more: &[&str]) -> (Started, u16) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    live(command.args(["live", "--page", "0", "--sim", "--script"]).args(more))
+}
+
+/// The paths as they are drawn, at the robot's time: [time, apart in m, metres that it has gone, pixels a metre].
+const DRAWN: &str = "const [real, counted] = ['true', 'wheels'].map((name) => View.trails()[name] || []); \
+    const long = real.slice(1).reduce((sum, at, index) => sum + Math.hypot(at[1] - real[index][1], at[2] - real[index][2]), 0); \
+    const begin = real.findIndex((at) => Math.hypot(at[1] - real[0][1], at[2] - real[0][2]) > 0.02); \
+    const far = real.findIndex((at, index) => counted[index] && Math.hypot(at[1] - counted[index][1], at[2] - counted[index][2]) > 0.1); \
+    return [begin < 0 ? null : real[begin][0], far < 0 ? null : real[far][0], long, View.scale()]";
+
+#[test]
+fn a_wrong_direction_is_seen_on_the_field_within_2_s() {
+    if !has_browser() {
+        return;
+    }
+    for (more, is_wrong) in [(&["--mistake", "direction:wheel-front-left"][..], true), (&[], false)]
+    {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+        let (_live, port) = live(command.args(["live", "--page", "0", "--sim"]).args(more));
+        let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+        page.look("look('robot')");
+        page.until("return (View.trails().true || []).length > 10 && View.scale() > 0");
+        // It stands until here; hands arm it and drive ahead.
+        std::thread::spawn(move || {
+            let (_, body) = http(port, "POST", "/drive", JSON, "\"take\"");
+            let taken: Value = serde_json::from_str(&body).unwrap();
+            for message in 1..400 {
+                let (right, ahead) =
+                    (if message < 40 { -1 } else { 0 }, if message < 80 { 0.0 } else { 0.5 });
+                let wish = json!([taken["number"], message, 0, ahead, 0, 0, 0, 0, right, 0, 0]);
+                if http(port, "POST", "/drive", JSON, &wish.to_string()).0 != 200 {
+                    break;
+                }
+                sleep(Duration::from_millis(20));
+            }
+        });
+        let begun = Instant::now();
+        let drawn = loop {
+            let drawn = page.look(DRAWN);
+            let long = drawn[2].as_f64().unwrap();
+            if long > 1.0 && (!is_wrong || drawn[1].is_f64()) {
+                break drawn;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(300), "{drawn}");
+            sleep(Duration::from_millis(100));
+        };
+        let scale = drawn[3].as_f64().unwrap();
+        if is_wrong {
+            let after = drawn[1].as_f64().unwrap() - drawn[0].as_f64().unwrap();
+            println!(
+                "0.1 m apart, {:.0} pixels, {after:.2} s after it began to drive",
+                0.1 * scale
+            );
+            assert!(after < 2.0 && 0.1 * scale > 5.0, "{drawn}");
+        } else {
+            assert!(drawn[1].is_null(), "a sound robot is where it counts: {drawn}");
+        }
+        // Each wheel with what is commanded and measured.
+        let rims = page.look("return moving.field.rims");
+        assert!(
+            rims.as_array().is_some_and(|all| all.len() == 4
+                && all
+                    .iter()
+                    .all(|it| it[1].is_number() && it[2].is_number() && it[3].is_number())),
+            "{rims}"
+        );
+        assert_eq!(page.look("return $('field').querySelector('canvas').getContext('2d').getImageData(60, 20, 300, 200).data.some((it) => it > 0)"), json!(true));
+    }
+}
+
+fn state(port: u16) -> Value {
+    serde_json::from_str(&http(port, "GET", "/state", "", "").1).unwrap()
+}
+
+fn wish(port: u16, wish: &Value) -> (u16, String) {
+    http(port, "POST", "/wish", JSON, &wish.to_string())
+}
+
+fn until(port: u16, mut is_so: impl FnMut(&Value) -> bool) {
+    let begin = Instant::now();
+    loop {
+        let state = state(port);
+        if is_so(&state) {
+            return;
+        }
+        assert!(
+            begin.elapsed() < Duration::from_secs(300),
+            "never: {} {}",
+            state["problems"],
+            state["happened"]
+        );
+        sleep(Duration::from_millis(50));
+    }
+}
+
+fn about(state: &Value, label: &str) -> bool {
+    state["problems"].as_array().is_some_and(|all| all.iter().any(|it| it["about"] == label))
+}
+
+fn link(state: &Value, label: &str) -> f64 {
+    let all = state["signals"].as_array().unwrap().iter();
+    let mut found = all.filter(|it| it["label"] == label && it["name"] == "link");
+    found.next().and_then(|it| it["value"].as_f64()).unwrap_or(f64::NAN)
+}
+
+fn events(state: &Value) -> String {
+    state["happened"].to_string()
+}
+
+#[test]
+fn what_goes_wrong_by_a_click_is_named_and_taken_back() {
+    let (_live, port) = begin(&[]);
+    until(port, |state| state["whole"] == true && (link(state, "feeder") - 1.0).abs() < 1e-9);
+    if has_browser() {
+        let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+        page.look("look('robot')");
+        page.until("return document.querySelectorAll('#broken select option').length > 10");
+        page.look("const [kind, which] = document.querySelectorAll('#broken select'); kind.value = '0'; kind.onchange(); which.value = 'feeder'; which.onchange(); document.querySelector('#broken details button').click()");
+        page.until(
+            "return document.querySelector('#broken ul').textContent.includes('cut:feeder')",
+        );
+        page.until("return document.querySelector('#problems').textContent.includes('feeder')");
+        page.until("return document.querySelector('#happened').textContent.includes('let go wrong: cut:feeder')");
+        page.look("document.querySelector('#broken ul button').click()");
+        page.until("return !document.querySelector('#broken ul').children.length");
+    } else {
+        assert_eq!(wish(port, &json!({ "break": "cut:feeder" })).0, 200);
+        until(port, |state| about(state, "feeder"));
+        assert_eq!(wish(port, &json!({ "mend": "cut:feeder" })).0, 200);
+    }
+    until(port, |state| (link(state, "feeder") - 1.0).abs() < 1e-9);
+    until(port, |state| events(state).contains("taken back: cut:feeder"));
+
+    // A bus, shorted and without power.
+    for words in ["short:2", "power:2", "power:gimbal-yaw"] {
+        let (status, body) = wish(port, &json!({ "break": words }));
+        assert_eq!(status, 200, "{body}");
+        until(port, |state| (link(state, "gimbal yaw") - 2.0).abs() < 1e-9);
+        assert_eq!(state(port)["broken"], json!([words]));
+        let (status, body) = wish(port, &json!({ "break": words }));
+        assert!(status == 409 && body.contains("is so already"), "{body}");
+        assert_eq!(wish(port, &json!({ "mend": words })).0, 200);
+        until(port, |state| (link(state, "gimbal yaw") - 1.0).abs() < 1e-9);
+    }
+    // Two motors change places, and a load is heavier: at once, and back.
+    for words in [
+        "swap:wheel-front-left,wheel-rear-right",
+        "load:lift=x2",
+        "id:feeder=7",
+        "torque:wheel=x0.5",
+    ] {
+        let (status, body) = wish(port, &json!({ "break": words }));
+        assert_eq!(status, 200, "{words}: {body}");
+        if words.starts_with("id") {
+            until(port, |state| (link(state, "feeder") - 2.0).abs() < 1e-9);
+        }
+        let (status, body) = wish(port, &json!({ "mend": words }));
+        assert_eq!(status, 200, "{words}: {body}");
+    }
+    until(port, |state| (link(state, "feeder") - 1.0).abs() < 1e-9 && state["broken"] == json!([]));
+    // What cannot be is refused, with the reason.
+    for (words, why) in [
+        ("cut:9", "needs a bus"),
+        ("short:2@1s", "short:2@1s"),
+        ("cut:leg", "there is no part on a UART or motor `leg`; there are: "),
+        ("flood:1", "there is no such fault"),
+        ("direction:leg", "there is no motor `leg`"),
+        ("direction:wheel-front-left", "not while it runs: begin the robot with it"),
+        ("swap:wheel-front-left,feeder", "they cannot stand for one another"),
+        ("mass:x2", "not while it runs"),
+        ("load:lift=2", "no number"),
+        ("hang", "has no chip"),
+        ("", "there is no such fault"),
+    ] {
+        let (status, body) = wish(port, &json!({ "break": words }));
+        assert!(status == 409 && body.contains(why), "{words}: {status} {body}");
+    }
+    let (status, body) = wish(port, &json!({ "mend": "cut:2" }));
+    assert!(status == 409 && body.contains("was not let go wrong here"), "{body}");
+    assert_eq!(wish(port, &json!({ "break": 3 })).0, 409);
+    assert_eq!(state(port)["broken"], json!([]));
+}
