@@ -383,11 +383,11 @@ fn a_cut_leaves_the_old_set_or_the_new_one() {
     let flash = new_flash(32);
     let mut old = vec![0.0; 3];
     let (mut cuts, mut lost) = (0_u32, 0_u32);
-    let mut round = 0;
+    let mut round = 0_u16;
     while cuts < 100_000 {
         round += 1;
         // All three at once, so that a mixture shows.
-        let new: Vec<f32> = (0..3).map(|at| f32::from(round as u16) * 3.0 + at as f32).collect();
+        let new: Vec<f32> = (0..3).map(|at| f32::from(round) * 3.0 + at as f32).collect();
         let set: Vec<_> = (0..).zip(new.iter().copied()).collect();
         let whole = Handle(Rc::new(RefCell::new(flash.0.borrow().clone())));
         whole.0.borrow_mut().done = 0;

@@ -429,7 +429,8 @@ pub(super) fn buses(recording: &Recording, found: &mut Vec<Problem>) {
         let span = |of: fn(&BusSample) -> u32| rises(&track.samples, |one| of(one).into());
         let replacing = span(|sample| sample.replaced);
         found.extend(problem.map(|it| Problem { span: replacing, ..it }));
-        let counts: [(_, fn(&BusSample) -> u32, _, _); 4] = [
+        type Of = fn(&BusSample) -> u32;
+        let counts: [(_, Of, _, _); 4] = [
             (last.overruns, |one| one.overruns, "overrun", "ticks overrun"),
             (last.health.receive_lost, |one| one.lost, "rx-lost", "received frames lost"),
             (last.refused, |one| one.refused, "frame-refused", "frames refused"),
