@@ -315,7 +315,7 @@ fn every_special_frame_of_every_vendor_has_its_name() {
     // Sent to all four: the identifiers of DJI's motors.
     let output = with_input(&["-"], b"(1.0) can0 700#0000000000000000\n");
     let said = words(text(&output.stdout).lines().next().unwrap());
-    assert_eq!(said, "0000000001.000000 can0 several DJI_QUICK_ID_SETTING");
+    assert_eq!(said, "1.000000 can0 several DJI_QUICK_ID_SETTING");
 }
 
 /// A whole run: each frame has a name, none is bad, and a disabling frame is no setpoint.

@@ -56,14 +56,19 @@ fn run(
     robot.set_no_logs(true);
     let record = RecordWriter::new(path, true, &heading(&robot, 7)).unwrap();
     let recording = simulate_into(robot, 7, length, Some(record)).unwrap();
-    Recording { faults, ..recording }
+    let mistakes = mistakes.iter().map(ToString::to_string).collect();
+    Recording { faults, mistakes, ..recording }
 }
 
 /// All that is shown of a recording.
 fn shown(recording: &Recording) -> [String; 2] {
     let figures = Figures::of(recording);
     let json = to_json(recording, &figures, None);
-    [serde_json::to_string_pretty(&json).unwrap(), report(recording, &figures)]
+    // Who made it and when is the record's alone.
+    let page = report(recording, &figures);
+    let (head, rest) = page.split_once("<p class=\"facts\">robot").unwrap_or((&page, ""));
+    let rest = rest.split_once("</code></p>\n").map_or(rest, |(_, rest)| rest);
+    [serde_json::to_string_pretty(&json).unwrap(), format!("{head}{rest}")]
 }
 
 #[track_caller]

@@ -80,9 +80,9 @@ fn the_cause_stands_first_with_its_time_its_plot_its_row_and_its_lane() {
         );
         let events = page.look(&format!("{data}.events.filter((it) => it[2])"));
         let wanted = json!([
-            [0.0, "mistake direction:wheel-front-left", true],
-            [1.0, "fault cut:2 begins", true],
-            [2.0, "fault cut:2 ends", true]
+            [0, "mistake direction:wheel-front-left", true],
+            [1, "fault cut:2 begins", true],
+            [2, "fault cut:2 ends", true]
         ]);
         assert_eq!(events, wanted);
         let facts = texts(&page, ".facts").join(" ");

@@ -15,7 +15,7 @@ use crate::cargo::{paths, root};
 
 /// The tools' crate, and the floors that it may have.
 const TOOLS: &str = "tools/rc10-cli/src";
-const MOST: usize = 9;
+const MOST: usize = 10;
 
 /// A module, or a name in one, from the crate's root on.
 type Place = Vec<String>;

@@ -42,7 +42,7 @@ pub struct Common<'p, N: Names, OWN = ()> {
     /// is a tick.
     pub bus_cycles: Option<&'p Cycles>,
     /// What is to be told of kept parameters.
-    pub kept: Latest<KeptState, 1>,
+    pub kept_state: Latest<KeptState, 1>,
     /// Changes of parameters by PCs.
     pub changes: Changes,
     /// The heading of the robot in the world, by its IMU: [`heading`](crate::heading) says from where that counts.
@@ -129,7 +129,7 @@ impl<'p, N: Names, OWN: Default> Common<'p, N, OWN> {
             refused: Latest::new(),
             status: Topic::new(),
             bus_cycles: None,
-            kept: Latest::new(),
+            kept_state: Latest::new(),
             changes: Changes::new(),
             heading: Latest::new(),
             has_imu: AtomicBool::new(false),

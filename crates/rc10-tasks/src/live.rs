@@ -107,7 +107,7 @@ impl<'r> RobotView<'r> {
             changes: &shared.changes,
             not_at_rest: &shared.not_at_rest,
             kept: None,
-            kept_state: &shared.kept,
+            kept_state: &shared.kept_state,
             own,
             declaration: declaration(N::SLOTS, [N::BUSES.len(), N::LINES.into()], own),
         }

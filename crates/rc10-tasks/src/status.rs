@@ -168,7 +168,7 @@ pub fn now<N: Names>(shared: &Common<'_, N, impl Live>) -> RobotStatus<N> {
         unfit: shared.switch.unfit(),
         not_at_rest: shared.not_at_rest.read().and_then(|axis| axis.value),
         changed: u16::try_from(differ).unwrap_or(u16::MAX),
-        kept: shared.kept.read().map(|it| it.value).unwrap_or_default(),
+        kept: shared.kept_state.read().map(|it| it.value).unwrap_or_default(),
         online,
         refused,
         last_refused: shared.refused.read().map(|refused| refused.value),

@@ -185,7 +185,10 @@ impl CommandLine {
         Ok(match self.0 {
             Command::Run(args) => strict(args.strict, commands::run::run(&args, robot, out)?),
             Command::Emu(args) => strict(args.strict, emulate(&args, robot, out)?),
-            Command::Live(args) => live::live(&args, robot, out).map(|()| 0)?,
+            Command::Live(args) => match args.at.record() {
+                Some(path) => live::playback::play(path, args.page, robot, out).map(|()| 0)?,
+                None => live::live(&args, robot, out).map(|()| 0)?,
+            },
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,

@@ -12,7 +12,7 @@ use mcap::MAGIC;
 use crate::decode::BusOfChannel;
 use crate::decode::heard::hear;
 use crate::files::{Unfinished, make_folder, open, unreadable};
-use crate::record::file::{Channel, Item, walk};
+use crate::record::file::{Channel, Item, label, walk};
 use crate::record::replay::{numbers, replay, replay_of};
 use crate::show::compare::Comparison;
 use crate::show::figures::{Figures, to_json};
@@ -199,12 +199,6 @@ fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
         name.push('_');
     }
     name + ".csv"
-}
-
-/// The text of a message that is one string; else empty.
-pub(crate) fn label(bytes: &[u8]) -> String {
-    let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
-    String::from_utf8_lossy(text).into_owned()
 }
 
 const GAPS: usize = 5;

@@ -24,7 +24,6 @@ use super::connection::look;
 use super::field::Field;
 use super::judge::Judge;
 use super::plan::{Line, SLOW, Topic, plan, watch_at};
-use super::playback::play;
 use super::record::{LiveRecord, RESTART, named, room, tell_leftovers};
 use super::server::{PageRequest, Pages, PendingRequest};
 use super::session::{Session, full_name};
@@ -99,9 +98,6 @@ const PATIENCE: Micros = Micros::from_millis(5000);
 
 /// Serves the page until Ctrl-C; fails without a line to the robot, or if the port is taken.
 pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    if let Some(path) = args.at.record() {
-        return play(path, args, robot, out);
-    }
     if let Some(file) = &args.kept {
         robot.keep_in(file)?;
     }

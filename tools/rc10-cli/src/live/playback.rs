@@ -14,13 +14,11 @@ use serde_json::{Value, json};
 use super::client::Signal;
 use super::connection::look;
 use super::history::History;
-use super::page::LiveArgs;
 use super::server::{PageRequest, Pages};
-use crate::commands::report::label;
 use crate::files::open;
 use crate::judge::{happened::happened, problems};
 use crate::live::session::stop;
-use crate::record::file::{Channel, Item, walk};
+use crate::record::file::{Channel, Item, label, walk};
 use crate::record::replay::{numbers, replay};
 use crate::recording::problem::Problem;
 use crate::recording::sample::Source;
@@ -136,12 +134,12 @@ fn signals(Channel { topic, map, columns, notes }: &Channel) -> Vec<Signal> {
     columns.iter().flatten().zip(notes).map(signal).collect()
 }
 
-/// Serves the page of a record until Ctrl-C. Fails if it cannot be read, or the port is taken.
-pub fn play(path: &Path, args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+/// Serves the page of a record at a port until Ctrl-C. Fails if it cannot be read, or the port is taken.
+pub fn play(path: &Path, port: u16, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let stop = stop()?;
     let (mut history, mut found) = (History::default(), Found::default());
     let tape = Tape::read(path, &mut history)?;
-    let pages = Pages::serve(args.page)?;
+    let pages = Pages::serve(port)?;
     let shown = Arc::clone(&pages.shown);
     let show = |found: &Found, history: Option<History>| {
         let mut shown = look(&shown);

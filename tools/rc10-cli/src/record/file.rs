@@ -220,3 +220,9 @@ pub(crate) fn leftovers(folder: &Path) -> Vec<PathBuf> {
     found.sort();
     found
 }
+
+/// The text of a message that is one string; else empty.
+pub(crate) fn label(bytes: &[u8]) -> String {
+    let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
+    String::from_utf8_lossy(text).into_owned()
+}

@@ -13,9 +13,8 @@ use rc10_motor::{Fault as MotorFault, Loops};
 use rc10_time::Micros;
 
 use super::fields::{Named, Single};
-use super::file::{Channel, Item, walk};
+use super::file::{Channel, Item, label, walk};
 use super::{About, CDR, END, EVENTS, LAYOUT, VERSION, topic, topics};
-use crate::commands::report::label;
 use crate::record::recorder::Recorder;
 use crate::recording::look::{BusLook, Moment, MotorLook, Shaft};
 use crate::recording::margin::Margins;

@@ -146,7 +146,10 @@ fn origin(recording: &Recording) -> String {
     let facts = facts.filter(|(_, text)| !text.is_empty());
     let facts: Vec<_> =
         facts.map(|(name, text)| format!("{name} <b>{}</b>", escape(text))).collect();
-    let mut html = format!("<p class=\"facts\">{}</p>\n", facts.join(" · "));
+    let mut html = String::new();
+    if !facts.is_empty() {
+        let _ = writeln!(html, "<p class=\"facts\">{}</p>", facts.join(" · "));
+    }
     if !command.is_empty() {
         let _ = writeln!(html, "<p class=\"facts\"><code>{}</code></p>", escape(command));
     }
@@ -246,7 +249,7 @@ fn tiles(recording: &Recording, figures: &Figures) -> String {
     let longest = recording.buses.iter().filter_map(|track| track.last.period.max()).max();
     let current = recording.motors.iter().map(|track| track.peak_current).reduce(f64::max);
     let mut tiles = vec![
-        (format!("{online} of {}", recording.motors.len()), "motors online at the end"),
+        (format!("{online} / {}", recording.motors.len()), "motors online at the end"),
         (grouped(frames), "frames on the wires"),
         (optional(busiest, 1, " %"), "load of the busiest bus"),
         (optional(current, 1, " A"), "largest current"),

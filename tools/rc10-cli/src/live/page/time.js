@@ -107,7 +107,7 @@ function time() {
 }
 
 {
-  const row = $('time'), make = (tag, id, text, label) => { const it = row.appendChild(document.createElement(tag)); it.id = id; it.textContent = text; if (label) { it.title = label; it.setAttribute('aria-label', label); } return it; };
+  const row = $('time'), make = (tag, id, text, label) => { const it = row.appendChild(document.createElement(tag)); it.id = id; it.textContent = text; if (label) { it.title = label; it.setAttribute('aria-label', text ? text + ': ' + label : label); } return it; };
   make('button', 'play', 'Play', '').onclick = () => play(playing === null);
   const speed = make('select', 'speed', '', 'Speed');
   for (const it of SPEEDS) speed.add(new Option('× ' + it, it, it === 1, it === 1));

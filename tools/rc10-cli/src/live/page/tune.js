@@ -98,7 +98,7 @@ const Step = (() => {
       const from = rest.reduce((sum, k) => sum + measured.values[k], 0) / rest.length;
       // What still moves, as after a turn that was interrupted, is not at rest.
       const calm = Math.max(...rest.map((k) => Math.abs(measured.values[k] - from))) <= 0.1 * Math.abs(to - from);
-      if (!calm || Math.abs(to - from) < 0.2 * size) continue;
+      if (!calm || !(size > 0) || Math.abs(to - from) < 0.2 * size) continue;
       const seconds = after.map((k) => measured.times[k] - at), values = after.map((k) => measured.values[k]);
       steps.push({ at, from, to, times: seconds, values, ...figures(seconds, values, from, to) });
     }
