@@ -27,7 +27,7 @@ window.gather = () => {
 "#;
 
 /// Names of products, standards and signs that stay, and units.
-const KEPT: &str = "cut direction team UTC M3508 GM6020 M2006 dr16 Lift Heading RMS L1 L2 R1 R2 fault mistake RC10 sim docs bring up md bus CAN RS MCAP CSV PNG STOP Esc USB UART SPI IMU PID kp ki kd ff rpm rad deg ms us kHz Hz \
+const KEPT: &str = "1s 2s cut direction team UTC M3508 GM6020 M2006 dr16 Lift Heading RMS L1 L2 R1 R2 fault mistake RC10 sim docs bring up md bus CAN RS MCAP CSV PNG STOP Esc USB UART SPI IMU PID kp ki kd ff rpm rad deg ms us kHz Hz \
     kB MB bit baud DR SBUS CRSF VT console kt Nm mA mV kg id ID FDCAN GO TOML json html csv png mcap A M N V W C s m";
 
 /// Texts with a word that is neither a name nor a unit.

@@ -617,14 +617,13 @@ impl LivePage<'_, '_> {
             json!({ "path": path.display().to_string(), "seconds": record.length().get() as f64 * 1e-6 })
         });
         let is_whole = client.is_described();
-        let mut happened: Vec<_> = self.judge.happened.iter().chain(&self.marks).collect();
-        happened.sort_by_key(|it| it.0);
         let urgency = |what| {
             let urgency = client.urgency(what, session.now());
             urgency.map(|it| if it == Urgency::Sent { "sent" } else { "not heard" })
         };
         let lately = self.told.iter().filter(|(at, _)| session.now().since(*at) < LATELY);
-        let mut happened: Vec<_> = self.judge.happened.iter().chain(lately).collect();
+        let mut happened: Vec<_> =
+            self.judge.happened.iter().chain(&self.marks).chain(lately).collect();
         happened.sort_by_key(|(at, _)| *at);
         json!({
             "is_simulated": self.is_simulated,
