@@ -354,7 +354,7 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--fault", "cut:L1@1s"], "cut:L1: there is no such line; it has no line"),
         (
             &["run", "--fault", "cut:wall@1s"],
-            "cut:wall: there is no part on a UART `wall`; there are: IMU",
+            "cut:wall: there is no part on a UART or motor `wall`; there are: IMU, wheel front left",
         ),
         (&["run", "--fault", "torn:feeder@1s"], "there is no contact `feeder`; there are: none"),
         (&["run", "--fault", "stuck@1s"], "`stuck` needs the label of a motor: stuck:feeder"),

@@ -329,7 +329,7 @@ fn faults_of_the_line_are_counted_and_stay_there() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_listener_on_the_line_counts_as_the_chip_does() {
     give(&setup(&["noise:L1@0.25s", "power:L1@0.3s..0.31s"]), |emulation| {
-        let (mut emulation, recording) = emulation.record(Micros::new(508_300)).unwrap();
+        let (mut emulation, recording) = emulation.record(Micros::new(509_100)).unwrap();
         let log = log(&mut emulation);
         let traffic = recording.lines[0].traffic;
         // What the log's last line tells is 0.1 to 2.1 ms old: up to two rounds.

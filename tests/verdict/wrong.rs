@@ -202,7 +202,7 @@ fn wrong_programs_end_with_3_and_the_cause() {
         let (code, text) = robot.end(&[]).unwrap();
         assert!(code == 0 && text.contains(&sentence), "{text}");
         let report = fs::read_to_string(folder().join("report.html")).unwrap();
-        assert!(report.contains(&format!("<li>{sentence}</li>")));
+        assert!(report.contains(&sentence), "{sentence}");
     }
 }
 
