@@ -47,7 +47,7 @@ fn foxglove_sees_what_the_robot_says() {
     let udp = UdpSocket::bind("127.0.0.1:0").unwrap();
     udp.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
     let mut live = Command::new(env!("CARGO_BIN_EXE_viewers"))
-        .args(["live", "--sim", "--page", "0", "--foxglove=0", "--plotjuggler"])
+        .args(["live", "--sim", "--script", "--page", "0", "--foxglove=0", "--plotjuggler"])
         .arg(udp.local_addr().unwrap().to_string())
         .stdout(Stdio::piped())
         .spawn()
