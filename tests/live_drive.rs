@@ -169,6 +169,78 @@ fn a_gamepad_drives_until_the_focus_or_the_tab_is_lost() {
     until_state(port, |state| signal(state, "wheel front left", "speed").abs() < 5.0);
 }
 
+/// The tab that the driver looks at.
+fn tab(page: &Browser) -> Value {
+    let path = format!("/session/{}/window", page.session);
+    let (_, body) = http(page.port, "GET", &path, "", "");
+    serde_json::from_str::<Value>(&body).unwrap()["value"].clone()
+}
+
+/// Chooses a period as a person does, in a window of a second, and waits until points that far apart are drawn.
+fn plots_every(page: &Browser, millis: u32, is_new: bool) {
+    if is_new {
+        page.look(&format!(
+            "$('window').value = 1; $('window').onchange(); $('period').value = {millis}; $('period').onchange()"
+        ));
+    }
+    page.until(&format!(
+        "const {{ times }} = [...data.values()].find((it) => it.times.length > 50) || {{ times: [] }}; \
+         const gaps = [...times].slice(1).map((at, index) => at - times[index]).sort((a, b) => a - b); \
+         return Math.round(1000 * gaps[gaps.length >> 1]) === {millis} && $('period').value === '{millis}'"
+    ));
+}
+
+#[test]
+fn a_second_tab_takes_the_remote_and_each_has_its_own_period() {
+    if !has_browser() {
+        return;
+    }
+    let (_live, port) = begin(&["--script"]);
+    let page = open(port);
+    // The script's hands are shown, and what it does.
+    let says = |text: &str| {
+        page.until(&format!("return $('drive').textContent.includes('{text}')"));
+    };
+    let takes = || {
+        click(&page, "Take the remote");
+        page.until("return Drive.holds() !== null && moving.remote.holder === Drive.holds()");
+        page.look("return Drive.holds()")
+    };
+    says("The script holds the remote");
+    page.until("return document.querySelector('#drive b').textContent.startsWith('square')");
+    page.until(&format!("{ARM} === 'Armed'"));
+    let first = takes();
+    is_standing(&page);
+    plots_every(&page, 2, true);
+
+    let tabs = [tab(&page), page.tell("window/new", &json!({ "type": "tab" }))["handle"].clone()];
+    let goes_to = |at: usize| page.tell("window", &json!({ "handle": tabs[at] }));
+    goes_to(1);
+    page.tell("url", &json!({ "url": format!("http://127.0.0.1:{port}/") }));
+    page.look("look('robot')");
+    page.until("return state.whole && !$('drive').hidden");
+    says("Another page holds the remote.");
+    plots_every(&page, 10, true);
+    assert_ne!(takes(), first);
+
+    goes_to(0);
+    page.until("return Drive.holds() === null");
+    says("Another page has taken the remote.");
+    plots_every(&page, 2, false);
+    // It drives no more with the number that it had.
+    let (status, body) = drive(port, &json!([first, 1_000_000, 1, 1, 1, 1, 0, 0, 0, 0, 0]));
+    assert!(status == 409 && body.contains("other hands"), "{status} {body}");
+    // It takes it back, many times: what is on its way meanwhile does not let it go.
+    for turn in 0..12 {
+        goes_to(turn % 2);
+        takes();
+    }
+    // The script can have it back.
+    click(&page, "Let the script drive");
+    says("The script holds the remote");
+    page.until(&format!("{ARM} === 'Armed'"));
+}
+
 /// One who means harm, without a browser.
 #[test]
 fn what_may_not_drive_does_not_and_a_stop_is_not_delayed() {

@@ -60,6 +60,7 @@ const Drive = (() => {
         else moving = await (await fetch('moving', { signal: AbortSignal.timeout(1000) })).json() || {};
         show();
       } catch (error) {
+        // Only a refusal tells so: what is shown may be older than the remote's taking.
         if (error.isRefused && mine === number) { mine = null; told = 'Another page has taken the remote.'; show(); }
       }
       const every = mine !== null ? 20 : document.hidden || $('tab-robot').hidden ? 500 : 50;
@@ -140,7 +141,6 @@ const Drive = (() => {
     $('drive').hidden = !remote;
     if (!remote) { drawn = null; mine = null; $('drive').replaceChildren(); return; }
     if (!drawn) build();
-    if (mine !== null && typeof remote.holder === 'number' && remote.holder !== mine) { mine = null; told = 'Another page has taken the remote.'; }
     const isMine = mine !== null;
     const who = isMine ? 'This page holds the remote.' : told && remote.holder !== 'table' && remote.holder !== 'script' ? told
       : remote.holder === 'script' ? 'The script holds the remote: ' : remote.holder === 'table' ? (remote.on ? 'The remote lies there, switched on.' : 'The remote is switched off.') : 'Another page holds the remote.';
