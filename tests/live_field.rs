@@ -80,6 +80,52 @@ fn a_wrong_direction_is_seen_on_the_field_within_2_s() {
     }
 }
 
+/// What the page draws of the mechanisms in its next frame: [the bar's share of its square, the angles of the lines from
+/// the middles of theirs, degrees counter-clockwise from the right, the motors' angles].
+const MECHANISMS: &str = "const done = arguments[0], kept = {}, calls = [], on = CanvasRenderingContext2D.prototype; \
+    for (const name of ['fillRect', 'moveTo', 'lineTo']) { kept[name] = on[name]; on[name] = function (...at) { \
+        if (this.canvas.className === 'mechanisms') calls.push([name, ...at, this.lineWidth]); kept[name].apply(this, at); }; } \
+    requestAnimationFrame(() => requestAnimationFrame(() => { \
+        Object.assign(on, kept); \
+        const bar = calls.find(([name]) => name === 'fillRect'), square = calls.filter(([name]) => name === 'lineTo').slice(0, 4).map(([, , y]) => y); \
+        const lines = calls.map((it, at) => [it, calls[at + 1] || []]).filter(([one, two]) => one[0] === 'moveTo' && two[0] === 'lineTo' && two[3] >= 3) \
+            .map(([[, x, y], [, right, down]]) => Math.atan2(y - down, right - x) * 180 / Math.PI); \
+        done([bar && bar[4] / (Math.max(...square) - Math.min(...square)), lines.slice(0, 4), ['lift front left', 'gimbal yaw', 'gimbal pitch'].map((it) => moving.field.angles[it])]); \
+    }))";
+
+#[test]
+fn mechanisms_are_drawn_where_the_simulated_ones_are() {
+    if !has_browser() {
+        return;
+    }
+    let (_live, port) = begin(&[]);
+    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+    page.look("look('robot')");
+    page.until("return state.whole && document.querySelector('#field .mechanisms') !== null");
+    assert_eq!(
+        page.look("return state.drawn.mechanisms.map((it) => it.label + ' ' + it.kind)"),
+        json!(["lift bar", "gimbal turret", "pitch arm"])
+    );
+    // The lift begins low and goes up; the gimbal looks ahead, and 90 degrees to the right.
+    for (label, degrees) in
+        [("lift front left", 0.0), ("gimbal yaw", 90.0), ("lift front left", 720.0)]
+    {
+        page.until(&format!("return Math.abs(moving.field.angles['{label}'] - {degrees}) < 20"));
+        let drawn = page.tell("execute/async", &json!({ "script": MECHANISMS, "args": [] }));
+        println!("{label} at {degrees}: {drawn}");
+        let drawn: (f64, Vec<f64>, [f64; 3]) = serde_json::from_value(drawn).unwrap();
+        let (share, lines, [lift, yaw, pitch]) = drawn;
+        assert!((share - (lift + 90.0) / 1200.0).abs() < 0.01);
+        // Of the bar the top is a line, too; ahead is up for the turret, and to the right for the arm.
+        let apart = |drawn: f64, is: f64| (drawn - is + 540.0).rem_euclid(360.0) - 180.0;
+        assert!(
+            apart(lines[1], yaw - 90.0).abs() < 1.0 && apart(lines[3], pitch - 180.0).abs() < 1.0
+        );
+    }
+    // Where they stand still, these are the angles of the motors' own signals.
+    page.until("return ['lift front left', 'gimbal yaw', 'gimbal pitch'].every((it) => Math.abs(moving.field.angles[it] - value(it, 'total_angle')) < 1)");
+}
+
 fn state(port: u16) -> Value {
     serde_json::from_str(&http(port, "GET", "/state", "", "").1).unwrap()
 }

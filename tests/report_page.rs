@@ -122,6 +122,46 @@ fn the_cause_stands_first_with_its_time_its_plot_its_row_and_its_lane() {
     }
 }
 
+/// What is drawn on a canvas, as calls with the colours; a page's `draw` draws.
+const DRAWN: &str = "const calls = [], kept = {}, on = CanvasRenderingContext2D.prototype; \
+    for (const name of ['fillRect', 'moveTo', 'lineTo']) { kept[name] = on[name]; on[name] = function (...at) { \
+        calls.push([this.canvas.dataset.plot, name, ...at, this.fillStyle, this.strokeStyle]); kept[name].apply(this, at); }; } \
+    dispatchEvent(new Event('resize')); Object.assign(on, kept); ";
+
+#[test]
+fn the_field_and_the_mechanisms_are_drawn_beside_the_verdict() {
+    if !has_browser() {
+        return;
+    }
+    let folder = Scratch::new("report-field");
+    let record = folder.join("a.mcap").to_str().unwrap().to_owned();
+    assert!(rc10(&["run", "--no-logs", "--record", &record], &folder).status.success());
+    for from_record in [false, true] {
+        if from_record {
+            assert!(rc10(&["report", &record], &folder).status.success());
+        }
+        let page = opened(&folder, [1440, 900]);
+        let data = "const data = JSON.parse(document.getElementById('data').textContent); ";
+        // At 7.9 s the lift is up: two turns above the middle of the script.
+        let lift = |at: f64| {
+            page.look(&format!("document.querySelector('[data-plot=\"0\"]').parentNode.dispatchEvent(new PointerEvent('pointermove', {{ \
+                pointerType: 'mouse', clientX: document.querySelector('[data-plot=\"0\"]').getBoundingClientRect().left + 46 + {at} / 10 * (document.querySelector('[data-plot=\"0\"]').clientWidth - 54) }}))"));
+            let look = format!(
+                "{DRAWN}{data} const bar = calls.find(([plot, name]) => plot === 'mechanisms' && name === 'fillRect'), \
+                box = calls.filter(([plot, name]) => plot === 'mechanisms' && name === 'lineTo').slice(0, 4).map((it) => it[3]), \
+                angles = data.turned['lift front left']; \
+                return [bar[5] / (Math.max(...box) - Math.min(...box)), (angles[Math.round({at} * 100) - 1] + 90) / 1200, calls.filter(([plot]) => plot === 'path').length]"
+            );
+            serde_json::from_value::<[f64; 3]>(page.look(&look)).unwrap()
+        };
+        for (at, least, most) in [(2.0, 0.0, 0.1), (8.0, 0.6, 0.8)] {
+            let [drawn, share, path] = lift(at);
+            println!("the lift at {at} s: {drawn:.3} of its bar, {share:.3} by its angle");
+            assert!((drawn - share).abs() < 0.02 && (least..most).contains(&drawn) && path > 500.0);
+        }
+    }
+}
+
 #[test]
 fn a_good_run_has_nothing_to_skip() {
     if !has_browser() {

@@ -14,6 +14,10 @@ impl Simulated for Robot {
     fn description() -> Description {
         Description {
             remote: Some(RemoteControl::of::<Self>(&SCRIPT, None)),
+            mechanisms: vec![
+                Shape::lift("lift", Name::LiftLeft, [bottom(Name::LiftLeft), TRAVEL]),
+                Shape::lift("hoist", Name::Hoist, [HOIST[0], HOIST[0] + HOIST[1]]),
+            ],
             ..Description::of_program::<Self>(plant)
         }
     }

@@ -10,6 +10,10 @@ impl Simulated for Robot {
             base: Some(Base::of(BASE.wheels, &BASE.geometry).with_mass(MASS)),
             remote: Some(RemoteControl::of::<Self>(&SCRIPT, Some(SCRIPT_LENGTH))),
             yaw: Some("heading"),
+            mechanisms: vec![
+                Shape::arm("arm", [(Name::Arm, 0.0, 1.0)]),
+                Shape::turret("turret", Name::Turret, 0.0),
+            ],
             estimate: Some(["odometry x", "odometry y", "odometry heading"]),
             reference: Some(["path x", "path y", "path heading"]),
             ..Description::of_program::<Self>(plant)

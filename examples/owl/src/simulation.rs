@@ -37,6 +37,10 @@ impl Simulated for Robot {
             base: Some(Base::of(BASE.wheels, &BASE.geometry).with_mass(12.0)),
             arms: vec![ArmPart::new([(Name::Shoulder, upper), (Name::Elbow, fore)])],
             remote: Some(RemoteControl::of::<Self>(&SCRIPT, None)),
+            mechanisms: vec![
+                Shape::lift("lift", Name::Lift, LIFT_TRAVEL),
+                Shape::arm("arm", [(Name::Shoulder, 360.0, 0.32), (Name::Elbow, 200.0, 0.26)]),
+            ],
             ..Description::of_program::<Self>(plant)
         }
     }
@@ -46,16 +50,13 @@ impl Simulated for Robot {
 pub const START: [f64; 2] = [-5.0, -85.0];
 /// The bottom of the lift, degrees since power-on.
 pub const LIFT_BOTTOM: f64 = -200.0;
+const LIFT_TRAVEL: [f64; 2] = [LIFT_BOTTOM, LIFT_BOTTOM + 1900.0];
 /// Where the wall is, metres ahead of where the robot starts.
 pub const WALL: f64 = 2.0;
 
 fn plant(name: Name) -> Plant {
     match name {
-        Name::Lift => Plant {
-            load: -0.4,
-            travel: Some([LIFT_BOTTOM, LIFT_BOTTOM + 1900.0]),
-            ..Plant::inertia(0.01)
-        },
+        Name::Lift => Plant { load: -0.4, travel: Some(LIFT_TRAVEL), ..Plant::inertia(0.01) },
         // Encoders say 0 where the shoulder is level, and 200 where the elbow is stretched.
         Name::Shoulder => Plant {
             rotor: Some(360.0 + START[0]),

@@ -172,12 +172,10 @@ impl<'k> Field<'k> {
                 |pose: PathPoint| told.insert(name.into(), json!([pose.x, pose.y, pose.yaw]));
             pose.map(|it| tell(self.axes.map_or(it, |[from, to]| laid(&it, &from, &to))));
         }
-        let angles =
-            self.description.mechanisms.iter().flat_map(|it| &it.motors).filter_map(|line| {
-                let (motor, signals) =
-                    (self.description.motors.get(*line)?, self.motors.get(*line)?);
-                Some((motor.label.to_owned(), json!(newest(signals[0]))))
-            });
+        let angles = self.description.drawn_motors().filter_map(|line| {
+            let (motor, signals) = (self.description.motors.get(line)?, self.motors.get(line)?);
+            Some((motor.label.to_owned(), json!(newest(signals[0]))))
+        });
         told.insert("angles".into(), angles.collect::<Map<_, _>>().into());
         told.insert("heading".into(), newest(self.heading).map(f64::to_radians).into());
         Value::Object(told)

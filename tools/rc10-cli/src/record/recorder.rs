@@ -45,6 +45,11 @@ pub struct Recorder<'d> {
     record: Written,
 }
 
+/// Degrees of a motor's output shaft, all turns counted.
+fn degrees(status: &MotorStatus) -> f64 {
+    status.feedback.total_angle.microdegrees() as f64 * 1e-6
+}
+
 /// The record that is written, if there is one. A copy writes nothing.
 struct Written(Option<RecordWriter>);
 
@@ -97,7 +102,14 @@ impl<'d> Recorder<'d> {
         let (source, no_logs) = (Source::Capture, description.no_logs);
         Self {
             description,
-            recording: Recording { base, source, no_logs, ..Recording::default() },
+            recording: Recording {
+                base,
+                source,
+                no_logs,
+                drawn: description.drawn(),
+                turned: description.drawn_motors().map(|line| (line, Vec::new())).collect(),
+                ..Recording::default()
+            },
             has_imu: false,
             motors: description.motors.iter().map(|_| MotorRecorder::new(None)).collect(),
             buses: vec![BusRecorder::default(); description.buses.into()],
@@ -211,6 +223,11 @@ impl<'d> Recorder<'d> {
             self.recording.headings.push(moment.robot.yaw.is_some());
         }
         self.remote.extend(moment.remote.map(|look| look.sample));
+        for (line, angles) in &mut self.recording.turned {
+            let status = self.motors.get(*line).map(|motor| &motor.last.status);
+            let heard = status.filter(|it| it.link != Link::NeverSeen);
+            angles.push(heard.map_or(f64::NAN, degrees));
+        }
         if let Some(base) = &self.description.base {
             let wheels = self.wheels(base);
             let Description { estimate, reference, .. } = self.description;
@@ -236,8 +253,6 @@ impl<'d> Recorder<'d> {
             |line: usize| self.motors.get(line).map_or(MotorStatus::NEW, |motor| motor.last.status);
         let follows =
             |status: &MotorStatus| status.link == Link::Online && status.drive == DriveMode::Run;
-        let degrees =
-            |status: &MotorStatus| status.feedback.total_angle.microdegrees() as f64 * 1e-6;
         let mut steering = base.steering.iter();
         let mut steers = Vec::new();
         let wheels = base.wheels.iter().zip(&base.chassis.wheels).enumerate();

@@ -12,6 +12,7 @@ pub mod sample;
 pub mod signal;
 pub mod wheels;
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use rc10_emu::fault::Fault;
@@ -80,6 +81,10 @@ pub struct Recording {
     pub marks: Vec<(Micros, String)>,
     /// Name and note of the record; empty without.
     pub about: [String; 2],
+    /// What is drawn of the robot: [`Description::drawn`](crate::Description::drawn).
+    pub drawn: serde_json::Value,
+    /// Degrees of the motors of the drawn mechanisms, by their indices, per sample; NaN before they are heard.
+    pub turned: BTreeMap<usize, Vec<f64>>,
     /// Times that were not recorded; later times are nearer by their lengths.
     pub gaps: Vec<Gap>,
 }

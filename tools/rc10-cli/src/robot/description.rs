@@ -112,8 +112,8 @@ pub struct Shape {
     pub(crate) motors: Vec<usize>,
     /// Degrees at the bottom and at the top.
     span: [f64; 2],
-    /// Lengths of the links, in any unit.
-    lengths: Vec<f64>,
+    /// Of each motor: its degrees where its link goes straight on, and the link's length in any unit.
+    links: Vec<[f64; 2]>,
 }
 
 impl Shape {
@@ -121,21 +121,25 @@ impl Shape {
     #[must_use]
     pub fn lift<N: Names>(label: &'static str, motor: N, span: [f64; 2]) -> Self {
         let motors = vec![motor.index()];
-        Self { label, kind: "bar", motors, span, lengths: Vec::new() }
+        Self { label, kind: "bar", motors, span, links: Vec::new() }
     }
 
-    /// An arm seen from its side, as a line for each link: its motor, which counts upwards from the link before and
-    /// from ahead, and its length.
+    /// An arm seen from its side, as a line for each link: its motor, which counts upwards; the degrees that it counts
+    /// where the link is level, or stretched from the one before; and the link's length in any unit.
     #[must_use]
-    pub fn arm<N: Names>(label: &'static str, links: impl IntoIterator<Item = (N, f64)>) -> Self {
-        let (motors, lengths) = links.into_iter().map(|(it, length)| (it.index(), length)).unzip();
-        Self { label, kind: "arm", motors, span: [0.0; 2], lengths }
+    pub fn arm<N: Names>(
+        label: &'static str,
+        links: impl IntoIterator<Item = (N, f64, f64)>,
+    ) -> Self {
+        let link = |(motor, zero, length): (N, f64, f64)| (motor.index(), [zero, length]);
+        let (motors, links) = links.into_iter().map(link).unzip();
+        Self { label, kind: "arm", motors, span: [0.0; 2], links }
     }
 
-    /// A turret seen from above, as its angle from ahead.
+    /// A turret seen from above, as its angle from ahead, where its motor counts these degrees.
     #[must_use]
-    pub fn turret<N: Names>(label: &'static str, motor: N) -> Self {
-        Self { kind: "turret", ..Self::arm(label, [(motor, 1.0)]) }
+    pub fn turret<N: Names>(label: &'static str, motor: N, ahead: f64) -> Self {
+        Self { kind: "turret", ..Self::arm(label, [(motor, ahead, 1.0)]) }
     }
 }
 
@@ -352,6 +356,11 @@ impl Description {
         Ok(())
     }
 
+    /// Indices of the motors of the mechanisms that are drawn.
+    pub(crate) fn drawn_motors(&self) -> impl Iterator<Item = usize> {
+        self.mechanisms.iter().flat_map(|it| &it.motors).copied()
+    }
+
     /// What page and report draw: the wheels' places and ways, and the mechanisms.
     #[must_use]
     pub fn drawn(&self) -> Value {
@@ -360,8 +369,8 @@ impl Description {
         let label = |line: &usize| self.motors.get(*line).map(|motor| motor.label);
         let mechanisms = self.mechanisms.iter().map(|it| {
             let motors: Vec<_> = it.motors.iter().map(label).collect();
-            let Shape { label, kind, span, lengths, .. } = it;
-            json!({ "label": label, "kind": kind, "motors": motors, "span": span, "lengths": lengths })
+            let Shape { label, kind, span, links, .. } = it;
+            json!({ "label": label, "kind": kind, "motors": motors, "span": span, "links": links })
         });
         json!({ "wheels": wheels.collect::<Value>(), "mechanisms": mechanisms.collect::<Value>() })
     }

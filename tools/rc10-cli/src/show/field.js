@@ -2,9 +2,9 @@
 const Field = (() => {
   "use strict";
   const { stroke, text, style, ticks } = Plot;
-  // The floor in a box: x to the right and y up, as long one way as the other, so many metres across around a place.
-  const floor = (box, [x, y], metres) => {
-    const scale = Math.min(box.right - box.left, box.bottom - box.top) / metres;
+  // The floor in a box: x to the right and y up, as long one way as the other, so many metres wide and high around a place.
+  const floor = (box, [x, y], [wide, high]) => {
+    const scale = Math.min((box.right - box.left) / wide, (box.bottom - box.top) / high);
     const middle = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
     return { box, scale, to: ([a, b]) => [middle[0] + (a - x) * scale, middle[1] - (b - y) * scale],
       across: [box.left, box.right].map((at) => x + (at - middle[0]) / scale), up: [box.bottom, box.top].map((at) => y + (middle[1] - at) / scale) };
@@ -52,34 +52,38 @@ const Field = (() => {
       if (slips) arrow(pen, to(middle), along(-0.4 * slip), style("bad"), 2);
     });
   };
-  // Mechanisms, each in a square of its own, by the angles of their motors in degrees.
-  const mechanisms = (pen, [left, top, size], all, angles) => all.forEach(({ label, kind, motors, span, lengths }, at) => {
-    const x = left + at * (size + 14), middle = [x + size / 2, top + size / 2], known = motors.map((motor) => angles[motor]);
-    pen.fillStyle = style("muted");
-    text(pen, label, middle[0], top + size + 4, "center", "top");
-    stroke(pen, [[x, top], [x + size, top], [x + size, top + size], [x, top + size], [x, top]], style("rule"));
-    if (known.some((it) => it === null || it === undefined)) return;
-    const figures = known.map((it) => it.toFixed(0) + "°").join(" ");
-    text(pen, figures, middle[0], top + size + 17, "center", "top");
-    if (kind === "bar") {
-      const share = Math.max(0, Math.min(1, (known[0] - span[0]) / (span[1] - span[0])));
-      pen.fillStyle = style("line-0");
-      pen.fillRect(x + size * 0.35, top + size * (1 - share), size * 0.3, size * share);
-      stroke(pen, [[x + size * 0.2, top + size * (1 - share)], [x + size * 0.8, top + size * (1 - share)]], style("text"), 3);
-      return;
-    }
-    // A turret is seen from above: ahead is up. An arm is seen from its side: its links' angles count on each other.
-    let angle = kind === "turret" ? 90 : 0, spot = middle;
-    const reach = lengths.reduce((sum, it) => sum + it, 0), points = [spot];
-    known.forEach((turn, index) => {
-      angle += turn;
-      const long = 0.46 * size * lengths[index] / reach;
-      points.push(spot = [spot[0] + long * Math.cos(angle * Math.PI / 180), spot[1] - long * Math.sin(angle * Math.PI / 180)]);
+  // Mechanisms on a canvas, each in a square of its own, by the angles of their motors in degrees.
+  const mechanisms = (canvas, all, angles) => {
+    const { pen, width, height } = Plot.open(canvas), gap = 14, size = Math.min(height - 36, (width - 8) / all.length - gap), top = 4;
+    all.forEach(({ label, kind, motors, span, links }, at) => {
+      const left = 4 + at * (size + gap), middle = [left + size / 2, top + size / 2], known = motors.map((motor, index) => {
+        const angle = angles[motor];
+        return angle === null || angle === undefined ? null : angle - (links[index] || [0])[0];
+      });
+      stroke(pen, [[left, top], [left + size, top], [left + size, top + size], [left, top + size], [left, top]], style("rule"));
+      pen.fillStyle = style("muted");
+      text(pen, label, middle[0], top + size + 4, "center", "top");
+      if (known.includes(null)) return;
+      text(pen, known.map((it) => it.toFixed(0).replace("-", "−") + "°").join("  "), middle[0], top + size + 17, "center", "top");
+      if (kind === "bar") {
+        const share = Math.max(0, Math.min(1, (known[0] - span[0]) / (span[1] - span[0]))), up = top + size * (1 - share);
+        pen.fillStyle = style("line-0");
+        pen.fillRect(left + size * 0.35, up, size * 0.3, size * share);
+        stroke(pen, [[left + size * 0.2, up], [left + size * 0.8, up]], style("text"), 3);
+        return;
+      }
+      // A turret is seen from above: ahead is up. An arm is seen from its side: its links' angles count on each other.
+      let angle = kind === "turret" ? Math.PI / 2 : 0, spot = middle;
+      const reach = links.reduce((sum, [, length]) => sum + length, 0);
+      if (kind === "turret") stroke(pen, [middle, [middle[0], top]], style("rule"));
+      links.forEach(([, length], index) => {
+        angle += known[index] * Math.PI / 180;
+        const long = 0.46 * size * length / reach, end = [spot[0] + long * Math.cos(angle), spot[1] - long * Math.sin(angle)];
+        if (kind === "turret") arrow(pen, spot, end, style("line-0"), 3);
+        else stroke(pen, [spot, end], style("line-" + index), 4);
+        spot = end;
+      });
     });
-    if (kind === "turret") {
-      stroke(pen, [middle, [middle[0], top]], style("rule"));
-      arrow(pen, middle, points[1], style("line-0"), 3);
-    } else points.slice(1).forEach((point, index) => stroke(pen, [points[index], point], style("line-" + index), 4));
-  });
+  };
   return { floor, grid, base, arrow, mechanisms, turned };
 })();

@@ -330,11 +330,13 @@
     }
   }
 
-  // ---- the base in the plane -------------------------------------------------------------------
+  // ---- the base in the plane, and the mechanisms -----------------------------------------------
+  // The sample at the cursor, else the last one in view.
+  const newest = ({ from, step }, count) => clamp(Math.round(((cursor ?? view[1]) - from) / step), 0, count - 1);
+
   class Path {
     constructor(canvas) {
       this.canvas = canvas;
-      this.dot = element("div", canvas.parentElement, "dot");
       const legend = canvas.closest("figure").querySelector(".legend");
       const item = (name, paint) => {
         const span = element("span", legend);
@@ -346,30 +348,16 @@
       this.output = element("output", element("span", legend, "whole"));
     }
     draw() {
-      const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw, lines } = data.path;
+      const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw, steered, lines } = data.path;
+      const extent = (axis) => data.path[axis].concat(...lines.map((line) => line[axis]))
+        .reduce(([low, high], value) => [Math.min(low, value ?? 0), Math.max(high, value ?? 0)], [0, 0]);
+      const ends = ["x", "y"].map(extent), spans = ends.map(([low, high]) => high - low), air = 0.24 * Math.max(...spans, 0.5);
       const box = { left: 40, top: 18, right: width - 8, bottom: height - 36 };
-      const extent = (all) => all.reduce(([low, high], value) => [Math.min(low, value ?? 0), Math.max(high, value ?? 0)], [0, 0]);
-      const all = (axis) => extent(data.path[axis].concat(...lines.map((line) => line[axis])));
-      const [left, right] = all("x"), [low, high] = all("y"), air = 0.12 * Math.max(right - left, high - low, 0.5);
-      // Metres are as long one way as the other.
-      const scale = Math.min((box.right - box.left) / (right - left + 2 * air), (box.bottom - box.top) / (high - low + 2 * air));
-      const middle = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
-      const x = (metres) => middle[0] + (metres - (left + right) / 2) * scale;
-      const y = (metres) => middle[1] - (metres - (low + high) / 2) * scale;
-      this.spot = (index) => (xs[index] == null || ys[index] == null ? null : [x(xs[index]), y(ys[index])]);
-      const span = (from, to) => [(from - middle[0]) / scale + (left + right) / 2, (to - middle[0]) / scale + (left + right) / 2];
-      const count = (box.right - box.left) / 60, pitch = (box.right - box.left) / scale;
-      const rise = [(middle[1] - box.bottom) / scale, (middle[1] - box.top) / scale].map((metres) => metres + (low + high) / 2);
-      ticks(...span(box.left, box.right), count).forEach(([metres, words]) => {
-        stroke(pen, [[x(metres), box.top], [x(metres), box.bottom]], style("rule"));
-        pen.fillStyle = style("muted");
-        text(pen, words, x(metres), box.bottom + 5, "center", "top");
-      });
-      ticks(...rise, count * (rise[1] - rise[0]) / pitch).forEach(([metres, words]) => {
-        stroke(pen, [[box.left, y(metres)], [box.right, y(metres)]], style("rule"));
-        pen.fillStyle = style("muted");
-        text(pen, words, box.left - 5, y(metres), "right", "middle");
-      });
+      const floor = Field.floor(box, ends.map(([low, high]) => (low + high) / 2), spans.map((span) => span + air));
+      const place = (x, y) => (x == null || y == null ? null : floor.to([x, y]));
+      this.spot = (index) => place(xs[index], ys[index]);
+      Field.grid(pen, floor);
+      pen.fillStyle = style("muted");
       text(pen, "x (forward) / m", box.right, box.bottom + 20, "right", "top");
       text(pen, "y (left) / m", 2, box.top - 4, "left", "bottom");
       const first = Math.max(0, Math.floor((view[0] - from) / step)), last = Math.ceil((view[1] - from) / step);
@@ -377,8 +365,8 @@
       this.trace(pen, first, Math.min(last, xs.length - 1), "line-0");
       pen.setLineDash([5, 4]);
       lines.forEach((line) => {
-        const spots = line.x.map((metres, index) => [metres, line.y[index]]).slice(first, last + 1);
-        stroke(pen, spots.filter((spot) => spot.every((metres) => metres != null)).map(([a, b]) => [x(a), y(b)]), style(line.paint), 1.5);
+        const spots = line.x.map((x, index) => place(x, line.y[index])).slice(first, last + 1);
+        stroke(pen, spots.filter((spot) => spot), style(line.paint), 1.5);
       });
       pen.setLineDash([]);
       const every = Math.max(1, Math.round(0.5 / step));
@@ -388,7 +376,10 @@
       }
       this.mark(pen, 0, "start", "good", "bottom");
       this.mark(pen, xs.length - 1, "end", "bad", "top");
-      this.point();
+      const now = newest(data.path, xs.length), heading = yaw[now] == null ? null : yaw[now] * 180 / Math.PI;
+      if (this.spot(now)) Field.base(pen, floor, [xs[now], ys[now], yaw[now] ?? 0], data.drawn.wheels, (steered[now] || []).map((degrees) => [degrees * Math.PI / 180]), "line-0");
+      this.output.textContent = cursor === null || !this.spot(now) ? ""
+        : `x ${show(xs[now], 2)} m   y ${show(ys[now], 2)} m   heading ${show(heading, 0)}°`;
     }
     trace(pen, first, last, paint) {
       let points = [];
@@ -426,14 +417,20 @@
       pen.font = FONT;
     }
     point() {
-      const { from, step, x, y, yaw } = data.path;
-      const index = cursor === null ? -1 : Math.round((cursor - from) / step), spot = this.spot(index);
-      this.dot.style.visibility = spot ? "visible" : "hidden";
-      this.output.textContent = "";
-      if (!spot) return;
-      const heading = yaw[index] == null ? null : yaw[index] * 180 / Math.PI;
-      [this.dot.style.left, this.dot.style.top] = spot.map((place) => place + "px");
-      this.output.textContent = `x ${show(x[index], 2)} m   y ${show(y[index], 2)} m   heading ${show(heading, 0)}°`;
+      this.draw();
+    }
+  }
+
+  class Mechanisms {
+    constructor(canvas) {
+      this.canvas = canvas;
+    }
+    draw() {
+      const angles = Object.entries(data.turned).map(([motor, all]) => [motor, all[newest(data.path, all.length)]]);
+      Field.mechanisms(this.canvas, data.drawn.mechanisms, Object.fromEntries(angles));
+    }
+    point() {
+      this.draw();
     }
   }
 
@@ -441,6 +438,7 @@
   const plots = Array.from(document.querySelectorAll("canvas"), (canvas) => {
     const which = canvas.dataset.plot;
     if (which === "timeline") return new Timeline(canvas);
+    if (which === "mechanisms") return new Mechanisms(canvas);
     return which === "path" ? new Path(canvas) : new Chart(canvas, data.charts[Number(which)]);
   });
   const reset = document.getElementById("reset");

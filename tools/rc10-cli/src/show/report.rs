@@ -12,7 +12,7 @@ use anyhow::Result;
 use rc10_emu::fault::Fault;
 use rc10_motor::{ArmState, DriveMode, Link, TargetKind};
 use rc10_time::Micros;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::files::write_file;
 use crate::judge::happened::happened;
@@ -77,7 +77,8 @@ fn page(
     format!(
         include_str!("report.html"),
         style = concat!(include_str!("colours.css"), include_str!("report.css")),
-        script = lang::script() + concat!(include_str!("plot.js"), include_str!("report.js")),
+        script = lang::script()
+            + concat!(include_str!("plot.js"), include_str!("field.js"), include_str!("report.js")),
         seed = if is_real { String::new() } else { format!("seed <b>{seed}</b> · ") },
         seed_in_title = if is_real { String::new() } else { format!(", seed {seed}") },
         virtual_time = if is_real { "" } else { " of virtual time" },
@@ -121,6 +122,10 @@ fn page(
             let note = "seen from above, an arrow each 0.5 s";
             figure(&"path", "Path of the base", note, ", in the plane, in metres")
         }),
+        mechanisms = match recording.turned.is_empty() {
+            true => String::new(),
+            false => figure(&"mechanisms", "Mechanisms", "", ", by the angles of their motors"),
+        },
         motion = next(motion.len() - main),
         signals = figures.tables.signals.as_ref().map_or_else(String::new, |own| {
             let (plots, table) = (next(signals.len()), table(own));
@@ -713,6 +718,13 @@ fn data<'c>(
         }
         lane
     });
+    let bases = recording.base.iter().filter(|base| !base.steering.is_empty());
+    let steered = bases.flat_map(|base| &base.heard).step_by(stride);
+    let steered = steered.map(|it| numbers(it.wheels.iter().map(|wheel| wheel.steered), 1));
+    let turned = recording.turned.iter().filter_map(|(line, angles)| {
+        let angles = numbers(angles.iter().step_by(stride).copied(), 1);
+        Some((recording.motors.get(*line)?.motor.label.to_owned(), angles))
+    });
     let data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
@@ -727,8 +739,11 @@ fn data<'c>(
             "x": path(|at| at.x),
             "y": path(|at| at.y),
             "yaw": path(|at| at.yaw),
+            "steered": steered.collect::<Value>(),
             "lines": path_lines(recording, before, stride),
         },
+        "drawn": recording.drawn,
+        "turned": turned.collect::<Map<_, _>>(),
     });
     // Only strings have this sign in JSON.
     data.to_string().replace('<', "\\u003c")
@@ -747,7 +762,7 @@ fn path_lines(recording: &Recording, before: Option<&Recording>, stride: usize) 
     };
     [
         ("by its wheels", "muted", base.by_wheels()),
-        ("by its own estimate", "line-1", estimate),
+        ("by its own estimate", "line-4", estimate),
         ("its reference", "line-2", reference),
         ("the base before", "line-5", before.map_or_else(Vec::new, |it| path(it).to_vec())),
     ]

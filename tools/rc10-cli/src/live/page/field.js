@@ -19,16 +19,18 @@ const View = (() => {
   const best = (field) => field.true || field.odometry || field.wheels;
   function build() {
     const place = $('field'), make = (tag, text) => { const it = document.createElement(tag); if (text) it.textContent = text; return it; };
-    const head = make('h2', 'Field '), label = make('label'), box = make('input'), canvas = make('canvas'), legend = make('p'), off = make('p');
+    const head = make('h2', 'Field '), label = make('label'), box = make('input'), canvas = make('canvas'), shapes = make('canvas'), legend = make('p'), off = make('p');
     label.className = 'unit'; box.type = 'checkbox'; box.onchange = () => { whole = box.checked; }; box.onkeydown = (event) => { if (event.key === 'Enter') box.click(); };
-    label.append(box, make('span', 'the whole path')); head.append(label);
+    const { wheels, mechanisms } = state.drawn;
+    label.append(box, make('span', 'the whole path')); if (wheels.length) head.append(label);
     canvas.setAttribute('role', 'img'); canvas.setAttribute('aria-label', 'The base from above');
+    shapes.setAttribute('role', 'img'); shapes.setAttribute('aria-label', 'Mechanisms'); shapes.className = 'mechanisms';
     legend.className = 'legend'; off.className = 'hint';
     const entry = (name, paint) => { const it = legend.appendChild(make('span')); const line = it.appendChild(make('i')); line.style.background = 'var(--' + paint + ')'; it.append(make('span', name)); return it; };
     const entries = new Map(PATHS.map(([name, text, paint]) => [name, entry(text, paint)]));
     for (const [text, paint] of [['wheels: commanded', 'line-1'], ['measured', 'line-0'], ['slip', 'bad'], ['heading by the IMU', 'line-3']]) entry(text, paint);
-    place.replaceChildren(head, canvas, legend, off);
-    parts = { canvas, entries, off };
+    place.replaceChildren(head, ...(wheels.length ? [canvas, legend, off] : []), ...(mechanisms.length ? [shapes] : []));
+    parts = { canvas, shapes, entries, off };
   }
   function draw() {
     requestAnimationFrame(draw);
@@ -37,14 +39,14 @@ const View = (() => {
     if ($('field').hidden || $('tab-robot').hidden || document.hidden) return;
     if (!parts) build();
     take();
-    const { pen, width, height } = Plot.open(parts.canvas), pose = best(field), mechanisms = fixed.mechanisms.length > 0;
-    if (mechanisms) Field.mechanisms(pen, [8, height - 112, 76], fixed.mechanisms, field.angles || {});
+    if (fixed.mechanisms.length) Field.mechanisms(parts.shapes, fixed.mechanisms, field.angles || {});
+    const pose = best(field);
     if (!pose || !fixed.wheels.length) return;
-    const box = { left: 40, top: 6, right: width - 6, bottom: height - (mechanisms ? 146 : 22) };
-    let middle = pose, metres = 4;
+    const { pen, width, height } = Plot.open(parts.canvas), box = { left: 40, top: 6, right: width - 6, bottom: height - 22 };
+    let middle = pose, metres = [4, 4];
     if (whole) {
       const all = Object.values(trails).flat(), ends = [1, 2].map((at) => all.reduce(([low, high], it) => [Math.min(low, it[at]), Math.max(high, it[at])], [Infinity, -Infinity]));
-      middle = ends.map(([low, high]) => (low + high) / 2); metres = Math.max(2, ...ends.map(([low, high]) => high - low + 1));
+      middle = ends.map(([low, high]) => (low + high) / 2); metres = ends.map(([low, high]) => Math.max(2, high - low + 1));
     }
     const floor = Field.floor(box, middle, metres);
     Field.grid(pen, floor);
