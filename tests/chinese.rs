@@ -30,6 +30,9 @@ window.gather = () => {
 const KEPT: &str = "1s 2s cut direction team UTC M3508 GM6020 M2006 dr16 Lift Heading RMS L1 L2 R1 R2 fault mistake RC10 sim docs bring up md bus CAN RS MCAP CSV PNG STOP Esc USB UART SPI IMU PID kp ki kd ff rpm rad deg ms us kHz Hz \
     kB MB bit baud DR SBUS CRSF VT console kt Nm mA mV kg id ID FDCAN GO TOML json html csv png mcap A M N V W C s m";
 
+/// What the script of the robot calls the sides of its square: they stay, though a text may be called so.
+const SQUARE: [&str; 4] = ["forward", "left", "back", "right"];
+
 /// Texts with a word that is neither a name nor a unit.
 fn english(texts: &[String], names: &BTreeSet<String>) -> Vec<String> {
     let mut longest: Vec<_> = names.iter().collect();
@@ -59,7 +62,7 @@ fn names(page: &Browser) -> BTreeSet<String> {
     let mut names: BTreeSet<_> =
         strings(&page.look(script)).into_iter().filter(|name| name.len() > 1).collect();
     // What the script of the robot calls its parts.
-    let of_script = ["forward", "left", "back", "right"].map(|way| format!("square：{way}"));
+    let of_script = SQUARE.map(|way| format!("square：{way}"));
     // Names of several words are shown by their last ones, too.
     let words: Vec<String> =
         names.iter().flat_map(|name| name.split(' ')).map(str::to_owned).collect();
@@ -124,8 +127,19 @@ fn the_page_and_the_report_have_no_english_word_left() {
         texts.retain(|text| !is_revision(text));
         let left = english(&texts, &names);
         assert!(left.is_empty(), "{arguments:?}: {left:#?}");
-        String::from_utf8(output.stdout).unwrap()
+        for way in SQUARE {
+            let way = format!("square：{way}");
+            assert!(texts.iter().any(|text| text.contains(&way)), "{way}: {texts:?}");
+        }
+        // The verdict on the terminal.
+        let said = String::from_utf8(output.stdout).unwrap();
+        let said = &said[said.find(['✓', '✗']).unwrap()..];
+        let lines: Vec<_> = said.lines().map(str::to_owned).collect();
+        let left = english(&lines, &names);
+        assert!(left.is_empty(), "{arguments:?}: {left:#?}");
+        said.to_owned()
     };
-    run(&[]);
-    run(&["--mistake", "direction:wheel-front-left", "--fault", "cut:2@1s..2s"]);
+    assert_eq!(run(&[]).trim(), "✓ 11 个电机全部在线 · 无丢帧 · 无超时");
+    let said = run(&["--mistake", "direction:wheel-front-left", "--fault", "cut:2@1s..2s"]);
+    assert!(said.starts_with("✗ 1 个问题\n  wheel front left：方向反了"), "{said}");
 }

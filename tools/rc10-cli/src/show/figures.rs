@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use crate::judge::path::PathFigures;
 use crate::judge::problems;
+use crate::lang::Language;
 use crate::recording::problem::{Problem, Severity, any};
 use crate::recording::remote::{Loss, RemoteTrack};
 use crate::recording::sample::{Source, is_angle, seconds};
@@ -400,11 +401,13 @@ pub fn verdict(recording: &Recording, figures: &Figures) -> String {
     let list = |severity| -> String {
         figures.found(severity).filter(is_told).map(Problem::lines).collect()
     };
-    let headline = headline(recording, figures) + "\n" + &wrapped(&list(Severity::Problem));
-    match wrapped(&list(Severity::Information)) {
-        information if information.is_empty() => headline,
-        information => format!("{headline}Good to know\n{information}"),
+    let language = Language::asked().unwrap_or_else(Language::of_environment);
+    let mut all = headline(recording, figures) + "\n" + &list(Severity::Problem);
+    let information = list(Severity::Information);
+    if !information.is_empty() {
+        all += &format!("Good to know\n{information}");
     }
+    wrapped(&language.say(&all))
 }
 
 /// The first line of the verdict.

@@ -169,7 +169,7 @@ function drawSteps() {
   $('steps').hidden = !overlay.length; rows.replaceChildren();
   if (!overlay.length) return;
   const head = rows.insertRow();
-  for (const text of ['step', 'gains', 'rise', 'overshoot', 'settling', 'left']) { const th = document.createElement('th'); th.textContent = text; head.append(th); }
+  for (const text of ['step', 'gains', 'rise', 'overshoot', 'settling', 'steady error']) { const th = document.createElement('th'); th.textContent = text; head.append(th); }
   const ms = (seconds) => Number.isNaN(seconds) ? '–' : (seconds * 1000).toFixed(0) + ' ms';
   overlay.forEach((it, place) => {
     const row = rows.insertRow(), first = cell(row, it.label + ' ' + brief(+it.from.toFixed(1)) + ' → ' + brief(+it.to.toFixed(1)) + ' ' + it.unit), sign = document.createElement('i');
