@@ -19,6 +19,7 @@ mod dbc;
 mod drivers;
 mod others;
 mod record;
+mod referee;
 
 /// The interpreter of the virtual environment; `None` if it cannot be set up.
 fn python() -> Option<&'static Path> {

@@ -1,13 +1,14 @@
 //! Serial protocols: a line that says anything, in any pieces, with silence and faults between them.
 
 use rc10_module::ranging::Range;
+use rc10_module::referee::{Pose, Said, Tally};
 use rc10_module::remote::{ChannelMap, CrsfLink, Ppm, Remote};
 use rc10_module::{Buffer, Pause, Protocol, Stream};
 use rc10_time::Micros;
 
 use super::observed::{Outcome, Piece, hear};
 use super::wire::{Source, Wire, said, same, searched};
-use super::wires::{Action, Crsf, Dbus, Jrt, Rc9, Sbus, Stp23l, TfMini, Vt03, Wit};
+use super::wires::{Action, Crsf, Dbus, Jrt, Rc9, Referee, Sbus, Stp23l, TfMini, Vt03, Wit};
 
 /// DJI's receiver.
 pub fn dbus(bytes: &[u8]) {
@@ -58,6 +59,20 @@ pub fn action(bytes: &[u8]) {
 /// RC9's frames.
 pub fn rc9(bytes: &[u8]) {
     stream(Rc9, bytes, |_| {});
+}
+
+/// `RoboMaster`'s referee system: what is said is finite.
+pub fn referee(bytes: &[u8]) {
+    let mut tally = Tally::default();
+    stream(Referee, bytes, |packet| {
+        let numbers = match tally.hear(packet) {
+            Said::Pose(Pose { x, y, angle }) => [x, y, angle],
+            Said::Shot(shot) => [shot.speed; 3],
+            Said::Robot(robot) => [robot.speed_limit.unwrap_or(0.0); 3],
+            _ => [0.0; 3],
+        };
+        assert!(numbers.iter().all(|it| it.is_finite()), "{numbers:?}");
+    });
 }
 
 /// A remote of pulses: a word for each time between two edges, µs; from 60,000 on ms.

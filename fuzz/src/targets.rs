@@ -25,7 +25,9 @@ use rc10_motor::{
 use rc10_time::Micros;
 
 use super::request::{Door, Plots, Request as HttpRequest, read};
-pub use super::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
+pub use super::streams::{
+    action, crsf, dbus, jrt, ppm, rc9, referee, sbus, stp23l, tfmini, vt03, wit,
+};
 pub use super::tools::{bmi088, client, conversation, lines, record};
 
 /// A target: a function of bytes.
@@ -49,6 +51,7 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("jrt", jrt),
     ("ppm", ppm),
     ("rc9", rc9),
+    ("referee", referee),
     ("sbus", sbus),
     ("stp23l", stp23l),
     ("tfmini", tfmini),

@@ -80,6 +80,7 @@ pub mod limit_switch;
 mod listen;
 pub mod positioning;
 pub mod ranging;
+pub mod referee;
 pub mod remote;
 pub mod servo;
 pub mod store;

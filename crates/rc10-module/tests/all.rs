@@ -6,6 +6,7 @@ mod bmi088;
 mod heater;
 mod jrt;
 mod pages;
+mod referee;
 mod servo;
 mod store;
 mod waiting;

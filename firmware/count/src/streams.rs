@@ -5,6 +5,7 @@ use core::hint::black_box;
 use rc10_module::imu::Wit;
 use rc10_module::positioning::{Action, Rc9};
 use rc10_module::ranging::{Jrt, Stp23l, TfMini};
+use rc10_module::referee::Referee;
 use rc10_module::remote::{Crsf, Dbus, Sbus, Vt03};
 use rc10_module::{Protocol, Stream};
 use rc10_time::Micros;
@@ -16,6 +17,7 @@ pub fn measure() {
     dbus();
     jrt();
     rc9();
+    referee();
     sbus();
     stp23l();
     tfmini();
@@ -168,6 +170,14 @@ stream! {
         b"\xFC\xFB\x02\x10\x00\x01\x02\x03\x04\x05\x06\x07\x08\x09\x0A\x0B\x0C\x0D\x0E\x0F\x3D\x51\xFD\xFE",
     ],
     patterns: [b"\xFC", b"\xFC\xFB\x01\x40"]
+}
+
+stream! {
+    referee: Referee, Referee, "count_23_stream_referee", "count_1024_noise_referee", "count_1024_garbage_referee",
+    frames: [
+        b"\xA5\x0E\x00\x01\x69\x02\x02\x00\x00\x00\x00\x00\x00\x00\x00\x3C\x00\x0C\x00\x00\x00\xDE\x65",
+    ],
+    patterns: [b"\xA5", b"\xA5\x2C\x01\x00\x28"]
 }
 
 stream! {

@@ -92,6 +92,7 @@ mod pins;
 mod plant;
 mod pulses;
 mod random;
+pub mod referee;
 pub mod remote;
 mod segment;
 mod serial;

@@ -10,6 +10,8 @@ mod dbus;
 mod jrt;
 #[path = "wires/rc9.rs"]
 mod rc9;
+#[path = "wires/referee.rs"]
+mod referee;
 #[path = "wires/sbus.rs"]
 mod sbus;
 #[path = "wires/stp23l.rs"]
@@ -26,6 +28,7 @@ pub use crsf::Crsf;
 pub use dbus::Dbus;
 pub use jrt::Jrt;
 pub use rc9::Rc9;
+pub use referee::Referee;
 pub use sbus::Sbus;
 pub use stp23l::Stp23l;
 pub use tfmini::TfMini;
