@@ -479,6 +479,7 @@ impl Machine {
             let (levels, nmi) = {
                 let mut soc = lock(&self.soc);
                 soc.advance(now);
+                soc.take_changed();
                 self.ready = self.ready.or(soc.system_ready_at());
                 self.stalled_until = soc.take_stall().unwrap_or(self.stalled_until);
                 let (memories, guards, flash) =
@@ -509,7 +510,7 @@ impl Machine {
         }
     }
 
-    /// Runs the core up to a time, or until it has touched a peripheral.
+    /// Runs the core up to a time, or until it has changed something outside.
     fn execute(&mut self, horizon: u64) {
         let clock = lock(&self.soc).clocks().core;
         self.core.bus.touched = false;

@@ -41,7 +41,7 @@ pub(crate) struct Bus {
     soc: Option<Arc<Mutex<Soc>>>,
     /// The time of the access, in nanoseconds.
     pub(crate) now: u64,
-    /// Set by every access to a peripheral: it may have changed an interrupt, or what comes next.
+    /// Set by an access to a peripheral that may have changed an interrupt, or what comes next.
     pub(crate) touched: bool,
     /// Clocks that the core has waited for peripherals since this was last taken.
     pub(crate) waited: u64,
@@ -124,9 +124,10 @@ impl Bus {
             return Some(self.memory.get(bank.start + (address - bank.base), bytes));
         }
         let mut soc = lock(self.soc.as_ref()?);
-        self.touched = true;
         self.waited += soc.access_clocks(address);
-        soc.read(address, Width::of(bytes), Nanos::new(self.now)).ok()
+        let read = soc.read(address, Width::of(bytes), Nanos::new(self.now)).ok();
+        self.touched |= soc.take_changed();
+        read
     }
 
     fn write(&mut self, address: u32, bytes: u32, value: u32) -> Option<()> {
@@ -135,12 +136,14 @@ impl Bus {
             return Some(());
         }
         let mut soc = lock(self.soc.as_ref()?);
-        self.touched = true;
         if soc.write_early(address, &value.to_le_bytes()[..bytes as usize]) {
+            self.touched = true;
             return Some(());
         }
         self.waited += soc.access_clocks(address);
-        soc.write(address, Width::of(bytes), value, Nanos::new(self.now)).ok()
+        let written = soc.write(address, Width::of(bytes), value, Nanos::new(self.now)).ok();
+        self.touched |= soc.take_changed();
+        written
     }
 
     /// A halfword of code. Instructions do not come from peripherals, at any address.

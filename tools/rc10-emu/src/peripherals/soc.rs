@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::mem::{Discriminant, discriminant};
+use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
@@ -42,6 +43,8 @@ const FLASH_INTERRUPT: usize = 4;
 const OCTOSPI_INTERRUPT: usize = 92;
 /// First port's mode register.
 const GPIO: u32 = 0x5802_0000;
+/// CCR1 ..= CCR4 of a timer.
+const CAPTURED: RangeInclusive<u32> = 0x34..=0x43;
 /// Refused accesses kept until they are taken; more are only counted.
 const REPORTS: usize = 256;
 
@@ -83,6 +86,8 @@ pub struct Soc {
     flash_keeps_up: bool,
     too_fast: Vec<TooFast>,
     next: Option<Nanos>,
+    /// An access may have changed an interrupt, or what comes next.
+    changed: bool,
     levels: [u32; INTERRUPT_WORDS],
     wants_reset: bool,
     reports: Vec<Access>,
@@ -130,6 +135,7 @@ impl Soc {
             flash_keeps_up: true,
             too_fast: Vec::new(),
             next: None,
+            changed: false,
             levels: [0; INTERRUPT_WORDS],
             wants_reset: false,
             reports: Vec::new(),
@@ -186,15 +192,16 @@ impl Soc {
             return self.read_flash(address, width);
         }
         let value = self.access_read(address, width, now)?;
-        if let Some((_, row)) = row_of(address)
-            && matches!(
-                row.block,
-                Block::Usart(_) | Block::Spi(_) | Block::I2c(_) | Block::Timer(_) | Block::Adc
-            )
-        {
-            // Reading data clears flags.
+        let changes = row_of(address).is_some_and(|(_, row)| match row.block {
+            // Reading data clears flags, captured data of a timer, too.
+            Block::Usart(_) | Block::Spi(_) | Block::I2c(_) | Block::Adc | Block::OctoSpi => true,
+            Block::Timer(_) => CAPTURED.contains(&(address - row.base)),
+            _ => false,
+        });
+        if changes {
             self.settle(now);
         }
+        self.changed |= changes;
         Ok(value)
     }
 
@@ -216,6 +223,7 @@ impl Soc {
         }
         if is_flash(address) {
             self.stalls_until = self.flash.busy_until();
+            self.changed = true;
             let bytes = &value.to_le_bytes()[..width.bytes() as usize];
             let stored = self.flash.store(address, bytes, now);
             if stored.is_err() {
@@ -225,6 +233,8 @@ impl Soc {
             return stored;
         }
         let block = self.access_write(address, width, value, now)?;
+        // What is written to the message RAM is looked at when a register says so.
+        self.changed |= block != Block::FdcanRam;
         // The FDCANs' interrupt lines are read anew each time.
         if !matches!(block, Block::Fdcan(_) | Block::FdcanRam) {
             self.settle(now);
@@ -235,8 +245,14 @@ impl Soc {
     /// What the core reads or fetches from a flash that is busy, or has a word whose code does not fit.
     pub(crate) fn read_flash(&mut self, address: u32, width: Width) -> Result<u32, BusFault> {
         self.stalls_until = self.flash.busy_until();
+        self.changed = true;
         self.flash.check(address, width.bytes(), false)?;
         Ok(self.flash.word(address & !3) >> (8 * (address & 3)) & width.mask())
+    }
+
+    /// Whether an access since the last call may have changed an interrupt, or what comes next.
+    pub(crate) const fn take_changed(&mut self) -> bool {
+        std::mem::replace(&mut self.changed, false)
     }
 
     /// The time at which the core gets an answer of the flash, if it waits for one since the last call.
@@ -275,6 +291,7 @@ impl Soc {
     /// Lets everything happen that is due.
     pub fn advance(&mut self, now: Nanos) {
         while let Some(at) = self.next.filter(|&at| at <= now) {
+            self.changed = true;
             let clocks_changed = self.rcc.next_event().is_some_and(|event| event <= at);
             self.rcc.advance(at);
             if clocks_changed {
@@ -434,6 +451,7 @@ impl Soc {
     }
 
     fn report(&mut self, address: u32, write: bool, kind: AccessKind) {
+        self.changed = true;
         *self.counts.entry(discriminant(&kind)).or_default() += 1;
         if self.reports.len() < REPORTS {
             self.reports.push(Access { address, write, kind });
