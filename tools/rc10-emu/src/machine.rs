@@ -19,10 +19,10 @@ use crate::memory::{FLASH, Memory};
 use crate::parts::Parts;
 use crate::peripherals::{PinTime, ResetCause, Soc, lock};
 use crate::profile::Profile;
+use crate::time::{NANOS_PER_SECOND, periods_in};
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
 const FULL_CLOCK_HZ: u64 = 480_000_000;
-const NANOS_PER_SECOND: u64 = 1_000_000_000;
 const LOG_PERIOD: Nanos = Nanos::new(1_000_000);
 /// Code for injected faults, in the otherwise unused ITCM: an undefined instruction, ..
 const UNDEFINED: u32 = 0x0000_0000;
@@ -114,20 +114,6 @@ impl Default for Options {
     }
 }
 
-/// A rate per second, and the time that a period takes: whole nanoseconds, and 1/rate of one.
-#[derive(Clone, Copy)]
-struct Pace {
-    rate: u64,
-    nanos: u64,
-    rest: u64,
-}
-
-impl Pace {
-    const fn new(rate: u64) -> Self {
-        Self { rate, nanos: NANOS_PER_SECOND / rate, rest: NANOS_PER_SECOND % rate }
-    }
-}
-
 /// Injected faults that have not struck yet.
 #[derive(Default)]
 struct Faults {
@@ -164,15 +150,10 @@ pub struct Machine {
     next_log: Nanos,
     /// Profile of the instructions.
     pub profile: Profile,
-    now: u64,
-    /// Time of the instructions so far beyond `now`, in 1/rate of a nanosecond.
-    fraction: u64,
     /// Instructions per second at the full clock, if not as many as the clocks allow.
     speed: Option<u64>,
     /// Of a clock: what an instruction took at that speed beyond whole ones, in 1/speed.
     part: u64,
-    /// Rate that `fraction` is of.
-    rate: u64,
     faults: Faults,
     is_locked_up: bool,
     /// The core waits for the flash until then.
@@ -236,11 +217,8 @@ impl Machine {
             lines: Vec::new(),
             next_log: LOG_PERIOD,
             profile: Profile::new(),
-            now: 0,
-            fraction: 0,
             speed: None,
             part: 0,
-            rate: 1,
             faults: Faults::default(),
             is_locked_up: false,
             stalled_until: Nanos::ZERO,
@@ -297,7 +275,7 @@ impl Machine {
     /// The time.
     #[must_use]
     pub const fn now(&self) -> Nanos {
-        Nanos::new(self.now)
+        Nanos::new(self.core.bus.time.now())
     }
 
     /// The board that it is on.
@@ -395,7 +373,7 @@ impl Machine {
             }
             ChipFault::CrystalStops | ChipFault::CrystalDead => self.set_crystal(!begins),
             ChipFault::CutPower if begins => {
-                self.memory.lose(self.now);
+                self.memory.lose(self.now().get());
                 self.parts.memory.iter().for_each(|memory| memory.cut(self.now()));
                 lock(&self.soc).reset(ResetCause::PowerOn, self.now());
                 self.core.reset();
@@ -463,7 +441,7 @@ impl Machine {
     /// # Errors
     /// If the program's memory makes no sense.
     pub fn run(&mut self, world: &mut World, until: Nanos) -> Result<()> {
-        while self.now < until.get() {
+        while self.now() < until {
             let next_of_world = world.next_event();
             let mut horizon = next_of_world.min(self.next_log).min(until);
             if let Some(event) = lock(&self.soc).next_event() {
@@ -513,34 +491,73 @@ impl Machine {
     /// Runs the core up to a time, or until it has changed something outside.
     fn execute(&mut self, horizon: u64) {
         let clock = lock(&self.soc).clocks().core;
+        let now = self.now();
         self.core.bus.touched = false;
-        if clock == 0 || self.stalled_until.get() > self.now {
+        if clock == 0 || self.stalled_until > now {
             // Nothing is executed, and no interrupt taken.
             let end = if clock == 0 { horizon } else { horizon.min(self.stalled_until.get()) };
-            let end = end.max(self.now);
-            let clocks =
-                u128::from(end - self.now) * u128::from(clock) / u128::from(NANOS_PER_SECOND);
-            self.core.wait(u64::try_from(clocks).unwrap_or(u64::MAX));
-            self.now = end;
-            self.core.bus.now = self.now;
+            let end = end.max(now.get());
+            self.core.wait(periods_in(Nanos::new(end - now.get()), clock));
+            self.core.bus.time.wait_until(end);
             return;
         }
-        let clocks = Pace::new(clock);
-        let speed = self
-            .speed
-            .map(|speed| (speed, Pace::new((clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1))));
-        while !self.execute_one(horizon, clocks, speed) {}
+        self.core.bus.time.count_in(clock);
+        let mut is_over = false;
+        while !is_over {
+            is_over = match self.speed {
+                None if !self.faults.is_due => self.execute_many(horizon, clock),
+                _ => self.execute_one(horizon, clock),
+            };
+        }
+    }
+
+    /// Lets the core do steps of the same exception; whether that was all for now.
+    fn execute_many(&mut self, horizon: u64, clock: u64) -> bool {
+        let exception = self.core.exception();
+        let begin = self.core.bus.time.periods;
+        let end = self.core.bus.time.periods_at(horizon);
+        let mut instructions = 0;
+        let is_over = loop {
+            let address = self.core.program_counter();
+            let (step, clocks) = self.core.step();
+            if step != Step::Instruction {
+                self.profile.spend(exception, instructions, self.core.bus.time.periods - begin);
+                return self.stepped(step, clocks, address, exception, horizon, clock);
+            }
+            self.profile.instruction(address, self.core.stack_pointer());
+            instructions += 1;
+            self.core.bus.time.periods += clocks + self.core.take_waited();
+            let is_over = self.core.bus.time.periods >= end || self.core.bus.touched;
+            if is_over || self.core.exception() != exception {
+                break is_over;
+            }
+        };
+        self.profile.spend(exception, instructions, self.core.bus.time.periods - begin);
+        is_over
     }
 
     /// Lets the core do one step; whether that was all for now.
-    #[inline]
-    fn execute_one(&mut self, horizon: u64, pace: Pace, speed: Option<(u64, Pace)>) -> bool {
-        let address = self.core.program_counter();
-        let exception = self.core.exception();
-        let (step, mut clocks) = self.core.step();
+    fn execute_one(&mut self, horizon: u64, clock: u64) -> bool {
+        let (address, exception) = (self.core.program_counter(), self.core.exception());
+        let (step, clocks) = self.core.step();
+        self.stepped(step, clocks, address, exception, horizon, clock)
+    }
+
+    /// The core has done a step from an address in an exception; whether that was all for now.
+    fn stepped(
+        &mut self,
+        step: Step,
+        mut clocks: u64,
+        address: u32,
+        exception: u16,
+        horizon: u64,
+        clock: u64,
+    ) -> bool {
+        let mut instructions = 0;
         match step {
             Step::Instruction => {
-                self.profile.instruction(address, exception, self.core.stack_pointer());
+                self.profile.instruction(address, self.core.stack_pointer());
+                instructions = 1;
                 if self.faults.is_due {
                     self.fail();
                 }
@@ -556,28 +573,29 @@ impl Machine {
                 if step == Step::LockedUp && !std::mem::replace(&mut self.is_locked_up, true) {
                     self.report(format!("the core locked up at {address:#010x}"));
                 }
-                clocks = self.rest(horizon, clocks, pace.rate);
+                clocks = self.rest(horizon, clocks, clock);
             }
         }
-        match speed {
+        match self.speed {
             // A core that sleeps does not count instructions.
-            Some((speed, pace)) if !matches!(step, Step::Asleep | Step::LockedUp) => {
-                self.pass(1, pace);
+            Some(speed) if !matches!(step, Step::Asleep | Step::LockedUp) => {
+                let rate = (clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1);
+                self.core.bus.time.pass(1, rate);
                 self.part += FULL_CLOCK_HZ;
                 let taken = self.part / speed;
                 self.part %= speed;
                 self.core.correct_cycles(taken.cast_signed() - clocks.cast_signed());
                 clocks = taken;
             }
-            _ => self.pass(clocks, pace),
+            // The log is read every millisecond: nothing lasts longer.
+            _ => self.core.bus.time.pass(clocks.min(u32::MAX.into()), clock),
         }
-        let waited = std::mem::take(&mut self.core.bus.waited);
+        let waited = self.core.take_waited();
         if waited > 0 {
-            self.core.wait(waited);
-            self.pass(waited, pace);
+            self.core.bus.time.pass(waited, clock);
         }
-        self.profile.time(exception, clocks + waited);
-        self.now >= horizon || self.core.bus.touched
+        self.profile.spend(exception, instructions, clocks + waited);
+        self.now().get() >= horizon || self.core.bus.touched
     }
 
     #[cold]
@@ -594,41 +612,12 @@ impl Machine {
     /// The core sleeps until a time, or until its own timer ends: for how many clocks. Some of them
     /// are counted.
     fn rest(&mut self, horizon: u64, clocks: u64, rate: u64) -> u64 {
-        let nanos = horizon.saturating_sub(self.now);
-        let idle = (u128::from(nanos) * u128::from(rate)).div_ceil(NANOS_PER_SECOND.into());
+        let nanos = horizon.saturating_sub(self.now().get());
+        let idle = (u128::from(nanos) * u128::from(rate)).div_ceil(NANOS_PER_SECOND);
         let idle = u64::try_from(idle).unwrap_or(u64::MAX).max(clocks);
         let idle = self.core.clocks_until_timer().map_or(idle, |end| end.min(idle));
         self.core.sleep(idle.saturating_sub(clocks));
         idle
-    }
-
-    /// Lets `count` periods of a rate go by.
-    #[inline]
-    fn pass(&mut self, count: u64, pace: Pace) {
-        if pace.rate != self.rate {
-            self.count_in(pace.rate);
-        }
-        // The log is read every millisecond: nothing lasts longer.
-        let count = count.min(u32::MAX.into());
-        self.now += count * pace.nanos;
-        self.fraction += count * pace.rest;
-        if self.fraction >= 4 * pace.rate {
-            self.now += self.fraction / pace.rate;
-            self.fraction %= pace.rate;
-        }
-        // A few times, as mostly, is faster than a division.
-        while self.fraction >= pace.rate {
-            (self.now, self.fraction) = (self.now + 1, self.fraction - pace.rate);
-        }
-        self.core.bus.now = self.now;
-    }
-
-    /// The fraction of a nanosecond is of another rate from now on.
-    #[cold]
-    fn count_in(&mut self, rate: u64) {
-        let fraction = u128::from(self.fraction) * u128::from(rate) / u128::from(self.rate);
-        self.fraction = u64::try_from(fraction).unwrap_or(0);
-        self.rate = rate;
     }
 
     /// Everything outside the core: resets, reports, the log.

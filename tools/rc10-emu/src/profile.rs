@@ -56,14 +56,12 @@ impl Profile {
     }
 
     #[inline]
-    pub(crate) fn instruction(&mut self, address: u32, exception: u16, stack: u32) {
+    pub(crate) fn instruction(&mut self, address: u32, stack: u32) {
         let place = (address.wrapping_sub(FLASH) / 2) as usize;
         match self.places.get_mut(place) {
             Some(count) => *count += 1,
             None => self.elsewhere += 1,
         }
-        self.cost(exception).instructions += 1;
-        self.total += 1;
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
@@ -72,9 +70,13 @@ impl Profile {
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
+    /// What instructions that were counted cost, and what they were part of.
     #[inline]
-    pub(crate) fn time(&mut self, exception: u16, clocks: u64) {
-        self.cost(exception).clocks += clocks;
+    pub(crate) const fn spend(&mut self, exception: u16, instructions: u64, clocks: u64) {
+        let cost = self.cost(exception);
+        cost.instructions += instructions;
+        cost.clocks += clocks;
+        self.total += instructions;
     }
 
     /// All instructions.

@@ -9,6 +9,7 @@ use super::system::CCR;
 use super::{Core, Done, system};
 use crate::memory::{Bank, FLASH, Memory};
 use crate::peripherals::{FlashState, SECTOR, Soc, Width, lock};
+use crate::time::Lapse;
 
 /// `CCR.BFHFNMIGN`.
 const IGNORES_BUS_FAULTS: u32 = 1 << 8;
@@ -39,8 +40,8 @@ struct Window {
 pub(crate) struct Bus {
     pub(super) memory: Memory,
     soc: Option<Arc<Mutex<Soc>>>,
-    /// The time of the access, in nanoseconds.
-    pub(crate) now: u64,
+    /// The time of the access.
+    pub(crate) time: Lapse,
     /// Set by an access to a peripheral that may have changed an interrupt, or what comes next.
     pub(crate) touched: bool,
     /// Clocks that the core has waited for peripherals since this was last taken.
@@ -61,7 +62,7 @@ impl Bus {
     pub(super) fn new(memory: &Memory, soc: Option<Arc<Mutex<Soc>>>) -> Self {
         Self {
             memory: memory.clone(),
-            now: 0,
+            time: Lapse::new(1),
             touched: false,
             waited: 0,
             running: [soc.is_none(); 2],
@@ -125,7 +126,7 @@ impl Bus {
         }
         let mut soc = lock(self.soc.as_ref()?);
         self.waited += soc.access_clocks(address);
-        let read = soc.read(address, Width::of(bytes), Nanos::new(self.now)).ok();
+        let read = soc.read(address, Width::of(bytes), Nanos::new(self.time.now())).ok();
         self.touched |= soc.take_changed();
         read
     }
@@ -141,7 +142,7 @@ impl Bus {
             return Some(());
         }
         self.waited += soc.access_clocks(address);
-        let written = soc.write(address, Width::of(bytes), value, Nanos::new(self.now)).ok();
+        let written = soc.write(address, Width::of(bytes), value, Nanos::new(self.time.now())).ok();
         self.touched |= soc.take_changed();
         written
     }

@@ -337,6 +337,16 @@ impl Core {
         }
     }
 
+    /// The clocks that the core has waited for peripherals since the last call; its own counters have counted them.
+    #[inline]
+    pub(crate) fn take_waited(&mut self) -> u64 {
+        let waited = std::mem::take(&mut self.bus.waited);
+        if waited > 0 {
+            self.wait(waited);
+        }
+        waited
+    }
+
     /// Lets the cycle counter go on by some clocks more, or less, than [`step`](Self::step) said.
     pub(crate) const fn correct_cycles(&mut self, by: i64) {
         // It wraps.
