@@ -33,6 +33,8 @@ pub struct Advice {
     pub margin: f64,
     /// Its gain margin with the gains of now.
     pub before: f64,
+    /// Its phase margin, degrees.
+    pub phase: Option<f64>,
     /// The required margin.
     pub least: f64,
     /// The value to ask for instead: the nearest that has the required margin; `None` if this one has it, or none
@@ -43,7 +45,7 @@ pub struct Advice {
 }
 
 impl Advice {
-    fn of(name: &'static str, margin: f64, before: f64, ask: Option<f32>) -> Self {
+    fn of(name: &'static str, [margin, before]: [f64; 2], ask: Option<f32>) -> Self {
         let what = match margin {
             _ if margin < 1.0 => ": it will shake",
             _ if margin < margin::LEAST => ": it may shake",
@@ -53,7 +55,7 @@ impl Advice {
             "gain margin of its {name} loop {margin:.1}, should be at least {}{what}",
             margin::LEAST
         );
-        Self { name, margin, before, least: margin::LEAST, ask, text }
+        Self { name, margin, before, phase: None, least: margin::LEAST, ask, text }
     }
 }
 
@@ -158,10 +160,12 @@ impl<'k> Judge<'k> {
             |it: Margins| if name == "speed_kp" { it.speed.min(it.angle) } else { it.angle };
         let is_good = |value| with(value).is_some_and(|it| worst(it) >= margin::LEAST);
         let ask = if is_good(value) { None } else { nearest(value, is_good) };
-        Some(match is_speed {
-            true => Advice::of("speed", after.speed, before.speed, ask),
-            false => Advice::of("angle", after.angle, before.angle, ask),
-        })
+        let advice = match is_speed {
+            true => Advice::of("speed", [after.speed, before.speed], ask),
+            false => Advice::of("angle", [after.angle, before.angle], ask),
+        };
+        let phase = after.phases.map(|[speed, angle]| if is_speed { speed } else { angle });
+        Some(Advice { phase, ..advice })
     }
 
     /// Takes a sample; fails if the robot cannot be simulated.
@@ -380,6 +384,13 @@ mod tests {
             let bad = advise("speed_kp", 100.0 * speed).unwrap();
             let text = "gain margin of its speed loop 0.2, should be at least 5: it will shake";
             assert_eq!(bad.text, text);
+            // Both margins say the same: as a loop begins to oscillate they are 1 and 0.
+            for times in [1.0, 3.0, 10.0, 30.0, 100.0] {
+                let it = advise("speed_kp", times * speed).unwrap();
+                let phase = it.phase.unwrap();
+                assert_eq!(it.margin > 1.0, phase > 0.0, "{it:?}");
+                assert!(times > 1.0 || (40.0..90.0).contains(&phase), "{it:?}");
+            }
             // What to ask for has the margin, and two steps more have it not.
             let ask = bad.ask.unwrap();
             assert!(advise("speed_kp", ask).unwrap().margin >= bad.least, "{ask}");

@@ -457,7 +457,7 @@ impl LivePage<'_, '_> {
         let advice = self.judge.advise(&wanted.label, (&wanted.name, value), now);
         Ok(advice.map_or(Value::Null, |it| {
             json!({
-                "loop": it.name, "margin": it.margin, "now": it.before, "least": it.least,
+                "loop": it.name, "margin": it.margin, "phase": it.phase, "now": it.before, "least": it.least,
                 "ask": it.ask, "text": it.text,
             })
         }))

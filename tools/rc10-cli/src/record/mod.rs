@@ -355,7 +355,7 @@ impl RecordWriter {
             }
         }
         // Of the gains of this run: a later program may have others.
-        for (label, Margins { speed, angle }) in margins {
+        for (label, Margins { speed, angle, .. }) in margins {
             end.insert(format!("margin {label}"), format!("{speed} {angle}"));
         }
         self.file.finish(Ok(()), end)

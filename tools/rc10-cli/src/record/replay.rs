@@ -175,7 +175,7 @@ pub(crate) fn replay_of(
         let told = told.and_then(|it| it.split_once(' '));
         let told = told.and_then(|(speed, angle)| Some((speed.parse().ok()?, angle.parse().ok()?)));
         if let (Some((speed, angle)), Some(effort)) = (told, &mut track.effort) {
-            effort.margins = Some(Margins { speed, angle });
+            effort.margins = Some(Margins { speed, angle, phases: None });
         }
     }
     recording.no_logs = true;

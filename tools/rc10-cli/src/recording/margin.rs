@@ -1,8 +1,8 @@
-//! Gain margins of a motor's control loops: their distance from oscillation.
+//! Gain and phase margins of a motor's control loops: their distance from oscillation.
 //!
 //! A run shows only the motions of its script, with simulated motors that are better than real
 //! ones. The gain margin is the factor by which a gain may rise until a loop oscillates, from its
-//! gains, inertia and delays.
+//! gains, inertia and delays. The phase margin is what is left to oscillation where the loop's gain is one.
 //!
 //! The speed loop is a gain on torque, inertia and friction of back-EMF, the current's time
 //! constant, and a dead time of [`DELAY`]. The angle loop is a gain on an integrator behind the
@@ -27,6 +27,8 @@ pub struct Margins {
     pub speed: f64,
     /// Factor of the angle loop around it.
     pub angle: f64,
+    /// Phase margins of the two, degrees; `None` of a record.
+    pub phases: Option<[f64; 2]>,
 }
 
 impl Margins {
@@ -50,24 +52,28 @@ impl Margins {
         let lag = plant.current_time_constant;
         let phase = |w: f64| (w * inertia / resists).atan() + (w * lag).atan() + w * DELAY;
         let level = |w: f64| gain / resists.hypot(w * inertia) / (w * lag).hypot(1.0);
-        let speed = margin(PI, phase, level);
+        let (speed, of_speed) = margin(PI, phase, level);
         // rad/s: of the closed speed loop, and of its command. 1 rpm is 6 degrees a second.
         let follows = gain / inertia;
         let asks = 6.0 * f64::from(cascade.angle.kp);
         let delay = DELAY + 1e-3 * f64::from(cascade.outer_divider.max(1));
         let phase = |w: f64| (w / follows).atan() + w * delay;
-        let angle = margin(FRAC_PI_2, phase, |w| asks / w / (w / follows).hypot(1.0));
-        Self { speed, angle }
+        let (angle, of_angle) = margin(FRAC_PI_2, phase, |w| asks / w / (w / follows).hypot(1.0));
+        Self { speed, angle, phases: Some([of_speed, of_angle]) }
     }
 }
 
-/// One divided by the level where the phase has reached `turn`.
-fn margin(turn: f64, phase: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64) -> f64 {
-    // Phases rise with the frequency, so bisection finds it, to a millionth.
-    let (mut low, mut high) = (0.0, 1e5);
-    while high - low > 1e-6 * high {
-        let middle = f64::midpoint(low, high);
-        *(if phase(middle) < turn { &mut low } else { &mut high }) = middle;
-    }
-    1.0 / level(high)
+/// One divided by the level where the phase has reached `turn`; and what is left to `turn` where the level is one, degrees.
+fn margin(turn: f64, phase: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64) -> (f64, f64) {
+    // Phases rise with the frequency and levels fall, so bisection finds both, to a millionth.
+    let find = |is_below: &dyn Fn(f64) -> bool| {
+        let (mut low, mut high) = (0.0, 1e5);
+        while high - low > 1e-6 * high {
+            let middle = f64::midpoint(low, high);
+            *(if is_below(middle) { &mut low } else { &mut high }) = middle;
+        }
+        high
+    };
+    let left = turn - phase(find(&|w| level(w) > 1.0));
+    (1.0 / level(find(&|w| phase(w) < turn)), left.to_degrees())
 }

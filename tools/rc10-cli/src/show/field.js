@@ -64,7 +64,7 @@ const Field = (() => {
       pen.fillStyle = style("muted");
       text(pen, label, middle[0], top + size + 4, "center", "top");
       if (known.includes(null)) return;
-      text(pen, known.map((it) => it.toFixed(0).replace("-", "−") + "°").join("  "), middle[0], top + size + 17, "center", "top");
+      text(pen, known.map((it) => String(Math.round(it)).replace("-", "−") + "°").join("  "), middle[0], top + size + 17, "center", "top");
       if (kind === "bar") {
         const share = Math.max(0, Math.min(1, (known[0] - span[0]) / (span[1] - span[0]))), up = top + size * (1 - share);
         pen.fillStyle = style("line-0");

@@ -351,7 +351,9 @@
       const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw, steered, lines } = data.path;
       const extent = (axis) => data.path[axis].concat(...lines.map((line) => line[axis]))
         .reduce(([low, high], value) => [Math.min(low, value ?? 0), Math.max(high, value ?? 0)], [0, 0]);
-      const ends = ["x", "y"].map(extent), spans = ends.map(([low, high]) => high - low), air = 0.24 * Math.max(...spans, 0.5);
+      const ends = ["x", "y"].map(extent), spans = ends.map(([low, high]) => high - low);
+      // The whole body has room.
+      const body = Math.max(...data.drawn.wheels.map(([x, y, , radius]) => Math.hypot(x, y) + radius)), air = Math.max(0.24 * Math.max(...spans), 2 * body);
       const box = { left: 40, top: 18, right: width - 8, bottom: height - 36 };
       const floor = Field.floor(box, ends.map(([low, high]) => (low + high) / 2), spans.map((span) => span + air));
       const place = (x, y) => (x == null || y == null ? null : floor.to([x, y]));
@@ -377,7 +379,9 @@
       this.mark(pen, 0, "start", "good", "bottom");
       this.mark(pen, xs.length - 1, "end", "bad", "top");
       const now = newest(data.path, xs.length), heading = yaw[now] == null ? null : yaw[now] * 180 / Math.PI;
-      if (this.spot(now)) Field.base(pen, floor, [xs[now], ys[now], yaw[now] ?? 0], data.drawn.wheels, (steered[now] || []).map((degrees) => [degrees * Math.PI / 180]), "line-0");
+      // Where it is, else where it counts.
+      const pose = [data.path, ...lines].map((it) => [it.x[now], it.y[now], it.yaw[now]]).find((it) => it.every((one) => one != null));
+      if (pose) inside(pen, box, () => Field.base(pen, floor, pose, data.drawn.wheels, (steered[now] || []).map((degrees) => [degrees * Math.PI / 180]), "line-0"));
       this.output.textContent = cursor === null || !this.spot(now) ? ""
         : `x ${show(xs[now], 2)} m   y ${show(ys[now], 2)} m   heading ${show(heading, 0)}°`;
     }

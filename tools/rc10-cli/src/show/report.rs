@@ -757,7 +757,7 @@ fn path_lines(recording: &Recording, before: Option<&Recording>, stride: usize) 
     let line = |(name, paint, points): (&str, &str, Vec<PathPoint>)| {
         let numbers = |of: fn(&PathPoint) -> f64| numbers(points.iter().step_by(stride).map(of), 3);
         (!points.is_empty()).then(|| {
-            json!({ "name": name, "paint": paint, "x": numbers(|at| at.x), "y": numbers(|at| at.y) })
+            json!({ "name": name, "paint": paint, "x": numbers(|at| at.x), "y": numbers(|at| at.y), "yaw": numbers(|at| at.yaw) })
         })
     };
     [

@@ -65,7 +65,7 @@ async function advice(it, text) {
   const found = await post({ advise: [it.full, wanted] }).catch(() => null);
   if (!found) return ['', false];
   const margin = (value) => value === null || value > 99 ? '> 99' : value.toFixed(1);
-  const words = it.name.replace(/^.*_/, '') + ' ' + brief(wanted) + ': margin of the ' + found.loop + ' loop ' + margin(found.margin) + ', now ' + margin(found.now);
+  const words = it.name.replace(/^.*_/, '') + ' ' + brief(wanted) + ': margin of the ' + found.loop + ' loop ' + margin(found.margin) + ', now ' + margin(found.now) + (found.phase === null ? '' : '; phase margin ' + found.phase.toFixed(0) + '°');
   if (found.margin === null || found.margin >= found.least) return [words, false];
   return [words + (found.margin < 1 ? ', will oscillate' : ', may oscillate') + (found.ask === null ? '' : '; ask for ' + brief(found.ask)), true];
 }
