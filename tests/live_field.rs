@@ -13,6 +13,13 @@ fn begin(more: &[&str]) -> (Started, u16) {
     live(command.args(["live", "--page", "0", "--sim", "--script"]).args(more))
 }
 
+/// The page, at the tab of the robot.
+fn open(port: u16) -> Browser {
+    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
+    page.look("look('robot')");
+    page
+}
+
 /// The paths as they are drawn, at the robot's time: [time, apart in m, metres that it has gone, pixels a metre].
 const DRAWN: &str = "const [real, counted] = ['true', 'wheels'].map((name) => View.trails()[name] || []); \
     const long = real.slice(1).reduce((sum, at, index) => sum + Math.hypot(at[1] - real[index][1], at[2] - real[index][2]), 0); \
@@ -29,8 +36,7 @@ fn a_wrong_direction_is_seen_on_the_field_within_2_s() {
     {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
         let (_live, port) = live(command.args(["live", "--page", "0", "--sim"]).args(more));
-        let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
-        page.look("look('robot')");
+        let page = open(port);
         page.until("return (View.trails().true || []).length > 10 && View.scale() > 0");
         // It stands until here; hands arm it and drive ahead.
         std::thread::spawn(move || {
@@ -99,8 +105,7 @@ fn mechanisms_are_drawn_where_the_simulated_ones_are() {
         return;
     }
     let (_live, port) = begin(&[]);
-    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
-    page.look("look('robot')");
+    let page = open(port);
     page.until("return state.whole && document.querySelector('#field .mechanisms') !== null");
     assert_eq!(
         page.look("return state.drawn.mechanisms.map((it) => it.label + ' ' + it.kind)"),
@@ -126,7 +131,7 @@ fn mechanisms_are_drawn_where_the_simulated_ones_are() {
     page.until("return ['lift front left', 'gimbal yaw', 'gimbal pitch'].every((it) => Math.abs(moving.field.angles[it] - value(it, 'total_angle')) < 1)");
 }
 
-/// For so many frames of the browser: [frames a second, plots drawn a second, those with data newer than before, all of
+/// For 240 frames of the browser: [frames a second, plots drawn a second, those with data newer than before, all of
 /// them, ms of the middle one].
 const FRAMES: &str = "const done = arguments[0], plots = draw, spent = []; \
     let last = -1, newer = 0, frames = 0; const begin = performance.now(); \
@@ -144,8 +149,7 @@ fn five_signals_are_drawn_with_new_data_each_time_in_a_part_of_a_frame() {
         return;
     }
     let (_live, port) = begin(&[]);
-    let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
-    page.look("look('robot')");
+    let page = open(port);
     page.until("return state.whole && newest > 3e6");
     page.look("chosen = new Set(state.signals.filter((it) => it.folder === 'motors' && it.name === 'speed').slice(0, 5).map((it) => it.index)); watch()");
     page.until("return [...chosen].length === 5 && [...chosen].every((it) => data.get(it) && data.get(it).times.length > 100)");
@@ -205,8 +209,7 @@ fn what_goes_wrong_by_a_click_is_named_and_taken_back() {
     let (_live, port) = begin(&[]);
     until(port, |state| state["whole"] == true && (link(state, "feeder") - 1.0).abs() < 1e-9);
     if has_browser() {
-        let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
-        page.look("look('robot')");
+        let page = open(port);
         page.until("return document.querySelectorAll('#broken select option').length > 10");
         page.look("const [kind, which] = document.querySelectorAll('#broken select'); kind.value = '0'; kind.onchange(); which.value = 'feeder'; which.onchange(); document.querySelector('#broken details button').click()");
         page.until(

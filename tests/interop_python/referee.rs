@@ -19,14 +19,9 @@ fn the_referee_says_what_python_wrote() {
         assert_eq!(told.len(), 2400);
         let (mut stream, mut heard) = (Stream::new(Referee), Vec::new());
         for one in &told {
-            let hex = one["frame"].as_str().unwrap().as_bytes();
-            let digit = |it: u8| char::from(it).to_digit(16).unwrap();
-            let bytes: Vec<u8> = hex
-                .as_chunks::<2>()
-                .0
-                .iter()
-                .map(|[high, low]| u8::try_from(digit(*high) << 4 | digit(*low)).unwrap())
-                .collect();
+            let hex = one["frame"].as_str().unwrap();
+            let byte = |at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
+            let bytes: Vec<u8> = (0..hex.len()).step_by(2).map(byte).collect();
             stream.receive(&bytes, Micros::ZERO, |packet| heard.push((packet, bytes.clone())));
         }
         assert_eq!((heard.len(), stream.counters().skipped), (told.len(), 0));
@@ -46,9 +41,8 @@ fn said(said: &Said) -> Value {
         Said::Robot(it) => {
             let outputs: u8 = (0..3).zip(it.supplied).map(|(bit, on)| u8::from(on) << bit).sum();
             let [health, most] = it.health;
-            let fields =
-                (it.cooling, it.heat_limit, it.power_limit, outputs, it.speed_limit.map(f64::from));
-            let (cooling, heat, power, outputs, speed) = fields;
+            let (cooling, heat, power) = (it.cooling, it.heat_limit, it.power_limit);
+            let speed = it.speed_limit.map(f64::from);
             json!(["robot", it.id, it.level, health, most, cooling, heat, power, outputs, speed])
         }
         Said::Power(it) => json!(["power", it.buffer, it.small_heat, it.large_heat]),

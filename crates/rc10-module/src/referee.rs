@@ -17,12 +17,13 @@
 
 mod draw;
 
-use crc::{Algorithm, CRC_16_MCRF4XX, Crc, NoTable, Table};
+use crc::{Algorithm, Crc, NoTable};
 use heapless::Vec;
 use rc10_time::Micros;
 
 pub use draw::{Colour, DrawError, Figure, Layers, Operation, Shape, erase, figures, text};
 
+use crate::sum::crc;
 use crate::{Found, Protocol};
 
 const START: u8 = 0xA5;
@@ -46,7 +47,6 @@ const OF_HEAD: Algorithm<u8> = Algorithm {
     residue: 0,
 };
 const HEAD_CRC: Crc<u8, NoTable> = Crc::<u8, NoTable>::new(&OF_HEAD);
-static CRC: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_MCRF4XX);
 
 /// The protocol of the referee system: common link 115,200 baud 8N1, video link 921,600.
 ///
@@ -97,7 +97,7 @@ impl Protocol for Referee {
         let Some((frame, _)) = bytes.split_at_checked(whole) else { return Found::More(whole) };
         // The CRC of all with its own CRC is 0.
         let &[_, _, _, _, _, c0, c1, ref data @ .., _, _] = frame else { return Found::Nothing };
-        if CRC.checksum(frame) != 0 {
+        if crc(frame) != 0 {
             return Found::Damaged;
         }
         let data = Vec::from_slice(data).unwrap_or_default();
@@ -214,7 +214,7 @@ pub struct Pose {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Energy {
-    /// At least so many per cent are left: 125, 100, 50, 30, 15, 5, 1, or 0.
+    /// The step that is reached, per cent of the match's energy: 125, 100, 50, 30, 15, 5, 1, or 0.
     pub at_least: u8,
 }
 
@@ -244,11 +244,15 @@ impl Packet {
     fn read(&self) -> Option<Said> {
         let data = Fields(&self.data);
         Some(match self.command {
-            0x0001 if data.0.len() >= 11 => {
+            0x0001 => {
+                // A time of day is behind it.
+                data.byte(10)?;
                 let kind = data.byte(0)?;
                 Said::Game(Game { kind: kind & 15, stage: kind >> 4, seconds: data.word(1)? })
             }
-            0x0104 if data.0.len() >= 3 => {
+            0x0104 => {
+                // Their number is behind it.
+                data.byte(2)?;
                 Said::Penalty { level: data.byte(0)?, robot: data.byte(1)? }
             }
             0x0201 => {
@@ -292,7 +296,6 @@ impl Packet {
             0x0208 => {
                 Said::Allowance { small: data.word(0)?, large: data.word(2)?, coins: data.word(4)? }
             }
-            0x0001 | 0x0104 => return None,
             other => Said::Other(other),
         })
     }
@@ -359,8 +362,8 @@ pub fn frame(sequence: u8, command: u16, data: &[u8]) -> Result<Vec<u8, LONGEST>
     let all =
         head.into_iter().chain([HEAD_CRC.checksum(&head), c0, c1]).chain(data.iter().copied());
     let mut frame: Vec<u8, LONGEST> = all.collect();
-    let crc = CRC.checksum(&frame).to_le_bytes();
-    frame.extend(crc);
+    let check = crc(&frame).to_le_bytes();
+    frame.extend(check);
     Ok(frame)
 }
 
@@ -417,9 +420,8 @@ mod tests {
     }
 
     #[test]
-    fn the_checksums_are_those_of_the_catalogue() {
+    fn the_checksum_of_the_head_is_that_of_its_tables() {
         assert_eq!(HEAD_CRC.checksum(b"123456789"), 0x0B);
-        assert_eq!(CRC.checksum(b"123456789"), 0x6F91);
     }
 
     /// A season that appends is read; one byte less than the least is short, and counted.

@@ -18,7 +18,7 @@ pub enum Season {
     Spring2026,
     /// V2.0.0, June 2026.
     June2026,
-    /// A later one, which appends so many bytes to each command.
+    /// A later one, which appends this number of bytes to each command.
     Later(usize),
 }
 

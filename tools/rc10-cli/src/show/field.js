@@ -2,7 +2,7 @@
 const Field = (() => {
   "use strict";
   const { stroke, text, style, ticks } = Plot;
-  // The floor in a box: x to the right and y up, as long one way as the other, so many metres wide and high around a place.
+  // The floor in a box: x to the right and y up, as long one way as the other; `wide` and `high` are its metres, around a place.
   const floor = (box, [x, y], [wide, high]) => {
     const scale = Math.min((box.right - box.left) / wide, (box.bottom - box.top) / high);
     const middle = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
