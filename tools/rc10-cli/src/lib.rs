@@ -10,6 +10,7 @@
 //! * [`run`]: runs in the simulator and on the emulated chip.
 //! * [`record`]: takes looks at a robot, and keeps them in a file. [`recording`]: a whole run.
 //! * [`judge`], [`show`]: problems, figures, tables and the report of a recording.
+//! * [`tune`]: what a motor moves, estimated from samples.
 //! * [`live`]: a robot that runs. [`decode`], [`formats`]: captures, and files of other programs.
 //! * [`commands`]: the other commands.
 #![forbid(unsafe_code)]
@@ -32,6 +33,7 @@ pub mod show;
 mod terminal;
 #[cfg(test)]
 mod tests;
+pub mod tune;
 pub mod world;
 
 use std::ffi::OsString;
