@@ -38,6 +38,7 @@ mod readme;
 mod record;
 mod remote;
 mod report_page;
+mod response;
 mod run;
 mod rust;
 mod safety;

@@ -19,6 +19,8 @@ use rc10_emu::fault::ChipFault;
 use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Board, Figures, Image, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
+use rc10_motor::plan::{Extra, Plan, Sort};
+use rc10_motor::{Names as _, Place};
 use rc10_sim::{BusConfig, EscConfig, Model, Nanos, TraceEntry, World};
 use rc10_time::Micros;
 use serde_json::Value;
@@ -249,7 +251,7 @@ fn feedback_waits(faults: &[&str]) -> u64 {
     let mut all = 0;
     // Identifiers of feedback and command, the place in the command, and a fast rotor, rpm.
     let motors = [
-        (Name::WheelFrontLeft, 0x201, 0x200, 0, 9000_i16),
+        (Name::WheelFrontLeft, 0x201, 0x200_u16, 0, 9000_i16),
         (Name::GimbalYaw, 0x205, 0x1FE, 0, 400),
         (Name::LiftFrontLeft, 0x201, 0x200, 0, 9000),
     ];
@@ -299,6 +301,21 @@ fn feedback_waits(faults: &[&str]) -> u64 {
                 }
                 judged += 1;
             }
+            // Nor does a command leave later than the compiler computed it, on a bus that others fill, too.
+            #[expect(clippy::cast_possible_truncation, reason = "three buses")]
+            let plan = Plan::of(Name::ENTRIES, Place::Bus(bus as u8 + 1), Extra::default());
+            let of_command =
+                |sort: &Sort| sort.is_command && sort.frames.pattern.raw() == u32::from(command);
+            let place = plan.sorts().iter().position(of_command).unwrap();
+            let within = plan.response(place).unwrap();
+            let latest =
+                sent.iter().map(|entry| late(entry) + (entry.end.get() - entry.start.get())).max();
+            let latest = latest.unwrap() / 1000;
+            println!(
+                "bus {}: a command arrived after {latest} us at most, {within} computed",
+                bus + 1
+            );
+            assert!(latest <= within.into(), "bus {}: {latest} {within}", bus + 1);
             println!("bus {}: newer feedback waited {longest} ns at most, of {judged}", bus + 1);
             assert!(judged > 600, "bus {}: {judged}", bus + 1);
             all = all.max(longest);

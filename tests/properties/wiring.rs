@@ -40,11 +40,8 @@ fn frames() -> impl Strategy<Value = Frames> {
         any::<u8>().prop_map(Ownership::Bytes),
         guard().prop_map(Ownership::Guard),
     ];
-    (pattern(), any::<u8>(), rate(), ownership).prop_map(|(pattern, len, rate, ownership)| Frames {
-        pattern,
-        len,
-        rate,
-        ownership,
+    (pattern(), any::<u8>(), rate(), ownership).prop_map(|(pattern, len, rate, ownership)| {
+        Frames::new(pattern, len, rate).owned(ownership)
     })
 }
 

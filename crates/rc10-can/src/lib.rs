@@ -20,6 +20,7 @@ mod length;
 pub mod m_can;
 mod pattern;
 mod port;
+pub mod response;
 
 pub use bit_timing::{BitTiming, BitTimingError, BitTimingLimits};
 pub use bus_off::BusOffPolicy;

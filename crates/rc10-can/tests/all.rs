@@ -3,3 +3,4 @@
 
 mod bit_timing;
 mod m_can;
+mod response;

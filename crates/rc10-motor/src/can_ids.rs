@@ -161,12 +161,22 @@ pub struct Frames {
     pub rate: Rate,
     /// Share of them that is the device's.
     pub ownership: Ownership,
+    /// The bits of the identifier that are the pattern's in those sent all the time.
+    pub usual: u32,
 }
 
 impl Frames {
     /// Frames that are one device's as a whole.
     pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
-        Self { pattern, len, rate, ownership: Ownership::Whole }
+        Self { pattern, len, rate, ownership: Ownership::Whole, usual: pattern.mask() }
+    }
+
+    /// Frames of which those sent all the time have more bits of their pattern's identifier than its mask asks for: how
+    /// urgent they are on the bus follows from that.
+    #[must_use]
+    pub const fn usually(mut self, mask: u32) -> Self {
+        self.usual = mask;
+        self
     }
 
     /// Frames of which the device owns a part.

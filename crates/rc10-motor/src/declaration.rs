@@ -48,11 +48,12 @@ pub(crate) mod slots;
 
 use core::fmt;
 
-pub use check::{SetupError, Unsound, check};
+pub use check::{SetupError, Unsound, check, load};
 pub use device::{Device, OtherDevice, Wiring};
 pub use slots::{MOST_BUSES, MOST_LINES, Place, Slot, Started, numbers, slots};
 
 use rc10_app::Rpm;
+use rc10_time::Micros;
 
 use crate::supervision::Safety;
 
@@ -73,6 +74,9 @@ pub struct Entry<C> {
     pub jog: Option<Rpm>,
     /// How many times the gains declared a PC may set; [`MOST_GAIN`] unless it is said.
     pub most_gain: f32,
+    /// How old its feedback may be at most when a command that it decided has arrived; `None`: its command arrives before
+    /// its next one leaves.
+    pub most_age: Option<Micros>,
 }
 
 /// How many times the gains of a motor's declaration a PC may set, unless the declaration says so.
@@ -81,7 +85,15 @@ pub const MOST_GAIN: f32 = 10.0;
 impl<C: Copy> Entry<C> {
     /// A motor that coasts when it may not follow its target, with the label that its name says.
     pub const fn new(on: Place, config: C) -> Self {
-        Self { label: "", on, config, safety: Safety::COAST, jog: None, most_gain: MOST_GAIN }
+        Self {
+            label: "",
+            on,
+            config,
+            safety: Safety::COAST,
+            jog: None,
+            most_gain: MOST_GAIN,
+            most_age: None,
+        }
     }
 
     /// With a label of its own.
@@ -125,10 +137,17 @@ impl<C: Copy> Entry<C> {
         self
     }
 
+    /// How old its feedback may be when a command that it decided has arrived, at worst: one [period](crate::plan), the times
+    /// on the bus, the wait for a tick. Beyond that it does not compile. Without, each command must arrive before the next one leaves.
+    pub const fn with_most_age(mut self, age: Micros) -> Self {
+        self.most_age = Some(age);
+        self
+    }
+
     /// The same, of a configuration in another form.
     pub const fn with_config<D: Copy>(self, config: D) -> Entry<D> {
-        let Self { label, on, safety, jog, most_gain, .. } = self;
-        Entry { label, on, config, safety, jog, most_gain }
+        let Self { label, on, safety, jog, most_gain, most_age, .. } = self;
+        Entry { label, on, config, safety, jog, most_gain, most_age }
     }
 }
 

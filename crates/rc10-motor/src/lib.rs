@@ -78,6 +78,7 @@ mod motors;
 mod not_a_number;
 pub mod odrive;
 pub mod pending;
+pub mod plan;
 mod request;
 pub mod servo;
 pub mod shaft;

@@ -136,7 +136,7 @@ mod tests {
 
     fn receive(pattern: IdPattern, guard: Option<Guard>) -> Frames {
         let ownership = guard.map_or(Ownership::Whole, Ownership::Guard);
-        Frames { pattern, len: 8, rate: Rate::EveryTick, ownership }
+        Frames::new(pattern, 8, Rate::EveryTick).owned(ownership)
     }
 
     #[test]

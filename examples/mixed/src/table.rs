@@ -17,9 +17,9 @@ rc10::robot! {
             .with_safety(Safety::BRAKE)
             .with_jog(Rpm::new(300.0)),
         Arm: Damiao = Entry::new(Bus(1), ARM).with_safety(Safety::HOLD),
-        Hip: GoModule = Entry::new(Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
+        Hip: GoModule = late(Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
         Wrist: CyberGear = Entry::new(Bus(2), WRIST),
-        Turret: Lk = Entry::new(Bus(2), TURRET).with_safety(Safety::HOLD),
+        Turret: Lk = late(Bus(2), TURRET).with_safety(Safety::HOLD),
         Flywheel: ODrive = Entry::new(Bus(2), FLYWHEEL),
         Leg0: GoM8010 = leg(0),
         Leg1: GoM8010 = leg(1),
@@ -43,6 +43,12 @@ pub const LEGS: [Name; 8] = [
     Name::Leg6,
     Name::Leg7,
 ];
+
+/// Motors whose commands may arrive after their tick, at worst: others on the bus are more urgent, and all may come at once.
+/// `rc10 plan` has the times.
+const fn late<C: Copy>(on: rc10::motor::Place, config: C) -> Entry<C> {
+    Entry::new(on, config).with_most_age(Micros::from_millis(10))
+}
 
 const fn leg(id: u8) -> Entry<LineConfig> {
     Entry::new(Line(1), LineConfig::new(id)).with_safety(Safety::HOLD)

@@ -49,6 +49,7 @@ use rc10_time::Micros;
 
 use crate::commands::emulate::{EmuArgs, emulate};
 use crate::commands::new::NewArgs;
+use crate::commands::plan::PlanArgs;
 use crate::commands::pty::PtyArgs;
 use crate::commands::report::{CsvArgs, ReportArgs, csv, report};
 use crate::commands::run::RunArgs;
@@ -114,6 +115,8 @@ enum Command {
     Decode(DecodeArgs),
     /// Writes what stands in the frames of each bus as a DBC file
     Dbc(DbcArgs),
+    /// Shows how late each frame of the buses can be, and what else fits
+    Plan(PlanArgs),
     /// Makes a robot of your own: a folder with its table, its simulation and its firmware
     New(NewArgs),
     /// Puts a simulated bus on a pseudo-terminal, as an slcan adapter (Unix)
@@ -143,6 +146,7 @@ Examples:
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
   rc10 dbc --out target/dbc              DBC files for SavvyCAN, cantools and the like
+  rc10 plan --add 1:M3508@500*2          how late frames are at worst, with two more motors on bus 1
   rc10 pty --bus 1                       bus 1 for python-can or slcand, on a pseudo-terminal
 
 From a checkout: cargo run -- run --seconds 3";
@@ -205,6 +209,9 @@ impl CommandLine {
                 commands::decode::decode(&args, robot, out, err)?.into()
             }
             Command::Dbc(args) => formats::dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
+            Command::Plan(args) => {
+                commands::plan::plan(&args, robot.description(), out).map(|()| 0)?
+            }
             Command::New(args) => commands::new::new(&args, out).map(|()| 0)?,
             Command::Pty(args) => commands::pty::pty(&args, robot, out).map(|()| 0)?,
         })

@@ -202,10 +202,12 @@ impl Config {
     /// The identifiers it occupies on its bus.
     pub const fn can_ids(&self) -> CanIds {
         let motor = self.address.motor as u32;
-        let replies = IdPattern::extended(motor << 8 | self.address.host as u32).under(0xFFFF);
+        // Feedback, type 2; all other types alike.
+        let replies = 2 << 24 | motor << 8 | self.address.host as u32;
+        let replies = Frames::new(IdPattern::extended(replies).under(0xFFFF), 8, Rate::EveryTick);
         let motion = IdPattern::extended(MOTION | motor).under(0x1F00_00FF);
         CanIds::new()
-            .receives(Frames::new(replies, 8, Rate::EveryTick))
+            .receives(replies.usually(0x1F00_FFFF))
             .transmits(Frames::new(motion, 8, Rate::EveryTick))
             .transmits(Frames::new(IdPattern::extended(motor).under(0xFF), 8, Rate::Rare))
     }

@@ -2,12 +2,14 @@
 
 use rc10_app::{ConfigError, Text, ok};
 use rc10_can::{EXTENDED_FILTERS, STANDARD_FILTERS};
+use rc10_time::Micros;
 
 use super::{Device, Entry, Place, Slot, Wiring};
 use crate::bus::MotorBus;
 use crate::can_ids::{CanIds, Clash, MotorName};
-use crate::load::LoadSum;
+use crate::load::{BusLoad, LoadSum};
 use crate::motors::{AttachError, MotorId};
+use crate::plan::{Extra, Plan, Sort};
 use crate::table::Room;
 use crate::unitree::Rs485Bus;
 
@@ -60,6 +62,20 @@ pub enum Unsound {
         /// Share that they may need, percent.
         most: f32,
     },
+    /// Its command can arrive later than the next one should leave.
+    LateCommand {
+        /// The longest time to its end, microseconds; `None`: it has no bound.
+        most: Option<u32>,
+        /// The time to the next one.
+        next: u32,
+    },
+    /// Its feedback can be older in a command than it may.
+    OldFeedback {
+        /// The greatest age, microseconds; `None`: it has no bound.
+        most: Option<u32>,
+        /// The age that it may have.
+        allowed: Micros,
+    },
     /// The buses or lines that were handed over are not those that are declared, or have motors.
     OtherPlaces,
 }
@@ -98,13 +114,39 @@ impl SetupError {
                 .push_number(whole(*typical + 0.5))
                 .push(" % of it typically, more than ")
                 .push_number(whole(*most))
-                .push(" %: set some to send feedback less often, or plug some in elsewhere"),
+                .push(" %")
+                .push(ADVICE),
+            Unsound::LateCommand { most, next } => {
+                let text = text.push("its command can take ");
+                let text = match most {
+                    Some(most) => text.push_number(*most as u64).push(" us"),
+                    None => text.push("any time"),
+                };
+                text.push(" to arrive, more than the ")
+                    .push_number(*next as u64)
+                    .push(" us to its next one")
+                    .push(ADVICE)
+                    .push(", or say by `with_most_age` what it may be")
+            }
+            Unsound::OldFeedback { most, allowed } => {
+                let text = text.push("its feedback can be ");
+                let text = match most {
+                    Some(most) => text.push_number(*most as u64).push(" us old"),
+                    None => text.push("of any age"),
+                };
+                text.push(" in a command, more than its ")
+                    .push_number(allowed.get())
+                    .push(" us")
+                    .push(ADVICE)
+            }
             Unsound::OtherPlaces => {
                 text.push("the buses and lines are not those of the declaration, or not empty")
             }
         }
     }
 }
+
+const ADVICE: &str = ": set some to send feedback less often, or plug some in elsewhere";
 
 #[expect(clippy::cast_possible_truncation, reason = "percent, for people")]
 const fn whole(percent: f32) -> u64 {
@@ -139,7 +181,52 @@ pub const fn check(entries: &[Entry<Device>], buses: &[f32], lines: u8) -> Resul
         }
         at += 1;
     }
+    check_times(entries, buses.len())
+}
+
+/// No error frames, and nothing is set up.
+const STEADY: Extra = Extra { errors: 0, set_up: false };
+
+/// Whether each command arrives in its tick, and each feedback is as young in it as it must be.
+const fn check_times(entries: &[Entry<Device>], buses: usize) -> Result<(), SetupError> {
+    let mut bus = 1;
+    while bus <= buses {
+        #[expect(clippy::cast_possible_truncation, reason = "a robot has three at most")]
+        let plan = Plan::of(entries, Place::Bus(bus as u8), STEADY);
+        let mut at = 0;
+        while at < plan.sorts().len() {
+            let Sort { motor, command, .. } = plan.sorts()[at];
+            let Entry { label, on, most_age, .. } = entries[motor];
+            let why = match most_age {
+                _ if !plan.is_feedback(at) => None,
+                None => match plan.response(command) {
+                    Some(most) if most <= plan.period(command) => None,
+                    most => Some(Unsound::LateCommand { most, next: plan.period(command) }),
+                },
+                Some(allowed) => match plan.age(at) {
+                    Some(most) if most as u64 <= allowed.get() => None,
+                    most => Some(Unsound::OldFeedback { most, allowed }),
+                },
+            };
+            if let Some(why) = why {
+                return Err(SetupError { label, on, why });
+            }
+            at += 1;
+        }
+        bus += 1;
+    }
     Ok(())
+}
+
+/// The load of a bus of a declaration, at 1 Mbit/s.
+pub fn load(entries: &[Entry<Device>], on: Place) -> BusLoad {
+    let mut load = LoadSum::new(BITS_PER_SECOND);
+    for entry in entries.iter().filter(|entry| entry.on == on) {
+        if let Wiring::Can(ids) = entry.config.wiring() {
+            load.add(&ids);
+        }
+    }
+    load.load
 }
 
 /// Panics with the sentence of the [`check`]'s error: in a `const` that does not compile.

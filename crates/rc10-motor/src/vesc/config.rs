@@ -282,8 +282,9 @@ impl Config {
         let from = Guard { byte: 0, mask: 0xFF, value: self.id };
         let pong = Frames::new(packet(Packet::Pong, self.asker.get()), 2, Rate::Rare);
         let limits = packet(Packet::ConfCurrentLimits, self.id);
+        let command = Frames::new(commands(self.id), 4, Rate::Hz(self.command_hz));
         ids.receives(pong.owned(Ownership::Guard(from)))
-            .transmits(Frames::new(commands(self.id), 4, Rate::Hz(self.command_hz)))
+            .transmits(command.usually(COMMANDS))
             .transmits(Frames::new(packet(Packet::Ping, self.id), 1, Rate::Rare))
             .transmits(Frames::new(limits, 8, Rate::Rare))
             .listens_to(commands(EVERY))
@@ -293,6 +294,9 @@ impl Config {
 const fn packet(packet: Packet, id: u8) -> IdPattern {
     IdPattern::extended((packet.number() as u32) << 8 | id as u32)
 }
+
+/// Bits of commands that move the motor: packets 0 to 15, of which a handbrake's is 12.
+const COMMANDS: u32 = 0x1FFF_F0FF;
 
 /// All commands to one VESC, or to all.
 const fn commands(id: u8) -> IdPattern {

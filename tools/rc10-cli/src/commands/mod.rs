@@ -3,6 +3,7 @@
 pub mod decode;
 pub mod emulate;
 pub mod new;
+pub mod plan;
 pub mod pty;
 pub mod report;
 pub mod run;

@@ -9,6 +9,7 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::Message;
 use rc10_motor::{Entry, Loops, MotorName, SafeState, TargetKind, dji};
 use rc10_sim::{Esc, Nonlinear};
+use rc10_time::Micros;
 
 pub use rc10_motor::{Device, Place};
 
@@ -30,6 +31,8 @@ pub struct Motor {
     pub plant: Plant,
     /// Whether its safe state is to hold or to brake, so that it may be driven in a stop.
     pub holds: bool,
+    /// How old its feedback may be in a command: [`Entry::most_age`].
+    pub most_age: Option<Micros>,
 }
 
 /// The load of a motor, and the device's simulated twin where that is not one of ours.
@@ -112,7 +115,7 @@ impl Motor {
     #[must_use]
     pub fn new(label: &'static str, on: Place, device: Device) -> Self {
         let (direction, plant) = (device.direction(), Plant::default());
-        Self { label, on, device, direction, plant, holds: false }
+        Self { label, on, device, direction, plant, holds: false, most_age: None }
     }
 
     /// Creates a DJI motor on a bus.
@@ -126,7 +129,8 @@ impl Motor {
     #[must_use]
     pub fn of(entry: &Entry<Device>, plant: Plant) -> Self {
         let holds = entry.safety.state != SafeState::Coast;
-        Self { holds, plant, ..Self::new(entry.label, entry.on, entry.config) }
+        let most_age = entry.most_age;
+        Self { holds, plant, most_age, ..Self::new(entry.label, entry.on, entry.config) }
     }
 
     /// Name of the motor on buses and in tables.
