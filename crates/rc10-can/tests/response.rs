@@ -64,8 +64,9 @@ fn random_sets_have_the_times_of_another_implementation() {
     let mut random = Random(37);
     let (mut bounded, mut unbounded) = (0, 0);
     for number in 0..100_000 {
-        let mut streams = set(&mut random);
-        for of in 0..streams.len() {
+        let late = set(&mut random);
+        for of in 0..late.len() {
+            let mut streams = late.clone();
             streams[of].jitter = 0;
             let ours = response(&streams, of, 0);
             let theirs = witness(&streams, of);
