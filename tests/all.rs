@@ -43,6 +43,7 @@ mod run;
 mod rust;
 mod safety;
 mod terminal;
+mod tune;
 mod two_joints;
 mod verdict;
 mod wiring;

@@ -10,7 +10,7 @@
 //! * [`run`]: runs in the simulator and on the emulated chip.
 //! * [`record`]: takes looks at a robot, and keeps them in a file. [`recording`]: a whole run.
 //! * [`judge`], [`show`]: problems, figures, tables and the report of a recording.
-//! * [`tune`]: what a motor moves, estimated from samples.
+//! * [`tune`]: what a motor moves, estimated from samples, and gains for it.
 //! * [`live`]: a robot that runs. [`decode`], [`formats`]: captures, and files of other programs.
 //! * [`commands`]: the other commands.
 #![forbid(unsafe_code)]
@@ -60,6 +60,7 @@ use crate::live::commands::{
 };
 use crate::live::page::LiveArgs;
 use crate::run::simulate::simulate;
+use crate::tune::command::{TuneArgs, tune as tune_motor};
 use commands::decode::DecodeArgs;
 use terminal::{Painted, Plain, tell, tell_progress, width};
 
@@ -107,6 +108,8 @@ enum Command {
     Stop(StopArgs),
     /// Records the robot that runs
     Record(RecordArgs),
+    /// Estimates what a motor moves, and prints gains for it
+    Tune(TuneArgs),
     /// Makes the report of a record, or of captures of the robot's buses
     Report(ReportArgs),
     /// Writes a record as CSV files
@@ -202,6 +205,7 @@ impl CommandLine {
             Command::Forget(args) => live::forget(&args, robot, out).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
+            Command::Tune(args) => tune_motor(&args, robot, out).map(|()| 0)?,
             Command::Report(args) => strict(args.strict, report(&args, robot, out)?),
             Command::Csv(args) => csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {

@@ -69,7 +69,7 @@ fn loops(label: &str, parameters: &[&Parameter], kit: &Kit<'_>) -> Option<String
 }
 
 /// A controller as Rust.
-fn expression(pid: &PidConfig) -> String {
+pub(crate) fn expression(pid: &PidConfig) -> String {
     let plain = PidConfig::within(pid.output_limit);
     let mut text = format!("PidConfig::within({})", float(pid.output_limit));
     for (name, gain) in [("kp", pid.kp), ("ki", pid.ki), ("kd", pid.kd)] {
@@ -96,7 +96,7 @@ fn expression(pid: &PidConfig) -> String {
     if others.is_empty() { text } else { format!("PidConfig {{ {others}..{text} }}") }
 }
 
-fn float(value: f32) -> String {
+pub(crate) fn float(value: f32) -> String {
     if value.is_finite() { format!("{value:?}") } else { "f32::INFINITY".into() }
 }
 

@@ -29,6 +29,8 @@ pub struct Motor {
     pub direction: Direction,
     /// Load on the output shaft.
     pub plant: Plant,
+    /// The fastest that a PC may turn it, rpm; `None`: not at all.
+    pub jog: Option<f64>,
     /// Whether its safe state is to hold or to brake, so that it may be driven in a stop.
     pub holds: bool,
     /// How old its feedback may be in a command: [`Entry::most_age`].
@@ -115,7 +117,8 @@ impl Motor {
     #[must_use]
     pub fn new(label: &'static str, on: Place, device: Device) -> Self {
         let (direction, plant) = (device.direction(), Plant::default());
-        Self { label, on, device, direction, plant, holds: false, most_age: None }
+        let jog = None;
+        Self { label, on, device, direction, plant, jog, holds: false, most_age: None }
     }
 
     /// Creates a DJI motor on a bus.
@@ -129,8 +132,8 @@ impl Motor {
     #[must_use]
     pub fn of(entry: &Entry<Device>, plant: Plant) -> Self {
         let holds = entry.safety.state != SafeState::Coast;
-        let most_age = entry.most_age;
-        Self { holds, plant, most_age, ..Self::new(entry.label, entry.on, entry.config) }
+        let (most_age, jog) = (entry.most_age, entry.jog.map(|fastest| f64::from(fastest.get())));
+        Self { holds, plant, jog, most_age, ..Self::new(entry.label, entry.on, entry.config) }
     }
 
     /// Name of the motor on buses and in tables.
