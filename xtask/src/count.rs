@@ -39,6 +39,9 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     ("swerve", 1200, Of::Worst),
     // A step of odometry, with a gyro, slip and all.
     ("odometry", 200, Of::Worst),
+    // Torques within a limit of power, for each of four motors; a step of the limiter that learns, and a reading.
+    ("allocate", 60, Of::Worst),
+    ("limiter", 1_000, Of::Worst),
     // A tick of a base on four wheels that follows its path.
     ("path", 1_000, Of::Worst),
     // What one tick does of a plan.

@@ -18,6 +18,7 @@
 //! | [`transform`] | frames, points and poses in the plane, SE(2) |
 //! | [`twist`] | motion in the plane, acceleration limit |
 //! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
+//! | [`power`] | electrical power of a base: model, torques within a limit, a limiter that learns |
 //! | [`profile`] | motion profiles within limits of velocity, acceleration and jerk |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -32,6 +33,7 @@ pub mod mechanism;
 pub mod odometry;
 pub mod path;
 pub mod pid;
+pub mod power;
 pub mod profile;
 pub mod schedule;
 mod states;
@@ -51,6 +53,7 @@ pub use feed_forward::{FeedForward, Gravity, TwoJointArm};
 pub use heading_hold::{HeadingHold, HeadingHoldConfig};
 pub use odometry::{Covariance, Odometry, OdometryConfig, OdometryInput};
 pub use pid::{PidConfig, PidInput, PidState};
+pub use power::{Allocation, PowerConfig, PowerInput, PowerLimiter, PowerModel};
 pub use profile::{AngleLimits, AngleProfile, AngleSetpoint, Profile, ProfileLimits, Setpoint};
 pub use schedule::{GainSchedule, Gains};
 pub use swerve::{Steering, Swerve, SwerveState};
@@ -58,8 +61,8 @@ pub use text::Text;
 pub use transform::{FieldFrame, Frame, Point, Pose, RobotFrame};
 pub use twist::{Twist, TwistLimiter, TwistLimits, TwistNotFinite};
 pub use units::{
-    Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, NewtonMetres, Radians, RotorRpm, Rpm,
-    RpmPerSecond, RpmPerSecondSquared, Seconds, Volts,
+    Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, Joules, NewtonMetres, Radians,
+    RotorRpm, Rpm, RpmPerSecond, RpmPerSecondSquared, Seconds, Volts, Watts,
 };
 
 /// The pages of `docs/control`: their examples are compiled and run.
@@ -75,6 +78,8 @@ mod pages {
     struct Odometry;
     #[doc = include_str!("../../../docs/control/paths.md")]
     struct Paths;
+    #[doc = include_str!("../../../docs/control/power.md")]
+    struct Power;
     #[doc = include_str!("../../../docs/control/mechanisms.md")]
     struct Mechanisms;
 }

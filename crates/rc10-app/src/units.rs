@@ -105,6 +105,10 @@ units! {
     Volts: "V";
     /// Torque at an output shaft in newton metres.
     NewtonMetres: "N m";
+    /// A power in watts.
+    Watts: "W";
+    /// An energy in joules.
+    Joules: "J";
     /// A length of time in seconds: a step of a control loop, never a time of day.
     Seconds: "s";
     /// A temperature in degrees Celsius.

@@ -10,6 +10,7 @@ mod oracle_paths;
 mod oracle_pid;
 mod oracle_profiles;
 mod paths;
+mod power;
 mod profiles;
 mod random;
 mod swerve;

@@ -5,8 +5,9 @@ use core::hint::black_box;
 use rc10_app::base::WheelSpeeds;
 use rc10_app::swerve::{Modules, Steering, Swerve, SwerveState};
 use rc10_app::{
-    Base, Odometry, OdometryConfig, OdometryInput, Point, Pose, Rpm, Seconds, TotalAngle, Twist,
-    TwistNotFinite,
+    Allocation, Base, Joules, NewtonMetres, Odometry, OdometryConfig, OdometryInput, Point, Pose,
+    PowerConfig, PowerInput, PowerLimiter, PowerModel, Rpm, Seconds, TotalAngle, Twist,
+    TwistNotFinite, Watts,
 };
 
 const LIMIT: Rpm = Rpm::new(400.0);
@@ -31,6 +32,7 @@ pub fn measure() {
     }
     swerves();
     odometries();
+    powers();
 }
 
 // SAFETY: nothing else has this name.
@@ -90,4 +92,61 @@ fn odometries() {
 #[inline(never)]
 fn odometry_step(odometry: &mut Odometry, config: &OdometryConfig, input: &OdometryInput) {
     odometry.update(config, *input, Seconds::new(0.005));
+}
+
+const POWER: PowerConfig = PowerConfig {
+    model: PowerModel {
+        mechanical: 1.2,
+        per_speed: 0.22,
+        per_torque: 1.2,
+        idle: 2.78,
+        returned: 0.5,
+    },
+    uncertainty: 2.2,
+    limits: [Watts::new(45.0), Watts::new(120.0)],
+    buffer: Joules::new(60.0),
+};
+
+/// Wishes that are within the limit, that drive, that brake, and some of both.
+fn powers() {
+    let mut limiter = PowerLimiter::new(&POWER);
+    for step in 0..400_u16 {
+        let size = 6.0 - 0.015 * f32::from(step);
+        let signs = [
+            1.0,
+            if step % 3 == 0 { -1.0 } else { 1.0 },
+            if step % 5 == 0 { -1.0 } else { 1.0 },
+            1.0,
+        ];
+        let wished = signs.map(|sign: f32| NewtonMetres::new(size * sign));
+        let speeds = [Rpm::new(if step % 7 == 0 { -300.0 } else { 300.0 }); 4];
+        let (others, derating) = (Watts::ZERO, 1.0);
+        let input = PowerInput { wished, measured: wished, speeds, others, derating };
+        black_box(allocate(black_box(&POWER.model), black_box(&input)).share);
+        if step % 10 == 0 {
+            hear(&mut limiter, black_box(f32::from(50 - step / 10)));
+        }
+        black_box(limit(&mut limiter, black_box(&input)).share);
+    }
+}
+
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_4_allocate")]
+#[inline(never)]
+fn allocate(model: &PowerModel, input: &PowerInput<4>) -> Allocation<4> {
+    model.allocate(input.wished, input.speeds, Watts::new(80.0))
+}
+
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_limiter")]
+#[inline(never)]
+fn limit(limiter: &mut PowerLimiter, input: &PowerInput<4>) -> Allocation<4> {
+    limiter.allocate(&POWER, input, Seconds::new(0.01))
+}
+
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_limiter_hears")]
+#[inline(never)]
+fn hear(limiter: &mut PowerLimiter, joules: f32) {
+    limiter.hear(&POWER, Watts::new(80.0), Joules::new(joules));
 }

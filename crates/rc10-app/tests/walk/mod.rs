@@ -7,6 +7,7 @@ pub mod bases;
 pub mod control;
 pub mod mechanisms;
 pub mod paths;
+pub mod power;
 pub mod profiles;
 
 /// A walk gives every result that it sees to a function.
@@ -19,6 +20,7 @@ pub const WALKS: &[(&str, Walk)] = &[
     ("mechanisms", mechanisms::walk),
     ("profiles", profiles::walk),
     ("paths", paths::walk),
+    ("power", power::walk),
 ];
 
 /// The hash of everything that a walk sees: FNV-1a over the bits.
