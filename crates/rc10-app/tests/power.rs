@@ -217,6 +217,18 @@ fn a_limiter_ignores_bad_steps_and_readings() {
     assert!(hot.share < 0.8 && not.share == 0.0, "{hot:?} {not:?}");
 }
 
+/// A base at rest whose task makes no steps: the buffer fills, and that contradicts nothing.
+#[test]
+fn readings_without_a_step_between_contradict_nothing() {
+    let config = config(M3508);
+    let mut limiter = PowerLimiter::new(&config);
+    for joules in 10..=60_u8 {
+        limiter.hear(&config, Watts::new(80.0), Joules::new(joules.into()));
+        assert!((limiter.energy().get() - f32::from(joules)).abs() <= 0.5);
+    }
+    assert_eq!((limiter.rejected(), limiter.model(&config)), (0, config.model));
+}
+
 #[test]
 fn configurations_are_checked() {
     let config = config(M3508);

@@ -22,8 +22,10 @@ pub struct Stream {
 /// Bits of the longest error frame and what follows: two flags of six each, delimiter 8, interframe space 3, and what the
 /// flags overlap.
 pub const ERROR_FRAME: u32 = 31;
-/// Longer than this no bus is looked at: frames that wait so long have no bound worth the name.
-const LONGEST: u32 = 1_000_000;
+/// Longer than this no bus is looked at, 100 ms: frames that wait so long have no bound worth the name.
+const LONGEST: u32 = 100_000;
+/// More error frames in a million bits are counted as these: none of them fits on a bus beside a frame.
+const MOST_ERRORS: u32 = 20_000;
 
 impl Stream {
     /// The period of what is set up now and then.
@@ -109,6 +111,7 @@ pub const fn response(streams: &[Stream], of: usize, errors: u32) -> Option<u32>
             blocking = most(blocking, other.bits);
         }
     }
+    let errors = if errors < MOST_ERRORS { errors } else { MOST_ERRORS };
     let lost = (errors, ERROR_FRAME + longest);
     let others = Others { streams, of, urgency, lost };
     let mut busy = blocking + queued + own.bits;

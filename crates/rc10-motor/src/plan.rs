@@ -34,8 +34,8 @@ pub struct Sort {
     pub motor: usize,
     /// Whether they are sent to the motor, not by it.
     pub is_command: bool,
-    /// The place among the sorts of the command of this motor's that is sent most often.
-    pub command: usize,
+    /// The place among the sorts of the command of this motor's that is sent most often; `None` for a device that only tells.
+    pub command: Option<usize>,
 }
 
 /// A tick of the bus.
@@ -58,7 +58,7 @@ impl Plan {
     /// A bus without motors.
     pub const fn new(extra: Extra) -> Self {
         let frames = Frames::new(rc10_can::IdPattern::any_standard(), 0, Rate::Rare);
-        let sort = Sort { frames, motor: 0, is_command: false, command: 0 };
+        let sort = Sort { frames, motor: 0, is_command: false, command: None };
         let streams = [Stream::new(frames.pattern, 0, Stream::RARE); Self::MOST];
         Self { streams, sorts: [sort; Self::MOST], len: 0, extra }
     }
@@ -80,14 +80,14 @@ impl Plan {
     /// With one motor more, called by this number. [`settled`](Self::settled) comes last.
     pub const fn with(mut self, motor: usize, ids: &CanIds) -> Self {
         let (sent, received) = (ids.transmitted(), ids.received());
-        let (mut at, mut command, mut most) = (0, self.len, 0);
+        let (mut at, mut command, mut most) = (0, None, 0);
         while at < sent.len() + received.len() {
             let is_command = at < sent.len();
             let frames = if is_command { sent[at] } else { received[at - sent.len()] };
             let rate = frames.rate.per_second();
             let place = self.place_of(motor, &frames, is_command);
             if is_command && rate > most {
-                (command, most) = (place, rate);
+                (command, most) = (Some(place), rate);
             }
             let period = match 1_000_000_u32.checked_div(rate) {
                 Some(period) => period,
@@ -143,12 +143,12 @@ impl Plan {
                 let Sort { frames, is_command, command, .. } = self.sorts[at];
                 if !is_command && matches!(frames.rate, Rate::EveryTick) {
                     // A command that is not sent within its tick is replaced by the next one.
-                    let late = match self.response(command) {
+                    let late = match self.arrives(command) {
                         Some(late) if late < LATEST => late,
                         _ => LATEST,
                     };
                     // Behind the earliest reply: to the shortest command, at once.
-                    let late = late + REPLY - SHORTEST;
+                    let late = (late + REPLY).saturating_sub(SHORTEST);
                     is_settled &= late <= self.streams[at].jitter;
                     self.streams[at].jitter = late;
                 }
@@ -170,6 +170,14 @@ impl Plan {
     #[must_use]
     pub const fn response(&self, sort: usize) -> Option<u32> {
         response(self.streams.split_at(self.len).0, sort, self.extra.errors)
+    }
+
+    /// The same of a motor's command; at once, if it has none.
+    const fn arrives(&self, command: Option<usize>) -> Option<u32> {
+        match command {
+            Some(command) => self.response(command),
+            None => Some(0),
+        }
     }
 
     /// Whether these are the frames that their motor sends most often.
@@ -202,7 +210,7 @@ impl Plan {
     /// to the next tick, and back.
     #[must_use]
     pub const fn age(&self, sort: usize) -> Option<u32> {
-        match (self.response(sort), self.response(self.sorts[sort].command)) {
+        match (self.response(sort), self.arrives(self.sorts[sort].command)) {
             (Some(there), Some(back)) => {
                 Some(self.streams[sort].period.saturating_add(there + back))
             }

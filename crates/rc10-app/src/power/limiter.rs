@@ -193,6 +193,12 @@ impl PowerLimiter {
         let between = |x: f32, least: f32, most: f32| if x > least { x.min(most) } else { least };
         let limit = between(limit.get(), lowest, highest);
         let read = between(buffer.get(), 0.0, full);
+        if self.age <= 0.0 {
+            // No step since the last reading, so the motors do nothing that is known of.
+            (self.most, self.least, self.limit) = (read + 1.0, read, limit);
+            self.believed = self.believed.min(limit);
+            return self.restart(read);
+        }
         // It cannot have more than it had and gained, whatever is said.
         let drawn = dot(&self.shares, &self.drawn);
         let fewest = dot(&[1.0 / config.uncertainty; NUMBERS], &self.drawn);

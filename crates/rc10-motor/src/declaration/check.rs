@@ -197,13 +197,14 @@ const fn check_times(entries: &[Entry<Device>], buses: usize) -> Result<(), Setu
         while at < plan.sorts().len() {
             let Sort { motor, command, .. } = plan.sorts()[at];
             let Entry { label, on, most_age, .. } = entries[motor];
-            let why = match most_age {
+            let why = match (most_age, command) {
                 _ if !plan.is_feedback(at) => None,
-                None => match plan.response(command) {
+                (None, None) => None,
+                (None, Some(command)) => match plan.response(command) {
                     Some(most) if most <= plan.period(command) => None,
                     most => Some(Unsound::LateCommand { most, next: plan.period(command) }),
                 },
-                Some(allowed) => match plan.age(at) {
+                (Some(allowed), _) => match plan.age(at) {
                     Some(most) if most as u64 <= allowed.get() => None,
                     most => Some(Unsound::OldFeedback { most, allowed }),
                 },

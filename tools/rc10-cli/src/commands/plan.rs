@@ -121,7 +121,7 @@ fn check(entries: &[Entry<Device>]) -> std::result::Result<(), SetupError> {
 /// A motor of DJI, by its model, or one like another motor of the robot.
 fn thought_of(more: &More, entries: &[Entry<Device>]) -> Result<Device> {
     let models = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT];
-    let model = models.iter().find(|model| model.name.starts_with(&*more.motor));
+    let model = models.iter().find(|model| model.name.split(' ').next() == Some(&*more.motor));
     let like = entries.iter().find(|entry| entry.label.replace(' ', "-") == more.motor);
     let mut device = match (model, like) {
         (Some(model), _) => dji::Config::new(model, 1).device(),
@@ -295,7 +295,7 @@ impl<'e> BusPlan<'e> {
                 let allowed = self.entries.get(sort.motor).and_then(|entry| entry.most_age);
                 (
                     self.label(sort.motor),
-                    self.plan.response(sort.command),
+                    sort.command.and_then(|at| self.plan.response(at)),
                     self.plan.age(at),
                     allowed,
                 )
