@@ -154,12 +154,16 @@ fn a_gain_ten_times_as_high_is_warned_of_and_turns_red() {
     page.until_value(full, 10.0 * before);
     // With its angle loop, too, it shakes at the first motion of the script.
     let begin = page.number("state.now");
+    // When it was judged so, in the robot's time: how late the page shows it is the machine's business.
+    page.browser.look(&format!(
+        "window.redAt = null; \
+         const red = () => [...document.querySelectorAll('#problems li.problem')].some((it) => it.textContent.includes('{label}: shakes')); \
+         new MutationObserver(() => {{ if (window.redAt === null && red()) window.redAt = state.judged; }}) \
+           .observe(document.querySelector('#problems'), {{ childList: true, subtree: true, characterData: true }})"
+    ));
     page.browser.look("return send([['gimbal_yaw.angle_kp', of('gimbal_yaw.angle_kp').range[1]]])");
-    let red = format!(
-        "return [...document.querySelectorAll('#problems li.problem')].some((it) => it.textContent.includes('{label}: shakes'))"
-    );
-    page.browser.until(&red);
-    let told = page.number("state.now") - begin;
+    page.browser.until("return window.redAt !== null");
+    let told = page.number("window.redAt") - begin;
     // Since when: 0.6 s in which the effort changes its direction four times in each 0.2 s.
     let script = format!(
         "const done = arguments[0], index = state.signals.find((it) => it.label === '{label}' && it.name === 'effort').index; \

@@ -87,7 +87,8 @@ pub struct Judge<'k> {
     /// The oldest first, with the robot's time at which it began.
     recordings: VecDeque<(Micros, Replay<'k>)>,
     before: Micros,
-    judged: Option<Micros>,
+    /// When that was, in the robot's time; `None`: not yet.
+    pub judged: Option<Micros>,
     /// The last findings.
     pub found: Vec<Problem>,
     /// Events, in the robot's time.

@@ -629,6 +629,7 @@ impl LivePage<'_, '_> {
             "is_simulated": self.is_simulated,
             "broken": self.broken.words().collect::<Vec<_>>(),
             "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),
+            "judged": self.judge.judged.map(Micros::get),
             "happened": happened.iter()
                 .map(|(at, what)| json!([at.get() as f64 * 1e-6, what])).collect::<Vec<_>>(),
             "stranger": self.stranger,
