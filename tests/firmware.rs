@@ -308,8 +308,9 @@ fn feedback_waits(faults: &[&str]) -> u64 {
                 |sort: &Sort| sort.is_command && sort.frames.pattern.raw() == u32::from(command);
             let place = plan.sorts().iter().position(of_command).unwrap();
             let within = plan.response(place).unwrap();
-            let latest =
-                sent.iter().map(|entry| late(entry) + (entry.end.get() - entry.start.get())).max();
+            let took =
+                |entry: &&TraceEntry| late(entry) - grid + entry.end.get() - entry.start.get();
+            let latest = sent.iter().map(took).max();
             let latest = latest.unwrap() / 1000;
             println!(
                 "bus {}: a command arrived after {latest} us at most, {within} computed",
