@@ -44,7 +44,7 @@ const TICK: u32 = 1000;
 const LATEST: u32 = TICK + 160;
 /// Bits of the shortest command.
 const SHORTEST: u32 = LengthBounds::of(0, false).min;
-/// From when a tick reads feedback to when its commands may leave: `cargo xtask emulate feedback_waits` measures 53.
+/// From when a tick reads feedback to when its commands may leave: `cargo xtask emulate feedback_waits` measures 56.
 const WORK: u32 = 60;
 /// How far a device's own period may be off. An assumption, as the next one: no maker tells it.
 const JITTER: u32 = 50;
