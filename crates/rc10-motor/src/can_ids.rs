@@ -161,22 +161,37 @@ pub struct Frames {
     pub rate: Rate,
     /// Share of them that is the device's.
     pub ownership: Ownership,
-    /// The bits of the identifier that are the pattern's in those sent all the time.
-    pub usual: u32,
+    /// So many of the identifier's first bits are the pattern's in those sent all the time, whatever its mask asks for.
+    pub leading: u8,
 }
 
 impl Frames {
     /// Frames that are one device's as a whole.
     pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
-        Self { pattern, len, rate, ownership: Ownership::Whole, usual: pattern.mask() }
+        Self { pattern, len, rate, ownership: Ownership::Whole, leading: 0 }
     }
 
-    /// Frames of which those sent all the time have more bits of their pattern's identifier than its mask asks for: how
-    /// urgent they are on the bus follows from that.
+    /// Frames of which those sent all the time have so many first bits of their pattern's identifier: how urgent they are
+    /// on the bus follows from that.
     #[must_use]
-    pub const fn usually(mut self, mask: u32) -> Self {
-        self.usual = mask;
+    pub const fn with_leading(mut self, bits: u8) -> Self {
+        self.leading = bits;
         self
+    }
+
+    /// The identifiers of those sent all the time.
+    pub(crate) const fn usual(&self) -> IdPattern {
+        let width = if self.pattern.is_extended() { 29 } else { 11 };
+        let others = (1_u32 << (width - self.leading as u32)) - 1;
+        let leading = if self.leading == 0 { 0 } else { !others };
+        self.pattern.under(self.pattern.mask() | leading)
+    }
+
+    /// Whether it is a share of the command frame with this identifier, which is sent once for all whose shares it has.
+    pub(crate) const fn is_part_of(&self, sent: &IdPattern) -> bool {
+        matches!(self.ownership, Ownership::Bytes(_))
+            && self.pattern.raw() == sent.raw()
+            && self.pattern.is_extended() == sent.is_extended()
     }
 
     /// Frames of which the device owns a part.

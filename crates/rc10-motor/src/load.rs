@@ -2,7 +2,7 @@ use core::fmt;
 
 use rc10_can::{IdPattern, LengthBounds};
 
-use crate::can_ids::{CanIds, Frames, Ownership};
+use crate::can_ids::{CanIds, Frames};
 
 /// The share of a bus that its motors need, known before power-on from their identifiers.
 ///
@@ -82,10 +82,7 @@ impl LoadSum {
     const fn is_counted(&mut self, sent: &Frames) -> bool {
         let mut at = 0;
         while at < self.len {
-            let known = &self.shared[at];
-            let is_known = known.raw() == sent.pattern.raw()
-                && known.is_extended() == sent.pattern.is_extended();
-            if is_known && matches!(sent.ownership, Ownership::Bytes(_)) {
+            if sent.is_part_of(&self.shared[at]) {
                 return true;
             }
             at += 1;

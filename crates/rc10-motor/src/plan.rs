@@ -3,7 +3,7 @@
 use rc10_can::LengthBounds;
 use rc10_can::response::{Stream, response};
 
-use crate::can_ids::{CanIds, Frames, Ownership, Rate};
+use crate::can_ids::{CanIds, Frames, Rate};
 use crate::declaration::{Device, Entry, Place, Wiring};
 
 /// The sorts of frames of a bus, and how late each can be. Times are in bits: microseconds at 1 Mbit/s.
@@ -56,7 +56,7 @@ impl Plan {
     pub const MOST: usize = 128;
 
     /// A bus without motors.
-    pub const fn new(extra: Extra) -> Self {
+    const fn new(extra: Extra) -> Self {
         let frames = Frames::new(rc10_can::IdPattern::any_standard(), 0, Rate::Rare);
         let sort = Sort { frames, motor: 0, is_command: false, command: None };
         let streams = [Stream::new(frames.pattern, 0, Stream::RARE); Self::MOST];
@@ -78,7 +78,7 @@ impl Plan {
     }
 
     /// With one motor more, called by this number. [`settled`](Self::settled) comes last.
-    pub const fn with(mut self, motor: usize, ids: &CanIds) -> Self {
+    const fn with(mut self, motor: usize, ids: &CanIds) -> Self {
         let (sent, received) = (ids.transmitted(), ids.received());
         let (mut at, mut command, mut most) = (0, None, 0);
         while at < sent.len() + received.len() {
@@ -93,8 +93,7 @@ impl Plan {
                 Some(period) => period,
                 None => Stream::RARE,
             };
-            let usual = frames.pattern.under(frames.usual);
-            let mut stream = Stream::new(usual, frames.len, period);
+            let mut stream = Stream::new(frames.usual(), frames.len, period);
             if place < self.len {
                 self.streams[place] = self.streams[place].or(stream);
             } else if place < Self::MOST && (rate > 0 || self.extra.set_up) {
@@ -120,12 +119,7 @@ impl Plan {
             let known = &self.sorts[at];
             let is_place = match (known.frames.rate, frames.rate) {
                 (Rate::Rare, Rate::Rare) => known.motor == motor,
-                _ => {
-                    let (known, new) = (known.frames.pattern, frames.pattern);
-                    matches!(frames.ownership, Ownership::Bytes(_))
-                        && known.raw() == new.raw()
-                        && known.is_extended() == new.is_extended()
-                }
+                _ => frames.is_part_of(&known.frames.pattern),
             };
             if is_place && known.is_command == is_command {
                 return at;
@@ -136,7 +130,7 @@ impl Plan {
     }
 
     /// With replies as late as the commands that they answer. They may delay commands themselves.
-    pub const fn settled(mut self) -> Self {
+    const fn settled(mut self) -> Self {
         loop {
             let (mut at, mut is_settled) = (0, true);
             while at < self.len {
@@ -204,6 +198,12 @@ impl Plan {
     #[must_use]
     pub const fn period(&self, sort: usize) -> u32 {
         self.streams[sort].period
+    }
+
+    /// Bits of the longest frame of this sort, with the interframe space.
+    #[must_use]
+    pub const fn bits(&self, sort: usize) -> u32 {
+        self.streams[sort].bits
     }
 
     /// How old feedback of this sort is at most when a command that it decided has arrived: a period, to the bus and over it,

@@ -87,10 +87,10 @@ const LAG: f32 = 0.02;
 /// Energy that the limiter leaves in the buffer, J, and W for each joule above or below.
 const TARGET: f32 = 15.0;
 const GAIN: f32 = 4.0;
-/// Variances: of a reading, J² (a joule is cut off); of each share, by second, most where windings warm up; of the
+/// Variances: of a reading, J² (a joule is cut off); of each share, by second, as windings warm up; of the
 /// energy, by reading.
 const READING: f32 = 0.15;
-const DRIFT: [f32; NUMBERS] = [1e-5, 1e-5, 1e-5, 1e-5];
+const DRIFT: f32 = 1e-5;
 const WANDER: f32 = 0.02;
 
 /// Numbers of the model.
@@ -335,7 +335,7 @@ impl PowerLimiter {
             let covariance = self.covariance[0][at + 1] - less;
             self.covariance[0][at + 1] = covariance;
             self.covariance[at + 1][0] = covariance;
-            self.covariance[at + 1][at + 1] += DRIFT[at] * self.age.min(60.0);
+            self.covariance[at + 1][at + 1] += DRIFT * self.age.min(60.0);
         }
         let late = 0.5 * LAG * (self.gained - dot(&self.shares, &drawn)) / self.age.max(LAG);
         self.energy = energy;

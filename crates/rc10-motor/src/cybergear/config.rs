@@ -207,7 +207,7 @@ impl Config {
         let replies = Frames::new(IdPattern::extended(replies).under(0xFFFF), 8, Rate::EveryTick);
         let motion = IdPattern::extended(MOTION | motor).under(0x1F00_00FF);
         CanIds::new()
-            .receives(replies.usually(0x1F00_FFFF))
+            .receives(replies.with_leading(5))
             .transmits(Frames::new(motion, 8, Rate::EveryTick))
             .transmits(Frames::new(IdPattern::extended(motor).under(0xFF), 8, Rate::Rare))
     }

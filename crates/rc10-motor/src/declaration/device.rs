@@ -5,10 +5,6 @@ use crate::{cybergear, damiao, dji, lk, odrive, unitree, vesc};
 
 /// The device of a motor with its configuration, whatever its vendor: for checks and tools.
 #[derive(Clone, Copy, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a declaration is a constant, and stays in the compiler"
-)]
 #[non_exhaustive]
 pub enum Device {
     /// A [`Dji`](dji::Dji).

@@ -284,7 +284,7 @@ impl Config {
         let limits = packet(Packet::ConfCurrentLimits, self.id);
         let command = Frames::new(commands(self.id), 4, Rate::Hz(self.command_hz));
         ids.receives(pong.owned(Ownership::Guard(from)))
-            .transmits(command.usually(COMMANDS))
+            .transmits(command.with_leading(COMMANDS))
             .transmits(Frames::new(packet(Packet::Ping, self.id), 1, Rate::Rare))
             .transmits(Frames::new(limits, 8, Rate::Rare))
             .listens_to(commands(EVERY))
@@ -295,8 +295,8 @@ const fn packet(packet: Packet, id: u8) -> IdPattern {
     IdPattern::extended((packet.number() as u32) << 8 | id as u32)
 }
 
-/// Bits of commands that move the motor: packets 0 to 15, of which a handbrake's is 12.
-const COMMANDS: u32 = 0x1FFF_F0FF;
+/// First bits of the commands that move the motor: packets 0 to 15, of which a handbrake's is 12.
+const COMMANDS: u8 = 17;
 
 /// All commands to one VESC, or to all.
 const fn commands(id: u8) -> IdPattern {

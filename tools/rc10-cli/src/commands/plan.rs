@@ -5,13 +5,13 @@ use std::str::FromStr;
 
 use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use clap::Args;
-use rc10_can::LengthBounds;
 use rc10_motor::dji::{self, FeedbackRate};
 use rc10_motor::plan::{Extra, Plan, Sort};
 use rc10_motor::{
     AttachError, BusLoad, Device, Entry, MOST_BUSES, Place, Rate, SetupError, Unsound, Wiring,
     declaration,
 };
+use rc10_sim::fault::is_called;
 use rc10_time::Micros;
 use serde_json::{Value, json};
 
@@ -122,7 +122,7 @@ fn check(entries: &[Entry<Device>]) -> std::result::Result<(), SetupError> {
 fn thought_of(more: &More, entries: &[Entry<Device>]) -> Result<Device> {
     let models = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT];
     let model = models.iter().find(|model| model.name.split(' ').next() == Some(&*more.motor));
-    let like = entries.iter().find(|entry| entry.label.replace(' ', "-") == more.motor);
+    let like = entries.iter().find(|entry| is_called(entry.label, &more.motor));
     let mut device = match (model, like) {
         (Some(model), _) => dji::Config::new(model, 1).device(),
         (None, Some(like)) => like.config,
@@ -260,8 +260,6 @@ impl<'e> BusPlan<'e> {
             let is_reply = !sort.is_command && matches!(sort.frames.rate, Rate::EveryTick);
             let due = period.filter(|_| !is_reply).zip(within);
             let slack = due.map(|(due, within)| i64::from(due) - i64::from(within));
-            let bits =
-                LengthBounds::of(sort.frames.len.into(), sort.frames.pattern.is_extended()).max;
             vec![
                 words(sort.frames.pattern),
                 words(if sort.is_command { "robot" } else { self.label(sort.motor) }),
@@ -271,7 +269,7 @@ impl<'e> BusPlan<'e> {
                     "robot".to_owned()
                 }),
                 words(period.map_or("set-up".to_owned(), |period| period.to_string())),
-                words(bits),
+                words(self.plan.bits(at)),
                 Cell {
                     bad: within.is_none(),
                     ..words(within.map_or("no bound".to_owned(), |it| it.to_string()))
@@ -344,7 +342,7 @@ impl<'e> BusPlan<'e> {
                 "is_command": sort.is_command,
                 "motors": self.motors(at),
                 "period_us": 1_000_000_u32.checked_div(sort.frames.rate.per_second()),
-                "bits": LengthBounds::of(sort.frames.len.into(), sort.frames.pattern.is_extended()).max,
+                "bits": self.plan.bits(at),
                 "response_us": self.plan.response(at),
             })
         });

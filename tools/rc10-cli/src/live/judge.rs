@@ -87,7 +87,7 @@ pub struct Judge<'k> {
     /// The oldest first, with the robot's time at which it began.
     recordings: VecDeque<(Micros, Replay<'k>)>,
     before: Micros,
-    /// When that was, in the robot's time; `None`: not yet.
+    /// When it was judged last, in the robot's time; `None`: not yet.
     pub judged: Option<Micros>,
     /// The last findings.
     pub found: Vec<Problem>,

@@ -11,6 +11,7 @@ use clap::Args;
 use rc10_link::Action;
 use rc10_motor::rc10_app::{Cascade, Gravity};
 use rc10_motor::{DriveMode, TargetKind};
+use rc10_sim::fault::is_called;
 use rc10_time::Micros;
 
 use super::estimate::{Estimate, Figure, Sample, Told};
@@ -307,11 +308,8 @@ fn rounded(value: f32) -> f32 {
 /// record, or if nothing can be told.
 pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let motors = robot.description().motors.clone();
-    let is_meant = |label: &str| {
-        let same = |text: &str| text.replace(['-', '_'], " ").to_lowercase();
-        same(label) == same(&args.motor)
-    };
-    let Some(at) = motors.iter().position(|it| is_meant(it.label)) else {
+    let named = args.motor.replace('_', "-");
+    let Some(at) = motors.iter().position(|it| is_called(it.label, &named)) else {
         let labels: Vec<_> = motors.iter().map(|it| it.label.replace(' ', "-")).collect();
         bail!("there is no motor `{}`; there are: {}", args.motor, labels.join(", "));
     };
