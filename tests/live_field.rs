@@ -261,9 +261,7 @@ fn what_goes_wrong_by_a_click_is_named_and_taken_back() {
         ("cut:leg", "there is no part on a UART or motor `leg`; there are: "),
         ("flood:1", "there is no such fault"),
         ("direction:leg", "there is no motor `leg`"),
-        ("direction:wheel-front-left", "not while it runs: begin the robot with it"),
         ("swap:wheel-front-left,feeder", "they cannot stand for one another"),
-        ("mass:x2", "not while it runs"),
         ("load:lift=2", "no number"),
         ("hang", "has no chip"),
         ("", "there is no such fault"),
@@ -275,4 +273,41 @@ fn what_goes_wrong_by_a_click_is_named_and_taken_back() {
     assert!(status == 409 && body.contains("was not let go wrong here"), "{body}");
     assert_eq!(wish(port, &json!({ "break": 3 })).0, 409);
     assert_eq!(state(port)["broken"], json!([]));
+}
+
+/// The state of a program that may just be beginning anew, once it is so.
+fn anew(port: u16, is_so: impl Fn(&Value) -> bool) {
+    let began = std::time::Instant::now();
+    loop {
+        let is_there = std::net::TcpStream::connect(("127.0.0.1", port)).is_ok();
+        if is_there && is_so(&state(port)) {
+            return;
+        }
+        assert!(began.elapsed().as_secs() < 300);
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn what_cannot_be_while_it_runs_begins_the_robot_anew() {
+    let (_live, port) = begin(&["--mistake", "load:lift=x1.2"]);
+    until(port, |state| state["whole"] == true);
+    assert_eq!(state(port)["broken"], json!(["load:lift=x1.2"]));
+    let (first, other) = ("direction:wheel-front-left", "radius:x2");
+    assert_eq!(wish(port, &json!({ "break": first })).0, 200);
+    anew(port, |state| state["broken"] == json!(["load:lift=x1.2", first]));
+    // What can be while it runs still is so, and a third comes beside the others.
+    until(port, |state| state["whole"] == true && state["now"].as_u64() > Some(300_000));
+    assert_eq!(wish(port, &json!({ "mend": "load:lift=x1.2" })).0, 200);
+    until(port, |state| state["broken"] == json!([first]));
+    assert_eq!(wish(port, &json!({ "break": other })).0, 200);
+    anew(port, |state| state["broken"] == json!([first, other]));
+    for left in [json!([other]), json!([])] {
+        let gone = if left == json!([]) { other } else { first };
+        until(port, |state| state["whole"] == true);
+        assert_eq!(wish(port, &json!({ "mend": gone })).0, 200);
+        anew(port, |state| state["broken"] == left);
+    }
+    assert_eq!(wish(port, &json!({ "do": "stop" })).0, 200);
 }

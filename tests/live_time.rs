@@ -1,5 +1,6 @@
 //! Time on the page of `rc10 live`: values at a high rate, the time bar, records in the page, and reports from it.
 
+use std::io::{Read as _, Write as _};
 use std::process::Command;
 use std::time::Instant;
 
@@ -203,6 +204,74 @@ fn a_record_opens_in_the_same_page() {
     assert_eq!(page.look("return playing"), json!(null));
     let (status, report) = http(port, "GET", "/report", "", "");
     assert!(status == 200 && report.contains("gimbal yaw"));
+}
+
+/// What a page chose is in the record as often as it was sent, and in the page that opens it.
+#[test]
+fn a_record_has_what_was_chosen_at_1_khz() {
+    let folder = Scratch::new("live-record-chosen");
+    let rc10 = || Command::new(env!("CARGO_BIN_EXE_rc10"));
+    let mut command = rc10();
+    let (robot, port) =
+        live(command.args(["live", "--sim", "--script", "--page", "0", "--out"]).arg(&*folder));
+    let state =
+        |port| serde_json::from_str::<Value>(&http(port, "GET", "/state", "", "").1).unwrap();
+    let until = |port, is_so: &dyn Fn(&Value) -> bool| {
+        let began = Instant::now();
+        loop {
+            let state = state(port);
+            if is_so(&state) {
+                return state;
+            }
+            assert!(began.elapsed().as_secs() < 300, "{state}");
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+    };
+    let wish = |body: Value| http(port, "POST", "/wish", JSON, &body.to_string());
+    let begun = until(port, &|state| state["whole"] == true);
+    let find = |state: &Value, name: &str| {
+        let all = state["signals"].as_array().unwrap().iter();
+        let mut found = all.filter(|it| it["label"] == "feeder" && it["name"] == name);
+        found.next().unwrap()["index"].as_u64().unwrap()
+    };
+    let speed = find(&begun, "speed");
+    assert_eq!(wish(json!({ "watch": [speed], "period": 1, "page": 7 })).0, 200);
+    assert_eq!(wish(json!({ "record": true })).0, 200);
+    until(port, &|state| state["record"]["seconds"].as_f64() > Some(2.5));
+    assert_eq!(wish(json!({ "record": false })).0, 200);
+    until(port, &|state| state["record"].is_null());
+    drop(robot);
+    let file = folder.join("001.mcap");
+    let mut command = rc10();
+    let (_live, port) = live(command.arg("live").arg(&file).args(["--page", "0"]));
+    let opened = until(port, &|state| state["file"]["judged"] == true);
+    assert_eq!(opened["trouble"], Value::Null);
+    let values = |name: &str| {
+        let signal = find(&opened, name);
+        let query = format!("/data?signals={signal}&from=1000000&to=2000000&columns=10000");
+        let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).unwrap();
+        let request =
+            format!("GET {query} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let body = answer.windows(4).position(|it| it == b"\r\n\r\n").unwrap() + 4 + 8;
+        let word = |at: usize| <[u8; 4]>::try_from(&answer[body + 4 * at..][..4]).unwrap();
+        let count = u32::from_le_bytes(word(0)) as usize;
+        let times = (0..count).map(|at| f32::from_le_bytes(word(1 + 2 * at)));
+        let values = (0..count).map(|at| f32::from_le_bytes(word(2 + 2 * at)));
+        assert!(values.into_iter().all(f32::is_finite), "{name}");
+        let times: Vec<_> = times.collect();
+        times.windows(2).map(|two| ((two[1] - two[0]) * 1000.0).round() as u32).collect::<Vec<_>>()
+    };
+    let [chosen, other] = ["speed", "total_angle"].map(values);
+    assert!(chosen.len() >= 1000 && chosen.iter().all(|gap| *gap == 1), "{chosen:?}");
+    assert!(other.len() < 110 && other.iter().all(|gap| *gap >= 9), "{other:?}");
+    // The report and the CSV files take it as they take any record.
+    let csv = rc10().args(["csv", "--out"]).arg(folder.join("csv")).arg(&file).output().unwrap();
+    assert!(csv.status.success(), "{csv:?}");
+    let lines = std::fs::read_to_string(folder.join("csv/chosen-motors-feeder.csv")).unwrap();
+    assert!(lines.lines().count() > 2000, "{}", lines.lines().count());
 }
 
 #[test]

@@ -1,5 +1,6 @@
 use core::convert::Infallible;
 
+use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Read;
 use rc10_time::Micros;
 
@@ -56,7 +57,8 @@ pub async fn listen(
 #[error("the receiver is Ppm, which no UART can hear: must be one of the serial ones")]
 pub struct NotSerial;
 
-/// Listens for ever to pulses: `edges` gives each rising edge's time, `channels` says which is what.
+/// Listens for ever to pulses: `edges` gives each rising edge's time, `channels` says which is what. A future of `edges`
+/// that is dropped must take none.
 pub async fn listen_pulses(
     channels: ChannelOrder,
     mut edges: impl AsyncFnMut() -> Micros,
@@ -65,9 +67,19 @@ pub async fn listen_pulses(
 ) -> ! {
     let map = ChannelMap::of(channels, PPM_TRAVEL, ChannelMap::AIR_JOY);
     let mut ppm = Ppm::default();
+    let silence = Duration::from_micros(Ppm::SILENCE.get());
+    // The last edge, until its silence is over.
+    let mut last = None;
     loop {
-        let at = edges().await;
-        if let Some(channels) = ppm.edge(at) {
+        let next = match last {
+            Some(_) => with_timeout(silence, edges()).await.ok(),
+            None => Some(edges().await),
+        };
+        let (heard, at) = match (next, last.take()) {
+            (Some(at), _) => (ppm.edge(at), *last.insert(at)),
+            (None, before) => (ppm.silence(), before.unwrap_or_default() + Ppm::SILENCE),
+        };
+        if let Some(channels) = heard {
             hear(map.remote(&channels), at);
         }
         reception.write(ppm.counters());

@@ -7,9 +7,10 @@ use crate::Counters;
 /// Eight channels as times between pulses.
 ///
 /// 950 to 2050 µs between two rising edges is a channel, 2100 µs or more ends the frame, anything
-/// else is no frame. A frame is delivered at the edge that ends it, when it had exactly eight
-/// channels: one edge too many or too few would make a switch of a stick. After 100 ms without an
-/// edge what was begun is over, and the next frame begins behind the next end of one.
+/// else is no frame. A frame is delivered when it ends, if it had exactly eight channels: one edge too
+/// many or too few would make a switch of a stick. [`silence`](Self::silence) delivers it some 8 ms before the edge
+/// that follows. After 100 ms without an edge what was begun is over, and the next frame begins behind the next end
+/// of one.
 ///
 /// Made for pulses of either polarity: only the time from edge to edge counts.
 #[derive(Clone, Debug, Default)]
@@ -51,11 +52,25 @@ impl Ppm {
         }
         self.count = Some(0);
         if begun == Some(self.channels.len()) {
-            self.counters.frames = self.counters.frames.wrapping_add(1);
-            return Some(self.channels);
+            return self.deliver();
         }
         self.drop_frame(begun);
         None
+    }
+
+    /// The time without an edge that ends a frame.
+    pub const SILENCE: Micros = Micros::new(*END.start());
+
+    /// No edge came for [`SILENCE`](Self::SILENCE) after the last: the frame, if that ended one.
+    pub fn silence(&mut self) -> Option<[u16; 8]> {
+        // The next begins behind the edge that follows, if that is not too early.
+        let begun = self.count.take_if(|count| *count == self.channels.len());
+        begun.and_then(|_| self.deliver())
+    }
+
+    fn deliver(&mut self) -> Option<[u16; 8]> {
+        self.counters.frames = self.counters.frames.wrapping_add(1);
+        Some(self.channels)
     }
 
     /// Counters of the frames so far: good ones, and those that were begun and dropped.
@@ -144,6 +159,29 @@ mod tests {
         assert_eq!(frames(&mut ppm, &FRAME).len(), 0);
         assert_eq!(frames(&mut ppm, &FRAME), [HEARD]);
         assert_eq!(ppm.counters().damaged, 1);
+    }
+
+    #[test]
+    fn a_silence_ends_a_frame_before_its_edge_and_only_once() {
+        let mut ppm = Ppm::default();
+        frames(&mut ppm, &[5000]);
+        for _ in 0..3 {
+            assert_eq!(frames(&mut ppm, &FRAME[..7]).len(), 0);
+            assert_eq!(ppm.silence(), None, "seven channels");
+            assert_eq!(frames(&mut ppm, &FRAME[7..8]).len(), 0);
+            assert_eq!((ppm.silence(), ppm.silence()), (Some(HEARD), None));
+            assert_eq!(frames(&mut ppm, &FRAME[8..]).len(), 0, "the edge behind it");
+        }
+        assert_eq!((ppm.counters().frames, ppm.counters().damaged), (3, 0));
+        // An edge that was on its way meanwhile begins no frame: all channels would be one further.
+        frames(&mut ppm, &FRAME[..8]);
+        assert!(ppm.silence().is_some());
+        assert_eq!(frames(&mut ppm, &[[1500; 9].as_slice(), &[5000], &FRAME].concat()), [HEARD]);
+        // As little does one behind a line that was cut.
+        frames(&mut ppm, &FRAME[..8]);
+        assert!(ppm.silence().is_some());
+        assert_eq!(frames(&mut ppm, &[&[100_001], &FRAME[..], &FRAME].concat()), [HEARD]);
+        assert_eq!((ppm.counters().frames, ppm.counters().damaged), (7, 0));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use anyhow::{Result, anyhow, ensure};
 use rc10_emu::fault::Fault;
 use rc10_sim::Plant;
 
+use crate::robot::description::Description;
 use crate::robot::mistake::Mistake;
 use crate::run::running::Running;
 use crate::world::built::Built;
@@ -41,11 +42,22 @@ impl Broken {
         self.all.iter().map(|(words, _)| words.as_str())
     }
 
-    /// Lets something go wrong, or takes it back.
+    /// The mistakes that a robot began with.
+    pub fn of(description: &Description) -> Self {
+        let of = |it: &Mistake| (it.to_string(), Wrong::Mistake(it.clone()));
+        Self { all: description.mistakes.iter().map(of).collect(), plants: Vec::new() }
+    }
+
+    /// Lets something go wrong, or takes it back. Gives the mistakes of a robot that must begin anew for that.
     ///
     /// # Errors
-    /// These are no such words, the robot cannot have it, or not while it runs.
-    pub fn change(&mut self, world: &mut dyn Running, words: &str, begins: bool) -> Result<()> {
+    /// These are no such words, or the robot cannot have it.
+    pub fn change(
+        &mut self,
+        world: &mut dyn Running,
+        words: &str,
+        begins: bool,
+    ) -> Result<Option<Vec<String>>> {
         let known = self.all.iter().position(|(known, _)| known == words);
         let wrong = read(words)?;
         ensure!(begins || known.is_some(), "{words} was not let go wrong here");
@@ -59,21 +71,23 @@ impl Broken {
             Some(at) => drop(all.remove(at)),
             None => all.push((words.to_owned(), wrong.clone())),
         }
-        if let Wrong::Mistake(_) = wrong {
-            self.build(world, &all)?;
+        if matches!(wrong, Wrong::Mistake(_)) && !self.build(world, &all)? {
+            let mistakes = all.into_iter().filter(|(_, it)| matches!(it, Wrong::Mistake(_)));
+            return Ok(Some(mistakes.map(|(words, _)| words).collect()));
         }
         // A sudden one is over.
         let is_sudden = begins && format!("{words}@0s..1s").parse::<Fault>().is_err();
         if !(is_sudden && matches!(wrong, Wrong::Fault(_))) {
             self.all = all;
         }
-        Ok(())
+        Ok(None)
     }
 
-    /// Changes the motors of a robot that runs as its mistakes say.
-    fn build(&mut self, world: &dyn Running, all: &[(String, Wrong)]) -> Result<()> {
+    /// Changes the motors of a robot that runs as its mistakes say, if that can be.
+    fn build(&mut self, world: &dyn Running, all: &[(String, Wrong)]) -> Result<bool> {
         let with = |all: &[(String, Wrong)]| {
             let mut description = world.description().clone();
+            description.mistakes.clear();
             for (_, wrong) in all {
                 if let Wrong::Mistake(mistake) = wrong {
                     description.mistakes.push(mistake.clone());
@@ -87,10 +101,9 @@ impl Broken {
             built.arms.iter().flat_map(|arm| &arm.links).map(|(_, link)| link.mass).collect()
         };
         let is_fixed = pairs.all(|(now, was)| (now.on, now.direction) == (was.on, was.direction));
-        ensure!(
-            is_fixed && built.chassis == before.chassis && masses(&built) == masses(&before),
-            "not while it runs: begin the robot with it, rc10 live --sim --mistake"
-        );
+        if !is_fixed || built.chassis != before.chassis || masses(&built) != masses(&before) {
+            return Ok(false);
+        }
         if self.plants.is_empty() {
             self.plants = world.twins().iter().map(rc10_sim::Esc::plant).collect();
         }
@@ -111,6 +124,6 @@ impl Broken {
             );
             built.finish(at, twin)?;
         }
-        Ok(())
+        Ok(true)
     }
 }

@@ -1,6 +1,6 @@
 //! The values of signals as far as memory reaches, and their reduction to points for a plot.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeSet, VecDeque};
 
 use rc10_time::Micros;
 
@@ -105,7 +105,8 @@ impl Series {
 
 /// The values of signals.
 pub struct History {
-    series: BTreeMap<u16, Series>,
+    /// By index of the signal.
+    series: Vec<Series>,
     chosen: BTreeSet<u16>,
     /// Number of values, and of those of chosen signals.
     count: [usize; 2],
@@ -122,7 +123,7 @@ impl History {
     /// One that keeps about this number of values.
     #[must_use]
     pub const fn with_room(most: usize) -> Self {
-        Self { series: BTreeMap::new(), chosen: BTreeSet::new(), count: [0; 2], most }
+        Self { series: Vec::new(), chosen: BTreeSet::new(), count: [0; 2], most }
     }
 
     /// Number of values.
@@ -134,14 +135,18 @@ impl History {
     /// Number of values of a signal.
     #[must_use]
     pub fn count_of(&self, signal: u16) -> usize {
-        self.series.get(&signal).map_or(0, |it| it.count)
+        self.of(signal).map_or(0, |it| it.count)
+    }
+
+    fn of(&self, signal: u16) -> Option<&Series> {
+        self.series.get(usize::from(signal))
     }
 
     /// Keeps these signals longest: all others share what they leave, and their old values are thinned.
     pub fn choose(&mut self, chosen: BTreeSet<u16>) {
         self.count[1] = 0;
-        for (signal, series) in &mut self.series {
-            series.is_chosen = chosen.contains(signal);
+        for (signal, series) in (0..).zip(&mut self.series) {
+            series.is_chosen = chosen.contains(&signal);
             self.count[1] += if series.is_chosen { series.count } else { 0 };
         }
         self.chosen = chosen;
@@ -150,10 +155,12 @@ impl History {
     /// Adds a value, unless it is not newer than the newest.
     pub fn push(&mut self, signal: u16, at: Micros, value: f32) {
         let Self { series, chosen, count: [count, of_chosen], most } = self;
+        while series.len() <= usize::from(signal) {
+            let is_chosen = chosen.contains(&(series.len() as u16));
+            series.push(Series { is_chosen, ..Series::default() });
+        }
         let signals = series.len();
-        let series = series
-            .entry(signal)
-            .or_insert_with(|| Series { is_chosen: chosen.contains(&signal), ..Series::default() });
+        let Some(series) = series.get_mut(usize::from(signal)) else { return };
         if series.newest().is_some_and(|(newest, _)| newest >= at) {
             return;
         }
@@ -181,28 +188,28 @@ impl History {
 
     /// Removes all values: the robot was restarted, or is another one.
     pub fn clear(&mut self) {
-        (self.series, self.count) = (BTreeMap::new(), [0; 2]);
+        (self.series, self.count) = (Vec::new(), [0; 2]);
     }
 
     /// The newest value.
     #[must_use]
     pub fn newest(&self, signal: u16) -> Option<(Micros, f32)> {
-        self.series.get(&signal)?.newest()
+        self.of(signal)?.newest()
     }
 
     /// The time of the oldest value, of a signal or of all.
     #[must_use]
     pub fn begin(&self, signal: Option<u16>) -> Option<Micros> {
         match signal {
-            Some(signal) => self.series.get(&signal)?.begin(),
-            None => self.series.values().filter_map(Series::begin).min(),
+            Some(signal) => self.of(signal)?.begin(),
+            None => self.series.iter().filter_map(Series::begin).min(),
         }
     }
 
     /// The value at a time: the newest that is not newer.
     #[must_use]
     pub fn at(&self, signal: u16, at: Micros) -> Option<f32> {
-        let series = self.series.get(&signal)?;
+        let series = self.of(signal)?;
         let open = series.open.partition_point(|it| it.0 <= at);
         if let Some(place) = open.checked_sub(1) {
             return series.open.get(place).map(|it| it.1);
@@ -222,7 +229,7 @@ impl History {
         columns: u32,
         values: &mut Vec<(Micros, f32)>,
     ) {
-        let Some(series) = self.series.get(&signal) else { return };
+        let Some(series) = self.of(signal) else { return };
         let width = to.since(from).get() / u64::from(columns.max(1));
         let first = series.chunks.partition_point(|it| it.to < from).saturating_sub(1);
         for chunk in series.chunks.range(first..) {

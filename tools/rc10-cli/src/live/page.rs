@@ -107,8 +107,12 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let pages = Pages::serve(args.page)?;
     let mut session = Session::new(source.open_for_shells(robot, pages.port)?);
     let is_simulated = session.world().is_some();
+    let mut broken = Broken::default();
     match session.world() {
-        Some(world) => look(&pages.hands).begin(world, args.script),
+        Some(world) => {
+            look(&pages.hands).begin(world, args.script);
+            broken = Broken::of(world.description());
+        }
         None => ensure!(!args.script, "--script is for --sim and --emu that are begun here"),
     }
     let viewers = Viewers::new(&args.viewers)?;
@@ -150,21 +154,61 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
         moving_at: None,
         field: None,
         is_simulated,
-        broken: Broken::default(),
+        broken,
+        anew: None,
         told: Vec::new(),
         pace: (Instant::now(), Micros::ZERO, None),
     };
     tell_leftovers(&args.out);
     let mut outcome = Ok(());
-    while outcome.is_ok() && !stop.load(Ordering::Relaxed) {
+    while outcome.is_ok() && !stop.load(Ordering::Relaxed) && live.anew.is_none() {
         outcome = live.step();
         if args.seconds.is_some_and(|end| live.session.now() >= end) {
             break;
         }
     }
-    let Some((record, path)) = live.record.take() else { return outcome };
-    record.finish(outcome)?;
-    writeln!(out, "record  {}", path.display())?;
+    match live.record.take() {
+        Some((record, path)) => {
+            record.finish(outcome)?;
+            writeln!(out, "record  {}", path.display())?;
+        }
+        None => outcome?,
+    }
+    let (anew, port) = (live.anew.take(), live.pages.port);
+    drop(live);
+    match anew {
+        Some(mistakes) => begin_anew(port, &mistakes, out),
+        None => Ok(()),
+    }
+}
+
+/// Becomes this command anew, with other mistakes, at the same port.
+#[cfg(unix)]
+fn begin_anew(port: u16, mistakes: &[String], out: &mut dyn Write) -> Result<()> {
+    use std::os::unix::process::CommandExt as _;
+
+    let with = if mistakes.is_empty() { "no mistake" } else { &mistakes.join(" ") };
+    writeln!(out, "the robot begins anew, with {with}")?;
+    out.flush()?;
+    let mut command = Command::new(std::env::current_exe()?);
+    let mut all = std::env::args_os().skip(1);
+    while let Some(argument) = all.next() {
+        let text = argument.to_string_lossy();
+        match text.split_once('=').map_or(&*text, |it| it.0) {
+            "--open" => {}
+            "--page" | "--mistake" if text.contains('=') => {}
+            "--page" | "--mistake" => drop(all.next()),
+            _ => drop(command.arg(argument)),
+        }
+    }
+    command.arg(format!("--page={port}"));
+    command.args(mistakes.iter().map(|it| format!("--mistake={it}")));
+    Err::<(), _>(command.exec()).context("the robot does not begin anew")
+}
+
+/// A program cannot become another here.
+#[cfg(not(unix))]
+fn begin_anew(_: u16, _: &[String], _: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
@@ -271,6 +315,8 @@ struct LivePage<'r, 'k> {
     field: Option<Field<'k>>,
     is_simulated: bool,
     broken: Broken,
+    /// The mistakes with which the robot is to begin anew.
+    anew: Option<Vec<String>>,
     /// What was let go wrong and taken back, as events.
     told: Vec<(Micros, String)>,
     /// The begin of a second by this PC's clock, the robot's time at it, and how far that came in the second before.
@@ -435,7 +481,14 @@ impl LivePage<'_, '_> {
         let now = self.session.now();
         let world = self.session.world();
         let world = world.context("a real robot is broken by hand, not from here")?;
-        self.broken.change(world, words, begins)?;
+        if let Some(mistakes) = self.broken.change(world, words, begins)? {
+            ensure!(
+                cfg!(unix),
+                "not while it runs: begin the robot with it, rc10 live --sim --mistake"
+            );
+            self.anew = Some(mistakes);
+            return Ok(Value::Null);
+        }
         let what = if begins { "let go wrong" } else { "taken back" };
         self.told.push((now, format!("{what}: {words}")));
         Ok(Value::Null)

@@ -13,7 +13,9 @@ use super::client::{Client, Sample, Signal};
 use crate::record::fields::{MOTOR, about, line};
 use crate::record::{pack, topic};
 
-/// First group for topics; the group before it is for a page's own request.
+/// Group of the signals that pages chose.
+pub const CHOSEN: usize = 0;
+/// First group for topics.
 pub const FIRST: usize = 1;
 /// Period of signals that are not watched often, ms.
 pub const SLOW: u16 = 100;
@@ -64,11 +66,32 @@ impl Topic {
 pub fn messages(
     topics: &[Topic],
     sample: &Sample,
+    take: impl FnMut(usize, &[u8]) -> Result<()>,
+) -> Result<()> {
+    pass(topics, sample, |topic, _| topic.group == sample.group, take)
+}
+
+/// The same of signals that pages chose: each topic that has one of them.
+pub fn chosen_messages(
+    topics: &[Topic],
+    sample: &Sample,
+    take: impl FnMut(usize, &[u8]) -> Result<()>,
+) -> Result<()> {
+    let has_one = |topic: &Topic, known: &BTreeMap<u16, f32>| {
+        topic.signals.iter().any(|(index, _)| known.contains_key(index))
+    };
+    pass(topics, sample, |topic, known| sample.group == CHOSEN && has_one(topic, known), take)
+}
+
+fn pass(
+    topics: &[Topic],
+    sample: &Sample,
+    is_there: impl Fn(&Topic, &BTreeMap<u16, f32>) -> bool,
     mut take: impl FnMut(usize, &[u8]) -> Result<()>,
 ) -> Result<()> {
     let known: BTreeMap<u16, f32> = sample.values.iter().copied().collect();
     let mut bytes = Vec::new();
-    for (at, topic) in topics.iter().enumerate().filter(|(_, it)| it.group == sample.group) {
+    for (at, topic) in topics.iter().enumerate().filter(|(_, it)| is_there(it, &known)) {
         let value = |(index, _): &(u16, _)| known.get(index).map_or(f64::NAN, |it| (*it).into());
         pack(topic.signals.iter().map(value), &mut bytes);
         take(at, &bytes)?;

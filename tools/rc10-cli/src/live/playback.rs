@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use super::client::Signal;
 use super::connection::look;
 use super::history::History;
+use super::record::CHOSEN_TOPIC;
 use super::server::{PageRequest, Pages};
 use crate::files::open;
 use crate::judge::{happened::happened, problems};
@@ -30,8 +31,10 @@ use crate::world::robot::Robot;
 #[derive(Default)]
 struct Tape {
     signals: Vec<Signal>,
-    /// Those of each channel: the first, and their number; `None` for texts.
-    channels: BTreeMap<u16, Option<u16>>,
+    /// The first of each topic.
+    topics: BTreeMap<String, u16>,
+    /// The first of each channel, and whether they were chosen: what is NaN was not, then. `None` for texts.
+    channels: BTreeMap<u16, Option<(u16, bool)>>,
     events: Vec<(Micros, String)>,
     /// Its metadata: name and note among them.
     about: BTreeMap<String, String>,
@@ -51,17 +54,26 @@ impl Tape {
     fn take(&mut self, item: Item<'_>, history: &mut History) -> Result<()> {
         match item {
             Item::Channel(id, channel) => {
-                let first = u16::try_from(self.signals.len()).context("too many signals")?;
+                // What was chosen of a thing beside that thing, if it is there.
+                let chosen = channel.topic.strip_prefix(CHOSEN_TOPIC);
+                let topic = chosen.unwrap_or(&channel.topic);
+                let first = match self.topics.get(topic) {
+                    Some(first) => *first,
+                    None => u16::try_from(self.signals.len()).context("too many signals")?,
+                };
                 let has_numbers = channel.columns.is_some();
-                self.signals.extend(signals(&channel));
-                self.channels.insert(id, has_numbers.then_some(first));
+                if self.topics.insert(topic.to_owned(), first).is_none() {
+                    self.signals.extend(signals(&channel));
+                }
+                self.channels.insert(id, has_numbers.then_some((first, chosen.is_some())));
             }
             Item::Message(id, time, bytes) => {
                 let (at, first) = (Micros::new(time / 1000), self.channels.get(&id));
                 self.end = self.end.max(at);
                 match first.context("a message of a channel that is not declared")? {
-                    Some(first) => (*first..)
+                    Some((first, chosen)) => (*first..)
                         .zip(numbers(bytes)?)
+                        .filter(|(_, value)| !(*chosen && value.is_nan()))
                         .for_each(|(signal, value)| history.push(signal, at, value as f32)),
                     None => self.events.push((at, label(bytes))),
                 }

@@ -7,7 +7,7 @@ use anyhow::Result;
 use rc10_time::Micros;
 
 use super::client::Sample;
-use super::plan::{Topic, messages};
+use super::plan::{Topic, chosen_messages, messages};
 use crate::record::file::leftovers;
 use crate::record::{EVENT, EVENTS, RecordFile, text};
 use crate::recording::origin::Origin;
@@ -79,11 +79,25 @@ pub(super) fn named(path: PathBuf, name: &str) -> PathBuf {
     if name.is_empty() || to.exists() || std::fs::rename(&path, &to).is_err() { path } else { to }
 }
 
+/// Stands before the topic of a thing where it is what pages chose of it, as often as they did; all else of it is NaN.
+pub(super) const CHOSEN_TOPIC: &str = "/chosen";
+
+fn channel(
+    file: &mut RecordFile,
+    topic: &Topic,
+    before: &str,
+    map: &BTreeMap<String, String>,
+) -> Result<u16> {
+    file.channel(&topic.schema_name(), &topic.schema(), &format!("{before}{}", topic.name), map)
+}
+
 /// A record that is being written.
 pub struct LiveRecord {
     file: RecordFile,
     topics: Vec<Topic>,
     channels: Vec<u16>,
+    /// Those of signals that were chosen, by topic: begun with the first of them.
+    chosen: BTreeMap<usize, u16>,
     /// The channel of what happens, once a moment was marked.
     events: Option<u16>,
     /// Its name and note.
@@ -126,8 +140,7 @@ impl LiveRecord {
                 map.insert("model".to_owned(), motor.name().to_string());
                 map.insert("on".to_owned(), motor.on.to_string());
             }
-            let (name, schema) = (topic.schema_name(), topic.schema());
-            channels.push(file.channel(&name, &schema, &topic.name, &map)?);
+            channels.push(channel(&mut file, topic, "", &map)?);
         }
         file.sync()?;
         let (before, last) = (Micros::ZERO, Micros::ZERO);
@@ -135,6 +148,7 @@ impl LiveRecord {
             file,
             topics: topics.to_vec(),
             channels,
+            chosen: BTreeMap::new(),
             events: None,
             words,
             first: None,
@@ -157,10 +171,22 @@ impl LiveRecord {
         // The record begins with its first sample.
         let at = self.shift + sample.at.since(first);
         self.last = self.last.max(at);
-        let Self { file, topics, channels, samples, .. } = self;
+        let Self { file, topics, channels, chosen, samples, .. } = self;
         messages(topics, sample, |topic, bytes| {
             *samples += 1;
             file.put_bytes(channels[topic], at, bytes)
+        })?;
+        chosen_messages(topics, sample, |topic, bytes| {
+            *samples += 1;
+            let id = match chosen.get(&topic) {
+                Some(id) => *id,
+                None => {
+                    let map = [("label".to_owned(), topics[topic].label.clone())].into();
+                    channel(file, &topics[topic], CHOSEN_TOPIC, &map)?
+                }
+            };
+            chosen.insert(topic, id);
+            file.put_bytes(id, at, bytes)
         })?;
         if self.last.since(self.synced) >= SYNC {
             self.synced = self.last;

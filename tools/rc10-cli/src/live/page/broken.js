@@ -3,7 +3,8 @@ const Broken = (() => {
   const word = (label) => label.replaceAll(' ', '-');
   const buses = () => labels('buses').map((bus) => [bus, 'bus ' + bus]), motors = () => labels('motors').map((label) => [word(label), label]);
   const KINDS = [['cut:', 'unplug a motor', motors], ['power:', 'a motor without power', motors], ['cut:', 'unplug a bus', buses], ['short:', 'short a bus', buses],
-    ['power:', 'a bus without power', buses], ['load:', 'fill a bus', buses], ['swap:', 'swap two motors', motors, motors], ['load:', 'a load twice as heavy', motors, null, '=x2'], ['remote-lost', 'lose the remote']];
+    ['power:', 'a bus without power', buses], ['load:', 'fill a bus', buses], ['swap:', 'swap two motors', motors, motors], ['load:', 'a load twice as heavy', motors, null, '=x2'], ['remote-lost', 'lose the remote'],
+    ['direction:', 'a motor mounted the other way: begins anew', motors], ['radius:x2', 'wheels twice as large: begins anew']];
   let parts = null;
   function build() {
     const place = $('broken'), add = (to, tag, text) => { const it = to.appendChild(document.createElement(tag)); if (text) it.textContent = text; return it; };

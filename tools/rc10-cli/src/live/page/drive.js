@@ -7,7 +7,7 @@ const Drive = (() => {
   // A step of a switch, by key and by button of a gamepad.
   const STEPS = { KeyQ: [0, 1], KeyZ: [0, -1], KeyE: [1, 1], KeyC: [1, -1] }, BUTTONS = { 4: [0, 1], 6: [0, -1], 5: [1, 1], 7: [1, -1] };
   const DEAD = 0.08;    // of a worn gamepad's sticks, and what of them is at rest
-  let mine = null, message = 0, switches = [0, 0, 0, 0], dial = 0, told = '';
+  let mine = null, message = 0, switches = [0, 0, 0, 0], dial = 0, told = '', sent = '';
   let keys = new Set(), dragged = [null, null], pad = { held: new Set(), rested: false }, away = false, wake = null;
   let drawn = null;
 
@@ -56,7 +56,11 @@ const Drive = (() => {
     for (;;) {
       const begin = performance.now(), number = mine;
       try {
-        if (number !== null) moving = await ask([number, message += 1, ...positions()]);
+        if (number !== null) {
+          const at = positions();
+          sent = String(at);
+          moving = await ask([number, message += 1, ...at]);
+        }
         else moving = await (await fetch('moving', { signal: AbortSignal.timeout(1000) })).json() || {};
         show();
       } catch (error) {
@@ -68,6 +72,8 @@ const Drive = (() => {
       wake = null;
     }
   }
+  // What moved while a message was on its way, and a gamepad, which tells nothing by itself.
+  setInterval(() => { if (mine !== null && wake && String(positions()) !== sent) kick(); }, 4);
   async function take() {
     try {
       const got = await ask('take');
