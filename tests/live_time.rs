@@ -262,11 +262,11 @@ fn a_record_has_what_was_chosen_at_1_khz() {
         let values = (0..count).map(|at| f32::from_le_bytes(word(2 + 2 * at)));
         assert!(values.into_iter().all(f32::is_finite), "{name}");
         let times: Vec<_> = times.collect();
-        times.windows(2).map(|two| ((two[1] - two[0]) * 1000.0).round() as u32).collect::<Vec<_>>()
+        times.windows(2).map(|two| ((two[1] - two[0]) * 1000.0).round()).collect::<Vec<_>>()
     };
     let [chosen, other] = ["speed", "total_angle"].map(values);
-    assert!(chosen.len() >= 1000 && chosen.iter().all(|gap| *gap == 1), "{chosen:?}");
-    assert!(other.len() < 110 && other.iter().all(|gap| *gap >= 9), "{other:?}");
+    assert!(chosen.len() >= 1000 && chosen.iter().all(|gap| (gap - 1.0).abs() < 0.1), "{chosen:?}");
+    assert!(other.len() < 110 && other.iter().all(|gap| *gap > 8.5), "{other:?}");
     // The report and the CSV files take it as they take any record.
     let csv = rc10().args(["csv", "--out"]).arg(folder.join("csv")).arg(&file).output().unwrap();
     assert!(csv.status.success(), "{csv:?}");
