@@ -1,5 +1,7 @@
 //! The field of `rc10 live`: what is seen there of a robot with a mistake; and what goes wrong by a click.
 
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
 use std::process::Command;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -275,16 +277,21 @@ fn what_goes_wrong_by_a_click_is_named_and_taken_back() {
     assert_eq!(state(port)["broken"], json!([]));
 }
 
-/// The state of a program that may just be beginning anew, once it is so.
+/// Waits for a state of a program that may just be beginning anew, and then answers nothing.
 fn anew(port: u16, is_so: impl Fn(&Value) -> bool) {
-    let began = std::time::Instant::now();
-    loop {
-        let is_there = std::net::TcpStream::connect(("127.0.0.1", port)).is_ok();
-        if is_there && is_so(&state(port)) {
-            return;
-        }
+    let look = || -> Option<Value> {
+        let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
+        let request =
+            format!("GET /state HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n");
+        stream.write_all(request.as_bytes()).ok()?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).ok()?;
+        serde_json::from_str(answer.split_once("\r\n\r\n")?.1).ok()
+    };
+    let began = Instant::now();
+    while !look().is_some_and(|state| is_so(&state)) {
         assert!(began.elapsed().as_secs() < 300);
-        std::thread::sleep(std::time::Duration::from_millis(50));
+        sleep(Duration::from_millis(50));
     }
 }
 

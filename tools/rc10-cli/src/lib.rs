@@ -47,6 +47,7 @@ use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port};
 use rc10_tasks::{Common, Program};
 use rc10_time::Micros;
 
+use crate::commands::doctor::{DoctorArgs, doctor};
 use crate::commands::emulate::{EmuArgs, emulate};
 use crate::commands::new::NewArgs;
 use crate::commands::plan::PlanArgs;
@@ -112,6 +113,8 @@ enum Command {
     Tune(TuneArgs),
     /// Makes the report of a record, or of captures of the robot's buses
     Report(ReportArgs),
+    /// Names what is wrong with a robot that runs, or was recorded: the likeliest cause first, and what to do
+    Doctor(DoctorArgs),
     /// Writes a record as CSV files
     Csv(CsvArgs),
     /// Says in words what a candump log of the robot's buses contains
@@ -145,6 +148,7 @@ Examples:
   rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
   rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
   rc10 report can0.log --bus can0=2      what a capture of bus 2 tells, as such a report
+  rc10 doctor tonight.mcap               what is wrong, the likeliest cause first, and what to do
   rc10 csv tonight.mcap                  its numbers as CSV files, in target/rc10-csv
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
@@ -207,6 +211,7 @@ impl CommandLine {
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
             Command::Tune(args) => tune_motor(&args, robot, out).map(|()| 0)?,
             Command::Report(args) => strict(args.strict, report(&args, robot, out)?),
+            Command::Doctor(args) => strict(args.strict, doctor(&args, robot, out)?),
             Command::Csv(args) => csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {
                 let err = &mut Plain(io::stderr().lock());
@@ -235,7 +240,7 @@ pub fn main_for(
     description: &Description,
     robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>,
 ) -> ExitCode {
-    let language = Language::asked().unwrap_or_else(Language::of_environment);
+    let language = Language::spoken();
     tell_progress();
     let command = language.help(Arguments::command()).term_width(width().unwrap_or(80));
     let parsed = command.try_get_matches();

@@ -1,6 +1,7 @@
 //! The commands of `rc10` that run, read or write something once.
 
 pub mod decode;
+pub mod doctor;
 pub mod emulate;
 pub mod new;
 pub mod plan;

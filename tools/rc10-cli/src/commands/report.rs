@@ -203,7 +203,7 @@ fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
 
 const GAPS: usize = 5;
 
-fn is_record(path: &Path) -> Result<bool> {
+pub(crate) fn is_record(path: &Path) -> Result<bool> {
     let mut begin = Vec::new();
     let read = open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin);
     read.with_context(|| unreadable(path))?;

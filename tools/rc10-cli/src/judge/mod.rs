@@ -2,6 +2,7 @@
 
 pub(crate) mod base;
 pub(crate) mod consistency;
+pub mod doctor;
 pub mod happened;
 pub mod path;
 pub mod searches;

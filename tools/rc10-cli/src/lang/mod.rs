@@ -112,6 +112,11 @@ impl Language {
         if is_chinese { Self::Zh } else { Self::En }
     }
 
+    /// The language of a command: the one asked for, or the environment's.
+    pub(crate) fn spoken() -> Self {
+        Self::asked().unwrap_or_else(Self::of_environment)
+    }
+
     /// A text of one or more lines in this language.
     pub(crate) fn say(self, text: &str) -> String {
         match self {

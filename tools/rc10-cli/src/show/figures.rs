@@ -401,7 +401,7 @@ pub fn verdict(recording: &Recording, figures: &Figures) -> String {
     let list = |severity| -> String {
         figures.found(severity).filter(is_told).map(Problem::lines).collect()
     };
-    let language = Language::asked().unwrap_or_else(Language::of_environment);
+    let language = Language::spoken();
     let mut all = headline(recording, figures) + "\n" + &list(Severity::Problem);
     let information = list(Severity::Information);
     if !information.is_empty() {

@@ -1,0 +1,150 @@
+//! `rc10 doctor`: what is wrong with a robot, the likeliest cause first, and what to do.
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::atomic::Ordering;
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use rc10_time::Micros;
+use serde_json::{Value, json};
+
+use crate::args::seconds;
+use crate::commands::report::is_record;
+use crate::decode::BusOfChannel;
+use crate::decode::heard::hear;
+use crate::files::open;
+use crate::judge::doctor::{Cause, causes};
+use crate::lang::Language;
+use crate::live::plan::{messages, plan, watch};
+use crate::live::session::{Session, stop};
+use crate::live::source::PlaceArgs;
+use crate::record::replay::{Kit, Replay, replay};
+use crate::recording::Recording;
+use crate::recording::sample::Source;
+use crate::terminal::{Plain, tell};
+use crate::world::robot::Robot;
+
+/// Arguments of `rc10 doctor`.
+#[derive(Args, Debug)]
+pub struct DoctorArgs {
+    #[command(flatten)]
+    pub(crate) at: PlaceArgs,
+    /// Which of the robot's buses an interface of a capture is; canN is bus N+1 unless told. Repeatable
+    #[arg(long = "bus", value_name = "CHANNEL=NUMBER")]
+    pub buses: Vec<BusOfChannel>,
+    /// Seconds for which a robot that runs is looked at
+    #[arg(long, value_name = "S", default_value = "10", value_parser = seconds)]
+    pub seconds: Micros,
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    pub json: bool,
+    /// Exit code 3 if there is a cause
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// Prints the causes of what is wrong with a robot that runs, or was recorded; returns whether there are any.
+///
+/// # Errors
+/// There is no robot, or the file cannot be read.
+pub fn doctor(args: &DoctorArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
+    let path = args.at.place.as_ref().map(Path::new).filter(|it| it.is_file());
+    ensure!(path.is_some() || args.buses.is_empty(), "--bus is for captures");
+    let recording = match path {
+        Some(path) if is_record(path)? => {
+            let (recording, cut) =
+                replay(&mut open(path)?, robot).with_context(|| path.display().to_string())?;
+            if let Some(why) = cut {
+                tell(format_args!("{}: cut off: {why}", path.display()));
+            }
+            recording
+        }
+        Some(path) => {
+            let heard = hear(&[path.into()], &args.buses, robot, &mut Plain(io::stderr().lock()));
+            heard.with_context(|| path.display().to_string())?
+        }
+        None => look(args, robot)?,
+    };
+    let causes = causes(&recording);
+    if args.json {
+        let all = causes.iter().map(Cause::to_json).collect::<Vec<_>>();
+        let seconds = seconds_of(recording.length);
+        writeln!(out, "{}", json!({ "seconds": seconds, "causes": Value::from(all) }))?;
+    } else {
+        write!(out, "{}", Language::spoken().say(&text(&recording, &causes)))?;
+    }
+    Ok(!causes.is_empty())
+}
+
+/// Looks at a robot that runs.
+fn look(args: &DoctorArgs, robot: Robot<'_>) -> Result<Recording> {
+    let kit = Kit::of(&robot);
+    let stop = stop()?;
+    let mut session = Session::meet(args.at.source().open(robot, false)?)?;
+    let (topics, _) = plan(&session.client);
+    let mut replay = Replay::new(&kit, 1, Source::Robot)?;
+    for (id, topic) in (0..).zip(&topics) {
+        replay.channel(id, &topic.name, topic.columns());
+    }
+    watch(&mut session.client, &topics, PERIOD);
+    let (begin, mut first) = (session.now(), None);
+    while session.now().since(begin) < args.seconds && !stop.load(Ordering::Relaxed) {
+        session.step()?;
+        for sample in session.client.take_samples() {
+            let begun = *first.get_or_insert(sample.at);
+            messages(&topics, &sample, |topic, bytes| {
+                replay.take(topic as u16, sample.at.since(begun), bytes)
+            })?;
+        }
+    }
+    if first.is_none() {
+        bail!("{}", session.trouble().unwrap_or_else(|| "it sends no samples".into()));
+    }
+    replay.finish()
+}
+
+/// Period of the motors' samples, ms.
+const PERIOD: u16 = 10;
+
+fn seconds_of(time: Micros) -> f64 {
+    time.get() as f64 * 1e-6
+}
+
+fn text(recording: &Recording, causes: &[Cause]) -> String {
+    let length = seconds_of(recording.length);
+    let mut text = match causes.len() {
+        0 => format!(
+            "{length:.1} s: nothing wrong is seen; what shows only while it drives was seen if it drove\n"
+        ),
+        1 => format!("{length:.1} s: one cause\n"),
+        more => format!("{length:.1} s: {more} causes, the likeliest first\n"),
+    };
+    for (number, cause) in (1..).zip(causes) {
+        let [check, mend] = cause.remedy;
+        text += &format!("\n{number}. {}\n", cause.problem.headline());
+        text += &format!("seen: {}\n", cause.problem.text);
+        if let Some((begin, end)) = cause.problem.span {
+            text += &format!("when: {:.2} to {:.2} s\n", seconds_of(begin), seconds_of(end));
+        }
+        // Alike ones in one line.
+        let mut follows: Vec<(&str, Vec<String>)> = Vec::new();
+        for problem in &cause.so_also {
+            let about = problem.about.to_string();
+            match follows.iter_mut().find(|(what, _)| *what == problem.cause) {
+                Some((_, all)) if all.contains(&about) => {}
+                Some((_, all)) => all.push(about),
+                None => follows.push((problem.cause, vec![about])),
+            }
+        }
+        for (what, all) in follows {
+            text += &format!("follows: {}: {what}\n", all.join(", "));
+        }
+        for (what, words) in [("check", check), ("do", mend)] {
+            if !words.is_empty() {
+                text += &format!("{what}: {words}\n");
+            }
+        }
+    }
+    text
+}

@@ -1,0 +1,276 @@
+//! The causes of what was found in a run, the likeliest first, with what tells them apart and what to do.
+//!
+//! A cause is a finding that no other explains, or one that several share: a bus whose motors are all lost together is one
+//! cause, and not one for each motor. Injected faults are not looked at: a doctor does not know of them.
+
+use rc10_motor::{ArmState, Link};
+use rc10_time::Micros;
+use serde_json::Value;
+
+use crate::judge::problems;
+use crate::recording::problem::{About, Problem, Severity};
+use crate::recording::sample::{SAMPLE_PERIOD, seconds, time_of};
+use crate::recording::{MotorTrack, Recording};
+use crate::robot::motor::Place;
+
+/// A cause, and what follows of it.
+pub struct Cause {
+    /// The finding itself.
+    pub problem: Problem,
+    /// Other findings that it explains.
+    pub so_also: Vec<Problem>,
+    /// What tells it from other causes, and what to do; empty if nothing is known.
+    pub remedy: [&'static str; 2],
+}
+
+impl Cause {
+    /// The cause as JSON.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let mut json = self.problem.to_json();
+        let so_also = self.so_also.iter().map(Problem::to_json).collect::<Vec<_>>();
+        let [check, mend] = self.remedy;
+        json["so_also"] = so_also.into();
+        (json["check"], json["do"]) = (check.into(), mend.into());
+        json
+    }
+}
+
+/// What tells a cause from others, and what to do: a line each, by the kind of its finding, or by its cause where that
+/// says more. What stands further up explains more of what stands below, so it is named first.
+const REMEDIES: &str = include_str!("remedies.tsv");
+
+/// Kinds that follow of a motor that is not heard.
+const FOLLOW_LOSS: &[&str] = &[
+    "never-heard",
+    "lost",
+    "was-lost",
+    "not-back",
+    "expired",
+    "saturation",
+    "runaway",
+    "never-commanded",
+    "base",
+    "gave-up",
+    "never-began",
+    "device-fault",
+    "condition",
+    "bus-off",
+    "overwritten",
+    "frame-refused",
+    "timeout",
+    "oscillation",
+    "feed-forward",
+    "refused",
+    "replaced",
+];
+/// Kinds that follow of a wheel, or a loop, that is not as the table has it.
+const FOLLOW_BUILD: &[&str] = &[
+    "saturation",
+    "runaway",
+    "oscillation",
+    "gain-margin",
+    "feed-forward",
+    "base",
+    "gave-up",
+    "refused",
+];
+/// Transmit errors of a controller that takes itself for the culprit, ISO 11898-1.
+const PASSIVE: u8 = 128;
+/// Losses that begin so near to one another are one.
+const TOGETHER: Micros = Micros::from_millis(60);
+
+/// The times at which a motor that had been heard was lost.
+fn losses(track: &MotorTrack) -> Vec<Micros> {
+    let pairs = (1..).zip(track.samples.windows(2));
+    let lost = pairs.filter(|(_, two)| two[0].link == Link::Online && two[1].link == Link::Lost);
+    lost.map(|(at, _)| time_of(at)).collect()
+}
+
+/// The times at which all of these motors were lost together.
+fn common_losses(tracks: &[&MotorTrack]) -> Vec<Micros> {
+    let Some((first, others)) = tracks.split_first() else { return Vec::new() };
+    let near = |at: &Micros, track: &&MotorTrack| {
+        losses(track).iter().any(|it| it.since(*at).max(at.since(*it)) <= TOGETHER)
+    };
+    losses(first).into_iter().filter(|at| others.iter().all(|track| near(at, track))).collect()
+}
+
+/// What several motors share: their supply, or their bus.
+fn shared(recording: &Recording) -> Vec<Problem> {
+    let mut places: Vec<Place> = Vec::new();
+    for track in &recording.motors {
+        if !places.contains(&track.motor.on) {
+            places.push(track.motor.on);
+        }
+    }
+    let of = |on: Place| -> Vec<&MotorTrack> {
+        recording.motors.iter().filter(|track| track.motor.on == on).collect()
+    };
+    let all: Vec<&MotorTrack> = recording.motors.iter().collect();
+    let is_silent = |tracks: &[&MotorTrack]| {
+        tracks.len() > 1 && tracks.iter().all(|track| track.last.link == Link::NeverSeen)
+    };
+    let times = |times: &[Micros]| {
+        let shown = times.iter().take(5).map(|at| format!("{:.2}", seconds(*at)));
+        let shown = shown.collect::<Vec<_>>().join(", ");
+        let more = times.len().saturating_sub(5);
+        if more == 0 { format!("{shown} s") } else { format!("{shown} s and {more} times more") }
+    };
+    let spanned = |problem: Problem, times: &[Micros]| match times.first() {
+        Some(first) => problem.in_time(*first, recording.length.since(*first)),
+        None => problem,
+    };
+    let count = all.len();
+    let together = if places.len() > 1 && count > 1 { common_losses(&all) } else { Vec::new() };
+    if places.len() > 1 && (is_silent(&all) || !together.is_empty()) {
+        let text = match together.as_slice() {
+            [] => format!("not one of its {count} motors was ever heard, on any bus"),
+            some => {
+                format!("all {count} motors were lost together, on every bus, at {}", times(some))
+            }
+        };
+        return vec![spanned(Problem::new(About::Robot, "power-gone", text), &together)];
+    }
+    let mut found = Vec::new();
+    for on in places {
+        let tracks = of(on);
+        let (about, health) = match on {
+            Place::Bus(number) => {
+                let bus = recording.buses.iter().find(|bus| bus.number == number);
+                (About::Bus(number), bus.map(|bus| bus.last.health))
+            }
+            Place::Line(number) => (About::Line(number), None),
+        };
+        let labels: Vec<_> = tracks.iter().map(|track| track.motor.label).collect();
+        let together = common_losses(&tracks);
+        let is_off = health.is_some_and(|health| health.bus_offs > 0);
+        // Frames that nothing acknowledges take it that far, and no further.
+        let is_alone = health.is_some_and(|it| it.transmit_errors >= PASSIVE && it.bus_offs == 0);
+        let kind = match (is_silent(&tracks), is_off, is_alone) {
+            (false, ..) if together.is_empty() => continue,
+            (_, true, _) => "bus-shorted",
+            (_, _, true) => "bus-alone",
+            (true, ..) => "bus-silent",
+            // One motor that is alone on its bus is lost like its bus.
+            (false, ..) if tracks.len() < 2 => continue,
+            (false, ..) => "bus-loose",
+        };
+        let mut text = match together.as_slice() {
+            [] => format!("never heard: {}", labels.join(", ")),
+            some => format!("{} lost together at {}", labels.join(", "), times(some)),
+        };
+        if let Some(health) = health.filter(|it| it.transmit_errors > 0 || it.bus_offs > 0) {
+            text += &format!(
+                "; transmit error counter {}, {} times bus-off",
+                health.transmit_errors, health.bus_offs
+            );
+        }
+        found.push(spanned(Problem::new(about, kind, text), &together));
+    }
+    found
+}
+
+/// A remote that was not heard while the robot drove.
+fn remote_lost(recording: &Recording) -> Option<Problem> {
+    let is_off = |arm: &ArmState| *arm == ArmState::Suspended;
+    let mut begins = Vec::new();
+    for (at, two) in (1..).zip(recording.arm.windows(2)) {
+        if two[0] == ArmState::Armed && is_off(&two[1]) {
+            begins.push(time_of(at));
+        }
+    }
+    let first = *begins.first()?;
+    let count = recording.arm.iter().filter(|arm| is_off(arm)).count() as u64;
+    let length = Micros::new(count * SAMPLE_PERIOD.get());
+    let text =
+        format!("not heard {} times, {:.1} s in all: the motors coast", begins.len(), seconds(length));
+    Some(Problem::new(About::Remote, "remote-lost", text).in_time(first, length))
+}
+
+/// Labels of the motors that a finding is of.
+fn motors_of(recording: &Recording, problem: &Problem) -> Vec<&'static str> {
+    let on = |place: Place| {
+        let of = recording.motors.iter().filter(move |track| track.motor.on == place);
+        of.map(|track| track.motor.label).collect()
+    };
+    match problem.about {
+        About::Motor(label) => vec![label],
+        _ if !problem.culprits.is_empty() => problem.culprits.clone(),
+        About::Bus(number) => on(Place::Bus(number)),
+        About::Line(number) => on(Place::Line(number)),
+        About::Robot if problem.kind == "power-gone" => {
+            recording.motors.iter().map(|track| track.motor.label).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+fn is_bus(problem: &Problem) -> bool {
+    matches!(problem.about, About::Bus(_) | About::Line(_)) || problem.kind == "power-gone"
+}
+
+/// Whether a finding follows of another.
+fn explains(recording: &Recording, cause: &Problem, other: &Problem) -> bool {
+    let begins = |problem: &Problem| problem.span.map(|(begin, _)| begin);
+    if let (Some(cause), Some(other)) = (begins(cause), begins(other))
+        && cause > other + TOGETHER
+    {
+        return false;
+    }
+    let (own, others) = (motors_of(recording, cause), motors_of(recording, other));
+    let is_one = own.iter().any(|label| others.contains(label));
+    let is_whole = matches!(other.about, About::Robot | About::Part(_));
+    match cause.kind {
+        "restart" | "task-ended" => is_whole || FOLLOW_LOSS.contains(&other.kind),
+        "answers-twice" | "other-identifier" | "never-heard" | "lost" | "was-lost" | "timeout"
+        | "not-back" => {
+            let is_named =
+                other.kind == "never-heard" && others.iter().any(|it| cause.text.contains(it));
+            FOLLOW_LOSS.contains(&other.kind) && (is_one || is_whole || is_named) && !is_bus(other)
+        }
+        "power-gone" | "bus-shorted" | "bus-alone" | "bus-silent" | "bus-loose" => {
+            FOLLOW_LOSS.contains(&other.kind) && (is_one || is_whole)
+        }
+        "does-not-fit" | "overrun" | "replaced" => {
+            ["overwritten", "replaced", "rx-lost", "expired"].contains(&other.kind) && is_one
+        }
+        "base" => FOLLOW_BUILD.contains(&other.kind) && (is_one || own.is_empty() || is_whole),
+        "device-fault" | "condition" | "runaway" | "oscillation" | "gain-margin"
+        | "feed-forward" | "saturation" => {
+            FOLLOW_BUILD.contains(&other.kind) && (is_one || is_whole)
+        }
+        "never-armed" => other.kind == "never-commanded" || other.kind == "never-began",
+        _ => false,
+    }
+}
+
+/// The causes of what was found in a run, the likeliest first.
+#[must_use]
+pub fn causes(recording: &Recording) -> Vec<Cause> {
+    let blind = Recording { faults: Vec::new(), ..recording.clone() };
+    let mut all = shared(&blind);
+    all.extend(remote_lost(&blind));
+    all.extend(problems(&blind).into_iter().filter(|it| it.severity == Severity::Problem));
+    let remedies: Vec<Vec<&'static str>> =
+        REMEDIES.lines().map(|line| line.split('\t').collect()).collect();
+    let place = |problem: &Problem| {
+        let of = |wanted: &str| remedies.iter().position(|it| it.first() == Some(&wanted));
+        of(problem.cause).or_else(|| of(problem.kind)).unwrap_or(remedies.len())
+    };
+    // Of two alike the earlier one is first.
+    all.sort_by_key(|it| (place(it), it.span.map_or(Micros::ZERO, |(begin, _)| begin)));
+    let mut causes: Vec<Cause> = Vec::new();
+    for problem in all {
+        if let Some(cause) = causes.iter_mut().find(|it| explains(&blind, &it.problem, &problem)) {
+            cause.so_also.push(problem);
+            continue;
+        }
+        let remedy = match remedies.get(place(&problem)).map(Vec::as_slice) {
+            Some(&[_, check, mend]) => [check, mend],
+            _ => [""; 2],
+        };
+        causes.push(Cause { problem, so_also: Vec::new(), remedy });
+    }
+    causes
+}
