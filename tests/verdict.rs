@@ -2,6 +2,7 @@
 //! the shipped robots are from the thresholds of `docs/verdict.md`.
 
 mod beginners;
+mod doctor;
 mod faults;
 mod gains;
 mod hours;

@@ -14,10 +14,10 @@ use rc10_cli::world::robot::Robot;
 use super::*;
 
 /// The packages of the robots.
-const ROBOTS: [&str; 6] = ["team", "lift", "mixed", "omni", "starter", "swerve"];
+pub(super) const ROBOTS: [&str; 6] = ["team", "lift", "mixed", "omni", "starter", "swerve"];
 
 /// Sets a robot up and hands it over.
-fn with_robot<T>(package: &str, work: impl FnOnce(Robot<'_>) -> T) -> T {
+pub(super) fn with_robot<T>(package: &str, work: impl FnOnce(Robot<'_>) -> T) -> T {
     macro_rules! shipped {
         ($robot:ident) => {{
             let ports = $robot::Ports::new();

@@ -49,7 +49,8 @@ pub struct DoctorArgs {
 /// # Errors
 /// There is no robot, or the file cannot be read.
 pub fn doctor(args: &DoctorArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
-    let path = args.at.place.as_ref().map(Path::new).filter(|it| it.is_file());
+    let place = args.at.place.as_ref().map(Path::new);
+    let path = args.at.record().or_else(|| place.filter(|it| it.is_file()));
     ensure!(path.is_some() || args.buses.is_empty(), "--bus is for captures");
     let recording = match path {
         Some(path) if is_record(path)? => {

@@ -118,7 +118,7 @@ fn shared(recording: &Recording) -> Vec<Problem> {
         if more == 0 { format!("{shown} s") } else { format!("{shown} s and {more} times more") }
     };
     let spanned = |problem: Problem, times: &[Micros]| match times.first() {
-        Some(first) => problem.in_time(*first, recording.length.since(*first)),
+        Some(first) => problem.in_time(*first, TOGETHER),
         None => problem,
     };
     let count = all.len();
@@ -183,8 +183,11 @@ fn remote_lost(recording: &Recording) -> Option<Problem> {
     let first = *begins.first()?;
     let count = recording.arm.iter().filter(|arm| is_off(arm)).count() as u64;
     let length = Micros::new(count * SAMPLE_PERIOD.get());
-    let text =
-        format!("not heard {} times, {:.1} s in all: the motors coast", begins.len(), seconds(length));
+    let text = format!(
+        "not heard {} times, {:.1} s in all: the motors coast",
+        begins.len(),
+        seconds(length)
+    );
     Some(Problem::new(About::Remote, "remote-lost", text).in_time(first, length))
 }
 
