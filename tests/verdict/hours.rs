@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use rc10_cli::Receiver;
+use rc10_cli::judge::doctor::causes;
 use rc10_cli::robot::mistake::{Mistake, Quantity};
 use rc10_cli::run::simulate::simulate;
 use rc10_cli::world::robot::Robot;
@@ -89,7 +90,10 @@ impl Good {
             robot.set_no_logs(true);
             robot.set_remote(self.receiver).unwrap();
             robot.set_mistakes(&self.loads).unwrap();
-            problems(&simulate(robot, self.seed, Micros::from_millis(1000 * self.seconds)).unwrap())
+            let time = Micros::from_millis(1000 * self.seconds);
+            let recording = simulate(robot, self.seed, time).unwrap();
+            let causes = causes(&recording).into_iter().map(|it| it.problem.headline());
+            [problems(&recording)].into_iter().filter(|it| !it.is_empty()).chain(causes).collect()
         })
     }
 }
