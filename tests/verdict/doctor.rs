@@ -61,7 +61,7 @@ fn families(package: &'static str, it: &Description) -> Vec<Case> {
         }
     }
     for bus in 1..=it.buses {
-        let motors = it.motors.iter().filter(|motor| motor.on == Place::Bus(bus as u8));
+        let motors = it.motors.iter().filter(|motor| motor.on == Place::Bus(bus));
         if motors.count() < 2 {
             continue;
         }
