@@ -1,10 +1,12 @@
 //! Whole files: written beside their place, and put there when they are whole.
 
 use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use anyhow::{Context, Result};
+use mcap::MAGIC;
 
 /// Makes the folder for a run's files, if it is not there; fails if it cannot be made.
 pub fn make_folder(folder: &Path) -> Result<()> {
@@ -18,6 +20,14 @@ pub(crate) fn unreadable(file: &Path) -> String {
 
 pub(crate) fn open(file: &Path) -> Result<File> {
     File::open(file).with_context(|| unreadable(file))
+}
+
+/// Whether a file is a record, by its first bytes.
+pub(crate) fn is_record(path: &Path) -> Result<bool> {
+    let mut begin = Vec::new();
+    let read = open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin);
+    read.with_context(|| unreadable(path))?;
+    Ok(begin == MAGIC)
 }
 
 /// A file or folder that is written beside its place, and removed unless it is put there.

@@ -10,10 +10,9 @@ use rc10_time::Micros;
 use serde_json::{Value, json};
 
 use crate::args::seconds;
-use crate::commands::report::is_record;
 use crate::decode::BusOfChannel;
 use crate::decode::heard::hear;
-use crate::files::open;
+use crate::files::{is_record, open};
 use crate::judge::doctor::{Cause, causes};
 use crate::lang::Language;
 use crate::live::plan::{messages, plan, watch};

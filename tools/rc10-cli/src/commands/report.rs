@@ -2,16 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use mcap::MAGIC;
 
 use crate::decode::BusOfChannel;
 use crate::decode::heard::hear;
-use crate::files::{Unfinished, make_folder, open, unreadable};
+use crate::files::{Unfinished, is_record, make_folder, open};
 use crate::record::file::{Channel, Item, label, walk};
 use crate::record::replay::{numbers, replay, replay_of};
 use crate::show::compare::Comparison;
@@ -202,10 +201,3 @@ fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
 }
 
 const GAPS: usize = 5;
-
-pub(crate) fn is_record(path: &Path) -> Result<bool> {
-    let mut begin = Vec::new();
-    let read = open(path)?.take(MAGIC.len() as u64).read_to_end(&mut begin);
-    read.with_context(|| unreadable(path))?;
-    Ok(begin == MAGIC)
-}
