@@ -151,6 +151,8 @@ mod tests {
             drive: DriveMode::Run,
             counters: Default::default(),
             overwritten: 0,
+            temperature: f32::NAN,
+            supply: f32::NAN,
         }
     }
 

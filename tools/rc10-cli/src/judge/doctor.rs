@@ -77,6 +77,14 @@ const FOLLOW_BUILD: &[&str] = &[
 ];
 /// Transmit errors of a controller that takes itself for the culprit, ISO 11898-1.
 const PASSIVE: u8 = 128;
+/// Degrees at which the first of the motors, Unitree's, switch off; and those from which on it is looked how they rise.
+const HOT: f64 = 90.0;
+const WARM: f64 = 50.0;
+/// Seconds that are looked ahead, and that a rise is looked at.
+const AHEAD: f64 = 120.0;
+const LEAST: f64 = 5.0;
+/// Share of its highest voltage below which a supply sags.
+const SAGS: f32 = 0.8;
 /// Losses that begin so near to one another are one.
 const TOGETHER: Micros = Micros::from_millis(60);
 
@@ -171,6 +179,48 @@ fn shared(recording: &Recording) -> Vec<Problem> {
     found
 }
 
+/// A motor that is too hot, or will soon be.
+fn heat(track: &MotorTrack) -> Option<Problem> {
+    let told = (0..).zip(&track.samples).filter(|(_, it)| it.temperature.is_finite());
+    let told: Vec<(f64, f64)> =
+        told.map(|(at, it)| (seconds(time_of(at)), f64::from(it.temperature))).collect();
+    let (now, last) = *told.last()?;
+    // Of the last half minute: a line by least squares, as they tell whole degrees.
+    let some: Vec<_> = told.into_iter().filter(|(at, _)| *at > now - 30.0).collect();
+    let count = some.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| some.iter().map(of).sum::<f64>() / count;
+    let (at, degrees) = (mean(|it| it.0), mean(|it| it.1));
+    let sum = |of: &dyn Fn(&(f64, f64)) -> f64| some.iter().map(of).sum::<f64>();
+    let rise = sum(&|it| (it.0 - at) * (it.1 - degrees)) / sum(&|it| (it.0 - at).powi(2));
+    let left = (HOT - last) / rise;
+    let text = if last >= HOT {
+        format!("is at {last:.0} °C")
+    } else if last >= WARM && some[0].0 < now - LEAST && rise > 0.0 && left < AHEAD {
+        format!(
+            "is at {last:.0} °C, {rise:.2} °C a second warmer: at this load {HOT:.0} °C in {left:.0} s"
+        )
+    } else {
+        return None;
+    };
+    Some(Problem::new(About::Motor(track.motor.label), "heats", text))
+}
+
+/// The supply that falls most under load.
+fn sag(recording: &Recording) -> Option<Problem> {
+    let of = |track: &MotorTrack| {
+        let told = (0..).zip(&track.samples).filter(|(_, it)| it.supply > 1.0);
+        let told: Vec<(usize, f32)> = told.map(|(at, it)| (at, it.supply)).collect();
+        let highest = told.iter().map(|it| it.1).fold(0.0, f32::max);
+        let (at, lowest) = told.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((lowest / highest, track.motor.label, [highest, lowest], time_of(at)))
+    };
+    let all = recording.motors.iter().filter_map(of);
+    let (share, label, [highest, lowest], at) = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let text = format!("falls from {highest:.1} to {lowest:.1} V at {:.2} s", seconds(at));
+    let problem = Problem::new(About::Motor(label), "sags", text).in_time(at, SAMPLE_PERIOD);
+    (share < SAGS).then_some(problem)
+}
+
 /// A remote that was not heard while the robot drove.
 fn remote_lost(recording: &Recording) -> Option<Problem> {
     let is_off = |arm: &ArmState| *arm == ArmState::Suspended;
@@ -235,6 +285,9 @@ fn explains(recording: &Recording, cause: &Problem, other: &Problem) -> bool {
         "power-gone" | "bus-shorted" | "bus-alone" | "bus-silent" | "bus-loose" => {
             FOLLOW_LOSS.contains(&other.kind) && (is_one || is_whole)
         }
+        // Where it falls far, ESCs begin anew.
+        "sags" => FOLLOW_LOSS.contains(&other.kind),
+        "heats" => other.kind == "device-fault" && is_one,
         "does-not-fit" | "overrun" | "replaced" => {
             ["overwritten", "replaced", "rx-lost", "expired"].contains(&other.kind) && is_one
         }
@@ -254,6 +307,8 @@ pub fn causes(recording: &Recording) -> Vec<Cause> {
     let blind = Recording { faults: Vec::new(), ..recording.clone() };
     let mut all = shared(&blind);
     all.extend(remote_lost(&blind));
+    all.extend(blind.motors.iter().filter_map(heat));
+    all.extend(sag(&blind));
     all.extend(problems(&blind).into_iter().filter(|it| it.severity == Severity::Problem));
     let remedies: Vec<Vec<&'static str>> =
         REMEDIES.lines().map(|line| line.split('\t').collect()).collect();
@@ -276,4 +331,76 @@ pub fn causes(recording: &Recording) -> Vec<Cause> {
         causes.push(Cause { problem, so_also: Vec::new(), remedy });
     }
     causes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::look::MotorLook;
+    use crate::recording::sample::MotorSample;
+    use crate::robot::motor::Motor;
+
+    /// A VESC's motor for these samples of 10 ms.
+    fn recorded(count: u64, seen: impl Fn(f64, &mut MotorSample)) -> Recording {
+        let sample = |at| {
+            let mut sample = MotorSample { link: Link::Online, ..MotorLook::NEW.seen() };
+            seen(0.01 * at as f64, &mut sample);
+            sample
+        };
+        let track = MotorTrack {
+            motor: Motor::dji_on("wheel", 1, &rc10_motor::dji::M3508, 1),
+            samples: (0..count).map(sample).collect(),
+            last: rc10_motor::MotorStatus { link: Link::Online, ..rc10_motor::MotorStatus::NEW },
+            overwritten: 0,
+            tracking: Vec::new(),
+            peak_current: 0.0,
+            effort: None,
+        };
+        Recording { length: time_of(count as usize), motors: vec![track], ..Recording::default() }
+    }
+
+    fn found(recording: &Recording) -> Vec<(&'static str, String)> {
+        causes(recording).into_iter().map(|it| (it.problem.kind, it.problem.text)).collect()
+    }
+
+    #[test]
+    fn heat_is_told_ahead_and_only_if_it_comes_soon() {
+        let rises = |begin: f64, rise: f64| {
+            move |at: f64, it: &mut MotorSample| it.temperature = (begin + rise * at).floor() as f32
+        };
+        let told = found(&recorded(2000, rises(50.0, 0.8)));
+        assert_eq!(told.len(), 1, "{told:?}");
+        assert_eq!(
+            told[0],
+            (
+                "heats",
+                "is at 65 °C, 0.80 °C a second warmer: at this load 90 °C in 31 s".to_owned()
+            )
+        );
+        assert_eq!(found(&recorded(600, rises(91.0, 0.0)))[0].1, "is at 91 °C");
+        for (begin, rise) in [(30.0, 0.8), (60.0, 0.1), (80.0, 0.0), (88.0, -1.0)] {
+            assert!(found(&recorded(2000, rises(begin, rise))).is_empty(), "{begin} {rise}");
+        }
+        // A short look tells no rise.
+        assert!(found(&recorded(300, rises(60.0, 3.0))).is_empty());
+    }
+
+    #[test]
+    fn a_supply_that_sags_is_told_and_explains_what_is_lost_behind_it() {
+        let sags = |lowest: f32| {
+            recorded(500, move |at, it| {
+                it.supply = if (2.0..2.2).contains(&at) { lowest } else { 24.0 };
+                if (2.05..2.3).contains(&at) {
+                    (it.link, it.supply) = (Link::Lost, 0.0);
+                }
+                it.counters.lost = u32::from(at >= 2.05);
+            })
+        };
+        let mut recording = sags(17.0);
+        recording.motors[0].last.counters.lost = 1;
+        let told = causes(&recording);
+        assert_eq!(told[0].problem.text, "falls from 24.0 to 17.0 V at 2.01 s");
+        assert_eq!((told.len(), told[0].so_also[0].kind), (1, "was-lost"));
+        assert!(found(&sags(20.0)).iter().all(|it| it.0 != "sags"));
+    }
 }

@@ -170,6 +170,8 @@ impl MotorLook {
             drive: status.drive,
             counters: status.counters,
             overwritten: shaft.overwritten,
+            temperature: status.feedback.temperature().map_or(f32::NAN, |it| it.get()),
+            supply: status.feedback.supply().map_or(f32::NAN, |it| it.get()),
         }
     }
 }

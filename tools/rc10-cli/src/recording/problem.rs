@@ -46,13 +46,15 @@ impl fmt::Display for About {
 }
 
 /// The cause of each kind in at most five words, and the signals of its culprit that show it.
-const CAUSES: [(&str, &str, &[&str]); 59] = [
+const CAUSES: [(&str, &str, &[&str]); 61] = [
+    ("heats", "becomes too hot", &["temperature", "current"]),
+    ("sags", "its supply sags", &["supply", "current"]),
     ("remote-lost", "was lost while it drove", &["arm"]),
     ("power-gone", "the motors' power is gone", &[]),
     ("bus-shorted", "shorted, or another bit rate", &["bus_offs"]),
     ("bus-alone", "nothing answers, unplugged or unpowered", &["transmit_errors"]),
     ("bus-silent", "none of its motors speaks", &["received"]),
-    ("bus-loose", "cable or power comes and goes", &["received"]),
+    ("bus-loose", "a loose cable or supply", &["received"]),
     ("never-armed", "was never armed", &["arm"]),
     ("no-heading", "armed without a heading", &["arm"]),
     ("task-ended", "a task has ended", &[]),

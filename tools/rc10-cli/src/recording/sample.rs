@@ -91,6 +91,10 @@ pub struct MotorSample {
     pub counters: MotorCounters,
     /// Feedback frames that were overwritten in the ESC so far.
     pub overwritten: u64,
+    /// Temperature of the motor, degrees Celsius; NaN if it tells none.
+    pub temperature: f32,
+    /// Voltage that it is supplied with; NaN if it tells none.
+    pub supply: f32,
 }
 
 /// Counters of a bus at one moment.

@@ -730,6 +730,8 @@ mod tests {
             drive: DriveMode::Run,
             counters: MotorCounters::default(),
             overwritten: 0,
+            temperature: f32::NAN,
+            supply: f32::NAN,
         };
         MotorTrack {
             motor: Motor::dji_on(label, 1, &M3508, 1),

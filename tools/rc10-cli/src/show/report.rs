@@ -925,6 +925,8 @@ mod tests {
                     drive: DriveMode::Run,
                     counters: MotorCounters::default(),
                     overwritten: 0,
+                    temperature: f32::NAN,
+                    supply: f32::NAN,
                 }
             };
             let mut last = MotorStatus::NEW;
