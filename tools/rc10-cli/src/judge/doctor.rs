@@ -347,10 +347,12 @@ mod tests {
             seen(0.01 * at as f64, &mut sample);
             sample
         };
+        let mut last = rc10_motor::MotorStatus::NEW;
+        last.link = Link::Online;
         let track = MotorTrack {
             motor: Motor::dji_on("wheel", 1, &rc10_motor::dji::M3508, 1),
             samples: (0..count).map(sample).collect(),
-            last: rc10_motor::MotorStatus { link: Link::Online, ..rc10_motor::MotorStatus::NEW },
+            last,
             overwritten: 0,
             tracking: Vec::new(),
             peak_current: 0.0,
