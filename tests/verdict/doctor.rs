@@ -113,7 +113,7 @@ fn place(case: &Case) -> (Option<usize>, String) {
         case.kinds.contains(&it.problem.kind) && it.problem.headline().contains(&case.about)
     };
     for cause in &found {
-        assert!(!cause.remedy[0].is_empty(), "no remedy: {}", cause.problem.kind);
+        assert!(!cause.problem.remedy().1[0].is_empty(), "no remedy: {}", cause.problem.kind);
     }
     (found.iter().position(is_it), first)
 }

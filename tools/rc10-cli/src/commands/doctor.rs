@@ -121,7 +121,7 @@ fn text(recording: &Recording, causes: &[Cause]) -> String {
         more => format!("{length:.1} s: {more} causes, the likeliest first\n"),
     };
     for (number, cause) in (1..).zip(causes) {
-        let [check, mend] = cause.remedy;
+        let [check, mend] = cause.problem.remedy().1;
         text += &format!("\n{number}. {}\n", cause.problem.headline());
         text += &format!("seen: {}\n", cause.problem.text);
         if let Some((begin, end)) = cause.problem.span {

@@ -19,8 +19,6 @@ pub struct Cause {
     pub problem: Problem,
     /// Other findings that it explains.
     pub so_also: Vec<Problem>,
-    /// What tells it from other causes, and what to do; empty if nothing is known.
-    pub remedy: [&'static str; 2],
 }
 
 impl Cause {
@@ -29,16 +27,10 @@ impl Cause {
     pub fn to_json(&self) -> Value {
         let mut json = self.problem.to_json();
         let so_also = self.so_also.iter().map(Problem::to_json).collect::<Vec<_>>();
-        let [check, mend] = self.remedy;
         json["so_also"] = so_also.into();
-        (json["check"], json["do"]) = (check.into(), mend.into());
         json
     }
 }
-
-/// What tells a cause from others, and what to do: a line each, by the kind of its finding, or by its cause where that
-/// says more. What stands further up explains more of what stands below, so it is named first.
-const REMEDIES: &str = include_str!("remedies.tsv");
 
 /// Kinds that follow of a motor that is not heard.
 const FOLLOW_LOSS: &[&str] = &[
@@ -310,25 +302,15 @@ pub fn causes(recording: &Recording) -> Vec<Cause> {
     all.extend(blind.motors.iter().filter_map(heat));
     all.extend(sag(&blind));
     all.extend(problems(&blind).into_iter().filter(|it| it.severity == Severity::Problem));
-    let remedies: Vec<Vec<&'static str>> =
-        REMEDIES.lines().map(|line| line.split('\t').collect()).collect();
-    let place = |problem: &Problem| {
-        let of = |wanted: &str| remedies.iter().position(|it| it.first() == Some(&wanted));
-        of(problem.cause).or_else(|| of(problem.kind)).unwrap_or(remedies.len())
-    };
     // Of two alike the earlier one is first.
-    all.sort_by_key(|it| (place(it), it.span.map_or(Micros::ZERO, |(begin, _)| begin)));
+    all.sort_by_key(|it| (it.remedy().0, it.span.map_or(Micros::ZERO, |(begin, _)| begin)));
     let mut causes: Vec<Cause> = Vec::new();
     for problem in all {
         if let Some(cause) = causes.iter_mut().find(|it| explains(&blind, &it.problem, &problem)) {
             cause.so_also.push(problem);
             continue;
         }
-        let remedy = match remedies.get(place(&problem)).map(Vec::as_slice) {
-            Some(&[_, check, mend]) => [check, mend],
-            _ => [""; 2],
-        };
-        causes.push(Cause { problem, so_also: Vec::new(), remedy });
+        causes.push(Cause { problem, so_also: Vec::new() });
     }
     causes
 }

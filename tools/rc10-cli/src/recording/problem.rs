@@ -110,6 +110,10 @@ const CAUSES: [(&str, &str, &[&str]); 61] = [
     ("garbled", "another baud rate or format", &[]),
 ];
 
+/// What tells a finding from others, and what to do: a line each, by its kind, or by its cause where that says more. What
+/// stands further up explains more of what stands below.
+const REMEDIES: &str = include_str!("remedies.tsv");
+
 /// Length of a text in bytes up to which it is its own headline.
 const SHORT: usize = 60;
 
@@ -219,11 +223,27 @@ impl Problem {
         }
     }
 
+    /// Its place among those that explain others, what tells it from others, and what to do; empty if nothing is known.
+    #[must_use]
+    pub fn remedy(&self) -> (usize, [&'static str; 2]) {
+        let of = |wanted: &str| {
+            let mut lines = REMEDIES.lines().map(|line| line.split('\t')).enumerate();
+            lines.find_map(|(place, mut words)| {
+                let is_it = words.next() == Some(wanted);
+                is_it.then(|| (place, [words.next(), words.next()].map(Option::unwrap_or_default)))
+            })
+        };
+        of(self.cause).or_else(|| of(self.kind)).unwrap_or((usize::MAX, [""; 2]))
+    }
+
     /// The finding as JSON.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let seconds = |at: Micros| at.get() as f64 / 1e6;
+        let [check, mend] = self.remedy().1;
         json!({
+            "check": check,
+            "do": mend,
             "severity": match self.severity {
                 Severity::Problem => "problem",
                 Severity::Information => "information",

@@ -210,10 +210,15 @@ fn finding(problem: &Problem, charts: &[&Chart], docs: &str) -> String {
         format!("<a href=\"#plot-{place}\" data-zoom=\"{from} {to}\">{from:.2} s</a> ")
     });
     let (headline, text) = (escape(&problem.headline()), linked(&problem.to_string(), docs));
-    let folded = if headline == text {
-        format!("<p>{headline}</p>")
-    } else {
-        format!("<details><summary>{headline}</summary>{text}</details>")
+    let is_to_mend = problem.severity == Severity::Problem;
+    let [check, mend] =
+        if is_to_mend { problem.remedy().1.map(escape) } else { Default::default() };
+    let folded = match (headline == text, check.is_empty()) {
+        (true, true) => format!("<p>{headline}</p>"),
+        (false, true) => format!("<details><summary>{headline}</summary>{text}</details>"),
+        _ => format!(
+            "<details><summary>{headline}</summary>{text}<p>check: {check}</p><p>do: {mend}</p></details>"
+        ),
     };
     format!("<li><span class=\"go\">{time}<a href=\"#plot-{place}\">plot</a></span>{folded}</li>")
 }
