@@ -213,12 +213,14 @@ fn finding(problem: &Problem, charts: &[&Chart], docs: &str) -> String {
     let is_to_mend = problem.severity == Severity::Problem;
     let [check, mend] =
         if is_to_mend { problem.remedy().1.map(escape) } else { Default::default() };
-    let folded = match (headline == text, check.is_empty()) {
-        (true, true) => format!("<p>{headline}</p>"),
-        (false, true) => format!("<details><summary>{headline}</summary>{text}</details>"),
-        _ => format!(
-            "<details><summary>{headline}</summary>{text}<p>check: {check}</p><p>do: {mend}</p></details>"
-        ),
+    let remedy = match check.as_str() {
+        "" => String::new(),
+        _ => format!("<p>check: {check}</p><p>do: {mend}</p>"),
+    };
+    let more = if headline == text { remedy } else { text + &remedy };
+    let folded = match more.as_str() {
+        "" => format!("<p>{headline}</p>"),
+        more => format!("<details><summary>{headline}</summary>{more}</details>"),
     };
     format!("<li><span class=\"go\">{time}<a href=\"#plot-{place}\">plot</a></span>{folded}</li>")
 }
@@ -1089,7 +1091,7 @@ mod tests {
         assert!(!page.contains(good));
         for text in [
             "✗ 4 problems",
-            "<p>gimbal yaw: lost at the end</p></li>",
+            "<summary>gimbal yaw: lost at the end</summary><p>check: does its light still blink?</p><p>do: ",
             "<summary>gimbal yaw: lost during the run</summary>gimbal yaw: 2 × lost during the run<",
             ">gimbal pitch: 7 feedback frames overwritten because the bus was busy<",
             ">bus 3: 3 ticks overrun<",
