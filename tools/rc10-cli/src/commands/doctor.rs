@@ -72,7 +72,7 @@ pub fn doctor(args: &DoctorArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
         let seconds = seconds_of(recording.length);
         writeln!(out, "{}", json!({ "seconds": seconds, "causes": Value::from(all) }))?;
     } else {
-        write!(out, "{}", Language::spoken().say(&text(&recording, &causes)))?;
+        write!(out, "{}", text(&recording, &causes, Language::spoken()))?;
     }
     Ok(!causes.is_empty())
 }
@@ -111,25 +111,31 @@ fn seconds_of(time: Micros) -> f64 {
     time.get() as f64 * 1e-6
 }
 
-fn text(recording: &Recording, causes: &[Cause]) -> String {
+fn text(recording: &Recording, causes: &[Cause], language: Language) -> String {
     let length = seconds_of(recording.length);
-    let mut text = match causes.len() {
+    let mut text = language.say(&match causes.len() {
         0 => format!(
-            "{length:.1} s: nothing wrong is seen; what shows only while it drives was seen if it drove\n"
+            "{length:.1} s: nothing wrong is seen; what shows only while it drives was seen if it drove"
         ),
-        1 => format!("{length:.1} s: one cause\n"),
-        more => format!("{length:.1} s: {more} causes, the likeliest first\n"),
-    };
-    for (number, cause) in (1..).zip(causes) {
-        let [check, mend] = cause.problem.remedy().1;
-        text += &format!("\n{number}. {}\n", cause.problem.headline());
-        text += &format!("seen: {}\n", cause.problem.text);
-        if let Some((begin, end)) = cause.problem.span {
-            text += &format!("when: {:.2} to {:.2} s\n", seconds_of(begin), seconds_of(end));
+        1 => format!("{length:.1} s: one cause"),
+        more => format!("{length:.1} s: {more} causes, the likeliest first"),
+    });
+    text.push('\n');
+    for (number, Cause { problem, so_also }) in (1..).zip(causes) {
+        text += &format!("\n{number}. {}\n", language.say(&problem.headline()));
+        // Each in its own language: a pattern for a whole sentence would take its name for a part of it.
+        let mut line = |name: &str, words: &str| {
+            if !words.is_empty() {
+                text += &format!("   {}: {}\n", language.say(name), language.say(words));
+            }
+        };
+        line("seen", &problem.text);
+        if let Some((begin, end)) = problem.span {
+            line("when", &format!("{:.2} to {:.2} s", seconds_of(begin), seconds_of(end)));
         }
         // Alike ones in one line.
         let mut follows: Vec<(&str, Vec<String>)> = Vec::new();
-        for problem in &cause.so_also {
+        for problem in so_also {
             let about = problem.about.to_string();
             match follows.iter_mut().find(|(what, _)| *what == problem.cause) {
                 Some((_, all)) if all.contains(&about) => {}
@@ -138,13 +144,11 @@ fn text(recording: &Recording, causes: &[Cause]) -> String {
             }
         }
         for (what, all) in follows {
-            text += &format!("follows: {}: {what}\n", all.join(", "));
+            line("follows", &format!("{}: {what}", all.join(", ")));
         }
-        for (what, words) in [("check", check), ("do", mend)] {
-            if !words.is_empty() {
-                text += &format!("{what}: {words}\n");
-            }
-        }
+        let [check, mend] = problem.remedy().1;
+        line("check", check);
+        line("do", mend);
     }
     text
 }

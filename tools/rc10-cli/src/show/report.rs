@@ -215,7 +215,11 @@ fn finding(problem: &Problem, charts: &[&Chart], docs: &str) -> String {
         if is_to_mend { problem.remedy().1.map(escape) } else { Default::default() };
     let remedy = match check.as_str() {
         "" => String::new(),
-        _ => format!("<p>check: {check}</p><p>do: {mend}</p>"),
+        _ => {
+            format!(
+                "<div><b>check</b> <span>{check}</span></div><div><b>do</b> <span>{mend}</span></div>"
+            )
+        }
     };
     let more = if headline == text { remedy } else { text + &remedy };
     let folded = match more.as_str() {
@@ -1091,7 +1095,7 @@ mod tests {
         assert!(!page.contains(good));
         for text in [
             "✗ 4 problems",
-            "<summary>gimbal yaw: lost at the end</summary><p>check: does its light still blink?</p><p>do: ",
+            "<summary>gimbal yaw: lost at the end</summary><div><b>check</b> <span>does its light still blink?</span></div>",
             "<summary>gimbal yaw: lost during the run</summary>gimbal yaw: 2 × lost during the run<",
             ">gimbal pitch: 7 feedback frames overwritten because the bus was busy<",
             ">bus 3: 3 ticks overrun<",

@@ -84,7 +84,7 @@ function tables() {
   }
   const list = [state.trouble, state.stranger].filter(Boolean).map((text) => ({ text, severity: 'problem' })).concat(state.problems || []);
   const bad = list.filter((it) => it.severity === 'problem'), known = list.filter((it) => it.severity !== 'problem');
-  const items = (all) => all.map((it) => { const li = document.createElement('li'); li.className = it.severity; if (Number.isFinite(it.at)) li.append(when(it.at, it.signals)); li.append(document.createTextNode((it.about ? it.about + ': ' : '') + it.text)); if (it.severity === 'problem' && it.check) for (const text of ['check: ' + it.check, 'do: ' + it.do]) { const small = document.createElement('small'); small.className = 'remedy'; small.textContent = text; li.append(small); } return li; });
+  const items = (all) => all.map((it) => { const li = document.createElement('li'); li.className = it.severity; if (Number.isFinite(it.at)) li.append(when(it.at, it.signals)); li.append(document.createTextNode((it.about ? it.about + ': ' : '') + it.text)); if (it.severity === 'problem' && it.check) for (const name of ['check', 'do']) { const small = li.appendChild(document.createElement('small')); small.className = 'remedy'; for (const [tag, text] of [['b', name], ['span', it[name]]]) { small.append(' '); small.appendChild(document.createElement(tag)).textContent = text; } } return li; });
   fill('problems', bad.length ? bad : [{ text: state.file && !state.file.judged ? 'being looked for …' : 'none', severity: 'none' }], items);
   fill('known', known, items);
   const lately = (state.happened || []).filter(([at]) => !state.file || at * 1e6 <= end + 1).slice(-8).reverse();
