@@ -121,12 +121,13 @@ fn text(recording: &Recording, causes: &[Cause], language: Language) -> String {
         more => format!("{length:.1} s: {more} causes, the likeliest first"),
     });
     text.push('\n');
+    let colon = if language == Language::Zh { "：" } else { ": " };
     for (number, Cause { problem, so_also }) in (1..).zip(causes) {
         text += &format!("\n{number}. {}\n", language.say(&problem.headline()));
         // Each in its own language: a pattern for a whole sentence would take its name for a part of it.
         let mut line = |name: &str, words: &str| {
             if !words.is_empty() {
-                text += &format!("   {}: {}\n", language.say(name), language.say(words));
+                text += &format!("   {}{colon}{}\n", language.say(name), language.say(words));
             }
         };
         line("seen", &problem.text);
