@@ -12,6 +12,7 @@ mod declaration;
 mod decode;
 mod defects;
 mod emulate;
+mod faults;
 mod following;
 mod interop_python;
 mod live;

@@ -33,4 +33,4 @@ pub use program::{Declared, Program};
 pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};
 pub use supply::Supply;
 #[doc(hidden)]
-pub use {embassy_futures, embedded_hal, embedded_io_async, rc10_motor, rc10_time};
+pub use {embassy_futures, embedded_hal, embedded_io_async, rc10_message, rc10_motor, rc10_time};

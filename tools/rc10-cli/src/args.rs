@@ -12,8 +12,8 @@ use crate::robot::mistake::{self, Mistake};
 /// Help text of `--fault`.
 const FAULTS: &str = "\
 Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
-noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
-line, and cut:IMU and so on for a part on a UART; cut:NAME and power:NAME for a motor; stuck:NAME, torn:NAME and bounces:NAME for the contact \
+noise:2@0.3s power:2@.. load:2@.. babble:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
+line, and cut:IMU and so on for a part on a UART; cut:NAME, power:NAME, mute:NAME, frozen:NAME and flipped:NAME for a motor; stuck:NAME, torn:NAME and bounces:NAME for the contact \
 of a motor, with - for spaces; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
 crystal-dead crystal-stops@0.3s cut-power@0.3s..0.4s; repeat for more";
 

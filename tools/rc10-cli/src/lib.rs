@@ -49,6 +49,7 @@ use rc10_time::Micros;
 
 use crate::commands::doctor::{DoctorArgs, doctor};
 use crate::commands::emulate::{EmuArgs, emulate};
+use crate::commands::faults::FaultsArgs;
 use crate::commands::new::NewArgs;
 use crate::commands::plan::PlanArgs;
 use crate::commands::pty::PtyArgs;
@@ -123,6 +124,8 @@ enum Command {
     Dbc(DbcArgs),
     /// Shows how late each frame of the buses can be, and what else fits
     Plan(PlanArgs),
+    /// Shows what every motor model does in every fault, and how long it takes
+    Faults(FaultsArgs),
     /// Makes a robot of your own: a folder with its table, its simulation and its firmware
     New(NewArgs),
     /// Puts a simulated bus on a pseudo-terminal, as an slcan adapter (Unix)
@@ -154,6 +157,7 @@ Examples:
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
   rc10 dbc --out target/dbc              DBC files for SavvyCAN, cantools and the like
   rc10 plan --add 1:M3508@500*2          how late frames are at worst, with two more motors on bus 1
+  rc10 faults --motor m3508 --phases 20  what an M3508 does in every fault, in 20 phases of it
   rc10 pty --bus 1                       bus 1 for python-can or slcand, on a pseudo-terminal
 
 From a checkout: cargo run -- run --seconds 3";
@@ -221,6 +225,7 @@ impl CommandLine {
             Command::Plan(args) => {
                 commands::plan::plan(&args, robot.description(), out).map(|()| 0)?
             }
+            Command::Faults(args) => strict(true, commands::faults::faults(&args, out)?),
             Command::New(args) => commands::new::new(&args, out).map(|()| 0)?,
             Command::Pty(args) => commands::pty::pty(&args, robot, out).map(|()| 0)?,
         })

@@ -1,6 +1,7 @@
 //! Simulated ESCs: electronics of some vendor, between a wire and a winding.
 
 use std::any::Any;
+use std::borrow::Cow;
 
 use rc10_can::CanFrame;
 use rc10_time::Micros;
@@ -79,6 +80,16 @@ pub enum Taken {
     NotMine,
     /// The frame has the device's identifier, but not a length or content that it takes.
     Malformed,
+}
+
+/// Faults of an encoder that its ESC does not find.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoder {
+    /// It stands still, whatever the shaft does. The winding makes torque all the same, as with an
+    /// encoder of its own for that.
+    Frozen,
+    /// It counts the other way.
+    Flipped,
 }
 
 /// Faults that an ESC can find in itself.
@@ -176,6 +187,8 @@ pub(crate) struct Unit {
     cut: bool,
     /// The state of the winding in the last step.
     winding: Winding,
+    /// The fault of its encoder, and the shaft as it was when that began.
+    encoder: Option<(Encoder, Box<Shaft>)>,
     /// Silent: it goes on driving.
     pub(crate) muted: bool,
     commands: u64,
@@ -195,6 +208,7 @@ impl Unit {
             powered: false,
             cut: false,
             winding: Winding::Open,
+            encoder: None,
             muted: false,
             commands: 0,
             last_command_at: None,
@@ -215,7 +229,7 @@ impl Unit {
             Place::Line { .. } => Micros::ZERO,
         };
         if powered {
-            self.device.power_on(&self.motor, now.micros(), phase);
+            self.device.power_on(&seen(&self.encoder, &self.motor), now.micros(), phase);
         }
         true
     }
@@ -230,6 +244,11 @@ impl Unit {
         core::mem::replace(&mut self.cut, cut) != cut
     }
 
+    /// Gives its encoder a fault, or takes that away: then it shows where the shaft really is.
+    pub(crate) fn set_encoder(&mut self, fault: Option<Encoder>) {
+        self.encoder = fault.map(|fault| (fault, Box::new(self.motor.clone())));
+    }
+
     pub(crate) fn next_event(&self) -> Option<Micros> {
         if self.powered { self.device.next_event() } else { None }
     }
@@ -239,7 +258,7 @@ impl Unit {
         if !self.powered {
             return;
         }
-        match self.device.receive(frame, &self.motor, now, &mut self.out) {
+        match self.device.receive(frame, &seen(&self.encoder, &self.motor), now, &mut self.out) {
             Taken::Yes => self.count_command(now),
             Taken::Malformed => self.malformed += 1,
             Taken::NotMine => (),
@@ -248,7 +267,7 @@ impl Unit {
 
     /// Takes a byte from its line; what it answers, and how much later.
     pub(crate) fn hear(&mut self, byte: u8, now: Nanos) -> Option<(Vec<u8>, Nanos)> {
-        let heard = self.device.hear(byte, &self.motor, now);
+        let heard = self.device.hear(byte, &seen(&self.encoder, &self.motor), now);
         match heard {
             Heard::Nothing => return None,
             Heard::Malformed => self.malformed += 1,
@@ -268,7 +287,7 @@ impl Unit {
     /// Lets events happen that it makes by itself now.
     pub(crate) fn advance(&mut self, now: Micros) {
         if self.powered {
-            self.device.advance(&self.motor, now, &mut self.out);
+            self.device.advance(&seen(&self.encoder, &self.motor), now, &mut self.out);
         }
     }
 
@@ -279,8 +298,11 @@ impl Unit {
     }
 
     pub(crate) fn step(&mut self, now: Nanos) {
-        self.winding =
-            if self.powered { self.device.drive(&self.motor, now.micros()) } else { Winding::Open };
+        self.winding = if self.powered {
+            self.device.drive(&seen(&self.encoder, &self.motor), now.micros())
+        } else {
+            Winding::Open
+        };
         self.motor.step(self.winding);
     }
 
@@ -305,6 +327,14 @@ impl Unit {
             malformed: self.malformed,
             feedback_overwritten,
         }
+    }
+}
+
+/// The shaft as its encoder shows it.
+fn seen<'s>(encoder: &Option<(Encoder, Box<Shaft>)>, shaft: &'s Shaft) -> Cow<'s, Shaft> {
+    match encoder {
+        None => Cow::Borrowed(shaft),
+        Some((fault, then)) => Cow::Owned(shaft.seen(then, *fault == Encoder::Flipped)),
     }
 }
 

@@ -39,24 +39,39 @@ pub enum Defect {
     Stuck,
     /// `torn:NAME`: the wire of a contact is torn: open, or closed where it is wired by the contact that opens.
     Torn,
+    /// `mute:NAME`: a motor's feedback stays away. It hears, and drives on.
+    Mute,
+    /// `frozen:NAME`: a motor's encoder stands still, whatever its shaft does.
+    Frozen,
+    /// `flipped:NAME`: a motor's encoder counts the other way.
+    Flipped,
     /// `bounces:NAME`: a contact opens and closes for 10 ms at each of its edges.
     Bounces,
 }
 
 impl Defect {
-    const ALL: [(&str, Self); 6] = [
+    const ALL: [(&str, Self); 9] = [
         ("cut", Self::Cut),
         ("noise", Self::Noise),
         ("power", Self::Power),
         ("stuck", Self::Stuck),
         ("torn", Self::Torn),
         ("bounces", Self::Bounces),
+        ("mute", Self::Mute),
+        ("frozen", Self::Frozen),
+        ("flipped", Self::Flipped),
     ];
 
     /// Whether it is one of a contact, and not of a part on a UART.
     #[must_use]
     pub const fn is_of_contact(self) -> bool {
         matches!(self, Self::Stuck | Self::Torn | Self::Bounces)
+    }
+
+    /// Whether it is one of a motor alone.
+    #[must_use]
+    pub const fn is_of_motor(self) -> bool {
+        matches!(self, Self::Mute | Self::Frozen | Self::Flipped)
     }
 }
 
@@ -94,6 +109,8 @@ pub enum Kind<O = Infallible> {
     /// `load:BUS`: another node fills the bus up to more than 99 %, with repetitions of the least
     /// urgent feedback.
     Load(usize),
+    /// `babble:BUS`: another node sends without a pause, more urgent than all others.
+    Babble(usize),
     /// `remote-lost`: the remote's transmitter is off, or out of reach. Its receiver does then what
     /// such receivers do.
     RemoteLost,
@@ -148,7 +165,9 @@ impl<O> Kind<O> {
     pub const fn wire(&self) -> Option<Wire> {
         match self {
             Self::Cut(wire) | Self::Noise(wire) | Self::Power(wire) => Some(*wire),
-            Self::Short(bus) | Self::Dominant(bus) | Self::Load(bus) => Some(Wire::Bus(*bus)),
+            Self::Short(bus) | Self::Dominant(bus) | Self::Load(bus) | Self::Babble(bus) => {
+                Some(Wire::Bus(*bus))
+            }
             Self::RemoteLost | Self::Part(..) | Self::Other(_) => None,
         }
     }
@@ -164,6 +183,7 @@ impl<O: fmt::Display> fmt::Display for Kind<O> {
             Self::Noise(_) => "noise",
             Self::Power(_) => "power",
             Self::Load(_) => "load",
+            Self::Babble(_) => "babble",
             Self::RemoteLost => "remote-lost",
             Self::Part(defect, name) => return write!(f, "{defect}:{}", name.replace(' ', "-")),
             Self::Other(other) => return other.fmt(f),
@@ -255,7 +275,7 @@ fn kind_of<O: Others>(text: &str) -> Result<Kind<O>, String> {
     };
     let defect = Defect::ALL.iter().find(|(of, _)| *of == name).map(|(_, defect)| *defect);
     match (defect, argument.unwrap_or_default()) {
-        (Some(defect), "") if defect.is_of_contact() => {
+        (Some(defect), "") if defect.is_of_contact() || defect.is_of_motor() => {
             return Err(format!("`{name}` needs the label of a motor: {name}:feeder"));
         }
         (Some(defect), part) if defect.is_of_contact() || is_name(part) => {
@@ -270,11 +290,12 @@ fn kind_of<O: Others>(text: &str) -> Result<Kind<O>, String> {
         "noise" => wire().map(Kind::Noise),
         "power" => wire().map(Kind::Power),
         "load" => bus().map(Kind::Load),
+        "babble" => bus().map(Kind::Babble),
         "remote-lost" => alone(name, argument).map(|()| Kind::RemoteLost),
         _ => Err(format!(
             "there is no such fault; there are: cut:BUS short:BUS dominant:BUS noise:BUS power:BUS \
-             load:BUS remote-lost{}; cut, noise and power also of a LINE, or of a part on a UART by \
-             its label; cut and power of a motor by its label; stuck:NAME torn:NAME bounces:NAME of a contact by its motor's",
+             load:BUS babble:BUS remote-lost{}; cut, noise and power also of a LINE, or of a part on a UART by \
+             its label; cut, power, mute, frozen and flipped of a motor by its label; stuck:NAME torn:NAME bounces:NAME of a contact by its motor's",
             O::NAMES
         )),
     }
@@ -341,7 +362,7 @@ mod tests {
     fn kinds_are_shown_as_they_are_written() {
         let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 remote-lost cut:L1 noise:L2 \
                      power:L9 cut:IMU noise:wall-left power:IMU stuck:feeder torn:lift-left \
-                     bounces:feeder";
+                     bounces:feeder babble:2 mute:feeder frozen:feeder flipped:lift-left";
         for kind in kinds.split(' ') {
             assert_eq!(kind_of::<Infallible>(kind).unwrap().to_string(), kind);
         }
@@ -369,6 +390,8 @@ mod tests {
             ("flood@1s", "cut:BUS"),
             ("panic@1s", "no such fault"),
             ("stuck@1s", "label of a motor"),
+            ("mute@1s", "label of a motor"),
+            ("babble:L1@1s", "needs a bus"),
             ("torn:@1s", "label of a motor"),
             ("noise:IMU@1s..2s", "no end"),
             ("short:1@1", "is no time"),

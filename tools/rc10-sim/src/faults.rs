@@ -3,9 +3,10 @@
 use std::convert::Infallible;
 
 use rc10_can::CanFrame;
+use rc10_can::embedded_can::StandardId;
 
 use crate::fault::{Defect, Fault, Kind, NoFault, Others, Wire, is_called};
-use crate::{Bus, Contact, Esc, Line, Nanos, Serial, TraceEntry, UartFault};
+use crate::{Bus, Contact, Encoder, Esc, Line, Nanos, Serial, TraceEntry, UartFault};
 
 /// Time from one filling of a bus to the next.
 const STEP: Nanos = Nanos::new(1_000_000);
@@ -41,6 +42,8 @@ pub struct Parts {
 struct Filled {
     bus: Bus,
     on: bool,
+    /// Whether it is filled with the most urgent frames instead, without a pause.
+    babbles: bool,
     /// The newest of its least urgent feedback.
     filler: Option<CanFrame>,
 }
@@ -60,7 +63,8 @@ impl<O: Others> Faults<O> {
         // Stable: what begins and ends at one moment does so as it was written.
         timeline.sort_by_key(|entry| entry.0);
         timeline.reverse();
-        let filled = |bus: &Bus| Filled { bus: bus.clone(), on: false, filler: None };
+        let filled =
+            |bus: &Bus| Filled { bus: bus.clone(), on: false, babbles: false, filler: None };
         let buses = buses.iter().map(filled).collect();
         Ok(Self { buses, lines: lines.into(), parts: Parts::default(), timeline })
     }
@@ -103,7 +107,10 @@ impl<O: Others> Faults<O> {
     pub fn next(&self, now: Nanos) -> Option<Nanos> {
         let entry = self.timeline.last().map(|entry| entry.0);
         let step = Nanos::new((now.get() / STEP.get() + 1) * STEP.get());
-        entry.into_iter().chain(self.buses.iter().any(|bus| bus.on).then_some(step)).min()
+        entry
+            .into_iter()
+            .chain(self.buses.iter().any(|bus| bus.on || bus.babbles).then_some(step))
+            .min()
     }
 
     /// Takes the traffic of a bus, 0 for the first, since the last time: its least urgent feedback
@@ -138,6 +145,7 @@ impl<O: Others> Faults<O> {
         let bus = |index: usize| &self.buses[index].bus;
         match kind {
             Kind::Load(bus) => self.buses[*bus].on = begins,
+            Kind::Babble(bus) => self.buses[*bus].babbles = begins,
             Kind::Cut(Wire::Bus(index)) => bus(*index).set_cut(begins),
             Kind::Noise(Wire::Bus(index)) => bus(*index).damage(1),
             Kind::Power(Wire::Bus(index)) => bus(*index).set_power(!begins),
@@ -158,7 +166,7 @@ impl<O: Others> Faults<O> {
                 Defect::Cut => serial.set_cut(begins),
                 Defect::Noise => serial.inject(UartFault::Framing),
                 Defect::Power => serial.set_power(!begins),
-                Defect::Stuck | Defect::Torn | Defect::Bounces => {}
+                _ => {}
             }
         }
         for (_, contact) in self.parts.contacts.iter().filter(|(label, _)| is_called(label, name)) {
@@ -168,12 +176,19 @@ impl<O: Others> Faults<O> {
             match defect {
                 Defect::Cut => motor.set_cut(begins),
                 Defect::Power => motor.set_power(!begins),
+                Defect::Mute => motor.set_feedback(!begins),
+                Defect::Frozen => motor.set_encoder(begins.then_some(Encoder::Frozen)),
+                Defect::Flipped => motor.set_encoder(begins.then_some(Encoder::Flipped)),
                 _ => {}
             }
         }
     }
 
     fn fill(&self, step: u64) {
+        for Filled { bus, .. } in self.buses.iter().filter(|bus| bus.babbles) {
+            let frame = CanFrame::eight_bytes(StandardId::ZERO, [0; 8]);
+            (bus.foreign_waiting()..FILLER).for_each(|_| bus.inject(&frame));
+        }
         if (step + 1).is_multiple_of(FILLER_PAUSE) {
             return;
         }

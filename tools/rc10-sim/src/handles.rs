@@ -9,7 +9,7 @@ use rc10_can::{CanFrame, CanPort, Health, Queued, Submitted};
 use rc10_time::Micros;
 
 use crate::base::{Motion, Pose, Twist};
-use crate::device::{Device, EscFault, EscState, Place, Unit};
+use crate::device::{Device, Encoder, EscFault, EscState, Place, Unit};
 use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
 use crate::motor::Shaft;
@@ -287,6 +287,11 @@ impl Esc {
     /// Silences its feedback, or lets it speak again; it goes on driving.
     pub fn set_feedback(&self, enabled: bool) {
         self.inner.borrow_mut().units[self.index].muted = !enabled;
+    }
+
+    /// Gives its encoder a fault that it does not find, or takes that away.
+    pub fn set_encoder(&self, fault: Option<Encoder>) {
+        self.inner.borrow_mut().units[self.index].set_encoder(fault);
     }
 
     /// Has it find something wrong with itself, until power-off. `false`: such a device knows no

@@ -109,7 +109,7 @@ pub use arm::ArmLink;
 pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
 pub use contact::{Closed, Contact, NoRange};
 pub use controller::{Activity, Controller, Nanos, Outcome, tolerance_ppm};
-pub use device::{Beyond, Device, EscFault, EscState, NoDevice, Outbox, Taken, Winding};
+pub use device::{Beyond, Device, Encoder, EscFault, EscState, NoDevice, Outbox, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use fault::Fault;
 pub use faults::{Faults, Parts};

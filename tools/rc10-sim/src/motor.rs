@@ -10,6 +10,7 @@ pub(crate) const STEP: f64 = 100e-6;
 
 /// The shaft of a motor with its gearbox and load. A device sees it through its sensors: exact, and as
 /// of the last physics step.
+#[derive(Clone)]
 pub struct Shaft {
     /// The motor with its gearbox and load.
     pub plant: Plant,
@@ -65,6 +66,20 @@ impl Shaft {
     #[must_use]
     pub fn radians(&self) -> f64 {
         self.output_degrees().to_radians()
+    }
+
+    /// What an encoder shows of it that has stood still, or counted the other way, since `then`.
+    pub(crate) fn seen(&self, then: &Self, is_flipped: bool) -> Self {
+        let mut seen = self.clone();
+        (seen.turns, seen.fraction, seen.speed) = (then.turns, then.fraction, 0.0);
+        if is_flipped {
+            let back = 2.0 * then.fraction - self.fraction;
+            #[expect(clippy::cast_possible_truncation, reason = "-1, 0 or 1")]
+            let whole = back.floor() as i64;
+            seen.turns = 2 * then.turns - self.turns + whole;
+            (seen.fraction, seen.speed) = (back - back.floor(), -self.speed);
+        }
+        seen
     }
 
     /// Torque of the winding at the output shaft, N·m.

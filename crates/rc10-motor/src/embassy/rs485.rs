@@ -134,7 +134,8 @@ impl<'r, 'm> Runner<'r, 'm> {
     /// Commands in, motors, status out. Never waits.
     fn tick(&mut self, now: Micros) {
         let elapsed = self.clock.tick(now).unwrap_or(PERIOD);
-        self.server.take(self.bus, now);
+        // As old as the tick is late, perhaps.
+        self.server.take(self.bus, now - (elapsed - PERIOD));
         self.bus.tick(now, Seconds::from_micros(elapsed.get()));
         self.server.publish(self.bus, now);
         let Self { bus, clock, .. } = self;

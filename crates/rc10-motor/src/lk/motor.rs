@@ -221,6 +221,10 @@ impl Motor for Lk {
     fn update(&mut self, tick: &Tick) {
         self.pending.update(tick);
         let may = tick.mode != DriveMode::Off && tick.link == Link::Online && self.fault.is_none();
+        if !may && self.step == Step::Running {
+            // It is switched off at once: the question's turn is later.
+            self.beat |= 1;
+        }
         self.step = match (may, self.commands, self.step) {
             (false, ..) => Step::Off,
             (true, Commands::Single, Step::Off) => Step::Starting(0),

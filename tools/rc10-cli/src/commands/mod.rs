@@ -3,6 +3,7 @@
 pub mod decode;
 pub mod doctor;
 pub mod emulate;
+pub mod faults;
 pub mod new;
 pub mod plan;
 pub mod pty;

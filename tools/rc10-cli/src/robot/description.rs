@@ -343,6 +343,7 @@ impl Description {
                 Defect::Cut | Defect::Power => {
                     ("part on a UART or motor", parts().chain(all_motors()).collect())
                 }
+                _ if defect.is_of_motor() => ("motor", all_motors().collect()),
                 Defect::Noise => ("part on a UART", parts().collect()),
                 _ => {
                     let motors = contacts.iter().filter_map(|it| motors.get(it.motor));

@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod emulation;
+pub mod fault_bench;
 pub mod foreign;
 pub mod line;
 pub mod running;

@@ -1,0 +1,776 @@
+//! A motor of ours with its simulated device, on buses that tick as a robot's do, and all that can go
+//! wrong around it.
+
+use std::cell::Cell;
+use std::num::NonZeroU8;
+use std::pin::Pin;
+use std::rc::Rc;
+use std::task::{Context, Poll, Waker};
+
+use anyhow::{Result, bail};
+use rc10_app::{
+    Amps, Cascade, Degrees, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond, Seconds, TotalAngle,
+};
+use rc10_can::embedded_can::Id;
+use rc10_can::{CanFrame, CanPort, ErrorState, Health, IdPattern, Submitted};
+use rc10_module::remote::{Remote, Switch};
+use rc10_motor::embassy::{BusPort, Runner};
+use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig, Rs485Bus, Step};
+use rc10_motor::{
+    ArmState, ArmSwitch, CanMotor, Device, DriveMode, MotorBus, MotorId, MotorStatus, Request,
+    Safety, Target, Wiring, cybergear, damiao, dji, lk, odrive, vesc,
+};
+use rc10_sim::{
+    Bus, BusConfig, Esc, EscFault, Fault, Faults, Line, LineConfig as Settings, Nanos, Parts,
+    Random, SimPort, UartPort, World,
+};
+use rc10_tasks::rc10_message::Stamped;
+use rc10_tasks::{Arming, ArmingConfig};
+use rc10_time::Micros;
+
+use crate::robot::motor::{Motor, Place, Plant};
+
+/// A motor model as it is tried: how it is set up, what drives it, and what is on its shaft.
+#[derive(Clone)]
+pub struct Model {
+    /// The name in tables.
+    pub name: String,
+    /// The device.
+    pub device: Device,
+    /// The target that makes it turn.
+    pub target: Target,
+    /// The speed at which it then turns, rpm.
+    pub cruise: f64,
+    inertia: f64,
+}
+
+const fn cascade(most: f32, kp: f32, ki: f32, angle_kp: f32) -> Cascade {
+    Cascade {
+        speed: PidConfig::within(most).kp(kp).ki(ki),
+        angle: PidConfig::within(200.0).kp(angle_kp),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(1500.0),
+        feed_forward: FeedForward::NONE,
+    }
+}
+
+/// Every motor model that has a simulated device, in each way to drive it.
+#[must_use]
+pub fn models() -> Vec<Model> {
+    let model = |name: &str, device: Device, cruise: f32, inertia| {
+        let name = if name.is_empty() { device.name().model } else { name };
+        let target = Target::Speed(Rpm::new(cruise));
+        Model { name: name.to_owned(), device, target, cruise: cruise.into(), inertia }
+    };
+    // Those that take angles alone: farther than they come.
+    let far = |it: Model, degrees| Model {
+        target: Target::TotalAngle(TotalAngle::from_degrees(degrees)),
+        ..it
+    };
+    let dji = |model| dji::Config::new(model, 1).device();
+    let damiao = |model, control| damiao::Config::new(model, 0x11, 0x31, control).device();
+    let (slow, j4310) = (Rpm::new(30.0), damiao::models::J4310);
+    let odrive = |control| {
+        odrive::Config::new(3, odrive::Firmware::V0_6, control, odrive::Rates::new(1000, 100))
+            .with_gear(Gear::new(8, 1).unwrap_or(Gear::DIRECT))
+            .with_limits(odrive::Limits { speed: Rpm::new(300.0), current: Amps::new(18.0) })
+            .device()
+    };
+    let vesc = |gear| {
+        let poles = NonZeroU8::new(7).unwrap_or(NonZeroU8::MIN);
+        let amps = Amps::new;
+        let currents =
+            vesc::Currents { limit: amps(40.0), brake: amps(15.0), handbrake: amps(20.0) };
+        vesc::Config::new(1, vesc::ElectricalScale::new(poles, gear), currents)
+    };
+    let lift = vesc(Gear::new(19, 1).unwrap_or(Gear::DIRECT));
+    let lk = |model, cascade| lk::Config::new(model, 1, cascade);
+    let mf = lk(lk::models::MF9025, cascade(12.0, 0.1, 0.5, 2.0));
+    let mut all = vec![
+        model("M3508", dji(&dji::M3508), 100.0, 0.029),
+        model("M2006", dji(&dji::M2006), 100.0, 0.002),
+        model("GM6020, current", dji(&dji::GM6020_CURRENT), 60.0, 0.01),
+        model("GM6020, voltage", dji(&dji::GM6020_VOLTAGE), 60.0, 0.01),
+        model(
+            "Damiao J4310, MIT",
+            damiao(j4310, damiao::Control::Mit(cascade(7.0, 0.063, 0.5, 1.3))),
+            60.0,
+            0.02,
+        ),
+        model("Damiao J4310, velocity", damiao(j4310, damiao::Control::Velocity), 60.0, 0.02),
+        far(
+            model(
+                "Damiao J4310, position",
+                damiao(j4310, damiao::Control::PositionVelocity { speed: slow }),
+                30.0,
+                0.02,
+            ),
+            700,
+        ),
+        far(
+            model(
+                "Damiao J4310, force",
+                damiao(j4310, damiao::Control::ForcePosition { speed: slow, torque_share: 0.5 }),
+                30.0,
+                0.02,
+            ),
+            700,
+        ),
+        model("Damiao J8009", damiao(damiao::models::J8009, damiao::Control::Velocity), 60.0, 0.1),
+        model("VESC", vesc(Gear::DIRECT).device(), 1000.0, 6e-4),
+        model(
+            "VESC, geared",
+            lift.with_angle_loops(cascade(40.0, 0.9, 5.0, 2.0)).device(),
+            60.0,
+            0.05,
+        ),
+        model("", lk(lk::models::MG4010E_I10, cascade(5.0, 0.2, 2.0, 3.0)).device(), 60.0, 0.02),
+        model("MF9025", mf.device(), 100.0, 0.005),
+        model(
+            "MF9025, multi-motor",
+            mf.with_commands(lk::Commands::MultiMotor).device(),
+            100.0,
+            0.005,
+        ),
+        model(
+            "ODrive, torque",
+            odrive(odrive::Control::Torque(cascade(8.0, 0.1, 1.0, 3.0))),
+            80.0,
+            0.03,
+        ),
+        model(
+            "ODrive, velocity",
+            odrive(odrive::Control::Velocity(odrive::InputMode::VelocityRamp)),
+            80.0,
+            0.03,
+        ),
+        far(
+            model(
+                "ODrive, position",
+                odrive(odrive::Control::Position(odrive::InputMode::Trapezoid)),
+                80.0,
+                0.03,
+            ),
+            36_000,
+        ),
+        model("GO-M8010-6, module", ModuleConfig::new(3, 1).device(), 100.0, 0.01),
+        model("GO-M8010-6, RS-485", LineConfig::new(1).device(), 100.0, 0.01),
+    ];
+    let address = cybergear::Address { motor: 1, host: 0xFD };
+    all.extend(cybergear::models::ALL.into_iter().map(|known| {
+        let inertia = if known.limits.torque > 30.0 { 0.1 } else { 0.01 };
+        model("", cybergear::Config::new(known, address).device(), 60.0, inertia)
+    }));
+    all
+}
+
+/// A motor of ours.
+enum Made {
+    Can(Box<dyn CanMotor>),
+    Line(Box<GoM8010>),
+}
+
+fn made(device: &Device) -> Result<Made> {
+    Ok(Made::Can(match *device {
+        Device::Dji(config) => Box::new(dji::Dji::new(config)?),
+        Device::Vesc(config) => Box::new(vesc::Vesc::new(config)?),
+        Device::Damiao(config) => Box::new(damiao::Damiao::new(config)?),
+        Device::CyberGear(config) => Box::new(cybergear::CyberGear::new(config)?),
+        Device::Lk(config) => Box::new(lk::Lk::new(config)?),
+        Device::ODrive(config) => Box::new(odrive::ODrive::new(config)?),
+        Device::GoModule(config) => Box::new(GoModule::new(config)?),
+        Device::GoM8010(config) => return Ok(Made::Line(Box::new(GoM8010::new(config)?))),
+        _ => bail!("there is no motor of ours for a {}", device.name().model),
+    }))
+}
+
+/// What goes wrong between a robot and its motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trouble {
+    /// A fault of wires and devices, as `--fault` writes it: `*` is the bus or line, `motor` the motor.
+    Fault(&'static str),
+    /// One frame in three is lost, either way.
+    Lost,
+    /// The motor's frames come a byte too short.
+    Short,
+    /// Another node sends anything with the motor's identifier, every millisecond.
+    Foreign,
+    /// A second device with the same identifier.
+    Double,
+    /// The device reports that it is too hot; without power it forgets that.
+    Reported,
+    /// An emergency stop.
+    Stop,
+    /// The switch that disarms.
+    Disarm,
+    /// All tasks hang: nothing commands, nothing looks after the remote.
+    Hung,
+    /// The targets are no numbers.
+    NotANumber,
+    /// The buses' executor does not run.
+    Blocked,
+    /// The clock jumps ahead by a second.
+    Jump,
+    /// The remote is not heard.
+    RemoteLost,
+    /// The remote says for ever what it said last; a PC stops the robot 50 ms later.
+    RemoteStuck,
+}
+
+/// What the troubles of the host do to its port.
+#[derive(Default)]
+struct Tap {
+    offset: Cell<u64>,
+    loses: Cell<bool>,
+    shortens: Cell<bool>,
+    count: Cell<u32>,
+    /// When the controller was first seen off the bus, and when it was first sent back.
+    off_at: Cell<Option<Micros>>,
+    back_at: Cell<Option<Micros>>,
+}
+
+impl Tap {
+    fn is_lost(&self) -> bool {
+        self.count.set(self.count.get().wrapping_add(1));
+        self.loses.get() && self.count.get().is_multiple_of(3)
+    }
+}
+
+/// The port of a bus, with what troubles its host.
+struct Tapped {
+    port: SimPort,
+    tap: Rc<Tap>,
+}
+
+impl CanPort for Tapped {
+    fn receive(&mut self) -> Option<(CanFrame, Micros)> {
+        loop {
+            let (frame, at) = self.port.receive()?;
+            if self.tap.is_lost() {
+                continue;
+            }
+            let bytes = frame.bytes().split_last().map_or(&[][..], |(_, but_one)| but_one);
+            let short = self.tap.shortens.get().then(|| CanFrame::data_frame(frame.id(), bytes));
+            let frame = short.and_then(Result::ok).unwrap_or(frame);
+            return Some((frame, at + Micros::new(self.tap.offset.get())));
+        }
+    }
+
+    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
+        if self.tap.is_lost() {
+            return Submitted::Queued;
+        }
+        self.port.submit_as(frame, stream)
+    }
+
+    fn cancel_pending(&mut self) -> u8 {
+        self.port.cancel_pending()
+    }
+
+    fn health(&self) -> Health {
+        self.port.health()
+    }
+
+    fn recover(&mut self) {
+        if self.tap.back_at.get().is_none() {
+            self.tap.back_at.set(Some(rc10_sim::now()));
+        }
+        self.port.recover();
+    }
+}
+
+/// What was seen since a moment.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// The moment.
+    pub since: Nanos,
+    /// The last time at which the winding drove the shaft.
+    pub drove: Option<Nanos>,
+    /// The last time at which the bus followed the target.
+    pub ran: Option<Nanos>,
+    /// The greatest current, A, and speed, rpm, either way.
+    pub peak: [f64; 2],
+    /// The longest time between two commands to others on this bus and on another one, us.
+    pub gaps: [u64; 2],
+    last: [Micros; 2],
+    /// Frames to DJI motors with a torque that left more than a tick after a stop.
+    pub pushed: u32,
+}
+
+/// The bench.
+pub struct Bench<'r> {
+    /// The simulated world.
+    pub world: World,
+    /// The device.
+    pub twin: Esc,
+    /// Arms and stops all.
+    pub switch: &'r ArmSwitch,
+    /// What was seen since [`watch`](Self::watch).
+    pub seen: Seen,
+    model: &'r Model,
+    double: Esc,
+    wires: [Bus; 2],
+    line: Line,
+    faults: Faults,
+    ports: &'r [BusPort; 2],
+    runners: [Runner<'r, 'r, Tapped>; 2],
+    sim_port: SimPort,
+    rs485: Rs485Bus<'r>,
+    io: UartPort,
+    /// The motor, and the others on this bus and on another one.
+    ids: [MotorId; 3],
+    tap: Rc<Tap>,
+    arming: Arming,
+    remote: Option<Stamped<Remote>>,
+    clearing: Option<Pin<Box<dyn Future<Output = ()> + 'r>>>,
+    going: Vec<Trouble>,
+    /// When the switch of the remote was brought to where it disarms, to arm.
+    gesture: Micros,
+    /// When the motor was last given a target that is a number.
+    pub commanded_at: Micros,
+    /// Since when the robot is stopped or disarmed, with buses that run.
+    pub stopped_at: Option<Micros>,
+    next_command: Micros,
+    next_remote: Micros,
+    next_arming: Micros,
+    next_line: Micros,
+    next_foreign: Micros,
+    random: Random,
+}
+
+/// A sample of the true state.
+const SAMPLE: u64 = 100_000;
+const COMMANDS: Micros = Micros::from_millis(5);
+/// What was handed over before a stop has left: a tick, and the way on the wire.
+const LEFT: Micros = Micros::new(1_500);
+/// A DR16's frames.
+const REMOTE: Micros = Micros::from_millis(14);
+const ARMING: Micros = Micros::from_millis(10);
+/// How long the switch stays where it disarms.
+const GESTURE: Micros = Micros::from_millis(80);
+const OTHER: dji::Config = dji::Config::new(&dji::M3508, 4);
+
+/// Does something with a bench for a model; all chance is from the seed.
+///
+/// # Errors
+/// The motor or its device cannot be made, or what is done fails.
+pub fn on_bench<T>(
+    model: &Model,
+    seed: u64,
+    work: impl FnOnce(&mut Bench<'_>) -> Result<T>,
+) -> Result<T> {
+    let (switch, ports) = (ArmSwitch::new(), [BusPort::new(), BusPort::new()]);
+    let mut ours = made(&model.device)?;
+    let mut others = [dji::Dji::new(OTHER)?, dji::Dji::new(OTHER)?];
+    let mut world = World::new(seed);
+    let mut random = Random::new(seed ^ 0x0F0F);
+    let wires = [world.add_bus(BusConfig::default()), world.add_bus(BusConfig::default())];
+    let line = world.add_line(Settings::default());
+    let is_on_line = matches!(model.device.wiring(), Wiring::Line(_));
+    let place = if is_on_line { Place::Line(1) } else { Place::Bus(1) };
+    let plug = |device: Device, on, inertia| {
+        let plant = Plant::inertia(inertia);
+        Motor { plant, ..Motor::new("motor", on, device) }
+            .plug_in(&wires, std::slice::from_ref(&line))
+    };
+    let (twin, double) =
+        (plug(model.device, place, model.inertia)?, plug(model.device, place, model.inertia)?);
+    double.set_cut(true);
+    // So that what stops has something to stop.
+    let plant = twin.plant();
+    twin.set_load(-0.05 * plant.current_limit * plant.torque_constant);
+    for bus in [1, 2] {
+        plug(OTHER.device(), Place::Bus(bus), 0.02)?;
+    }
+    let mut rs485 = Rs485Bus::new(&switch).with_reply_timeout(Micros::new(200))?;
+    let mut buses = [MotorBus::new(&switch), MotorBus::new(&switch)];
+    let [first, second] = &mut buses;
+    let motor = match &mut ours {
+        Made::Can(motor) => first.attach(motor.as_mut(), Safety::COAST)?,
+        Made::Line(motor) => rs485.attach(motor, Safety::COAST)?,
+    };
+    let [here, there] = &mut others;
+    let ids = [motor, first.attach(here, Safety::COAST)?, second.attach(there, Safety::COAST)?];
+    let tap = Rc::new(Tap::default());
+    let [one, two] = buses;
+    let [port, other] = [&wires[0], &wires[1]].map(Bus::port);
+    let runners = [
+        Runner::new(
+            Tapped { port: port.clone(), tap: Rc::clone(&tap) },
+            one,
+            &ports[0],
+            Micros::ZERO,
+        ),
+        // What troubles the host of a bus does not trouble the other one, but for the clock.
+        Runner::new(Tapped { port: other, tap: Rc::default() }, two, &ports[1], Micros::new(60)),
+    ];
+    let mut faults = Faults::new(&wires, std::slice::from_ref(&line), &[])?;
+    faults.set_parts(Parts { motors: vec![("motor".into(), twin.clone())], ..Parts::default() });
+    let mut phase = |period: Micros| Micros::new(random.below(period.get()));
+    let [next_command, next_remote, next_arming] = [COMMANDS, REMOTE, ARMING].map(&mut phase);
+    let seen = Seen {
+        since: Nanos::ZERO,
+        drove: None,
+        ran: None,
+        peak: [0.0; 2],
+        gaps: [0; 2],
+        last: [Micros::ZERO; 2],
+        pushed: 0,
+    };
+    let io = line.port();
+    let mut bench = Bench {
+        world,
+        twin,
+        switch: &switch,
+        seen,
+        model,
+        double,
+        wires,
+        line,
+        faults,
+        ports: &ports,
+        runners,
+        sim_port: port,
+        rs485,
+        io,
+        ids,
+        tap,
+        arming: Arming::new(ArmingConfig::DEFAULT),
+        remote: None,
+        clearing: None,
+        going: Vec::new(),
+        gesture: Micros::ZERO,
+        commanded_at: Micros::ZERO,
+        stopped_at: None,
+        next_command,
+        next_remote,
+        next_arming,
+        next_line: Micros::from_millis(1),
+        next_foreign: Micros::ZERO,
+        random,
+    };
+    work(&mut bench)
+}
+
+impl Bench<'_> {
+    fn is(&self, trouble: Trouble) -> bool {
+        self.going.contains(&trouble)
+    }
+
+    fn is_on_line(&self) -> bool {
+        matches!(self.model.device.wiring(), Wiring::Line(_))
+    }
+
+    /// The time as the robot reads it.
+    fn own(&self) -> Micros {
+        self.world.now() + Micros::new(self.tap.offset.get())
+    }
+
+    /// Lets time pass.
+    pub fn pass(&mut self, until: Nanos) {
+        while self.world.now_ns() < until {
+            let sample = Nanos::new((self.world.now_ns().get() / SAMPLE + 1) * SAMPLE);
+            let mut next = sample.min(until);
+            if !self.is(Trouble::Blocked) {
+                let offset = self.tap.offset.get();
+                for runner in &self.runners {
+                    let due =
+                        runner.next().get().saturating_sub(offset).max(self.world.now().get());
+                    next = next.min(Micros::new(due).into());
+                }
+                if self.is_on_line() {
+                    next = next.min(self.world.next_event()).min(self.next_line.into());
+                }
+            }
+            self.world.advance_to(next.max(self.world.now_ns() + Nanos::new(1)));
+            if !self.is(Trouble::Blocked) {
+                self.serve();
+            }
+            if self.world.now_ns() >= sample {
+                self.work();
+                self.look();
+            }
+        }
+    }
+
+    /// Lets so many milliseconds pass.
+    pub fn wait(&mut self, millis: u64) {
+        self.pass(self.world.now_ns() + Nanos::new(millis * 1_000_000));
+    }
+
+    /// The buses, as their executor runs them.
+    fn serve(&mut self) {
+        let own = self.own();
+        for runner in &mut self.runners {
+            while runner.next() <= own {
+                runner.tick(|| own);
+            }
+        }
+        if !self.is_on_line() {
+            return;
+        }
+        let received = self.io.take_received();
+        self.rs485.on_bytes(&received, own);
+        if self.world.now() >= self.next_line {
+            self.next_line = self.world.now() + Micros::from_millis(1);
+            self.rs485.tick(own, Seconds::new(0.001));
+        }
+        while let Step::Send(bytes) = self.rs485.poll(own) {
+            self.io.send(&bytes);
+        }
+    }
+
+    /// The robot's tasks and its operator; and what goes on going wrong.
+    fn work(&mut self) {
+        let (now, own) = (self.world.now(), self.own());
+        if now >= self.next_remote {
+            self.next_remote = now + REMOTE;
+            let disarms = self.is(Trouble::Disarm) || now.since(self.gesture) < GESTURE;
+            let right_switch = if disarms { Switch::Down } else { Switch::Up };
+            let value = Remote { right_switch, ..Remote::default() };
+            if !self.is(Trouble::RemoteLost) {
+                self.remote = Some(Stamped { value, at: own });
+            }
+        }
+        if now >= self.next_arming && !self.is(Trouble::Hung) {
+            self.next_arming = now + ARMING;
+            let _ = self.arming.step(self.remote, self.switch, own);
+        }
+        if now >= self.next_command && !self.is(Trouble::Hung) {
+            self.next_command = now + COMMANDS;
+            if !self.is(Trouble::NotANumber) {
+                self.commanded_at = now;
+            }
+            self.command();
+        }
+        if let Some(asked) = &mut self.clearing
+            && asked.as_mut().poll(&mut Context::from_waker(Waker::noop())) != Poll::Pending
+        {
+            self.clearing = None;
+        }
+        if self.is_on_line() {
+            // One that waits for its answer to be taken takes no other request.
+            let _ = self.rs485.response(self.ids[0]);
+        }
+        if now >= self.next_foreign {
+            self.next_foreign = now + Micros::from_millis(1);
+            self.go_wrong();
+        }
+    }
+
+    fn command(&mut self) {
+        let own = self.own();
+        let target = if self.is(Trouble::NotANumber) {
+            match self.model.target {
+                Target::TotalAngle(_) => Target::Angle(Degrees::new(f32::NAN)),
+                _ => Target::Speed(Rpm::new(f32::NAN)),
+            }
+        } else {
+            self.model.target
+        };
+        let [motor, here, there] = self.ids;
+        // A refusal is what some troubles are about.
+        if self.is_on_line() {
+            let _ = self.rs485.command(motor, target, own);
+        } else {
+            let _ = self.ports[0].motor(motor).command(target);
+        }
+        let speed = Target::Speed(Rpm::new(100.0));
+        let _ = self.ports[0].motor(here).command(speed);
+        let _ = self.ports[1].motor(there).command(speed);
+    }
+
+    /// What is done again every millisecond while it lasts.
+    fn go_wrong(&mut self) {
+        if self.is(Trouble::Lost) && self.is_on_line() {
+            let [ask, answer] = [0, 1].map(|_| u32::from(self.random.below(3) == 0));
+            self.line.damage_commands(ask);
+            self.line.damage_answers(answer);
+        }
+        if self.is(Trouble::Foreign) {
+            let data = self.random.bits().to_le_bytes();
+            match self.model.device.wiring() {
+                Wiring::Line(_) => self.line.inject(&data),
+                Wiring::Can(ids) => {
+                    if let Some(frames) = ids.received().first() {
+                        let id: Id = frames.pattern.id();
+                        let bytes = data.get(..frames.len.into()).unwrap_or(&data);
+                        let _ = CanFrame::data_frame(id, bytes).map(|it| self.wires[0].inject(&it));
+                    }
+                }
+            }
+        }
+        let now = self.world.now();
+        for (at, wire) in self.wires.iter().enumerate() {
+            let trace = wire.take_trace();
+            let others = |frame: &CanFrame| IdPattern::standard(0x200).matches(frame);
+            for entry in trace.iter().filter(|it| it.from_controller && others(&it.frame)) {
+                let gap = entry.at.since(self.seen.last[at]).get();
+                self.seen.gaps[at] = self.seen.gaps[at].max(gap);
+                self.seen.last[at] = entry.at;
+                let is_late =
+                    self.stopped_at.is_some_and(|stop| entry.start > (stop + LEFT).into());
+                self.seen.pushed += u32::from(is_late && entry.frame.bytes() != [0; 8]);
+            }
+            self.seen.gaps[at] = self.seen.gaps[at].max(now.since(self.seen.last[at]).get());
+            self.faults.heard(at, &trace);
+        }
+        let _ = self.faults.act(Nanos::new(now.get() / 1000 * 1_000_000));
+    }
+
+    fn look(&mut self) {
+        let (now, state) = (self.world.now_ns(), self.twin.state());
+        let is_stopped = matches!(self.switch.state(), ArmState::Disarmed | ArmState::EStopped);
+        self.stopped_at = (is_stopped && !self.is(Trouble::Blocked))
+            .then(|| self.stopped_at.unwrap_or(self.world.now()));
+        if !(state.idle || state.open || state.shorted) {
+            self.seen.drove = Some(now);
+        }
+        if self.status().drive == DriveMode::Run {
+            self.seen.ran = Some(now);
+        }
+        for (peak, value) in self.seen.peak.iter_mut().zip([state.current, state.output_rpm]) {
+            *peak = peak.max(value.abs());
+        }
+        if self.tap.off_at.get().is_none() && self.sim_port.health().state == ErrorState::BusOff {
+            self.tap.off_at.set(Some(self.world.now()));
+        }
+    }
+
+    /// Forgets what was seen before.
+    pub fn watch(&mut self) {
+        self.seen = Seen {
+            since: self.world.now_ns(),
+            drove: None,
+            ran: None,
+            peak: [0.0; 2],
+            gaps: [0; 2],
+            last: self.seen.last,
+            pushed: 0,
+        };
+        self.tap.off_at.set(None);
+        self.tap.back_at.set(None);
+    }
+
+    /// How long after the controller was off its bus it was sent back; `None` if it was not off.
+    #[must_use]
+    pub fn off_for(&self) -> Option<Option<u64>> {
+        let off = self.tap.off_at.get()?;
+        Some(self.tap.back_at.get().map(|back| back.since(off).get()))
+    }
+
+    /// The state of the motor as tasks see it.
+    #[must_use]
+    pub fn status(&self) -> MotorStatus {
+        if self.is_on_line() {
+            return self.rs485.status(self.ids[0], self.own()).unwrap_or(MotorStatus::NEW);
+        }
+        self.ports[0].motor(self.ids[0]).status()
+    }
+
+    /// Whether it is driven and turns at half its speed at least.
+    #[must_use]
+    pub fn turns(&self) -> bool {
+        let rpm = self.twin.state().output_rpm;
+        self.status().drive == DriveMode::Run && rpm > 0.5 * self.model.cruise
+    }
+
+    /// Waits until it turns, at most so long, and does by hand what has to be: which is arming, which
+    /// clearing a fault. The time that took, ms; `None` if it did not.
+    pub fn bring_back(&mut self, millis: u64) -> (Option<u64>, Help) {
+        let (mut help, began) = (Help::default(), self.world.now());
+        for millisecond in 0..millis {
+            if self.turns() {
+                return (Some(self.world.now().since(began).get().div_ceil(1000)), help);
+            }
+            let is_stopped = matches!(self.switch.state(), ArmState::Disarmed | ArmState::EStopped);
+            if is_stopped && self.world.now().since(self.gesture) > Micros::from_millis(300) {
+                (self.gesture, help.arms) = (self.world.now(), true);
+            }
+            if millisecond % 100 == 50 && self.status().fault.is_some() {
+                help.clears = true;
+                self.clear_fault();
+            }
+            self.wait(1);
+        }
+        (None, help)
+    }
+
+    fn clear_fault(&mut self) {
+        if self.is_on_line() {
+            let _ = self.rs485.request(self.ids[0], Request::ClearFault);
+            return;
+        }
+        let (ports, motor) = (self.ports, self.ids[0]);
+        self.clearing = Some(Box::pin(async move {
+            let _ = ports[0].motor(motor).request(Request::ClearFault).await;
+        }));
+    }
+
+    /// Begins a trouble, or ends it. Whether there is such a one for this motor.
+    pub fn set(&mut self, trouble: Trouble, begins: bool) -> bool {
+        self.going.retain(|it| *it != trouble);
+        if begins {
+            self.going.push(trouble);
+        }
+        match trouble {
+            Trouble::Fault(text) => {
+                let wire = if self.is_on_line() { "L1" } else { "1" };
+                let Ok(fault) = format!("{}@1s", text.replace('*', wire)).parse::<Fault>() else {
+                    return false;
+                };
+                let now = self.world.now_ns();
+                self.faults.plan(now, begins, fault.kind);
+                let _ = self.faults.act(now);
+            }
+            Trouble::Lost if !self.is_on_line() => self.tap.loses.set(begins),
+            Trouble::Lost => {
+                self.line.damage_commands(0);
+                self.line.damage_answers(0);
+            }
+            Trouble::Short => {
+                self.tap.shortens.set(begins);
+                return !self.is_on_line();
+            }
+            Trouble::Double => self.double.set_cut(!begins),
+            Trouble::Reported if begins => return self.twin.inject(EscFault::OverTemperature),
+            Trouble::Reported => {
+                self.twin.set_power(false);
+                self.wait(20);
+                self.twin.set_power(true);
+            }
+            Trouble::Stop if begins => self.switch.emergency_stop(),
+            Trouble::Jump if begins => self.tap.offset.set(self.tap.offset.get() + 1_000_000),
+            Trouble::RemoteStuck if begins => {
+                self.wait(50);
+                self.switch.emergency_stop();
+            }
+            Trouble::Foreign
+            | Trouble::Stop
+            | Trouble::Disarm
+            | Trouble::Hung
+            | Trouble::NotANumber
+            | Trouble::Blocked
+            | Trouble::Jump
+            | Trouble::RemoteLost
+            | Trouble::RemoteStuck => {}
+        }
+        true
+    }
+
+    /// Ends all.
+    pub fn heal(&mut self) {
+        while let Some(trouble) = self.going.last().copied() {
+            self.set(trouble, false);
+        }
+    }
+}
+
+/// What had to be done by hand until a motor turned again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Help {
+    /// Arming again.
+    pub arms: bool,
+    /// Clearing its fault.
+    pub clears: bool,
+}
