@@ -106,7 +106,8 @@ fn the_tables_of_the_page_are_those_of_the_command() {
     let page = tables(&fs::read_to_string("docs/failures.md").unwrap());
     let (_, text) = rc10(&["--md", "--lang", "en"]);
     let measured = tables(&text);
-    let number = |cell: &str| cell.split([' ', ';', '；']).next().and_then(|it| it.parse::<f64>().ok());
+    let number =
+        |cell: &str| cell.split([' ', ';', '；']).next().and_then(|it| it.parse::<f64>().ok());
     for (at, cell) in &measured {
         let told = page.get(at).unwrap_or_else(|| panic!("the page has no {at:?}: {cell}"));
         match (number(cell), number(told)) {
