@@ -3,10 +3,9 @@
 use std::io::Write;
 use std::num::NonZero;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{iter, thread};
 
-use anyhow::{Result, anyhow, ensure};
+use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::Args;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{Safety, Wiring};
@@ -54,21 +53,7 @@ enum Bound {
 }
 
 /// A fault: its name, what goes wrong, and that later, for how many milliseconds.
-struct Fault {
-    name: &'static str,
-    troubles: &'static [(Trouble, u64)],
-    lasts: u64,
-    bound: Bound,
-}
-
-const fn fault(
-    name: &'static str,
-    troubles: &'static [(Trouble, u64)],
-    lasts: u64,
-    bound: Bound,
-) -> Fault {
-    Fault { name, troubles, lasts, bound }
-}
+struct Fault(&'static str, &'static [(Trouble, u64)], u64, Bound);
 
 use Bound::{Back, Expired, Feedback, Free, Safe};
 use Trouble::Fault as Wrong;
@@ -76,37 +61,37 @@ use Trouble::Fault as Wrong;
 /// All of them.
 #[rustfmt::skip]
 const FAULTS: [Fault; 31] = [
-    fault("emergency stop", &[(Trouble::Stop, 0)], 100, Safe(2)),
-    fault("disarmed by the remote", &[(Trouble::Disarm, 0)], 100, Safe(27)),
-    fault("tasks hang", &[(Trouble::Hung, 0)], 100, Expired),
-    fault("targets are not numbers", &[(Trouble::NotANumber, 0)], 100, Expired),
-    fault("remote lost", &[(Trouble::RemoteLost, 0)], 200, Safe(120)),
-    fault("remote stuck, a PC stops after 50 ms", &[(Trouble::RemoteStuck, 0)], 150, Safe(52)),
-    fault("feedback lost", &[(Wrong("mute:motor"), 0)], 100, Feedback),
-    fault("motor unplugged from its bus", &[(Wrong("cut:motor"), 0)], 300, Free),
-    fault("brown-out of the motor", &[(Wrong("power:motor"), 0)], 100, Safe(1)),
-    fault("brown-out of the motor, 3 ms", &[(Wrong("power:motor"), 0)], 3, Safe(1)),
-    fault("brown-out of all motors", &[(Wrong("power:*"), 0)], 100, Safe(1)),
-    fault("device reports that it is too hot", &[(Trouble::Reported, 0)], 100, Free),
-    fault("bus unplugged from the board", &[(Wrong("cut:*"), 0)], 300, Free),
-    fault("bus shorted", &[(Wrong("short:*"), 0)], 300, Back(2)),
-    fault("bus held dominant", &[(Wrong("dominant:*"), 0)], 300, Free),
-    fault("another node babbles", &[(Wrong("babble:*"), 0)], 300, Free),
-    fault("bus filled to 99 %", &[(Wrong("load:*"), 0)], 100, Free),
-    fault("bus filled to 99 %, an emergency stop after 50 ms", &[(Wrong("load:*"), 0), (Trouble::Stop, 50)], 100, Free),
-    fault("one frame destroyed", &[(Wrong("noise:*"), 0)], 50, Free),
-    fault("one frame in three lost", &[(Trouble::Lost, 0)], 100, Free),
-    fault("frames too short", &[(Trouble::Short, 0)], 100, Feedback),
-    fault("foreign frames with its identifier", &[(Trouble::Foreign, 0)], 100, Free),
-    fault("two devices with its identifier", &[(Trouble::Double, 0)], 100, Free),
-    fault("encoder frozen", &[(Wrong("frozen:motor"), 0)], 300, Free),
-    fault("encoder frozen, a PC stops after 50 ms", &[(Wrong("frozen:motor"), 0), (Trouble::Stop, 50)], 100, Safe(52)),
-    fault("encoder flipped", &[(Wrong("flipped:motor"), 0)], 300, Free),
-    fault("encoder flipped, a PC stops after 50 ms", &[(Wrong("flipped:motor"), 0), (Trouble::Stop, 50)], 100, Safe(52)),
-    fault("buses' executor stands for 5 ms", &[(Trouble::Blocked, 0)], 5, Free),
-    fault("buses' executor stands for 100 ms", &[(Trouble::Blocked, 0)], 100, Free),
-    fault("clock jumps by 1 s", &[(Trouble::Jump, 0)], 100, Free),
-    fault("feedback lost, then the bus shorted", &[(Wrong("mute:motor"), 0), (Wrong("short:*"), 5)], 100, Free),
+    Fault("emergency stop", &[(Trouble::Stop, 0)], 100, Safe(2)),
+    Fault("disarmed by the remote", &[(Trouble::Disarm, 0)], 100, Safe(27)),
+    Fault("tasks hang", &[(Trouble::Hung, 0)], 100, Expired),
+    Fault("targets are not numbers", &[(Trouble::NotANumber, 0)], 100, Expired),
+    Fault("remote lost", &[(Trouble::RemoteLost, 0)], 200, Safe(120)),
+    Fault("remote stuck, a PC stops after 50 ms", &[(Trouble::RemoteStuck, 0)], 150, Safe(52)),
+    Fault("feedback lost", &[(Wrong("mute:motor"), 0)], 100, Feedback),
+    Fault("motor unplugged from its bus", &[(Wrong("cut:motor"), 0)], 300, Free),
+    Fault("brown-out of the motor", &[(Wrong("power:motor"), 0)], 100, Safe(1)),
+    Fault("brown-out of the motor, 3 ms", &[(Wrong("power:motor"), 0)], 3, Safe(1)),
+    Fault("brown-out of all motors", &[(Wrong("power:*"), 0)], 100, Safe(1)),
+    Fault("device reports that it is too hot", &[(Trouble::Reported, 0)], 100, Free),
+    Fault("bus unplugged from the board", &[(Wrong("cut:*"), 0)], 300, Free),
+    Fault("bus shorted", &[(Wrong("short:*"), 0)], 300, Back(2)),
+    Fault("bus held dominant", &[(Wrong("dominant:*"), 0)], 300, Free),
+    Fault("another node babbles", &[(Wrong("babble:*"), 0)], 300, Free),
+    Fault("bus filled to 99 %", &[(Wrong("load:*"), 0)], 100, Free),
+    Fault("bus filled to 99 %, an emergency stop after 50 ms", &[(Wrong("load:*"), 0), (Trouble::Stop, 50)], 100, Free),
+    Fault("one frame destroyed", &[(Wrong("noise:*"), 0)], 50, Free),
+    Fault("one frame in three lost", &[(Trouble::Lost, 0)], 100, Free),
+    Fault("frames too short", &[(Trouble::Short, 0)], 100, Feedback),
+    Fault("foreign frames with its identifier", &[(Trouble::Foreign, 0)], 100, Free),
+    Fault("two devices with its identifier", &[(Trouble::Double, 0)], 100, Free),
+    Fault("encoder frozen", &[(Wrong("frozen:motor"), 0)], 300, Free),
+    Fault("encoder frozen, a PC stops after 50 ms", &[(Wrong("frozen:motor"), 0), (Trouble::Stop, 50)], 100, Safe(52)),
+    Fault("encoder flipped", &[(Wrong("flipped:motor"), 0)], 300, Free),
+    Fault("encoder flipped, a PC stops after 50 ms", &[(Wrong("flipped:motor"), 0), (Trouble::Stop, 50)], 100, Safe(52)),
+    Fault("buses' executor stands for 5 ms", &[(Trouble::Blocked, 0)], 5, Free),
+    Fault("buses' executor stands for 100 ms", &[(Trouble::Blocked, 0)], 100, Free),
+    Fault("clock jumps by 1 s", &[(Trouble::Jump, 0)], 100, Free),
+    Fault("feedback lost, then the bus shorted", &[(Wrong("mute:motor"), 0), (Wrong("short:*"), 5)], 100, Free),
 ];
 
 /// The worst of all phases of a fault for a motor model.
@@ -137,13 +122,13 @@ fn phase(model: &Model, fault: &Fault, seed: u64) -> Result<Option<Worst>> {
         bench.pass(bench.world.now_ns() + Nanos::new(random.below(20_000_000)));
         bench.watch();
         let at = bench.seen.since;
-        for (trouble, after) in fault.troubles {
+        for (trouble, after) in fault.1 {
             bench.pass(at + Nanos::new(after * 1_000_000));
             if !bench.set(*trouble, true) {
                 return Ok(None);
             }
         }
-        let end = at + Nanos::new(fault.lasts * 1_000_000);
+        let end = at + Nanos::new(fault.2 * 1_000_000);
         bench.pass(end);
         let (seen, off) = (bench.seen.clone(), bench.off_for());
         // What stopped has stood still for a while; a dead time of two ticks is no rest.
@@ -155,14 +140,14 @@ fn phase(model: &Model, fault: &Fault, seed: u64) -> Result<Option<Worst>> {
         let (safe, ended) = (until(seen.drove), until(seen.ran));
         bench.heal();
         let (back, help) = bench.bring_back(LONGEST);
-        let decided = match (fault.bound, model.device.wiring()) {
+        let decided = match (fault.3, model.device.wiring()) {
             (Feedback, Wiring::Can(ids)) => Some(ids.link_timeout()),
             (Feedback, Wiring::Line(_)) => Some(Rs485Bus::LINK_TIMEOUT),
             (Expired, _) => Some(Safety::COAST.command_expiry),
             _ => None,
         };
         let decided = decided.map(|after| after.get() + TICK);
-        let most = match fault.bound {
+        let most = match fault.3 {
             Safe(millis) => Some(millis * 1000),
             _ => decided.map(|decided| decided + WAY),
         };
@@ -170,7 +155,7 @@ fn phase(model: &Model, fault: &Fault, seed: u64) -> Result<Option<Worst>> {
             most.is_some_and(|most| time.is_none_or(|time| time > most))
         };
         let is_late = is_later(safe, most) || is_later(ended, decided);
-        let is_off_too_long = match (fault.bound, off) {
+        let is_off_too_long = match (fault.3, off) {
             (Back(most), Some(back)) => back.is_none_or(|back| back > most * 1000),
             _ => false,
         };
@@ -222,53 +207,48 @@ type Measured<'t> = Vec<(&'t Fault, &'t Model, Worst)>;
 
 /// Tries all, on all cores.
 fn measure<'t>(faults: &[&'t Fault], models: &[&'t Model], phases: u64) -> Result<Measured<'t>> {
-    let pairs: Vec<_> =
-        faults.iter().flat_map(|fault| models.iter().map(move |model| (*fault, *model))).collect();
-    let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let work = || {
-        while let Some((at, (fault, model))) = iter::once(next.fetch_add(1, Ordering::Relaxed))
-            .find_map(|at| Some((at, *pairs.get(at)?)))
-        {
-            let each = (0..phases).map(|seed| phase(model, fault, seed));
-            let worst =
-                each.reduce(|one, other| Ok(one?.zip(other?).map(|(one, other)| one.and(other))));
-            let worst = worst.unwrap_or(Ok(None));
-            found.lock().map_err(|_| anyhow!("a bench failed"))?.push((at, fault, model, worst));
+    let pairs = faults.iter().flat_map(|fault| models.iter().map(move |model| (*fault, *model)));
+    let (left, found) = (Mutex::new(pairs.enumerate()), Mutex::new(Vec::new()));
+    let work = || -> Result<()> {
+        loop {
+            let next = left.lock().map_err(|_| anyhow!("a bench failed"))?.next();
+            let Some((at, (fault, model))) = next else { return Ok(()) };
+            let mut each = (0..phases).map(|seed| phase(model, fault, seed));
+            let Some(Some(mut worst)) = each.next().transpose()? else { continue };
+            for other in each {
+                worst = worst.and(other?.context("not in all phases")?);
+            }
+            found.lock().map_err(|_| anyhow!("a bench failed"))?.push((at, (fault, model, worst)));
         }
-        Ok(())
     };
     thread::scope(|scope| {
         let cores = thread::available_parallelism().map_or(1, NonZero::get);
         let threads: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
-        let joined = threads.into_iter().map(|it| it.join().map_err(|_| anyhow!("a bench failed")));
-        joined.map(|it| it.and_then(|done: Result<()>| done)).collect::<Result<Vec<()>>>()
+        threads.into_iter().try_for_each(|it| it.join().map_err(|_| anyhow!("a bench failed"))?)
     })?;
     let mut found = found.into_inner().map_err(|_| anyhow!("a bench failed"))?;
-    found.sort_by_key(|it| it.0);
-    let each = found
-        .into_iter()
-        .map(|(_, fault, model, worst)| Ok(worst?.map(|worst| (fault, model, worst))));
-    each.filter_map(Result::transpose).collect()
+    found.sort_by_key(|(at, _)| *at);
+    Ok(found.into_iter().map(|(_, found)| found).collect())
 }
 
 /// Prints what each motor does in each fault. Whether a bound was broken.
 pub fn faults(args: &FaultsArgs, out: &mut dyn Write) -> Result<bool> {
     let has = |name: &str, part: &str| name.to_lowercase().contains(&part.to_lowercase());
     let all = models();
-    let models: Vec<_> = all.iter().filter(|it| has(&it.name, &args.motor)).collect();
-    let faults: Vec<_> = FAULTS.iter().filter(|it| has(it.name, &args.fault)).collect();
+    let models: Vec<_> = all.iter().filter(|it| has(it.name, &args.motor)).collect();
+    let faults: Vec<_> = FAULTS.iter().filter(|it| has(it.0, &args.fault)).collect();
     let names = |names: Vec<&str>| names.join(", ");
     ensure!(
         !models.is_empty(),
         "there is no motor model `{}`; there are: {}",
         args.motor,
-        names(all.iter().map(|it| &*it.name).collect())
+        names(all.iter().map(|it| it.name).collect())
     );
     ensure!(
         !faults.is_empty(),
         "there is no fault `{}`; there are: {}",
         args.fault,
-        names(FAULTS.iter().map(|it| it.name).collect())
+        names(FAULTS.iter().map(|it| it.0).collect())
     );
     let measured = measure(&faults, &models, args.phases.get())?;
     let is_broken = measured.iter().any(|(.., worst)| worst.broken);
@@ -306,9 +286,9 @@ fn millis(us: u64) -> String {
 /// A line a fault: the worst of all motors.
 fn summary(faults: &[&'static Fault], measured: &Measured<'_>) -> Table {
     let row = |fault: &&Fault| {
-        let of: Vec<_> = measured.iter().filter(|it| it.0.name == fault.name).collect();
+        let of: Vec<_> = measured.iter().filter(|it| it.0.0 == fault.0).collect();
         if of.is_empty() {
-            return iter::once(words(fault.name)).chain((1..9).map(|_| words("–"))).collect();
+            return iter::once(words(fault.0)).chain((1..9).map(|_| words("–"))).collect();
         }
         let time = |of: &dyn Fn(&Worst) -> Option<u64>, all: &[&(&Fault, &Model, Worst)]| {
             let worst = all.iter().filter_map(|it| of(&it.2)).max();
@@ -322,7 +302,7 @@ fn summary(faults: &[&'static Fault], measured: &Measured<'_>) -> Table {
             let shares = all.iter().map(|it| of(&it.2, it.1));
             words(format!("{:.0} %", 100.0 * shares.fold(0.0, f64::max)))
         };
-        let bound = match fault.bound {
+        let bound = match fault.3 {
             Feedback => "3 periods or 10 ms, + a tick".to_owned(),
             Expired => "50 ms + a tick".to_owned(),
             Safe(millis) => format!("{millis} ms"),
@@ -344,7 +324,7 @@ fn summary(faults: &[&'static Fault], measured: &Measured<'_>) -> Table {
             (true, true) => "after ClearFault, by arming",
         };
         vec![
-            words(fault.name),
+            words(fault.0),
             Cell { bad: of.iter().any(|it| it.2.broken), ..words(time(&|it| it.safe, &of)) },
             words(bound),
             words(time(&|it| it.ended, &of)),
@@ -375,17 +355,17 @@ const ON_TIME: u64 = 1500;
 /// A line a motor model: in each fault the time to no torque, of those in which models differ.
 fn each_motor(faults: &[&'static Fault], models: &[&Model], measured: &Measured<'_>) -> Table {
     let shown: Vec<_> =
-        faults.iter().filter(|it| it.bound == Feedback || DIFFER.contains(&it.name)).collect();
+        faults.iter().filter(|it| it.3 == Feedback || DIFFER.contains(&it.0)).collect();
     let row = |model: &&Model| {
         let cell = |fault: &&&Fault| {
-            let it = measured.iter().find(|it| it.0.name == fault.name && it.1.name == model.name);
+            let it = measured.iter().find(|it| it.0.0 == fault.0 && it.1.name == model.name);
             let Some((.., worst)) = it else { return words("–") };
             let text = worst.safe.map_or_else(|| "goes on".to_owned(), millis);
             Cell { bad: worst.broken, ..words(text) }
         };
-        iter::once(words(&model.name)).chain(shown.iter().map(cell)).collect()
+        iter::once(words(model.name)).chain(shown.iter().map(cell)).collect()
     };
-    let head = iter::once("no torque after ms").chain(shown.iter().map(|it| it.name)).collect();
+    let head = iter::once("no torque after ms").chain(shown.iter().map(|it| it.0)).collect();
     Table { head, words: 1, rows: models.iter().map(row).collect() }
 }
 
@@ -405,7 +385,7 @@ const DIFFER: [&str; 9] = [
 fn to_json((fault, model, worst): &(&Fault, &Model, Worst)) -> Value {
     let ms = |us: Option<u64>| us.map(|us| us as f64 / 1000.0);
     json!({
-        "fault": fault.name,
+        "fault": fault.0,
         "motor": model.name,
         "phases": worst.phases,
         "safe_ms": ms(worst.safe),

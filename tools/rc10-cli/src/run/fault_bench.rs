@@ -31,10 +31,10 @@ use rc10_time::Micros;
 use crate::robot::motor::{Motor, Place, Plant};
 
 /// A motor model as it is tried: how it is set up, what drives it, and what is on its shaft.
-#[derive(Clone)]
+#[derive(Clone, Copy)]
 pub struct Model {
     /// The name in tables.
-    pub name: String,
+    pub name: &'static str,
     /// The device.
     pub device: Device,
     /// The target that makes it turn.
@@ -56,112 +56,56 @@ const fn cascade(most: f32, kp: f32, ki: f32, angle_kp: f32) -> Cascade {
 
 /// Every motor model that has a simulated device, in each way to drive it.
 #[must_use]
+#[rustfmt::skip]
 pub fn models() -> Vec<Model> {
-    let model = |name: &str, device: Device, cruise: f32, inertia| {
-        let name = if name.is_empty() { device.name().model } else { name };
-        let target = Target::Speed(Rpm::new(cruise));
-        Model { name: name.to_owned(), device, target, cruise: cruise.into(), inertia }
-    };
-    // Those that take angles alone: farther than they come.
-    let far = |it: Model, degrees| Model {
-        target: Target::TotalAngle(TotalAngle::from_degrees(degrees)),
-        ..it
-    };
+    let poles = NonZeroU8::new(7).unwrap_or(NonZeroU8::MIN);
+    let gear = |teeth| Gear::new(teeth, 1).unwrap_or(Gear::DIRECT);
     let dji = |model| dji::Config::new(model, 1).device();
     let damiao = |model, control| damiao::Config::new(model, 0x11, 0x31, control).device();
-    let (slow, j4310) = (Rpm::new(30.0), damiao::models::J4310);
-    let odrive = |control| {
-        odrive::Config::new(3, odrive::Firmware::V0_6, control, odrive::Rates::new(1000, 100))
-            .with_gear(Gear::new(8, 1).unwrap_or(Gear::DIRECT))
-            .with_limits(odrive::Limits { speed: Rpm::new(300.0), current: Amps::new(18.0) })
-            .device()
-    };
-    let vesc = |gear| {
-        let poles = NonZeroU8::new(7).unwrap_or(NonZeroU8::MIN);
-        let amps = Amps::new;
-        let currents =
-            vesc::Currents { limit: amps(40.0), brake: amps(15.0), handbrake: amps(20.0) };
-        vesc::Config::new(1, vesc::ElectricalScale::new(poles, gear), currents)
-    };
-    let lift = vesc(Gear::new(19, 1).unwrap_or(Gear::DIRECT));
-    let lk = |model, cascade| lk::Config::new(model, 1, cascade);
-    let mf = lk(lk::models::MF9025, cascade(12.0, 0.1, 0.5, 2.0));
+    let (j4310, speed) = (damiao::models::J4310, Rpm::new(30.0));
+    let vesc = |gear| vesc::Config::new(1, vesc::ElectricalScale::new(poles, gear), vesc::Currents {
+        limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(20.0),
+    });
+    let lk = |model, most, kp, ki, angle_kp| lk::Config::new(model, 1, cascade(most, kp, ki, angle_kp));
+    let mf = lk(lk::models::MF9025, 12.0, 0.1, 0.5, 2.0);
+    let odrive = |control| odrive::Config::new(3, odrive::Firmware::V0_6, control, odrive::Rates::new(1000, 100))
+        .with_gear(gear(8)).with_limits(odrive::Limits { speed: Rpm::new(300.0), current: Amps::new(18.0) }).device();
+    use odrive::{Control, InputMode};
     let mut all = vec![
-        model("M3508", dji(&dji::M3508), 100.0, 0.029),
-        model("M2006", dji(&dji::M2006), 100.0, 0.002),
-        model("GM6020, current", dji(&dji::GM6020_CURRENT), 60.0, 0.01),
-        model("GM6020, voltage", dji(&dji::GM6020_VOLTAGE), 60.0, 0.01),
-        model(
-            "Damiao J4310, MIT",
-            damiao(j4310, damiao::Control::Mit(cascade(7.0, 0.063, 0.5, 1.3))),
-            60.0,
-            0.02,
-        ),
-        model("Damiao J4310, velocity", damiao(j4310, damiao::Control::Velocity), 60.0, 0.02),
-        far(
-            model(
-                "Damiao J4310, position",
-                damiao(j4310, damiao::Control::PositionVelocity { speed: slow }),
-                30.0,
-                0.02,
-            ),
-            700,
-        ),
-        far(
-            model(
-                "Damiao J4310, force",
-                damiao(j4310, damiao::Control::ForcePosition { speed: slow, torque_share: 0.5 }),
-                30.0,
-                0.02,
-            ),
-            700,
-        ),
-        model("Damiao J8009", damiao(damiao::models::J8009, damiao::Control::Velocity), 60.0, 0.1),
-        model("VESC", vesc(Gear::DIRECT).device(), 1000.0, 6e-4),
-        model(
-            "VESC, geared",
-            lift.with_angle_loops(cascade(40.0, 0.9, 5.0, 2.0)).device(),
-            60.0,
-            0.05,
-        ),
-        model("", lk(lk::models::MG4010E_I10, cascade(5.0, 0.2, 2.0, 3.0)).device(), 60.0, 0.02),
-        model("MF9025", mf.device(), 100.0, 0.005),
-        model(
-            "MF9025, multi-motor",
-            mf.with_commands(lk::Commands::MultiMotor).device(),
-            100.0,
-            0.005,
-        ),
-        model(
-            "ODrive, torque",
-            odrive(odrive::Control::Torque(cascade(8.0, 0.1, 1.0, 3.0))),
-            80.0,
-            0.03,
-        ),
-        model(
-            "ODrive, velocity",
-            odrive(odrive::Control::Velocity(odrive::InputMode::VelocityRamp)),
-            80.0,
-            0.03,
-        ),
-        far(
-            model(
-                "ODrive, position",
-                odrive(odrive::Control::Position(odrive::InputMode::Trapezoid)),
-                80.0,
-                0.03,
-            ),
-            36_000,
-        ),
-        model("GO-M8010-6, module", ModuleConfig::new(3, 1).device(), 100.0, 0.01),
-        model("GO-M8010-6, RS-485", LineConfig::new(1).device(), 100.0, 0.01),
+        ("M3508", dji(&dji::M3508), 100.0, 0.029),
+        ("M2006", dji(&dji::M2006), 100.0, 0.002),
+        ("GM6020, current", dji(&dji::GM6020_CURRENT), 60.0, 0.01),
+        ("GM6020, voltage", dji(&dji::GM6020_VOLTAGE), 60.0, 0.01),
+        ("Damiao J4310, MIT", damiao(j4310, damiao::Control::Mit(cascade(7.0, 0.063, 0.5, 1.3))), 60.0, 0.02),
+        ("Damiao J4310, velocity", damiao(j4310, damiao::Control::Velocity), 60.0, 0.02),
+        ("Damiao J4310, position", damiao(j4310, damiao::Control::PositionVelocity { speed }), 30.0, 0.02),
+        ("Damiao J4310, force", damiao(j4310, damiao::Control::ForcePosition { speed, torque_share: 0.5 }), 30.0, 0.02),
+        ("Damiao J8009", damiao(damiao::models::J8009, damiao::Control::Velocity), 60.0, 0.1),
+        ("VESC", vesc(Gear::DIRECT).device(), 1000.0, 6e-4),
+        ("VESC, geared", vesc(gear(19)).with_angle_loops(cascade(40.0, 0.9, 5.0, 2.0)).device(), 60.0, 0.05),
+        ("MG4010E-i10", lk(lk::models::MG4010E_I10, 5.0, 0.2, 2.0, 3.0).device(), 60.0, 0.02),
+        ("MF9025", mf.device(), 100.0, 0.005),
+        ("MF9025, multi-motor", mf.with_commands(lk::Commands::MultiMotor).device(), 100.0, 0.005),
+        ("ODrive, torque", odrive(Control::Torque(cascade(8.0, 0.1, 1.0, 3.0))), 80.0, 0.03),
+        ("ODrive, velocity", odrive(Control::Velocity(InputMode::VelocityRamp)), 80.0, 0.03),
+        ("ODrive, position", odrive(Control::Position(InputMode::Trapezoid)), 80.0, 0.03),
+        ("GO-M8010-6, module", ModuleConfig::new(3, 1).device(), 100.0, 0.01),
+        ("GO-M8010-6, RS-485", LineConfig::new(1).device(), 100.0, 0.01),
     ];
-    let address = cybergear::Address { motor: 1, host: 0xFD };
     all.extend(cybergear::models::ALL.into_iter().map(|known| {
         let inertia = if known.limits.torque > 30.0 { 0.1 } else { 0.01 };
-        model("", cybergear::Config::new(known, address).device(), 60.0, inertia)
+        let config = cybergear::Config::new(known, cybergear::Address { motor: 1, host: 0xFD });
+        (known.name, config.device(), 60.0, inertia)
     }));
-    all
+    all.into_iter().map(|(name, device, cruise, inertia)| {
+        // Those that take angles alone: farther than they come.
+        let target = match name {
+            "Damiao J4310, position" | "Damiao J4310, force" => Target::TotalAngle(TotalAngle::from_degrees(700)),
+            "ODrive, position" => Target::TotalAngle(TotalAngle::from_degrees(36_000)),
+            _ => Target::Speed(Rpm::new(cruise)),
+        };
+        Model { name, device, target, cruise: cruise.into(), inertia }
+    }).collect()
 }
 
 /// A motor of ours.
@@ -230,7 +174,7 @@ struct Tap {
 }
 
 impl Tap {
-    fn is_lost(&self) -> bool {
+    fn loses_one(&self) -> bool {
         self.count.set(self.count.get().wrapping_add(1));
         self.loses.get() && self.count.get().is_multiple_of(3)
     }
@@ -240,24 +184,27 @@ impl Tap {
 struct Tapped {
     port: SimPort,
     tap: Rc<Tap>,
+    /// Whether the troubles are on this bus: only the clock is the same for all.
+    is_here: bool,
 }
 
 impl CanPort for Tapped {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         loop {
             let (frame, at) = self.port.receive()?;
-            if self.tap.is_lost() {
+            if self.is_here && self.tap.loses_one() {
                 continue;
             }
             let bytes = frame.bytes().split_last().map_or(&[][..], |(_, but_one)| but_one);
-            let short = self.tap.shortens.get().then(|| CanFrame::data_frame(frame.id(), bytes));
+            let short = (self.is_here && self.tap.shortens.get())
+                .then(|| CanFrame::data_frame(frame.id(), bytes));
             let frame = short.and_then(Result::ok).unwrap_or(frame);
             return Some((frame, at + Micros::new(self.tap.offset.get())));
         }
     }
 
     fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
-        if self.tap.is_lost() {
+        if self.is_here && self.tap.loses_one() {
             return Submitted::Queued;
         }
         self.port.submit_as(frame, stream)
@@ -272,7 +219,7 @@ impl CanPort for Tapped {
     }
 
     fn recover(&mut self) {
-        if self.tap.back_at.get().is_none() {
+        if self.is_here && self.tap.back_at.get().is_none() {
             self.tap.back_at.set(Some(rc10_sim::now()));
         }
         self.port.recover();
@@ -280,7 +227,7 @@ impl CanPort for Tapped {
 }
 
 /// What was seen since a moment.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Seen {
     /// The moment.
     pub since: Nanos,
@@ -330,22 +277,29 @@ pub struct Bench<'r> {
     pub commanded_at: Micros,
     /// Since when the robot is stopped or disarmed, with buses that run.
     pub stopped_at: Option<Micros>,
-    next_command: Micros,
-    next_remote: Micros,
-    next_arming: Micros,
-    next_line: Micros,
-    next_foreign: Micros,
+    /// When the next of [`PERIODS`] is due.
+    due: [Micros; 5],
     random: Random,
 }
 
 /// A sample of the true state.
 const SAMPLE: u64 = 100_000;
-const COMMANDS: Micros = Micros::from_millis(5);
+/// Of a DR16's frames, the task that arms, those that command, the RS-485 line's ticks, and what goes on
+/// going wrong.
+const PERIODS: [Micros; 5] = [
+    Micros::from_millis(14),
+    Micros::from_millis(10),
+    Micros::from_millis(5),
+    Micros::from_millis(1),
+    Micros::from_millis(1),
+];
+const REMOTE: usize = 0;
+const ARMING: usize = 1;
+const COMMANDS: usize = 2;
+const LINE: usize = 3;
+const WRONG: usize = 4;
 /// What was handed over before a stop has left: a tick, and the way on the wire.
 const LEFT: Micros = Micros::new(1_500);
-/// A DR16's frames.
-const REMOTE: Micros = Micros::from_millis(14);
-const ARMING: Micros = Micros::from_millis(10);
 /// How long the switch stays where it disarms.
 const GESTURE: Micros = Micros::from_millis(80);
 const OTHER: dji::Config = dji::Config::new(&dji::M3508, 4);
@@ -393,36 +347,22 @@ pub fn on_bench<T>(
     let ids = [motor, first.attach(here, Safety::COAST)?, second.attach(there, Safety::COAST)?];
     let tap = Rc::new(Tap::default());
     let [one, two] = buses;
-    let [port, other] = [&wires[0], &wires[1]].map(Bus::port);
+    let port = wires[0].port();
+    let tapped =
+        |at: usize| Tapped { port: wires[at].port(), tap: Rc::clone(&tap), is_here: at == 0 };
     let runners = [
-        Runner::new(
-            Tapped { port: port.clone(), tap: Rc::clone(&tap) },
-            one,
-            &ports[0],
-            Micros::ZERO,
-        ),
-        // What troubles the host of a bus does not trouble the other one, but for the clock.
-        Runner::new(Tapped { port: other, tap: Rc::default() }, two, &ports[1], Micros::new(60)),
+        Runner::new(tapped(0), one, &ports[0], Micros::ZERO),
+        Runner::new(tapped(1), two, &ports[1], Micros::new(60)),
     ];
     let mut faults = Faults::new(&wires, std::slice::from_ref(&line), &[])?;
     faults.set_parts(Parts { motors: vec![("motor".into(), twin.clone())], ..Parts::default() });
-    let mut phase = |period: Micros| Micros::new(random.below(period.get()));
-    let [next_command, next_remote, next_arming] = [COMMANDS, REMOTE, ARMING].map(&mut phase);
-    let seen = Seen {
-        since: Nanos::ZERO,
-        drove: None,
-        ran: None,
-        peak: [0.0; 2],
-        gaps: [0; 2],
-        last: [Micros::ZERO; 2],
-        pushed: 0,
-    };
+    let due = PERIODS.map(|period| Micros::new(random.below(period.get())));
     let io = line.port();
     let mut bench = Bench {
         world,
         twin,
         switch: &switch,
-        seen,
+        seen: Seen::default(),
         model,
         double,
         wires,
@@ -435,6 +375,8 @@ pub fn on_bench<T>(
         io,
         ids,
         tap,
+        due,
+        random,
         arming: Arming::new(ArmingConfig::DEFAULT),
         remote: None,
         clearing: None,
@@ -442,17 +384,21 @@ pub fn on_bench<T>(
         gesture: Micros::ZERO,
         commanded_at: Micros::ZERO,
         stopped_at: None,
-        next_command,
-        next_remote,
-        next_arming,
-        next_line: Micros::from_millis(1),
-        next_foreign: Micros::ZERO,
-        random,
     };
     work(&mut bench)
 }
 
 impl Bench<'_> {
+    /// Whether one of [`PERIODS`] is due; the next is, a period later.
+    fn is_due(&mut self, at: usize) -> bool {
+        let (now, due) = (self.world.now(), &mut self.due[at]);
+        let is_due = now >= *due;
+        if is_due {
+            *due = now + PERIODS[at];
+        }
+        is_due
+    }
+
     fn is(&self, trouble: Trouble) -> bool {
         self.going.contains(&trouble)
     }
@@ -479,7 +425,7 @@ impl Bench<'_> {
                     next = next.min(Micros::new(due).into());
                 }
                 if self.is_on_line() {
-                    next = next.min(self.world.next_event()).min(self.next_line.into());
+                    next = next.min(self.world.next_event()).min(self.due[LINE].into());
                 }
             }
             self.world.advance_to(next.max(self.world.now_ns() + Nanos::new(1)));
@@ -511,8 +457,7 @@ impl Bench<'_> {
         }
         let received = self.io.take_received();
         self.rs485.on_bytes(&received, own);
-        if self.world.now() >= self.next_line {
-            self.next_line = self.world.now() + Micros::from_millis(1);
+        if self.is_due(LINE) {
             self.rs485.tick(own, Seconds::new(0.001));
         }
         while let Step::Send(bytes) = self.rs485.poll(own) {
@@ -523,8 +468,7 @@ impl Bench<'_> {
     /// The robot's tasks and its operator; and what goes on going wrong.
     fn work(&mut self) {
         let (now, own) = (self.world.now(), self.own());
-        if now >= self.next_remote {
-            self.next_remote = now + REMOTE;
+        if self.is_due(REMOTE) {
             let disarms = self.is(Trouble::Disarm) || now.since(self.gesture) < GESTURE;
             let right_switch = if disarms { Switch::Down } else { Switch::Up };
             let value = Remote { right_switch, ..Remote::default() };
@@ -532,12 +476,10 @@ impl Bench<'_> {
                 self.remote = Some(Stamped { value, at: own });
             }
         }
-        if now >= self.next_arming && !self.is(Trouble::Hung) {
-            self.next_arming = now + ARMING;
+        if self.is_due(ARMING) && !self.is(Trouble::Hung) {
             let _ = self.arming.step(self.remote, self.switch, own);
         }
-        if now >= self.next_command && !self.is(Trouble::Hung) {
-            self.next_command = now + COMMANDS;
+        if self.is_due(COMMANDS) && !self.is(Trouble::Hung) {
             if !self.is(Trouble::NotANumber) {
                 self.commanded_at = now;
             }
@@ -552,8 +494,7 @@ impl Bench<'_> {
             // One that waits for its answer to be taken takes no other request.
             let _ = self.rs485.response(self.ids[0]);
         }
-        if now >= self.next_foreign {
-            self.next_foreign = now + Micros::from_millis(1);
+        if self.is_due(WRONG) {
             self.go_wrong();
         }
     }
@@ -639,15 +580,7 @@ impl Bench<'_> {
 
     /// Forgets what was seen before.
     pub fn watch(&mut self) {
-        self.seen = Seen {
-            since: self.world.now_ns(),
-            drove: None,
-            ran: None,
-            peak: [0.0; 2],
-            gaps: [0; 2],
-            last: self.seen.last,
-            pushed: 0,
-        };
+        self.seen = Seen { since: self.world.now_ns(), last: self.seen.last, ..Seen::default() };
         self.tap.off_at.set(None);
         self.tap.back_at.set(None);
     }
@@ -745,15 +678,7 @@ impl Bench<'_> {
                 self.wait(50);
                 self.switch.emergency_stop();
             }
-            Trouble::Foreign
-            | Trouble::Stop
-            | Trouble::Disarm
-            | Trouble::Hung
-            | Trouble::NotANumber
-            | Trouble::Blocked
-            | Trouble::Jump
-            | Trouble::RemoteLost
-            | Trouble::RemoteStuck => {}
+            _ => {}
         }
         true
     }
