@@ -229,6 +229,15 @@ impl Since {
     }
 }
 
+/// Whether no bus can know what is right. Replies of an LK drive have the identifier of its commands: what another
+/// node sends there commands it. An angle that is counted is lost by false ones.
+fn cannot_be_told_apart(model: &Model, trouble: Trouble) -> bool {
+    let is_by_angle = matches!(model.target, rc10_motor::Target::TotalAngle(_));
+    let is_lk = matches!(model.device, rc10_motor::Device::Lk(_));
+    let is_false = matches!(trouble, Trouble::Foreign | Trouble::Double);
+    is_false && (is_by_angle || is_lk)
+}
+
 /// A random sequence of faults, each while others last; then all is well.
 fn play(model: &Model, seed: u64) -> Result<(), String> {
     let mut random = Random::new(seed);
@@ -240,6 +249,9 @@ fn play(model: &Model, seed: u64) -> Result<(), String> {
             let mut ends: Vec<(Micros, Trouble)> = Vec::new();
             for _ in 0..2 + random.below(5) {
                 let trouble = TROUBLES[random.index(TROUBLES.len())];
+                if cannot_be_told_apart(model, trouble) {
+                    continue;
+                }
                 let until = bench.world.now() + Micros::new(1_000 + random.below(150_000));
                 if ends.iter().any(|it| it.1 == trouble) || !bench.set(trouble, true) {
                     bench.set(trouble, false);
@@ -259,6 +271,7 @@ fn play(model: &Model, seed: u64) -> Result<(), String> {
                 }
             }
             bench.heal();
+            bench.wait(2);
             told.push(format!("well at {}", bench.world.now()));
             let (back, _) = bench.bring_back(6000);
             since.look(bench, false)?;
