@@ -100,6 +100,14 @@ fn every_motor_keeps_every_bound_and_comes_back() {
     assert_eq!((found.len(), found["emergency stop"], found["feedback lost"]), (31, all, all));
 }
 
+/// A question has its turn in every other tick: the command that switches it off goes first.
+#[test]
+fn an_lk_drive_is_switched_off_in_the_tick_that_finds_it_lost() {
+    let (is_fine, text) =
+        rc10(&["--motor", "mg4010", "--fault", "feedback lost", "--phases", "20"]);
+    assert!(is_fine, "{text}");
+}
+
 /// The pages say what the command measured; here it is measured again, in fewer phases.
 #[test]
 fn the_tables_of_the_page_are_those_of_the_command() {
