@@ -72,6 +72,8 @@ fn brake_in_time(config: &Cascade, way: f32, asked: f32) -> f32 {
 const SOFT_SLOPE: f32 = 100.0;
 /// Length of a soft start in seconds: 20 ms, and half a tick more for rounding.
 const SOFT_TIME: f32 = 0.0205;
+/// Seconds: what a reference is away that began at a false speed, at its acceleration. Less is soon made up for.
+const FALSE_START: f32 = 0.2;
 
 /// Share of full scale below which the effort of an acceleration tells nothing of the load.
 const LEAST_LOAD: f32 = 0.01;
@@ -278,6 +280,17 @@ impl CascadeState {
         self.speed_loop(config, measured, feed_forward, integrate, dt);
         if self.is_soft() {
             self.soften(last, full, dt);
+            self.doubt(config, target, measured);
+        }
+    }
+
+    /// Driving has just begun: a reference that is far from both the speed and the target began at a speed that was a
+    /// false one, of a frame that was not the device's. It begins anew.
+    #[cold]
+    fn doubt(&mut self, config: &Cascade, target: f32, measured: f32) {
+        let (ahead, left) = (self.reference - measured, self.reference - target);
+        if ahead * left > 0.0 && ahead.abs() > FALSE_START * config.acceleration.get() {
+            self.reference = measured;
         }
     }
 
@@ -402,6 +415,25 @@ mod tests {
         for tick in 1..=100_u8 {
             state.seek(&CONFIG, &Seek::Speed(400.0), &step(50.0));
             assert!((state.reference() - 50.0 - f32::from(tick)).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn a_reference_that_began_at_a_false_speed_begins_anew() {
+        for (false_speed, target) in [(32_000.0, 60.0), (-32_000.0, 60.0), (32_000.0, -60.0)] {
+            let mut state = CascadeState::new();
+            state.seek(&CONFIG, &Seek::Speed(target), &step(false_speed));
+            for _ in 0..100 {
+                state.seek(&CONFIG, &Seek::Speed(target), &step(10.0));
+            }
+            assert!((state.reference() - target).abs() < 0.01, "{}", state.reference());
+        }
+        // A shaft that was really that fast is slowed down as gently as ever.
+        let mut state = CascadeState::new();
+        for tick in 1..=100_u8 {
+            let measured = 300.0 - 0.9 * f32::from(tick);
+            state.seek(&CONFIG, &Seek::Speed(0.0), &step(measured));
+            assert!((state.reference() - measured).abs() < 11.0);
         }
     }
 
