@@ -135,7 +135,7 @@ impl<'r, 'm> Runner<'r, 'm> {
     fn tick(&mut self, now: Micros) {
         let elapsed = self.clock.tick(now).unwrap_or(PERIOD);
         // As old as the tick is late, perhaps.
-        self.server.take(self.bus, now - (elapsed - PERIOD));
+        self.server.take(self.bus, if elapsed > PERIOD { now - (elapsed - PERIOD) } else { now });
         self.bus.tick(now, Seconds::from_micros(elapsed.get()));
         self.server.publish(self.bus, now);
         let Self { bus, clock, .. } = self;

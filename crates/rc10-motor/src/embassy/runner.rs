@@ -178,7 +178,10 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.receive();
         self.look_after_bus(now);
         // What lies in the mail may be as old as the tick is late.
-        self.server.take(self.bus.borrow_mut(), now - (elapsed - PERIOD));
+        self.server.take(
+            self.bus.borrow_mut(),
+            if elapsed > PERIOD { now - (elapsed - PERIOD) } else { now },
+        );
         self.tx.clear();
         self.arm = self.bus.borrow().switch().for_motors();
         let dt = Seconds::from_micros(elapsed.get());

@@ -92,6 +92,8 @@ const LATELY: Micros = Micros::from_millis(60_000);
 const MOVING: Micros = Micros::from_millis(20);
 /// A request that waits for the robot's answer: its number, its time, and the way back.
 type Waiting = (u16, Micros, Sender<Result<Value, String>>);
+/// Time in which the answer to a page has left before the robot begins anew.
+const ANSWERED: Micros = Micros::from_millis(400);
 /// Limit of waiting requests: more would delay the next one on the line.
 const MOST_WAITING: usize = 16;
 const PATIENCE: Micros = Micros::from_millis(5000);
@@ -161,11 +163,12 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
     };
     tell_leftovers(&args.out);
     let mut outcome = Ok(());
-    while outcome.is_ok() && !stop.load(Ordering::Relaxed) && live.anew.is_none() {
+    let is_over = |live: &LivePage<'_, '_>| {
+        let ends = [args.seconds, live.anew.as_ref().map(|(due, _)| *due)];
+        ends.into_iter().flatten().any(|end| live.session.now() >= end)
+    };
+    while outcome.is_ok() && !stop.load(Ordering::Relaxed) && !is_over(&live) {
         outcome = live.step();
-        if args.seconds.is_some_and(|end| live.session.now() >= end) {
-            break;
-        }
     }
     match live.record.take() {
         Some((record, path)) => {
@@ -177,7 +180,7 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let (anew, port) = (live.anew.take(), live.pages.port);
     drop(live);
     match anew {
-        Some(mistakes) => begin_anew(port, &mistakes, out),
+        Some((_, mistakes)) => begin_anew(port, &mistakes, out),
         None => Ok(()),
     }
 }
@@ -315,8 +318,8 @@ struct LivePage<'r, 'k> {
     field: Option<Field<'k>>,
     is_simulated: bool,
     broken: Broken,
-    /// The mistakes with which the robot is to begin anew.
-    anew: Option<Vec<String>>,
+    /// When the robot is to begin anew, and with what mistakes.
+    anew: Option<(Micros, Vec<String>)>,
     /// What was let go wrong and taken back, as events.
     told: Vec<(Micros, String)>,
     /// The begin of a second by this PC's clock, the robot's time at it, and how far that came in the second before.
@@ -481,12 +484,13 @@ impl LivePage<'_, '_> {
         let now = self.session.now();
         let world = self.session.world();
         let world = world.context("a real robot is broken by hand, not from here")?;
+        ensure!(self.anew.is_none(), "the robot is just beginning anew");
         if let Some(mistakes) = self.broken.change(world, words, begins)? {
             ensure!(
                 cfg!(unix),
                 "not while it runs: begin the robot with it, rc10 live --sim --mistake"
             );
-            self.anew = Some(mistakes);
+            self.anew = Some((now + ANSWERED, mistakes));
             return Ok(Value::Null);
         }
         let what = if begins { "let go wrong" } else { "taken back" };
