@@ -265,7 +265,7 @@ impl CascadeState {
             }
         };
         // What is far away is approached as gently in a motion as any other angle.
-        let ramped = self.approach(config, target, measured, dt);
+        let ramped = self.approach(config, target, dt);
         let ramps = ramped != 0.0;
         let acceleration = if ramps { ramped } else { acceleration };
         let by_inertia = config.feed_forward.per_rpm_s * acceleration + inertia;
@@ -280,6 +280,17 @@ impl CascadeState {
         self.speed_loop(config, measured, feed_forward, integrate, dt);
         if self.is_soft() {
             self.soften(last, full, dt);
+            self.doubt(config, target, measured);
+        }
+    }
+
+    /// Driving has just begun: a reference that is far from both the speed and the target began at a speed that was a
+    /// false one, of a frame that was not the device's. It begins anew.
+    #[cold]
+    fn doubt(&mut self, config: &Cascade, target: f32, measured: f32) {
+        let (ahead, left) = (self.reference - measured, self.reference - target);
+        if ahead * left > 0.0 && ahead.abs() > FALSE_START * config.acceleration.get() {
+            self.reference = measured;
         }
     }
 
@@ -305,31 +316,18 @@ impl CascadeState {
     }
 
     /// Moves the reference to a speed as fast as it may; returns its acceleration on the way.
-    fn approach(&mut self, config: &Cascade, target: f32, measured: f32, dt: Seconds) -> f32 {
+    fn approach(&mut self, config: &Cascade, target: f32, dt: Seconds) -> f32 {
         let most = config.acceleration.get();
         let (gap, step) = (target - self.reference, most * dt.get());
         if gap.abs() <= step {
             (self.reference, self.limited) = (target, 0.0);
             return 0.0;
         }
-        if self.is_soft() {
-            self.doubt(gap, measured, FALSE_START * most);
-        }
         self.reference += step.copysign(gap);
         let before = core::mem::replace(&mut self.limited, most.copysign(gap));
         // For one tick alone, or to and fro, it is a measurement that came a tick early or late: no
         // acceleration that takes an effort.
         if before * self.limited > 0.0 { self.limited } else { 0.0 }
-    }
-
-    /// Driving has just begun: a reference that is far from the speed, and moves back to it and the target, began at a
-    /// speed that was a false one, of a frame that was not the device's. It begins anew.
-    #[cold]
-    fn doubt(&mut self, gap: f32, measured: f32, far: f32) {
-        let ahead = self.reference - measured;
-        if ahead * gap < 0.0 && ahead.abs() > far {
-            self.reference = measured;
-        }
     }
 
     /// The speed that the angle loop asks for. Another angle to seek changes no derivative.
