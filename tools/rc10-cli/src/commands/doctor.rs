@@ -20,7 +20,7 @@ use crate::live::session::{Session, stop};
 use crate::live::source::PlaceArgs;
 use crate::record::replay::{Kit, Replay, replay};
 use crate::recording::Recording;
-use crate::recording::sample::Source;
+use crate::recording::sample::{Source, seconds as seconds_of};
 use crate::terminal::{Plain, tell};
 use crate::world::robot::Robot;
 
@@ -106,10 +106,6 @@ fn look(args: &DoctorArgs, robot: Robot<'_>) -> Result<Recording> {
 
 /// Period of the motors' samples, ms.
 const PERIOD: u16 = 10;
-
-fn seconds_of(time: Micros) -> f64 {
-    time.get() as f64 * 1e-6
-}
 
 fn text(recording: &Recording, causes: &[Cause], language: Language) -> String {
     let length = seconds_of(recording.length);

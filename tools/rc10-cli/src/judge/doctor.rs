@@ -322,7 +322,7 @@ mod tests {
     use crate::recording::sample::MotorSample;
     use crate::robot::motor::Motor;
 
-    /// A VESC's motor for these samples of 10 ms.
+    /// A motor that is heard, of these samples of 10 ms.
     fn recorded(count: u64, seen: impl Fn(f64, &mut MotorSample)) -> Recording {
         let sample = |at| {
             let mut sample = MotorSample { link: Link::Online, ..MotorLook::NEW.seen() };
