@@ -12,8 +12,8 @@ use anyhow::{Context, Result, ensure};
 
 use crate::cargo::{cargo, chip, free, host, root, run as run_command};
 use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
-use crate::setup::{TARGET, browser, chip_toolchain, component, python};
-use crate::{count, deny, emulate, floors, golden, size};
+use crate::setup::{TARGET, browser, chip_toolchain, component, mdbook, python};
+use crate::{book, count, deny, emulate, floors, golden, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
@@ -197,6 +197,7 @@ pub fn run(is_whole: bool) -> Result<()> {
     report.rare("new robot", || new_robot(rustc().is_ok()));
     report.rare("package", package);
     report.step("docs", || docs(&mut host("doc --workspace --exclude viewers --no-deps")));
+    report.rare("book", || book::run(&needed(mdbook(), "no book here")?));
     let mut program = None;
     report.step("firmware", || {
         let rustc = rustc()?;

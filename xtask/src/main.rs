@@ -1,6 +1,7 @@
 //! The project's chores. `cargo xtask` lists them.
 #![forbid(unsafe_code)]
 
+mod book;
 mod cargo;
 mod check;
 mod count;
@@ -29,7 +30,8 @@ cargo xtask emulate [NAME ..]   the firmware on an emulated chip: every scenario
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
-cargo xtask figures docs/figures.md anew, by the commands that stand there
+cargo xtask figures docs/figures.md and its Chinese twin anew, by the commands that stand there
+cargo xtask book    the docs as one site in target/book, in English and Chinese; its links and its search
 cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools, or of another crate's src
 cargo xtask first   CPU seconds of the first compile, that of cargo run
 cargo xtask deny    licences and sources of all packages, and that no lock file is stale
@@ -67,6 +69,7 @@ fn main() -> ExitCode {
         },
         Some("phases") => || emulate::run(&firmware::build(firmware::TEAM, None)?, &["phases::"]),
         Some("figures") => figures::run,
+        Some("book") => || book::run(&setup::mdbook()?),
         Some("size") => || size::run(&firmware::build(firmware::TEAM, None)?),
         Some("count") => || count::run(&firmware::build("count", None)?),
         Some("deny") => deny::run,

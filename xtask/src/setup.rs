@@ -6,13 +6,14 @@
 //!
 //! The tests against programs of others need a Python that can make virtual environments.
 
+use std::env::consts::EXE_EXTENSION;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::cargo::{answer, paths, root, run};
+use crate::cargo::{answer, free, paths, root, run};
 
 /// The chip's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -78,6 +79,16 @@ pub fn browser() -> Result<()> {
     ensure!(are_there(), "chromium and chromedriver do not run");
     println!("setup: a browser for the tests of the page");
     Ok(())
+}
+
+/// The program that makes the book, in the target folder. To compile it takes 90 CPU seconds, once.
+pub fn mdbook() -> Result<PathBuf> {
+    let folder = root().join("target/mdbook");
+    let mut install = free("install --quiet --locked --debug mdbook --version 0.5.4");
+    // Without what serves and watches.
+    install.args(["--no-default-features", "--features", "search", "--root"]).arg(&folder);
+    run(install.env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
+    Ok(folder.join("bin/mdbook").with_extension(EXE_EXTENSION))
 }
 
 /// The first probe-rs whose `run` knows the flags that `.cargo/config.toml` gives it (its change log,
