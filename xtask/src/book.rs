@@ -71,8 +71,8 @@ fn written(page: &str, text: &str, wanted: &mut Wanted) -> String {
     let mut lines = text.lines().filter(|line| !line.starts_with(&format!("[{name}](")));
     let title = lines.next().unwrap_or_default();
     let mut top = format!("[{name}]({up}{folder}/{path}.html)");
-    if path == "browser" && root().join("target/web").exists() {
-        top += &format!(" · [**RC10**]({up}drive/index.html)");
+    if path == "browser" && root().join("target/web/index.html").exists() {
+        top += &format!(" · [**{}**]({up}drive/index.html)", title.trim_start_matches("# "));
     }
     let rest = relinked(&lines.collect::<Vec<_>>().join("\n"), |words, link| {
         if link.contains("://") {

@@ -6,7 +6,6 @@
 //!
 //! The tests against programs of others need a Python that can make virtual environments.
 
-use std::env::consts::EXE_EXTENSION;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -88,7 +87,7 @@ pub fn mdbook() -> Result<PathBuf> {
     // Without what serves and watches.
     install.args(["--no-default-features", "--features", "search", "--root"]).arg(&folder);
     run(install.env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
-    Ok(folder.join("bin/mdbook").with_extension(EXE_EXTENSION))
+    Ok(folder.join("bin/mdbook"))
 }
 
 /// The first probe-rs whose `run` knows the flags that `.cargo/config.toml` gives it (its change log,
