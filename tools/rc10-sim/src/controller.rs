@@ -13,6 +13,8 @@ pub struct Nanos(u64);
 impl Nanos {
     /// The start of time, or no time at all.
     pub const ZERO: Self = Self(0);
+    /// Later than all else: the time of what does not happen.
+    pub(crate) const NEVER: Self = Self(u64::MAX);
 
     /// A number of nanoseconds.
     #[must_use]
@@ -126,8 +128,8 @@ pub trait Controller {
     }
 
     /// The frame that it sends if the wire is idle now. Asked at every arbitration it could take
-    /// part in, which is at the end of every instant at which its wire is idle: often. A frame that
-    /// is offered need not be offered again.
+    /// part in, which is at the end of every instant at which its wire is idle and something happened
+    /// on it, and whenever time begins to pass: often. A frame that is offered need not be offered again.
     fn offer(&mut self, now: Nanos) -> Option<CanFrame>;
 
     /// The frame that it just offered is on the wire since now.
@@ -153,7 +155,7 @@ pub trait Controller {
     /// until the wire is busy again.
     fn wire_is(&mut self, _activity: Activity, _at: Nanos) {}
 
-    /// The time of its next event without the wire's doing. In the past means now.
+    /// The time of its next event without the wire's doing. In the past means now. Asked after other calls, and as time begins to pass.
     fn next_event(&self) -> Option<Nanos> {
         None
     }

@@ -44,12 +44,12 @@ pub trait Device: Any {
         Heard::Nothing
     }
 
-    /// The time of the next event that it makes by itself. In the past means now.
+    /// The time of the next event that it makes by itself. In the past means now. Asked after other calls, and as time begins to pass.
     fn next_event(&self) -> Option<Micros> {
         None
     }
 
-    /// Lets that happen. Asked at every event in the world; whether it is time is its own business.
+    /// Lets that happen. Asked more often than that; whether it is time is its own business.
     fn advance(&mut self, _shaft: &Shaft, _now: Micros, _out: &mut Outbox) {}
 
     /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
@@ -195,6 +195,8 @@ pub(crate) struct Unit {
     last_command_at: Option<Micros>,
     malformed: u64,
     out: Outbox,
+    /// The time of its next event; zero after something was done to it.
+    pub(crate) due: Nanos,
 }
 
 impl Unit {
@@ -214,6 +216,7 @@ impl Unit {
             last_command_at: None,
             malformed: 0,
             out: Outbox::new(),
+            due: Nanos::ZERO,
         }
     }
 
@@ -249,8 +252,9 @@ impl Unit {
         self.encoder = fault.map(|fault| (fault, Box::new(self.motor.clone())));
     }
 
-    pub(crate) fn next_event(&self) -> Option<Micros> {
-        if self.powered { self.device.next_event() } else { None }
+    pub(crate) fn next_event(&self) -> Nanos {
+        let next = if self.powered { self.device.next_event() } else { None };
+        next.map_or(Nanos::NEVER, Nanos::from)
     }
 
     /// Takes a frame from its bus.
@@ -258,6 +262,7 @@ impl Unit {
         if !self.powered {
             return;
         }
+        self.due = Nanos::ZERO;
         match self.device.receive(frame, &seen(&self.encoder, &self.motor), now, &mut self.out) {
             Taken::Yes => self.count_command(now),
             Taken::Malformed => self.malformed += 1,
@@ -267,6 +272,7 @@ impl Unit {
 
     /// Takes a byte from its line; what it answers, and how much later.
     pub(crate) fn hear(&mut self, byte: u8, now: Nanos) -> Option<(Vec<u8>, Nanos)> {
+        self.due = Nanos::ZERO;
         let heard = self.device.hear(byte, &seen(&self.encoder, &self.motor), now);
         match heard {
             Heard::Nothing => return None,
@@ -298,6 +304,7 @@ impl Unit {
     }
 
     pub(crate) fn step(&mut self, now: Nanos) {
+        self.due = Nanos::ZERO;
         self.winding = if self.powered {
             self.device.drive(&seen(&self.encoder, &self.motor), now.micros())
         } else {

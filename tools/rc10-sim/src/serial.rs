@@ -45,7 +45,7 @@ pub trait SerialDevice: Any {
     /// Power has come: everything volatile starts afresh.
     fn power_on(&mut self, now: Nanos);
 
-    /// The time of its next event without the link's doing. In the past means now.
+    /// The time of its next event without the link's doing. In the past means now. Asked after other calls, and as time begins to pass.
     fn next_event(&self) -> Option<Nanos>;
 
     /// Lets that happen. What it puts into `send` goes over the link, without a pause, after what
@@ -97,6 +97,9 @@ pub(crate) struct Link {
     /// The bytes that the chip has sent, and the time at which each has ended.
     delivered: VecDeque<(u8, Nanos)>,
     counters: SerialCounters,
+    /// The time of the next event here, and whether something was done since that was asked.
+    pub(crate) due: Nanos,
+    pub(crate) touched: bool,
 }
 
 impl Link {
@@ -115,6 +118,8 @@ impl Link {
             host: HostEnd::default(),
             delivered: VecDeque::new(),
             counters: SerialCounters::default(),
+            due: Nanos::ZERO,
+            touched: true,
         }
     }
 
@@ -140,16 +145,17 @@ impl Link {
         }
     }
 
-    pub(crate) fn next_event(&self, now: Nanos) -> Option<Nanos> {
-        let flights = [&self.to_host, &self.to_device].into_iter().flatten();
+    /// Asks when the next event happens here by itself.
+    pub(crate) fn ask(&mut self) {
+        let flights = [&self.to_host, &self.to_device].map(|it| it.as_ref().map(|it| it.end));
         let device = if self.powered { self.device.next_event() } else { None };
-        let delivered = self.delivered.front().map(|&(_, at)| at);
-        let soon = device.into_iter().chain(delivered).map(|at| at.max(now));
-        flights.map(|flight| flight.end).chain(soon).min()
+        let soon = [device, self.delivered.front().map(|&(_, at)| at)];
+        self.due = flights.into_iter().chain(soon).flatten().fold(Nanos::NEVER, Nanos::min);
     }
 
     /// Bytes that end now are heard; then the device does what it does now.
     pub(crate) fn process(&mut self, now: Nanos) {
+        self.touched = true;
         if let Some(flight) = self.to_host.take_if(|flight| flight.end <= now) {
             self.counters.from_device += 1;
             self.end_at_host(&flight);
@@ -192,6 +198,7 @@ impl Link {
 
     /// Starts a byte on each side that is silent and has one to send.
     pub(crate) fn start(&mut self, now: Nanos) {
+        self.touched = false;
         let (end, cut) = (now + self.character, self.cut);
         let flight = |byte| Flight { byte, end, cut, fault: None };
         if self.to_device.is_none() {
@@ -205,6 +212,7 @@ impl Link {
             }
             self.to_host = Some(flight(byte));
         }
+        self.ask();
     }
 }
 

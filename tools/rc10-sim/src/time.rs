@@ -17,6 +17,8 @@ use crate::Nanos;
 pub(crate) struct Clock {
     now: Cell<Nanos>,
     timers: RefCell<Vec<(Micros, Waker)>>,
+    /// The time at which the next of them is due.
+    next: Cell<Option<Micros>>,
 }
 
 impl Clock {
@@ -40,18 +42,23 @@ impl Clock {
             Some((earliest, _)) => *earliest = at.min(*earliest),
             None => timers.push((at, waker.clone())),
         }
+        self.next.set(Some(self.next.get().map_or(at, |next| next.min(at))));
     }
 
     /// The time at which the next timer is due.
     pub(crate) fn next_timer(&self) -> Option<Micros> {
-        self.timers.borrow().iter().map(|&(at, _)| at).min()
+        self.next.get()
     }
 
     /// Wakes the tasks whose time has come; says whether there were any.
     pub(crate) fn wake_due(&self) -> bool {
         let now = self.now();
+        if self.next.get().is_none_or(|next| next > now) {
+            return false;
+        }
         let due: Vec<_> =
             self.timers.borrow_mut().extract_if(.., |&mut (at, _)| at <= now).collect();
+        self.next.set(self.timers.borrow().iter().map(|&(at, _)| at).min());
         // Woken after the queue is free again: a waker may run any code.
         let any = !due.is_empty();
         due.into_iter().for_each(|(_, waker)| waker.wake());

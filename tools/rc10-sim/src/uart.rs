@@ -109,11 +109,11 @@ pub(crate) trait Hosted {
     fn has_sent_all(&self) -> bool;
 
     /// Takes the tasks that wait for what is there now.
-    fn take_wakers(&mut self) -> [Option<Waker>; 2] {
+    fn take_wakers(&mut self, due: &mut Vec<Waker>) {
         let has_sent_all = self.has_sent_all();
         let host = self.host();
-        let reader = if host.received.is_empty() { None } else { host.reader.take() };
-        [reader, if has_sent_all { host.flusher.take() } else { None }]
+        due.extend(host.reader.take_if(|_| !host.received.is_empty()));
+        due.extend(host.flusher.take_if(|_| has_sent_all));
     }
 }
 

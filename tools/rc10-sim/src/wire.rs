@@ -118,6 +118,9 @@ pub(crate) struct Wire {
     pub(crate) to_damage: u32,
     /// Whether the controller is connected, when that was looked at last.
     connected: bool,
+    /// The time of the next event here, and whether something was done since that was asked.
+    pub(crate) due: Nanos,
+    pub(crate) touched: bool,
     /// The activity that the controller was told last.
     told: Option<Activity>,
     pub(crate) trace: Option<Vec<TraceEntry>>,
@@ -142,6 +145,8 @@ impl Wire {
             held: false,
             to_damage: 0,
             connected: true,
+            due: Nanos::ZERO,
+            touched: true,
             told: None,
             trace: config.trace.then(Vec::new),
             counters: BusCounters::default(),
@@ -170,6 +175,7 @@ impl Wire {
 
     /// A node's next frame; one of its identifier that still waits is overwritten.
     pub(crate) fn send(&mut self, node: usize, frame: CanFrame) {
+        self.touched = true;
         let Node { queue, overwritten, .. } = &mut self.nodes[node];
         if let Some(older) = queue.iter_mut().find(|older| older.key() == frame.key()) {
             *older = frame;
@@ -220,18 +226,20 @@ impl Wire {
         self.tell(now);
     }
 
-    /// The time of the next event that happens here by itself.
-    pub(crate) fn next_event(&self) -> Option<Nanos> {
-        let segments = self.bus.next_event().into_iter().chain(self.stub.next_event());
-        segments.chain(self.controller.borrow().next_event()).min()
+    /// Asks when the next event happens here by itself.
+    pub(crate) fn ask(&mut self) {
+        let events = [self.bus.next_event(), self.stub.next_event()];
+        let controller = self.controller.borrow().next_event();
+        self.due = events.into_iter().chain([controller]).flatten().fold(Nanos::NEVER, Nanos::min);
     }
 
     /// Carries out what happens by itself now. An acknowledged frame is the caller's to hand to the
     /// ESCs that [hear](Self::hears) it.
     pub(crate) fn process(&mut self, now: Nanos) -> Option<Transmission> {
-        if self.next_event().is_none_or(|at| at > now) {
+        if self.due > now {
             return None;
         }
+        self.touched = true;
         {
             let mut controller = self.controller.borrow_mut();
             if controller.next_event().is_some_and(|at| at <= now) {
@@ -269,6 +277,7 @@ impl Wire {
 
     /// Arbitration on an idle wire: all nodes that have a frame compete now.
     pub(crate) fn arbitrate(&mut self, now: Nanos) {
+        self.touched = false;
         self.look_at_controller(now);
         let offer = self.offer(now);
         if let Some(frame) = offer
@@ -281,6 +290,7 @@ impl Wire {
             self.compete(offer.filter(|_| self.connected), now);
         }
         self.tell(now);
+        self.ask();
     }
 
     fn offer(&self, now: Nanos) -> Option<CanFrame> {

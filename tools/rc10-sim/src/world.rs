@@ -51,15 +51,23 @@ impl Inner {
         f(inner, now)
     }
 
+    /// Anything may have been done to everything. While time passes, what nothing is done to is not asked again.
+    fn touch(&mut self) {
+        self.wires.iter_mut().for_each(|wire| wire.touched = true);
+        self.serials.iter_mut().for_each(|link| link.touched = true);
+        self.units.iter_mut().for_each(|unit| unit.due = unit.next_event());
+    }
+
     fn next_event(&self) -> Nanos {
-        let wires = self.wires.iter().filter_map(Wire::next_event);
-        let units = self.units.iter().filter_map(Unit::next_event).map(Nanos::from);
         let now = self.clock.now_ns();
-        let lines = self.lines.iter().filter_map(|line| line.next_event(now));
-        let serials = self.serials.iter().filter_map(|link| link.next_event(now));
-        let pulses = self.pulses.iter().filter_map(|line| line.next_event(now));
-        let on_lines = lines.chain(serials).chain(pulses);
-        wires.chain(units).chain(on_lines).fold(self.next_step, Nanos::min)
+        let mut next = self.next_step;
+        let mut is_due = |at: Nanos| next = next.min(at);
+        self.wires.iter().for_each(|wire| is_due(wire.due));
+        self.units.iter().for_each(|unit| is_due(unit.due));
+        self.serials.iter().for_each(|link| is_due(link.due));
+        self.lines.iter().filter_map(|line| line.next_event(now)).for_each(&mut is_due);
+        self.pulses.iter().filter_map(|line| line.next_event(now)).for_each(is_due);
+        next
     }
 
     /// Everything that happens at one instant, in a fixed order: physics up to now, then the wires
@@ -79,7 +87,8 @@ impl Inner {
         for line in &mut self.lines {
             line.process(now, &mut self.random, &mut self.units);
         }
-        self.serials.iter_mut().for_each(|link| link.process(now));
+        let due = self.serials.iter_mut().filter(|link| link.due <= now);
+        due.for_each(|link| link.process(now));
         self.pulses.iter_mut().for_each(|line| line.process(now));
         for (bus, wire) in self.wires.iter_mut().enumerate() {
             let Some(heard) = wire.process(now) else {
@@ -93,8 +102,9 @@ impl Inner {
                 }
             }
         }
-        for unit in &mut self.units {
+        for unit in self.units.iter_mut().filter(|unit| unit.due <= now) {
             unit.advance(micros);
+            unit.due = unit.next_event();
             if let Place::Bus { bus, node } = unit.place {
                 unit.take_frames().for_each(|frame| self.wires[bus].send(node, frame));
             }
@@ -116,9 +126,11 @@ impl Inner {
     }
 
     fn let_start(&mut self, now: Nanos) {
-        self.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
+        let wires = self.wires.iter_mut().filter(|wire| wire.touched);
+        wires.for_each(|wire| wire.arbitrate(now));
         self.lines.iter_mut().for_each(|line| line.start(now));
-        self.serials.iter_mut().for_each(|link| link.start(now));
+        let serials = self.serials.iter_mut().filter(|link| link.touched);
+        serials.for_each(|link| link.start(now));
     }
 }
 
@@ -329,7 +341,9 @@ impl World {
         self.clock.wake_due();
         self.is_instant_over = true;
         let now = self.now_ns();
-        let next = self.inner.borrow_mut().end_instant(now);
+        let inner = &mut *self.inner.borrow_mut();
+        inner.touch();
+        let next = inner.end_instant(now);
         self.earlier_timer(later(next, now))
     }
 
@@ -380,11 +394,14 @@ impl World {
 
     /// Lets time pass until a timer or a serial port has woken a task (`true`), or up to `limit`.
     fn pass(&mut self, limit: Nanos) -> bool {
+        self.inner.borrow_mut().touch();
         while self.now_ns() < limit {
             let now = self.now_ns();
             {
                 let mut inner = self.inner.borrow_mut();
                 let next = if std::mem::take(&mut self.is_instant_over) {
+                    inner.wires.iter_mut().for_each(Wire::ask);
+                    inner.serials.iter_mut().for_each(Link::ask);
                     inner.next_event()
                 } else {
                     inner.end_instant(now)
@@ -403,13 +420,12 @@ impl World {
     /// Wakes the tasks that wait at a serial port for what is there now; says whether there were
     /// any.
     fn wake_ports(&self) -> bool {
-        let take = |inner: &mut Inner| -> Vec<Waker> {
-            let lines = inner.lines.iter_mut().flat_map(Hosted::take_wakers);
-            let serials = inner.serials.iter_mut().flat_map(Hosted::take_wakers);
-            let pulses = inner.pulses.iter_mut().map(PulseLine::take_waker);
-            lines.chain(serials).chain(pulses).flatten().collect()
-        };
-        let due = take(&mut self.inner.borrow_mut());
+        let mut due = Vec::new();
+        let mut inner = self.inner.borrow_mut();
+        inner.lines.iter_mut().for_each(|line| line.take_wakers(&mut due));
+        inner.serials.iter_mut().for_each(|link| link.take_wakers(&mut due));
+        due.extend(inner.pulses.iter_mut().filter_map(PulseLine::take_waker));
+        drop(inner);
         // As timers: woken after everything is free again.
         let any = !due.is_empty();
         due.into_iter().for_each(Waker::wake);

@@ -285,7 +285,11 @@ pub fn write_line(
     channel: &str,
     frame: &CanFrame,
 ) -> fmt::Result {
-    writeln!(out, "({}) {channel} {frame}", SecondsOf(at))
+    write!(out, "({}) {channel} ", SecondsOf(at))?;
+    let Some(&bytes) = frame.all_eight() else { return writeln!(out, "{frame}") };
+    // One number is written faster than eight.
+    let (digits, bytes) = (if frame.is_extended_id() { 8 } else { 3 }, u64::from_be_bytes(bytes));
+    writeln!(out, "{:0digits$X}#{bytes:016X}", frame.raw_id())
 }
 
 /// A time as in a log, `1732150000.000150`, with every digit.

@@ -6,7 +6,7 @@ use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{DriveMode, Feedback, Loops, MotorBus, MotorStatus, TargetKind};
 use rc10_sim::Esc;
 use rc10_sim::remote::Sent;
-use rc10_tasks::seen::{Field, Seen, Value, Whole};
+use rc10_tasks::seen::{Field, OFTEN, Seen, Value, Whole};
 
 use crate::recording::sample::{Cell, MotorSample, NOWHERE, PathPoint, RemoteSample};
 use crate::robot::motor::{BITS_PER_SECOND, Motor};
@@ -128,7 +128,8 @@ impl MotorLook {
     #[must_use]
     pub fn of(status: MotorStatus) -> Self {
         let mut look = Self { status, ..Self::NEW };
-        for at in 0..MotorStatus::FIELDS.len() {
+        // Its own are among the first.
+        for at in 0..OFTEN {
             look.put(at, status.exact(at));
         }
         Self { status, ..look }

@@ -501,14 +501,13 @@ fn curve(name: &str, merged: &[Cell]) -> Value {
     let hundredths = |span: f32| {
         let span = (span * 100.0).round();
         // Whole numbers are short.
-        json!(if span.is_finite() { span as u32 } else { 0 })
+        if span.is_finite() { span as u32 } else { 0 }
     };
-    json!({
-        "measured": numbers(merged.iter().map(|cell| cell.mean.into()), 2),
-        "below": merged.iter().map(|cell| hundredths(cell.mean - cell.min)).collect::<Value>(),
-        "above": merged.iter().map(|cell| hundredths(cell.max - cell.mean)).collect::<Value>(),
-        "name": name,
-    })
+    let mut curve = json!({ "measured": null, "below": null, "above": null, "name": name });
+    curve["measured"] = numbers(merged.iter().map(|cell| cell.mean.into()), 2);
+    curve["below"] = merged.iter().map(|cell| hundredths(cell.mean - cell.min)).collect();
+    curve["above"] = merged.iter().map(|cell| hundredths(cell.max - cell.mean)).collect();
+    curve
 }
 
 /// Several cells as one; NaN without any.
@@ -611,14 +610,16 @@ fn by_plot<T, K: PartialEq>(tracks: &[T], key: impl Fn(&T) -> K) -> Vec<(K, Vec<
 
 /// A plot of samples: `places` decimals, and an axis that spans at least `least`.
 fn curves(stride: usize, unit: &str, places: u8, least: f64, series: Value) -> Value {
-    json!({
+    let mut curves = json!({
         "unit": unit,
         "from": periods(1),
         "step": periods(stride),
         "places": places,
         "least": least,
-        "series": series,
-    })
+        "series": null,
+    });
+    curves["series"] = series;
+    curves
 }
 
 /// Plots of own signals: one for all with the same unit and first word.
@@ -736,14 +737,14 @@ fn data<'c>(
         let angles = numbers(angles.iter().step_by(stride).copied(), 1);
         Some((recording.motors.get(*line)?.motor.label.to_owned(), angles))
     });
-    let data = json!({
+    let mut data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
         "events": events.iter().map(event).collect::<Value>(),
         "states": STATES.split(' ').collect::<Vec<_>>(),
         "lanes": lanes.collect::<Value>(),
         "stops": stops(recording),
-        "charts": charts.map(|chart| &chart.body).collect::<Vec<_>>(),
+        "charts": null,
         "path": {
             "from": periods(1),
             "step": periods(stride),
@@ -756,6 +757,8 @@ fn data<'c>(
         "drawn": recording.drawn,
         "turned": turned.collect::<Map<_, _>>(),
     });
+    // Behind the macro, which would write and read each number.
+    data["charts"] = charts.map(|chart| chart.body.clone()).collect();
     // Only strings have this sign in JSON.
     data.to_string().replace('<', "\\u003c")
 }
