@@ -30,7 +30,7 @@ fn what_is_no_program_is_named() {
 }
 
 /// An ELF file with one segment: the vector table, and a program that reads a word at `address`.
-fn program_that_reads(address: u32) -> Vec<u8> {
+pub fn program_that_reads(address: u32) -> Vec<u8> {
     const FLASH: u32 = 0x0800_0000;
     let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect();
     let mut flash: Vec<u8> = words(&[0x2002_0000, FLASH + 65]);

@@ -35,6 +35,8 @@ mod crystal;
 mod dm_mc02;
 #[path = "firmware/dma_memory.rs"]
 mod dma_memory;
+#[path = "firmware/first_board.rs"]
+mod first_board;
 #[path = "firmware/kept.rs"]
 mod kept;
 #[path = "firmware/lift.rs"]
@@ -95,7 +97,7 @@ fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
     let mut motors = Motors::new();
     let robot = rc10_cli::robot_of::<team::Robot>(&shared, &mut motors).unwrap();
     let file = match setup.board {
-        Some(Board::DM_MC02) => &program("team-firmware-dm-mc02"),
+        Some(board) if board.name == Board::DM_MC02.name => &program("team-firmware-dm-mc02"),
         _ => firmware(),
     };
     scenario(Emulation::new(file, robot, setup).unwrap())

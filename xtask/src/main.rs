@@ -27,6 +27,7 @@ cargo xtask firmware [PACKAGE [BOARD]]   build the firmware, say where it is; an
                     for another board: dm-mc02
 cargo xtask emulate [NAME ..]   the firmware on an emulated chip: every scenario, against its budgets; or those
                     of the team's robot with such names
+cargo xtask board-test   leads through the first tests of a board, with its probe, and keeps a file to send back
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
@@ -66,6 +67,10 @@ fn main() -> ExitCode {
                 _ => firmware::build(firmware::TEAM, None)?,
             };
             emulate::run(&program, &names)
+        },
+        Some("board-test") => || {
+            let args = std::env::args().skip(2);
+            cargo::run(cargo::host("run --quiet --bin rc10 -- board-test").args(args))
         },
         Some("phases") => || emulate::run(&firmware::build(firmware::TEAM, None)?, &["phases::"]),
         Some("figures") => figures::run,

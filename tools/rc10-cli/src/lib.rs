@@ -47,6 +47,7 @@ use rc10_motor::embassy::{BusPort, PortsOf, Rs485Port};
 use rc10_tasks::{Common, Program};
 use rc10_time::Micros;
 
+use crate::commands::board_test::{BoardTestArgs, board_test};
 use crate::commands::doctor::{DoctorArgs, doctor};
 use crate::commands::emulate::{EmuArgs, emulate};
 use crate::commands::faults::FaultsArgs;
@@ -126,6 +127,8 @@ enum Command {
     Plan(PlanArgs),
     /// Shows what every motor model does in every fault, and how long it takes
     Faults(FaultsArgs),
+    /// Leads through the first tests of a board, with its probe, and keeps a file to send back
+    BoardTest(BoardTestArgs),
     /// Makes a robot of your own: a folder with its table, its simulation and its firmware
     New(NewArgs),
     /// Puts a simulated bus on a pseudo-terminal, as an slcan adapter (Unix)
@@ -226,6 +229,7 @@ impl CommandLine {
                 commands::plan::plan(&args, robot.description(), out).map(|()| 0)?
             }
             Command::Faults(args) => strict(true, commands::faults::faults(&args, out)?),
+            Command::BoardTest(args) => strict(true, board_test(&args, &robot, out)?),
             Command::New(args) => commands::new::new(&args, out).map(|()| 0)?,
             Command::Pty(args) => commands::pty::pty(&args, robot, out).map(|()| 0)?,
         })

@@ -52,6 +52,14 @@ pub struct Board {
     pub package: Package,
     /// The crystal at HSE, hertz.
     pub crystal_hz: u64,
+    /// Whether the transceiver of each bus takes part: it has its 5 V, is not in standby, and its RX and TX are not
+    /// exchanged. One that does not drives no bus, and its RXD rests high, so that the chip does not hear its own
+    /// bits. Source: data sheets of TJA1051 and TJA1044, undervoltage detection and standby mode.
+    pub transceivers: [bool; 3],
+    /// Whether the core's regulator gets to its voltage: not without the capacitors at VCAP.
+    pub core_supply: bool,
+    /// The brown-out level in the chip's option bytes (`BOR_LEV`): 0 as sold, 3 as `docs/bring-up.md` says.
+    pub brown_out: u8,
     /// Whether there is an inverter between the remote's receiver and the chip.
     pub inverts_remote: bool,
     /// The board's supply (VIN) at power-on, millivolts.
@@ -112,6 +120,9 @@ impl Board {
         chip: "STM32H723ZG",
         package: Package::Lqfp144,
         crystal_hz: 25_000_000,
+        transceivers: [true; 3],
+        core_supply: true,
+        brown_out: 3,
         inverts_remote: false,
         supply: 24_000,
         supply_sense: None,
@@ -130,6 +141,9 @@ impl Board {
         chip: "STM32H723VG",
         package: Package::Lqfp100,
         crystal_hz: 24_000_000,
+        transceivers: [true; 3],
+        core_supply: true,
+        brown_out: 3,
         inverts_remote: true,
         supply: 24_000,
         // 100 and 10 kilohms at ADC1_INP4, from VIN: USB does not count.

@@ -193,6 +193,7 @@ impl Machine {
         );
         let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
+        fdcan.set_transceivers(options.board.transceivers);
         let fdcan = Arc::new(Mutex::new(fdcan));
         let mut soc = Soc::new(options, Arc::clone(&fdcan), memory.clone());
         for name in options.silent {

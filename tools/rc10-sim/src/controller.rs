@@ -114,6 +114,12 @@ pub trait Controller {
         true
     }
 
+    /// Whether what it sends comes back to it, when it is not wired up: not from a transceiver that takes no part. Then
+    /// its first dominant bit is a bit error (ISO 11898-1).
+    fn hears_itself(&self) -> bool {
+        true
+    }
+
     /// The length of its bits in nanoseconds; `None` if it is the wire's. If the ESCs do not follow them, what it
     /// sends is destroyed.
     fn bit_time_ns(&self) -> Option<u32> {

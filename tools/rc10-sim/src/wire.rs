@@ -283,7 +283,11 @@ impl Wire {
         if let Some(frame) = offer
             && !self.connected
         {
-            self.stub = Segment::Frame(self.transmission(frame, Sender::Controller, now));
+            let mut air = self.transmission(frame, Sender::Controller, now);
+            if !self.controller.borrow().hears_itself() {
+                air.fail(BusError::Bit, now + self.bits(1 + ERROR_FRAME));
+            }
+            self.stub = Segment::Frame(air);
             self.controller.borrow_mut().sending(now);
         }
         if self.bus.is_idle() {

@@ -1,5 +1,6 @@
 //! The commands of `rc10` that run, read or write something once.
 
+pub mod board_test;
 pub mod decode;
 pub mod doctor;
 pub mod emulate;

@@ -41,6 +41,8 @@ pub(super) struct Controller {
     init_told: Nanos,
     /// Whether the receive and the transmit pin lead to it.
     pub pins: (bool, bool),
+    /// Whether its transceiver takes no part.
+    pub is_deaf: bool,
     timestamp: Timestamp,
     link: Link,
     errors: Errors,
@@ -67,7 +69,7 @@ impl Controller {
     pub fn reset(&mut self) {
         let old = std::mem::replace(self, Self::new());
         (self.kernel_hz, self.is_clock_valid) = (old.kernel_hz, old.is_clock_valid);
-        (self.pins, self.link) = (old.pins, old.link);
+        (self.pins, self.is_deaf, self.link) = (old.pins, old.is_deaf, old.link);
         (self.now, self.counters) = (old.now, old.counters);
         self.link.stop();
     }
@@ -235,7 +237,7 @@ impl Controller {
     }
 
     pub const fn is_connected(&self) -> bool {
-        self.pins.0 && self.pins.1
+        self.pins.0 && self.pins.1 && !self.is_deaf
     }
 
     // The wire.

@@ -128,6 +128,13 @@ impl Fdcans {
         }
     }
 
+    /// Sets whether the transceiver of each controller takes part.
+    pub fn set_transceivers(&mut self, take_part: [bool; 3]) {
+        for (one, takes_part) in self.controllers.iter_mut().zip(take_part) {
+            one.is_deaf = !takes_part;
+        }
+    }
+
     /// Both interrupt lines of each controller.
     #[must_use]
     pub fn interrupt_lines(&self) -> [[bool; 2]; 3] {
@@ -186,6 +193,9 @@ impl rc10_sim::Controller for Node {
     }
     fn is_connected(&self) -> bool {
         self.with(|one, _| one.is_connected())
+    }
+    fn hears_itself(&self) -> bool {
+        self.with(|one, _| !one.is_deaf)
     }
     fn bit_time_ns(&self) -> Option<u32> {
         self.with(|one, _| one.bit().map(Period::nanos))

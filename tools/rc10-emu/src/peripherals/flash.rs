@@ -6,7 +6,7 @@
 //! what no code fits; and if it reads as erased it cannot be programmed all the same. Which, chance says.
 //!
 //! Times of programming and erasing are those of the data sheet, drawn between typical and longest. Not modelled: CRC,
-//! option bytes but for their reads, read-out and write protection, more than one operation that waits (a third write
+//! option bytes but for `BOR_LEV`, read-out and write protection, more than one operation that waits (a third write
 //! waits for the first on the bus, as here the second does).
 
 use std::collections::BTreeMap;
@@ -28,6 +28,9 @@ const KEYR: u32 = 0x04;
 const CR: u32 = 0x0C;
 const SR: u32 = 0x10;
 const CCR: u32 = 0x14;
+/// `OPTSR_CUR`; of it the level of read-out protection, which is none, and `BOR_LEV` are told.
+pub(super) const OPTSR: u32 = 0x1C;
+pub(super) const READABLE: u32 = 0xAA << 8;
 const ECC_FAR: u32 = 0x60;
 
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];

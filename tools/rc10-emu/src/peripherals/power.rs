@@ -8,7 +8,9 @@ use super::access::{Answer, Write};
 use super::registers::{Register, Registers, masked, plain};
 
 const CR1: u32 = 0x00;
-const CSR1: u32 = 0x04;
+pub(super) const CSR1: u32 = 0x04;
+/// ACTVOSRDY.
+pub(super) const READY: u32 = 1 << 13;
 const CR3: u32 = 0x0C;
 const D3CR: u32 = 0x18;
 
@@ -76,7 +78,7 @@ impl Power {
         let stored = self.registers.read(offset)?;
         self.scale(now);
         Ok(match offset {
-            CSR1 => self.scale << 14 | u32::from(self.is_supplied()) << 13,
+            CSR1 => self.scale << 14 | if self.is_supplied() { READY } else { 0 },
             D3CR => stored | u32::from(now >= self.scaled_at) << 13,
             _ => stored,
         })

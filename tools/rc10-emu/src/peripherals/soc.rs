@@ -13,7 +13,7 @@ use super::clocks::{self, Clocks, TooFast};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::facts::{I2CS, SPIS, USARTS};
-use super::flash::{Flash, FlashState, SECTOR};
+use super::flash::{self, Flash, FlashState, SECTOR};
 use super::gpio::{PINS, Port, pins_where};
 use super::i2c::I2c;
 use super::map::{self, Block, MAP, Row, row_of};
@@ -521,7 +521,14 @@ impl Soc {
     fn read_block(&mut self, block: Block, offset: u32, width: Width, now: Nanos) -> Answer<u32> {
         match block {
             Block::Rcc => self.rcc.read(offset),
-            Block::Power => self.power.read(offset, now),
+            Block::Power => {
+                let told = self.power.read(offset, now)?;
+                let never = offset == power::CSR1 && !self.options.board.core_supply;
+                Ok(if never { told & !power::READY } else { told })
+            }
+            Block::Flash if offset & !0x100 == flash::OPTSR => {
+                Ok(flash::READABLE | u32::from(self.options.board.brown_out & 3) << 2)
+            }
             Block::Flash => self.flash.read(offset & !0x100),
             Block::Syscfg => {
                 let stored = self.syscfg.read(offset)?;
