@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 
-use super::{Bench, Line};
+use super::walk::{Bench, Line};
 
 /// How long probe-rs may take to let go of the probe, and to flash.
 const LETS_GO: Duration = Duration::from_secs(3);

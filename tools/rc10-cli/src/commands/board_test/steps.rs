@@ -1,9 +1,12 @@
 //! The steps that are led, by their numbers in `docs/bring-up.md`, and how each is judged.
 
+use std::io;
+
 use anyhow::{Context as _, Result, ensure};
 use rc10_emu::Board;
+use serde_json::json;
 
-use super::{Line, Outcome, Walk, wrong};
+use super::walk::{Line, Outcome, Walk, wrong};
 
 /// The page that the steps are on.
 const PAGE: &str = include_str!("../../../../../docs/bring-up.md");
@@ -42,7 +45,7 @@ pub fn steps(board: &Board) -> impl Iterator<Item = &'static str> {
 }
 
 /// A step's row of the page without its marks: what to do, what is right, what if not.
-pub(super) fn row(number: &str) -> [String; 3] {
+fn row(number: &str) -> [String; 3] {
     let begin = format!("| {number} |");
     let row = PAGE.lines().find_map(|line| line.strip_prefix(&begin)).unwrap_or_default();
     let mut cells = row.split('|').map(|cell| {
@@ -56,7 +59,7 @@ pub(super) fn row(number: &str) -> [String; 3] {
     std::array::from_fn(|_| cells.next().unwrap_or_default())
 }
 
-pub(super) fn judge(walk: &mut Walk<'_>, number: &str) -> Result<Outcome> {
+fn judge(walk: &mut Walk<'_>, number: &str) -> Result<Outcome> {
     match JUDGED.iter().find(|it| it.0 == number) {
         Some((_, judge)) => judge(walk),
         None => by_eye(walk, number),
@@ -83,6 +86,31 @@ fn number_before(text: &str, words: &str) -> Option<u32> {
 }
 
 impl Walk<'_> {
+    /// Does the step with this number.
+    ///
+    /// # Errors
+    /// If the person ends, or file or terminal cannot be written.
+    pub fn step(&mut self, number: &str) -> Result<Outcome> {
+        let [what, right, _] = row(number);
+        let right = if right.is_empty() { right } else { format!("   right: {right}\n") };
+        self.tell(&format!("\n{number}. {what}\n{right}"))?;
+        self.keep(&json!({ "begin": number }))?;
+        self.before = self.heard.len();
+        let judged = match judge(self, number) {
+            Err(error) if error.is::<io::Error>() => return Err(error),
+            Err(error) => wrong("unread", &[&format!("{error:#}")])?,
+            Ok(outcome) => outcome,
+        };
+        let Outcome { word, text, mend } = &self.said().unwrap_or(judged);
+        self.keep(&json!({ "step": number, "outcome": word, "text": text, "do": mend }))?;
+        let sign = if *word == "wrong" { "✗" } else { "✓" };
+        self.tell(&format!("{sign} {}\n", if text.is_empty() { word } else { text.as_str() }))?;
+        if !mend.is_empty() {
+            self.tell(&format!("   do: {mend}\n"))?;
+        }
+        Ok(Outcome { word, text: text.clone(), mend: mend.clone() })
+    }
+
     /// The newest status, after some seconds.
     fn status(&mut self, seconds: f64) -> Result<String> {
         let lines = self.listen(seconds)?;
@@ -396,7 +424,7 @@ fn one_motor(walk: &mut Walk<'_>) -> Result<Outcome> {
 mod tests {
     use std::collections::BTreeSet;
 
-    use super::super::CAUSES;
+    use super::super::walk::CAUSES;
     use super::*;
 
     #[test]
@@ -421,7 +449,7 @@ mod tests {
     fn causes_say_what_to_do() {
         let rows: Vec<Vec<_>> = CAUSES.lines().map(|row| row.split('\t').collect()).collect();
         assert!(rows.iter().all(|row| row.len() == 3 && row.iter().all(|it| !it.is_empty())));
-        let code = concat!(include_str!("steps.rs"), include_str!("mod.rs"));
+        let code = include_str!("steps.rs");
         let keys: BTreeSet<_> = rows.iter().map(|row| row[0]).collect();
         assert_eq!(keys.len(), rows.len());
         for key in keys.iter().filter(|key| !key.starts_with("said ")) {
