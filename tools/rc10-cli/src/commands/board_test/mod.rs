@@ -31,9 +31,9 @@ pub use walk::{Bench, Line, Outcome, Walk};
 /// Arguments of `rc10 board-test`.
 #[derive(Args, Debug)]
 pub struct BoardTestArgs {
-    /// The program for the board; without one the robot's firmware is built first
+    /// The program to run; without one the firmware is built first
     elf: Option<PathBuf>,
-    /// The board, h723zg or dm-mc02 [default: the one that the program is for]
+    /// The board, h723zg or dm-mc02 [default: the one that the program is for]; without a program, the one to build it for
     #[arg(long, value_name = "NAME", value_parser = board::named)]
     board: Option<Board>,
     /// The serial port of a USB adapter at the board's console, such as /dev/ttyUSB0
