@@ -48,4 +48,5 @@ mod terminal;
 mod tune;
 mod two_joints;
 mod verdict;
+mod web;
 mod wiring;

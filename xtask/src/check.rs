@@ -13,7 +13,7 @@ use anyhow::{Context, Result, ensure};
 use crate::cargo::{cargo, chip, free, host, root, run as run_command};
 use crate::firmware::{self, DM_MC02, ON_DM_MC02, TEAM, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, browser, chip_toolchain, component, mdbook, python};
-use crate::{book, count, deny, emulate, floors, golden, size};
+use crate::{book, count, deny, emulate, floors, golden, size, web};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
@@ -214,6 +214,7 @@ pub fn run(is_whole: bool) -> Result<()> {
     let program = || program.as_deref().ok_or_else(|| Skipped("no firmware".to_owned()));
     report.step("size", || size::run(program()?));
     report.step("emulate", || emulate::run(program()?, if is_whole { &[] } else { &DAILY }));
+    report.rare("web", || web::check(rustc()?));
     report.rare("other chips", || other_chips(rustc()?));
     report.rare("count", || count::run(&build_with("count", None, rustc()?)?));
     report.conclude()

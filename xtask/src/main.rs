@@ -15,6 +15,7 @@ mod fuzz;
 mod golden;
 mod setup;
 mod size;
+mod web;
 
 use std::process::ExitCode;
 
@@ -34,6 +35,7 @@ cargo xtask count   instructions of the control loop and of every codec, against
 cargo xtask figures docs/figures.md and its Chinese twin anew, by the commands that stand there
 cargo xtask book    the docs as one site in target/book, in English and Chinese; its links and its search
 cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools, or of another crate's src
+cargo xtask web     target/web: the page with its robots in the browser, as static files
 cargo xtask first   CPU seconds of the first compile, that of cargo run
 cargo xtask deny    licences and sources of all packages, and that no lock file is stale
 cargo xtask golden [check]   makes the golden files of rc10-app anew, with numpy, scipy and ruckig; or compares them
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
             Ok(())
         },
         Some("first") => first::run,
+        Some("web") => || web::run(setup::chip_toolchain()?.as_deref()).map(drop),
         Some("floors") => || floors::run(std::env::args().nth(2).as_deref()),
         Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),
         Some("emulate") => || {

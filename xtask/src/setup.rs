@@ -41,6 +41,11 @@ pub fn chip_toolchain() -> Result<Option<PathBuf>> {
     Ok(Some(rustc))
 }
 
+/// Makes sure that there is a target for a web page.
+pub fn wasm(target: &str) -> Result<()> {
+    run(Command::new("rustup").args(["target", "add", target]))
+}
+
 /// Makes sure that `cargo fmt` or `cargo clippy` is there.
 pub fn component(name: &str) -> bool {
     let there = || answer(Command::new("cargo").args([name, "--version"])).is_some();

@@ -36,7 +36,9 @@ pub(crate) struct Unfinished(pub(crate) PathBuf);
 impl Unfinished {
     pub(crate) fn new(path: &Path) -> Self {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        Self(path.with_file_name(format!(".{name}.{}", std::process::id())))
+        // A web page has no processes.
+        let process = if cfg!(target_os = "wasi") { 0 } else { std::process::id() };
+        Self(path.with_file_name(format!(".{name}.{process}")))
     }
 
     pub(crate) fn create(&self) -> Result<File> {

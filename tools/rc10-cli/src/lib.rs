@@ -320,6 +320,22 @@ pub fn with<P: Program, R>(
     work(&shared, &mut P::Motors::default())
 }
 
+/// The robot of a program, in its own world, before it runs; its state lives as long as this program.
+///
+/// # Errors
+/// Those of [`Robot::of`].
+pub fn robot_for_good<P: Simulated>() -> anyhow::Result<Robot<'static>>
+where
+    P::Name: 'static,
+    P::Own: 'static,
+    P::Motors: 'static,
+{
+    let buses: Vec<_> = P::Name::BUSES.iter().map(|_| BusPort::new()).collect();
+    let lines: Vec<_> = (0..P::Name::LINES).map(|_| Rs485Port::new()).collect();
+    let shared = Box::leak(Box::new(Common::new(PortsOf::new(buses.leak(), lines.leak()))));
+    robot_of::<P>(shared, Box::leak(Box::default()))
+}
+
 /// The robot in this folder, if it is another one than this program's.
 fn other_robot() -> Option<String> {
     // By cargo, the folder's own is run, or one that was named.

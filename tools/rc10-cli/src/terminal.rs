@@ -66,7 +66,11 @@ impl<W: Write> Write for Plain<W> {
 /// Width of the terminal in letters, if it is known: by COLUMNS, or by the terminal itself.
 pub(crate) fn width() -> Option<usize> {
     let told = std::env::var("COLUMNS").ok().and_then(|it| it.parse().ok());
+    #[cfg(any(unix, windows))]
     let seen = || Some(usize::from(terminal_size::terminal_size_of(io::stdout())?.0.0));
+    // A web page.
+    #[cfg(not(any(unix, windows)))]
+    let seen = || None;
     told.or_else(seen).filter(|width| *width >= 20)
 }
 

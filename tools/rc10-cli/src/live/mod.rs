@@ -7,6 +7,7 @@
 //! * `playback`: a record on the same page.
 //! * `hands`: pages that drive a simulated robot by its remote. `field`: where its base is.
 //!   `broken`: what goes wrong with it.
+//! * [`Web`]: the page with its robot in the same browser.
 //! * [`Pages`]: a web server for this PC alone. [`request`]: its rules. [`History`]: its values.
 
 pub(crate) mod broken;
@@ -35,6 +36,7 @@ pub(crate) mod shared;
 pub(crate) mod source;
 pub(crate) mod table;
 pub(crate) mod viewers;
+pub(crate) mod web;
 
 pub use crate::live::line::{RobotConnection, Source};
 pub use crate::live::source::{PlaceArgs, RunningArgs, SourceArgs};
@@ -46,6 +48,7 @@ pub use commands::{
     ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs, forget, get, params,
     record, save, set, stop_robot,
 };
+pub use connection::Reply;
 pub use history::{History, POINTS, thin};
 pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};
@@ -56,3 +59,4 @@ pub use server::{PageRequest, Pages, Shown};
 pub use session::{Session, full_name};
 pub use table::table_lines;
 pub use viewers::{ViewerArgs, Viewers, signal_name};
+pub use web::Web;

@@ -1,6 +1,6 @@
 //! `rc10 live`: a page in the browser that shows a robot while it runs.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::hash::{BuildHasher as _, RandomState};
 use std::io::{self, Write};
 use std::net::{IpAddr, UdpSocket};
@@ -14,6 +14,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
+use rc10_emu::LogLine;
 use rc10_link::{Action, Urgent};
 use rc10_time::Micros;
 use serde_json::{Value, json};
@@ -23,6 +24,7 @@ use super::client::{Answer, Client, KeptValue, Losses, Urgency};
 use super::connection::look;
 use super::field::Field;
 use super::judge::Judge;
+use super::line::RobotConnection;
 use super::plan::{Line, SLOW, Topic, plan, watch_at};
 use super::record::{LiveRecord, RESTART, named, room, tell_leftovers};
 use super::server::{PageRequest, Pages, PendingRequest};
@@ -78,6 +80,8 @@ const TELL: Micros = Micros::from_millis(50);
 const GONE: Micros = Micros::from_millis(150_000);
 /// Limit of marks.
 const MARKS: usize = 1000;
+/// Limit of lines of the chip's log.
+const LINES: usize = 40;
 /// Limit of pages.
 const PAGES: usize = 32;
 /// The signals that a page shows, their period, and when it said so last.
@@ -92,6 +96,8 @@ const LATELY: Micros = Micros::from_millis(60_000);
 const MOVING: Micros = Micros::from_millis(20);
 /// A request that waits for the robot's answer: its number, its time, and the way back.
 type Waiting = (u16, Micros, Sender<Result<Value, String>>);
+/// The way to the report of a record: it may come later.
+type Reporter<'r> = Box<dyn Fn(PathBuf) -> Receiver<Result<Vec<u8>>> + 'r>;
 /// Time in which the answer to a page has left before the robot begins anew.
 const ANSWERED: Micros = Micros::from_millis(400);
 /// Limit of waiting requests: more would delay the next one on the line.
@@ -104,68 +110,25 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
         robot.keep_in(file)?;
     }
     let kit = Kit::of(&robot);
-    let source = args.at.source();
     let stop = stop()?;
     let pages = Pages::serve(args.page)?;
-    let mut session = Session::new(source.open_for_shells(robot, pages.port)?);
-    let is_simulated = session.world().is_some();
-    let mut broken = Broken::default();
-    match session.world() {
-        Some(world) => {
-            look(&pages.hands).begin(world, args.script);
-            broken = Broken::of(world.description());
-        }
-        None => ensure!(!args.script, "--script is for --sim and --emu that are begun here"),
-    }
-    let viewers = Viewers::new(&args.viewers)?;
-    if let Some(address) = viewers.address() {
+    let connection = args.at.source().open_for_shells(robot, pages.port)?;
+    let mut live = LivePage::new(args, connection, &kit, pages, Box::new(report_by_program))?;
+    if let Some(address) = live.viewers.address() {
         writeln!(out, "foxglove  {address}")?;
     }
-    writeln!(out, "live  {}\n{}; Ctrl-C ends it", pages.address, session.name())?;
+    writeln!(out, "live  {}\n{}; Ctrl-C ends it", live.pages.address, live.session.name())?;
     if let Some(address) = args.lan {
-        tell_guests(&pages, address, out)?;
+        tell_guests(&live.pages, address, out)?;
     }
     out.flush()?;
     if args.open {
-        open_browser(&pages.address);
+        open_browser(&live.pages.address);
     }
-    let mut live = LivePage {
-        session,
-        pages,
-        folder: args.out.clone(),
-        judge: Judge::new(&kit),
-        stranger: None,
-        topics: Vec::new(),
-        left: 0,
-        record: None,
-        records: 0,
-        note: None,
-        marks: Vec::new(),
-        making: None,
-        waiting: Vec::new(),
-        line: Line::new(0, &[]),
-        chosen: BTreeMap::new(),
-        watched: (OFTEN, BTreeSet::new()),
-        paces: [OFTEN, SLOW],
-        before: Losses::default(),
-        met: false,
-        viewers,
-        state_at: None,
-        boot: RandomState::new().hash_one(0) as u32,
-        clocks: None,
-        moving_at: None,
-        field: None,
-        is_simulated,
-        broken,
-        anew: None,
-        told: Vec::new(),
-        pace: (Instant::now(), Micros::ZERO, None),
-    };
     tell_leftovers(&args.out);
     let mut outcome = Ok(());
     let is_over = |live: &LivePage<'_, '_>| {
-        let ends = [args.seconds, live.anew.as_ref().map(|(due, _)| *due)];
-        ends.into_iter().flatten().any(|end| live.session.now() >= end)
+        live.is_anew() || args.seconds.is_some_and(|end| live.now() >= end)
     };
     while outcome.is_ok() && !stop.load(Ordering::Relaxed) && !is_over(&live) {
         outcome = live.step();
@@ -237,7 +200,7 @@ fn tell_guests(pages: &Pages, address: IpAddr, out: &mut dyn Write) -> Result<()
 }
 
 /// Makes the report of a record, by a program of its own: the robot is not held up.
-fn report_of(path: PathBuf) -> Receiver<Result<Vec<u8>>> {
+fn report_by_program(path: PathBuf) -> Receiver<Result<Vec<u8>>> {
     let (made, making) = channel();
     let make = move || {
         let out = path.with_extension("report");
@@ -277,9 +240,10 @@ fn is_another(before: (Micros, Micros), now: (Micros, Micros)) -> bool {
 }
 
 /// The session with the robot, and the pages that show it.
-struct LivePage<'r, 'k> {
+pub(super) struct LivePage<'r, 'k> {
     session: Session<'r>,
-    pages: Pages,
+    pub(super) pages: Pages,
+    report_of: Reporter<'r>,
     folder: PathBuf,
     judge: Judge<'k>,
     /// Why the robot is not judged.
@@ -319,15 +283,82 @@ struct LivePage<'r, 'k> {
     is_simulated: bool,
     broken: Broken,
     /// When the robot is to begin anew, and with what mistakes.
-    anew: Option<(Micros, Vec<String>)>,
+    pub(super) anew: Option<(Micros, Vec<String>)>,
     /// What was let go wrong and taken back, as events.
     told: Vec<(Micros, String)>,
+    /// The newest lines of the chip's log.
+    log: VecDeque<String>,
     /// The begin of a second by this PC's clock, the robot's time at it, and how far that came in the second before.
     pace: (Instant, Micros, Option<f64>),
 }
 
-impl LivePage<'_, '_> {
-    fn step(&mut self) -> Result<()> {
+impl<'r, 'k> LivePage<'r, 'k> {
+    /// The pages of a robot before its first step. Fails if a viewer cannot be fed, or for a script without a remote.
+    pub(super) fn new(
+        args: &LiveArgs,
+        connection: RobotConnection<'r>,
+        kit: &'k Kit<'k>,
+        pages: Pages,
+        report_of: Reporter<'r>,
+    ) -> Result<Self> {
+        let mut session = Session::new(connection);
+        let is_simulated = session.world().is_some();
+        let mut broken = Broken::default();
+        match session.world() {
+            Some(world) => {
+                look(&pages.hands).begin(world, args.script);
+                broken = Broken::of(world.description());
+            }
+            None => ensure!(!args.script, "--script is for --sim and --emu that are begun here"),
+        }
+        Ok(Self {
+            session,
+            pages,
+            report_of,
+            folder: args.out.clone(),
+            judge: Judge::new(kit),
+            stranger: None,
+            topics: Vec::new(),
+            left: 0,
+            record: None,
+            records: 0,
+            note: None,
+            marks: Vec::new(),
+            making: None,
+            waiting: Vec::new(),
+            line: Line::new(0, &[]),
+            chosen: BTreeMap::new(),
+            watched: (OFTEN, BTreeSet::new()),
+            paces: [OFTEN, SLOW],
+            before: Losses::default(),
+            met: false,
+            viewers: Viewers::new(&args.viewers)?,
+            state_at: None,
+            boot: RandomState::new().hash_one(0) as u32,
+            clocks: None,
+            moving_at: None,
+            field: None,
+            is_simulated,
+            broken,
+            anew: None,
+            told: Vec::new(),
+            log: VecDeque::new(),
+            pace: (Instant::now(), Micros::ZERO, None),
+        })
+    }
+
+    /// Time on the line.
+    pub(super) fn now(&self) -> Micros {
+        self.session.now()
+    }
+
+    /// Whether the robot is to begin anew now, with the mistakes of `anew`.
+    pub(super) fn is_anew(&self) -> bool {
+        self.anew.as_ref().is_some_and(|(due, _)| self.now() >= *due)
+    }
+
+    /// Answers the pages, and lets the robot go on for some milliseconds; fails if the line has ended.
+    pub(super) fn step(&mut self) -> Result<()> {
         // First, so that a stop goes out with these bytes.
         while let Ok(request) = self.pages.requests.try_recv() {
             self.handle(request);
@@ -337,6 +368,10 @@ impl LivePage<'_, '_> {
             look(&self.pages.hands).act(operator, now);
         }
         self.session.step()?;
+        let lines = self.session.world().map(Running::log).unwrap_or_default();
+        let line = |it: &LogLine| format!("{:.3} {}", it.at.get() as f64 * 1e-9, it.text);
+        self.log.extend(lines.iter().map(line));
+        self.log.drain(..self.log.len().saturating_sub(LINES));
         self.answer();
         let is_described = self.session.client.is_described();
         if is_described && !self.met {
@@ -487,7 +522,7 @@ impl LivePage<'_, '_> {
         ensure!(self.anew.is_none(), "the robot is just beginning anew");
         if let Some(mistakes) = self.broken.change(world, words, begins)? {
             ensure!(
-                cfg!(unix),
+                cfg!(any(unix, target_os = "wasi")),
                 "not while it runs: begin the robot with it, rc10 live --sim --mistake"
             );
             self.anew = Some((now + ANSWERED, mistakes));
@@ -616,7 +651,7 @@ impl LivePage<'_, '_> {
             let path = named(path, &name);
             self.note = Some((format!("record: {}", path.display()), false));
             look(&self.pages.shown).report = None;
-            self.making = Some(report_of(path));
+            self.making = Some((self.report_of)(path));
         }
         if on {
             std::fs::create_dir_all(&self.folder)
@@ -690,6 +725,7 @@ impl LivePage<'_, '_> {
             "happened": happened.iter()
                 .map(|(at, what)| json!([at.get() as f64 * 1e-6, what])).collect::<Vec<_>>(),
             "stranger": self.stranger,
+            "log": self.log,
             "stop": urgency(Urgent::Stop),
             "disarm": urgency(Urgent::Disarm),
             "declaration": client.declaration().0,

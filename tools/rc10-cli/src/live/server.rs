@@ -6,7 +6,7 @@
 
 use crate::live::connection::look;
 use std::net::{IpAddr, TcpListener};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
@@ -86,20 +86,26 @@ const TEXT: usize = 200;
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Pages {
-    /// Begins to serve, on this PC only (port 0: any free one); fails if the port is taken.
-    pub fn serve(port: u16) -> Result<Self> {
-        let listener = TcpListener::bind(("127.0.0.1", port)).with_context(|| {
-            format!("no page at port {port} of this PC; --page 0 takes one that is free")
-        })?;
-        let port = listener.local_addr()?.port();
+    /// Pages without sockets: who has them asks by [`ask`](Self::ask).
+    #[must_use]
+    pub fn unserved() -> Self {
         let shown = Arc::new(Mutex::new(Shown {
             state: "null".into(),
             moving: "null".into(),
             ..Shown::default()
         }));
         let (queue, requests) = channel();
-        let (hands, address) = (Arc::default(), format!("http://127.0.0.1:{port}/"));
-        let pages = Self { shown, hands, requests, queue, address, port };
+        Self { shown, hands: Arc::default(), requests, queue, address: String::new(), port: 0 }
+    }
+
+    /// Begins to serve, on this PC only (port 0: any free one); fails if the port is taken.
+    pub fn serve(port: u16) -> Result<Self> {
+        let listener = TcpListener::bind(("127.0.0.1", port)).with_context(|| {
+            format!("no page at port {port} of this PC; --page 0 takes one that is free")
+        })?;
+        let port = listener.local_addr()?.port();
+        let address = format!("http://127.0.0.1:{port}/");
+        let pages = Self { address, port, ..Self::unserved() };
         pages.open(listener, Door::here(port));
         Ok(pages)
     }
@@ -114,11 +120,65 @@ impl Pages {
         Ok(url)
     }
 
+    /// Answers a request of a page in the same program.
+    #[must_use]
+    pub fn ask(&self, request: &Request) -> Answered {
+        respond(request, &self.shown, &self.hands, &self.queue, false)
+    }
+
     fn open(&self, listener: TcpListener, door: Door) {
         let (seen, hands) = (Arc::clone(&self.shown), Arc::clone(&self.hands));
         let (queue, is_guest) = (self.queue.clone(), door.is_for_guests());
-        let answer = move |request: &Request| respond(request, &seen, &hands, &queue, is_guest);
+        let answer =
+            move |request: &Request| respond(request, &seen, &hands, &queue, is_guest).wait();
         thread::spawn(move || connection::serve(&listener, &door, answer));
+    }
+}
+
+/// The answer to a request of a page, or what it waits for.
+pub enum Answered {
+    /// The answer.
+    Now(Reply),
+    /// The robot's answer: it comes within a time, or the page is told so.
+    Later(Receiver<Result<Value, String>>, Duration, &'static str),
+}
+
+impl Answered {
+    fn of_robot(outcome: Result<Value, String>) -> Reply {
+        let (status, body) = match outcome {
+            Ok(value) => (200, json!({ "ok": value })),
+            Err(why) => (409, json!({ "refused": why })),
+        };
+        Reply { status, kind: "application/json", body: body.to_string().into() }
+    }
+
+    /// Waits for the answer.
+    #[must_use]
+    pub fn wait(self) -> Reply {
+        match self {
+            Self::Now(reply) => reply,
+            Self::Later(answer, patience, why) => {
+                let outcome = answer.recv_timeout(patience);
+                Self::of_robot(outcome.unwrap_or_else(|_| Err(why.into())))
+            }
+        }
+    }
+
+    /// The answer, if it is there after this time; itself if not.
+    ///
+    /// # Errors
+    /// It is not there yet.
+    pub fn poll(self, waited: Duration) -> Result<Reply, Self> {
+        match self {
+            Self::Later(answer, patience, why) => match answer.try_recv() {
+                Ok(outcome) => Ok(Self::of_robot(outcome)),
+                Err(TryRecvError::Empty) if waited < patience => {
+                    Err(Self::Later(answer, patience, why))
+                }
+                Err(_) => Ok(Self::of_robot(Err(why.into()))),
+            },
+            Self::Now(reply) => Ok(reply),
+        }
     }
 }
 
@@ -129,10 +189,10 @@ fn respond(
     hands: &Mutex<Hands>,
     queue: &Sender<PendingRequest>,
     is_guest: bool,
-) -> Reply {
+) -> Answered {
     let ok = |kind, body| Reply { status: 200, kind, body };
     let (path, query) = request.target.split_once('?').unwrap_or((&request.target, ""));
-    match (request.is_post, path) {
+    Answered::Now(match (request.is_post, path) {
         (false, "/") => ok("text/html; charset=utf-8", page().into()),
         (false, "/state") => {
             let state = Arc::clone(&look(shown).state);
@@ -174,15 +234,13 @@ fn respond(
                 _ => Ok(it),
             };
             let outcome = read_request(&request.body).and_then(allowed);
-            let outcome = outcome.and_then(|it| forward(it, queue));
-            let (status, body) = match outcome {
-                Ok(value) => (200, json!({ "ok": value })),
-                Err(why) => (409, json!({ "refused": why })),
-            };
-            Reply { status, kind: "application/json", body: body.to_string().into() }
+            match outcome.and_then(|it| forward(it, queue)) {
+                Ok(later) => return later,
+                Err(why) => Answered::of_robot(Err(why)),
+            }
         }
         _ => Reply::text(404, "there is no such page"),
-    }
+    })
 }
 
 /// The state with the values that signals had at a time.
@@ -199,7 +257,7 @@ fn state_at(state: &str, at: Micros, shown: &Mutex<Shown>) -> Vec<u8> {
 }
 
 /// One file, so that a page that is open works on while `rc10 live` begins anew.
-fn page() -> String {
+pub(super) fn page() -> String {
     const SCRIPT: &str = concat!(
         include_str!("../show/plot.js"),
         include_str!("../show/field.js"),
@@ -298,7 +356,7 @@ fn parse(value: &Value) -> Option<PageRequest> {
     Some(PageRequest::Record(value.get("record")?.as_bool()?, ["name", "note"].map(text)))
 }
 
-fn forward(request: PageRequest, queue: &Sender<PendingRequest>) -> Result<Value, String> {
+fn forward(request: PageRequest, queue: &Sender<PendingRequest>) -> Result<Answered, String> {
     let (answer, answered) = channel();
     let is_urgent = matches!(request, PageRequest::Urge(_));
     queue.send((request, answer)).map_err(|_| "rc10 live has ended")?;
@@ -308,7 +366,7 @@ fn forward(request: PageRequest, queue: &Sender<PendingRequest>) -> Result<Value
     } else {
         (PATIENCE, "the robot did not answer")
     };
-    answered.recv_timeout(patience).map_err(|_| why)?
+    Ok(Answered::Later(answered, patience, why))
 }
 
 #[cfg(test)]

@@ -253,7 +253,9 @@ fn emulated<'r>(
     let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };
     let named = || path.display().to_string();
-    Ok((Emulation::new(&program, robot, &setup).with_context(named)?, path))
+    let mut emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
+    emulation.forgets = true;
+    Ok((emulation, path))
 }
 
 /// A world that is not faster than the wall clock.

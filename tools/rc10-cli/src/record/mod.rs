@@ -15,6 +15,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -77,8 +78,8 @@ pub struct RecordWriter {
 pub(crate) struct RecordFile {
     path: PathBuf,
     /// `None` after an error.
-    writer: Option<Writer<BufWriter<File>>>,
-    file: File,
+    writer: Option<Writer<BufWriter<Arc<File>>>>,
+    file: Arc<File>,
     waiting: usize,
     /// Time of the newest message; time and file length at the last whole chunk.
     newest: Micros,
@@ -105,10 +106,11 @@ impl RecordFile {
             true => format!("{} is there already: --force writes over it", path.display()),
             false => format!("cannot write {}", path.display()),
         })?;
+        let file = Arc::new(file);
         let options = WriteOptions::new().compression(None).chunk_size(None).disable_seeking(true);
         let writer = options.profile("ros2").library("rc10");
         let cannot = || format!("cannot write {}", path.display());
-        let writer = writer.create(BufWriter::new(file.try_clone()?)).with_context(cannot)?;
+        let writer = writer.create(BufWriter::new(Arc::clone(&file))).with_context(cannot)?;
         let mut file = Self {
             path: path.into(),
             writer: Some(writer),
@@ -151,7 +153,7 @@ impl RecordFile {
 
     fn write<T>(
         &mut self,
-        write: impl FnOnce(&mut Writer<BufWriter<File>>) -> McapResult<T>,
+        write: impl FnOnce(&mut Writer<BufWriter<Arc<File>>>) -> McapResult<T>,
     ) -> Result<T> {
         let Some(writer) = &mut self.writer else {
             bail!("{}: it has ended", self.path.display());
@@ -177,9 +179,8 @@ impl RecordFile {
         if let Some(Ok(Err(error))) = self.syncing.take().map(JoinHandle::join) {
             return Err(self.keep(error.into()));
         }
-        if let Ok(file) = self.file.try_clone() {
-            self.syncing = thread::Builder::new().spawn(move || file.sync_data()).ok();
-        }
+        let file = Arc::clone(&self.file);
+        self.syncing = thread::Builder::new().spawn(move || file.sync_data()).ok();
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_emu::fault::{Fault, Kind};
-use rc10_emu::{Board, Machine, Options, Rig};
+use rc10_emu::{Board, LogLine, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::{Base, Bus, Esc, Nanos, Servo, TraceEntry};
@@ -67,6 +67,8 @@ pub struct Emulation<'r> {
     /// The control loops that its code has for each motor.
     pub(crate) loops: Vec<Option<Loops>>,
     heard: Vec<usize>,
+    /// Whether frames that were taken are forgotten: it may run for hours.
+    pub(crate) forgets: bool,
     operator: Option<Operator>,
 }
 
@@ -166,6 +168,7 @@ impl<'r> Emulation<'r> {
             lines,
             loops,
             heard,
+            forgets: false,
             remote,
             servos,
             console,
@@ -230,6 +233,10 @@ impl Running for Emulation<'_> {
         &self.motors
     }
 
+    fn log(&mut self) -> Vec<LogLine> {
+        self.rig.machine.take_log()
+    }
+
     fn wires(&self) -> &[Bus] {
         &self.rig.buses
     }
@@ -243,9 +250,12 @@ impl Running for Emulation<'_> {
     fn take_frames(&mut self) -> Vec<Vec<TraceEntry>> {
         let mut frames = Vec::new();
         for ((log, heard), bus) in
-            self.rig.logs.iter().zip(&mut self.heard).zip(&mut self.listeners)
+            self.rig.logs.iter_mut().zip(&mut self.heard).zip(&mut self.listeners)
         {
-            let new = log[*heard..].to_vec();
+            let new = log.get(*heard..).unwrap_or_default().to_vec();
+            if self.forgets {
+                log.clear();
+            }
             *heard = log.len();
             for entry in new.iter().filter(|entry| !entry.from_controller) {
                 bus.on_frame(&entry.frame, entry.at);

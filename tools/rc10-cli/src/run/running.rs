@@ -1,6 +1,7 @@
 //! A robot that runs in virtual time: in the simulator, or its program on the emulated chip.
 
 use anyhow::Result;
+use rc10_emu::LogLine;
 use rc10_emu::fault::Kind;
 use rc10_motor::MotorStatus;
 use rc10_sim::{Base, Bus, Esc, TraceEntry};
@@ -36,6 +37,10 @@ pub trait Running {
     fn inject(&mut self, begins: bool, kind: &Kind) -> Result<()>;
     /// The twins of its motors, in the order of the description.
     fn twins(&self) -> &[Esc];
+    /// Takes the lines of the chip's log since the last call, if it has a chip.
+    fn log(&mut self) -> Vec<LogLine> {
+        Vec::new()
+    }
     /// The wires of its buses.
     fn wires(&self) -> &[Bus];
     /// Looks at the remote and the motors from outside; `None` without a remote.

@@ -187,5 +187,5 @@ const Drive = (() => {
     if (mine !== null) fetch('drive', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify([mine]), keepalive: true }).catch(() => {});
     mine = null;
   });
-  return { rest, talk, holds: () => mine };
+  return { rest, talk, take, holds: () => mine };
 })();

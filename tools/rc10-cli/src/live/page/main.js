@@ -1,3 +1,4 @@
+/*BEFORE*/
 // The page: asks for the state, and shows it.
 let noted = { text: null, at: 0 };
 async function refresh() {
@@ -21,6 +22,8 @@ async function refresh() {
   fits();
   if (state.whole && (!begun || state.declaration !== declaration)) begin();
   time(); reports();
+  $('log').hidden = !(state.log || []).length;
+  if ($('log').open) { const it = $('log').lastChild; it.textContent = state.log.join('\n'); it.scrollTop = it.scrollHeight; }
   tables(); parameters(); tune(); kept(); Broken.show();
   setTimeout(refresh, 200);
 }
@@ -56,5 +59,5 @@ $('record').onclick = record;
 $('mark').onclick = mark;
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', Plot.restyle);
 // Another device's address has a key, and may watch and stop.
-document.body.classList.toggle('guest', location.pathname !== '/');
+document.body.classList.toggle('guest', location.pathname !== '/' && !window.inBrowser);
 refresh(); fetchData(); Drive.talk(); View.draw();

@@ -1,0 +1,99 @@
+//! The page of `rc10 live` whose other end is in the same browser: a robot without sockets, threads and processes.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use rc10_time::Micros;
+
+use super::connection::Reply;
+use super::page::LivePage;
+use super::request::Request;
+use super::server::{Answered, Pages, page};
+use crate::record::replay::Kit;
+use crate::world::robot::Robot;
+use crate::{Command, CommandLine};
+
+/// A robot in the simulator or on the emulated chip, and the pages that show it.
+pub struct Web {
+    live: LivePage<'static, 'static>,
+    /// Answers that the robot owes: the page's number for each, and since when.
+    owed: Vec<(u32, Instant, Answered)>,
+}
+
+impl Web {
+    /// Begins a robot by the arguments of `rc10 live`: with `--sim` or `--emu ELF`. `again` sets one up anew, for reports.
+    ///
+    /// # Errors
+    /// The arguments are invalid, or the robot cannot begin.
+    pub fn new(
+        arguments: &[String],
+        robot: Robot<'static>,
+        again: fn() -> Result<Robot<'static>>,
+    ) -> Result<Self> {
+        let CommandLine(Command::Live(args)) = CommandLine::parse(arguments)? else {
+            bail!("only `rc10 live` has a page")
+        };
+        let kit = Box::leak(Box::new(Kit::of(&robot)));
+        let connection = args.at.source().open(robot, false)?;
+        let report_of = move |path: std::path::PathBuf| {
+            let (made, making) = std::sync::mpsc::channel();
+            let make = || {
+                let out = path.with_extension("report");
+                let words = ["rc10".as_ref(), "report".as_ref(), "--out".as_ref(), out.as_os_str()];
+                let words = words.into_iter().chain(["--".as_ref(), path.as_os_str()]);
+                CommandLine::parse(words)?.run_to(again()?, &mut std::io::sink())?;
+                std::fs::read(out.join("report.html")).context("no report")
+            };
+            // The page that asked may have gone.
+            let _ = made.send(make());
+            making
+        };
+        let live = LivePage::new(&args, connection, kit, Pages::unserved(), Box::new(report_of))?;
+        Ok(Self { live, owed: Vec::new() })
+    }
+
+    /// The page.
+    #[must_use]
+    pub fn page() -> String {
+        page()
+    }
+
+    /// Lets the robot go on for some milliseconds; its time then.
+    ///
+    /// # Errors
+    /// It cannot go on.
+    pub fn step(&mut self) -> Result<Micros> {
+        self.live.step()?;
+        Ok(self.live.now())
+    }
+
+    /// The mistakes with which the robot is to begin anew, when a page has asked for it.
+    pub fn take_anew(&mut self) -> Option<Vec<String>> {
+        if self.live.is_anew() { self.live.anew.take().map(|(_, mistakes)| mistakes) } else { None }
+    }
+
+    /// Answers a request of the page with this number; `None` if the robot's answer comes by [`owed`](Self::owed).
+    pub fn ask(&mut self, number: u32, is_post: bool, target: &str, body: &[u8]) -> Option<Reply> {
+        let (target, body) = (target.to_owned(), body.to_vec());
+        let request = Request { is_post, target, body, is_last: false, len: 0 };
+        match self.live.pages.ask(&request).poll(Duration::ZERO) {
+            Ok(reply) => Some(reply),
+            Err(later) => {
+                self.owed.push((number, Instant::now(), later));
+                None
+            }
+        }
+    }
+
+    /// The next answer that was owed and is there, with its number.
+    pub fn owed(&mut self) -> Option<(u32, Reply)> {
+        for at in 0..self.owed.len() {
+            let (number, since, answer) = self.owed.remove(at);
+            match answer.poll(since.elapsed()) {
+                Ok(reply) => return Some((number, reply)),
+                Err(later) => self.owed.insert(at, (number, since, later)),
+            }
+        }
+        None
+    }
+}
