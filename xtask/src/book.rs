@@ -84,7 +84,7 @@ fn written(page: &str, text: &str, wanted: &mut Wanted) -> String {
         if target.is_empty() || is_chapter(&target) {
             let part = link.trim_start_matches(file);
             let html = format!("{}/{its_path}.html{part}", LANGUAGES[its_language][0]);
-            if its_language != language && its_path != path {
+            if its_language != language && its_path != path && !target.is_empty() {
                 wanted.push((format!("{page}: {link} is of the other language"), String::new()));
             }
             wanted.push((format!("{page}: {link} leads nowhere"), html.clone()));

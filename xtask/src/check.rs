@@ -197,7 +197,6 @@ pub fn run(is_whole: bool) -> Result<()> {
     report.rare("new robot", || new_robot(rustc().is_ok()));
     report.rare("package", package);
     report.step("docs", || docs(&mut host("doc --workspace --exclude viewers --no-deps")));
-    report.rare("book", || book::run(&needed(mdbook(), "no book here")?));
     let mut program = None;
     report.step("firmware", || {
         let rustc = rustc()?;
@@ -217,6 +216,7 @@ pub fn run(is_whole: bool) -> Result<()> {
     report.rare("web", || web::check(rustc()?));
     report.rare("other chips", || other_chips(rustc()?));
     report.rare("count", || count::run(&build_with("count", None, rustc()?)?));
+    report.rare("book", || book::run(&needed(mdbook(), "no book here")?));
     report.conclude()
 }
 
