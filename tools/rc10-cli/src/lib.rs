@@ -62,6 +62,7 @@ use crate::live::commands::{
     ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs,
 };
 use crate::live::page::LiveArgs;
+use crate::live::web::Web;
 use crate::run::simulate::simulate;
 use crate::tune::command::{TuneArgs, tune as tune_motor};
 use commands::decode::DecodeArgs;
@@ -334,6 +335,28 @@ where
     let lines: Vec<_> = (0..P::Name::LINES).map(|_| Rs485Port::new()).collect();
     let shared = Box::leak(Box::new(Common::new(PortsOf::new(buses.leak(), lines.leak()))));
     robot_of::<P>(shared, Box::leak(Box::default()))
+}
+
+/// Begins `rc10 live` with these words, `--sim` or `--emu ELF` among them, for a page in the same browser. `again` sets
+/// the robot up for reports.
+///
+/// # Errors
+/// The words are invalid, or the robot cannot begin.
+pub fn web(
+    words: &[String],
+    robot: Robot<'static>,
+    again: fn() -> anyhow::Result<Robot<'static>>,
+) -> anyhow::Result<Web> {
+    let CommandLine(Command::Live(args)) = CommandLine::parse(words)? else {
+        anyhow::bail!("only `rc10 live` has a page")
+    };
+    Web::new(&args, robot, move |path| {
+        let out = path.with_extension("report");
+        let words = ["rc10".as_ref(), "report".as_ref(), "--out".as_ref(), out.as_os_str()];
+        CommandLine::parse(words.into_iter().chain([path.as_os_str()]))?
+            .run_to(again()?, &mut io::sink())?;
+        Ok(fs::read(out.join("report.html"))?)
+    })
 }
 
 /// The robot in this folder, if it is another one than this program's.

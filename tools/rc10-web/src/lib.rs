@@ -16,7 +16,7 @@ use std::cell::RefCell;
 
 use anyhow::{Context, Result, bail};
 use rc10_cli::live::{Reply, Web};
-use rc10_cli::{CommandLine, Robot, robot_for_good};
+use rc10_cli::{CommandLine, Robot, robot_for_good, web};
 use serde_json::{Value, json};
 
 /// Sets a robot up.
@@ -83,7 +83,7 @@ pub extern "C" fn length() -> usize {
 #[unsafe(no_mangle)]
 pub extern "C" fn begin() {
     here(|it| {
-        let begun = wish(&it.buffer).and_then(|(robot, words)| Web::new(&words, robot()?, robot));
+        let begun = wish(&it.buffer).and_then(|(robot, words)| web(&words, robot()?, robot));
         it.buffer.clear();
         match begun {
             Ok(web) => it.web = Some(web),

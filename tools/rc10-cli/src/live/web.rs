@@ -1,17 +1,18 @@
 //! The page of `rc10 live` whose other end is in the same browser: a robot without sockets, threads and processes.
 
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use rc10_time::Micros;
 
 use super::connection::Reply;
-use super::page::LivePage;
+use super::page::{LiveArgs, LivePage};
 use super::request::Request;
 use super::server::{Answered, Pages, page};
 use crate::record::replay::Kit;
 use crate::world::robot::Robot;
-use crate::{Command, CommandLine};
 
 /// A robot in the simulator or on the emulated chip, and the pages that show it.
 pub struct Web {
@@ -21,34 +22,24 @@ pub struct Web {
 }
 
 impl Web {
-    /// Begins a robot by the arguments of `rc10 live`: with `--sim` or `--emu ELF`. `again` sets one up anew, for reports.
+    /// Begins a robot in the simulator or on the emulated chip; `report` makes the report of a record.
     ///
     /// # Errors
-    /// The arguments are invalid, or the robot cannot begin.
+    /// The robot cannot begin.
     pub fn new(
-        arguments: &[String],
+        args: &LiveArgs,
         robot: Robot<'static>,
-        again: fn() -> Result<Robot<'static>>,
+        report: impl Fn(&Path) -> Result<Vec<u8>> + 'static,
     ) -> Result<Self> {
-        let CommandLine(Command::Live(args)) = CommandLine::parse(arguments)? else {
-            bail!("only `rc10 live` has a page")
-        };
         let kit = Box::leak(Box::new(Kit::of(&robot)));
         let connection = args.at.source().open(robot, false)?;
-        let report_of = move |path: std::path::PathBuf| {
-            let (made, making) = std::sync::mpsc::channel();
-            let make = || {
-                let out = path.with_extension("report");
-                let words = ["rc10".as_ref(), "report".as_ref(), "--out".as_ref(), out.as_os_str()];
-                let words = words.into_iter().chain(["--".as_ref(), path.as_os_str()]);
-                CommandLine::parse(words)?.run_to(again()?, &mut std::io::sink())?;
-                std::fs::read(out.join("report.html")).context("no report")
-            };
+        let report_of = move |path: PathBuf| {
+            let (made, making) = channel();
             // The page that asked may have gone.
-            let _ = made.send(make());
+            let _ = made.send(report(&path));
             making
         };
-        let live = LivePage::new(&args, connection, kit, Pages::unserved(), Box::new(report_of))?;
+        let live = LivePage::new(args, connection, kit, Pages::unserved(), Box::new(report_of))?;
         Ok(Self { live, owed: Vec::new() })
     }
 
