@@ -213,7 +213,10 @@ pub fn run(is_whole: bool) -> Result<()> {
     let program = || program.as_deref().ok_or_else(|| Skipped("no firmware".to_owned()));
     report.step("size", || size::run(program()?));
     report.step("emulate", || emulate::run(program()?, if is_whole { &[] } else { &DAILY }));
-    report.rare("web", || web::check(rustc()?));
+    report.rare("web", || {
+        needed(browser(), "the page is not tested")?;
+        web::check(rustc()?)
+    });
     report.rare("other chips", || other_chips(rustc()?));
     report.rare("count", || count::run(&build_with("count", None, rustc()?)?));
     report.rare("book", || book::run(&needed(mdbook(), "no book here")?));

@@ -8,10 +8,10 @@ const Web = (() => {
   const serve = window.fetch.bind(window), module = compile(), waiting = new Map();
   let worker = null, last = 0, own = null, over = null;
 
-  const send = (what, it, to = worker) => new Promise((done, fail) => {
+  const send = (what, it) => new Promise((done, fail) => {
     last += 1;
     waiting.set(last, { done, fail });
-    to.postMessage([what, { id: last, ...it }]);
+    worker.postMessage([what, { id: last, ...it }]);
   });
   // What the page asks its server for.
   window.fetch = async (target, { method, body } = {}) => {
@@ -36,24 +36,28 @@ const Web = (() => {
     if (worker) worker.terminate();
     for (const { fail } of waiting.values()) fail(new Error('begins anew'));
     waiting.clear();
-    over = null;
-    worker = new Worker('worker.js', { type: 'module' });
+    // Nothing of a robot before.
+    [over, state, moving] = [null, { signals: [], parameters: [], losses: {} }, {}];
+    const its = worker = new Worker('worker.js', { type: 'module' }), asked = choice.get('robot'), isChip = board() !== 'sim';
     worker.onmessage = heard;
     worker.onerror = (event) => ended({ error: event.message || 'the worker does not run here' });
-    const asked = choice.get('robot');
-    if (asked && !ROBOTS[asked]) { shown(); ended({ error: 'there is no robot ' + asked + ' here' }); return; }
+    // Behind what the page's own script defines.
+    setTimeout(shown);
+    if (asked && !ROBOTS[asked]) { ended({ error: 'there is no robot ' + asked + ' here' }); return; }
     history.replaceState(null, '', '#' + choice);
-    const words = ['live', '--out', '/records', '--seed', choice.get('seed') || '1'], isChip = board() !== 'sim';
+    const words = ['live', '--out', '/records', '--seed', choice.get('seed') || '1'];
     const file = own ? own.name.replace(/[^\w.-]/g, '_') : robot() + '-' + board() + '.elf';
     words.push(...(isChip ? ['--emu', '/' + file] : ['--sim']));
     for (const kind of ['fault', 'mistake']) for (const it of choice.getAll(kind)) words.push('--' + kind + '=' + it);
     if (choice.has('script')) words.push('--script');
+    words.push(...Lesson.words());
     try {
-      const elf = isChip ? own ? own.bytes : await program(robot(), board()) : null;
-      worker.postMessage(['begin', { module: await module, robot: robot(), words, given: elf ? { [file]: elf } : {} }]);
-    } catch (error) { ended({ error: String(error.message || error) }); }
+      const elf = isChip ? own ? own.bytes : await program(robot(), board()) : null, compiled = await module;
+      if (worker !== its) return;
+      worker.postMessage(['begin', { module: compiled, robot: robot(), words, given: elf ? { [file]: elf } : {} }]);
+    } catch (error) { if (worker === its) ended({ error: String(error.message || error) }); return; }
     tell(own && isChip ? own.name + ', with the motors of ' + robot() : '');
-    shown();
+    hold();
   }
   async function program(name, on) {
     const answer = await serve('robots/' + name + '-' + on + '.elf');
@@ -63,10 +67,11 @@ const Web = (() => {
   // A command to its end, beside the robot that runs: what it printed.
   async function command(words, given = {}) {
     const other = new Worker('worker.js', { type: 'module' });
-    other.onmessage = heard;
-    const answer = await send('command', { module: await module, robot: robot(), words, given }, other);
-    other.terminate();
-    return answer;
+    try {
+      const answer = new Promise((done, fail) => { other.onmessage = ({ data }) => data.ended ? fail(new Error(data.ended.error)) : done(data); });
+      other.postMessage(['command', { module: await module, robot: robot(), words, given }]);
+      return await answer;
+    } finally { other.terminate(); }
   }
 
   // ---- the bar -------------------------------------------------------------------------------
@@ -75,8 +80,13 @@ const Web = (() => {
   bar.className = 'bar'; bar.id = 'web';
   document.querySelector('header').after(bar);
   const select = (label, act) => { const it = add(add(bar, 'label', label + ' '), 'select'); it.onchange = () => act(it.value); return it; };
-  const change = (name, value) => { if (value) choice.set(name, value); else choice.delete(name); begin(); };
-  const robots = select('Robot', (it) => { own = null; for (const name of ['board', 'fault', 'mistake', 'lesson']) choice.delete(name); change('robot', it); });
+  // The page anew: nothing of what was there is left.
+  const change = (name, value) => {
+    if (value) choice.set(name, value); else choice.delete(name);
+    history.replaceState(null, '', '#' + choice);
+    location.reload();
+  };
+  const robots = select('Robot', (it) => { for (const name of ['board', 'fault', 'mistake', 'lesson']) choice.delete(name); change('robot', it); });
   const boards = select('on', (it) => change('board', it));
   const lessons = select('Lesson', (it) => { choice.set('robot', it === 'swap' ? 'omni' : robot()); for (const name of ['fault', 'mistake']) choice.delete(name); change('lesson', it); });
   const pick = add(bar, 'input'), open = add(bar, 'button', 'Your ELF …'), save = add(bar, 'button', 'Save the record');
@@ -105,7 +115,8 @@ const Web = (() => {
   });
   $('report').onclick = async (event) => {
     event.preventDefault();
-    window.open(URL.createObjectURL(await (await fetch('report')).blob()), '_blank');
+    const tab = window.open('', '_blank');
+    tab.location = URL.createObjectURL(await (await fetch('report')).blob());
   };
   function shown() {
     const fill = (it, all, value) => { it.replaceChildren(...all.map(([key, text]) => new Option(text, key, false, key === value))); };
@@ -120,6 +131,7 @@ const Web = (() => {
   const turns = () => state.signals.some((it) => it.folder === 'motors' && it.name === 'speed' && Math.abs(it.value) > 10);
   const hot = () => state.parameters.some((it) => it.name.endsWith('kp') && it.value > 4 * it.initial);
   const ARM = ['Arm, as the line under the remote says.', armed], DRIVE = ['Hold W: the wheels turn.', () => armed() && turns()];
+  const WHEELS = ['front left', 'front right', 'rear left', 'rear right'].map((it) => 'wheel ' + it);
   const LESSONS = [
     ['drive', 'Drive', [ARM, DRIVE]],
     ['plug', 'Pull a plug', [ARM, DRIVE, ['Let something go wrong: unplug a motor, while W is held.', () => broken('cut:')], ['Read under Problems what the robot says of it.', () => (state.problems || []).length > 0],
@@ -132,42 +144,46 @@ const Web = (() => {
     const it = { found: false, begin: (key) => {
       const lesson = LESSONS.find(([name]) => name === key);
       if (list) list.remove();
-      [steps, at, list, pair, it.found] = [lesson ? lesson[2] : null, 0, null, null, false];
-      $('broken').style.display = key === 'swap' ? 'none' : '';
+      [steps, at, list, it.found] = [lesson ? lesson[2] : null, 0, null, false];
+      // They name the two.
+      for (const id of ['broken', 'problems', 'log']) $(id).style.display = key === 'swap' ? 'none' : '';
       if (!lesson) return;
       list = document.createElement('section'); list.className = 'lesson';
       bar.after(list);
       add(list, 'b', lesson[1]);
       const all = add(list, 'ol');
       for (const [text] of steps) add(all, 'li', text);
+      if (key === 'swap') ask();
       look('robot');
+    }, words: () => {
+      if (choice.get('lesson') !== 'swap' || robot() !== 'omni') return [];
+      // Two by chance, so that a class has several.
+      const first = Math.floor(Math.random() * 4), other = (first + 1 + Math.floor(Math.random() * 3)) % 4;
+      pair = [WHEELS[first], WHEELS[other]];
+      return ['--mistake=swap:' + pair.map((label) => label.replaceAll(' ', '-')).join(',')];
     } };
-    // Two wheels by chance, so that a class has several.
-    function hide() {
-      const wheels = labels('motors').slice(0, 4), first = Math.floor(Math.random() * wheels.length), other = (first + 1 + Math.floor(Math.random() * (wheels.length - 1))) % wheels.length;
-      pair = [wheels[first], wheels[other]];
-      post({ break: 'swap:' + pair.map((label) => label.replaceAll(' ', '-')).join(',') }).catch(() => { pair = null; });
+    function ask() {
       const line = add(list, 'p'), both = [0, 1].map(() => add(line, 'select')), go = add(line, 'button', 'These two'), said = add(line, 'span');
-      both.forEach((box, place) => { box.setAttribute('aria-label', place ? 'The other one' : 'Which one'); box.replaceChildren(...wheels.map((label) => new Option(label, label))); });
+      both.forEach((box, place) => { box.setAttribute('aria-label', place ? 'The other one' : 'Which one'); box.replaceChildren(...WHEELS.map((label) => new Option(label, label))); });
       go.onclick = () => { it.found = both.every((box) => pair.includes(box.value)) && both[0].value !== both[1].value; said.textContent = it.found ? 'Yes.' : 'No: look again.'; };
     }
     setInterval(() => {
-      if (!steps || !state.whole || at >= steps.length) return;
-      if (choice.get('lesson') === 'swap' && !pair && armed()) hide();
-      if (!steps[at][1]()) return;
+      if (!steps || !state.whole || at >= steps.length || !steps[at][1]()) return;
       list.querySelectorAll('li')[at].className = 'done';
       at += 1;
       if (at === steps.length) add(list, 'p', 'Done.').setAttribute('role', 'status');
     }, 100);
     return it;
   })();
-  setInterval(() => { save.hidden = !/^record: /.test(state.note || '') && !state.report; }, 500);
+  setInterval(() => { save.hidden = state.record || !/^record: /.test(state.note || '') && !state.report; }, 500);
   // The remote is at hand at once: here no other page can hold it.
-  const hold = setInterval(() => {
-    if (!moving.remote) return;
-    clearInterval(hold);
-    if (moving.remote.holder === 'table') Drive.take();
-  }, 20);
+  function hold() {
+    const it = setInterval(() => {
+      if (!moving.remote) return;
+      clearInterval(it);
+      if (moving.remote.holder === 'table') Drive.take();
+    }, 20);
+  }
   // What a visitor wants to see first.
   try { if (!localStorage.getItem('rc10-view')) localStorage.setItem('rc10-view', 'robot'); } catch { /* private window */ }
   window.addEventListener('hashchange', () => location.reload());

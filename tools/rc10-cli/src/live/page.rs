@@ -369,8 +369,14 @@ impl<'r, 'k> LivePage<'r, 'k> {
         }
         self.session.step()?;
         let lines = self.session.world().map(Running::log).unwrap_or_default();
-        let line = |it: &LogLine| format!("{:.3} {}", it.at.get() as f64 * 1e-9, it.text);
-        self.log.extend(lines.iter().map(line));
+        for LogLine { at, text } in lines {
+            // Ten a second: the newest is enough.
+            let is_status = |it: &String| it.contains(" motors online");
+            if is_status(&text) && self.log.back().is_some_and(is_status) {
+                self.log.pop_back();
+            }
+            self.log.push_back(format!("{:.3} {text}", at.get() as f64 * 1e-9));
+        }
         self.log.drain(..self.log.len().saturating_sub(LINES));
         self.answer();
         let is_described = self.session.client.is_described();

@@ -110,7 +110,9 @@ impl RecordFile {
         let options = WriteOptions::new().compression(None).chunk_size(None).disable_seeking(true);
         let writer = options.profile("ros2").library("rc10");
         let cannot = || format!("cannot write {}", path.display());
-        let writer = writer.create(BufWriter::new(Arc::clone(&file))).with_context(cannot)?;
+        let writer = writer
+            .create(BufWriter::with_capacity(CHUNK, Arc::clone(&file)))
+            .with_context(cannot)?;
         let mut file = Self {
             path: path.into(),
             writer: Some(writer),

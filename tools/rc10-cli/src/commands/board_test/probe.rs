@@ -65,7 +65,15 @@ impl Probe {
     fn has_log(&mut self) -> bool {
         self.log.as_mut().is_some_and(|log| matches!(log.try_wait(), Ok(None)))
     }
+}
 
+impl Drop for Probe {
+    fn drop(&mut self) {
+        self.let_go();
+    }
+}
+
+impl Bench for Probe {
     /// Ends probe-rs as a hand does, so that it leaves the core running.
     fn let_go(&mut self) {
         let since = Instant::now();
@@ -80,15 +88,7 @@ impl Probe {
             let _ = log.wait();
         }
     }
-}
 
-impl Drop for Probe {
-    fn drop(&mut self) {
-        self.let_go();
-    }
-}
-
-impl Bench for Probe {
     fn start(&mut self) -> Result<()> {
         self.follow("run")?;
         let since = Instant::now();
@@ -102,7 +102,7 @@ impl Bench for Probe {
     }
 
     fn listen(&mut self, seconds: f64) -> Result<Vec<Line>> {
-        if !self.has_log() {
+        if seconds > 0.0 && !self.has_log() {
             self.follow("attach")?;
         }
         let until = Instant::now() + Duration::from_secs_f64(seconds);

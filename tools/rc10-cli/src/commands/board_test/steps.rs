@@ -1,8 +1,8 @@
 //! The steps that are led, by their numbers in `docs/bring-up.md`, and how each is judged.
 
-use std::io;
+use std::io::{self, ErrorKind};
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result};
 use rc10_emu::Board;
 use serde_json::json;
 
@@ -38,10 +38,20 @@ pub fn steps(board: &Board) -> impl Iterator<Item = &'static str> {
     let numbers =
         PAGE.lines().filter_map(|line| Some(line.strip_prefix("| ")?.split_once(" |")?.0));
     numbers.filter(move |number| {
-        let plain = number.trim_end_matches(char::is_alphabetic).parse();
-        plain.is_ok_and(|it| LED.contains(&it))
-            && (is_dm_mc02 || !row(number)[0].starts_with("DM-MC02"))
+        LED.contains(&number_of(number)) && (is_dm_mc02 || !row(number)[0].starts_with("DM-MC02"))
     })
+}
+
+/// A step's number without its letter; 0: it is none.
+fn number_of(step: &str) -> u32 {
+    step.trim_end_matches(char::is_alphabetic).parse().unwrap_or(0)
+}
+
+/// The part of the page in which a step is.
+fn part(number: &str) -> &'static str {
+    let begin = format!("| {number} |");
+    let before = PAGE.lines().take_while(|line| !line.starts_with(&begin));
+    before.filter_map(|line| line.strip_prefix("## ")).last().unwrap_or_default()
 }
 
 /// A step's row of the page without its marks: what to do, what is right, what if not.
@@ -93,17 +103,27 @@ impl Walk<'_> {
     pub fn step(&mut self, number: &str) -> Result<Outcome> {
         let [what, right, _] = row(number);
         let right = if right.is_empty() { right } else { format!("   right: {right}\n") };
-        self.tell(&format!("\n{number}. {what}\n{right}"))?;
+        self.tell(&format!("\n{number}. {}: {what}\n{right}", part(number)))?;
         self.keep(&json!({ "begin": number }))?;
+        // What came late belongs to the step before.
+        self.listen(0.0)?;
         self.before = self.heard.len();
+        let kind = |error: &anyhow::Error| error.downcast_ref().map(io::Error::kind);
         let judged = match judge(self, number) {
+            Err(error) if kind(&error) == Some(ErrorKind::Interrupted) => {
+                Outcome::of("skipped", "")?
+            }
             Err(error) if error.is::<io::Error>() => return Err(error),
             Err(error) => wrong("unread", &[&format!("{error:#}")])?,
             Ok(outcome) => outcome,
         };
         let Outcome { word, text, mend } = &self.said().unwrap_or(judged);
         self.keep(&json!({ "step": number, "outcome": word, "text": text, "do": mend }))?;
-        let sign = if *word == "wrong" { "✗" } else { "✓" };
+        let sign = match *word {
+            "wrong" => "✗",
+            "skipped" => "–",
+            _ => "✓",
+        };
         self.tell(&format!("{sign} {}\n", if text.is_empty() { word } else { text.as_str() }))?;
         if !mend.is_empty() {
             self.tell(&format!("   do: {mend}\n"))?;
@@ -120,17 +140,27 @@ impl Walk<'_> {
 
     /// The status some seconds after the person has done something.
     fn after(&mut self, deed: &str, seconds: f64) -> Result<String> {
-        self.ask(&format!("{deed}; then Enter"))?;
+        self.deed(&format!("{deed}; then Enter"))?;
         self.status(seconds)
     }
 }
 
+/// Steps in which the person needs the probe, and puts another program into the chip.
+const BY_HAND: [&str; 3] = ["18", "19", "20"];
+
 /// The person looks, and says what is seen.
 fn by_eye(walk: &mut Walk<'_>, number: &str) -> Result<Outcome> {
-    if walk.before > 0 && walk.ask("do it; then Enter; s: leave out")? == "s" {
-        return Outcome::of("skipped", "");
-    }
-    if walk.before > 0 {
+    // From then on there is a log.
+    if number_of(number) > 11 {
+        let is_by_hand = BY_HAND.contains(&number);
+        if is_by_hand {
+            walk.bench.let_go();
+        }
+        walk.deed("do it; then Enter")?;
+        if is_by_hand {
+            walk.deed("motor power off? then Enter, and the board gets its program again")?;
+            walk.bench.start()?;
+        }
         // What it provoked is shown, and judged by the person.
         let lines = walk.listen(1.0)?;
         for line in lines.iter().filter(|it| it.from == "log" && status_of(it).is_none()) {
@@ -142,7 +172,7 @@ fn by_eye(walk: &mut Walk<'_>, number: &str) -> Result<Outcome> {
         walk.ask("as it should be? Enter: yes; n: no, and what you see; or what you measured")?;
     match answer.split_once(' ').unwrap_or((&answer, "")) {
         ("s", "") => Outcome::of("skipped", ""),
-        ("n", seen) => wrong("eye", &[&seen, &row(number)[2]]),
+        ("n" | "no" | "No", seen) => wrong("eye", &[&seen, &row(number)[2]]),
         ("", _) => Outcome::of("told", "yes"),
         _ => Outcome::of("told", answer),
     }
@@ -195,7 +225,7 @@ fn is_start(line: &&Line) -> bool {
 }
 
 fn start(walk: &mut Walk<'_>) -> Result<Outcome> {
-    walk.ask("motor power off? then Enter, and it is flashed")?;
+    walk.deed("motor power off? then Enter, and it is flashed")?;
     walk.bench.start()?;
     let mut lines = walk.listen(6.0)?;
     lines.retain(|line| line.from == "log");
@@ -264,7 +294,8 @@ fn registers(walk: &mut Walk<'_>) -> Result<Outcome> {
         let cccr = walk.read(base + CCCR)?;
         // ASM: restricted operation.
         if cccr & 0b100 != 0 || calibration != 0x40 {
-            return wrong("restricted", &[&bus, &cccr, &calibration]);
+            let hex = |word| format!("{word:#x}");
+            return wrong("restricted", &[&bus, &hex(cccr), &hex(calibration)]);
         }
     }
     right("no bus is restricted")
@@ -319,8 +350,9 @@ fn does_not_hear_itself(walk: &mut Walk<'_>, bus: usize) -> Result<Outcome> {
 }
 
 fn reset(walk: &mut Walk<'_>) -> Result<Outcome> {
-    walk.listen(0.0)?;
-    walk.ask("press reset and let go; then Enter")?;
+    // Also what it said long ago.
+    walk.status(3.0)?;
+    walk.deed("press reset and let go; then Enter")?;
     let starts = walk.listen(4.0)?.iter().any(|it| is_start(&it));
     if starts { right("it starts again") } else { wrong("reset", &[]) }
 }
@@ -345,6 +377,7 @@ fn remote(walk: &mut Walk<'_>) -> Result<Outcome> {
 const RIGHT_TO_MIDDLE: &str = "the right switch to the middle";
 
 fn switches(walk: &mut Walk<'_>) -> Result<Outcome> {
+    walk.deed("motor power off? then Enter")?;
     if walk.status(2.0)?.starts_with("emergency stop") {
         return wrong("exchanged", &[]);
     }
@@ -365,7 +398,11 @@ fn switches(walk: &mut Walk<'_>) -> Result<Outcome> {
 }
 
 fn remote_lost(walk: &mut Walk<'_>) -> Result<Outcome> {
-    ensure!(walk.after(RIGHT_TO_MIDDLE, 4.0)?.starts_with("armed"), "it is not armed: step 24");
+    walk.deed("motor power off? then Enter")?;
+    let armed = walk.after(RIGHT_TO_MIDDLE, 4.0)?;
+    if !armed.starts_with("armed") {
+        return wrong("not-armed", &[&armed]);
+    }
     let soon = walk.after("the transmitter off", 4.0)?;
     if !soon.contains("remote missing") && !soon.contains("no remote") {
         return wrong("made-up", &[]);

@@ -31,6 +31,8 @@ pub trait Bench {
     fn read(&mut self, address: u32) -> Result<u32>;
     /// The person's answer; `None`: that is enough for now.
     fn ask(&mut self, question: &str) -> Result<Option<String>>;
+    /// Lets go of the probe: the person needs it.
+    fn let_go(&mut self) {}
 }
 
 /// How a step ended.
@@ -129,6 +131,12 @@ impl Walk<'_> {
         self.keep(&json!({ "asked": question, "answer": answer }))?;
         let answer = answer.filter(|answer| answer != "q");
         Ok(answer.ok_or(ErrorKind::UnexpectedEof).map_err(io::Error::from)?)
+    }
+
+    /// Has the person do something. Fails with [`ErrorKind::Interrupted`] if it is left out.
+    pub(super) fn deed(&mut self, what: &str) -> Result<()> {
+        let is_done = self.ask(&format!("{what}; s: leave out"))?.is_empty();
+        Ok(is_done.then_some(()).ok_or(ErrorKind::Interrupted).map_err(io::Error::from)?)
     }
 
     /// A number that was measured; `None`: it was not.

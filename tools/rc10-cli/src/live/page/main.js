@@ -23,7 +23,8 @@ async function refresh() {
   if (state.whole && (!begun || state.declaration !== declaration)) begin();
   time(); reports();
   $('log').hidden = !(state.log || []).length;
-  if ($('log').open) { const it = $('log').lastChild; it.textContent = state.log.join('\n'); it.scrollTop = it.scrollHeight; }
+  const log = $('log').lastChild, lines = (state.log || []).join('\n');
+  if ($('log').open && log.textContent !== lines) { log.textContent = lines; log.scrollTop = log.scrollHeight; }
   tables(); parameters(); tune(); kept(); Broken.show();
   setTimeout(refresh, 200);
 }
