@@ -2,6 +2,7 @@
 
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Submitted};
+use rc10_sim::damiao::{Damiao, DamiaoConfig};
 use rc10_sim::{Bus, BusConfig, EscConfig, FeedbackRate, Model, SimPort, World};
 use rc10_time::Micros;
 
@@ -44,6 +45,26 @@ fn the_lowest_identifier_leaves_first_and_data_before_remote() {
     let order: Vec<_> = trace(&bus).into_iter().map(|(_, frame)| frame).collect();
     let expected = ["0FF#07", "100#", "100#R0", "04000000#", "300#0000000000000000"];
     assert_eq!(order, expected);
+}
+
+/// A device that answers at once waits for nothing but the end of the frame.
+#[test]
+fn an_answer_begins_behind_the_question_and_its_interframe_space() {
+    let mut world = World::new(1);
+    let bus = world.add_bus(BusConfig::default());
+    let config = DamiaoConfig::j4310(0x11, 0x31);
+    bus.add(Damiao::new(&config), config.plant);
+    let mut port = bus.port();
+    // Between two steps of the physics, which are 100 us apart.
+    for question in [2_013, 4_047, 6_071, 8_099] {
+        world.advance(Micros::new(question));
+        let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
+        assert_eq!(port.submit(&standard(0x11, enable)), Submitted::Queued);
+        world.advance(Micros::new(question + 1000));
+        let trace = bus.take_trace();
+        let [asked, answered] = &trace[..] else { panic!("no answer to {question}: {trace:?}") };
+        assert_eq!(answered.start.get() - asked.end.get(), 3_000, "{question}");
+    }
 }
 
 #[test]
