@@ -90,15 +90,15 @@ fn a_wrong_direction_is_seen_on_the_field_within_2_s() {
 
 /// What the page draws of the mechanisms in its next frame: [the bar's share of its square, the angles of the lines from
 /// the middles of theirs, degrees counter-clockwise from the right, the motors' angles].
-const MECHANISMS: &str = "const done = arguments[0], kept = {}, calls = [], on = CanvasRenderingContext2D.prototype; \
+const MECHANISMS: &str = "let now = null; const done = arguments[0], kept = {}, calls = [], on = CanvasRenderingContext2D.prototype; \
     for (const name of ['fillRect', 'moveTo', 'lineTo']) { kept[name] = on[name]; on[name] = function (...at) { \
-        if (this.canvas.className === 'mechanisms') calls.push([name, ...at, this.lineWidth]); kept[name].apply(this, at); }; } \
+        if (this.canvas.className === 'mechanisms') { now = now || moving.field.angles; calls.push([name, ...at, this.lineWidth]); } kept[name].apply(this, at); }; } \
     requestAnimationFrame(() => requestAnimationFrame(() => { \
         Object.assign(on, kept); \
         const bar = calls.find(([name]) => name === 'fillRect'), square = calls.filter(([name]) => name === 'lineTo').slice(0, 4).map(([, , y]) => y); \
         const lines = calls.map((it, at) => [it, calls[at + 1] || []]).filter(([one, two]) => one[0] === 'moveTo' && two[0] === 'lineTo' && two[3] >= 3) \
             .map(([[, x, y], [, right, down]]) => Math.atan2(y - down, right - x) * 180 / Math.PI); \
-        done([bar && bar[4] / (Math.max(...square) - Math.min(...square)), lines.slice(0, 4), ['lift front left', 'gimbal yaw', 'gimbal pitch'].map((it) => moving.field.angles[it])]); \
+        done([bar && bar[4] / (Math.max(...square) - Math.min(...square)), lines.slice(0, 4), ['lift front left', 'gimbal yaw', 'gimbal pitch'].map((it) => now[it])]); \
     }))";
 
 #[test]

@@ -76,8 +76,8 @@ fn wheels_turn_by_the_keyboard_and_coast_when_the_remote_is_let_go() {
     assert!(strangers.is_empty() && asked.as_array().unwrap().len() >= 2, "{asked}");
 
     // Let go: suspended and coasting within the remote's 120 ms and what a page shows late.
-    let begin = seconds(&page, "moving.now");
-    page.look("[...document.querySelectorAll('#drive button')].find((it) => it.textContent === 'Let it go').click()");
+    let click = "const begin = moving.now; [...document.querySelectorAll('#drive button')].find((it) => it.textContent === 'Let it go').click(); return begin";
+    let begin = page.look(click).as_f64().unwrap();
     page.until(&format!("return {ARM} !== 'Armed'"));
     let indices = page.look("return state.signals.filter((it) => it.name === 'arm' || it.name === 'drive').map((it) => it.index)");
     page.look(&format!(
