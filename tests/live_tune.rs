@@ -364,7 +364,7 @@ fn the_figures_of_steps_are_right_and_five_lie_over_one_another() {
     let press = |kind: &str| json!({ "type": kind, "value": "\u{E007}" });
     let hold = json!([press("keyDown"), { "type": "pause", "duration": 1900 }, press("keyUp")]);
     let hold = json!({ "actions": [{ "type": "key", "id": "k", "actions": hold }] });
-    for _ in 0..60 {
+    for _ in 0..400 {
         page.browser.look("$('step').focus()");
         page.browser.tell("actions", &hold);
         page.browser.until(
