@@ -154,7 +154,7 @@ impl Desk<'_, '_> {
         }
     }
 
-    /// What a meter says; at the beginning there is none at hand.
+    /// What a meter says; before the program began the person has no meter.
     fn ohms(&self, bus: &str) -> &'static str {
         match (self.begun, self.seeded, bus) {
             (None, ..) => "",

@@ -89,18 +89,15 @@ const Web = (() => {
   const robots = select('Robot', (it) => { for (const name of ['board', 'fault', 'mistake', 'lesson']) choice.delete(name); change('robot', it); });
   const boards = select('on', (it) => change('board', it));
   const lessons = select('Lesson', (it) => { choice.set('robot', it === 'swap' ? 'omni' : robot()); for (const name of ['fault', 'mistake']) choice.delete(name); change('lesson', it); });
-  const pick = add(bar, 'input'), open = add(bar, 'button', 'Your ELF …'), save = add(bar, 'button', 'Save the record');
+  const pick = add(bar, 'input'), open = add(bar, 'button', 'Your ELF …'), saves = add(bar, 'button', 'Save the record');
   Object.assign(pick, { type: 'file', hidden: true });
   pick.setAttribute('aria-label', 'A program for the chip');
   open.title = 'A firmware for the STM32H723, of this robot or made by rc10 new: choose it, or drop it on the page';
   open.onclick = () => pick.click();
   pick.onchange = () => { if (pick.files[0]) take(pick.files[0]); pick.value = ''; };
-  save.onclick = async () => {
+  saves.onclick = async () => {
     const { file } = await send('newest', { ending: '.mcap' });
-    if (!file) return;
-    const it = document.createElement('a');
-    it.href = URL.createObjectURL(new Blob([file.body])); it.download = file.name; it.click();
-    setTimeout(() => URL.revokeObjectURL(it.href), 1000);
+    if (file) save(file.name, new Blob([file.body]));
   };
   told.setAttribute('role', 'status'); bar.append(told);
   const tell = (text) => { told.textContent = text || ''; };
@@ -175,7 +172,7 @@ const Web = (() => {
     }, 100);
     return it;
   })();
-  setInterval(() => { save.hidden = state.record || !/^record: /.test(state.note || '') && !state.report; }, 500);
+  setInterval(() => { saves.hidden = state.record || !/^record: /.test(state.note || '') && !state.report; }, 500);
   // The remote is at hand at once: here no other page can hold it.
   function hold() {
     const it = setInterval(() => {

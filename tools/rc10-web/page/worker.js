@@ -73,7 +73,7 @@ const DOES = {
   },
   ask(it) { if (rc10) ask(it); else early.push(it); },
   newest({ id, ending }) { postMessage({ id, file: newest(ending) }); },
-  // A command of `rc10` to its end, in a world of its own.
+  // A command of `rc10` to its end, by an instance of its own.
   async command({ id, module, robot, words, given }) {
     const [made] = await instance(module, given);
     put(made, JSON.stringify({ robot, arguments: words }));

@@ -28,7 +28,7 @@ const KEYR: u32 = 0x04;
 const CR: u32 = 0x0C;
 const SR: u32 = 0x10;
 const CCR: u32 = 0x14;
-/// `OPTSR_CUR`; of it the level of read-out protection, which is none, and `BOR_LEV` are told.
+/// `OPTSR_CUR`; of it the level of read-out protection, which is off, and `BOR_LEV` are told.
 pub(super) const OPTSR: u32 = 0x1C;
 pub(super) const READABLE: u32 = 0xAA << 8;
 const ECC_FAR: u32 = 0x60;

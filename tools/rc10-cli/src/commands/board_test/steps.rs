@@ -42,7 +42,7 @@ pub fn steps(board: &Board) -> impl Iterator<Item = &'static str> {
     })
 }
 
-/// A step's number without its letter; 0: it is none.
+/// A step's number without its letter; 0 if it has no number.
 fn number_of(step: &str) -> u32 {
     step.trim_end_matches(char::is_alphabetic).parse().unwrap_or(0)
 }
