@@ -118,7 +118,9 @@ fn the_page_and_the_report_have_no_english_word_left() {
         page.look(GATHER);
         page.look("window.dispatchEvent(new Event('resize'))");
         page.until("return document.querySelectorAll('canvas').length > 3");
-        std::thread::sleep(std::time::Duration::from_millis(300));
+        // Both frames of the browser after it: then all of it is drawn.
+        let drawn = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done(0)))";
+        page.tell("execute/async", &serde_json::json!({ "script": drawn, "args": [] }));
         // The revision of this checkout.
         let is_revision = |text: &String| {
             text.trim_end_matches("-dirty").bytes().all(|it| it.is_ascii_hexdigit())

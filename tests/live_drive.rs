@@ -44,17 +44,9 @@ fn arm(page: &Browser) {
     click(page, "Take the remote");
     page.until("return Drive.holds() !== null");
     page.until("return named('', 'remote') === 'Live' || named('', 'remote') !== '–'");
-    sleep(Duration::from_millis(500));
+    page.pass(0.5);
     press(page, "KeyE");
     page.until(&format!("{ARM} === 'Armed'"));
-}
-
-/// Presses a key and holds it, as the browser tells the page of it.
-fn hold(page: &Browser, key: &str, kind: &str) {
-    page.tell(
-        "actions",
-        &json!({ "actions": [{ "type": "key", "id": "k", "actions": [{ "type": kind, "value": key }] }] }),
-    );
 }
 
 fn press(page: &Browser, code: &str) {
@@ -77,32 +69,32 @@ fn the_keyboard_drives_a_robot_that_begins_disarmed() {
     }
     let (_live, port) = begin(&[]);
     let page = open(port);
-    sleep(Duration::from_secs(2));
+    page.pass(2.0);
     assert_eq!(page.look(ARM), json!("Disarmed"));
     // Without the remote in hand keys do nothing.
-    hold(&page, "w", "keyDown");
-    sleep(Duration::from_millis(500));
+    page.hold("w", "keyDown");
+    page.pass(0.5);
     assert_eq!(page.look("return moving.remote.at[1]"), json!(0));
-    hold(&page, "w", "keyUp");
+    page.hold("w", "keyUp");
 
     arm(&page);
-    hold(&page, "w", "keyDown");
+    page.hold("w", "keyDown");
     is_driving(&page);
     // STOP while the key is held: it stops, and the stick is in the middle until the key is pressed anew.
     page.keys(" ");
     page.until(&format!("{ARM} === 'EStopped'"));
     is_standing(&page);
     assert_eq!(page.look("return moving.remote.at[1]"), json!(0));
-    hold(&page, "w", "keyUp");
+    page.hold("w", "keyUp");
     // Its own rule: the switch goes through where it disarms.
     page.keys("e");
-    sleep(Duration::from_millis(400));
+    page.pass(0.4);
     assert_eq!(page.look(ARM), json!("EStopped"));
     page.keys("cc");
     page.until(&format!("{ARM} === 'Disarmed'"));
     page.keys("e");
     page.until(&format!("{ARM} === 'Armed'"));
-    hold(&page, "w", "keyDown");
+    page.hold("w", "keyDown");
     is_driving(&page);
     // Disarm while driving.
     page.look("document.querySelector('#disarm').click()");
@@ -116,10 +108,12 @@ const PAD: &str = "window.pad = { connected: true, mapping: 'standard', axes: [0
     navigator.getGamepads = () => [null, window.pad]";
 
 fn push(page: &Browser, button: usize) {
-    page.look(&format!("pad.buttons[{button}] = {{ pressed: true, value: 1 }}"));
-    sleep(Duration::from_millis(200));
-    page.look(&format!("pad.buttons[{button}] = {{ pressed: false, value: 0 }}"));
-    sleep(Duration::from_millis(100));
+    for is_down in [true, false] {
+        page.look(&format!(
+            "pad.seen = 0; pad.buttons[{button}] = {{ get pressed() {{ pad.seen += 1; return {is_down}; }} }}"
+        ));
+        page.until("return pad.seen > 0");
+    }
 }
 
 #[test]
@@ -134,10 +128,10 @@ fn a_gamepad_drives_until_the_focus_or_the_tab_is_lost() {
     page.look("pad.axes[1] = -1");
     click(&page, "Take the remote");
     page.until("return Drive.holds() !== null");
-    sleep(Duration::from_millis(600));
+    page.pass(0.6);
     assert_eq!(page.look("return moving.remote.at[1]"), json!(0));
     page.look("pad.axes[1] = 0.05");
-    sleep(Duration::from_millis(300));
+    page.pass(0.3);
     push(&page, 5);
     page.until(&format!("{ARM} === 'Armed'"));
     page.look("pad.axes[1] = -1");
@@ -152,17 +146,16 @@ fn a_gamepad_drives_until_the_focus_or_the_tab_is_lost() {
     assert_eq!((page.look(switches), page.look(ARM)), (before, json!("Armed")));
     // The focus alone moves nothing: the stick goes through its middle first.
     page.look("window.dispatchEvent(new Event('focus'))");
-    sleep(Duration::from_millis(500));
+    page.pass(0.5);
     assert_eq!(page.look("return moving.remote.at[1]"), json!(0));
     page.look("pad.axes[1] = 0");
-    sleep(Duration::from_millis(300));
+    page.pass(0.3);
     page.look("pad.axes[1] = -1");
     is_driving(&page);
 
     // The tab is closed: the remote is lost at once.
     page.tell("url", &json!({ "url": "about:blank" }));
-    let lost = until(port, |moving| moving["remote"]["on"] == false);
-    assert_eq!(lost["remote"]["holder"], "table");
+    until(port, |it| it["remote"]["on"] == false && it["remote"]["holder"] == "table");
     until_state(port, |state| {
         (signal(state, "", "arm") - f64::from(ArmState::Armed as u8)).abs() > 0.5
     });
@@ -260,8 +253,9 @@ fn what_may_not_drive_does_not_and_a_stop_is_not_delayed() {
     let armed = f64::from(ArmState::Armed as u8);
     let stopped = f64::from(ArmState::EStopped as u8);
     for right in [-1, 0] {
-        let begin = Instant::now();
-        while begin.elapsed() < Duration::from_millis(600) {
+        let now = || moving(port)["now"].as_f64().unwrap();
+        let end = now() + 0.6;
+        while now() < end {
             say(0.0, right);
             sleep(Duration::from_millis(20));
         }
@@ -347,10 +341,13 @@ fn what_may_not_drive_does_not_and_a_stop_is_not_delayed() {
     let (status, _) = drive(port, &json!([number, 1, 0, 1, 0, 0, 0, 0, 0, 0, 0]));
     assert_eq!(status, 200);
     let said = moving(port)["now"].as_f64().unwrap();
-    let lost = until(port, |it| it["remote"]["on"] == false);
-    let after = lost["now"].as_f64().unwrap() - said;
-    println!("the transmitter is off {after:.3} s after the last word");
-    assert!(after < 0.4, "{after}");
+    // When it is looked at is this machine's business: never is it on later.
+    let lost = until(port, |it| {
+        let after = it["now"].as_f64().unwrap() - said;
+        println!("{after:.3} s after the last word, the transmitter on: {}", it["remote"]["on"]);
+        assert!(after < 0.4 || it["remote"]["on"] == false, "{it:.600}");
+        it["remote"]["on"] == false
+    });
     assert_eq!(lost["remote"]["at"][1], 0.0);
 }
 

@@ -7,7 +7,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use crate::common::browser::{Browser, has_browser};
-use crate::common::served::{JSON, Started, http, live};
+use crate::common::served::{JSON, Started, http, live, until as wait_for};
 use serde_json::{Value, json};
 
 fn begin(more: &[&str]) -> (Started, u16) {
@@ -42,15 +42,20 @@ fn a_wrong_direction_is_seen_on_the_field_within_2_s() {
         page.until("return (View.trails().true || []).length > 10 && View.scale() > 0");
         // It stands until here; hands arm it and drive ahead.
         std::thread::spawn(move || {
-            let (_, body) = http(port, "POST", "/drive", JSON, "\"take\"");
-            let taken: Value = serde_json::from_str(&body).unwrap();
-            for message in 1..400 {
-                let (right, ahead) =
-                    (if message < 40 { -1 } else { 0 }, if message < 80 { 0.0 } else { 0.5 });
-                let wish = json!([taken["number"], message, 0, ahead, 0, 0, 0, 0, right, 0, 0]);
-                if http(port, "POST", "/drive", JSON, &wish.to_string()).0 != 200 {
-                    break;
-                }
+            let drive = |wish: Value| -> Value {
+                let (status, body) = http(port, "POST", "/drive", JSON, &wish.to_string());
+                assert_eq!(status, 200, "{body}");
+                serde_json::from_str(&body).unwrap()
+            };
+            let (number, mut begin, mut after) =
+                (drive(json!("take"))["number"].clone(), None, 0.0);
+            for message in 1.. {
+                let right = if after < 0.8 { -1 } else { 0 };
+                let ahead = if (1.6..8.0).contains(&after) { 0.5 } else { 0.0 };
+                let told = drive(json!([number, message, 0, ahead, 0, 0, 0, 0, right, 0, 0]));
+                // In the robot's time, which may be slower than the clock.
+                let now = told["now"].as_f64().unwrap();
+                after = now - *begin.get_or_insert(now);
                 sleep(Duration::from_millis(20));
             }
         });
@@ -288,11 +293,7 @@ fn anew(port: u16, is_so: impl Fn(&Value) -> bool) {
         stream.read_to_string(&mut answer).ok()?;
         serde_json::from_str(answer.split_once("\r\n\r\n")?.1).ok()
     };
-    let began = Instant::now();
-    while !look().is_some_and(|state| is_so(&state)) {
-        assert!(began.elapsed().as_secs() < 300);
-        sleep(Duration::from_millis(50));
-    }
+    wait_for("it begins anew", || look().is_some_and(|state| is_so(&state)));
 }
 
 #[test]

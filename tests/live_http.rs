@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::common::served::{JSON, Started, http, live};
+use crate::common::served::{JSON, Started, http, live, until};
 use rc10_link::frame::FromPc;
 use rc10_link::{Ask, Urgent};
 use rc10_module::Stream;
@@ -71,11 +71,7 @@ impl Page {
 
     /// Waits until it shows something.
     fn until(&self, is_so: impl Fn(&Value) -> bool) {
-        let found = (0..900).any(|_| {
-            std::thread::sleep(Duration::from_millis(100));
-            is_so(&self.state())
-        });
-        assert!(found, "{}", self.state());
+        until("it shows that", || is_so(&self.state()));
     }
 
     /// Begins or ends a record.
@@ -92,7 +88,7 @@ impl Page {
     fn stops(&mut self) {
         // On a busy PC the simulated robot may be late.
         let stop = || http(self.port, "POST", "/wish", JSON, r#"{"do":"stop"}"#);
-        let told = (0..4).map(|_| stop()).find(|(status, _)| *status == 200);
+        let told = (0..400).map(|_| stop()).find(|(status, _)| *status == 200);
         assert!(told.is_some(), "it was not stopped");
         assert_eq!(self.live.0.try_wait().unwrap(), None, "it has ended");
     }
@@ -262,7 +258,7 @@ fn a_gain_from_the_page_is_the_one_that_the_robot_has() {
         let gain = known.into_iter().find(|it| it["full"] == "wheel_front_left.speed_kp");
         gain.and_then(|it| it["value"].as_f64())
     };
-    let before = (0..400).find_map(|_| {
+    let before = (0..6000).find_map(|_| {
         std::thread::sleep(Duration::from_millis(50));
         value()
     });
@@ -271,7 +267,7 @@ fn a_gain_from_the_page_is_the_one_that_the_robot_has() {
     let (status, advice) = wish(json!({ "advise": change }));
     assert!(status == 200 && advice["ok"]["margin"].as_f64() > advice["ok"]["least"].as_f64());
     assert_eq!(wish(json!({ "set": [change] })).0, 200);
-    let now = (0..400).find_map(|_| {
+    let now = (0..6000).find_map(|_| {
         std::thread::sleep(Duration::from_millis(50));
         value().filter(|now| (now - gain).abs() < 1e-6)
     });

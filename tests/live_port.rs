@@ -10,6 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::scratch::Scratch;
+use crate::common::served::until as wait_for;
 
 /// A program that ends with the test.
 struct Started(Child);
@@ -45,6 +46,16 @@ fn run(arguments: &[&str], port: &Path) -> (bool, String) {
     let output = rc10().args(arguments).arg("--port").arg(port).output().unwrap();
     let text = [output.stdout, output.stderr].concat();
     (output.status.success(), String::from_utf8(text).unwrap())
+}
+
+fn size(record: &Path) -> u64 {
+    fs::metadata(record).map_or(0, |file| file.len())
+}
+
+/// Waits until some seconds more are in a record.
+fn grows(record: &Path) {
+    let before = size(record);
+    wait_for("the record grows", || size(record) > before + 200_000);
 }
 
 #[test]
@@ -122,16 +133,15 @@ fn a_record_outlives_a_pulled_cable() {
         .spawn()
         .unwrap();
     let mut said = BufReader::new(recorder.stderr.take().unwrap()).lines();
-    std::thread::sleep(Duration::from_millis(1500));
-    drop(robot);
     assert!(said.next().unwrap().unwrap().contains("the disk has room for"));
+    grows(&record);
+    drop(robot);
     let line = said.next().unwrap().unwrap();
     assert!(line.contains("the port is gone") || line.contains("no such port"), "{line}");
     let _robot = plug_in(&link);
-    let begin = Instant::now();
     let back = said.find(|line| line.as_ref().unwrap().contains("the robot is back"));
-    assert!(back.is_some() && begin.elapsed() < Duration::from_secs(600));
-    std::thread::sleep(Duration::from_millis(1500));
+    assert!(back.is_some());
+    grows(&record);
     let _ = Command::new("kill").arg(recorder.id().to_string()).status();
     let output = recorder.wait_with_output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
@@ -247,8 +257,7 @@ fn a_full_disk_leaves_what_was_recorded() {
         digits.parse::<u64>().unwrap()
     };
     let before = now(ask("GET /state", ""));
-    std::thread::sleep(Duration::from_millis(500));
-    assert!(now(ask("GET /state", "")) > before);
+    wait_for("the robot runs", || now(ask("GET /state", "")) > before);
     drop(live);
     assert!(seconds_of(&disk.0.join("001.mcap"), &folder.join("report")) > 0.3);
 }
@@ -262,11 +271,7 @@ fn a_killed_program_leaves_its_record() {
     let mut recorder = rc10();
     recorder.args(["record", "-o"]).arg(&record).arg("--port").arg(&link);
     let mut recorder = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    let begin = Instant::now();
-    while !fs::metadata(&record).is_ok_and(|file| file.len() > 600_000) {
-        assert!(begin.elapsed() < Duration::from_secs(600), "it does not grow");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_for("it grows", || size(&record) > 600_000);
     recorder.kill().unwrap();
     recorder.wait().unwrap();
     assert!(seconds_of(&record, &folder.join("report")) > 2.0);
@@ -289,7 +294,7 @@ fn a_closed_terminal_ends_a_record_properly() {
     let mut recorder = recorder.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut said = BufReader::new(recorder.stderr.take().unwrap()).lines();
     assert!(said.next().unwrap().unwrap().contains("of the record"));
-    std::thread::sleep(Duration::from_millis(1500));
+    grows(&record);
     let hang_up = ["-HUP", &recorder.id().to_string()].map(str::to_owned);
     assert!(Command::new("kill").args(hang_up).status().unwrap().success());
     assert!(recorder.wait().unwrap().success());

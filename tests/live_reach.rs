@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::scratch::Scratch;
-use crate::common::served::{Started, http, page_of, start};
+use crate::common::served::{Started, http, page_of, start, until};
 use rc10_cli::live::{Client, frame};
 use rc10_link::{Ask, Urgent};
 use rc10_time::Micros;
@@ -70,14 +70,6 @@ fn shown(page: u16, all: &str, name: &str, value: &str) -> f64 {
     let found =
         state[all].as_array().unwrap().iter().find(|it| it["name"] == name || it["full"] == name);
     found.and_then(|it| it[value].as_f64()).unwrap_or(f64::NAN)
-}
-
-fn until(what: &str, mut is_so: impl FnMut() -> bool) {
-    let begin = Instant::now();
-    while !is_so() {
-        assert!(begin.elapsed() < Duration::from_secs(600), "never: {what}");
-        std::thread::sleep(Duration::from_millis(50));
-    }
 }
 
 #[test]

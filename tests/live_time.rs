@@ -196,7 +196,7 @@ fn a_record_opens_in_the_same_page() {
     println!("a seek takes {took} ms");
     // The space bar plays.
     page.look(
-        "seek(1e6); document.querySelector('#speed').value = '4'; document.activeElement.blur()",
+        "seek(1e6); document.querySelector('#speed').value = '1'; document.activeElement.blur()",
     );
     page.keys(" ");
     page.until("return playing !== null && end > 2e6");

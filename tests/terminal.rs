@@ -4,7 +4,7 @@ use std::fs;
 use std::process::{Command, Output};
 
 use crate::common::scratch::Scratch;
-use crate::common::served::start;
+use crate::common::served::{start, until};
 
 fn rc10(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
@@ -114,11 +114,9 @@ fn live_opens_the_browser_and_names_a_free_port() {
     let path = format!("{}:{}", folder.display(), std::env::var("PATH").unwrap());
     let (_live, line) = live(path, &["--open"]);
     let address = line.split_whitespace().last().unwrap();
-    let begin = std::time::Instant::now();
-    while fs::read_to_string(&asked).unwrap_or_default().trim() != address {
-        assert!(begin.elapsed().as_secs() < 600, "never asked for {address}");
-        std::thread::sleep(std::time::Duration::from_millis(50));
-    }
+    until("asked for its address", || {
+        fs::read_to_string(&asked).unwrap_or_default().trim() == address
+    });
     // Without a browser it goes on.
     let (_other, line) = live("/nowhere".into(), &["--open"]);
     assert!(line.contains("http://"));

@@ -25,8 +25,7 @@ impl Browser {
             "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
             "--window-size=1500,950",
         ]});
-        let wanted =
-            json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": options } } });
+        let wanted = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": options, "timeouts": { "script": 600_000 } } } });
         let (_, body) = http(port, "POST", "/session", JSON, &wanted.to_string());
         let answer: Value = serde_json::from_str(&body).unwrap();
         let session = answer["value"]["sessionId"].as_str().unwrap_or_else(|| panic!("{answer}"));
@@ -56,6 +55,22 @@ impl Browser {
         let keys: Vec<_> = text.chars().flat_map(both).collect();
         let keys = json!({ "actions": [{ "type": "key", "id": "k", "actions": keys }] });
         self.tell("actions", &keys);
+    }
+
+    /// Presses a key and holds it (`keyDown`), or lets it go (`keyUp`).
+    pub fn hold(&self, key: &str, kind: &str) {
+        let action = json!({ "type": kind, "value": key });
+        let keys = json!({ "actions": [{ "type": "key", "id": "k", "actions": [action] }] });
+        self.tell("actions", &keys);
+    }
+
+    /// Lets so many seconds of the robot's own time pass, which is slower than the clock on a busy machine.
+    pub fn pass(&self, seconds: f64) {
+        // What the page shows is older.
+        let ask = "const done = arguments[0]; fetch('state').then((it) => it.json()).then((it) => done(it.now))";
+        let now = self.tell("execute/async", &json!({ "script": ask, "args": [] }));
+        let end = now.as_f64().unwrap() + seconds * 1e6;
+        self.until(&format!("return state.now > {end}"));
     }
 
     /// Waits until a script says true.

@@ -3,7 +3,7 @@
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A program that ends with the test.
 pub struct Started(pub Child);
@@ -24,6 +24,15 @@ pub fn start(command: &mut Command, awaited: &str) -> (Started, String) {
     std::thread::spawn(move || lines.for_each(drop));
     let line = line.unwrap_or_else(|| panic!("no {awaited}"));
     (Started(child), line)
+}
+
+/// Waits until something is so, also on a machine that is very slow.
+pub fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !is_so() {
+        assert!(begin.elapsed() < Duration::from_secs(600), "never: {what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
 }
 
 /// One request, and the body of its answer with its status.

@@ -19,8 +19,12 @@ client.on('advertise', (channels) => {
     readers.set(client.subscribe(channel.id), { topic: channel.topic, reader });
   }
 });
+let first;
 client.on('message', ({ subscriptionId, timestamp, data }) => {
+  // In the robot's time, which may be slower than the clock.
+  first ??= timestamp;
+  if (Number(timestamp - first) > seconds * 1e9) process.exit(0);
   const { topic, reader } = readers.get(subscriptionId);
   console.log(JSON.stringify({ topic, nanoseconds: Number(timestamp), values: reader.readMessage(data) }));
 });
-setTimeout(() => process.exit(0), seconds * 1000);
+setTimeout(() => process.exit(1), 600000);

@@ -45,10 +45,11 @@ fn foxglove_sees_what_the_robot_says() {
     let Some(script) = client() else { return };
     // The same values by another way: JSON, as PlotJuggler takes it.
     let udp = UdpSocket::bind("127.0.0.1:0").unwrap();
-    udp.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    udp.set_read_timeout(Some(Duration::from_secs(600))).unwrap();
+    let (place, end) = (udp.local_addr().unwrap(), UdpSocket::bind("127.0.0.1:0").unwrap());
     let mut live = Command::new(env!("CARGO_BIN_EXE_viewers"))
         .args(["live", "--sim", "--script", "--page", "0", "--foxglove=0", "--plotjuggler"])
-        .arg(udp.local_addr().unwrap().to_string())
+        .arg(place.to_string())
         .stdout(Stdio::piped())
         .spawn()
         .unwrap();
@@ -59,8 +60,8 @@ fn foxglove_sees_what_the_robot_says() {
     let told = std::thread::spawn(move || {
         let mut told: BTreeMap<u64, Value> = BTreeMap::new();
         let mut bytes = vec![0; 65_536];
-        // It ends with the robot.
-        while let Ok(count) = udp.recv(&mut bytes) {
+        // It ends with an empty one.
+        while let Ok(count @ 1..) = udp.recv(&mut bytes) {
             let value: Value = serde_json::from_slice(&bytes[..count]).unwrap();
             #[expect(clippy::cast_possible_truncation, reason = "a time of a test")]
             let at = (value["timestamp"].as_f64().unwrap() * 1e6).round() as u64;
@@ -74,6 +75,7 @@ fn foxglove_sees_what_the_robot_says() {
     let output = Command::new("node").arg(script).args([url, "4"]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     drop(_live);
+    end.send_to(&[], place).unwrap();
     let told = told.join().unwrap();
 
     let mut heard = output.stdout.lines().map(|line| {

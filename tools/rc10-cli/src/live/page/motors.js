@@ -27,15 +27,17 @@ function tellOf(motor, words) {
   words ? below.cells[0].textContent = words : below.remove();
 }
 
-// The robot turns the motor for 80 ms: it is told again and again while the button is held. Gives why not.
+// The robot turns the motor for 80 ms: it is told again and again while the button is held, 25 ms after the word before or
+// when that is answered. Gives why not.
 let held = null;
 async function jog(motor, speed) {
   const mine = speed ? {} : null;
   if (!speed && held === null) return null;
   held = mine;
   do {
+    const next = new Promise((go) => setTimeout(go, 25));
     try { await post({ do: 'jog', motor, speed }); tellOf(motor, ''); } catch (error) { if (held === mine) held = null; const why = String(error.message || error); tellOf(motor, why); return why; }
-    if (mine) await new Promise((go) => setTimeout(go, 25));
+    if (mine) await next;
   } while (mine && held === mine);
   if (mine) await post({ do: 'jog', motor, speed: 0 }).catch(() => {});
   return null;

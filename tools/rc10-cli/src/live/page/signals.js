@@ -46,13 +46,13 @@ function tree() {
 }
 
 // What the line does not carry is refused, and the page shows what it had before. States stay as they come if
-// there is room for the numbers alone: they change seldom.
+// there is room for the numbers alone: they change seldom. Those of a motor that makes a step tell when it began.
 const PAGE = crypto.getRandomValues(new Uint32Array(1))[0];
 let had = null;
 function watch() {
   if (!begun) return undefined;
   const wanted = { period: $('period').value, chosen: new Set(chosen) }, most = (state.fits || []).find(([period]) => period === +wanted.period);
-  const all = [...chosen], numbers = all.filter((index) => { const it = state.signals.find((it) => it.index === index); return it && !it.states.length; });
+  const all = [...chosen], numbers = all.filter((index) => { const it = state.signals.find((it) => it.index === index); return it && (!it.states.length || (testing && it.label === tuned)); });
   return post({ watch: most && all.length > most[1] ? numbers : all, period: +wanted.period, page: PAGE }).then(() => { had = wanted; }, (error) => {
     if (!(error instanceof Refused) || document.body.classList.contains('guest')) return;
     say('refused', String(error.message));

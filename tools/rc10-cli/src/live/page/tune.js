@@ -140,22 +140,26 @@ $('steps-found').onclick = async () => {
 };
 
 let testing = null;
+// Waits in the robot's time: a simulated one may be slower than the clock.
+async function passes(millis, goes) {
+  const begin = state.now;
+  while (goes() && state.now >= begin && state.now < begin + 1000 * millis) await new Promise((go) => setTimeout(go, 20));
+}
 async function stepTest() {
-  const label = tuned, speed = typed($('step-speed').value), period = $('period').value, mine = testing = {};
+  const label = tuned, speed = typed($('step-speed').value), period = $('period').value, mine = testing = {}, goes = () => testing === mine && !mine.isOver;
   if (Number.isNaN(speed) || speed === 0) return say('step-said', 'The speed of a step is a number other than 0');
   say('step-said', 'It turns for a second while the button is held …');
   // As dense as the line can.
-  $('period').value = '1'; watch();
-  const pause = (ms) => new Promise((go) => setTimeout(go, ms));
-  await pause(300);
+  $('period').value = '1'; await watch();
+  await passes(300, goes);
   const begin = state.now;
-  if (testing === mine) {
-    const turning = jog(label, speed), end = setTimeout(() => { if (testing === mine) jog(label, 0); }, 1300);
+  if (goes()) {
+    const turning = jog(label, speed);
+    passes(1300, goes).then(() => { if (goes()) jog(label, 0); });
     const refused = await turning;
-    clearTimeout(end);
     if (refused) { say('step-said', refused); mine.isOver = true; }
   } else mine.isOver = true;
-  if (!mine.isOver) await pause(600);
+  if (!mine.isOver) await passes(600, () => true);
   $('period').value = period; watch();
   if (testing === mine) testing = null;
   if (mine.isOver) return;
