@@ -1,7 +1,7 @@
 //! A motor of ours with its simulated device, on buses that tick as a robot's do, and all that can go
 //! wrong around it.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::num::NonZeroU8;
 use std::pin::Pin;
 use std::rc::Rc;
@@ -22,7 +22,7 @@ use rc10_motor::{
 };
 use rc10_sim::{
     Bus, BusConfig, Esc, EscFault, Fault, Faults, Line, LineConfig as Settings, Nanos, Parts,
-    Random, SimPort, UartPort, World,
+    Random, SimPort, World,
 };
 use rc10_tasks::rc10_message::Stamped;
 use rc10_tasks::{Arming, ArmingConfig};
@@ -55,7 +55,6 @@ const fn cascade(most: f32, kp: f32, ki: f32, angle_kp: f32) -> Cascade {
 }
 
 /// Every motor model that has a simulated device, in each way to drive it.
-#[must_use]
 #[rustfmt::skip]
 pub fn models() -> Vec<Model> {
     let poles = NonZeroU8::new(7).unwrap_or(NonZeroU8::MIN);
@@ -157,16 +156,13 @@ pub enum Trouble {
     Jump,
     /// The remote is not heard.
     RemoteLost,
-    /// The remote says for ever what it said last; a PC stops the robot 50 ms later.
-    RemoteStuck,
 }
 
 /// What the troubles of the host do to its port.
 #[derive(Default)]
 struct Tap {
+    going: RefCell<Vec<Trouble>>,
     offset: Cell<u64>,
-    loses: Cell<bool>,
-    shortens: Cell<bool>,
     count: Cell<u32>,
     /// When the controller was first seen off the bus, and when it was first sent back.
     off_at: Cell<Option<Micros>>,
@@ -174,9 +170,13 @@ struct Tap {
 }
 
 impl Tap {
+    fn is(&self, trouble: Trouble) -> bool {
+        self.going.borrow().contains(&trouble)
+    }
+
     fn loses_one(&self) -> bool {
         self.count.set(self.count.get().wrapping_add(1));
-        self.loses.get() && self.count.get().is_multiple_of(3)
+        self.is(Trouble::Lost) && self.count.get().is_multiple_of(3)
     }
 }
 
@@ -184,23 +184,23 @@ impl Tap {
 struct Tapped {
     port: SimPort,
     tap: Rc<Tap>,
-    /// Whether the troubles are on this bus: only the clock is the same for all.
+    /// Whether the motor is on this bus: only the clock is the same for all.
     is_here: bool,
 }
 
 impl CanPort for Tapped {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        loop {
-            let (frame, at) = self.port.receive()?;
-            if self.is_here && self.tap.loses_one() {
-                continue;
-            }
-            let bytes = frame.bytes().split_last().map_or(&[][..], |(_, but_one)| but_one);
-            let short = (self.is_here && self.tap.shortens.get())
-                .then(|| CanFrame::data_frame(frame.id(), bytes));
-            let frame = short.and_then(Result::ok).unwrap_or(frame);
-            return Some((frame, at + Micros::new(self.tap.offset.get())));
+        let (mut frame, mut at) = self.port.receive()?;
+        while self.is_here && self.tap.loses_one() {
+            (frame, at) = self.port.receive()?;
         }
+        if self.is_here
+            && self.tap.is(Trouble::Short)
+            && let [bytes @ .., _] = frame.bytes()
+        {
+            frame = CanFrame::data_frame(frame.id(), bytes).unwrap_or(frame);
+        }
+        Some((frame, at + Micros::new(self.tap.offset.get())))
     }
 
     fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
@@ -232,9 +232,9 @@ pub struct Seen {
     /// The moment.
     pub since: Nanos,
     /// The last time at which the winding drove the shaft.
-    pub drove: Option<Nanos>,
+    pub drove: Nanos,
     /// The last time at which the bus followed the target.
-    pub ran: Option<Nanos>,
+    pub ran: Nanos,
     /// The greatest current, A, and speed, rpm, either way.
     pub peak: [f64; 2],
     /// The longest time between two commands to others on this bus and on another one, us.
@@ -261,43 +261,33 @@ pub struct Bench<'r> {
     faults: Faults,
     ports: &'r [BusPort; 2],
     runners: [Runner<'r, 'r, Tapped>; 2],
-    sim_port: SimPort,
     rs485: Rs485Bus<'r>,
-    io: UartPort,
     /// The motor, and the others on this bus and on another one.
     ids: [MotorId; 3],
     tap: Rc<Tap>,
     arming: Arming,
     remote: Option<Stamped<Remote>>,
     clearing: Option<Pin<Box<dyn Future<Output = ()> + 'r>>>,
-    going: Vec<Trouble>,
     /// When the switch of the remote was brought to where it disarms, to arm.
     gesture: Micros,
     /// When the motor was last given a target that is a number.
     pub commanded_at: Micros,
     /// Since when the robot is stopped or disarmed, with buses that run.
     pub stopped_at: Option<Micros>,
-    /// When the next of [`PERIODS`] is due.
+    /// When each that comes again and again is due.
     due: [Micros; 5],
     random: Random,
 }
 
 /// A sample of the true state.
 const SAMPLE: u64 = 100_000;
-/// Of a DR16's frames, the task that arms, those that command, the RS-485 line's ticks, and what goes on
-/// going wrong.
-const PERIODS: [Micros; 5] = [
-    Micros::from_millis(14),
-    Micros::from_millis(10),
-    Micros::from_millis(5),
-    Micros::from_millis(1),
-    Micros::from_millis(1),
-];
-const REMOTE: usize = 0;
-const ARMING: usize = 1;
-const COMMANDS: usize = 2;
-const LINE: usize = 3;
-const WRONG: usize = 4;
+/// What comes again and again, and how often: a DR16's frames, the task that arms, those that command, the RS-485
+/// line's ticks, and what goes on going wrong.
+const REMOTE: (usize, Micros) = (0, Micros::from_millis(14));
+const ARMING: (usize, Micros) = (1, Micros::from_millis(10));
+const COMMANDS: (usize, Micros) = (2, Micros::from_millis(5));
+const LINE: (usize, Micros) = (3, Micros::from_millis(1));
+const WRONG: (usize, Micros) = (4, Micros::from_millis(1));
 /// What was handed over before a stop has left: a tick, and the way on the wire.
 const LEFT: Micros = Micros::new(1_500);
 /// How long the switch stays where it disarms.
@@ -347,17 +337,19 @@ pub fn on_bench<T>(
     let ids = [motor, first.attach(here, Safety::COAST)?, second.attach(there, Safety::COAST)?];
     let tap = Rc::new(Tap::default());
     let [one, two] = buses;
-    let port = wires[0].port();
-    let tapped =
-        |at: usize| Tapped { port: wires[at].port(), tap: Rc::clone(&tap), is_here: at == 0 };
+    let tapped = |at: usize| Tapped {
+        port: wires[at].port(),
+        tap: Rc::clone(&tap),
+        is_here: at == 0 && !is_on_line,
+    };
     let runners = [
         Runner::new(tapped(0), one, &ports[0], Micros::ZERO),
         Runner::new(tapped(1), two, &ports[1], Micros::new(60)),
     ];
     let mut faults = Faults::new(&wires, std::slice::from_ref(&line), &[])?;
     faults.set_parts(Parts { motors: vec![("motor".into(), twin.clone())], ..Parts::default() });
-    let due = PERIODS.map(|period| Micros::new(random.below(period.get())));
-    let io = line.port();
+    let due = [REMOTE, ARMING, COMMANDS, LINE, WRONG];
+    let due = due.map(|(_, period)| Micros::new(random.below(period.get())));
     let mut bench = Bench {
         world,
         twin,
@@ -370,9 +362,7 @@ pub fn on_bench<T>(
         faults,
         ports: &ports,
         runners,
-        sim_port: port,
         rs485,
-        io,
         ids,
         tap,
         due,
@@ -380,7 +370,6 @@ pub fn on_bench<T>(
         arming: Arming::new(ArmingConfig::DEFAULT),
         remote: None,
         clearing: None,
-        going: Vec::new(),
         gesture: Micros::ZERO,
         commanded_at: Micros::ZERO,
         stopped_at: None,
@@ -389,18 +378,18 @@ pub fn on_bench<T>(
 }
 
 impl Bench<'_> {
-    /// Whether one of [`PERIODS`] is due; the next is, a period later.
-    fn is_due(&mut self, at: usize) -> bool {
+    /// Whether something is due; then it is again, a period later.
+    fn is_due(&mut self, (at, period): (usize, Micros)) -> bool {
         let (now, due) = (self.world.now(), &mut self.due[at]);
         let is_due = now >= *due;
         if is_due {
-            *due = now + PERIODS[at];
+            *due = now + period;
         }
         is_due
     }
 
     fn is(&self, trouble: Trouble) -> bool {
-        self.going.contains(&trouble)
+        self.tap.is(trouble)
     }
 
     fn is_on_line(&self) -> bool {
@@ -425,7 +414,7 @@ impl Bench<'_> {
                     next = next.min(Micros::new(due).into());
                 }
                 if self.is_on_line() {
-                    next = next.min(self.world.next_event()).min(self.due[LINE].into());
+                    next = next.min(self.world.next_event()).min(self.due[LINE.0].into());
                 }
             }
             self.world.advance_to(next.max(self.world.now_ns() + Nanos::new(1)));
@@ -455,13 +444,14 @@ impl Bench<'_> {
         if !self.is_on_line() {
             return;
         }
-        let received = self.io.take_received();
+        let mut io = self.line.port();
+        let received = io.take_received();
         self.rs485.on_bytes(&received, own);
         if self.is_due(LINE) {
             self.rs485.tick(own, Seconds::new(0.001));
         }
         while let Step::Send(bytes) = self.rs485.poll(own) {
-            self.io.send(&bytes);
+            io.send(&bytes);
         }
     }
 
@@ -565,35 +555,39 @@ impl Bench<'_> {
         self.stopped_at = (is_stopped && !self.is(Trouble::Blocked))
             .then(|| self.stopped_at.unwrap_or(self.world.now()));
         if !(state.idle || state.open || state.shorted) {
-            self.seen.drove = Some(now);
+            self.seen.drove = now;
         }
         if self.status().drive == DriveMode::Run {
-            self.seen.ran = Some(now);
+            self.seen.ran = now;
         }
         for (peak, value) in self.seen.peak.iter_mut().zip([state.current, state.output_rpm]) {
             *peak = peak.max(value.abs());
         }
-        if self.tap.off_at.get().is_none() && self.sim_port.health().state == ErrorState::BusOff {
+        if self.tap.off_at.get().is_none()
+            && self.wires[0].port().health().state == ErrorState::BusOff
+        {
             self.tap.off_at.set(Some(self.world.now()));
         }
     }
 
     /// Forgets what was seen before.
     pub fn watch(&mut self) {
-        self.seen = Seen { since: self.world.now_ns(), last: self.seen.last, ..Seen::default() };
+        let (now, last) = (self.world.now_ns(), self.seen.last);
+        self.seen = Seen { since: now, drove: now, ran: now, last, ..Seen::default() };
         self.tap.off_at.set(None);
         self.tap.back_at.set(None);
     }
 
-    /// How long after the controller was off its bus it was sent back; `None` if it was not off.
-    #[must_use]
-    pub fn off_for(&self) -> Option<Option<u64>> {
-        let off = self.tap.off_at.get()?;
-        Some(self.tap.back_at.get().map(|back| back.since(off).get()))
+    /// How long after the controller was off its bus it was sent back, us; infinite if it was not, NaN if it was not off.
+    pub fn off_for(&self) -> f64 {
+        match (self.tap.off_at.get(), self.tap.back_at.get()) {
+            (None, _) => f64::NAN,
+            (_, None) => f64::INFINITY,
+            (Some(off), Some(back)) => back.since(off).get() as f64,
+        }
     }
 
     /// The state of the motor as tasks see it.
-    #[must_use]
     pub fn status(&self) -> MotorStatus {
         if self.is_on_line() {
             return self.rs485.status(self.ids[0], self.own()).unwrap_or(MotorStatus::NEW);
@@ -602,31 +596,31 @@ impl Bench<'_> {
     }
 
     /// Whether it is driven and turns at half its speed at least.
-    #[must_use]
-    pub fn turns(&self) -> bool {
+    fn turns(&self) -> bool {
         let rpm = self.twin.state().output_rpm;
         self.status().drive == DriveMode::Run && rpm > 0.5 * self.model.cruise
     }
 
-    /// Waits until it turns, at most so long, and does by hand what has to be: which is arming, which
-    /// clearing a fault. The time that took, ms; `None` if it did not.
-    pub fn bring_back(&mut self, millis: u64) -> (Option<u64>, Help) {
-        let (mut help, began) = (Help::default(), self.world.now());
+    /// Waits until it turns, at most so long, and does by hand what has to be. The time that took, ms, `None` if it did
+    /// not; whether it had to be armed, and its fault to be cleared.
+    pub fn bring_back(&mut self, millis: u64) -> (Option<u64>, [bool; 2]) {
+        let (mut arms, mut clears, began) = (false, false, self.world.now());
         for millisecond in 0..millis {
             if self.turns() {
-                return (Some(self.world.now().since(began).get().div_ceil(1000)), help);
+                let took = self.world.now().since(began).get().div_ceil(1000);
+                return (Some(took), [arms, clears]);
             }
             let is_stopped = matches!(self.switch.state(), ArmState::Disarmed | ArmState::EStopped);
             if is_stopped && self.world.now().since(self.gesture) > Micros::from_millis(300) {
-                (self.gesture, help.arms) = (self.world.now(), true);
+                (self.gesture, arms) = (self.world.now(), true);
             }
             if millisecond % 100 == 50 && self.status().fault.is_some() {
-                help.clears = true;
+                clears = true;
                 self.clear_fault();
             }
             self.wait(1);
         }
-        (None, help)
+        (None, [arms, clears])
     }
 
     fn clear_fault(&mut self) {
@@ -642,9 +636,9 @@ impl Bench<'_> {
 
     /// Begins a trouble, or ends it. Whether there is such a one for this motor.
     pub fn set(&mut self, trouble: Trouble, begins: bool) -> bool {
-        self.going.retain(|it| *it != trouble);
+        self.tap.going.borrow_mut().retain(|it| *it != trouble);
         if begins {
-            self.going.push(trouble);
+            self.tap.going.borrow_mut().push(trouble);
         }
         match trouble {
             Trouble::Fault(text) => {
@@ -656,15 +650,11 @@ impl Bench<'_> {
                 self.faults.plan(now, begins, fault.kind);
                 let _ = self.faults.act(now);
             }
-            Trouble::Lost if !self.is_on_line() => self.tap.loses.set(begins),
             Trouble::Lost => {
                 self.line.damage_commands(0);
                 self.line.damage_answers(0);
             }
-            Trouble::Short => {
-                self.tap.shortens.set(begins);
-                return !self.is_on_line();
-            }
+            Trouble::Short => return !self.is_on_line(),
             Trouble::Double => self.double.set_cut(!begins),
             Trouble::Reported if begins => return self.twin.inject(EscFault::OverTemperature),
             Trouble::Reported => {
@@ -674,10 +664,6 @@ impl Bench<'_> {
             }
             Trouble::Stop if begins => self.switch.emergency_stop(),
             Trouble::Jump if begins => self.tap.offset.set(self.tap.offset.get() + 1_000_000),
-            Trouble::RemoteStuck if begins => {
-                self.wait(50);
-                self.switch.emergency_stop();
-            }
             _ => {}
         }
         true
@@ -685,17 +671,8 @@ impl Bench<'_> {
 
     /// Ends all.
     pub fn heal(&mut self) {
-        while let Some(trouble) = self.going.last().copied() {
+        while let Some(trouble) = { self.tap.going.borrow().last().copied() } {
             self.set(trouble, false);
         }
     }
-}
-
-/// What had to be done by hand until a motor turned again.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Help {
-    /// Arming again.
-    pub arms: bool,
-    /// Clearing its fault.
-    pub clears: bool,
 }
