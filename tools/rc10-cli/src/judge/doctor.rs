@@ -3,6 +3,7 @@
 //! A cause is a finding that no other explains, or one that several share: a bus whose motors are all lost together is one
 //! cause, and not one for each motor. Injected faults are not looked at: a doctor does not know of them.
 
+use rc10_can::Health;
 use rc10_motor::{ArmState, Link};
 use rc10_time::Micros;
 use serde_json::Value;
@@ -23,7 +24,6 @@ pub struct Cause {
 
 impl Cause {
     /// The cause as JSON.
-    #[must_use]
     pub fn to_json(&self) -> Value {
         let mut json = self.problem.to_json();
         let so_also = self.so_also.iter().map(Problem::to_json).collect::<Vec<_>>();
@@ -33,40 +33,35 @@ impl Cause {
 }
 
 /// Kinds that follow of a motor that is not heard.
-const FOLLOW_LOSS: &[&str] = &[
-    "never-heard",
-    "lost",
-    "was-lost",
-    "not-back",
-    "expired",
-    "saturation",
-    "runaway",
-    "never-commanded",
-    "base",
-    "gave-up",
-    "never-began",
-    "device-fault",
-    "condition",
-    "bus-off",
-    "overwritten",
-    "frame-refused",
-    "timeout",
-    "oscillation",
-    "feed-forward",
-    "refused",
-    "replaced",
-];
+const LOSS: &str = "never-heard lost was-lost not-back expired saturation runaway never-commanded base gave-up \
+     never-began device-fault condition bus-off overwritten frame-refused timeout oscillation feed-forward refused \
+     replaced";
 /// Kinds that follow of a wheel, or a loop, that is not as the table has it.
-const FOLLOW_BUILD: &[&str] = &[
-    "saturation",
-    "runaway",
-    "oscillation",
-    "gain-margin",
-    "feed-forward",
-    "base",
-    "gave-up",
-    "refused",
+const BUILD: &str = "saturation runaway oscillation gain-margin feed-forward base gave-up refused";
+/// What follows of what: kinds of causes, the kinds that follow of them, and what these are about: `*` anything, `?`
+/// anything if the cause's motors are unknown, the `robot` or a part, a `motor` of the cause or what is `shared` with it,
+/// or one that the cause has `named`.
+const FOLLOWS: [(&str, &str, &str); 9] = [
+    ("restart task-ended", "*", "robot"),
+    // Where a supply falls far, ESCs begin anew.
+    ("restart task-ended sags", LOSS, "*"),
+    (
+        "answers-twice other-identifier never-heard lost was-lost timeout not-back",
+        LOSS,
+        "motor robot named",
+    ),
+    ("power-gone bus-shorted bus-alone bus-silent bus-loose", LOSS, "motor shared robot"),
+    ("heats", "device-fault", "motor"),
+    ("does-not-fit overrun replaced", "overwritten replaced rx-lost expired", "motor shared"),
+    ("base", BUILD, "motor robot ?"),
+    (
+        "device-fault condition runaway oscillation gain-margin feed-forward saturation",
+        BUILD,
+        "motor robot",
+    ),
+    ("never-armed", "never-commanded never-began", "*"),
 ];
+
 /// Transmit errors of a controller that takes itself for the culprit, ISO 11898-1.
 const PASSIVE: u8 = 128;
 /// Degrees at which the first of the motors, Unitree's, switch off; and those from which on it is looked how they rise.
@@ -98,75 +93,68 @@ fn common_losses(tracks: &[&MotorTrack]) -> Vec<Micros> {
 
 /// What several motors share: their supply, or their bus.
 fn shared(recording: &Recording) -> Vec<Problem> {
+    let all: Vec<&MotorTrack> = recording.motors.iter().collect();
     let mut places: Vec<Place> = Vec::new();
-    for track in &recording.motors {
+    for track in &all {
         if !places.contains(&track.motor.on) {
             places.push(track.motor.on);
         }
     }
-    let of = |on: Place| -> Vec<&MotorTrack> {
-        recording.motors.iter().filter(|track| track.motor.on == on).collect()
-    };
-    let all: Vec<&MotorTrack> = recording.motors.iter().collect();
     let is_silent = |tracks: &[&MotorTrack]| {
         tracks.len() > 1 && tracks.iter().all(|track| track.last.link == Link::NeverSeen)
     };
-    let times = |times: &[Micros]| {
+    let told = |times: &[Micros]| {
         let shown = times.iter().take(5).map(|at| format!("{:.2}", seconds(*at)));
         let shown = shown.collect::<Vec<_>>().join(", ");
         let more = times.len().saturating_sub(5);
         if more == 0 { format!("{shown} s") } else { format!("{shown} s and {more} times more") }
     };
-    let spanned = |problem: Problem, times: &[Micros]| match times.first() {
-        Some(first) => problem.in_time(*first, TOGETHER),
-        None => problem,
+    let problem = |about, kind, text, times: &[Micros]| {
+        let (problem, first) = (Problem::new(about, kind, text), times.first());
+        let span = first.map(|first| (*first, *first + TOGETHER));
+        Problem { span, ..problem }
     };
-    let count = all.len();
-    let together = if places.len() > 1 && count > 1 { common_losses(&all) } else { Vec::new() };
+    let (count, together) = (all.len(), common_losses(&all));
     if places.len() > 1 && (is_silent(&all) || !together.is_empty()) {
         let text = match together.as_slice() {
             [] => format!("not one of its {count} motors was ever heard, on any bus"),
             some => {
-                format!("all {count} motors were lost together, on every bus, at {}", times(some))
+                format!("all {count} motors were lost together, on every bus, at {}", told(some))
             }
         };
-        return vec![spanned(Problem::new(About::Robot, "power-gone", text), &together)];
+        return vec![problem(About::Robot, "power-gone", text, &together)];
     }
     let mut found = Vec::new();
     for on in places {
-        let tracks = of(on);
+        let tracks: Vec<_> = all.iter().copied().filter(|it| it.motor.on == on).collect();
         let (about, health) = match on {
             Place::Bus(number) => {
                 let bus = recording.buses.iter().find(|bus| bus.number == number);
-                (About::Bus(number), bus.map(|bus| bus.last.health))
+                (About::Bus(number), bus.map(|bus| bus.last.health).unwrap_or_default())
             }
-            Place::Line(number) => (About::Line(number), None),
+            Place::Line(number) => (About::Line(number), Health::default()),
         };
         let labels: Vec<_> = tracks.iter().map(|track| track.motor.label).collect();
-        let together = common_losses(&tracks);
-        let is_off = health.is_some_and(|health| health.bus_offs > 0);
-        // Frames that nothing acknowledges take it that far, and no further.
-        let is_alone = health.is_some_and(|it| it.transmit_errors >= PASSIVE && it.bus_offs == 0);
-        let kind = match (is_silent(&tracks), is_off, is_alone) {
-            (false, ..) if together.is_empty() => continue,
-            (_, true, _) => "bus-shorted",
-            (_, _, true) => "bus-alone",
-            (true, ..) => "bus-silent",
+        let (labels, together) = (labels.join(", "), common_losses(&tracks));
+        let kind = match (is_silent(&tracks), health.bus_offs) {
+            (false, _) if together.is_empty() => continue,
+            (_, 1..) => "bus-shorted",
+            // Frames that nothing acknowledges take it that far, and no further.
+            _ if health.transmit_errors >= PASSIVE => "bus-alone",
+            (true, _) => "bus-silent",
             // One motor that is alone on its bus is lost like its bus.
-            (false, ..) if tracks.len() < 2 => continue,
-            (false, ..) => "bus-loose",
+            _ if tracks.len() < 2 => continue,
+            _ => "bus-loose",
         };
         let mut text = match together.as_slice() {
-            [] => format!("never heard: {}", labels.join(", ")),
-            some => format!("{} lost together at {}", labels.join(", "), times(some)),
+            [] => format!("never heard: {labels}"),
+            some => format!("{labels} lost together at {}", told(some)),
         };
-        if let Some(health) = health.filter(|it| it.transmit_errors > 0 || it.bus_offs > 0) {
-            text += &format!(
-                "; transmit error counter {}, {} times bus-off",
-                health.transmit_errors, health.bus_offs
-            );
+        let (errors, offs) = (health.transmit_errors, health.bus_offs);
+        if errors > 0 || offs > 0 {
+            text += &format!("; transmit error counter {errors}, {offs} times bus-off");
         }
-        found.push(spanned(Problem::new(about, kind, text), &together));
+        found.push(problem(about, kind, text, &together));
     }
     found
 }
@@ -216,12 +204,9 @@ fn sag(recording: &Recording) -> Option<Problem> {
 /// A remote that was not heard while the robot drove.
 fn remote_lost(recording: &Recording) -> Option<Problem> {
     let is_off = |arm: &ArmState| *arm == ArmState::Suspended;
-    let mut begins = Vec::new();
-    for (at, two) in (1..).zip(recording.arm.windows(2)) {
-        if two[0] == ArmState::Armed && is_off(&two[1]) {
-            begins.push(time_of(at));
-        }
-    }
+    let pairs = (1..).zip(recording.arm.windows(2));
+    let begin = pairs.filter(|(_, two)| two[0] == ArmState::Armed && is_off(&two[1]));
+    let begins: Vec<_> = begin.map(|(at, _)| time_of(at)).collect();
     let first = *begins.first()?;
     let count = recording.arm.iter().filter(|arm| is_off(arm)).count() as u64;
     let length = Micros::new(count * SAMPLE_PERIOD.get());
@@ -251,10 +236,6 @@ fn motors_of(recording: &Recording, problem: &Problem) -> Vec<&'static str> {
     }
 }
 
-fn is_bus(problem: &Problem) -> bool {
-    matches!(problem.about, About::Bus(_) | About::Line(_)) || problem.kind == "power-gone"
-}
-
 /// Whether a finding follows of another.
 fn explains(recording: &Recording, cause: &Problem, other: &Problem) -> bool {
     let begins = |problem: &Problem| problem.span.map(|(begin, _)| begin);
@@ -265,36 +246,25 @@ fn explains(recording: &Recording, cause: &Problem, other: &Problem) -> bool {
     }
     let (own, others) = (motors_of(recording, cause), motors_of(recording, other));
     let is_one = own.iter().any(|label| others.contains(label));
-    let is_whole = matches!(other.about, About::Robot | About::Part(_));
-    match cause.kind {
-        "restart" | "task-ended" => is_whole || FOLLOW_LOSS.contains(&other.kind),
-        "answers-twice" | "other-identifier" | "never-heard" | "lost" | "was-lost" | "timeout"
-        | "not-back" => {
-            let is_named =
-                other.kind == "never-heard" && others.iter().any(|it| cause.text.contains(it));
-            FOLLOW_LOSS.contains(&other.kind) && (is_one || is_whole || is_named) && !is_bus(other)
-        }
-        "power-gone" | "bus-shorted" | "bus-alone" | "bus-silent" | "bus-loose" => {
-            FOLLOW_LOSS.contains(&other.kind) && (is_one || is_whole)
-        }
-        // Where it falls far, ESCs begin anew.
-        "sags" => FOLLOW_LOSS.contains(&other.kind),
-        "heats" => other.kind == "device-fault" && is_one,
-        "does-not-fit" | "overrun" | "replaced" => {
-            ["overwritten", "replaced", "rx-lost", "expired"].contains(&other.kind) && is_one
-        }
-        "base" => FOLLOW_BUILD.contains(&other.kind) && (is_one || own.is_empty() || is_whole),
-        "device-fault" | "condition" | "runaway" | "oscillation" | "gain-margin"
-        | "feed-forward" | "saturation" => {
-            FOLLOW_BUILD.contains(&other.kind) && (is_one || is_whole)
-        }
-        "never-armed" => other.kind == "never-commanded" || other.kind == "never-began",
-        _ => false,
-    }
+    let is_shared = matches!(other.about, About::Bus(_) | About::Line(_));
+    let is_named = || others.iter().any(|it| cause.text.contains(it));
+    let about = [
+        ("*", true),
+        ("?", own.is_empty()),
+        ("robot", matches!(other.about, About::Robot | About::Part(_))),
+        ("motor", is_one && !is_shared),
+        ("shared", is_one && is_shared),
+        ("named", other.kind == "never-heard" && is_named()),
+    ];
+    let has = |words: &str, word| words.split(' ').any(|it| it == word || it == "*");
+    FOLLOWS.iter().any(|(causes, kinds, of)| {
+        has(causes, cause.kind)
+            && has(kinds, other.kind)
+            && about.iter().any(|(word, is_it)| *is_it && has(of, word))
+    })
 }
 
 /// The causes of what was found in a run, the likeliest first.
-#[must_use]
 pub fn causes(recording: &Recording) -> Vec<Cause> {
     let blind = Recording { faults: Vec::new(), ..recording.clone() };
     let mut all = shared(&blind);
@@ -345,6 +315,15 @@ mod tests {
 
     fn found(recording: &Recording) -> Vec<(&'static str, String)> {
         causes(recording).into_iter().map(|it| (it.problem.kind, it.problem.text)).collect()
+    }
+
+    #[test]
+    fn each_word_of_what_follows_is_a_kind() {
+        for words in FOLLOWS.iter().flat_map(|(causes, kinds, _)| [causes, kinds]) {
+            for kind in words.split(' ').filter(|kind| *kind != "*") {
+                assert!(Problem::new(About::Robot, kind, String::new()).cause != kind, "{kind}");
+            }
+        }
     }
 
     #[test]
