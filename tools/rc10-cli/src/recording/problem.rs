@@ -45,74 +45,19 @@ impl fmt::Display for About {
     }
 }
 
-/// The cause of each kind in at most five words, and the signals of its culprit that show it.
-const CAUSES: [(&str, &str, &[&str]); 61] = [
-    ("heats", "becomes too hot", &["temperature", "current"]),
-    ("sags", "its supply sags", &["supply", "current"]),
-    ("remote-lost", "was lost while it drove", &["arm"]),
-    ("power-gone", "the motors' power is gone", &[]),
-    ("bus-shorted", "shorted, or another bit rate", &["bus_offs"]),
-    ("bus-alone", "nothing answers, unplugged or unpowered", &["transmit_errors"]),
-    ("bus-silent", "none of its motors speaks", &["received"]),
-    ("bus-loose", "a loose cable or supply", &["received"]),
-    ("never-armed", "was never armed", &["arm"]),
-    ("no-heading", "armed without a heading", &["arm"]),
-    ("task-ended", "a task has ended", &[]),
-    ("unread-parameter", "no task reads it", &[]),
-    ("gave-up", "gave up", &["value"]),
-    ("never-began", "never began", &["value"]),
-    ("not-told", "not known", &[]),
-    ("never-heard", "never heard", &["link", "received"]),
-    ("lost", "lost at the end", &["link", "received"]),
-    ("was-lost", "lost during the run", &["link", "lost"]),
-    ("never-commanded", "never got a target", &["drive", "target"]),
-    ("refused", "targets refused", &["target"]),
-    ("device-fault", "reports a fault", &["fault"]),
-    ("condition", "does not follow or report", &["condition"]),
-    ("malformed", "malformed frames", &["malformed"]),
-    ("overwritten", "feedback overwritten, bus busy", &["received"]),
-    ("expired", "its commands expired", &["expired"]),
-    ("oscillation", "shakes, gains too high", &["effort", "measured"]),
-    ("gain-margin", "gains are too high", &["effort", "measured"]),
-    ("no-inertia", "its load is not described", &[]),
-    ("feed-forward", "feed-forward is wrong", &["effort", "target", "measured"]),
-    ("saturation", "effort stands at its limit", &["effort", "target", "measured"]),
-    ("runaway", "runs away, direction reversed", &["target", "measured", "effort"]),
-    ("answers-twice", "two devices, one identifier", &["received"]),
-    ("other-identifier", "a motor has another identifier", &["unclaimed"]),
-    ("base", "wheels and IMU disagree", &["target", "measured", "effort"]),
-    ("not-overdetermined", "wheels do not check themselves", &[]),
-    ("wheel-radius", "wheel radius not checked", &[]),
-    ("not-checked", "direction and gear not checked", &[]),
-    ("tight", "load is tight", &["planned_typical"]),
-    ("does-not-fit", "too many frames", &["planned_typical"]),
-    ("replaced", "commands replaced before sending", &["replaced"]),
-    ("overrun", "ticks overrun", &["overruns"]),
-    ("rx-lost", "received frames lost", &["receive_lost"]),
-    ("frame-refused", "frames refused", &["refused"]),
-    ("bus-off", "was bus-off", &["bus_offs"]),
-    ("unclaimed", "frames of no motor", &["unclaimed"]),
-    ("timeout", "commands without an answer", &["timeouts"]),
-    ("crc", "answers with wrong CRC", &["crc_errors"]),
-    ("unexpected", "answers not asked for", &["unexpected"]),
-    ("port-error", "port errors", &["port_errors"]),
-    ("damaged", "damaged frames", &["damaged"]),
-    ("late-to-coast", "lost, motors coasted late", &["arm"]),
-    ("not-coasting", "lost, motors did not coast", &["arm"]),
-    ("fault-without-effect", "heard in spite of fault", &["link"]),
-    ("not-back", "not back after fault", &["link"]),
-    ("warning", "its program warns", &[]),
-    ("wrong-board", "program for another board", &[]),
-    ("silent", "says nothing", &[]),
-    ("bad-access", "accesses what is not there", &[]),
-    ("restart", "has restarted", &[]),
-    ("not-read", "never read by the chip", &[]),
-    ("garbled", "another baud rate or format", &[]),
-];
+/// All findings, a line each: the kind, or the cause where that says more; the cause in at most five words; the signals of
+/// its culprit that show it; what tells it from others, and what to do. What stands further up explains more of what
+/// stands below.
+const FINDINGS: &str = include_str!("findings.tsv");
 
-/// What tells a finding from others, and what to do: a line each, by its kind, or by its cause where that says more. What
-/// stands further up explains more of what stands below.
-const REMEDIES: &str = include_str!("remedies.tsv");
+/// The line of a kind or a cause: its place, and the words behind it.
+fn known(wanted: &str) -> Option<(usize, [&'static str; 4])> {
+    let mut lines = FINDINGS.lines().map(|line| line.split('\t')).enumerate();
+    lines.find_map(|(place, mut words)| {
+        let is_it = words.next() == Some(wanted);
+        is_it.then(|| (place, std::array::from_fn(|_| words.next().unwrap_or_default())))
+    })
+}
 
 /// Length of a text in bytes up to which it is its own headline.
 const SHORT: usize = 60;
@@ -141,16 +86,13 @@ pub struct Problem {
 
 impl Problem {
     /// Creates a problem: something to mend.
-    #[must_use]
     pub fn new(about: About, kind: &'static str, text: String) -> Self {
-        let known = CAUSES.iter().find(|(known, ..)| *known == kind);
-        let cause = known.map_or(kind, |(_, cause, _)| *cause);
+        let cause = known(kind).map_or(kind, |(_, [cause, ..])| cause);
         let (severity, culprits, span) = (Severity::Problem, Vec::new(), None);
         Self { severity, about, kind, text, cause, culprits, span }
     }
 
     /// Creates information: something good to know.
-    #[must_use]
     pub fn information(about: About, kind: &'static str, text: String) -> Self {
         Self { severity: Severity::Information, ..Self::new(about, kind, text) }
     }
@@ -168,7 +110,6 @@ impl Problem {
     }
 
     /// Culprit and cause in at most eight words.
-    #[must_use]
     pub fn headline(&self) -> String {
         match self.culprits.as_slice() {
             [] => format!("{}: {}", self.about, self.cause),
@@ -177,13 +118,11 @@ impl Problem {
     }
 
     /// Whether its text needs a headline above it.
-    #[must_use]
     pub fn is_long(&self) -> bool {
         self.text.len() > SHORT
     }
 
     /// The finding for a terminal: a line, or its headline and its text.
-    #[must_use]
     pub fn lines(&self) -> String {
         if self.is_long() {
             format!("  {}\n    {self}\n", self.headline())
@@ -193,7 +132,6 @@ impl Problem {
     }
 
     /// Labels of its culprits, as the robot's tables and signals have them.
-    #[must_use]
     pub fn labels(&self) -> Vec<String> {
         match self.about {
             About::Motor(label) | About::Part(label) => vec![label.to_owned()],
@@ -203,41 +141,31 @@ impl Problem {
     }
 
     /// Whether it is the same after every run of this robot: what no sensor of it knows.
-    #[must_use]
     pub fn is_standing(&self) -> bool {
         STANDING.contains(&self.kind)
     }
 
     /// Full names of the signals that show it: label and name, or a name of the robot's own.
-    #[must_use]
     pub fn signals(&self) -> Vec<String> {
-        let known = CAUSES.iter().find(|(known, ..)| *known == self.kind);
-        let names = known.map_or(&[][..], |(.., names)| names);
+        let names = known(self.kind).map_or("", |(_, [_, names, ..])| names).split_whitespace();
         let of = |label: &String| -> Vec<_> {
-            names.iter().map(|name| format!("{label} {name}")).collect()
+            names.clone().map(|name| format!("{label} {name}")).collect()
         };
         match self.labels().as_slice() {
             // Of the robot, the others of the table are motors'.
-            [] => names.iter().filter(|it| **it == "arm").map(ToString::to_string).collect(),
+            [] => names.filter(|it| *it == "arm").map(str::to_owned).collect(),
             labels => labels.iter().flat_map(of).collect(),
         }
     }
 
     /// Its place among those that explain others, what tells it from others, and what to do; empty if nothing is known.
-    #[must_use]
     pub fn remedy(&self) -> (usize, [&'static str; 2]) {
-        let of = |wanted: &str| {
-            let mut lines = REMEDIES.lines().map(|line| line.split('\t')).enumerate();
-            lines.find_map(|(place, mut words)| {
-                let is_it = words.next() == Some(wanted);
-                is_it.then(|| (place, [words.next(), words.next()].map(Option::unwrap_or_default)))
-            })
-        };
-        of(self.cause).or_else(|| of(self.kind)).unwrap_or((usize::MAX, [""; 2]))
+        let remedy = |(place, [.., check, mend]): (_, [_; 4])| (place, [check, mend]);
+        let found = known(self.cause).or_else(|| known(self.kind)).map(remedy);
+        found.filter(|(_, [check, _])| !check.is_empty()).unwrap_or((usize::MAX, [""; 2]))
     }
 
     /// The finding as JSON.
-    #[must_use]
     pub fn to_json(&self) -> Value {
         let seconds = |at: Micros| at.get() as f64 / 1e6;
         let [check, mend] = self.remedy().1;
@@ -276,7 +204,6 @@ pub(crate) fn counted<'t>(
 }
 
 /// Whether there is something to mend.
-#[must_use]
 pub fn any(problems: &[Problem]) -> bool {
     problems.iter().any(|problem| problem.severity == Severity::Problem)
 }
@@ -287,11 +214,16 @@ mod tests {
 
     #[test]
     fn a_headline_has_culprit_and_cause_and_a_label_of_three_words_leaves_room() {
-        for (kind, cause, _) in CAUSES {
+        for line in FINDINGS.lines() {
+            let words: Vec<_> = line.split('\t').collect();
+            let [kind, cause, ..] = words[..] else { panic!("{line}") };
+            assert_eq!(words.len(), 5, "{line}");
             let problem = Problem::new(About::Motor("wheel front left"), kind, String::new());
             let headline = problem.headline();
             assert_eq!(headline, format!("wheel front left: {cause}"));
-            assert!(headline.split_whitespace().count() <= 8, "{headline}");
+            // Those that are causes alone are of the robot.
+            let is_short = kind == cause || headline.split_whitespace().count() <= 8;
+            assert!(is_short, "{headline}");
         }
         let unknown = Problem::new(About::Bus(2), "no-such-kind", String::new());
         assert_eq!(unknown.headline(), "bus 2: no-such-kind");
