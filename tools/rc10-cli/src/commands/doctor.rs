@@ -1,27 +1,25 @@
 //! `rc10 doctor`: what is wrong with a robot, the likeliest cause first, and what to do.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use clap::Args;
 use rc10_time::Micros;
 use serde_json::{Value, json};
 
 use crate::args::seconds;
 use crate::decode::BusOfChannel;
-use crate::decode::heard::hear;
-use crate::files::{is_record, open};
+use crate::decode::heard::recorded;
 use crate::judge::doctor::{Cause, causes};
 use crate::lang::Language;
 use crate::live::plan::{messages, plan, watch};
 use crate::live::session::{Session, stop};
 use crate::live::source::PlaceArgs;
-use crate::record::replay::{Kit, Replay, replay};
+use crate::record::replay::{Kit, Replay};
 use crate::recording::Recording;
 use crate::recording::sample::{Source, seconds as seconds_of};
-use crate::terminal::{Plain, tell};
 use crate::world::robot::Robot;
 
 /// Arguments of `rc10 doctor`.
@@ -52,18 +50,7 @@ pub fn doctor(args: &DoctorArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let path = args.at.record().or_else(|| place.filter(|it| it.is_file()));
     ensure!(path.is_some() || args.buses.is_empty(), "--bus is for captures");
     let recording = match path {
-        Some(path) if is_record(path)? => {
-            let (recording, cut) =
-                replay(&mut open(path)?, robot).with_context(|| path.display().to_string())?;
-            if let Some(why) = cut {
-                tell(format_args!("{}: cut off: {why}", path.display()));
-            }
-            recording
-        }
-        Some(path) => {
-            let heard = hear(&[path.into()], &args.buses, robot, &mut Plain(io::stderr().lock()));
-            heard.with_context(|| path.display().to_string())?
-        }
+        Some(path) => recorded(&[path.into()], &args.buses, robot)?.0,
         None => look(args, robot)?,
     };
     let causes = causes(&recording);

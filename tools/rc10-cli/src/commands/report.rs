@@ -2,22 +2,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 
 use crate::decode::BusOfChannel;
-use crate::decode::heard::hear;
+use crate::decode::heard::recorded;
 use crate::files::{Unfinished, is_record, make_folder, open};
 use crate::record::file::{Channel, Item, label, walk};
-use crate::record::replay::{numbers, replay, replay_of};
+use crate::record::replay::{numbers, replay_of};
+use crate::recording::sample::seconds;
 use crate::show::compare::Comparison;
 use crate::show::figures::{Figures, to_json};
 use crate::show::print::print;
 use crate::show::report::write_files;
-use crate::terminal::{Plain, tell};
+use crate::terminal::tell;
 use crate::world::robot::Robot;
 
 /// Arguments of `rc10 report`.
@@ -47,8 +48,6 @@ pub struct ReportArgs {
 /// Makes the report of a record; returns whether the run had problems. Fails like [`replay`], or if
 /// the folder cannot be written.
 pub fn report(args: &ReportArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
-    let names = args.files.iter().map(|file| file.display().to_string());
-    let named = names.collect::<Vec<_>>().join(", ");
     let before = args.against.as_ref().map(|file| {
         let named = || format!("--against {}", file.display());
         ensure!(is_record(file).with_context(named)?, "{}: it is no record (.mcap)", named());
@@ -59,33 +58,12 @@ pub fn report(args: &ReportArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> R
         Ok((before, file.display().to_string()))
     });
     let before = before.transpose()?;
-    let (recording, cut) = if is_record(&args.files[0])? {
-        let [file] = args.files.as_slice() else {
-            bail!("{named}: one record at a time");
-        };
-        ensure!(args.buses.is_empty(), "--bus is for captures: a record has the robot's own buses");
-        replay(&mut open(file)?, robot).with_context(|| named.clone())?
-    } else {
-        let heard = hear(&args.files, &args.buses, robot, &mut Plain(io::stderr().lock()));
-        (heard.with_context(|| named.clone())?, None)
-    };
+    let (recording, named) = recorded(&args.files, &args.buses, robot)?;
     let figures = Figures::of(&recording);
     make_folder(&args.out)?;
     let against =
         before.map(|(before, name)| Comparison::new((&recording, &figures), name, before));
     write_files(&recording, &figures, &args.out, against.as_ref())?;
-    let length = recording.length.get() as f64 / 1e6;
-    if let Some(why) = cut {
-        tell(format_args!("{named}: cut off after {length} s: {why}"));
-    }
-    for gap in recording.gaps.iter().take(GAPS) {
-        let at = gap.at.get() as f64 / 1e6;
-        let hint = "it is left out, and what follows is that much nearer";
-        tell(format_args!("{named}: {gap} at {at} s; {hint}"));
-    }
-    if let more @ 1.. = recording.gaps.len().saturating_sub(GAPS) {
-        tell(format_args!("{named}: {more} such gaps more"));
-    }
     if args.json {
         let mut json = to_json(&recording, &figures, None);
         if let Some(against) = &against {
@@ -93,7 +71,7 @@ pub fn report(args: &ReportArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> R
         }
         writeln!(out, "{json}")?;
     } else {
-        let mut headline = format!("{length} s of {named}");
+        let mut headline = format!("{} s of {named}", seconds(recording.length));
         if recording.source.is_simulated() {
             headline += &format!(", seed {}", recording.seed);
         }
@@ -199,5 +177,3 @@ fn file_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
     }
     name + ".csv"
 }
-
-const GAPS: usize = 5;

@@ -1,6 +1,6 @@
 //! The recording of a capture: what the robot's own motors understand of the traffic of its buses.
 
-use std::io::{BufReader, Write};
+use std::io::{self, BufReader, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -9,14 +9,16 @@ use rc10_motor::{DriveMode, MotorStatus, TargetKind};
 use rc10_time::Micros;
 
 use super::{BusOfChannel, Decoder, Summary, excerpt, known_on};
-use crate::files::{open, unreadable};
+use crate::files::{is_record, open, unreadable};
 use crate::formats::candump::{CandumpLine, Numbered, Reader};
 use crate::record::recorder::Recorder;
+use crate::record::replay::replay;
 use crate::recording::Recording;
 use crate::recording::look::{BusLook, Moment, MotorLook, Shaft};
-use crate::recording::sample::{LOOK_PERIOD, WireEnd};
+use crate::recording::sample::{LOOK_PERIOD, WireEnd, seconds};
 use crate::robot::description::Description;
 use crate::robot::motor::{BITS_PER_SECOND, Place};
+use crate::terminal::{Plain, tell};
 use crate::world::robot::Robot;
 
 /// Longest capture, in virtual time: a clock that jumped would make one of years.
@@ -25,6 +27,39 @@ const LONGEST: Micros = Micros::from_millis(3_600_000);
 const A_DAY: Micros = Micros::from_millis(86_400_000);
 const MOST_TOLD: u64 = 10;
 const WINDOW: Micros = Micros::from_millis(100);
+
+/// Gaps of a record that are told one by one.
+const GAPS: usize = 5;
+
+/// The recording of a record, or of captures of the robot's buses, and its name. Says where it is cut off, and what it
+/// lacks. Fails like [`replay`].
+pub(crate) fn recorded(
+    files: &[PathBuf],
+    buses: &[BusOfChannel],
+    robot: Robot<'_>,
+) -> Result<(Recording, String)> {
+    let names = files.iter().map(|file| file.display().to_string());
+    let named = names.collect::<Vec<_>>().join(", ");
+    let (recording, cut) = if is_record(&files[0])? {
+        let [file] = files else { bail!("{named}: one record at a time") };
+        ensure!(buses.is_empty(), "--bus is for captures: a record has the robot's own buses");
+        replay(&mut open(file)?, robot).with_context(|| named.clone())?
+    } else {
+        let heard = hear(files, buses, robot, &mut Plain(io::stderr().lock()));
+        (heard.with_context(|| named.clone())?, None)
+    };
+    if let Some(why) = cut {
+        tell(format_args!("{named}: cut off after {} s: {why}", seconds(recording.length)));
+    }
+    for gap in recording.gaps.iter().take(GAPS) {
+        let hint = "it is left out, and what follows is that much nearer";
+        tell(format_args!("{named}: {gap} at {} s; {hint}", seconds(gap.at)));
+    }
+    if let more @ 1.. = recording.gaps.len().saturating_sub(GAPS) {
+        tell(format_args!("{named}: {more} such gaps more"));
+    }
+    Ok((recording, named))
+}
 
 struct CapturedFrame {
     at: Micros,

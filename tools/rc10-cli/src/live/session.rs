@@ -28,7 +28,6 @@ const PATIENCE: Micros = Micros::from_millis(5000);
 
 impl<'r> Session<'r> {
     /// Creates a session on an open connection.
-    #[must_use]
     pub fn new(connection: RobotConnection<'r>) -> Self {
         // Another program may use a real line, too, and must not take our answers for its own.
         let first = if connection.is_real { RandomState::new().hash_one(0) as u16 } else { 0 };
@@ -36,19 +35,16 @@ impl<'r> Session<'r> {
     }
 
     /// Name of the connection.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.connection.name
     }
 
     /// Bit rate of the line.
-    #[must_use]
     pub const fn baud(&self) -> u32 {
         self.connection.baud
     }
 
     /// The time on the line.
-    #[must_use]
     pub const fn now(&self) -> Micros {
         self.now
     }
@@ -69,7 +65,6 @@ impl<'r> Session<'r> {
     }
 
     /// Why the robot is not heard; `None` if it is.
-    #[must_use]
     pub fn trouble(&self) -> Option<String> {
         if let Some(trouble) = self.connection.source.trouble() {
             return Some(trouble.to_owned());
@@ -132,15 +127,16 @@ impl<'r> Session<'r> {
     /// Changes parameters, all or none; fails if the robot refuses or does not answer.
     pub fn set(&mut self, wanted: &[(String, f32)]) -> Result<()> {
         let id = self.ask(wanted)?;
-        match self.until(|client| client.answer(id))? {
-            Answer::Refused(why) => bail!("refused: {why}"),
-            Answer::Done | Answer::Register(_) => Ok(()),
-        }
+        self.done(id)
     }
 
     /// Has an action carried out; fails if the robot refuses or does not answer.
     pub fn carry_out(&mut self, action: Action) -> Result<()> {
         let id = self.client.act(action);
+        self.done(id)
+    }
+
+    fn done(&mut self, id: u16) -> Result<()> {
         match self.until(|client| client.answer(id))? {
             Answer::Refused(why) => bail!("refused: {why}"),
             Answer::Done | Answer::Register(_) => Ok(()),
@@ -157,7 +153,6 @@ impl<'r> Session<'r> {
     }
 
     /// The full name of a kept value, or as much of it as is known.
-    #[must_use]
     pub fn name_of(&self, kept: &KeptValue) -> String {
         let mut known = self.client.parameters();
         let known = kept.parameter.and_then(|index| known.find(|it| it.index == index));
@@ -188,7 +183,6 @@ impl<'r> Session<'r> {
 const NEAR: usize = 10;
 
 /// A parameter's name on a command line.
-#[must_use]
 pub fn full_name(parameter: &Parameter) -> String {
     let label = parameter.label.replace(' ', "_");
     if parameter.folder == "parameters" { label } else { format!("{label}.{}", parameter.name) }

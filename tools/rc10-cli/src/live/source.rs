@@ -1,11 +1,10 @@
 //! Connections to a robot: at a port of this PC, over TCP, in the simulator, on the emulated chip; begun here or
 //! kept running by another program.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use std::{fs, io};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
@@ -15,6 +14,7 @@ use crate::args::{Injected, address, seed};
 use crate::live::line::{RobotConnection, Source};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
+use crate::run::board::program;
 use crate::run::emulation::{Emulation, Setup};
 use crate::run::running::Running;
 use crate::run::simulation::Simulation;
@@ -64,14 +64,12 @@ pub struct PlaceArgs {
 
 impl PlaceArgs {
     /// The record that the first argument is.
-    #[must_use]
     pub fn record(&self) -> Option<&Path> {
         let path = self.place.as_ref().map(Path::new);
         path.filter(|it| it.extension().is_some_and(|it| it.eq_ignore_ascii_case("mcap")))
     }
 
     /// The choice without the first argument.
-    #[must_use]
     pub fn source(&self) -> SourceArgs {
         let mut source = self.named.clone();
         source.running.port = self.place.clone().or(source.running.port);
@@ -81,7 +79,6 @@ impl PlaceArgs {
 
 impl RunningArgs {
     /// Bit rate of a robot's console.
-    #[must_use]
     pub fn baud_of(&self, robot: &Robot<'_>) -> u32 {
         self.baud.or(robot.description().console).unwrap_or(BAUD)
     }
@@ -243,12 +240,7 @@ fn emulated<'r>(
     args: &SourceArgs,
 ) -> Result<(Emulation<'r>, PathBuf)> {
     robot.fit(false)?;
-    let path = match (elf, robot.description().firmware) {
-        (Some(path), _) => path,
-        (None, Some(build)) => build(None)?,
-        (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
-    };
-    let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let (path, program) = program(elf.as_deref(), robot.description(), None)?;
     let console = Some(args.running.baud_of(&robot));
     let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };

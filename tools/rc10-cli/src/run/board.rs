@@ -1,7 +1,13 @@
 //! The board of an emulated chip, and whether a program is made for it.
 
-use anyhow::Result;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
 use rc10_emu::{Board, Image, MadeFor};
+
+use crate::files::unreadable;
+use crate::robot::description::Description;
 
 /// The board with this name on the command line.
 pub(crate) fn named(name: &str) -> Result<Board, String> {
@@ -34,6 +40,22 @@ pub(crate) fn of(program: &[u8], asked: Option<Board>, crystal: Option<u64>) -> 
     };
     let crystal_hz = crystal.unwrap_or(board.crystal_hz);
     Ok(Board { crystal_hz, ..board })
+}
+
+/// The program to run, and where it is: an ELF file, or a robot's own firmware, which is built first. Fails if there is
+/// none, or it cannot be read.
+pub(crate) fn program(
+    elf: Option<&Path>,
+    robot: &Description,
+    board: Option<Board>,
+) -> Result<(PathBuf, Vec<u8>)> {
+    let path = match (elf, robot.firmware) {
+        (Some(path), _) => path.into(),
+        (None, Some(build)) => build(board)?,
+        (None, None) => bail!("this robot does not say how to build a firmware: name an ELF file"),
+    };
+    let program = fs::read(&path).with_context(|| unreadable(&path))?;
+    Ok((path, program))
 }
 
 /// Why a program does not fit a board, in one sentence.

@@ -4,22 +4,21 @@ pub(crate) mod output;
 pub(crate) mod problems;
 pub(crate) mod text;
 
-use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::Args;
 use rc10_emu::Board;
 use rc10_time::Micros;
 
 use crate::args::{Injected, check_end, seconds, seed};
 use crate::commands::emulate::output::Outcome;
-use crate::files::{make_folder, unreadable, write_file};
+use crate::files::{make_folder, write_file};
 use crate::record::RecordWriter;
 use crate::recording::origin::Origin;
-use crate::run::board;
+use crate::run::board::{self, program};
 use crate::run::emulation::{Emulation, Setup};
 use crate::show::figures::{Figures, verdict};
 use crate::show::print::print_files;
@@ -76,12 +75,7 @@ pub struct EmuArgs {
 pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.injected.faults, args.seconds)?;
     robot.fit(args.force)?;
-    let path = match (&args.elf, robot.description().firmware) {
-        (Some(path), _) => path.clone(),
-        (None, Some(build)) => build(args.board)?,
-        (None, None) => bail!("this robot does not say how to build a firmware: name an ELF file"),
-    };
-    let program = fs::read(&path).with_context(|| unreadable(&path))?;
+    let (path, program) = program(args.elf.as_deref(), robot.description(), args.board)?;
     let Injected { faults, mistakes } = args.injected.clone();
     let setup = Setup {
         seed: args.seed,
