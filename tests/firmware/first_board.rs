@@ -252,7 +252,7 @@ impl Bench for Desk<'_, '_> {
             }
             // It has no such pin; nothing odd is seen on a scope, either.
             _ if begins("volts at its STB") || begins("as it should") || begins("do it;") => "",
-            _ if begins("motor power off?") => "",
+            _ if begins("motor power off") => "",
             _ => panic!("the person does not understand: {question}"),
         };
         Ok(Some(answer.into()))

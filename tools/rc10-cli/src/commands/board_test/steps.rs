@@ -15,8 +15,8 @@ const LED: std::ops::Range<u32> = 3..30;
 
 type Judge = fn(&mut Walk<'_>) -> Result<Outcome>;
 
-/// Steps that are judged; all others the person judges.
-const JUDGED: [(&str, Judge); 13] = [
+/// Steps that are judged; all others but [`BY_STATUS`] the person judges.
+const JUDGED: [(&str, Judge); 10] = [
     ("7", termination),
     ("9", brown_out),
     ("11", start),
@@ -26,20 +26,46 @@ const JUDGED: [(&str, Judge); 13] = [
     ("15", lonely_buses),
     ("17", reset),
     ("23", remote),
-    ("24", switches),
-    ("25", remote_lost),
-    ("26", remote_back),
     ("28", one_motor),
 ];
+
+/// Steps that the robot's status judges, in their order: number, what the person does, if anything, seconds until the
+/// status tells, how that begins, or with `!` does not, whether its remote is `lost` or `heard`, and the cause if not.
+const BY_STATUS: &str = include_str!("by_status.tsv");
+
+/// A step of the page.
+struct Step {
+    number: &'static str,
+    /// The part of the page.
+    part: &'static str,
+    /// What to do, what is right, what if not; without marks.
+    cells: [String; 3],
+}
+
+/// All steps of the page.
+fn page() -> impl Iterator<Item = Step> {
+    let mut part = "";
+    PAGE.lines().filter_map(move |line| {
+        part = line.strip_prefix("## ").unwrap_or(part);
+        let (number, row) = line.strip_prefix("| ")?.split_once(" |")?;
+        let mut cells = row.split('|').map(|cell| {
+            // The text of a link stays, its place goes.
+            let cell = cell.trim().replace("**", "");
+            let mut parts = cell.split("](");
+            let first = parts.next().unwrap_or_default().to_owned();
+            let rest = parts.filter_map(|part| Some(part.split_once(')')?.1));
+            rest.fold(first, |text, part| text + part).replace('[', "")
+        });
+        let cells = std::array::from_fn(|_| cells.next().unwrap_or_default());
+        Some(Step { number, part, cells })
+    })
+}
 
 /// Numbers of a board's steps, in their order.
 pub fn steps(board: &Board) -> impl Iterator<Item = &'static str> {
     let is_dm_mc02 = board.name == "dm-mc02";
-    let numbers =
-        PAGE.lines().filter_map(|line| Some(line.strip_prefix("| ")?.split_once(" |")?.0));
-    numbers.filter(move |number| {
-        LED.contains(&number_of(number)) && (is_dm_mc02 || !row(number)[0].starts_with("DM-MC02"))
-    })
+    let of_board = move |it: &Step| is_dm_mc02 || !it.cells[0].starts_with("DM-MC02");
+    page().filter(of_board).map(|it| it.number).filter(|it| LED.contains(&number_of(it)))
 }
 
 /// A step's number without its letter; 0 if it has no number.
@@ -47,33 +73,35 @@ fn number_of(step: &str) -> u32 {
     step.trim_end_matches(char::is_alphabetic).parse().unwrap_or(0)
 }
 
-/// The part of the page in which a step is.
-fn part(number: &str) -> &'static str {
-    let begin = format!("| {number} |");
-    let before = PAGE.lines().take_while(|line| !line.starts_with(&begin));
-    before.filter_map(|line| line.strip_prefix("## ")).last().unwrap_or_default()
-}
-
-/// A step's row of the page without its marks: what to do, what is right, what if not.
-fn row(number: &str) -> [String; 3] {
-    let begin = format!("| {number} |");
-    let row = PAGE.lines().find_map(|line| line.strip_prefix(&begin)).unwrap_or_default();
-    let mut cells = row.split('|').map(|cell| {
-        // The text of a link stays, its place goes.
-        let cell = cell.trim().replace("**", "");
-        let mut parts = cell.split("](");
-        let first = parts.next().unwrap_or_default().to_owned();
-        let rest = parts.filter_map(|part| Some(part.split_once(')')?.1));
-        rest.fold(first, |text, part| text + part).replace('[', "")
-    });
-    std::array::from_fn(|_| cells.next().unwrap_or_default())
-}
-
-fn judge(walk: &mut Walk<'_>, number: &str) -> Result<Outcome> {
-    match JUDGED.iter().find(|it| it.0 == number) {
-        Some((_, judge)) => judge(walk),
-        None => by_eye(walk, number),
+fn judge(walk: &mut Walk<'_>, step: &Step) -> Result<Outcome> {
+    if let Some((_, judge)) = JUDGED.iter().find(|it| it.0 == step.number) {
+        return judge(walk);
     }
+    let rows = BY_STATUS.lines().map(|row| row.split('\t'));
+    let mut rows = rows.filter(|row| row.clone().next() == Some(step.number)).peekable();
+    if rows.peek().is_none() {
+        return by_eye(walk, step);
+    }
+    let mut status = String::new();
+    for row in rows {
+        let [_, deed, seconds, begin, remote, cause] = row.collect::<Vec<_>>()[..] else {
+            continue;
+        };
+        let seconds = seconds.parse()?;
+        status = match deed {
+            "" => walk.status(seconds)?,
+            deed => walk.after(deed, seconds)?,
+        };
+        let begins = match begin.strip_prefix('!') {
+            Some(other) => !status.starts_with(other),
+            None => status.starts_with(begin),
+        };
+        let is_lost = status.contains("remote missing") || status.contains("no remote");
+        if !begins || remote == "heard" && is_lost || remote == "lost" && !is_lost {
+            return wrong(cause, &[&status, &begin, &deed]);
+        }
+    }
+    right(status)
 }
 
 fn right(seen: impl Into<String>) -> Result<Outcome> {
@@ -101,15 +129,16 @@ impl Walk<'_> {
     /// # Errors
     /// If the person ends, or file or terminal cannot be written.
     pub fn step(&mut self, number: &str) -> Result<Outcome> {
-        let [what, right, _] = row(number);
-        let right = if right.is_empty() { right } else { format!("   right: {right}\n") };
-        self.tell(&format!("\n{number}. {}: {what}\n{right}", part(number)))?;
+        let step = page().find(|it| it.number == number).context("no such step")?;
+        let [what, right, _] = &step.cells;
+        let right = if right.is_empty() { "" } else { &format!("   right: {right}\n") };
+        self.tell(&format!("\n{number}. {}: {what}\n{right}", step.part))?;
         self.keep(&json!({ "begin": number }))?;
         // What came late belongs to the step before.
         self.listen(0.0)?;
         self.before = self.heard.len();
         let kind = |error: &anyhow::Error| error.downcast_ref().map(io::Error::kind);
-        let judged = match judge(self, number) {
+        let judged = match judge(self, &step) {
             Err(error) if kind(&error) == Some(ErrorKind::Interrupted) => {
                 Outcome::of("skipped", "")?
             }
@@ -149,10 +178,10 @@ impl Walk<'_> {
 const BY_HAND: [&str; 3] = ["18", "19", "20"];
 
 /// The person looks, and says what is seen.
-fn by_eye(walk: &mut Walk<'_>, number: &str) -> Result<Outcome> {
+fn by_eye(walk: &mut Walk<'_>, step: &Step) -> Result<Outcome> {
     // From then on there is a log.
-    if number_of(number) > 11 {
-        let is_by_hand = BY_HAND.contains(&number);
+    if number_of(step.number) > 11 {
+        let is_by_hand = BY_HAND.contains(&step.number);
         if is_by_hand {
             walk.bench.let_go();
         }
@@ -172,7 +201,7 @@ fn by_eye(walk: &mut Walk<'_>, number: &str) -> Result<Outcome> {
         walk.ask("as it should be? Enter: yes; n: no, and what you see; or what you measured")?;
     match answer.split_once(' ').unwrap_or((&answer, "")) {
         ("s", "") => Outcome::of("skipped", ""),
-        ("n" | "no" | "No", seen) => wrong("eye", &[&seen, &row(number)[2]]),
+        ("n" | "no" | "No", seen) => wrong("eye", &[&seen, &step.cells[2]]),
         ("", _) => Outcome::of("told", "yes"),
         _ => Outcome::of("told", answer),
     }
@@ -374,55 +403,6 @@ fn remote(walk: &mut Walk<'_>) -> Result<Outcome> {
     }
 }
 
-const RIGHT_TO_MIDDLE: &str = "the right switch to the middle";
-
-fn switches(walk: &mut Walk<'_>) -> Result<Outcome> {
-    walk.deed("motor power off? then Enter")?;
-    if walk.status(2.0)?.starts_with("emergency stop") {
-        return wrong("exchanged", &[]);
-    }
-    let armed = walk.after(RIGHT_TO_MIDDLE, 4.0)?;
-    if !armed.starts_with("armed") {
-        return wrong("not-armed", &[&armed]);
-    }
-    for (deed, state) in [
-        ("the right switch down", "disarmed"),
-        ("the left switch down", "emergency stop"),
-        ("the left switch to the middle, the right one to the middle and down", "disarmed"),
-    ] {
-        if !walk.after(deed, 4.0)?.starts_with(state) {
-            return wrong("not-by", &[&state, &deed]);
-        }
-    }
-    right("armed, disarmed, stopped, and disarmed")
-}
-
-fn remote_lost(walk: &mut Walk<'_>) -> Result<Outcome> {
-    walk.deed("motor power off? then Enter")?;
-    let armed = walk.after(RIGHT_TO_MIDDLE, 4.0)?;
-    if !armed.starts_with("armed") {
-        return wrong("not-armed", &[&armed]);
-    }
-    let soon = walk.after("the transmitter off", 4.0)?;
-    if !soon.contains("remote missing") && !soon.contains("no remote") {
-        return wrong("made-up", &[]);
-    }
-    let later = walk.status(30.0)?;
-    let is_safe = later.starts_with("disarmed") && later.contains("no remote");
-    if is_safe { right("suspended, then disarmed") } else { wrong("stays", &[&later]) }
-}
-
-fn remote_back(walk: &mut Walk<'_>) -> Result<Outcome> {
-    let up = walk.after("the transmitter on, the right switch up", 6.0)?;
-    let down = walk.after("the right switch down", 4.0)?;
-    for status in [up, down] {
-        if !status.starts_with("disarmed") || status.contains("no remote") {
-            return wrong("stays", &[&status]);
-        }
-    }
-    right("it stays disarmed")
-}
-
 /// Looks at the error counters of a bus: one disturbance lasts for one of them.
 const LOOKS: usize = 16;
 
@@ -470,15 +450,21 @@ mod tests {
         let count = |board: &Board| steps(board).count();
         assert_eq!((all.first(), all.last()), (Some(&"3"), Some(&"29")));
         assert_eq!((all.len(), count(&Board::H723ZG)), (29, 27));
-        for (number, _) in JUDGED {
+        let by_status = BY_STATUS.lines().map(|row| row.split('\t').collect::<Vec<_>>());
+        for row in by_status.clone() {
+            assert!(row.len() == 6 && row[2].parse::<f64>().is_ok(), "{row:?}");
+        }
+        for number in JUDGED.iter().map(|it| it.0).chain(by_status.map(|row| row[0])) {
             assert!(all.contains(&number), "{number} is not on the page");
         }
-        for number in all {
-            let [what, right, _] = row(number);
+        for Step { number, cells: [what, right, not], .. } in
+            page().filter(|it| all.contains(&it.number))
+        {
             assert!(!what.is_empty() && (number == "10") == right.is_empty(), "{number}: {what}");
             assert!(!format!("{what}{right}").contains(['[', '|']), "{number}: {what} {right}");
+            let text = "not at all (wiring.md, part `remote`)";
+            assert!(number != "23" || not.contains(text), "{not}");
         }
-        assert!(row("23")[2].contains("not at all (wiring.md, part `remote`)"), "{:?}", row("23"));
     }
 
     /// Each cause says what to do, and each that the code names is there.
@@ -490,10 +476,13 @@ mod tests {
         let keys: BTreeSet<_> = rows.iter().map(|row| row[0]).collect();
         assert_eq!(keys.len(), rows.len());
         for key in keys.iter().filter(|key| !key.starts_with("said ")) {
-            assert!(code.contains(&format!("\"{key}\"")), "{key} is never said");
+            let is_said =
+                code.contains(&format!("\"{key}\"")) || BY_STATUS.contains(&format!("\t{key}\n"));
+            assert!(is_said, "{key} is never said");
         }
         let named = code.split("wrong(\"").skip(1).filter_map(|rest| rest.split('"').next());
-        for key in named.filter(|key| !key.contains('(')) {
+        let by_status = BY_STATUS.lines().filter_map(|row| row.split('\t').next_back());
+        for key in named.chain(by_status).filter(|key| !key.contains('(') && !key.is_empty()) {
             assert!(keys.contains(key), "{key} has no words");
         }
     }
