@@ -137,34 +137,7 @@ enum Command {
 }
 
 /// Examples for any robot; the help of `--robot` lists its choices.
-const EXAMPLES: &str = "\
-Examples:
-  rc10                                   ten seconds of the robot, and target/rc10/report.html
-  rc10 run --seconds 3 --seed 7          three seconds of another world
-  rc10 run --out /tmp/tonight --json     all figures as one JSON object
-  rc10 run --mistake direction:wheel-front-left
-                                         how it looks if that motor is mounted the other way
-  rc10 run --remote sbus --fault remote-lost@4s..4.5s
-                                         another receiver, and its radio link breaks
-  rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
-  rc10 live --sim                        plots and gains of the simulated robot, in the browser
-  rc10 live                              of the robot at the only serial port; --emu: of its firmware
-  rc10 set feeder_speed=200              a parameter of the robot that runs; rc10 params lists them
-  rc10 set feeder_speed=200 --port sim   of the one that rc10 live --sim keeps running
-  rc10 save                              what was set stays after power-off; rc10 params --kept lists it
-  rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
-  rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
-  rc10 report can0.log --bus can0=2      what a capture of bus 2 tells, as such a report
-  rc10 doctor tonight.mcap               what is wrong, the likeliest cause first, and what to do
-  rc10 csv tonight.mcap                  its numbers as CSV files, in target/rc10-csv
-  rc10 decode target/rc10/bus1.log       what was said on bus 1
-  rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
-  rc10 dbc --out target/dbc              DBC files for SavvyCAN, cantools and the like
-  rc10 plan --add 1:M3508@500*2          how late frames are at worst, with two more motors on bus 1
-  rc10 faults --motor m3508 --phases 20  what an M3508 does in every fault, in 20 phases of it
-  rc10 pty --bus 1                       bus 1 for python-can or slcand, on a pseudo-terminal
-
-From a checkout: cargo run -- run --seconds 3";
+const EXAMPLES: &str = include_str!("examples.txt").trim_ascii_end();
 
 impl Arguments {
     fn command_line(self) -> CommandLine {

@@ -137,6 +137,7 @@ fn recorded(file: &mut (impl Read + Seek), label: &str) -> Result<(Vec<Sample>, 
 }
 
 /// Speeds that tell much: to and fro within a travel, and jumping all the time.
+#[derive(Default)]
 struct Excitation {
     travel: f64,
     fastest: f64,
@@ -190,15 +191,8 @@ fn turned(session: &mut Session<'_>, label: &str, wish: [f64; 3]) -> Result<Vec<
         topics.into_iter().filter(|it| it.name == topic("motors", label)).collect();
     own.iter_mut().for_each(|it| it.group = FIRST);
     watch(&mut session.client, &own, 1);
-    let mut excitation = Excitation {
-        travel,
-        fastest,
-        random: 1,
-        direction: 1.0,
-        level: 0.0,
-        until: [0.0; 2],
-        speed: 0.0,
-    };
+    let mut excitation =
+        Excitation { travel, fastest, random: 1, direction: 1.0, ..Excitation::default() };
     let (mut gathered, mut sent, mut asked, mut start) =
         (Gathered::default(), Micros::ZERO, None, None);
     let begun = session.now();
