@@ -25,7 +25,6 @@ pub struct Bench<'m> {
 
 impl<'m> Bench<'m> {
     /// An empty bus; all chance comes from `seed`.
-    #[must_use]
     pub fn new(seed: u64, switch: &'m ArmSwitch) -> Self {
         let mut world = World::new(seed);
         let wire = world.add_bus(BusConfig::default());
@@ -90,7 +89,6 @@ impl<'m> Bench<'m> {
     }
 
     /// Status of a motor; that of a motor never heard if there is no such motor.
-    #[must_use]
     pub fn status(&self, motor: MotorId) -> MotorStatus {
         self.bus.status(motor, self.world.now()).unwrap_or(MotorStatus::NEW)
     }

@@ -83,7 +83,6 @@ pub struct Trial {
 
 impl Trial {
     /// A target, its tolerance, and the time it may take in ms.
-    #[must_use]
     pub const fn new(target: Target, tolerance: f64, within: u32) -> Self {
         Self { target, tolerance, within }
     }
@@ -93,7 +92,6 @@ impl Declaration {
     /// A motor that is driven at once, stops within 10 ms, starts as softly as a
     /// [`Servo`](rc10_motor::servo::Servo) does, coasts freely, disables, brakes and holds, and works easily
     /// against a tenth of its full torque. 0.2 % of that counts as no torque.
-    #[must_use]
     pub fn new(ids: [u8; 2], cruise: Rpm, full_torque: NewtonMetres) -> Self {
         Self {
             ids,

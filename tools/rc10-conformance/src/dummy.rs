@@ -60,7 +60,6 @@ impl Acts for () {}
 
 impl Dummy {
     /// A motor that is nothing but its identifiers.
-    #[must_use]
     pub const fn new(model: &'static str, id: u16, ids: CanIds) -> Self {
         Self { name: MotorName { model, id }, ids, acts: () }
     }

@@ -20,7 +20,6 @@ pub struct LineBench<'m> {
 
 impl<'m> LineBench<'m> {
     /// An empty line; all chance comes from `seed`.
-    #[must_use]
     pub fn new(seed: u64, switch: &'m ArmSwitch) -> Self {
         let mut world = World::new(seed);
         let wire = world.add_line(LineConfig::default());
@@ -84,7 +83,6 @@ impl<'m> LineBench<'m> {
     }
 
     /// Status of a motor; that of a motor never heard if there is no such motor.
-    #[must_use]
     pub fn status(&self, motor: MotorId) -> MotorStatus {
         self.bus.status(motor, self.world.now()).unwrap_or(MotorStatus::NEW)
     }

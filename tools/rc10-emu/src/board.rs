@@ -14,7 +14,6 @@ pub enum Package {
 
 impl Package {
     /// The case's name in the data sheet.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Lqfp100 => "LQFP100",
@@ -171,7 +170,6 @@ impl Board {
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];
 
     /// The board of a name; `None`: there is no such board.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|board| board.name == name)
     }

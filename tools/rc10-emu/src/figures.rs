@@ -50,7 +50,6 @@ pub struct BusFigures {
 
 impl Figures {
     /// Figures of a scenario so far.
-    #[must_use]
     pub fn of(rig: &Rig) -> Self {
         let machine = &rig.machine;
         let soc = machine.soc();
@@ -77,20 +76,17 @@ impl Figures {
     }
 
     /// Ticks of all buses.
-    #[must_use]
     pub fn ticks(&self) -> u64 {
         let periods = self.buses.iter().filter_map(|bus| bus.tick_period);
         periods.map(|period| period.count + 1).sum()
     }
 
     /// Frames that the chip received.
-    #[must_use]
     pub fn received(&self) -> u64 {
         self.buses.iter().map(|bus| bus.received).sum()
     }
 
     /// Frames that the chip lost.
-    #[must_use]
     pub fn lost(&self) -> u64 {
         self.buses.iter().map(|bus| bus.lost).sum()
     }

@@ -161,7 +161,6 @@ impl Image {
     }
 
     /// The function that an address lies in.
-    #[must_use]
     pub fn function_at(&self, address: u32) -> Option<(u32, &str)> {
         let (&start, name) = self.functions.range(..=address).next_back()?;
         Some((start, name))

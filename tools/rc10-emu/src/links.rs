@@ -255,7 +255,6 @@ impl Machine {
     }
 
     /// Characters that a UART has sent and its far end could not read.
-    #[must_use]
     pub fn garbled(&self, uart: u8) -> u64 {
         let links = self.links.serials.iter().filter(|link| link.uart == uart);
         links.map(|link| link.garbled).sum()

@@ -260,7 +260,6 @@ impl Machine {
     }
 
     /// The priority of an external interrupt now: 0, the most urgent, to 15.
-    #[must_use]
     pub fn priority(&self, interrupt: u16) -> u8 {
         // 16 exceptions of the core come before; of eight bits the upper four exist.
         self.core.priority(16 + interrupt) >> 4
@@ -274,19 +273,16 @@ impl Machine {
     }
 
     /// The time.
-    #[must_use]
     pub const fn now(&self) -> Nanos {
         Nanos::new(self.core.bus.time.now())
     }
 
     /// The board that it is on.
-    #[must_use]
     pub fn board(&self) -> Board {
         lock(&self.soc).board()
     }
 
     /// The function that an address lies in; of a [hung](ChipFault::Hang) handler that handler.
-    #[must_use]
     pub fn function_at(&self, address: u32) -> Option<&str> {
         let handler = |exception| self.memory.word(FLASH + 4 * exception).ok();
         let address = stood_in(address).map_or(Some(address), handler)?;

@@ -100,7 +100,6 @@ struct Partial {
 
 impl Memory {
     /// Memories at power-on: noise, other noise for another seed; erased flash is full of ones.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut words = Vec::with_capacity((BYTES / 4) as usize);
         for bank in BANKS {
@@ -132,7 +131,6 @@ impl Memory {
     }
 
     /// The banks, in the order of their addresses.
-    #[must_use]
     pub const fn banks(&self) -> &[Bank] {
         &BANKS
     }

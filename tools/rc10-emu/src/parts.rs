@@ -22,7 +22,6 @@ impl Imu {
     }
 
     /// One of its two chips, to be attached to an SPI.
-    #[must_use]
     pub fn half(&self, part: Part) -> impl SpiDevice + use<> {
         Half { imu: self.clone(), part }
     }
@@ -74,7 +73,6 @@ impl Default for Thermal {
 
 impl Thermal {
     /// The temperature in °C after some seconds with a power in watts.
-    #[must_use]
     pub fn after(&self, celsius: f64, watts: f64, seconds: f64) -> f64 {
         let in_the_end = self.ambient + self.kelvin_per_watt * watts;
         in_the_end + (celsius - in_the_end) * (-seconds / self.time_constant).exp()

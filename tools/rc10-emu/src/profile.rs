@@ -80,7 +80,6 @@ impl Profile {
     }
 
     /// All instructions.
-    #[must_use]
     pub const fn total(&self) -> u64 {
         self.total
     }
@@ -91,7 +90,6 @@ impl Profile {
     }
 
     /// Instructions in each exception that occurred, and in thread mode.
-    #[must_use]
     pub fn by_exception(&self) -> Vec<ExceptionCost> {
         let costs = (0..).zip(&self.exceptions);
         let costs = costs.map(|(exception, cost)| ExceptionCost { exception, ..*cost });
@@ -99,7 +97,6 @@ impl Profile {
     }
 
     /// Instructions of each function, most first; inlined functions belong to their callers.
-    #[must_use]
     pub fn by_function<'i>(&self, image: &'i Image) -> Vec<(&'i str, u64)> {
         let mut functions: BTreeMap<u32, (&str, u64)> = BTreeMap::new();
         let places = (FLASH..).step_by(2).zip(self.places.iter().copied());

@@ -53,7 +53,6 @@ pub struct W25Q64(Arc<Mutex<Cells>>);
 
 impl W25Q64 {
     /// An erased memory; the seed is of times and of what a cut leaves.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(Arc::new(Mutex::new(Cells {
             bytes: vec![0xFF; SIZE as usize],
@@ -67,7 +66,6 @@ impl W25Q64 {
     }
 
     /// Copies of its bytes.
-    #[must_use]
     pub fn bytes(&self, first: u32, length: usize) -> Vec<u8> {
         let cells = lock(&self.0);
         let bytes = cells.bytes.iter().skip(first as usize).take(length);

@@ -106,13 +106,11 @@ impl Contact {
     }
 
     /// Whether it pulls its input low now.
-    #[must_use]
     pub fn pulls_low(&self) -> bool {
         self.is_closed() != self.opens
     }
 
     /// Whether it is closed now, by what its wire tells: where the shaft truly is, but for a defect.
-    #[must_use]
     pub fn is_closed(&self) -> bool {
         let closed = self.closed.is_at(self.shaft.state().load_degrees);
         let now = self.shaft.now();

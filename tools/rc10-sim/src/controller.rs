@@ -17,13 +17,11 @@ impl Nanos {
     pub(crate) const NEVER: Self = Self(u64::MAX);
 
     /// A number of nanoseconds.
-    #[must_use]
     pub const fn new(nanos: u64) -> Self {
         Self(nanos)
     }
 
     /// The number of nanoseconds.
-    #[must_use]
     pub const fn get(self) -> u64 {
         self.0
     }
@@ -35,7 +33,6 @@ impl Nanos {
     }
 
     /// The last whole microsecond that is not after it.
-    #[must_use]
     pub const fn micros(self) -> Micros {
         Micros::new(self.0 / 1000)
     }
@@ -86,7 +83,6 @@ pub enum Activity {
 /// ISO 11898-1, oscillator tolerance: ten bits from one edge to the next must not need more than a jump, and 13 bits, up
 /// to the end of an error flag, not more than the shorter phase segment. (It says so of each end's oscillator: half.
 /// Propagation on the wire is left out.)
-#[must_use]
 pub const fn tolerance_ppm(before: u32, after: u32, jump: u32) -> u32 {
     let bit = 1 + before + after;
     let shorter = if before < after { before } else { after };

@@ -103,7 +103,6 @@ pub struct Damiao {
 
 impl Damiao {
     /// A motor as configured, without power yet.
-    #[must_use]
     pub fn new(config: &DamiaoConfig) -> Self {
         let registers = Registers::of(config);
         Self {
@@ -122,13 +121,11 @@ impl Damiao {
     }
 
     /// Whether it is enabled.
-    #[must_use]
     pub const fn is_enabled(&self) -> bool {
         matches!(self.state, State::Enabled(_))
     }
 
     /// Status code in its reports: 0 disabled, 1 enabled, else an error.
-    #[must_use]
     pub const fn code(&self) -> u8 {
         match self.state {
             State::Disabled => 0,
@@ -138,7 +135,6 @@ impl Damiao {
     }
 
     /// The setpoint it follows.
-    #[must_use]
     pub const fn setpoint(&self) -> Option<Setpoint> {
         match self.state {
             State::Enabled(setpoint) => setpoint,
@@ -147,14 +143,12 @@ impl Damiao {
     }
 
     /// The control mode.
-    #[must_use]
     pub fn mode(&self) -> Mode {
         let mode = self.registers.whole(number::MODE);
         Mode::ALL.into_iter().find(|it| *it as u32 == mode).unwrap_or(Mode::Mit)
     }
 
     /// Bits of a register; `None` if it does not exist.
-    #[must_use]
     pub fn register(&self, register: u8) -> Option<u32> {
         self.registers.read(register).map(u32::from_le_bytes)
     }

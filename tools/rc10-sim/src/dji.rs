@@ -34,7 +34,6 @@ pub enum Model {
 
 impl Model {
     /// The highest id that can be set; the lowest is 1.
-    #[must_use]
     pub const fn last_id(self) -> u8 {
         match self {
             Self::C620 | Self::C610 => 8,
@@ -99,7 +98,6 @@ pub enum FeedbackRate {
 
 impl FeedbackRate {
     /// Time from one feedback frame to the next.
-    #[must_use]
     pub const fn period(self) -> Micros {
         Micros::from_millis(self as u64)
     }
@@ -120,7 +118,6 @@ pub struct EscConfig {
 
 impl EscConfig {
     /// A model with its own motor, nothing on the shaft, feedback at 1 kHz.
-    #[must_use]
     pub const fn new(model: Model, id: u8) -> Self {
         Self { model, id, rate: FeedbackRate::Hz1000, plant: model.plant() }
     }

@@ -63,13 +63,11 @@ impl Defect {
     ];
 
     /// Whether it is one of a contact, and not of a part on a UART.
-    #[must_use]
     pub const fn is_of_contact(self) -> bool {
         matches!(self, Self::Stuck | Self::Torn | Self::Bounces)
     }
 
     /// Whether it is one of a motor alone.
-    #[must_use]
     pub const fn is_of_motor(self) -> bool {
         matches!(self, Self::Mute | Self::Frozen | Self::Flipped)
     }
@@ -84,7 +82,6 @@ impl fmt::Display for Defect {
 }
 
 /// Whether a part is meant by a name as a user writes it: its label, with `-` for spaces.
-#[must_use]
 pub fn is_called(label: &str, name: &str) -> bool {
     label.replace(' ', "-").eq_ignore_ascii_case(&name.replace(' ', "-"))
 }
@@ -161,7 +158,6 @@ impl<O: Others> Kind<O> {
 
 impl<O> Kind<O> {
     /// The bus or line it concerns.
-    #[must_use]
     pub const fn wire(&self) -> Option<Wire> {
         match self {
             Self::Cut(wire) | Self::Noise(wire) | Self::Power(wire) => Some(*wire),

@@ -103,7 +103,6 @@ impl<O: Others> Faults<O> {
     }
 
     /// Time of the next action, later than now.
-    #[must_use]
     pub fn next(&self, now: Nanos) -> Option<Nanos> {
         let entry = self.timeline.last().map(|entry| entry.0);
         let step = Nanos::new((now.get() / STEP.get() + 1) * STEP.get());

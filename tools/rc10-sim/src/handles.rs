@@ -49,7 +49,6 @@ impl Bus {
     }
 
     /// The port of the bus's own controller: all its ports share it.
-    #[must_use]
     pub fn port(&self) -> SimPort {
         let inner = self.inner.borrow();
         let host = Rc::clone(&inner.wires[self.index].host);
@@ -74,7 +73,6 @@ impl Bus {
     }
 
     /// Number of those that it still has to send; one that is on the wire does not count.
-    #[must_use]
     pub fn foreign_waiting(&self) -> usize {
         self.with_wire(|wire, _| wire.foreign.len())
     }
@@ -127,32 +125,27 @@ impl Bus {
 
     /// Load of the bus since the world's start, in per cent. A frame counts when it has ended, and
     /// counts also if it was not acknowledged.
-    #[must_use]
     pub fn load(&self) -> f64 {
         self.with_wire(|wire, now| wire.occupancy.load(now))
     }
 
     /// Load of the bus in each 100 ms that is over, in per cent.
-    #[must_use]
     pub fn load_windows(&self) -> Vec<f64> {
         self.with_wire(|wire, now| wire.occupancy.windows(now))
     }
 
     /// Length of a bit, nanoseconds.
-    #[must_use]
     pub fn bit_time_ns(&self) -> u64 {
         self.with_wire(|wire, _| wire.bit_time_ns)
     }
 
     /// Whether the nodes understand a controller with bits of this length, and it them: up to half a
     /// per cent off they do.
-    #[must_use]
     pub fn follows(&self, bit_time_ns: u32) -> bool {
         self.with_wire(|wire, _| wire.is_within(bit_time_ns, ESC_TOLERANCE))
     }
 
     /// Counters since the world began.
-    #[must_use]
     pub fn counters(&self) -> BusCounters {
         self.with_wire(|wire, _| wire.counters)
     }
@@ -238,7 +231,6 @@ impl Esc {
     }
 
     /// Its true state (of the mechanics: at the last physics step).
-    #[must_use]
     pub fn state(&self) -> EscState {
         let inner = self.inner.borrow();
         let unit = &inner.units[self.index];
@@ -355,13 +347,11 @@ pub struct Base {
 
 impl Base {
     /// The position and heading.
-    #[must_use]
     pub fn pose(&self) -> Pose {
         self.motion.get().pose
     }
 
     /// The velocity.
-    #[must_use]
     pub fn twist(&self) -> Twist {
         self.motion.get().twist()
     }

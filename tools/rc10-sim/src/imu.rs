@@ -37,7 +37,6 @@ impl Hwt101 {
         SerialConfig { baud: 115_200, bits: 10, receive_capacity: 256 };
 
     /// An IMU that is set to 200 Hz and sends its first frames at `phase` after power-on.
-    #[must_use]
     pub fn new(base: &Base, phase: Nanos) -> Self {
         Self {
             base: base.clone(),

@@ -325,7 +325,6 @@ impl Line {
     }
 
     /// Bits a second.
-    #[must_use]
     pub fn baud(&self) -> u32 {
         self.with(|line, _| line.config.baud)
     }
@@ -385,7 +384,6 @@ impl Line {
     }
 
     /// Counters since the world began.
-    #[must_use]
     pub fn counters(&self) -> LineCounters {
         self.with(|line, _| line.counters)
     }

@@ -111,7 +111,6 @@ pub struct Drive {
 
 impl Drive {
     /// With these settings; `None` if the identifier cannot be.
-    #[must_use]
     pub fn new(settings: Settings) -> Option<Self> {
         settings.ids().contains(&settings.id).then(|| Self::started(settings, Micros::ZERO))
     }

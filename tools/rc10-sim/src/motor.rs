@@ -63,7 +63,6 @@ impl Shaft {
     }
 
     /// Angle of the output shaft since the world's start, rad.
-    #[must_use]
     pub fn radians(&self) -> f64 {
         self.output_degrees().to_radians()
     }
@@ -83,7 +82,6 @@ impl Shaft {
     }
 
     /// Torque of the winding at the output shaft, N·m.
-    #[must_use]
     pub const fn torque(&self) -> f64 {
         self.plant.torque_constant * self.current
     }
@@ -269,7 +267,6 @@ impl Shaft {
     }
 
     /// Rotor speed, rpm.
-    #[must_use]
     pub fn rotor_rpm(&self) -> f64 {
         self.output_rpm() * self.plant.gear_ratio
     }
@@ -290,13 +287,11 @@ impl Shaft {
     }
 
     /// Angle of the rotor within its turn, 0 .. 1.
-    #[must_use]
     pub fn rotor_angle(&self) -> f64 {
         (self.fraction + self.offset).fract()
     }
 
     /// Turns of the rotor since the world's start, with where it stood then (0 .. 1).
-    #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "exact up to 2^53 turns")]
     pub fn rotor_turns(&self) -> f64 {
         self.turns as f64 + self.fraction + self.offset

@@ -63,7 +63,6 @@ pub struct Settings {
 
 impl Settings {
     /// 1 kHz estimates, 50 Hz heartbeats, nothing else; firmware 0.6.
-    #[must_use]
     pub const fn new(node: u8) -> Self {
         Self {
             node,
@@ -127,7 +126,6 @@ pub struct Axis {
 
 impl Axis {
     /// With these settings; `None` if there is no such node or something is sent at no interval.
-    #[must_use]
     pub fn new(settings: Settings) -> Option<Self> {
         let Settings { estimates_every, heartbeat_every, others_every, .. } = settings;
         let others = others_every.unwrap_or(heartbeat_every);

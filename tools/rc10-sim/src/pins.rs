@@ -25,7 +25,6 @@ pub struct Servo(Rc<Cell<Option<f64>>>);
 
 impl Servo {
     /// The newest pulse, µs; `None` while there are no pulses.
-    #[must_use]
     pub fn pulse(&self) -> Option<f64> {
         self.0.get()
     }
@@ -63,7 +62,6 @@ impl Voltage {
     }
 
     /// The voltage now.
-    #[must_use]
     pub fn volts(&self) -> f64 {
         (self.0)()
     }

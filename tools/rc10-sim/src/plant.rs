@@ -224,7 +224,6 @@ impl Plant {
     }
 
     /// All inertia as seen at the output shaft, kg·m²; never zero.
-    #[must_use]
     pub const fn inertia(&self) -> f64 {
         (self.load_inertia + self.reflected_inertia()).max(1e-9)
     }

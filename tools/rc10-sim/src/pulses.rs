@@ -106,7 +106,6 @@ pub struct Pulses {
 
 impl Pulses {
     /// The host's input; all of them share the edges.
-    #[must_use]
     pub fn port(&self) -> PulsePort {
         PulsePort { line: self.clone() }
     }
@@ -147,7 +146,6 @@ impl Pulses {
     }
 
     /// Edges that were not taken in time.
-    #[must_use]
     pub fn lost(&self) -> u64 {
         self.line(|line, _| line.lost)
     }

@@ -46,7 +46,6 @@ impl Referee {
         SerialConfig { baud: 115_200, bits: 10, receive_capacity: 256 };
 
     /// A referee with a power limit in W, and a full buffer.
-    #[must_use]
     pub const fn new(limit: u16, season: Season) -> Self {
         let (power, silent, buffer, health) = (0.0, false, FULL, 200);
         Self { limit, power, silent, buffer, health, season, next: Nanos::ZERO, sequence: 0 }

@@ -30,7 +30,6 @@ impl Default for SerialConfig {
 
 impl SerialConfig {
     /// Duration of a character.
-    #[must_use]
     pub const fn character(&self) -> Nanos {
         let baud = if self.baud == 0 { 1 } else { self.baud };
         Nanos::new(self.bits as u64 * 1_000_000_000 / baud as u64)
@@ -244,7 +243,6 @@ impl Serial {
     }
 
     /// The configuration.
-    #[must_use]
     pub fn config(&self) -> SerialConfig {
         self.link(|link, _| link.config)
     }
@@ -286,7 +284,6 @@ impl Serial {
     }
 
     /// Counters since the world began.
-    #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.link(|link, _| link.counters)
     }

@@ -63,7 +63,6 @@ pub struct TaskName {
 
 impl TaskName {
     /// The name of a future of this type, which the caller adds.
-    #[must_use]
     #[track_caller]
     pub fn of<F>() -> Self {
         Self { function: type_name::<F>(), added: Location::caller() }
@@ -88,7 +87,6 @@ impl Running {
     }
 
     /// The task, and a number that is another one at each poll; `None` between polls.
-    #[must_use]
     pub fn now(&self) -> Option<(u64, TaskName)> {
         let now = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         now.1.map(|task| (now.0, task))
@@ -125,7 +123,6 @@ impl Wake for Signal {
 
 impl<'a> Tasks<'a> {
     /// No tasks.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -144,13 +141,11 @@ impl<'a> Tasks<'a> {
     }
 
     /// The task that is polled now.
-    #[must_use]
     pub fn running(&self) -> Arc<Running> {
         Arc::clone(&self.running)
     }
 
     /// The tasks that have ended, and when.
-    #[must_use]
     pub fn ended(&self) -> &[(TaskName, Micros)] {
         &self.ended
     }

@@ -78,7 +78,6 @@ pub(crate) fn make_current(clock: &Rc<Clock>) {
 
 /// The time of the world that was made, run or advanced last on this thread, in whole
 /// microseconds: the same clock that [`embassy_time_driver::now`] reads. Zero where there has been none.
-#[must_use]
 pub fn now() -> Micros {
     CURRENT.try_with(|current| current.borrow().now()).unwrap_or(Micros::ZERO)
 }

@@ -73,7 +73,6 @@ pub struct Answer {
 
 impl Command {
     /// Reads the 17 bytes of a command; `None` if head or check sum are wrong.
-    #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; COMMAND] = bytes.try_into().ok()?;
         let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
@@ -96,7 +95,6 @@ impl Command {
 
 impl Answer {
     /// The 16 bytes of an answer; what a field cannot hold is held at its end.
-    #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "saturates, as the motor's own numbers do")]
     pub fn write(&self) -> [u8; ANSWER] {
         let torque = (self.torque * 256.0).round() as i16;
@@ -182,13 +180,11 @@ impl GoM8010 {
     }
 
     /// Whether it turns by itself.
-    #[must_use]
     pub const fn is_calibrating(&self) -> bool {
         self.calibrating_until.is_some()
     }
 
     /// Angle of the rotor as the motor counts it, rad: from power-on within the first turn.
-    #[must_use]
     pub fn angle(&self, shaft: &Shaft) -> f64 {
         (shaft.rotor_turns() - self.uncounted) * TAU
     }

@@ -91,7 +91,6 @@ impl UnitreeModule {
     }
 
     /// Gains that it has for a motor.
-    #[must_use]
     pub fn gains(&self, motor: u8) -> Gains {
         self.inner.borrow().gains.get(usize::from(motor)).copied().unwrap_or_default()
     }

@@ -191,13 +191,11 @@ impl World {
     }
 
     /// The time, in whole microseconds.
-    #[must_use]
     pub fn now(&self) -> Micros {
         self.clock.now()
     }
 
     /// The time.
-    #[must_use]
     pub fn now_ns(&self) -> Nanos {
         self.clock.now_ns()
     }

@@ -7,7 +7,6 @@ use crate::recording::Recording;
 use crate::recording::sample::time_of;
 
 /// Events in words, in the order of time.
-#[must_use]
 pub fn happened(recording: &Recording) -> Vec<(Micros, String)> {
     let mut found = Vec::new();
     changes(&recording.arm, |at, arm| {

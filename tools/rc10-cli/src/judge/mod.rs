@@ -28,7 +28,6 @@ const SEARCHES: [fn(&Recording, &mut Vec<Problem>); 13] = [
 ];
 
 /// Everything that was found in a run.
-#[must_use]
 pub fn problems(recording: &Recording) -> Vec<Problem> {
     let mut found = Vec::new();
     SEARCHES.iter().for_each(|search| search(recording, &mut found));

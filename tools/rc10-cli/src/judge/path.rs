@@ -68,7 +68,6 @@ pub(crate) fn laid(pose: &PathPoint, from: &PathPoint, to: &PathPoint) -> PathPo
 
 impl Paths {
     /// Lays the paths of a base into the axes of the world.
-    #[must_use]
     pub fn of(base: &BaseTrack) -> Self {
         let mut pairs = base.estimate.iter().zip(&base.path);
         let first = pairs.find(|(estimate, path)| is_known(estimate) && is_known(path));
@@ -85,7 +84,6 @@ impl Paths {
 
 impl PathFigures {
     /// Figures of a run; `None` if its robot has neither estimate nor reference.
-    #[must_use]
     pub fn of(recording: &Recording) -> Option<Self> {
         let base = recording.base.as_ref()?;
         let Paths { estimate, reference } = Paths::of(base);
@@ -105,7 +103,6 @@ impl PathFigures {
     }
 
     /// The figures as text, a line each.
-    #[must_use]
     pub fn lines(&self) -> String {
         let by = if self.is_true { "" } else { ", by its own estimate" };
         let mut text = String::new();
@@ -128,7 +125,6 @@ impl PathFigures {
     }
 
     /// The figures as JSON.
-    #[must_use]
     pub fn to_json(&self) -> Value {
         let apart = |apart: Option<Apart>| {
             apart.map(|Apart { at, metres, degrees }| {

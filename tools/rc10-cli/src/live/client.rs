@@ -49,7 +49,6 @@ pub struct Parameter {
 
 impl Parameter {
     /// Whether it is not as the robot's table has it.
-    #[must_use]
     pub const fn is_changed(&self) -> bool {
         self.value.to_bits() != self.initial.to_bits()
     }
@@ -266,31 +265,26 @@ const AGAIN: Micros = Micros::from_millis(150);
 
 impl Client {
     /// Creates a client before its first byte.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
     /// Creates a client with this first request number: random if another program may use the line.
-    #[must_use]
     pub fn with_first_id(next_id: u16) -> Self {
         Self { next_id, ..Self::default() }
     }
 
     /// Whether the robot answers.
-    #[must_use]
     pub fn is_up(&self, now: Micros) -> bool {
         self.heard.is_some_and(|heard| now.since(heard).get() < SILENCE)
     }
 
     /// Whether all signals and parameters are known.
-    #[must_use]
     pub fn is_described(&self) -> bool {
         self.heard.is_some() && self.signals.is_whole() && self.parameters.is_whole()
     }
 
     /// Version of the robot's messages.
-    #[must_use]
     pub const fn version(&self) -> u16 {
         self.version
     }
@@ -303,7 +297,6 @@ impl Client {
     }
 
     /// A signal by its number, if it is known.
-    #[must_use]
     pub fn signal(&self, index: u16) -> Option<&Signal> {
         self.signals.rows.get(usize::from(index))?.as_ref()
     }
@@ -320,13 +313,11 @@ impl Client {
     }
 
     /// The identity of the robot.
-    #[must_use]
     pub const fn declaration(&self) -> Declaration {
         self.declaration
     }
 
     /// The number of the motor with this label.
-    #[must_use]
     pub fn motor(&self, label: &str) -> Option<u8> {
         let mut labels: Vec<&str> = Vec::new();
         for (_, signal) in self.signals().filter(|(_, it)| it.folder == "motors") {
@@ -338,13 +329,11 @@ impl Client {
     }
 
     /// A counter that differs whenever a parameter has changed.
-    #[must_use]
     pub const fn changes(&self) -> Option<u32> {
         self.changes
     }
 
     /// Losses so far.
-    #[must_use]
     pub fn losses(&self) -> Losses {
         Losses {
             skipped: self.groups.iter().map(|group| group.skipped).sum(),
@@ -410,7 +399,6 @@ impl Client {
     }
 
     /// Progress of a stop or disarming; `None` if it was not requested or is done.
-    #[must_use]
     pub fn urgency(&self, what: Urgent, now: Micros) -> Option<Urgency> {
         let age = now.since(self.urgent.iter().find(|it| it.what == what)?.since);
         Some(if age < NOT_HEARD { Urgency::Sent } else { Urgency::NotHeard })
@@ -629,7 +617,6 @@ impl Client {
 }
 
 /// The bytes of a request.
-#[must_use]
 pub fn frame(ask: &Ask) -> Vec<u8> {
     let mut frame = Writer::<{ ASK + AROUND }>::new();
     frame.message(ask);

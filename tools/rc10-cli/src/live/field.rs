@@ -40,7 +40,6 @@ pub struct Field<'k> {
 
 impl<'k> Field<'k> {
     /// The field before the first look.
-    #[must_use]
     pub fn new(description: &'k Description, client: &Client) -> Self {
         let find = |folder: &str, label: &str, name: &str| {
             let is_it = |(_, it): &(u16, &super::client::Signal)| {

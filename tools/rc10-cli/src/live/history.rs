@@ -121,19 +121,16 @@ impl Default for History {
 
 impl History {
     /// One that keeps about this number of values.
-    #[must_use]
     pub const fn with_room(most: usize) -> Self {
         Self { series: Vec::new(), chosen: BTreeSet::new(), count: [0; 2], most }
     }
 
     /// Number of values.
-    #[must_use]
     pub const fn count(&self) -> usize {
         self.count[0]
     }
 
     /// Number of values of a signal.
-    #[must_use]
     pub fn count_of(&self, signal: u16) -> usize {
         self.of(signal).map_or(0, |it| it.count)
     }
@@ -192,13 +189,11 @@ impl History {
     }
 
     /// The newest value.
-    #[must_use]
     pub fn newest(&self, signal: u16) -> Option<(Micros, f32)> {
         self.of(signal)?.newest()
     }
 
     /// The time of the oldest value, of a signal or of all.
-    #[must_use]
     pub fn begin(&self, signal: Option<u16>) -> Option<Micros> {
         match signal {
             Some(signal) => self.of(signal)?.begin(),
@@ -207,7 +202,6 @@ impl History {
     }
 
     /// The value at a time: the newest that is not newer.
-    #[must_use]
     pub fn at(&self, signal: u16, at: Micros) -> Option<f32> {
         let series = self.of(signal)?;
         let open = series.open.partition_point(|it| it.0 <= at);
@@ -268,7 +262,6 @@ impl History {
 
 /// Reduces values in a span to at most [`POINTS`] in each column that look the same, in order. NaN
 /// stays as a gap.
-#[must_use]
 pub fn thin(values: &[(Micros, f32)], [from, to]: [Micros; 2], columns: u32) -> Vec<(Micros, f32)> {
     let width = to.since(from).get().div_ceil(columns.max(1).into()).max(1);
     let column = |at: Micros| at.get() / width;

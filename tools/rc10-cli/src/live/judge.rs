@@ -97,7 +97,6 @@ pub struct Judge<'k> {
 
 impl<'k> Judge<'k> {
     /// Creates a judge before its first sample.
-    #[must_use]
     pub const fn new(kit: &'k Kit<'k>) -> Self {
         Self {
             kit,
@@ -110,7 +109,6 @@ impl<'k> Judge<'k> {
     }
 
     /// Why this program cannot judge a robot with these topics; `None` if it is its own.
-    #[must_use]
     pub fn stranger(&self, topics: &[Topic]) -> Option<String> {
         let theirs = topics.iter().filter(|topic| topic.folder == "motors");
         let theirs: BTreeSet<&str> = theirs.map(|topic| topic.label.as_str()).collect();
@@ -129,7 +127,6 @@ impl<'k> Judge<'k> {
 
     /// The effect on a motor's loops if the parameter `name` of the motor `label` gets this value;
     /// `now` are its parameters. `None` if no margin depends on it, or the load is not described.
-    #[must_use]
     pub fn advise<'n>(
         &self,
         label: &str,

@@ -39,7 +39,6 @@ pub struct Topic {
 
 impl Topic {
     /// The `ros2msg` schema of the messages.
-    #[must_use]
     pub fn schema(&self) -> String {
         let one = |(_, signal): &(u16, Signal)| {
             let states = signal.states.iter().map(String::as_str);
@@ -49,13 +48,11 @@ impl Topic {
     }
 
     /// Name of the schema.
-    #[must_use]
     pub fn schema_name(&self) -> String {
         format!("rc10/msg{}", self.name.replace('/', "_"))
     }
 
     /// Names of the numbers in a message.
-    #[must_use]
     pub fn columns(&self) -> Vec<String> {
         self.signals.iter().map(|(_, signal)| signal.name.clone()).collect()
     }
@@ -100,7 +97,6 @@ fn pass(
 }
 
 /// The topics of a robot, and the signals without room.
-#[must_use]
 pub fn plan(client: &Client) -> (Vec<Topic>, Vec<Signal>) {
     plan_of(client.signals())
 }
@@ -185,7 +181,6 @@ const SLOWEST: u16 = 200;
 
 impl Line {
     /// That of a bit rate, for a robot with these topics.
-    #[must_use]
     pub fn new(baud: u32, topics: &[Topic]) -> Self {
         let bytes = u64::from(baud) * 97 / 1_000_000;
         let mut rest = [0.0; 2];
@@ -202,7 +197,6 @@ impl Line {
 
     /// Periods of the frequent topics and of the others, ms, beside `signals` that are watched every `period` ms;
     /// `None` if the line does not carry that.
-    #[must_use]
     pub fn beside(&self, signals: usize, period: u16) -> Option<[u16; 2]> {
         let own = AROUND + CARRIER_HEAD + HEAD + 4 * signals;
         let whole = (usize::from(self.bytes) * usize::from(period)).min(AROUND + CARRIED);
@@ -218,7 +212,6 @@ impl Line {
     }
 
     /// The most signals that may be watched every `period` ms.
-    #[must_use]
     pub fn most(&self, period: u16) -> usize {
         (1..CARRIED / 4).take_while(|count| self.beside(*count, period).is_some()).count()
     }

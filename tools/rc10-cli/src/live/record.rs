@@ -215,13 +215,11 @@ impl LiveRecord {
     }
 
     /// Its name and note.
-    #[must_use]
     pub const fn words(&self) -> &[String; 2] {
         &self.words
     }
 
     /// Length of the record.
-    #[must_use]
     pub fn length(&self) -> Micros {
         self.last
     }

@@ -23,14 +23,12 @@ pub struct Door {
 
 impl Door {
     /// For this PC alone, at a port.
-    #[must_use]
     pub fn here(port: u16) -> Self {
         let hosts = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{port}"));
         Self { hosts: hosts.into(), key: String::new() }
     }
 
     /// For other devices in the network, at an address of this PC; with the address to give them.
-    #[must_use]
     pub fn lan(address: SocketAddr) -> (Self, String) {
         let key = format!("/{}", by_chance());
         let url = format!("http://{address}{key}/");
@@ -38,14 +36,12 @@ impl Door {
     }
 
     /// Whether it is for guests: they watch, and stop.
-    #[must_use]
     pub const fn is_for_guests(&self) -> bool {
         !self.key.is_empty()
     }
 }
 
 /// 128 bits that other programs do not know, in hexadecimal.
-#[must_use]
 pub fn by_chance() -> String {
     let half = |half| RandomState::new().hash_one(half);
     format!("{:016x}{:016x}", half(0), half(1))
@@ -176,7 +172,6 @@ impl Plots {
     pub const FORM: &str = "signals=1,2&from=US&to=US&columns=N[&every=MS]: at most 64 signals, each once, and from <= to";
 
     /// Reads the query of a request; `None` if it does not have its [`Self::FORM`].
-    #[must_use]
     pub fn parse(query: &str) -> Option<Self> {
         let value = |name: &str| {
             query.split('&').find_map(|pair| pair.split_once('=').filter(|pair| pair.0 == name))

@@ -87,7 +87,6 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Pages {
     /// Pages without sockets: who has them asks by [`ask`](Self::ask).
-    #[must_use]
     pub fn unserved() -> Self {
         let shown = Arc::new(Mutex::new(Shown {
             state: "null".into(),
@@ -121,7 +120,6 @@ impl Pages {
     }
 
     /// Answers a request of a page in the same program.
-    #[must_use]
     pub fn ask(&self, request: &Request) -> Answered {
         respond(request, &self.shown, &self.hands, &self.queue, false)
     }
@@ -153,7 +151,6 @@ impl Answered {
     }
 
     /// Waits for the answer.
-    #[must_use]
     pub fn wait(self) -> Reply {
         match self {
             Self::Now(reply) => reply,

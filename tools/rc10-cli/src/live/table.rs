@@ -7,7 +7,6 @@ use crate::record::replay::Kit;
 
 /// The lines for all parameters that are not as the table has them; empty if none is changed. Motors with the same
 /// lines share them.
-#[must_use]
 pub fn table_lines<'p>(parameters: impl Iterator<Item = &'p Parameter>, kit: &Kit<'_>) -> String {
     let all: Vec<_> = parameters.collect();
     let mut blocks: Vec<(Vec<&str>, String, String)> = Vec::new();

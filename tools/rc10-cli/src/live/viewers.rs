@@ -76,7 +76,6 @@ fn udp(to: SocketAddr) -> Result<UdpSocket> {
 }
 
 /// The name of a signal for people and for other programs.
-#[must_use]
 pub fn signal_name(signal: &Signal) -> String {
     let word = |text: &str| text.replace(' ', "_");
     match (signal.folder.as_str(), signal.label.as_str()) {
@@ -115,7 +114,6 @@ impl Viewers {
     }
 
     /// The address for Foxglove, if it is chosen.
-    #[must_use]
     pub fn address(&self) -> Option<String> {
         self.foxglove.as_ref().map(Foxglove::address)
     }

@@ -44,7 +44,6 @@ impl Web {
     }
 
     /// The page.
-    #[must_use]
     pub fn page() -> String {
         page()
     }

@@ -71,7 +71,6 @@ struct BusRecorder {
 impl<'d> Recorder<'d> {
     /// Creates a recorder before the start, with the world's `seed`, and the `loops` and `twins` of
     /// the motors in the order of the description. `source` decides what the robot itself tells.
-    #[must_use]
     pub fn new(
         description: &'d Description,
         seed: u64,
@@ -91,7 +90,6 @@ impl<'d> Recorder<'d> {
     }
 
     /// Creates a recorder of a capture: without a world, and without loops to judge.
-    #[must_use]
     pub fn of_capture(description: &'d Description) -> Self {
         let base = description.base.as_ref().map(|base| BaseTrack {
             wheels: base.wheels.clone(),
@@ -141,7 +139,6 @@ impl<'d> Recorder<'d> {
     }
 
     /// The time of the next look in a run that ends at `end`.
-    #[must_use]
     pub fn next_look(now: Micros, end: Micros) -> Micros {
         (now + LOOK_PERIOD).min(end)
     }
@@ -384,7 +381,6 @@ impl<'d> Recorder<'d> {
 
 /// Gain margins of the loops of the motor in a line of the table, with its share of a base; `None`
 /// if its load is not described.
-#[must_use]
 pub fn margins(loops: Loops, line: usize, twin: &Esc, base: Option<&Base>) -> Option<Margins> {
     let mut plant = twin.plant();
     if plant.load_inertia <= 0.0 {

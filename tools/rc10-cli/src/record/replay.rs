@@ -241,7 +241,6 @@ pub struct Kit<'r> {
 
 impl<'r> Kit<'r> {
     /// The kit of this robot.
-    #[must_use]
     pub fn of(robot: &Robot<'r>) -> Self {
         let Ports { signals, yaw, .. } = robot.ports();
         let (description, loops) = (robot.description().clone(), robot.loops());
@@ -249,13 +248,11 @@ impl<'r> Kit<'r> {
     }
 
     /// Description of the robot.
-    #[must_use]
     pub const fn description(&self) -> &Description {
         &self.description
     }
 
     /// Loops of the motors, in the order of the description; `None` where they run in the device.
-    #[must_use]
     pub fn loops(&self) -> &[Option<Loops>] {
         &self.loops
     }

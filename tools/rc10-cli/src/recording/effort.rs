@@ -77,19 +77,16 @@ impl Worst {
 
 impl EffortTrack {
     /// Whether the effort oscillated.
-    #[must_use]
     pub const fn oscillates(&self) -> bool {
         self.reversals.count >= self.least_reversals
     }
 
     /// Whether the effort saturated.
-    #[must_use]
     pub const fn saturates(&self) -> bool {
         self.at_limit.count >= SHARE_AT_LIMIT
     }
 
     /// Unit of the effort.
-    #[must_use]
     pub const fn unit(&self) -> &'static str {
         match self.loops.effort {
             TargetKind::Current => "A",
@@ -112,7 +109,6 @@ pub struct EffortWatch {
 
 impl EffortWatch {
     /// Creates a watch before the start.
-    #[must_use]
     pub fn new(loops: Loops, margins: Option<Margins>) -> Self {
         let track = EffortTrack {
             loops,
@@ -128,13 +124,11 @@ impl EffortWatch {
     }
 
     /// Unit and limit of the effort.
-    #[must_use]
     pub const fn loops(&self) -> Loops {
         self.track.loops
     }
 
     /// Gain margins of the loops.
-    #[must_use]
     pub const fn margins(&self) -> Option<Margins> {
         self.track.margins
     }
@@ -189,7 +183,6 @@ impl EffortWatch {
     }
 
     /// The summary of all windows.
-    #[must_use]
     pub fn finish(self) -> EffortTrack {
         EffortTrack { load: self.load.track, ..self.track }
     }

@@ -43,13 +43,11 @@ impl Fit {
     }
 
     /// Factor between effort and feed-forward; negative if they are opposed.
-    #[must_use]
     pub fn factor(&self) -> f64 {
         self.product / self.squares
     }
 
     /// Mean sizes of the feed-forward, of the effort, and of their difference.
-    #[must_use]
     pub fn means(&self) -> [f64; 3] {
         [self.said, self.took, self.apart].map(|sum| sum / f64::from(self.windows))
     }

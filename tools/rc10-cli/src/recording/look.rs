@@ -86,7 +86,6 @@ pub struct RobotLook {
 
 impl BusLook {
     /// Looks at a bus of which only the frames are known; its motors have listened.
-    #[must_use]
     pub fn heard(bus: &MotorBus<'_>) -> Self {
         let mut status = BusStatus::default();
         (status.received, status.load) = (bus.counters(), bus.load(BITS_PER_SECOND));
@@ -125,7 +124,6 @@ impl MotorLook {
     };
 
     /// Looks at a motor by its own status.
-    #[must_use]
     pub fn of(status: MotorStatus) -> Self {
         let mut look = Self { status, ..Self::NEW };
         // Its own are among the first.
@@ -136,7 +134,6 @@ impl MotorLook {
     }
 
     /// Looks at a motor and its twin; on an emulated chip the effort is what the twin obeys.
-    #[must_use]
     pub fn at(motor: &Motor, status: MotorStatus, twin: &Esc, loops: Option<Loops>) -> Self {
         let mut look = Self::of(status);
         // An effort that was commanded is not judged: no loop has made it.
@@ -152,7 +149,6 @@ impl MotorLook {
     }
 
     /// A sample of the look, with empty cells; without a followed target it has the speed.
-    #[must_use]
     pub fn seen(&self) -> MotorSample {
         use TargetKind::{Angle, Impedance, Motion, Speed, SpeedMotion, TotalAngle};
         let Self { status, kind, target, measured, shaft, .. } = *self;

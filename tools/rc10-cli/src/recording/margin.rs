@@ -33,7 +33,6 @@ pub struct Margins {
 
 impl Margins {
     /// The gain margins of loops that move this load.
-    #[must_use]
     pub fn of(loops: Loops, plant: &Plant) -> Self {
         let cascade = &loops.cascade;
         // N m per unit of effort, and N m s/rad of friction and, in voltage mode, back-EMF.

@@ -110,14 +110,12 @@ impl fmt::Display for Gap {
 
 impl Recording {
     /// A time of the recording as the robot counts it, with the gaps before it.
-    #[must_use]
     pub fn robot_time(&self, at: Micros) -> Micros {
         let before = self.gaps.iter().filter(|gap| gap.at < at);
         before.fold(at, |at, gap| if gap.is_back { at - gap.length } else { at + gap.length })
     }
 
     /// SHA-256 over the hashes of all buses' logs, in hex digits.
-    #[must_use]
     pub fn trace_hash(&self) -> String {
         let all = |hash: Sha256, bus: &BusTrack| hash.chain_update(&bus.log_hash);
         hex_digits(self.buses.iter().fold(Sha256::new(), all))
@@ -169,13 +167,11 @@ pub struct Tracking {
 
 impl Tracking {
     /// Root of the mean square difference of target and measurement, in the unit of the kind.
-    #[must_use]
     pub fn rms(&self) -> f64 {
         (self.squares / self.looks as f64).sqrt()
     }
 
     /// Time in which the motor followed such targets.
-    #[must_use]
     pub const fn time(&self) -> Micros {
         Micros::new(self.looks * LOOK_PERIOD.get())
     }
@@ -223,7 +219,6 @@ pub struct BaseTrack {
 
 impl BaseTrack {
     /// Path by the wheels' turns, the robot's measures and least squares, a point per sample.
-    #[must_use]
     pub fn by_wheels(&self) -> Vec<PathPoint> {
         let fixed = Wheels::new(&self.chassis, &[]);
         let mut at = PathPoint { x: 0.0, y: 0.0, yaw: 0.0 };
@@ -245,7 +240,6 @@ impl BaseTrack {
     }
 
     /// Distance of each wheel's rim between two moments, by the robot's measures, m.
-    #[must_use]
     pub fn ways(&self, from: &BaseMeasurement, to: &BaseMeasurement) -> Vec<f64> {
         let angles = from.wheels.iter().zip(&to.wheels).map(|(from, to)| to.angle - from.angle);
         let ways = angles.zip(&self.chassis.wheels);

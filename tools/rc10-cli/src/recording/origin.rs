@@ -20,7 +20,6 @@ pub struct Origin {
 
 impl Origin {
     /// The origin of what this program records now.
-    #[must_use]
     pub fn now(robot: &str) -> Self {
         let mut words = env::args();
         let program = words.next().unwrap_or_default();

@@ -46,7 +46,6 @@ impl Loss {
     }
 
     /// Time from the last good frame until the motors coasted, if any was driven at the loss.
-    #[must_use]
     pub fn reaction(&self) -> Option<Micros> {
         let coasting = self.coasting.filter(|time| *time > self.lost.from)?;
         Some(coasting.since(self.last_frame?))

@@ -27,7 +27,6 @@ pub struct Cell {
 
 impl Cell {
     /// The range of a value that does not change.
-    #[must_use]
     pub const fn of(value: f64) -> Self {
         let value = value as f32;
         Self { min: value, mean: value, max: value }
@@ -135,7 +134,6 @@ pub struct BaseMeasurement {
 
 impl BaseMeasurement {
     /// The steering angles of the wheels between two moments, degrees.
-    #[must_use]
     pub fn steered(from: &Self, to: &Self) -> Vec<f64> {
         let pairs = from.wheels.iter().zip(&to.wheels);
         pairs.map(|(from, to)| f64::midpoint(from.steered, to.steered)).collect()
@@ -210,13 +208,11 @@ pub enum Source {
 
 impl Source {
     /// Whether the robot's own view and its motors' targets are known.
-    #[must_use]
     pub const fn is_told(self) -> bool {
         matches!(self, Self::Simulation | Self::Robot)
     }
 
     /// Whether the run has a seed and virtual time.
-    #[must_use]
     pub const fn is_simulated(self) -> bool {
         matches!(self, Self::Simulation | Self::Emulation)
     }

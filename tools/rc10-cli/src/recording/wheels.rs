@@ -26,7 +26,6 @@ fn dot(first: &Motion, second: &Motion) -> f64 {
 
 impl Wheels {
     /// Creates the equations of a base; `steered` are its wheels' angles, degrees, 0 if missing.
-    #[must_use]
     pub fn new(chassis: &Chassis, steered: &[f64]) -> Self {
         let (mut rims, mut across) = (Vec::new(), Vec::new());
         for (index, wheel) in chassis.wheels.iter().enumerate() {
@@ -49,20 +48,17 @@ impl Wheels {
     }
 
     /// The motion per m of a wheel's rim, by least squares.
-    #[must_use]
     pub fn share(&self, wheel: usize) -> Motion {
         self.shares[wheel]
     }
 
     /// The motion that fits the distances of all rims best, m and rad.
-    #[must_use]
     pub fn motion(&self, rims: &[f64]) -> Motion {
         let shares = || self.shares.iter().zip(rims);
         [0, 1, 2].map(|axis| shares().fold(0.0, |sum, (share, rim)| sum + share[axis] * rim))
     }
 
     /// Slip that no motion of a rigid base explains: root of the mean square over the wheels, m.
-    #[must_use]
     pub fn slip(&self, rims: &[f64]) -> f64 {
         let motion = self.motion(rims);
         let along = self.rims.iter().zip(rims).map(|(row, rim)| rim - dot(row, &motion));
@@ -72,7 +68,6 @@ impl Wheels {
     }
 
     /// Whether there are more equations than unknowns, so that rims can contradict one another.
-    #[must_use]
     pub fn is_overdetermined(&self) -> bool {
         (0..self.rims.len()).any(|wheel| {
             let mut alone = vec![0.0; self.rims.len()];
@@ -82,13 +77,11 @@ impl Wheels {
     }
 
     /// The distance of a wheel's rim by a motion.
-    #[must_use]
     pub fn rim(&self, wheel: usize, motion: &[f64; 3]) -> f64 {
         self.rims.get(wheel).map_or(0.0, |row| dot(row, motion))
     }
 
     /// Sum of the squares of the rims' distances as the base goes one metre ahead.
-    #[must_use]
     pub fn ahead(&self) -> f64 {
         self.rims.iter().map(|row| row[0] * row[0]).sum()
     }

@@ -30,7 +30,6 @@ impl Base {
     /// # }
     /// let base = Base::new([Name::Left, Name::Right], Chassis::differential(0.05, 0.4).with_mass(8.0));
     /// ```
-    #[must_use]
     pub fn new<N: Names>(wheels: impl IntoIterator<Item = N>, chassis: rc10_sim::Chassis) -> Self {
         let wheels = wheels.into_iter().map(Names::index).collect();
         Self { wheels, steering: Vec::new(), chassis }
@@ -50,7 +49,6 @@ impl Base {
     }
 
     /// Creates a base with the robot's own measures, and the masses of `Chassis::default`.
-    #[must_use]
     pub fn of<N: Names, const WHEELS: usize>(
         wheels: [N; WHEELS],
         base: &rc10_app::Base<WHEELS>,

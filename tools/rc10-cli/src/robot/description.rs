@@ -97,7 +97,6 @@ pub struct ArmPart {
 
 impl ArmPart {
     /// Creates an arm from the base outwards, in the robot's directions: they count upwards.
-    #[must_use]
     pub fn new<N: Names>(links: impl IntoIterator<Item = (N, ArmLink)>) -> Self {
         Self { links: links.into_iter().map(|(motor, link)| (motor.index(), link)).collect() }
     }
@@ -118,7 +117,6 @@ pub struct Shape {
 
 impl Shape {
     /// A lift, as a bar between two angles of a motor, degrees.
-    #[must_use]
     pub fn lift<N: Names>(label: &'static str, motor: N, span: [f64; 2]) -> Self {
         let motors = vec![motor.index()];
         Self { label, kind: "bar", motors, span, links: Vec::new() }
@@ -126,7 +124,6 @@ impl Shape {
 
     /// An arm seen from its side, as a line for each link: its motor, which counts upwards; the degrees that it counts
     /// where the link is level, or stretched from the one before; and the link's length in any unit.
-    #[must_use]
     pub fn arm<N: Names>(
         label: &'static str,
         links: impl IntoIterator<Item = (N, f64, f64)>,
@@ -137,7 +134,6 @@ impl Shape {
     }
 
     /// A turret seen from above, as its angle from ahead, where its motor counts these degrees.
-    #[must_use]
     pub fn turret<N: Names>(label: &'static str, motor: N, ahead: f64) -> Self {
         Self { kind: "turret", ..Self::arm(label, [(motor, ahead, 1.0)]) }
     }
@@ -156,7 +152,6 @@ pub struct ContactPart {
 
 impl ContactPart {
     /// Creates a contact on the shaft of a motor, closed there: two angles are those of each turn.
-    #[must_use]
     pub fn new<N: Names>(motor: N, closed: impl Into<Closed>) -> Self {
         Self { motor: motor.index(), closed: closed.into(), opens: false }
     }
@@ -281,7 +276,6 @@ impl Description {
     /// });
     /// assert_eq!((robot.buses, robot.motors[0].label), (1, "arm"));
     /// ```
-    #[must_use]
     pub fn of<N: Names>(plant: impl Fn(N) -> Plant) -> Self {
         let motors = N::ALL.iter().map(|name| Motor::of(name.entry(), plant(*name)));
         Self {
@@ -294,7 +288,6 @@ impl Description {
 
     /// The robot of a program, as [`of`](Self::of): with its console, its firmware in the folder `firmware` of its
     /// package, its IMU on the base, and the twins of its parts.
-    #[must_use]
     pub fn of_program<P: Simulated>(plant: impl Fn(P::Name) -> Plant) -> Self {
         const { assert_twins::<P>() };
         let twin = |label: &str| P::TWINS.iter().find(|twin| twin.label() == label);
@@ -363,7 +356,6 @@ impl Description {
     }
 
     /// What page and report draw: the wheels' places and ways, and the mechanisms.
-    #[must_use]
     pub fn drawn(&self) -> Value {
         let wheels = self.base.iter().flat_map(|base| &base.chassis.wheels);
         let wheels = wheels.map(|it| json!([it.x, it.y, it.direction, it.radius]));
@@ -378,7 +370,6 @@ impl Description {
 
     /// The events before `end`, in order of time: the script's, the operator's, and the losses of
     /// the remote. Of the operator's actions in a loss only the last one is received, at its end.
-    #[must_use]
     pub fn events(&self, end: Micros) -> Vec<Event> {
         let mut events = self.script.until(end);
         if let Some(remote) = &self.remote {
@@ -405,7 +396,6 @@ impl Description {
     }
 
     /// Adds a line with label and place for each motor that an error names by model and identifier.
-    #[must_use]
     pub fn label(&self, error: anyhow::Error) -> anyhow::Error {
         let text = format!("{error:#}");
         let named = |motor: &&Motor| mentions(&text, &motor.name().to_string()) > 0;
@@ -430,7 +420,6 @@ impl Description {
     }
 
     /// The number of the motor with this index into [`Description::motors`] on its bus or line.
-    #[must_use]
     pub fn number(&self, entry: usize) -> Option<MotorId> {
         numbers(self.motors.iter().map(|motor| motor.on)).nth(entry)
     }

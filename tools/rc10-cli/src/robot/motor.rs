@@ -77,7 +77,6 @@ type Twin = dyn Fn(&rc10_sim::Bus, f64) -> Result<Esc>;
 
 impl Plant {
     /// A load of nothing but an inertia, kg m².
-    #[must_use]
     pub fn inertia(inertia: f64) -> Self {
         Self { inertia, ..Self::default() }
     }
@@ -104,7 +103,6 @@ impl fmt::Debug for OwnTwin {
 }
 
 /// The place for a narrow column: `2`, or `L1` for a line.
-#[must_use]
 pub(crate) fn short(on: Place) -> String {
     match on {
         Place::Bus(number) => number.to_string(),
@@ -114,7 +112,6 @@ pub(crate) fn short(on: Place) -> String {
 
 impl Motor {
     /// Creates a motor that coasts, with nothing on its shaft.
-    #[must_use]
     pub fn new(label: &'static str, on: Place, device: Device) -> Self {
         let (direction, plant) = (device.direction(), Plant::default());
         let jog = None;
@@ -129,7 +126,6 @@ impl Motor {
     }
 
     /// Creates the motor of an entry of a declaration.
-    #[must_use]
     pub fn of(entry: &Entry<Device>, plant: Plant) -> Self {
         let holds = entry.safety.state != SafeState::Coast;
         let (most_age, jog) = (entry.most_age, entry.jog.map(|fastest| f64::from(fastest.get())));
@@ -137,13 +133,11 @@ impl Motor {
     }
 
     /// Name of the motor on buses and in tables.
-    #[must_use]
     pub const fn name(&self) -> MotorName {
         self.device.name()
     }
 
     /// Model and identifier of a DJI motor.
-    #[must_use]
     pub const fn dji(&self) -> Option<(&'static Model, u8)> {
         match &self.device {
             Device::Dji(config) => Some((config.model, config.id)),
@@ -165,7 +159,6 @@ impl Motor {
     }
 
     /// The effort that the twin obeys, in the unit of its loops and in the robot's direction.
-    #[must_use]
     pub fn effort(&self, twin: &Esc, loops: Loops) -> f64 {
         let state = twin.state();
         self.sign()

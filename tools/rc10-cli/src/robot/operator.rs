@@ -28,7 +28,6 @@ pub struct Operator {
 
 impl Operator {
     /// Creates an operator of this remote, before power-on.
-    #[must_use]
     pub fn new(remote: &Remote, control: &RemoteControl) -> Self {
         let off_and_on = |lost: &Lost| {
             std::iter::once((lost.from, false)).chain(lost.until.map(|until| (until, true)))
@@ -48,25 +47,21 @@ impl Operator {
     }
 
     /// The remote.
-    #[must_use]
     pub const fn remote(&self) -> &Remote {
         &self.remote
     }
 
     /// The remote as it lies there: disarmed.
-    #[must_use]
     pub const fn safe(&self) -> Controls {
         self.safe
     }
 
     /// Whether its transmitter is on.
-    #[must_use]
     pub fn is_on(&self) -> bool {
         self.off == [false; 2]
     }
 
     /// Label of the script's newest line; `None` while it is not followed.
-    #[must_use]
     pub fn follows(&self) -> Option<&'static str> {
         (self.line < self.script.len() || !self.label.is_empty()).then_some(self.label)
     }
@@ -106,7 +101,6 @@ impl Operator {
     }
 
     /// The time of the next action, if there is one.
-    #[must_use]
     pub fn next(&self) -> Option<Micros> {
         let line = self.script.get(self.line).map(|line| self.round + line.at);
         let switched = self.switching.first().map(|(at, _)| *at);
@@ -136,7 +130,6 @@ impl Operator {
 }
 
 /// The same switches, and sticks and dial in the middle.
-#[must_use]
 pub const fn at_rest(controls: Controls) -> Controls {
     Controls { left: Stick::MIDDLE, right: Stick::MIDDLE, dial: 0.0, keys: 0, ..controls }
 }

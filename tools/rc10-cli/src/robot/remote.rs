@@ -45,7 +45,6 @@ pub struct ScriptLine {
 
 impl ScriptLine {
     /// Controls from this many milliseconds on.
-    #[must_use]
     pub const fn new(millis: u64, label: &'static str, controls: Controls) -> Self {
         Self { at: Micros::from_millis(millis), label, controls }
     }
@@ -103,7 +102,6 @@ impl ReceiverWire {
     }
 
     /// The robot's end of the wire.
-    #[must_use]
     pub fn port(&self) -> ReceiverPort {
         match self {
             Self::Serial(serial) => ReceiverPort::Serial(serial.port()),
@@ -132,7 +130,6 @@ pub enum ReceiverPort {
 
 impl RemoteControl {
     /// Creates a remote for any receiver, at UART5 or the board's input for pulses, whose script may repeat after a period.
-    #[must_use]
     pub fn new(receiver: Receiver, script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
         Self {
             receiver,
@@ -147,14 +144,12 @@ impl RemoteControl {
     }
 
     /// Creates the remote of a program, as [`new`](Self::new).
-    #[must_use]
     pub fn of<P: Program>(script: &[ScriptLine], repeats_after: Option<Micros>) -> Self {
         let of_receiver = Self::new(P::RECEIVER, script, repeats_after);
         Self { channels: P::CHANNELS, arming: P::ARMING, ..of_receiver }
     }
 
     /// The remote with its sticks at rest and its switches where they disarm.
-    #[must_use]
     pub fn safe(&self) -> Controls {
         let SwitchAt { switch, position } = self.arming.disarm;
         let position = match position {

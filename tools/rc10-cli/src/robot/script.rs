@@ -22,7 +22,6 @@ pub struct Script {
 
 impl Script {
     /// All events before `end`.
-    #[must_use]
     pub fn until(&self, end: Micros) -> Vec<Event> {
         let period = self.repeats_after.map_or(0, Micros::get);
         let repeats = end.get().checked_div(period).unwrap_or(0);

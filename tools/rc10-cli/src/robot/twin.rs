@@ -13,14 +13,12 @@ use crate::robot::motor::{Motor, Plant};
 
 impl Motor {
     /// The messages in the frames of the device.
-    #[must_use]
     pub fn messages(&self) -> Vec<Message> {
         self.frames().0
     }
 
     /// The messages in the frames of the device, and facts about the frames that a DBC file cannot
     /// express: a sentence each.
-    #[must_use]
     pub fn frames(&self) -> (Vec<Message>, &'static [&'static str]) {
         match &self.plant.own {
             Some(own) => (own.messages.to_vec(), own.not_in_dbc),

@@ -177,7 +177,6 @@ impl<'r> Emulation<'r> {
     }
 
     /// The base on its wheels, if that is simulated.
-    #[must_use]
     pub const fn base(&self) -> Option<&Base> {
         self.base.as_ref()
     }
@@ -300,7 +299,6 @@ impl Running for Emulation<'_> {
 }
 
 /// SHA-256 over identifier, length and data of all frames in the order of the wire, bus by bus.
-#[must_use]
 pub fn content_hash(rig: &Rig) -> String {
     let mut hash = Sha256::new();
     for log in &rig.logs {

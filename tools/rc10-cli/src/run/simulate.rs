@@ -50,7 +50,6 @@ fn record(
 }
 
 /// What a record of a robot says that is about to run in a simulation.
-#[must_use]
 pub fn heading<'a>(robot: &'a Robot<'_>, seed: u64) -> Heading<'a> {
     let (description, signals) = (robot.description(), robot.signals());
     Heading { seed, source: Source::Simulation, description, signals }
@@ -122,7 +121,6 @@ impl Emulation<'_> {
     }
 
     /// The heading of its record.
-    #[must_use]
     pub fn heading(&self) -> Heading<'_> {
         let Self { seed, description, .. } = self;
         Heading { seed: *seed, source: Source::Emulation, description, signals: &[] }

@@ -42,7 +42,6 @@ pub struct Sight<'a> {
 
 impl Sight<'_> {
     /// The remote from outside; `heard` are the robot's own counters.
-    #[must_use]
     pub fn remote(&self, heard: Option<Counters>) -> RemoteLook {
         RemoteLook {
             sample: RemoteSample { is_live: self.sent.back_since.is_some(), arm: self.arm },
@@ -75,7 +74,6 @@ impl Sight<'_> {
 
 impl Watch {
     /// Creates a watch for the losses of a robot's remote.
-    #[must_use]
     pub fn new(control: Option<&RemoteControl>) -> Self {
         let mut due = control.map_or_else(Vec::new, |control| control.lost.clone());
         due.reverse();
@@ -83,7 +81,6 @@ impl Watch {
     }
 
     /// The time of the next look.
-    #[must_use]
     pub fn next(&self, now: Micros) -> Option<Micros> {
         let due = self.due.last().map(|lost| lost.from);
         let soon = (!self.is_idle).then(|| now + STEP);

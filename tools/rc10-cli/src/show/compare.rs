@@ -81,7 +81,6 @@ fn late(track: &MotorTrack) -> Option<f64> {
 
 impl Comparison {
     /// Compares a run with an earlier one, of the same robot or another.
-    #[must_use]
     pub fn new(now: (&Recording, &Figures), name: String, before: Recording) -> Self {
         let earlier = Figures::of(&before);
         let is_heard = |track: &&MotorTrack| track.last.counters.received > 0;
@@ -122,7 +121,6 @@ impl Comparison {
     }
 
     /// The comparison in a sentence.
-    #[must_use]
     pub fn sentence(&self) -> String {
         let better = self.differences.iter().filter(|it| it.is_better).count();
         let (worse, alike) = (self.differences.len() - better, self.alike);
@@ -143,7 +141,6 @@ impl Comparison {
     }
 
     /// The comparison as JSON.
-    #[must_use]
     pub fn to_json(&self) -> Value {
         let one = |it: &Difference| {
             let Difference { label, what, unit, values: [before, now], is_better } = it;
@@ -154,7 +151,6 @@ impl Comparison {
     }
 
     /// The table of the figures that differ; `None` if all are alike.
-    #[must_use]
     pub fn table(&self) -> Option<Table> {
         let row = |it: &Difference| {
             let [before, now] = it.values.map(|value| number(Some(value), 2, ""));

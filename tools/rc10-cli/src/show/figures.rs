@@ -63,7 +63,6 @@ pub struct MotorFigures {
 
 impl Figures {
     /// The figures of a run.
-    #[must_use]
     pub fn of(recording: &Recording) -> Self {
         let of = |track| MotorFigures::of(track, recording.source);
         let motors: Vec<_> = recording.motors.iter().map(of).collect();
@@ -79,7 +78,6 @@ impl Figures {
     }
 
     /// Whether there is a problem.
-    #[must_use]
     pub fn any_problems(&self) -> bool {
         any(&self.problems)
     }
@@ -115,7 +113,6 @@ impl MotorFigures {
     }
 
     /// The error of each kind of target: `6.70 deg angle, 7.09 rpm speed`.
-    #[must_use]
     pub fn errors(&self) -> String {
         let one = |it: &Tracking| format!("{:.2} {} {}", it.rms(), unit(it.kind), noun(it.kind));
         self.tracking.iter().map(one).collect::<Vec<_>>().join(", ")
@@ -123,7 +120,6 @@ impl MotorFigures {
 }
 
 /// The unit of targets of a kind, and of their measurements.
-#[must_use]
 pub const fn unit(kind: TargetKind) -> &'static str {
     if is_angle(kind) { "deg" } else { "rpm" }
 }
@@ -212,7 +208,6 @@ impl Table {
 
     /// The table as text for a terminal. In one that is too narrow, columns that count nothing are left out, and the
     /// others stand below one another.
-    #[must_use]
     pub fn text(&self) -> String {
         self.text_in(width())
     }
@@ -394,7 +389,6 @@ pub(crate) const fn drive_name(drive: DriveMode) -> &'static str {
 }
 
 /// The verdict of a run, in a line or more: for the end of the output.
-#[must_use]
 pub fn verdict(recording: &Recording, figures: &Figures) -> String {
     // What no run of this robot shows is told where somebody tries it out.
     let is_told = |it: &&Problem| !it.is_standing() || !recording.mistakes.is_empty();
@@ -411,7 +405,6 @@ pub fn verdict(recording: &Recording, figures: &Figures) -> String {
 }
 
 /// The first line of the verdict.
-#[must_use]
 pub fn headline(recording: &Recording, figures: &Figures) -> String {
     match figures.found(Severity::Problem).count() {
         0 if recording.faults.is_empty() => {
@@ -428,7 +421,6 @@ pub fn headline(recording: &Recording, figures: &Figures) -> String {
 }
 
 /// An empty line, one for the receiver and one for each loss of the remote; empty without a remote.
-#[must_use]
 pub fn remote_lines(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
@@ -443,7 +435,6 @@ pub fn remote_lines(recording: &Recording) -> String {
 }
 
 /// One loss in words.
-#[must_use]
 pub fn sentence(loss: &Loss) -> String {
     let &Loss { lost, last_frame, coasting, back, resumed, disarmed } = loss;
     let at = |what: &str, time: Micros| format!("{what} {:.4} s", seconds(time));
@@ -476,7 +467,6 @@ pub fn sentence(loss: &Loss) -> String {
 }
 
 /// The remote as JSON; null without one.
-#[must_use]
 pub fn remote_json(recording: &Recording) -> Value {
     let Some(track) = &recording.remote else { return Value::Null };
     let micros = |time: Option<Micros>| time.map(Micros::get);
@@ -516,7 +506,6 @@ fn part_table(recording: &Recording) -> Option<Table> {
 }
 
 /// The parts on UARTs as JSON.
-#[must_use]
 pub fn parts_json(recording: &Recording) -> Value {
     let part = |part: &PartTrack| {
         let mut json = heard_json(&part.heard);
@@ -536,7 +525,6 @@ fn heard_json(heard: &Counters) -> Value {
 }
 
 /// All figures as one JSON object; `wall` is the real time of the run in seconds, if it is a run.
-#[must_use]
 pub fn to_json(recording: &Recording, figures: &Figures, wall: Option<f64>) -> Value {
     let motors = recording.motors.iter().zip(&figures.motors).map(|(track, figures)| {
         let MotorFigures { unit, target, measured, peak_current, loops, .. } = figures;
@@ -640,7 +628,6 @@ pub(crate) fn lines_json(recording: &Recording) -> Value {
 }
 
 /// The problems and the information as JSON.
-#[must_use]
 pub fn problems_json(figures: &Figures) -> Value {
     figures.problems.iter().map(Problem::to_json).collect()
 }
@@ -685,7 +672,6 @@ fn signal_table(recording: &Recording) -> Option<Table> {
 }
 
 /// The signals as JSON.
-#[must_use]
 pub fn signals_json(recording: &Recording) -> Value {
     let signal = |track: &SignalTrack| {
         let of = |index: usize| track.range.map(|range| range[index]);

@@ -42,7 +42,6 @@ const LISTED: usize = 60;
 /// The HTML report: verdict, events, plots and tables, the same bytes for the same recording. Plots
 /// leave out values that are not finite, and merge samples in runs of more than 40 s, keeping
 /// lowest and highest values.
-#[must_use]
 pub fn report(recording: &Recording, figures: &Figures) -> String {
     page(recording, figures, "", None)
 }

@@ -102,7 +102,6 @@ impl Margins {
     }
 
     /// Whether they are kept.
-    #[must_use]
     pub fn are_kept(&self) -> bool {
         self.gain >= LEAST && self.phase >= LEAST_PHASE && self.sensitivity < MOST_SENSITIVE
     }
@@ -148,7 +147,6 @@ impl Plant {
     }
 
     /// Margins of the speed loop, and of the angle loop around it.
-    #[must_use]
     pub fn margins(&self, cascade: &Cascade) -> [Margins; 2] {
         let speed = Margins::of(|w| self.speed_loop(cascade, w));
         let hold = 0.5e-3 * f64::from(cascade.outer_divider.max(1));
@@ -162,7 +160,6 @@ impl Plant {
 }
 
 /// The worst margins of all plants.
-#[must_use]
 pub fn margins(plants: &[Plant], cascade: &Cascade) -> [Margins; 2] {
     let all = plants.iter().map(|plant| plant.margins(cascade));
     let worse = |[a, b]: [Margins; 2], [c, d]: [Margins; 2]| [a.worse(c), b.worse(d)];

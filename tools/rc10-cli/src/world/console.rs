@@ -43,13 +43,11 @@ impl ConsoleLine {
     }
 
     /// The wire of the line.
-    #[must_use]
     pub const fn serial(&self) -> &Serial {
         &self.0
     }
 
     /// The robot's port, which waits like a chip's until its bytes have left.
-    #[must_use]
     pub fn port(&self) -> ConsolePort {
         ConsolePort(self.0.port())
     }

@@ -42,7 +42,6 @@ pub type Yaw<'r> = Rc<dyn Fn(Micros) -> Option<f64> + 'r>;
 
 impl<'r> Ports<'r> {
     /// The port of the motor with this index into [`Description::motors`], if plugged in here.
-    #[must_use]
     pub fn motor(&self, description: &Description, entry: usize) -> Option<MotorPort<'r>> {
         let motor = description.number(entry)?;
         let index = |number: u8| usize::from(number).checked_sub(1);

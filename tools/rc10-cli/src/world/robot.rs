@@ -80,7 +80,6 @@ fn boxed<'r, T>(name: TaskName, task: impl Future<Output = T> + 'r) -> Task<'r> 
 
 impl<'r> Robot<'r> {
     /// Creates a robot without buses and tasks.
-    #[must_use]
     pub fn new(description: Description) -> Self {
         Self { description, ..Self::default() }
     }
@@ -106,7 +105,6 @@ impl<'r> Robot<'r> {
 
     /// Creates a robot without tasks on buses and lines that have its motors: with its arm switch, a console for a
     /// PC and, if a remote is described, the task for its receiver.
-    #[must_use]
     pub fn on<N: Names>(
         description: Description,
         buses: impl IntoIterator<Item = MotorBus<'r>>,
@@ -362,7 +360,6 @@ impl<'r> Robot<'r> {
     }
 
     /// Bytes of a run's bus logs, by the planned load; 0 if they are not kept.
-    #[must_use]
     pub fn log_size(&self, length: Micros) -> u64 {
         if self.description.no_logs {
             return 0;
@@ -377,7 +374,6 @@ impl<'r> Robot<'r> {
     }
 
     /// The description of the robot.
-    #[must_use]
     pub const fn description(&self) -> &Description {
         &self.description
     }
@@ -387,7 +383,6 @@ impl<'r> Robot<'r> {
     }
 
     /// The ports of the buses and lines.
-    #[must_use]
     pub fn ports(&self) -> Ports<'r> {
         self.ports.clone()
     }
@@ -412,7 +407,6 @@ impl<'r> Robot<'r> {
     }
 
     /// The control loops of each motor in the table; `None` if they run in the device.
-    #[must_use]
     pub fn loops(&self) -> Vec<Option<Loops>> {
         let loops = |entry: usize| {
             let motor = self.description.number(entry)?;

@@ -116,7 +116,6 @@ pub struct Core {
 }
 
 /// A core with memories and no peripherals, after its reset: for programs that only compute.
-#[must_use]
 pub fn bare(memory: &Memory) -> Core {
     Core::new(memory, None)
 }
@@ -383,7 +382,6 @@ impl Core {
 
     /// Address of the next instruction.
     #[inline]
-    #[must_use]
     pub const fn program_counter(&self) -> u32 {
         self.r[15]
     }
@@ -396,7 +394,6 @@ impl Core {
 
     /// R0 ..= R15. At a function's first instruction the first ones are its arguments, R14 is its
     /// return address.
-    #[must_use]
     pub const fn registers(&self) -> [u32; 16] {
         self.r
     }

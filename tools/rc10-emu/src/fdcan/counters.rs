@@ -20,7 +20,6 @@ pub struct Spread {
 
 impl Spread {
     /// The mean, rounded down; 0 without a measurement.
-    #[must_use]
     pub fn mean(&self) -> Nanos {
         Nanos::new(self.sum.get().checked_div(self.count).unwrap_or(0))
     }

@@ -53,7 +53,6 @@ pub struct Fdcans {
 
 impl Fdcans {
     /// FDCANs after power-on: no kernel clock, no pins, noise in the message RAM by the seed.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self {
             controllers: std::array::from_fn(|_| Controller::new()),
@@ -94,7 +93,6 @@ impl Fdcans {
     }
 
     /// A word of the message RAM, 0 ..= 2559; `None` beyond.
-    #[must_use]
     pub fn read_ram(&self, word: usize) -> Option<u32> {
         self.ram.words.get(word).copied()
     }
@@ -105,7 +103,6 @@ impl Fdcans {
     }
 
     /// Times a controller went beyond the message RAM's end, where a register had sent it.
-    #[must_use]
     pub const fn ram_misses(&self) -> u64 {
         self.ram.misses
     }
@@ -136,13 +133,11 @@ impl Fdcans {
     }
 
     /// Both interrupt lines of each controller.
-    #[must_use]
     pub fn interrupt_lines(&self) -> [[bool; 2]; 3] {
         self.controllers.each_ref().map(|one| [one.interrupt_line(0), one.interrupt_line(1)])
     }
 
     /// Counters of one controller.
-    #[must_use]
     pub fn counters(&self, index: usize) -> Counters {
         self.controllers.get(index).map(|one| one.counters.clone()).unwrap_or_default()
     }
@@ -162,7 +157,6 @@ pub struct Node {
 
 impl Node {
     /// Controller 0, 1 or 2; any other is never on the bus.
-    #[must_use]
     pub const fn new(fdcans: Arc<Mutex<Fdcans>>, index: usize) -> Self {
         Self { fdcans, index }
     }

@@ -38,7 +38,6 @@ pub struct PinTime {
 
 impl PinTime {
     /// Share of the time that the pin was high, 0 ..= 1; 0 of no time.
-    #[must_use]
     pub fn share(&self) -> f64 {
         let time = self.until.since(self.since).get();
         if time == 0 { 0.0 } else { self.high.get() as f64 / time as f64 }
@@ -127,7 +126,6 @@ impl Soc {
 
     /// The level that the chip drives a pin to, as an output, a timer's channel or a driver's
     /// enable.
-    #[must_use]
     pub fn pin_output(&self, port: char, pin: usize) -> Option<bool> {
         self.output_at(pin_at((port, pin))?)
     }
@@ -397,7 +395,6 @@ impl Soc {
     }
 
     /// The level of a UART's driver enable pin, if it has one.
-    #[must_use]
     pub fn driver_enable(&self, uart: u8) -> Option<bool> {
         let usart = index_of(&USARTS, uart)?;
         pin_of(&self.ports, Signal::SerialEnable(usart))?;

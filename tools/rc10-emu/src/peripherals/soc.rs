@@ -102,7 +102,6 @@ pub struct Soc {
 impl Soc {
     /// Creates the peripherals at power-on, at time zero, but silences none; `memory` is what the
     /// DMAs see.
-    #[must_use]
     pub fn new(options: Options, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         let mut soc = Self {
             fdcan,
@@ -283,7 +282,6 @@ impl Soc {
     }
 
     /// Earliest time to call [`advance`](Self::advance) at; the FDCANs' wires have their own.
-    #[must_use]
     pub const fn next_event(&self) -> Option<Nanos> {
         self.next
     }
@@ -311,7 +309,6 @@ impl Soc {
     }
 
     /// Levels of the interrupt lines: bit n of word n / 32 is external interrupt n.
-    #[must_use]
     pub fn interrupt_levels(&self) -> [u32; INTERRUPT_WORDS] {
         let mut levels = self.levels;
         let lines = self.fdcans().interrupt_lines();
@@ -325,7 +322,6 @@ impl Soc {
 
     /// Clocks of the core that an access to a peripheral takes beyond the instruction's own. A
     /// posted write counts as a read: the next access waits for it. APB2 to APB4 count as APB1.
-    #[must_use]
     pub fn access_clocks(&self, address: u32) -> u64 {
         if !PERIPHERALS.contains(&address) {
             return 0;
@@ -341,7 +337,6 @@ impl Soc {
     }
 
     /// Whether the core's non-maskable interrupt is asked for: by clock security.
-    #[must_use]
     pub fn nmi(&self) -> bool {
         self.rcc.raises_nmi()
     }
@@ -355,13 +350,11 @@ impl Soc {
     }
 
     /// All clocks now; the core has 64 MHz after a reset.
-    #[must_use]
     pub const fn clocks(&self) -> Clocks {
         self.clocks
     }
 
     /// Time at which the system clock was switched to PLL1; `None` if not yet since the last reset.
-    #[must_use]
     pub const fn system_ready_at(&self) -> Option<Nanos> {
         self.rcc.system_ready_at
     }
@@ -377,13 +370,11 @@ impl Soc {
     }
 
     /// Number of accesses refused for this kind of reason since the chip exists.
-    #[must_use]
     pub fn count(&self, kind: AccessKind) -> u64 {
         self.counts.get(&discriminant(&kind)).copied().unwrap_or(0)
     }
 
     /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
-    #[must_use]
     pub fn memories_run(&self) -> [bool; 2] {
         self.rcc.memories_run()
     }
@@ -756,7 +747,6 @@ impl Soc {
     }
 
     /// The board that the chip is on.
-    #[must_use]
     pub const fn board(&self) -> Board {
         self.options.board
     }

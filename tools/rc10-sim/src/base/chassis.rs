@@ -88,7 +88,6 @@ impl Default for Steering {
 
 impl Wheel {
     /// A plain wheel that rolls ahead; inertia as of the wheels of [`Chassis::default`].
-    #[must_use]
     pub const fn plain(x: f64, y: f64, radius: f64) -> Self {
         let (direction, tread, inertia) = (0.0, Tread::Plain, 1.5e-3);
         Self { x, y, direction, tread, radius, inertia, steering: None }

@@ -94,13 +94,11 @@ impl CyberGear {
     }
 
     /// The six fault bits of its feedback, and those of its fault frame.
-    #[must_use]
     pub const fn faults(&self) -> (u8, u32) {
         (self.faults, self.details)
     }
 
     /// Position of its shaft as it counts it, rad, all turns included.
-    #[must_use]
     pub fn position(&self, shaft: &Shaft) -> f64 {
         shaft.radians() - self.zero
     }

@@ -35,7 +35,6 @@ pub struct Parameters {
 
 impl Parameters {
     /// As the model is sold (CyberGear manual, and RobStride manuals, parameter tables).
-    #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "short numbers from a table")]
     pub const fn new(model: &Model) -> Self {
         let robstride = model.robstride;

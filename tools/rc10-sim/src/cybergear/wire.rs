@@ -61,7 +61,6 @@ fn to_field(value: f64, low: f64, high: f64) -> u16 {
 
 /// The addressee, the sender and the command of a frame; `None` for a foreign frame, and for the
 /// command if the device does not take such a length or content.
-#[must_use]
 pub fn read(frame: &CanFrame, model: &Model) -> Option<(u8, u8, Option<Command>)> {
     if !frame.is_extended_id() || frame.is_remote() {
         return None;
@@ -133,7 +132,6 @@ fn frame(kind: u32, middle: u16, to: u8, data: [u8; 8]) -> CanFrame {
 }
 
 /// Type 2, or 24 when it was not asked for.
-#[must_use]
 pub fn feedback(unasked: bool, motor: u8, host: u8, report: &Report, model: &Model) -> CanFrame {
     let state = report.mode << 6 | report.faults & 0x3F;
     let words = [
@@ -156,13 +154,11 @@ fn tenths(celsius: f64) -> u16 {
 }
 
 /// Type 0: the motor's identifier and the number of its chip, to all nodes.
-#[must_use]
 pub fn identity(motor: u8, chip: [u8; 8]) -> CanFrame {
     frame(0, motor.into(), 0xFE, chip)
 }
 
 /// Type 17: what a parameter holds, or that it does not exist.
-#[must_use]
 pub fn parameter(motor: u8, host: u8, index: u16, value: Option<[u8; 4]>) -> CanFrame {
     let [low, high] = index.to_le_bytes();
     let [a, b, c, d] = value.unwrap_or_default();
@@ -172,7 +168,6 @@ pub fn parameter(motor: u8, host: u8, index: u16, value: Option<[u8; 4]>) -> Can
 }
 
 /// Type 21: what is wrong, and what will be.
-#[must_use]
 pub fn faults(motor: u8, host: u8, faults: u32, warnings: u32) -> CanFrame {
     let [a, b, c, d] = faults.to_le_bytes();
     let [e, f, g, h] = warnings.to_le_bytes();

@@ -34,7 +34,6 @@ impl Mode {
         [Self::Mit, Self::PositionVelocity, Self::Velocity, Self::ForcePosition];
 
     /// Offset of its commands' identifiers from the motor's own.
-    #[must_use]
     pub const fn offset(self) -> u32 {
         0x100 * (self as u32 - 1)
     }
@@ -55,7 +54,6 @@ pub enum Operation {
 
 impl Operation {
     /// The operation in a payload; `None` for another payload.
-    #[must_use]
     pub fn decode(payload: &[u8]) -> Option<Self> {
         let (last, ones) = payload.split_last()?;
         if ones != [0xFF; 7] {
@@ -111,7 +109,6 @@ impl Setpoint {
     /// The setpoint in a payload; `None` for a length or number that the mode does not have.
     ///
     /// A velocity is four bytes, and eight are taken too: the vendor's Python code sends so.
-    #[must_use]
     pub fn decode(mode: Mode, payload: &[u8], limits: &Limits) -> Option<Self> {
         let float =
             |bytes| Some(f32::from_le_bytes(bytes).into()).filter(|it: &f64| it.is_finite());
@@ -172,7 +169,6 @@ pub struct Report {
 
 impl Report {
     /// The eight bytes.
-    #[must_use]
     pub fn encode(&self, limits: &Limits) -> [u8; 8] {
         let nibble = (self.id & 0xF) as u8;
         let word = u64::from(self.code << 4 | nibble) << 56
@@ -200,7 +196,6 @@ pub enum Access {
 
 impl Access {
     /// The motor's identifier and the access; `None` for any other payload. Four bytes or eight.
-    #[must_use]
     pub fn decode(payload: &[u8]) -> Option<(u16, Self)> {
         let (head, rest) = payload.split_first_chunk::<4>()?;
         if !matches!(rest.len(), 0 | 4) {

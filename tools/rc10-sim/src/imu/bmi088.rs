@@ -31,7 +31,6 @@ impl Motion {
 
     /// Level in the middle of a base now, z up: gravity and the base's yaw rate. How the base
     /// gathers speed is left out.
-    #[must_use]
     pub fn of(base: &Base) -> Self {
         Self { rotation: [0.0, 0.0, base.twist().yaw], ..Self::REST }
     }
@@ -181,7 +180,6 @@ impl Default for Bmi088 {
 
 impl Bmi088 {
     /// Whether it follows an SPI clock of this mode (0 to 3) and frequency: data sheet, 6.1.
-    #[must_use]
     pub const fn understands(mode: u8, clock_hz: u64) -> bool {
         (mode == 0 || mode == 3) && clock_hz <= 10_000_000
     }

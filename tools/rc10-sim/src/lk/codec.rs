@@ -36,7 +36,6 @@ pub enum Order {
 }
 
 /// The command in a payload; `None` if there is no such.
-#[must_use]
 pub const fn decode(bytes: &[u8; 8]) -> Option<Order> {
     let word = i32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]);
     let half = i16::from_le_bytes([bytes[4], bytes[5]]);
@@ -80,7 +79,6 @@ pub struct State {
 }
 
 /// The answer to `9C` and to everything that moves: `command` is repeated.
-#[must_use]
 pub const fn encode_state(command: u8, state: State) -> [u8; 8] {
     let [current, current_high] = state.current.to_le_bytes();
     let [speed, speed_high] = state.speed.to_le_bytes();
@@ -90,7 +88,6 @@ pub const fn encode_state(command: u8, state: State) -> [u8; 8] {
 }
 
 /// The answer to `9A` and `9B`.
-#[must_use]
 pub fn encode_health(command: u8, temperature: i8, volts: f64, errors: u8) -> [u8; 8] {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let [low, high] = ((volts * 10.0).round() as u16).to_le_bytes();
@@ -99,7 +96,6 @@ pub fn encode_health(command: u8, temperature: i8, volts: f64, errors: u8) -> [u
 }
 
 /// The answer to `80`, `81` and `88`.
-#[must_use]
 pub const fn encode_echo(command: u8) -> [u8; 8] {
     [command, 0, 0, 0, 0, 0, 0, 0]
 }

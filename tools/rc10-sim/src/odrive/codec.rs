@@ -37,7 +37,6 @@ fn short(bytes: &[u8], first: usize) -> Option<i16> {
 }
 
 /// The command in a message; `None` if there is no such, or it is too short.
-#[must_use]
 pub fn decode(message: u8, bytes: &[u8]) -> Option<Order> {
     Some(match message {
         0x02 => Order::EStop,
@@ -66,32 +65,27 @@ fn floats(node: u8, message: u8, low: f64, high: f64) -> CanFrame {
 }
 
 /// `01`: error word, state, and three bytes that depend on the firmware.
-#[must_use]
 pub fn encode_heartbeat(node: u8, errors: u32, state: u8, details: [u8; 3]) -> CanFrame {
     let [a, b, c] = details;
     frame(node, 0x01, errors, u32::from_le_bytes([state, a, b, c]))
 }
 
 /// `09`: turns, turns/s.
-#[must_use]
 pub fn encode_estimates(node: u8, position: f64, velocity: f64) -> CanFrame {
     floats(node, 0x09, position, velocity)
 }
 
 /// `14`: what is asked for and what flows, A.
-#[must_use]
 pub fn encode_currents(node: u8, setpoint: f64, measured: f64) -> CanFrame {
     floats(node, 0x14, setpoint, measured)
 }
 
 /// `15`, firmware 0.6: power stage and motor, °C.
-#[must_use]
 pub fn encode_temperatures(node: u8, stage: f64, motor: f64) -> CanFrame {
     floats(node, 0x15, stage, motor)
 }
 
 /// `17`: V, A.
-#[must_use]
 pub fn encode_supply(node: u8, volts: f64, amps: f64) -> CanFrame {
     floats(node, 0x17, volts, amps)
 }

@@ -34,7 +34,6 @@ impl Crsf {
         SerialConfig { baud: 420_000, bits: 10, receive_capacity: 256 };
 
     /// A receiver that sends its first frame at `phase` after power-on.
-    #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
         Self { remote: remote.clone(), phase, next: Nanos::ZERO, packets: 0, quality: 0 }
     }

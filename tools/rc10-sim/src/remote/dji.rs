@@ -93,7 +93,6 @@ impl Dr16 {
         SerialConfig { baud: 100_000, bits: 11, receive_capacity: 256 };
 
     /// A receiver that sends its first frame at `phase` after power-on.
-    #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
         Self::with(remote, phase, Self::SERIAL, dr16)
     }
@@ -136,7 +135,6 @@ impl Vt03 {
         SerialConfig { baud: 921_600, bits: 10, receive_capacity: 256 };
 
     /// A receiver that sends its first frame at `phase` after power-on.
-    #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
         Self::with(remote, phase, Self::SERIAL, vt03)
     }

@@ -130,7 +130,6 @@ struct State {
 
 impl Remote {
     /// A remote that is switched on and untouched.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -150,7 +149,6 @@ impl Remote {
     }
 
     /// Positions of its sticks and switches.
-    #[must_use]
     pub fn controls(&self) -> Controls {
         self.0.borrow().controls
     }
@@ -161,7 +159,6 @@ impl Remote {
     }
 
     /// Counters of what its receiver has sent.
-    #[must_use]
     pub fn sent(&self) -> Sent {
         self.0.borrow().sent
     }

@@ -24,7 +24,6 @@ pub struct Ppm {
 
 impl Ppm {
     /// A receiver that sends its first frame at `phase` after power-on.
-    #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
         Self {
             remote: remote.clone(),

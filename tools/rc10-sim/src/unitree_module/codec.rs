@@ -65,7 +65,6 @@ const fn byte(id: u32, from: u32) -> u8 {
 
 impl Command {
     /// Reads a frame; `None` if it is not for a module at all.
-    #[must_use]
     pub fn unpack(frame: &CanFrame) -> Option<Self> {
         let id = frame.raw_id();
         // Bits 26 to 24: direction and content, zero in what goes to a module.
@@ -137,7 +136,6 @@ pub enum Told {
 
 impl Report {
     /// The frame that says it.
-    #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "saturates, as the device's own numbers do"

@@ -56,7 +56,6 @@ pub struct VescConfig {
 impl VescConfig {
     /// As it comes from the factory (bldc's `mcconf_default.h` and `appconf_default.h`), but for
     /// the plant; seven pole pairs. It reports nothing, and lets go after one second.
-    #[must_use]
     pub const fn new(id: u8, plant: Plant) -> Self {
         Self {
             id,
@@ -151,7 +150,6 @@ impl Vesc {
     }
 
     /// The control mode.
-    #[must_use]
     pub const fn mode(&self) -> Mode {
         self.control.mode
     }

@@ -127,7 +127,6 @@ pub enum Report {
 impl Report {
     /// Its frame, from the VESC of this id. Numbers are cut off towards zero, as the firmware does,
     /// and saturate, as it does not.
-    #[must_use]
     pub fn frame(&self, id: u8) -> CanFrame {
         let words = |[first, second]: [f64; 2]| word(first) << 32 | word(second);
         let halves = |[first, second]: [f64; 2]| half(first) << 16 | half(second);

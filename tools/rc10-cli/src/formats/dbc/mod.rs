@@ -60,7 +60,6 @@ impl From<&Motor> for Node {
 }
 
 /// The DBC file of a bus.
-#[must_use]
 pub fn of_bus(description: &Description, bus: u8) -> Dbc {
     let nodes: Vec<_> = description.on_bus(bus).map(Node::from).collect();
     Dbc::new(&format!("bus {bus}"), &nodes)

@@ -49,7 +49,6 @@ pub struct NamedSignal {
 
 impl Dbc {
     /// The contents for a bus with these devices.
-    #[must_use]
     pub fn new(bus: &str, devices: &[Node]) -> Self {
         let mut names = Names::default();
         let robot = (names.name(ROBOT), "the program of this robot".to_owned());

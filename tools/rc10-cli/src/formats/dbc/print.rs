@@ -9,7 +9,6 @@ use crate::formats::dbc::names::Name;
 
 impl Dbc {
     /// The file as bytes; characters that Windows-1252 does not have become question marks.
-    #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let text = self.to_string().replace('π', "pi");
         text.chars().map(|character| u8::try_from(character).unwrap_or(b'?')).collect()

@@ -81,7 +81,6 @@ pub struct Adapter {
 impl Adapter {
     /// Creates an adapter with a closed channel. `has_controller`: the wire's controller is this
     /// adapter's, because no robot is on the wire.
-    #[must_use]
     pub fn new(wire: Bus, flow: Flow, has_controller: bool) -> Self {
         let adapter = Self {
             wire,
@@ -203,7 +202,6 @@ impl Adapter {
     }
 
     /// Counters of the traffic so far.
-    #[must_use]
     pub fn counts(&self) -> Counts {
         Counts { not_sent: self.waiting.len() as u64, ..self.counts }
     }

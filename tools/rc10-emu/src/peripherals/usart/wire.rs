@@ -84,7 +84,6 @@ pub struct Character {
 
 impl Character {
     /// A good character at a rate in bits a second, from an idle-high wire.
-    #[must_use]
     pub fn new(value: u16, format: Format, baud: u32, start: Nanos) -> Self {
         let bit_fs = 1_000_000_000 * FEMTOS / u64::from(baud.max(1));
         Self { value, format, start, bit_fs, inverted: false, fault: None }
@@ -96,7 +95,6 @@ impl Character {
     }
 
     /// The end of its last stop bit.
-    #[must_use]
     pub fn end(&self) -> Nanos {
         self.at(self.format.sixteenths())
     }
