@@ -131,8 +131,8 @@ readings! {
     supply, with_supply: Volts;
 }
 
-/// An error that the device of a motor reports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// An error that the device of a motor reports, or a setting of it that differs from the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Fault {
@@ -140,12 +140,22 @@ pub struct Fault {
     pub code: u32,
     /// Meaning of the code.
     pub text: &'static str,
+    /// Of a setting: what the device holds, and what the table says, in the unit that the text names.
+    pub differs: Option<[f32; 2]>,
 }
 
 impl Fault {
     /// A fault.
     pub const fn new(code: u32, text: &'static str) -> Self {
-        Self { code, text }
+        Self { code, text, differs: None }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.text)?;
+        let Some([held, wanted]) = self.differs else { return Ok(()) };
+        write!(f, ": it holds {held}, the table says {wanted}")
     }
 }
 

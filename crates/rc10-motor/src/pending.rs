@@ -1,6 +1,6 @@
 //! A request that waits for its device: [`Pending`].
 
-use crate::motor::{DriveMode, Tick};
+use crate::motor::{DriveMode, Link, Tick};
 use crate::request::{RequestError, Response};
 
 /// The outcome of a request: a response or an error.
@@ -108,6 +108,32 @@ impl<Q: Copy> Pending<Q> {
                 Some(asked.question)
             }
             _ => None,
+        }
+    }
+
+    /// One tick later, in which a `check` of ours takes the place that no request needs, while it is `wanted`
+    /// and the device is heard. Returns whether it stayed without an answer.
+    pub fn update_with(&mut self, tick: &Tick, check: Q, retry: Retry, is_wanted: bool) -> bool
+    where
+        Q: PartialEq,
+    {
+        if tick.link != Link::Online {
+            self.cancel_if(check);
+        } else if self.asked.is_none() && is_wanted {
+            self.replace(check, retry);
+        }
+        let was_checking = self.question() == Some(check);
+        self.update(tick);
+        was_checking && self.asked.is_none() && self.take_outcome().is_some()
+    }
+
+    /// Drops this question, if it is the one in flight.
+    pub fn cancel_if(&mut self, question: Q)
+    where
+        Q: PartialEq,
+    {
+        if self.question() == Some(question) {
+            self.cancel();
         }
     }
 

@@ -2,6 +2,7 @@
 
 use rc10_app::{Cascade, ConfigError, Direction, FeedForward, PidConfig, RpmPerSecond, ok};
 use rc10_can::IdPattern;
+use rc10_time::Micros;
 
 use super::wire::Address;
 use crate::can_ids::{CanIds, Frames, Rate};
@@ -170,13 +171,24 @@ pub struct Config {
     pub direction: Direction,
     /// Loops of ours, efforts in N m.
     pub cascade: Cascade,
+    /// Silence after which a RobStride stops by itself, its `canTimeout`: at most this long. Read before it
+    /// is ever enabled, and again when it comes back; without one, as it is sold, a motor whose cable is cut
+    /// keeps its last torque. Zero: it is not looked at, as of a CyberGear, which has none.
+    pub timeout: Micros,
 }
 
 impl Config {
-    /// A motor of the model, turning forward, with the gains that come with the model.
+    /// A motor of the model, turning forward, with the gains that come with the model; a RobStride has a
+    /// time-out of at most 100 ms.
     pub const fn new(model: &Model, address: Address) -> Self {
         let (direction, cascade) = (Direction::Forward, model.cascade);
-        Self { model: *model, address, direction, cascade }
+        let timeout = Micros::from_millis(if model.saves { 100 } else { 0 });
+        Self { model: *model, address, direction, cascade, timeout }
+    }
+
+    /// The longest [time-out](Self::timeout) that it may have: 10 ms and more, or zero for any and none.
+    pub const fn with_timeout(self, timeout: Micros) -> Self {
+        Self { timeout, ..self }
     }
 
     /// The position range in rad, up to 15: a CyberGear has 12.5 or 4π, RS00 before 0.0.2.6 12.5.
@@ -192,6 +204,10 @@ impl Config {
         let is_good = host != motor && host < EVERY_DEVICE;
         let must_be = "below 254, and not the motor's own identifier";
         ok!(ConfigError::check(is_good, "host", host as f32, must_be));
+        let millis = self.timeout.get() as f32 / 1e3;
+        let is_good = millis == 0.0 || millis >= 10.0 && self.model.saves;
+        let must_be = "10 ms and more, or zero; zero of a CyberGear, which has none";
+        ok!(ConfigError::check(is_good, "timeout", millis, must_be));
         let limits = &self.model.limits;
         let is_good = limits.position <= LARGEST_RANGE;
         ok!(ConfigError::check(is_good, "position", limits.position, "at most 15 rad"));

@@ -5,7 +5,7 @@ use rc10_can::{CanFrame, IdPattern};
 use rc10_time::Micros;
 
 use super::config::{Config, MOTION, Model};
-use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
+use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply, TIMEOUT_STEPS};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
@@ -30,6 +30,9 @@ pub struct CyberGear {
     /// A parameter that was written in the last tick, to be read back in this one.
     read_back: Option<Parameter>,
     reported: Option<wire::Feedback>,
+    /// The longest time-out that it may have, ms, zero for any; and whether it is known to have one.
+    timeout: f32,
+    has_timeout: bool,
     fault: Option<Fault>,
     drive: DriveMode,
     setpoint: Setpoint,
@@ -60,6 +63,8 @@ enum Question {
     /// Be at zero here.
     Zero,
     Save,
+    /// Which time-out it has; no request of the robot's.
+    Timeout,
 }
 
 impl Question {
@@ -70,13 +75,16 @@ impl Question {
             // ticks are silent before it: what comes afterwards has one cause only.
             Self::Save => Retry { delay: 0.0025, ..Retry::new(0.5, 1) }.only_while_off(),
             Self::Write(..) | Self::Zero => retry.only_while_off(),
-            Self::Read(_) | Self::ClearFaults => retry,
+            Self::Read(_) | Self::ClearFaults | Self::Timeout => retry,
         }
     }
 }
 
 /// The device's shaft is free while it is zeroed, and may move a little meanwhile; rad.
 const AT_ZERO: f32 = 0.1;
+const BAD_TIMEOUT: Fault =
+    Fault::new(0x7028, "canTimeout (0x7028, ms) is 0, which is never, or too long");
+const NO_TIMEOUT: Fault = Fault::new(0x17028, "its firmware does not tell canTimeout (0x7028)");
 /// The answer of a device to a parameter that it does not have (RobStride manuals, type 17).
 const UNKNOWN_PARAMETER: u32 = 1;
 
@@ -84,7 +92,7 @@ impl CyberGear {
     /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
-        let Config { model, address, direction, cascade } = config;
+        let Config { model, address, direction, cascade, timeout } = config;
         Ok(Self {
             model,
             address,
@@ -94,6 +102,8 @@ impl CyberGear {
             pending: Pending::new(),
             read_back: None,
             reported: None,
+            timeout: timeout.get() as f32 / 1e3,
+            has_timeout: false,
             fault: None,
             drive: DriveMode::Off,
             setpoint: Setpoint::COAST,
@@ -105,9 +115,14 @@ impl CyberGear {
         u32::from(self.address.motor) << 8 | u32::from(self.address.host)
     }
 
+    /// Whether the device is known to be set up as configured.
+    const fn is_checked(&self) -> bool {
+        self.has_timeout || self.timeout == 0.0
+    }
+
     /// One step of what leads to [`Step::Running`] or back.
     fn advance(&mut self, tick: &Tick) {
-        let may_run = tick.link == Link::Online && self.fault.is_none();
+        let may_run = tick.link == Link::Online && self.fault.is_none() && self.is_checked();
         let is_wanted = match tick.mode {
             DriveMode::Off => false,
             // Nothing needs to be enabled for that.
@@ -134,7 +149,7 @@ impl CyberGear {
             Some(Question::Save) => self.pending.end(Ok(Response::Done)),
             Some(Question::ClearFaults) => match reported.faults {
                 0 => {
-                    self.fault = None;
+                    (self.fault, self.has_timeout) = (None, false);
                     self.pending.end(Ok(Response::Done));
                 }
                 bits => self.pending.fail_with(RequestError::Refused(bits.into())),
@@ -152,6 +167,10 @@ impl CyberGear {
         if jump.is_some() {
             // Of its turns and of its angle in them it knows nothing more: the shaft stays.
             self.ranged.shaft.count_gap();
+        }
+        if jump.is_some() || link != Link::Online {
+            self.has_timeout = false;
+            self.pending.cancel_if(Question::Timeout);
         }
         let runs = reported.mode == Mode::Run;
         self.step = match self.step {
@@ -183,7 +202,12 @@ impl CyberGear {
             Some(Question::Read(asked)) if asked == value.parameter => {
                 self.pending.end(Ok(Response::Register(held)));
             }
+            Some(Question::Timeout) if value.parameter == Parameter::TIMEOUT => {
+                self.pending.cancel();
+                return self.hear_timeout(held, value.refused);
+            }
             Some(Question::Write(asked, bytes)) if asked == value.parameter => {
+                self.has_timeout = false;
                 if value.bytes == bytes {
                     self.pending.end(Ok(Response::Done));
                 } else {
@@ -191,10 +215,24 @@ impl CyberGear {
                 }
             }
             // On a busy bus it is asked for once more before the answer is there.
-            _ if is_run_mode => {}
+            _ if is_run_mode || value.parameter == Parameter::TIMEOUT => {}
             _ => return Err(FrameError::Unasked),
         }
         Ok(FrameKind::Other)
+    }
+
+    fn hear_timeout(&mut self, held: u32, is_unknown: bool) -> Heard {
+        let [held, most] = [held as f32 / TIMEOUT_STEPS, self.timeout];
+        let fault = if is_unknown {
+            NO_TIMEOUT
+        } else if held > 0.0 && held <= most {
+            self.has_timeout = true;
+            return Ok(FrameKind::Other);
+        } else {
+            Fault { differs: Some([held, most]), ..BAD_TIMEOUT }
+        };
+        self.fault = self.fault.or(Some(fault));
+        Ok(FrameKind::Fault)
     }
 
     /// The question of this tick: one of a request, or about the run mode.
@@ -212,6 +250,7 @@ impl CyberGear {
             }
             Some(Question::Zero) => return Some(wire::set_zero(to)),
             Some(Question::Save) => return Some(wire::save(to)),
+            Some(Question::Timeout) => return Some(wire::read(to, Parameter::TIMEOUT)),
             Some(Question::ClearFaults) | None => {}
         }
         match self.step {
@@ -260,10 +299,14 @@ impl Motor for CyberGear {
             self.servo.rest();
         }
         self.setpoint = self.ranged.setpoint_of(&self.servo);
-        self.pending.update(tick);
+        let (check, is_wanted) = (Question::Timeout, self.fault.is_none() && !self.is_checked());
+        if self.pending.update_with(tick, check, check.retry(), is_wanted) {
+            self.fault = self.fault.or(Some(NO_TIMEOUT));
+        }
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
+        self.pending.cancel_if(Question::Timeout);
         self.pending.check_free()?;
         let question = match request {
             Request::ClearFault if self.fault.is_none() => return Ok(Response::Done),
@@ -282,7 +325,8 @@ impl Motor for CyberGear {
 
     fn condition(&self) -> Condition {
         let is_wanted = matches!(self.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run);
-        if is_wanted && self.step != Step::Running { Condition::Starting } else { Condition::Ready }
+        let is_starting = !self.is_checked() || (is_wanted && self.step != Step::Running);
+        if is_starting { Condition::Starting } else { Condition::Ready }
     }
 }
 

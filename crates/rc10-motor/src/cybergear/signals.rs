@@ -4,7 +4,7 @@ use heapless::Vec;
 use rc10_can::{CanFrame, IdPattern};
 
 use super::config::{CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
-use super::wire::{self, Address, Parameter, kind};
+use super::wire::{self, Address, Parameter, TIMEOUT_STEPS, kind};
 use crate::mit::spread;
 use crate::signals::{ByteOrder, Message, Presence, Signal};
 
@@ -97,17 +97,19 @@ pub fn messages(model: &Model, address: Address, scaled: &'static Scaled) -> Vec
     let Scaled { feedback, state, motion } = scaled;
     let faults: &[_] = if robstride { &ROBSTRIDE_FAULTS } else { &CYBERGEAR_FAULTS };
     let parameter = Parameter::RUN_MODE;
+    let parameters =
+        if robstride { PARAMETERS.as_slice() } else { &PARAMETERS[..PARAMETERS.len() - 1] };
     let mut all = Vec::new();
     let plain = [
         from(kind::FEEDBACK, 0, name!("FEEDBACK_STOPPED"), feedback),
         from(kind::FEEDBACK, 2, name!("FEEDBACK_RUNNING"), feedback),
         from(kind::FAULTS, 0, name!("FAULTS"), faults),
-        from(kind::READ, 0, name!("PARAMETER"), &PARAMETERS),
+        from(kind::READ, 0, name!("PARAMETER"), parameters),
         to(wire::enable(address), name!("ENABLE"), &[]),
         to(wire::stop(address), name!("STOP"), &STOP),
         to(wire::set_zero(address), name!("SET_ZERO"), &[]),
         to(wire::read(address, parameter), name!("READ_PARAMETER"), &READ),
-        to(wire::write(address, parameter, [0; 4]), name!("WRITE_PARAMETER"), &PARAMETERS),
+        to(wire::write(address, parameter, [0; 4]), name!("WRITE_PARAMETER"), parameters),
         to(wire::identify(address), name!("IDENTIFY"), &[]),
         // 0xFE instead of a host: to everybody.
         with_id(kind::IDENTITY, 0, motor, 0xFE, name!("IDENTITY"), true, &IDENTITY),
@@ -199,8 +201,8 @@ static ROBSTRIDE_FAULTS: [Signal; 12] = [
 const INDEX: Signal = Signal::little("INDEX", 0, 2).named(&PARAMETER_NAMES);
 
 /// Names of the parameters, for what tells which one is meant.
-static PARAMETER_NAMES: [(u32, &str); 10] = {
-    let mut names = [(0, ""); 10];
+static PARAMETER_NAMES: [(u32, &str); PARAMETER_SIGNALS.len()] = {
+    let mut names = [(0, ""); PARAMETER_SIGNALS.len()];
     let mut index = 0;
     while index < names.len() {
         let signal = &PARAMETER_SIGNALS[index];
@@ -218,7 +220,7 @@ const fn real(name: &'static str, parameter: Parameter, unit: &'static str) -> S
     Signal::little(name, 4, 4).float().scaled(1.0, unit).when(Presence::If(parameter.0 as u32))
 }
 
-const PARAMETER_SIGNALS: [Signal; 10] = [
+const PARAMETER_SIGNALS: [Signal; 11] = [
     Signal::little("RUN_MODE", 4, 1)
         .named(&[(0, "motion"), (1, "position"), (2, "velocity"), (3, "current")])
         .when(Presence::If(Parameter::RUN_MODE.0 as u32)),
@@ -231,9 +233,13 @@ const PARAMETER_SIGNALS: [Signal; 10] = [
     real("MEASURED_POSITION", Parameter::MEASURED_POSITION, "rad"),
     real("MEASURED_VELOCITY", Parameter::MEASURED_VELOCITY, "rad/s"),
     real("SUPPLY", Parameter::SUPPLY, "V"),
+    // The last: a CyberGear has none.
+    Signal::little("CAN_TIMEOUT", 4, 4)
+        .scaled(1.0 / TIMEOUT_STEPS as f64, "ms")
+        .when(Presence::If(Parameter::TIMEOUT.0 as u32)),
 ];
 
-static PARAMETERS: [Signal; 11] = {
-    let [a, b, c, d, e, f, g, h, i, j] = PARAMETER_SIGNALS;
-    [INDEX.when(Presence::Switch), a, b, c, d, e, f, g, h, i, j]
+static PARAMETERS: [Signal; 12] = {
+    let [a, b, c, d, e, f, g, h, i, j, k] = PARAMETER_SIGNALS;
+    [INDEX.when(Presence::Switch), a, b, c, d, e, f, g, h, i, j, k]
 };

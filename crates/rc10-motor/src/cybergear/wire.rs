@@ -109,6 +109,8 @@ impl Parameter {
     pub const VELOCITY_LIMIT: Self = Self(0x7017);
     /// Largest current, A.
     pub const CURRENT_LIMIT: Self = Self(0x7018);
+    /// `canTimeout` of a RobStride: silence after which it stops, in steps of 50 µs; 0: never.
+    pub const TIMEOUT: Self = Self(0x7028);
     /// Position of the shaft, rad, all turns counted; read only.
     pub const MEASURED_POSITION: Self = Self(0x7019);
     /// Velocity of the shaft, rad/s; read only.
@@ -116,6 +118,9 @@ impl Parameter {
     /// Supply, V; read only.
     pub const SUPPLY: Self = Self(0x701C);
 }
+
+/// Steps of [`Parameter::TIMEOUT`] in a millisecond.
+pub(super) const TIMEOUT_STEPS: f32 = 20.0;
 
 /// Asks for a parameter; answered with [`Reply::Parameter`].
 pub fn read(to: Address, parameter: Parameter) -> CanFrame {

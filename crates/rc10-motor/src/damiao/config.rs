@@ -2,6 +2,7 @@
 
 use rc10_app::{Cascade, ConfigError, Direction, Rpm, ok};
 use rc10_can::IdPattern;
+use rc10_time::Micros;
 
 use super::wire::{DeviceId, Mode, REGISTERS};
 use crate::can_ids::{CanIds, Frames, Guard, Ownership, Rate};
@@ -131,17 +132,26 @@ pub struct Config {
     pub control: Control,
     /// Which way its output shaft counts.
     pub direction: Direction,
-    /// Whether registers 10 and 21 to 23 are read, and compared with mode and limits, before the
-    /// motor is ever enabled, and again when it comes back. Without, wrong limits scale every value
+    /// Whether registers 9, 10 and 21 to 23 are read, and compared with time-out, mode and limits, before
+    /// the motor is ever enabled, and again when it comes back. Without, wrong limits scale every value
     /// and nothing tells: only for firmware that knows no registers.
     pub verify: bool,
+    /// Silence after which it stops by itself, register 9: at most this long. Zero: it is not looked at.
+    /// Without a time-out, as it is sold, a motor whose cable is cut keeps its last torque.
+    pub timeout: Micros,
 }
 
 impl Config {
-    /// The motor with these identifiers and this control, turning forward, its registers verified.
+    /// The motor with these identifiers and this control, turning forward, its registers verified, with
+    /// a time-out of at most 100 ms.
     pub const fn new(model: Model, can_id: u16, master_id: u16, control: Control) -> Self {
-        let (direction, verify) = (Direction::Forward, true);
-        Self { model, can_id, master_id, control, direction, verify }
+        let (direction, verify, timeout) = (Direction::Forward, true, Micros::from_millis(100));
+        Self { model, can_id, master_id, control, direction, verify, timeout }
+    }
+
+    /// The longest [time-out](Self::timeout) that it may have: 10 ms and more, or zero for any and none.
+    pub const fn with_timeout(self, timeout: Micros) -> Self {
+        Self { timeout, ..self }
     }
 
     /// Whether its [registers are verified](Self::verify).
@@ -157,6 +167,8 @@ impl Config {
         let is_good = master_id < REGISTERS && (master_id ^ can_id) & 0xFF != 0;
         let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
         ok!(ConfigError::check(is_good, "MST_ID", master_id as f32, must_be));
+        let (millis, must_be) = (self.timeout.get() as f32 / 1e3, "10 ms and more, or zero");
+        ok!(ConfigError::check(millis == 0.0 || millis >= 10.0, "timeout", millis, must_be));
         ok!(model.limits.validate());
         control.validate(&model.limits)
     }

@@ -8,12 +8,12 @@ use rc10_time::Micros;
 
 use super::config::{Config, Model, Own, can_ids, side};
 use super::registers::{Access, CHECKED, NO_ANSWER, Register, Reply, check, reply_to};
-use super::wire::{self, DeviceId, Mode, Operation, State, operate};
+use super::wire::{self, DeviceId, Mode, Operation, State, TIMED_OUT, operate};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, standard};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
-use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedShaft};
+use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND, RangedShaft};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
@@ -31,10 +31,14 @@ pub struct Damiao {
     ranged: RangedShaft,
     /// Whether the [`CHECKED`] registers are, and the next of them.
     verify: bool,
+    /// The longest time-out that it may have, ms; zero for any.
+    timeout: f32,
     next_check: usize,
     pending: Pending<Question>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
+    /// Its time-out ran out while it was not heard: no fault, and cleared without being asked.
+    was_cut_off: bool,
     drive: DriveMode,
     command: Command,
     /// The operation goes to the bare identifier, not to the mode's.
@@ -80,7 +84,7 @@ impl Damiao {
     /// The motor that is set up like this; [`ConfigError`] names a field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.validate()?;
-        let Config { model, can_id, master_id, control, direction, verify } = config;
+        let Config { model, can_id, master_id, control, direction, verify, timeout } = config;
         let id = DeviceId::new(can_id);
         Ok(Self {
             model,
@@ -90,10 +94,12 @@ impl Damiao {
             side: side(control, &model.limits),
             ranged: RangedShaft::new(&model.limits, direction),
             verify,
+            timeout: timeout.get() as f32 / 1e3,
             next_check: 0,
             pending: Pending::new(),
             reported: None,
             fault: None,
+            was_cut_off: false,
             drive: DriveMode::Off,
             command: Command::Operate(Operation::Disable),
             is_bare: false,
@@ -181,32 +187,34 @@ impl Damiao {
 
     /// Whether the device is known to be set up as configured.
     const fn is_checked(&self) -> bool {
-        !self.verify || self.next_check >= CHECKED.len()
+        // The time-out is the last of them.
+        let count = CHECKED.len() - (self.timeout == 0.0) as usize;
+        !self.verify || self.next_check >= count
+    }
+
+    /// The value that a [`CHECKED`] register is to hold.
+    const fn wanted(&self, register: Register) -> f32 {
+        let Limits { position, velocity, torque, .. } = self.model.limits;
+        match register {
+            Register::MODE => self.mode as u32 as f32,
+            Register::POSITION_LIMIT => position,
+            Register::VELOCITY_LIMIT => velocity,
+            Register::TORQUE_LIMIT => torque,
+            _ => self.timeout,
+        }
     }
 
     /// Nothing is known of the device any more.
     fn check_again(&mut self) {
         self.next_check = 0;
-        self.cancel_check();
-    }
-
-    fn cancel_check(&mut self) {
-        if self.pending.question() == Some(Question::Check) {
-            self.pending.cancel();
-        }
+        self.pending.cancel_if(Question::Check);
     }
 
     /// One tick of the question in flight; without one, the next check.
     fn update_pending(&mut self, tick: &Tick) {
-        let question = self.pending.question();
-        if tick.link != Link::Online {
-            self.cancel_check();
-        } else if question.is_none() && self.fault.is_none() && !self.is_checked() {
-            self.pending.replace(Question::Check, Question::Check.retry());
-        }
-        self.pending.update(tick);
-        if question == Some(Question::Check) && self.pending.question() != question {
-            self.fault = self.fault.or(self.pending.take_outcome().map(|_| NO_ANSWER));
+        let (check, is_wanted) = (Question::Check, self.fault.is_none() && !self.is_checked());
+        if self.pending.update_with(tick, check, check.retry(), is_wanted) {
+            self.fault = self.fault.or(Some(NO_ANSWER));
         }
     }
 
@@ -241,10 +249,10 @@ impl Damiao {
         let access = self.access().filter(|access| reply.answers(self.id, access));
         let access = access.ok_or(FrameError::Unasked)?;
         let held = reply.held.map(|(_, value)| value);
-        if let (Some(Question::Check), Some(checked)) =
-            (self.pending.question(), CHECKED.get(self.next_check))
+        if let (Some(Question::Check), Some(checked), Some(held)) =
+            (self.pending.question(), CHECKED.get(self.next_check), held)
         {
-            let fault = check(checked, held, self.mode, &self.model.limits);
+            let fault = check(checked, held, self.wanted(checked.0));
             self.pending.cancel();
             self.next_check += usize::from(fault.is_none());
             self.fault = self.fault.or(fault);
@@ -350,7 +358,11 @@ impl Motor for Damiao {
             return;
         }
         self.side.rest();
-        let usual = if is_driven { Operation::Enable } else { Operation::Disable };
+        let usual = match (self.was_cut_off, is_driven) {
+            (true, _) => Operation::ClearError,
+            (_, true) => Operation::Enable,
+            (_, false) => Operation::Disable,
+        };
         let operation = match self.pending.question() {
             Some(Question::Operate(asked)) => self.pending.take_due().map_or(usual, |_| asked),
             _ => usual,
@@ -359,7 +371,7 @@ impl Motor for Damiao {
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        self.cancel_check();
+        self.pending.cancel_if(Question::Check);
         self.pending.check_free()?;
         let register = |number: u16| {
             let error = ConfigError::new("register", number.into(), "255 or less");
@@ -437,7 +449,10 @@ impl CanMotor for Damiao {
             self.side.rest();
         }
         self.reported = Some(reported);
-        self.fault = reported.state.fault().or(self.fault);
+        let is_unheard = self.was_cut_off || link != Link::Online;
+        self.was_cut_off = is_unheard && reported.state == TIMED_OUT;
+        let fault = reported.state.fault().filter(|_| !self.was_cut_off);
+        self.fault = fault.or(self.fault);
         Ok(if self.fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
     }
 

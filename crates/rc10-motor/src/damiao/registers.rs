@@ -5,10 +5,9 @@
 use rc10_app::ConfigError;
 use rc10_can::CanFrame;
 
-use super::wire::{DeviceId, Mode, REGISTERS};
+use super::wire::{DeviceId, REGISTERS};
 use crate::can_ids::standard;
 use crate::feedback::Fault;
-use crate::mit::Limits;
 use crate::motor::FrameError;
 
 /// A register, by its number.
@@ -232,35 +231,41 @@ pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, F
 }
 
 /// The registers compared with the configuration before enabling, and the fault if they differ.
-pub(super) const CHECKED: [(Register, &str); 4] = [
-    (Register::MODE, "register 10 (CTRL_MODE) is not the control mode configured"),
-    (Register::POSITION_LIMIT, "register 21 (PMAX) is not the limit configured"),
-    (Register::VELOCITY_LIMIT, "register 22 (VMAX) is not the limit configured"),
-    (Register::TORQUE_LIMIT, "register 23 (TMAX) is not the limit configured"),
+pub(super) const CHECKED: [(Register, &str); 5] = [
+    (Register::MODE, "register 10 (CTRL_MODE) is another control mode"),
+    (Register::POSITION_LIMIT, "register 21 (PMAX, rad) is another limit"),
+    (Register::VELOCITY_LIMIT, "register 22 (VMAX, rad/s) is another limit"),
+    (Register::TORQUE_LIMIT, "register 23 (TMAX, N m) is another limit"),
+    (Register::TIMEOUT, "register 9 (TIMEOUT, ms) is 0, which is never, or too long"),
 ];
 /// The code of such a fault, less the register's number.
 const NOT_AS_CONFIGURED: u32 = 0x100;
 pub(super) const NO_ANSWER: Fault =
     Fault::new(0x1FF, "it answers, but not when asked for its registers");
+/// Unit of [`Register::TIMEOUT`], ms.
+pub(super) const TIMEOUT_STEP: f32 = 0.05;
 /// Two limits that differ by this share are one: 12.566 and 4π.
 const SAME: f32 = 1e-3;
 
-/// The fault of a register that holds `held`; `None` if it is as configured.
+/// The fault of a register that holds `held`; `None` if it is as wanted. A [time-out](Register::TIMEOUT)
+/// may be shorter, and is in ms.
 pub(super) fn check(
     &(register, text): &(Register, &'static str),
-    held: Option<Value>,
-    mode: Mode,
-    limits: &Limits,
+    held: Value,
+    wanted: f32,
 ) -> Option<Fault> {
-    let same = |held: f32, wanted: f32| (held - wanted).abs() <= wanted * SAME;
-    let is_good = match (register, held) {
-        (Register::MODE, Some(Value::Whole(held))) => held == mode as u32,
-        (Register::POSITION_LIMIT, Some(Value::Real(held))) => same(held, limits.position),
-        (Register::VELOCITY_LIMIT, Some(Value::Real(held))) => same(held, limits.velocity),
-        (Register::TORQUE_LIMIT, Some(Value::Real(held))) => same(held, limits.torque),
-        _ => false,
+    let is_timeout = register == Register::TIMEOUT;
+    let held = match held {
+        Value::Real(held) => held,
+        Value::Whole(steps) if is_timeout => steps as f32 * TIMEOUT_STEP,
+        Value::Whole(held) => held as f32,
     };
-    (!is_good).then(|| Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text))
+    let is_good = match is_timeout {
+        true => held > 0.0 && held <= wanted,
+        false => (held - wanted).abs() <= wanted * SAME,
+    };
+    let fault = Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text);
+    (!is_good).then_some(Fault { differs: Some([held, wanted]), ..fault })
 }
 
 #[cfg(test)]

@@ -161,6 +161,9 @@ pub enum State {
     Error(u8),
 }
 
+/// The state of a motor whose [time-out](super::registers::Register::TIMEOUT) ran out.
+pub(super) const TIMED_OUT: State = State::Error(0xD);
+
 /// States of a motor on the wire: manuals of J4310 and S3519 (5, 6).
 pub(super) const ERRORS: [(u32, &str); 11] = [
     (0x0, "disabled"),

@@ -148,7 +148,7 @@ fn geared(esc: Esc, plant: &rc10_sim::Plant, ratio: f32) -> Esc {
 }
 
 fn damiao(config: &damiao::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
-    let &damiao::Config { model, can_id, master_id, ref control, .. } = config;
+    let &damiao::Config { model, can_id, master_id, ref control, timeout, .. } = config;
     let mut twin = match model {
         model if model.name == damiao::models::J4310.name => DamiaoConfig::j4310(can_id, master_id),
         model if model.name == damiao::models::J8009.name => DamiaoConfig::j8009(can_id, master_id),
@@ -160,8 +160,14 @@ fn damiao(config: &damiao::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
         damiao::Mode::Velocity => Mode::Velocity,
         damiao::Mode::ForcePosition => Mode::ForcePosition,
     };
+    twin.timeout = steps(timeout)?;
     let plant = twin.plant.with_load_inertia(inertia);
     Ok(wire.add(rc10_sim::damiao::Damiao::new(&twin), plant))
+}
+
+/// A time-out as Damiao and RobStride count it: in 50 µs.
+fn steps(timeout: Micros) -> Result<u32> {
+    Ok(u32::try_from(timeout.get() / 50)?)
 }
 
 fn cybergear(config: &cybergear::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
@@ -170,7 +176,8 @@ fn cybergear(config: &cybergear::Config, wire: &Bus, inertia: f64) -> Result<Esc
     let mut model = *known;
     model.position = config.model.limits.position.into();
     let plant = model.plant().with_load_inertia(inertia);
-    let twin = rc10_sim::cybergear::CyberGear::new(&model, config.address.motor);
+    let twin = rc10_sim::cybergear::CyberGear::new(&model, config.address.motor)
+        .with_timeout(steps(config.timeout)?);
     Ok(wire.add(twin, plant))
 }
 

@@ -40,7 +40,9 @@ fn motor<C: Check>(
             .unwrap()
         },
         |wire, motor| {
-            wire.add(sim::CyberGear::new(device, motor), device.plant().with_load_inertia(inertia))
+            let timeout = if model.saves { 2000 } else { 0 };
+            let twin = sim::CyberGear::new(device, motor).with_timeout(timeout);
+            wire.add(twin, device.plant().with_load_inertia(inertia))
         },
     )
 }

@@ -21,7 +21,8 @@ pub fn motor(id: u8, control: Control, direction: Direction) -> Damiao {
 
 pub fn device(wire: &Bus, id: u8, control: &Control) -> Esc {
     let (can_id, master_id) = ids(id);
-    let config = DamiaoConfig { mode: mode_of(control), ..DamiaoConfig::j4310(can_id, master_id) };
+    let sold = DamiaoConfig::j4310(can_id, master_id);
+    let config = DamiaoConfig { mode: mode_of(control), timeout: 2000, ..sold };
     wire.add(Device::new(&config), config.plant.with_load_inertia(LOAD))
 }
 

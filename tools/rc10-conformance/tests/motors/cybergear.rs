@@ -53,7 +53,7 @@ fn with_cybergear(safety: Safety, test: impl FnOnce(Pair)) {
 /// An RS04 with a load of 0.1 kg m².
 fn with_rs04(test: impl FnOnce(Pair)) {
     let motor = CyberGear::new(Config::new(&models::RS04, ADDRESS)).unwrap();
-    let device = sim::CyberGear::new(&sim::RS04, 1);
+    let device = sim::CyberGear::new(&sim::RS04, 1).with_timeout(2000);
     let plant = sim::RS04.plant().with_load_inertia(0.1);
     with_pair(motor, (device, plant), Safety::COAST, test);
 }

@@ -36,6 +36,8 @@ pub fn values(message: &str, frame: &CanFrame, model: &Model) -> Vec<(&'static s
             let known = PARAMETERS.iter().find(|(parameter, _)| *parameter == value.parameter);
             if value.parameter == Parameter::RUN_MODE {
                 all.push(("RUN_MODE", f64::from(value.byte())));
+            } else if value.parameter == Parameter::TIMEOUT && model.saves {
+                all.push(("CAN_TIMEOUT", f64::from(u32::from_le_bytes(value.bytes)) * 0.05));
             } else if let (Some((_, name)), Some(real)) = (known, value.real()) {
                 all.push((name, real.into()));
             }

@@ -93,6 +93,14 @@ impl CyberGear {
         }
     }
 
+    /// With a time-out that it keeps without power, in 50 µs: a RobStride's.
+    #[must_use]
+    pub const fn with_timeout(mut self, steps: u32) -> Self {
+        self.parameters.timeout = steps;
+        self.saved.timeout = steps;
+        self
+    }
+
     /// The six fault bits of its feedback, and those of its fault frame.
     pub const fn faults(&self) -> (u8, u32) {
         (self.faults, self.details)

@@ -26,7 +26,7 @@ fn speeds_are_reached_by_every_model() {
     for (ours, theirs) in models() {
         for inertia in [0.0, 0.02 * theirs.torque / 12.0] {
             let motor = CyberGear::new(Config::new(ours, ADDRESS)).unwrap();
-            let device = sim::CyberGear::new(theirs, 1);
+            let device = sim::CyberGear::new(theirs, 1).with_timeout(2000);
             let plant = theirs.plant().with_load_inertia(inertia);
             with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
                 pair.switch.arm().unwrap();
@@ -49,7 +49,7 @@ fn speeds_are_reached_by_every_model() {
 fn angles_are_reached_by_every_model() {
     for (ours, theirs) in models() {
         let motor = CyberGear::new(Config::new(ours, ADDRESS)).unwrap();
-        let device = sim::CyberGear::new(theirs, 1);
+        let device = sim::CyberGear::new(theirs, 1).with_timeout(2000);
         let plant = theirs.plant().with_load_inertia(0.01 * theirs.torque / 12.0);
         with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
             pair.switch.arm().unwrap();

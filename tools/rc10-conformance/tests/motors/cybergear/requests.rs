@@ -4,7 +4,10 @@ use rc10_app::{Rpm, TotalAngle};
 use rc10_motor::cybergear::{Config, CyberGear, models};
 use rc10_motor::{DriveMode, Motor, Request, RequestError, Response, Safety, Target, Tick};
 
-use super::{ADDRESS, Pair, with_cybergear, with_rs04};
+use rc10_sim::cybergear as sim;
+use rc10_time::Micros;
+
+use super::{ADDRESS, Pair, with_cybergear, with_pair, with_rs04};
 use crate::motors::sent_in;
 
 const COAST: Target = Target::Coast;
@@ -140,4 +143,51 @@ fn a_cybergear_cannot_save() {
         pair.bench.wait(20);
         assert_eq!(pair.status().link, rc10_motor::Link::Online);
     });
+}
+
+/// A RobStride as it is sold keeps its last torque when it is cut off: it is not enabled before it is set up.
+#[test]
+fn a_time_out_that_is_missing_or_too_long_is_a_fault_with_both_values() {
+    let most = |timeout| Config::new(&models::RS04, ADDRESS).with_timeout(timeout);
+    let hundred = Micros::from_millis(100);
+    for (timeout, steps, differs) in [
+        (hundred, 0, Some([0.0, 100.0])),
+        (hundred, 2001, Some([100.05, 100.0])),
+        (hundred, 2000, None),
+        (hundred, 200, None),
+        (Micros::ZERO, 0, None),
+    ] {
+        let device = sim::CyberGear::new(&sim::RS04, 1).with_timeout(steps);
+        let plant = sim::RS04.plant().with_load_inertia(0.1);
+        let motor = CyberGear::new(most(timeout)).unwrap();
+        with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
+            let fault = |pair: &Pair| pair.status().fault.map(|fault| fault.differs);
+            assert_eq!(fault(&pair), differs.map(Some), "{steps}");
+            pair.switch.arm().unwrap();
+            let speed = Target::Speed(Rpm::new(30.0));
+            pair.hold(speed, 300);
+            assert_eq!(pair.rpm() > 20.0, differs.is_none(), "{steps}");
+            let Some(differs) = differs else { return };
+            // Looked at again, and not better; then set right.
+            pair.switch.disarm();
+            pair.bench.wait(5);
+            assert_eq!(pair.ask(Request::ClearFault), Ok(Response::Done));
+            pair.bench.wait(20);
+            assert_eq!(fault(&pair), Some(Some(differs)));
+            assert_eq!(pair.ask(Request::WriteRegister(0x7028, 1000)), Ok(Response::Done));
+            assert_eq!(pair.ask(Request::ClearFault), Ok(Response::Done));
+            pair.switch.arm().unwrap();
+            pair.hold(speed, 300);
+            assert!(pair.rpm() > 20.0);
+            // Power-off takes back what was not saved.
+            pair.esc.set_power(false);
+            pair.hold(speed, 100);
+            pair.esc.set_power(true);
+            pair.hold(speed, 100);
+            assert_eq!(fault(&pair), Some(Some(differs)));
+        });
+    }
+    let cybergear = Config::new(&models::CYBERGEAR, ADDRESS).with_timeout(hundred);
+    let refused = CyberGear::new(cybergear).unwrap_err().to_string();
+    assert!(refused.contains("a CyberGear, which has none"), "{refused}");
 }

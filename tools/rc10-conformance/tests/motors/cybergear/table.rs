@@ -30,8 +30,10 @@ fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
             for message in table.iter().filter(|it| it.from_device && it.is_plain()) {
                 let mut data = random.bits().to_le_bytes();
                 if message.name.ends_with("PARAMETER") {
-                    let choice = usize::try_from(random.bits() % 10).unwrap();
-                    let index = PARAMETERS.get(choice).map_or(0x7005, |(index, _)| index.0);
+                    let choice = usize::try_from(random.bits() % 11).unwrap();
+                    let rest = [0x7005, 0x7028];
+                    let all = PARAMETERS.iter().map(|(index, _)| index.0).chain(rest);
+                    let index = all.into_iter().nth(choice).unwrap();
                     data[..2].copy_from_slice(&index.to_le_bytes());
                 }
                 let frame = CanFrame::eight_bytes(message.id, data);

@@ -9,6 +9,7 @@ use rc10_motor::{
     CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, Request, Response, Safety, Target,
     Tick,
 };
+use rc10_sim::EscFault;
 use rc10_sim::damiao::{DamiaoConfig, Mode};
 use rc10_time::Micros;
 
@@ -51,14 +52,14 @@ fn a_cut_wire_is_survived() {
         let said: Vec<_> = rig.bench.sent.frames().iter().map(ToString::to_string).collect();
         assert!(said.iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")), "{said:?}");
         rig.bench.wire.set_cut(false);
-        // It may be another one now: all four registers are looked at again.
+        // It may be another one now: all five registers are looked at again.
         let mut asked = 0;
-        for _ in 0..15 {
+        for _ in 0..20 {
             rig.bench.hold(rig.motor, target, 1).unwrap();
             let sent = rig.bench.sent.frames().iter();
             asked += sent.filter(|frame| frame.raw_id() == 0x7FF).count();
         }
-        assert!(asked >= 4, "{control:?}: {asked}");
+        assert!(asked >= 5, "{control:?}: {asked}");
         assert_eq!(rig.status().link, Link::Online);
         assert_eq!(rig.status().feedback.turn_gaps, 1);
         rig.bench.hold(rig.motor, target, 30).unwrap();
@@ -113,25 +114,37 @@ fn a_restarted_device_is_looked_at_again() {
     }
 }
 
-/// Register 9: the device stops by itself when commands stop coming.
+/// Register 9: the device stops by itself when commands stop coming. After a cut that we saw, too, it comes
+/// back as from any other; else it is a fault.
 #[test]
-fn the_devices_own_time_out_is_a_fault() {
-    // 20 ms.
-    let config = DamiaoConfig { timeout: 400, ..device(&mit()) };
-    let mut rig = on_bus(motor(mit()), &config, Safety::COAST).armed();
-    let target = target_of(&mit());
-    rig.bench.hold(rig.motor, target, 100).unwrap();
-    rig.bench.wire.set_cut(true);
-    rig.bench.hold(rig.motor, target, 15).unwrap();
-    assert!(rig.is_enabled() && rig.esc.state().current.abs() > 0.01, "as it was told last");
-    rig.bench.hold(rig.motor, target, 10).unwrap();
-    assert!(!rig.is_enabled() && rig.esc.state().current == 0.0);
-    rig.bench.wire.set_cut(false);
-    rig.bench.hold(rig.motor, target, 50).unwrap();
-    assert_eq!(rig.status().fault.unwrap().text, "communication lost");
-    assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
-    rig.bench.hold(rig.motor, target, 20).unwrap();
-    assert!(rig.is_enabled());
+fn a_time_out_is_a_fault_unless_the_link_was_lost() {
+    for (cut, is_fault) in [(25, false), (0, true)] {
+        // 20 ms.
+        let config = DamiaoConfig { timeout: 400, ..device(&mit()) };
+        let mut rig = on_bus(motor(mit()), &config, Safety::COAST).armed();
+        let target = target_of(&mit());
+        rig.bench.hold(rig.motor, target, 100).unwrap();
+        if is_fault {
+            assert!(rig.esc.inject(EscFault::CommunicationLost));
+        } else {
+            rig.bench.wire.set_cut(true);
+            rig.bench.hold(rig.motor, target, 15).unwrap();
+            assert!(
+                rig.is_enabled() && rig.esc.state().current.abs() > 0.01,
+                "as it was told last"
+            );
+            rig.bench.hold(rig.motor, target, cut - 15).unwrap();
+            assert!(!rig.is_enabled() && rig.esc.state().current == 0.0);
+            rig.bench.wire.set_cut(false);
+        }
+        rig.bench.hold(rig.motor, target, 50).unwrap();
+        let fault = rig.status().fault.map(|fault| fault.text);
+        assert_eq!(fault, is_fault.then_some("communication lost"));
+        assert_eq!(rig.is_enabled(), !is_fault);
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
+        rig.bench.hold(rig.motor, target, 20).unwrap();
+        assert!(rig.is_enabled());
+    }
 }
 
 /// A device that is set up otherwise than we were told is never enabled.
@@ -140,17 +153,24 @@ fn settings_that_differ_are_faults_with_text() {
     let right = device(&mit());
     let limits = right.limits;
     let with = |limits| DamiaoConfig { limits, ..right };
-    for (config, code, named) in [
-        (DamiaoConfig { mode: Mode::Velocity, ..right }, 0x10A, "CTRL_MODE"),
-        (with(rc10_sim::damiao::Limits { position: 12.6, ..limits }), 0x115, "PMAX"),
-        (with(rc10_sim::damiao::Limits { velocity: 45.0, ..limits }), 0x116, "VMAX"),
-        (with(rc10_sim::damiao::Limits { torque: 9.9, ..limits }), 0x117, "TMAX"),
+    for (config, code, values) in [
+        (DamiaoConfig { mode: Mode::Velocity, ..right }, 0x10A, [3.0, 1.0]),
+        (with(rc10_sim::damiao::Limits { position: 12.6, ..limits }), 0x115, [12.6, 12.5]),
+        (with(rc10_sim::damiao::Limits { velocity: 45.0, ..limits }), 0x116, [45.0, 30.0]),
+        (with(rc10_sim::damiao::Limits { torque: 9.9, ..limits }), 0x117, [9.9, 10.0]),
+        (DamiaoConfig { timeout: 2001, ..right }, 0x109, [100.05, 100.0]),
+        // As it is sold: never.
+        (DamiaoConfig { timeout: 0, ..right }, 0x109, [0.0, 100.0]),
     ] {
         let mut rig = on_bus(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
         let fault = rig.status().fault.unwrap();
-        assert_eq!(fault.code, code);
-        assert!(fault.text.contains(named), "{}", fault.text);
+        assert_eq!((fault.code, fault.differs), (code, Some(values)));
+        let register = format!("register {} (", code - 0x100);
+        assert!(fault.text.starts_with(&register), "{}", fault.text);
+        let [held, wanted] = values;
+        let words = format!(": it holds {held}, the table says {wanted}");
+        assert!(fault.to_string().ends_with(&words), "{fault}");
         rig.switch.arm().unwrap();
         for _ in 0..100 {
             rig.bench.hold(rig.motor, target_of(&mit()), 1).unwrap();
@@ -165,6 +185,7 @@ fn settings_that_differ_are_faults_with_text() {
         rig.bench.wait(2);
         let register = u16::try_from(code - 0x100).unwrap();
         let value = match register {
+            9 => 2000,
             10 => 1,
             21 => 12.5_f32.to_bits(),
             22 => 30.0_f32.to_bits(),
@@ -174,8 +195,14 @@ fn settings_that_differ_are_faults_with_text() {
         assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
         rig.switch.arm().unwrap();
         rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
-        assert!(rig.is_enabled(), "{named}");
+        assert!(rig.is_enabled(), "{fault}");
     }
+    // Not looked at.
+    let config = DamiaoConfig { timeout: 0, ..right };
+    let motor = Damiao::new(super::config(mit()).with_timeout(Micros::ZERO)).unwrap();
+    let mut rig = on_bus(motor, &config, Safety::COAST).armed();
+    rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
+    assert!(rig.is_enabled());
     // 4π for 12.566.
     let motor =
         Damiao::new(Config::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity)).unwrap();

@@ -65,8 +65,9 @@ pub fn mode_of(control: &Control) -> Mode {
 }
 
 pub fn device(control: &Control) -> DamiaoConfig {
-    let config = DamiaoConfig { mode: mode_of(control), ..DamiaoConfig::j4310(CAN_ID, MASTER_ID) };
-    DamiaoConfig { plant: config.plant.with_load_inertia(LOAD), ..config }
+    let config = DamiaoConfig::j4310(CAN_ID, MASTER_ID);
+    let plant = config.plant.with_load_inertia(LOAD);
+    DamiaoConfig { mode: mode_of(control), timeout: 2000, plant, ..config }
 }
 
 /// A motor and its device.

@@ -59,8 +59,8 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         let config = DamiaoConfig { acknowledges_with, ..device(&mit()) };
         let mut rig = on_bus(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
-        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
-        assert_eq!(rig.device(|device| device.register(9)), Some(2000));
+        assert_eq!(rig.ask(Request::WriteRegister(9, 400)), Ok(Response::Done));
+        assert_eq!(rig.device(|device| device.register(9)), Some(400));
         let acceleration = 150.0_f32.to_bits();
         assert_eq!(rig.ask(Request::WriteRegister(4, acceleration)), Ok(Response::Done));
         // Out of its range: the old value stays and is told.
@@ -78,12 +78,12 @@ fn registers_are_written_and_saved_only_while_disarmed() {
 
         // Forgotten without power, unless saved.
         restart(&mut rig);
-        assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 0);
-        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
+        assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 2000);
+        assert_eq!(rig.ask(Request::WriteRegister(9, 1000)), Ok(Response::Done));
         assert_eq!(rig.ask(Request::SaveRegisters), Ok(Response::Done));
         assert_eq!(rig.device(|device| device.saves), 1);
         restart(&mut rig);
-        assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 2000);
+        assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 1000);
 
         rig.switch.arm().unwrap();
         rig.bench.wait(2);
@@ -110,7 +110,7 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         let answer = rig.bench.bus.response(rig.motor);
         assert_eq!(answer, Some(Err(RequestError::NotWhileArmed)));
         assert_eq!(rig.bench.bus.response(rig.motor), None);
-        assert_eq!(rig.device(|device| device.register(9)), Some(2000));
+        assert_eq!(rig.device(|device| device.register(9)), Some(1000));
     }
 }
 
