@@ -12,6 +12,7 @@ mod corpus;
 mod declaration;
 mod decode;
 mod defects;
+mod device;
 mod emulate;
 mod faults;
 mod following;

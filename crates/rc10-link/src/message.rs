@@ -138,6 +138,11 @@ pub enum Action {
     Forget(u32),
     /// Keeps no value any longer. The same.
     ForgetAll,
+    /// Writes four bytes, little endian, into a register of a motor's device until its power is cut. Only while
+    /// the robot is disarmed.
+    WriteRegister(u8, u16, u32),
+    /// A motor's device keeps its registers over a power-off. The same.
+    SaveRegisters(u8),
 }
 
 /// Some of a robot's signals.

@@ -346,6 +346,10 @@ impl State {
             Action::ReadRegister(motor, register) => {
                 Job::Ask(motor, Request::ReadRegister(register))
             }
+            Action::WriteRegister(motor, register, bits) => {
+                Job::Ask(motor, Request::WriteRegister(register, bits))
+            }
+            Action::SaveRegisters(motor) => Job::Ask(motor, Request::SaveRegisters),
             Action::Jog(motor, tenths) => {
                 self.is_news(id, heard, tenths)?;
                 Job::Jog(motor, jog(robot, motor, tenths)?, Instant::now())

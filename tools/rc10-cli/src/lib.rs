@@ -61,6 +61,7 @@ use crate::lang::Language;
 use crate::live::commands::{
     ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs,
 };
+use crate::live::device::DeviceArgs;
 use crate::live::page::LiveArgs;
 use crate::live::web::Web;
 use crate::run::simulate::simulate;
@@ -108,6 +109,8 @@ enum Command {
     Save(SaveArgs),
     /// Has the robot that runs keep no longer what was saved
     Forget(ForgetArgs),
+    /// Reads and writes the registers of a motor's own device, through the robot that runs
+    Device(DeviceArgs),
     /// Stops the robot that runs: sent until the robot says that it is stopped
     Stop(StopArgs),
     /// Records the robot that runs
@@ -188,6 +191,7 @@ impl CommandLine {
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,
             Command::Save(args) => live::save(&args, robot, out).map(|()| 0)?,
             Command::Forget(args) => live::forget(&args, robot, out).map(|()| 0)?,
+            Command::Device(args) => live::device(&args, robot, out).map(|()| 0)?,
             Command::Stop(args) => live::stop_robot(&args, robot, out).map(|()| 0)?,
             Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
             Command::Tune(args) => tune_motor(&args, robot, out).map(|()| 0)?,

@@ -243,7 +243,7 @@ const NOT_AS_CONFIGURED: u32 = 0x100;
 pub(super) const NO_ANSWER: Fault =
     Fault::new(0x1FF, "it answers, but not when asked for its registers");
 /// Unit of [`Register::TIMEOUT`], ms.
-pub(super) const TIMEOUT_STEP: f32 = 0.05;
+const TIMEOUT_STEP: f32 = 0.05;
 /// Two limits that differ by this share are one: 12.566 and 4π.
 const SAME: f32 = 1e-3;
 

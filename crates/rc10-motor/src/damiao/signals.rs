@@ -4,7 +4,7 @@ use embedded_can::Id;
 use heapless::Vec;
 
 use super::config::Config;
-use super::registers::{NAMES, READ, REFRESH, Register, SAVE, TIMEOUT_STEP, WRITE};
+use super::registers::{NAMES, READ, REFRESH, Register, SAVE, WRITE};
 use super::wire::{DeviceId, ERRORS, Mode, Operation, REGISTERS, operate};
 use crate::can_ids::standard;
 use crate::mit::{Limits, spread};
@@ -98,7 +98,7 @@ const fn with_registers<const FIRST: usize, const ALL: usize>(
         let value = Signal::little(name, 4, 4).when(Presence::If(number as u32));
         let register = Register(number);
         signals[FIRST + 1 + index] = match register {
-            Register::TIMEOUT => value.scaled(TIMEOUT_STEP as f64, unit),
+            Register::TIMEOUT => value.scaled(0.05, unit),
             Register::MODE => value.named(&MODES),
             Register::BIT_RATE => value.named(&BIT_RATES),
             _ if register.is_whole() => value,

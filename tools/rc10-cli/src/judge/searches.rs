@@ -247,7 +247,7 @@ pub(super) fn motors(recording: &Recording, found: &mut Vec<Problem>) {
             _ => (),
         }
         if let Some(fault) = last.fault.filter(|_| !is_excused_now) {
-            let text = format!("{} (code {})", fault.text, fault.code);
+            let text = format!("{fault} (code {})", fault.code);
             found.push(Problem::new(about, "device-fault", text));
         }
         let condition = match last.condition {

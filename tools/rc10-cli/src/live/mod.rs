@@ -14,6 +14,7 @@ pub(crate) mod broken;
 pub(crate) mod client;
 pub(crate) mod commands;
 pub(crate) mod connection;
+pub(crate) mod device;
 pub(crate) mod field;
 #[cfg(feature = "viewers")]
 pub(crate) mod foxglove;
@@ -49,6 +50,7 @@ pub use commands::{
     record, save, set, stop_robot,
 };
 pub use connection::Reply;
+pub use device::{DeviceArgs, device};
 pub use history::{History, POINTS, thin};
 pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};

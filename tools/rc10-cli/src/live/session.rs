@@ -127,19 +127,19 @@ impl<'r> Session<'r> {
     /// Changes parameters, all or none; fails if the robot refuses or does not answer.
     pub fn set(&mut self, wanted: &[(String, f32)]) -> Result<()> {
         let id = self.ask(wanted)?;
-        self.done(id)
+        self.answer(id).map(drop)
     }
 
     /// Has an action carried out; fails if the robot refuses or does not answer.
-    pub fn carry_out(&mut self, action: Action) -> Result<()> {
+    pub fn carry_out(&mut self, action: Action) -> Result<Answer> {
         let id = self.client.act(action);
-        self.done(id)
+        self.answer(id)
     }
 
-    fn done(&mut self, id: u16) -> Result<()> {
+    fn answer(&mut self, id: u16) -> Result<Answer> {
         match self.until(|client| client.answer(id))? {
             Answer::Refused(why) => bail!("refused: {why}"),
-            Answer::Done | Answer::Register(_) => Ok(()),
+            answer => Ok(answer),
         }
     }
 

@@ -163,6 +163,16 @@ impl SourceArgs {
         self.running.open(&robot)
     }
 
+    /// Opens the connection, not paced; the remote of a simulation or emulation lies there.
+    pub(crate) fn open_disarmed<'r>(&self, robot: Robot<'r>) -> Result<RobotConnection<'r>> {
+        let mut connection = self.open(robot, false)?;
+        // Its script would arm the robot.
+        if let Some(operator) = connection.source.world().and_then(|world| world.operator()) {
+            operator.lay_down();
+        }
+        Ok(connection)
+    }
+
     /// Opens the connection, paced. Shells reach what is begun here, by the port of its page.
     pub(super) fn open_for_shells<'r>(
         &self,

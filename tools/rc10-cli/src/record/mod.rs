@@ -354,7 +354,7 @@ impl RecordWriter {
         }
         for (number, fault) in (1..).zip(faults) {
             if let Some(fault) = fault {
-                end.insert(format!("fault_{number}"), fault.text.to_owned());
+                end.insert(format!("fault_{number}"), fault.to_string());
             }
         }
         // Of the gains of this run: a later program may have others.

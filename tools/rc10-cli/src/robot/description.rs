@@ -350,6 +350,16 @@ impl Description {
         Ok(())
     }
 
+    /// The index of the motor of this name as a command line has it: `-` or `_` for spaces. Fails unless there is one.
+    pub(crate) fn motor_called(&self, name: &str) -> Result<usize> {
+        let meant = name.replace('_', "-");
+        let at = self.motors.iter().position(|it| is_called(it.label, &meant));
+        at.with_context(|| {
+            let labels: Vec<_> = self.motors.iter().map(|it| it.label.replace(' ', "-")).collect();
+            format!("there is no motor `{name}`; there are: {}", labels.join(", "))
+        })
+    }
+
     /// Indices of the motors of the mechanisms that are drawn.
     pub(crate) fn drawn_motors(&self) -> impl Iterator<Item = usize> {
         self.mechanisms.iter().flat_map(|it| &it.motors).copied()

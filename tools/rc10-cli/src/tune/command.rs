@@ -11,7 +11,6 @@ use clap::Args;
 use rc10_link::Action;
 use rc10_motor::rc10_app::{Cascade, Gravity};
 use rc10_motor::{DriveMode, TargetKind};
-use rc10_sim::fault::is_called;
 use rc10_time::Micros;
 
 use super::estimate::{Estimate, Figure, Sample, Told};
@@ -302,11 +301,7 @@ fn rounded(value: f32) -> f32 {
 /// record, or if nothing can be told.
 pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let motors = robot.description().motors.clone();
-    let named = args.motor.replace('_', "-");
-    let Some(at) = motors.iter().position(|it| is_called(it.label, &named)) else {
-        let labels: Vec<_> = motors.iter().map(|it| it.label.replace(' ', "-")).collect();
-        bail!("there is no motor `{}`; there are: {}", args.motor, labels.join(", "));
-    };
+    let at = robot.description().motor_called(&args.motor)?;
     let (label, jog) = (motors[at].label, motors[at].jog);
     let Some(loops) = robot.loops().get(at).copied().flatten() else {
         bail!("{label}: its loops run in the device, with gains of its own");
@@ -326,11 +321,7 @@ pub fn tune(args: &TuneArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         })?;
         let fastest = args.speed.unwrap_or(most);
         ensure!(fastest <= most, "{label}: its with_jog allows {most} rpm");
-        let mut connection = args.at.open(robot, false)?;
-        // The script of a simulated remote would arm it.
-        if let Some(operator) = connection.source.world().and_then(|world| world.operator()) {
-            operator.lay_down();
-        }
+        let connection = args.at.open_disarmed(robot)?;
         let mut session = Session::meet(connection)?;
         let travel = args.travel.context("--travel is missing")?;
         let wish = [travel, fastest, args.seconds.get() as f64 * 1e-6];
