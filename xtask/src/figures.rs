@@ -1,4 +1,4 @@
-//! The page of figures that change with the compiler.
+//! Pages with figures that commands make.
 
 use std::fs;
 
@@ -9,12 +9,12 @@ use crate::cargo::{answer, free, root};
 /// The beginning of a block with a command and what it prints.
 const BLOCK: &str = "```console\n$ cargo ";
 
-/// Runs the commands of `docs/figures.md` again, and writes what they print, also into its twin.
+/// Runs the commands of a page in `docs/` again, and writes what they print, also into its twin.
 ///
 /// # Errors
 /// If one of them fails, or the page is not as expected.
-pub fn run() -> Result<()> {
-    let page = root().join("docs/figures.md");
+pub fn run(name: &str) -> Result<()> {
+    let page = root().join(format!("docs/{name}.md"));
     let text = fs::read_to_string(&page)?;
     let mut parts = text.split(BLOCK);
     let mut written = parts.next().unwrap_or_default().to_owned();
@@ -28,9 +28,9 @@ pub fn run() -> Result<()> {
         let figures: String = figures.map(|line| format!("{}\n", line.trim_end())).collect();
         written += &[BLOCK, command, "\n", &figures, "```", rest].concat();
     }
-    let twin = root().join("docs/figures.zh-CN.md");
+    let twin = root().join(format!("docs/{name}.zh-CN.md"));
     fs::write(&twin, with_blocks(&fs::read_to_string(&twin)?, &written)).context("the twin")?;
-    fs::write(page, written).context("docs/figures.md")
+    fs::write(page, written).with_context(|| format!("docs/{name}.md"))
 }
 
 /// A page with the blocks of another one.
@@ -58,9 +58,14 @@ mod tests {
             let text = read(page);
             text.split("```").skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>()
         };
-        let [english, chinese] = ["docs/figures.md", "docs/figures.zh-CN.md"].map(blocks);
-        assert!(english.len() >= 5, "{english:?}");
-        assert_eq!(english, chinese);
+        for (page, twin, least) in [
+            ("docs/figures.md", "docs/figures.zh-CN.md", 5),
+            ("docs/evidence.md", "docs/evidence.zh-CN.md", 3),
+        ] {
+            let (english, chinese) = (blocks(page), blocks(twin));
+            assert!(english.len() >= least, "{english:?}");
+            assert_eq!(english, chinese);
+        }
 
         // The check's table: the steps by their names, and their seconds.
         let rows = |page| {

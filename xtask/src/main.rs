@@ -7,6 +7,7 @@ mod check;
 mod count;
 mod deny;
 mod emulate;
+mod evidence;
 mod figures;
 mod firmware;
 mod first;
@@ -33,6 +34,7 @@ cargo xtask phases  the least and the most of what faults cost, over fifty phase
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
 cargo xtask figures docs/figures.md and its Chinese twin anew, by the commands that stand there
+cargo xtask evidence [commits | coverage | mutants]   docs/evidence.md and its twin anew, or one of its tables
 cargo xtask book    the docs as one site in target/book, in English and Chinese; its links and its search
 cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools, or of another crate's src
 cargo xtask web     target/web: the page with its robots in the browser, as static files
@@ -76,7 +78,8 @@ fn main() -> ExitCode {
             cargo::run(cargo::host("run --quiet --bin rc10 -- board-test").args(args))
         },
         Some("phases") => || emulate::run(&firmware::build(firmware::TEAM, None)?, &["phases::"]),
-        Some("figures") => figures::run,
+        Some("figures") => || figures::run("figures"),
+        Some("evidence") => || evidence::run(std::env::args().nth(2).as_deref()),
         Some("book") => || book::run(&setup::mdbook()?),
         Some("size") => || size::run(&firmware::build(firmware::TEAM, None)?),
         Some("count") => || count::run(&firmware::build("count", None)?),
