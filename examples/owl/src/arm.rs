@@ -5,7 +5,7 @@ use rc10::app::mechanism::{OutOfTravel, Stage};
 use rc10::motor::Motion;
 use rc10::prelude::*;
 
-use crate::{ARM, JOINT_LIMITS, JOINT_TORQUE, JOINTS, Name, Shared};
+use crate::{ARM, JOINT_LIMITS, JOINT_TORQUE, JOINTS, Name, Own, Shared};
 
 /// Its motors, in the order of [`JOINTS`].
 const MOTORS: [Name; 2] = [Name::Shoulder, Name::Elbow];
@@ -23,7 +23,10 @@ impl Arm {
     /// [`OutOfTravel`]: an encoder says that a joint is where it cannot be.
     pub fn new(shared: &Shared<'_>) -> Result<Self, OutOfTravel> {
         let [upper, fore] = MOTORS.map(|name| shared.motor(name).status().feedback.total_angle);
-        let zeros = [JOINTS[0].zero(upper)?, JOINTS[1].zero(fore)?];
+        let Own { shoulder_level, elbow_level, .. } = &shared.own;
+        let [first, second] = [shoulder_level, elbow_level].map(|it| Degrees::new(it.get()));
+        let zeros =
+            [JOINTS[0].with_level(first).zero(upper)?, JOINTS[1].with_level(second).zero(fore)?];
         Ok(Self { zeros, joints: [upper, fore].map(AngleProfile::at) })
     }
 
@@ -52,5 +55,28 @@ impl Arm {
         shared.own.arm.tell(Stage::Ready);
         shared.own.shoulder.set(angles[0].get());
         shared.own.elbow.set(angles[1].get());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10::tasks::live::Parameter;
+
+    use super::*;
+    use crate::Ports;
+
+    /// The motors count from zero here.
+    #[test]
+    fn the_levels_are_parameters() {
+        let ports = Ports::new();
+        let mut shared = Shared::new(&ports);
+        let level = |level| Parameter::new("level", "deg", level, [-360.0, 360.0]);
+        for (shoulder, elbow, is_there) in
+            [(0.0, 200.0, false), (0.0, 90.0, true), (10.0, 90.0, false), (-60.0, 90.0, true)]
+        {
+            shared.own.shoulder_level = level(shoulder);
+            shared.own.elbow_level = level(elbow);
+            assert_eq!(Arm::new(&shared).is_ok(), is_there, "{shoulder} {elbow}");
+        }
     }
 }

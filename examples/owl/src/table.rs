@@ -41,6 +41,10 @@ rc10::live! {
             pressure: "pressure", "V";
             gripper: "gripper", "deg";
         }
+        parameters {
+            shoulder_level: "shoulder level", "deg", 0.0, [-360.0, 360.0];
+            elbow_level: "elbow level", "deg", 200.0, [-360.0, 360.0];
+        }
     }
 }
 
@@ -116,7 +120,8 @@ pub const LIFT_LIMITS: AngleLimits = AngleLimits {
     jerk: RpmPerSecondSquared::new(5000.0),
 };
 
-/// The joints: what their encoders say where they are level, or stretched, and how far they go. The shoulder rests on a
+/// The joints: how far they go. What their encoders say where they are level, or stretched, is a parameter, which a team
+/// sets and saves when it mounts them anew. The shoulder rests on a
 /// stop 5 degrees below level, where its encoder says 355.
 pub const JOINTS: [AbsoluteEncoder; 2] = [
     AbsoluteEncoder {
@@ -127,7 +132,7 @@ pub const JOINTS: [AbsoluteEncoder; 2] = [
         tolerance: Degrees::new(3.0),
     },
     AbsoluteEncoder {
-        level: TotalAngle::from_degrees(200),
+        level: TotalAngle::ZERO,
         gear: Gear::DIRECT,
         lower: TotalAngle::from_degrees(-100),
         upper: TotalAngle::from_degrees(100),

@@ -23,6 +23,8 @@ use crate::units::{Degrees, Gear};
 /// };
 /// const _: () = assert!(ARM.validate().is_ok());
 /// assert_eq!(ARM.zero(degrees(25)), Ok(degrees(30))); // 5 degrees below level
+/// let mounted_anew = ARM.with_level(Degrees::new(20.5));
+/// assert_eq!(mounted_anew.zero(degrees(25)), Ok(TotalAngle::from_microdegrees(20_500_000)));
 /// assert_eq!(ARM.zero(degrees(385)), Ok(degrees(390))); // the same, counted a turn on
 /// let error = ARM.zero(degrees(200)).unwrap_err();
 /// assert_eq!(
@@ -47,6 +49,14 @@ pub struct AbsoluteEncoder {
 }
 
 impl AbsoluteEncoder {
+    /// The same with another [`level`](Self::level): a parameter that a team sets, and keeps over a power-off, when
+    /// the encoder was mounted anew.
+    #[must_use]
+    pub fn with_level(self, level: Degrees) -> Self {
+        let level = TotalAngle::from_microdegrees((f64::from(level.get()) * 1e6) as i64);
+        Self { level, ..self }
+    }
+
     /// Checks every field; the error names the first that is wrong, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         let (travel, tolerance) =
