@@ -28,6 +28,9 @@ fn open(port: u16) -> Browser {
     page
 }
 
+/// So slow that a page on a busy machine says in time where its sticks are: a quarter of a second of the robot's.
+const SLOW: &[&str] = &["--pace", "0.2"];
+
 const ARM: &str = "return document.querySelector('#arm').textContent";
 const WHEELS: &str =
     "labels('motors').filter((it) => it.startsWith('wheel')).map((it) => value(it, 'speed'))";
@@ -45,13 +48,8 @@ fn arm(page: &Browser) {
     page.until("return Drive.holds() !== null");
     page.until("return named('', 'remote') === 'Live' || named('', 'remote') !== '–'");
     page.pass(0.5);
-    press(page, "KeyE");
+    page.keys("e");
     page.until(&format!("{ARM} === 'Armed'"));
-}
-
-fn press(page: &Browser, code: &str) {
-    let key = code.trim_start_matches("Key").to_lowercase();
-    page.keys(&key);
 }
 
 fn is_driving(page: &Browser) {
@@ -67,10 +65,11 @@ fn the_keyboard_drives_a_robot_that_begins_disarmed() {
     if !has_browser() {
         return;
     }
-    let (_live, port) = begin(&[]);
+    let (_live, port) = begin(SLOW);
     let page = open(port);
     page.pass(2.0);
     assert_eq!(page.look(ARM), json!("Disarmed"));
+    page.until("return moving.pace !== null && moving.pace < 0.25");
     // Without the remote in hand keys do nothing.
     page.hold("w", "keyDown");
     page.pass(0.5);
@@ -121,7 +120,7 @@ fn a_gamepad_drives_until_the_focus_or_the_tab_is_lost() {
     if !has_browser() {
         return;
     }
-    let (_live, port) = begin(&[]);
+    let (_live, port) = begin(SLOW);
     let page = open(port);
     page.look(PAD);
     // It was deflected before the remote was taken: it counts from when it was in its middle.
@@ -380,8 +379,15 @@ fn a_robot_at_a_port_is_never_driven() {
     assert!(moving(port)["remote"].is_null() && state(port)["is_simulated"] == false);
     let (status, body) = http(port, "POST", "/wish", JSON, r#"{"break":"cut:1"}"#);
     assert!(status == 409 && body.contains("a real robot"), "{status} {body}");
-    let refused = rc10().args(["live", &place, "--page", "0", "--script"]).output().unwrap();
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("--script is for --sim and --emu"));
+    for (more, why) in [
+        ("--script", "--script is for --sim and --emu"),
+        ("--pace=0.2", "--pace are for --sim and --emu"),
+        ("--pace=0", "from 0.01 to 1"),
+        ("--pace=NaN", "from 0.01 to 1"),
+    ] {
+        let refused = rc10().args(["live", &place, "--page", "0", more]).output().unwrap();
+        assert!(String::from_utf8_lossy(&refused.stderr).contains(why), "{refused:?}");
+    }
     if has_browser() {
         let page = Browser::open(&format!("http://127.0.0.1:{port}/"));
         page.look("look('robot')");

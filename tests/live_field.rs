@@ -37,7 +37,8 @@ fn a_wrong_direction_is_seen_on_the_field_within_2_s() {
     for (more, is_wrong) in [(&["--mistake", "direction:wheel-front-left"][..], true), (&[], false)]
     {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        let (_live, port) = live(command.args(["live", "--page", "0", "--sim"]).args(more));
+        let (_live, port) =
+            live(command.args(["live", "--page", "0", "--sim", "--pace", "0.2"]).args(more));
         let page = open(port);
         page.until("return (View.trails().true || []).length > 10 && View.scale() > 0");
         // It stands until here; hands arm it and drive ahead.

@@ -44,6 +44,12 @@ pub(crate) fn address(text: &str) -> Result<SocketAddr> {
     found.next().with_context(|| format!("{text}: there is no such host"))
 }
 
+/// A share of the clock's pace.
+pub(crate) fn pace(text: &str) -> Result<f64, &'static str> {
+    let pace = text.parse().ok().filter(|it| (0.01..=1.0).contains(it));
+    pace.ok_or("must be a number from 0.01 to 1")
+}
+
 pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {
     text.parse().map_err(|_| "must be a whole number from 0 to 18446744073709551615")
 }

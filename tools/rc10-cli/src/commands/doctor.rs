@@ -68,7 +68,7 @@ pub fn doctor(args: &DoctorArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
 fn look(args: &DoctorArgs, robot: Robot<'_>) -> Result<Recording> {
     let kit = Kit::of(&robot);
     let stop = stop()?;
-    let mut session = Session::meet(args.at.source().open(robot, false)?)?;
+    let mut session = Session::meet(args.at.source().open(robot, None)?)?;
     let (topics, _) = plan(&session.client);
     let mut replay = Replay::new(&kit, 1, Source::Robot)?;
     for (id, topic) in (0..).zip(&topics) {

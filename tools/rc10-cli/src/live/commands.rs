@@ -150,7 +150,7 @@ pub fn stop_robot(args: &StopArgs, robot: Robot<'_>, out: &mut dyn Write) -> Res
 /// Lists the robot's parameters; fails without a robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let kit = Kit::of(&robot);
-    let mut session = Session::meet(args.at.source().open(robot, false)?)?;
+    let mut session = Session::meet(args.at.source().open(robot, None)?)?;
     if args.only_kept {
         return list_kept(&mut session, out);
     }
@@ -271,7 +271,7 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
-    let mut session = Session::meet(args.at.source().open(robot, false)?)?;
+    let mut session = Session::meet(args.at.source().open(robot, None)?)?;
     let (topics, left) = plan(&session.client);
     if let Some(first) = left.first() {
         let (count, first) = (left.len(), &first.name);

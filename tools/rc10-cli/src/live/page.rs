@@ -32,7 +32,7 @@ use super::session::{Session, full_name};
 use super::source::PlaceArgs;
 use super::table::table_lines;
 use super::viewers::{ViewerArgs, Viewers};
-use crate::args::seconds;
+use crate::args::{pace, seconds};
 use crate::live::session::stop;
 use crate::record::replay::Kit;
 use crate::recording::problem::Problem;
@@ -57,6 +57,9 @@ pub struct LiveArgs {
     /// The script drives the robot of --sim or --emu from its begin, until a page takes its remote
     #[arg(long)]
     pub script: bool,
+    /// How fast the time of --sim or --emu passes: 1 is as the clock, 0.2 a fifth of it
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = pace)]
+    pub pace: f64,
     /// Folder for records
     #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
     pub out: PathBuf,
@@ -112,7 +115,7 @@ pub fn live(args: &LiveArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let kit = Kit::of(&robot);
     let stop = stop()?;
     let pages = Pages::serve(args.page)?;
-    let connection = args.at.source().open_for_shells(robot, pages.port)?;
+    let connection = args.at.source().open_for_shells(robot, pages.port, args.pace)?;
     let mut live = LivePage::new(args, connection, &kit, pages, Box::new(report_by_program))?;
     if let Some(address) = live.viewers.address() {
         writeln!(out, "foxglove  {address}")?;

@@ -231,6 +231,6 @@ mod tests {
         let (shared, mut motors) = (team::Shared::new(&ports), team::Motors::new());
         let robot = crate::tests::robot(&shared, motors.start(&shared.switch).unwrap().buses);
         let simulated = SourceArgs { sim: true, ..SourceArgs::default() };
-        assert_eq!(first(simulated.open(robot, false).unwrap()), 1);
+        assert_eq!(first(simulated.open(robot, None).unwrap()), 1);
     }
 }

@@ -137,15 +137,15 @@ impl RunningArgs {
 }
 
 impl SourceArgs {
-    /// Opens the connection. A simulation or emulation runs as fast as it can, or if `paced` in
-    /// real time at most. Fails if it cannot be opened, with the reason and what helps.
-    pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<RobotConnection<'r>> {
+    /// Opens the connection. A simulation or emulation runs as fast as it can, or at this share of real
+    /// time at most. Fails if it cannot be opened, with the reason and what helps.
+    pub fn open<'r>(&self, robot: Robot<'r>, pace: Option<f64>) -> Result<RobotConnection<'r>> {
         if self.sim {
             let (baud, mut robot) = (self.running.baud_of(&robot), robot);
             robot.inject(&self.injected, "--sim")?;
             robot.fit(false)?;
             let simulation = Simulation::new(robot, self.seed, Some(baud))?;
-            let source = Box::new(Paced::new(simulation, paced)?);
+            let source = Box::new(Paced::new(simulation, pace)?);
             let name = "the simulated robot".into();
             return Ok(RobotConnection { source, name, baud, is_real: false });
         }
@@ -153,19 +153,21 @@ impl SourceArgs {
             let baud = self.running.baud_of(&robot);
             let (emulation, path) = emulated(robot, elf.clone(), self)?;
             let name = format!("{} on the emulated chip", path.display());
-            let source = Box::new(Paced::new(emulation, paced)?);
+            let source = Box::new(Paced::new(emulation, pace)?);
             return Ok(RobotConnection { source, name, baud, is_real: false });
         }
         ensure!(
-            self.injected.faults.is_empty() && self.injected.mistakes.is_empty(),
-            "--fault and --mistake are for --sim and --emu that are begun here"
+            self.injected.faults.is_empty()
+                && self.injected.mistakes.is_empty()
+                && pace.is_none_or(|it| it >= 1.0),
+            "--fault, --mistake and --pace are for --sim and --emu that are begun here"
         );
         self.running.open(&robot)
     }
 
     /// Opens the connection, not paced; the remote of a simulation or emulation lies there.
     pub(crate) fn open_disarmed<'r>(&self, robot: Robot<'r>) -> Result<RobotConnection<'r>> {
-        let mut connection = self.open(robot, false)?;
+        let mut connection = self.open(robot, None)?;
         // Its script would arm the robot.
         if let Some(operator) = connection.source.world().and_then(|world| world.operator()) {
             operator.lay_down();
@@ -178,8 +180,10 @@ impl SourceArgs {
         &self,
         robot: Robot<'r>,
         page: u16,
+        pace: f64,
     ) -> Result<RobotConnection<'r>> {
-        let RobotConnection { mut source, mut name, baud, is_real } = self.open(robot, true)?;
+        let RobotConnection { mut source, mut name, baud, is_real } =
+            self.open(robot, Some(pace))?;
         let kind = if self.sim { "sim" } else { "emu" };
         if !is_real {
             match LocalRobot::announce(format!("{kind}:{page}"), &name) {
@@ -260,12 +264,12 @@ fn emulated<'r>(
     Ok((emulation, path))
 }
 
-/// A world that is not faster than the wall clock.
+/// A world that is not faster than the wall clock, or than a share of it.
 struct Paced<W> {
     world: W,
     line: ConsoleLine,
-    /// When the world began, by this clock; it is moved when the world cannot follow.
-    began: Option<Instant>,
+    /// When the world began, by this clock; it is moved when the world cannot follow. And the share.
+    began: Option<(Instant, f64)>,
 }
 
 const STEP: Micros = Micros::from_millis(4);
@@ -273,9 +277,9 @@ const STEP: Micros = Micros::from_millis(4);
 const BEHIND: Duration = Duration::from_millis(100);
 
 impl<W: Running> Paced<W> {
-    fn new(world: W, paced: bool) -> Result<Self> {
+    fn new(world: W, pace: Option<f64>) -> Result<Self> {
         let line = world.console().cloned().context("no console")?;
-        Ok(Self { world, line, began: paced.then(Instant::now) })
+        Ok(Self { world, line, began: pace.map(|it| (Instant::now(), it)) })
     }
 }
 
@@ -286,8 +290,8 @@ impl<W: Running> Source for Paced<W> {
         self.world.run_to(until)?;
         // A page shows what the robot tells, and no frames.
         drop(self.world.take_frames());
-        if let Some(began) = &mut self.began {
-            let due = *began + Duration::from_micros(until.get());
+        if let Some((began, pace)) = &mut self.began {
+            let due = *began + Duration::from_micros(until.get()).div_f64(*pace);
             let now = Instant::now();
             if now > due + BEHIND {
                 *began += now - due;

@@ -32,7 +32,7 @@ impl Web {
         report: impl Fn(&Path) -> Result<Vec<u8>> + 'static,
     ) -> Result<Self> {
         let kit = Box::leak(Box::new(Kit::of(&robot)));
-        let connection = args.at.source().open(robot, false)?;
+        let connection = args.at.source().open(robot, None)?;
         let report_of = move |path: PathBuf| {
             let (made, making) = channel();
             // The page that asked may have gone.

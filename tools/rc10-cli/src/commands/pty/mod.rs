@@ -43,7 +43,7 @@ pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
             ..SourceArgs::default()
         };
         let baud = place.running.baud_of(&robot);
-        let mut way = place.open(robot, true)?;
+        let mut way = place.open(robot, Some(1.0))?;
         return console::serve(args, (&mut way, baud), out, &stop);
     }
     serve(args, robot, out, &stop)
