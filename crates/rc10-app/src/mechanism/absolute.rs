@@ -49,12 +49,11 @@ pub struct AbsoluteEncoder {
 }
 
 impl AbsoluteEncoder {
-    /// The same with another [`level`](Self::level): a parameter that a team sets, and keeps over a power-off, when
-    /// the encoder was mounted anew.
+    /// The same with another [`level`](Self::level), if it is a finite number: a parameter that a team sets, and keeps
+    /// over a power-off, when the encoder was mounted anew.
     #[must_use]
     pub fn with_level(self, level: Degrees) -> Self {
-        let level = TotalAngle::from_microdegrees((f64::from(level.get()) * 1e6) as i64);
-        Self { level, ..self }
+        Self { level: TotalAngle::try_from_degrees(level).unwrap_or(self.level), ..self }
     }
 
     /// Checks every field; the error names the first that is wrong, and what it must be.

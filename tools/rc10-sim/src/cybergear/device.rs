@@ -94,7 +94,6 @@ impl CyberGear {
     }
 
     /// With a time-out that it keeps without power, in 50 µs: a RobStride's.
-    #[must_use]
     pub const fn with_timeout(mut self, steps: u32) -> Self {
         self.parameters.timeout = steps;
         self.saved.timeout = steps;
