@@ -37,8 +37,8 @@ pub struct Damiao {
     pending: Pending<Question>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    /// Its time-out ran out while it was not heard: no fault, and cleared without being asked.
-    was_cut_off: bool,
+    /// It was not heard for a while, and not driven since.
+    was_lost: bool,
     drive: DriveMode,
     command: Command,
     /// The operation goes to the bare identifier, not to the mode's.
@@ -99,7 +99,7 @@ impl Damiao {
             pending: Pending::new(),
             reported: None,
             fault: None,
-            was_cut_off: false,
+            was_lost: false,
             drive: DriveMode::Off,
             command: Command::Operate(Operation::Disable),
             is_bare: false,
@@ -109,6 +109,11 @@ impl Damiao {
     /// Whether the device is enabled, or what is wrong; `None` before it was heard.
     fn state(&self) -> Option<State> {
         self.reported.map(|reported| reported.state)
+    }
+
+    /// Whether its time-out ran out while it was not heard: no fault, and cleared without being asked.
+    fn was_cut_off(&self) -> bool {
+        self.was_lost && self.state() == Some(TIMED_OUT)
     }
 
     /// Whether it has to be enabled for what the bus lets it do.
@@ -353,12 +358,12 @@ impl Motor for Damiao {
         self.update_pending(tick);
         let is_driven = self.is_driven(tick.mode) && self.fault.is_none() && self.is_checked();
         if is_driven && self.state() == Some(State::Enabled) {
-            self.is_bare = false;
+            (self.is_bare, self.was_lost) = (false, false);
             self.command = Command::Drive(self.drive(tick));
             return;
         }
         self.side.rest();
-        let usual = match (self.was_cut_off, is_driven) {
+        let usual = match (self.was_cut_off(), is_driven) {
             (true, _) => Operation::ClearError,
             (_, true) => Operation::Enable,
             (_, false) => Operation::Disable,
@@ -449,9 +454,8 @@ impl CanMotor for Damiao {
             self.side.rest();
         }
         self.reported = Some(reported);
-        let is_unheard = self.was_cut_off || link != Link::Online;
-        self.was_cut_off = is_unheard && reported.state == TIMED_OUT;
-        let fault = reported.state.fault().filter(|_| !self.was_cut_off);
+        self.was_lost |= link != Link::Online;
+        let fault = reported.state.fault().filter(|_| !self.was_cut_off());
         self.fault = fault.or(self.fault);
         Ok(if self.fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
     }
