@@ -385,8 +385,8 @@ fn every_frame_of_a_healthy_robot_is_named_and_none_is_malformed() {
         for name in special {
             assert!(names.contains(*name), "{robot}: no {name} in {names:?}");
         }
-        // Four registers of the arm, and the gains of the hip: this program has not asked.
-        assert_eq!(unasked, if robot == "mixed" { 5 } else { 0 }, "{robot}");
+        // Five registers of the arm, and the gains of the hip: this program has not asked.
+        assert_eq!(unasked, if robot == "mixed" { 6 } else { 0 }, "{robot}");
     }
 }
 
