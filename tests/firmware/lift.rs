@@ -28,6 +28,13 @@ fn record_on(name: &str, length: u64, judge: impl FnOnce(&mut Emulation<'_>, Rec
     judge(&mut emulation, recording);
 }
 
+/// As `cargo run --package lift -- emu` does it: its settings are those of all shipped robots.
+#[test]
+fn its_program_is_built_by_its_own_command() {
+    let build = lift::Robot::description().firmware.unwrap();
+    assert_eq!(std::fs::read(build(None).unwrap()).unwrap(), program("lift-firmware"));
+}
+
 /// True heights of the lift's shafts above their bottoms, degrees.
 fn heights(emulation: &Emulation<'_>) -> [f64; 2] {
     LIFT.map(|name| {

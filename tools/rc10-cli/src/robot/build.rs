@@ -2,28 +2,10 @@
 
 use std::env;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_emu::Board;
-
-/// Builds the package of this checkout's `firmware/` for a board, or for its own; returns the path
-/// of the ELF file. Fails without a checkout, or if the build does.
-pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    ensure!(
-        root.join("firmware").is_dir(),
-        "there is no firmware/ here to build: say which ELF file to run"
-    );
-    let args = ["xtask", "firmware", package].into_iter().chain(board.map(|board| board.name));
-    let output = cargo(&root, args)?;
-    ensure!(output.status.success(), "the firmware was not built: the error above says why");
-    // The path is in the last line.
-    match String::from_utf8_lossy(&output.stdout).lines().last() {
-        Some(path) => Ok(path.into()),
-        None => bail!("cargo xtask firmware does not say what it built"),
-    }
-}
 
 /// Builds the firmware in the folder `firmware` of a robot's own repository, for a board or for its
 /// own; returns the path of the ELF file. Fails if there is no program, or the build does.
@@ -31,9 +13,19 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
     let folder = Path::new(repository).join("firmware");
     let place = folder.display();
     ensure!(folder.is_dir(), "there is no {place} to build: say which ELF file to run");
-    let features = board.map(|board| ["--no-default-features", "--features", board.name]);
+    // Shipped robots have their settings in one place.
+    let shared = format!("{repository}/../../firmware/.cargo/config.toml");
+    let has_own = folder.join(".cargo").is_dir() || !Path::new(&shared).is_file();
+    let settings: &[&str] = if has_own { &[] } else { &["--config", &shared] };
     let build = ["build", "--release", "--message-format=json-render-diagnostics"];
-    let output = cargo(&folder, build.into_iter().chain(features.into_iter().flatten()))?;
+    let features = board.map(|board| ["--no-default-features", "--features", board.name]);
+    let args = settings.iter().copied().chain(build).chain(features.into_iter().flatten());
+    let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args(args)
+        .current_dir(&folder)
+        .stderr(Stdio::inherit())
+        .output()
+        .context("cannot start cargo to build the firmware")?;
     if !output.status.success() {
         ensure!(has_target(&folder), "the chip's target is missing: rustup target add {TARGET}");
         bail!("the firmware was not built: the error above says why");
@@ -43,15 +35,6 @@ pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathB
         messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     let mut programs = messages.filter_map(|it| Some(PathBuf::from(it["executable"].as_str()?)));
     programs.next_back().with_context(|| format!("{place} has no program"))
-}
-
-fn cargo<'t>(folder: &Path, args: impl Iterator<Item = &'t str>) -> Result<Output> {
-    Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-        .args(args)
-        .current_dir(folder)
-        .stderr(Stdio::inherit())
-        .output()
-        .context("cannot start cargo to build the firmware")
 }
 
 const TARGET: &str = "thumbv7em-none-eabihf";
