@@ -10,7 +10,7 @@ use crate::cargo::{answer, free, root, run as run_command};
 use crate::figures;
 
 /// Every how many mistakes one is tried.
-const SAMPLE: u32 = 400;
+const SAMPLE: u32 = 600;
 
 /// Makes one of the tables, or the page with all of them.
 ///
