@@ -34,7 +34,7 @@ cargo xtask phases  the least and the most of what faults cost, over fifty phase
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
 cargo xtask figures docs/figures.md and its Chinese twin anew, by the commands that stand there
-cargo xtask evidence [commits | coverage | mutants]   docs/evidence.md and its twin anew, or one of its tables
+cargo xtask evidence [commits]   docs/evidence.md and its twin anew, or its table alone
 cargo xtask book    the docs as one site in target/book, in English and Chinese; its links and its search
 cargo xtask floors [FOLDER]   which file imports which, as floors: of the tools, or of another crate's src
 cargo xtask web     target/web: the page with its robots in the browser, as static files
