@@ -45,7 +45,7 @@ pub struct ReportArgs {
     pub strict: bool,
 }
 
-/// Makes the report of a record; returns whether the run had problems. Fails like [`replay`], or if
+/// Makes the report of a record; returns whether the run had problems. Fails if it cannot be read, is of another robot, or
 /// the folder cannot be written.
 pub fn report(args: &ReportArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     let before = args.against.as_ref().map(|file| {
