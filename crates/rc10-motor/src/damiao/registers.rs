@@ -17,7 +17,7 @@ pub struct Register(pub u8);
 impl Register {
     /// Silence after which the motor stops, in steps of 50 µs (so the vendor's tool); whole.
     pub const TIMEOUT: Self = Self(9);
-    /// `CTRL_MODE`, the number of a [`Mode`]; whole.
+    /// `CTRL_MODE`, the number of a [`Mode`](super::Mode); whole.
     pub const MODE: Self = Self(10);
     /// `PMAX`, rad.
     pub const POSITION_LIMIT: Self = Self(21);
