@@ -30,6 +30,7 @@ fn record_on(name: &str, length: u64, judge: impl FnOnce(&mut Emulation<'_>, Rec
 
 /// As `cargo run --package lift -- emu` does it: its settings are those of all shipped robots.
 #[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
 fn its_program_is_built_by_its_own_command() {
     let build = lift::Robot::description().firmware.unwrap();
     assert_eq!(std::fs::read(build(None).unwrap()).unwrap(), program("lift-firmware"));
