@@ -15,7 +15,7 @@ use super::{commands, is_clean, keeps_its_period, log, run, setup};
 /// The console's.
 const BAUD: u32 = 2_000_000;
 /// Instructions of a second with 66 signals at 500 Hz.
-const SECOND: u64 = 19_200_000;
+const SECOND: u64 = 19_300_000;
 /// Instructions of one more signal in a sample.
 const SIGNAL: u64 = 60;
 
