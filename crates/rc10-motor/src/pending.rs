@@ -1,5 +1,9 @@
 //! A request that waits for its device: [`Pending`].
 
+use rc10_app::ConfigError;
+use rc10_time::Micros;
+
+use crate::feedback::Fault;
 use crate::motor::{DriveMode, Link, Tick};
 use crate::request::{RequestError, Response};
 
@@ -194,6 +198,23 @@ impl<Q: Copy> Default for Pending<Q> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// Steps of a device's time-out in a millisecond (Damiao's TIMEOUT, RobStride's canTimeout).
+pub(crate) const TIMEOUT_STEPS: f32 = 20.0;
+
+/// Whether a configuration may ask a device for such a time-out; zero is any and none.
+pub(crate) const fn is_timeout(timeout: Micros) -> Result<(), ConfigError> {
+    let millis = timeout.get() as f32 / 1e3;
+    let is_good = millis == 0.0 || millis >= 10.0;
+    ConfigError::check(is_good, "timeout", millis, "10 ms and more, or zero")
+}
+
+/// The fault of a time-out in [steps](TIMEOUT_STEPS), of which zero is never, if it is longer than `most` ms.
+pub(crate) fn check_timeout(steps: u32, most: f32, fault: Fault) -> Option<Fault> {
+    let held = steps as f32 / TIMEOUT_STEPS;
+    let is_good = held > 0.0 && held <= most;
+    (!is_good).then_some(Fault { differs: Some([held, most]), ..fault })
 }
 
 #[cfg(test)]

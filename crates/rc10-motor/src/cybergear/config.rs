@@ -8,6 +8,7 @@ use super::wire::Address;
 use crate::can_ids::{CanIds, Frames, Rate};
 use crate::feedback::Fault;
 use crate::mit::Limits;
+use crate::pending::is_timeout;
 
 /// A model of motor: its limits, faults and gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,10 +205,10 @@ impl Config {
         let is_good = host != motor && host < EVERY_DEVICE;
         let must_be = "below 254, and not the motor's own identifier";
         ok!(ConfigError::check(is_good, "host", host as f32, must_be));
+        ok!(is_timeout(self.timeout));
+        let is_good = self.model.saves || self.timeout.get() == 0;
         let millis = self.timeout.get() as f32 / 1e3;
-        let is_good = millis == 0.0 || millis >= 10.0 && self.model.saves;
-        let must_be = "10 ms and more, or zero; zero of a CyberGear, which has none";
-        ok!(ConfigError::check(is_good, "timeout", millis, must_be));
+        ok!(ConfigError::check(is_good, "timeout", millis, "zero: a CyberGear has none"));
         let limits = &self.model.limits;
         let is_good = limits.position <= LARGEST_RANGE;
         ok!(ConfigError::check(is_good, "position", limits.position, "at most 15 rad"));

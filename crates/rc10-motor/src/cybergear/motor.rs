@@ -5,13 +5,13 @@ use rc10_can::{CanFrame, IdPattern};
 use rc10_time::Micros;
 
 use super::config::{Config, MOTION, Model};
-use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply, TIMEOUT_STEPS};
+use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedShaft, Setpoint};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Heard, Link, Motor, Tick};
-use crate::pending::{Pending, Retry};
+use crate::pending::{Pending, Retry, check_timeout};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::target::{Target, TargetError};
@@ -222,17 +222,14 @@ impl CyberGear {
     }
 
     fn hear_timeout(&mut self, held: u32, is_unknown: bool) -> Heard {
-        let [held, most] = [held as f32 / TIMEOUT_STEPS, self.timeout];
-        let fault = if is_unknown {
-            NO_TIMEOUT
-        } else if held > 0.0 && held <= most {
-            self.has_timeout = true;
-            return Ok(FrameKind::Other);
+        let bad = if is_unknown {
+            Some(NO_TIMEOUT)
         } else {
-            Fault { differs: Some([held, most]), ..BAD_TIMEOUT }
+            check_timeout(held, self.timeout, BAD_TIMEOUT)
         };
-        self.fault = self.fault.or(Some(fault));
-        Ok(FrameKind::Fault)
+        self.has_timeout = bad.is_none();
+        self.fault = self.fault.or(bad);
+        Ok(bad.map_or(FrameKind::Other, |_| FrameKind::Fault))
     }
 
     /// The question of this tick: one of a request, or about the run mode.

@@ -4,8 +4,9 @@ use heapless::Vec;
 use rc10_can::{CanFrame, IdPattern};
 
 use super::config::{CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
-use super::wire::{self, Address, Parameter, TIMEOUT_STEPS, kind};
+use super::wire::{self, Address, Parameter, kind};
 use crate::mit::spread;
+use crate::pending::TIMEOUT_STEPS;
 use crate::signals::{ByteOrder, Message, Presence, Signal};
 
 /// Properties of these motors' frames that a DBC file cannot describe.

@@ -119,9 +119,6 @@ impl Parameter {
     pub const SUPPLY: Self = Self(0x701C);
 }
 
-/// Steps of [`Parameter::TIMEOUT`] in a millisecond.
-pub(super) const TIMEOUT_STEPS: f32 = 20.0;
-
 /// Asks for a parameter; answered with [`Reply::Parameter`].
 pub fn read(to: Address, parameter: Parameter) -> CanFrame {
     access(kind::READ, to, parameter, [0; 4])

@@ -8,6 +8,7 @@ use super::wire::{DeviceId, Mode, REGISTERS};
 use crate::can_ids::{CanIds, Frames, Guard, Ownership, Rate};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
+use crate::pending::is_timeout;
 use crate::side::Side;
 use crate::target::{TargetKind, TargetSet};
 
@@ -167,8 +168,7 @@ impl Config {
         let is_good = master_id < REGISTERS && (master_id ^ can_id) & 0xFF != 0;
         let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
         ok!(ConfigError::check(is_good, "MST_ID", master_id as f32, must_be));
-        let (millis, must_be) = (self.timeout.get() as f32 / 1e3, "10 ms and more, or zero");
-        ok!(ConfigError::check(millis == 0.0 || millis >= 10.0, "timeout", millis, must_be));
+        ok!(is_timeout(self.timeout));
         ok!(model.limits.validate());
         control.validate(&model.limits)
     }

@@ -9,6 +9,7 @@ use super::wire::{DeviceId, REGISTERS};
 use crate::can_ids::standard;
 use crate::feedback::Fault;
 use crate::motor::FrameError;
+use crate::pending::check_timeout;
 
 /// A register, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -242,8 +243,6 @@ pub(super) const CHECKED: [(Register, &str); 5] = [
 const NOT_AS_CONFIGURED: u32 = 0x100;
 pub(super) const NO_ANSWER: Fault =
     Fault::new(0x1FF, "it answers, but not when asked for its registers");
-/// Unit of [`Register::TIMEOUT`], ms.
-const TIMEOUT_STEP: f32 = 0.05;
 /// Two limits that differ by this share are one: 12.566 and 4π.
 const SAME: f32 = 1e-3;
 
@@ -254,17 +253,15 @@ pub(super) fn check(
     held: Value,
     wanted: f32,
 ) -> Option<Fault> {
-    let is_timeout = register == Register::TIMEOUT;
-    let held = match held {
-        Value::Real(held) => held,
-        Value::Whole(steps) if is_timeout => steps as f32 * TIMEOUT_STEP,
-        Value::Whole(held) => held as f32,
-    };
-    let is_good = match is_timeout {
-        true => held > 0.0 && held <= wanted,
-        false => (held - wanted).abs() <= wanted * SAME,
-    };
     let fault = Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text);
+    let held = match held {
+        Value::Whole(steps) if register == Register::TIMEOUT => {
+            return check_timeout(steps, wanted, fault);
+        }
+        Value::Whole(held) => held as f32,
+        Value::Real(held) => held,
+    };
+    let is_good = (held - wanted).abs() <= wanted * SAME;
     (!is_good).then_some(Fault { differs: Some([held, wanted]), ..fault })
 }
 

@@ -8,6 +8,7 @@ use super::registers::{NAMES, READ, REFRESH, Register, SAVE, WRITE};
 use super::wire::{DeviceId, ERRORS, Mode, Operation, REGISTERS, operate};
 use crate::can_ids::standard;
 use crate::mit::{Limits, spread};
+use crate::pending::TIMEOUT_STEPS;
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
 /// Properties of these motors' frames that a DBC file cannot describe.
@@ -98,7 +99,7 @@ const fn with_registers<const FIRST: usize, const ALL: usize>(
         let value = Signal::little(name, 4, 4).when(Presence::If(number as u32));
         let register = Register(number);
         signals[FIRST + 1 + index] = match register {
-            Register::TIMEOUT => value.scaled(0.05, unit),
+            Register::TIMEOUT => value.scaled(1.0 / TIMEOUT_STEPS as f64, unit),
             Register::MODE => value.named(&MODES),
             Register::BIT_RATE => value.named(&BIT_RATES),
             _ if register.is_whole() => value,

@@ -59,61 +59,88 @@ struct SetRegisterArgs {
 /// Prints or writes registers of a motor's device. Fails without a robot, such a motor or register, or if the robot or
 /// its device refuses.
 pub fn device(args: &DeviceArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let (name, at) = match &args.what {
-        What::Get(args) => (&args.motor, &args.at),
-        What::Set(args) => (&args.motor, &args.at),
-    };
-    let place = robot.description().motor_called(name)?;
-    let motor = robot.description().motors[place].clone();
-    let named = registers(&motor);
-    ensure!(!named.is_empty(), "{}, {}: no registers are known", motor.label, motor.name());
-    let (changes, save) = match &args.what {
-        What::Get(_) => (Vec::new(), false),
-        What::Set(args) => {
-            let changes = args.changes.iter().map(|change| read(change, &named));
-            (changes.collect::<Result<_>>()?, args.save)
-        }
-    };
-    let wanted: Vec<Register> = match &args.what {
-        What::Get(args) if args.registers.is_empty() => named,
-        What::Get(args) => {
-            args.registers.iter().map(|it| find(it, &named)).collect::<Result<_>>()?
-        }
-        What::Set(_) => changes.iter().map(|(register, _)| *register).collect(),
-    };
-    let mut session = Session::meet(at.open_disarmed(robot)?)?;
-    let number =
-        session.client.motor(motor.label).context("the robot that runs has no such motor")?;
-    for (register, bits) in changes {
-        let write = Action::WriteRegister(number, register.number, bits);
-        let Err(error) = session.carry_out(write) else { continue };
-        let holds = match session.carry_out(Action::ReadRegister(number, register.number)) {
-            Ok(Answer::Register(bits)) => format!("; it holds {}", register.tell(bits)),
-            _ => String::new(),
-        };
-        bail!("{}: not written: {error:#}{holds}", register.name());
+    match &args.what {
+        What::Get(args) => get(args, robot, out),
+        What::Set(args) => set(args, robot, out),
     }
-    let is_list = matches!(&args.what, What::Get(args) if args.registers.is_empty());
-    for register in wanted {
-        match session.carry_out(Action::ReadRegister(number, register.number)) {
-            Ok(Answer::Register(bits)) => writeln!(out, "{}", register.tell(bits))?,
+}
+
+fn get(args: &GetRegisterArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let (label, named) = motor(&args.motor, &robot)?;
+    let is_list = args.registers.is_empty();
+    let asked = args.registers.iter().map(|it| find(it, &named)).collect::<Result<_>>()?;
+    let mut device = Device::meet(&args.at, robot, &label)?;
+    for register in if is_list { named } else { asked } {
+        match device.read(&register) {
+            Ok(line) => writeln!(out, "{line}")?,
             // Not every model and firmware has all of them.
             Err(error) if is_list => writeln!(out, "{}: {error}", register.name())?,
             Err(error) => return Err(error.context(register.name())),
-            Ok(_) => bail!("{}: the robot told no value", register.name()),
         }
-    }
-    if let What::Set(_) = &args.what {
-        if save {
-            session.carry_out(Action::SaveRegisters(number)).context("not saved")?;
-        }
-        // Whether it is as the table says now is looked at again.
-        session.carry_out(Action::ClearFault(number)).context("its fault is not cleared")?;
-        let how =
-            if save { "kept over a power-off" } else { "until its power is cut; --save keeps it" };
-        writeln!(out, "written, {how}: {}", motor.label)?;
     }
     Ok(())
+}
+
+fn set(args: &SetRegisterArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let (label, named) = motor(&args.motor, &robot)?;
+    let changes = args.changes.iter().map(|change| read(change, &named));
+    let changes = changes.collect::<Result<Vec<_>>>()?;
+    let mut device = Device::meet(&args.at, robot, &label)?;
+    let number = device.number;
+    for (register, bits) in &changes {
+        let write = Action::WriteRegister(number, register.number, *bits);
+        if let Err(error) = device.session.carry_out(write) {
+            let holds = device
+                .read(register)
+                .map_or_else(|_| String::new(), |it| format!("; it holds {it}"));
+            bail!("{}: not written: {error:#}{holds}", register.name());
+        }
+    }
+    for (register, _) in &changes {
+        let line = device.read(register).with_context(|| register.name())?;
+        writeln!(out, "{line}")?;
+    }
+    if args.save {
+        device.session.carry_out(Action::SaveRegisters(number)).context("not saved")?;
+    }
+    // Whether it is as the table says now is looked at again.
+    let cleared = device.session.carry_out(Action::ClearFault(number));
+    cleared.context("its fault is not cleared")?;
+    let how =
+        if args.save { "kept over a power-off" } else { "until its power is cut; --save keeps it" };
+    writeln!(out, "written, {how}: {label}")?;
+    Ok(())
+}
+
+/// The label of the motor of a name, and its device's registers.
+fn motor(name: &str, robot: &Robot<'_>) -> Result<(String, Vec<Register>)> {
+    let motor = &robot.description().motors[robot.description().motor_called(name)?];
+    let named = registers(motor);
+    ensure!(!named.is_empty(), "{}, {}: no registers are known", motor.label, motor.name());
+    Ok((motor.label.to_string(), named))
+}
+
+/// A motor's device, through its robot.
+struct Device<'r> {
+    session: Session<'r>,
+    number: u8,
+}
+
+impl<'r> Device<'r> {
+    fn meet(at: &SourceArgs, robot: Robot<'r>, label: &str) -> Result<Self> {
+        let session = Session::meet(at.open_disarmed(robot)?)?;
+        let number =
+            session.client.motor(label).context("the robot that runs has no such motor")?;
+        Ok(Self { session, number })
+    }
+
+    /// A line with a register and its value.
+    fn read(&mut self, register: &Register) -> Result<String> {
+        match self.session.carry_out(Action::ReadRegister(self.number, register.number))? {
+            Answer::Register(bits) => Ok(register.tell(bits)),
+            _ => bail!("the robot told no value"),
+        }
+    }
 }
 
 /// A register of a device, and how its four bytes are read, if that is known.
