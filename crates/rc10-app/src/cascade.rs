@@ -280,12 +280,14 @@ impl CascadeState {
         self.speed_loop(config, measured, feed_forward, integrate, dt);
         if self.is_soft() {
             self.soften(last, full, dt);
+        }
+        if ramps {
             self.doubt(config, target, measured);
         }
     }
 
-    /// Driving has just begun: a reference that is far from both the speed and the target began at a speed that was a
-    /// false one, of a frame that was not the device's. It begins anew.
+    /// A reference that is far from the target, and the shaft is not, began at a speed that was a false one, of a
+    /// frame that was not the device's. It begins anew.
     #[cold]
     fn doubt(&mut self, config: &Cascade, target: f32, measured: f32) {
         let (ahead, left) = (self.reference - measured, self.reference - target);

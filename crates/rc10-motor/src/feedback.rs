@@ -175,7 +175,8 @@ pub enum Condition {
     SlowFeedback,
     /// The device answers when asked, but sends no feedback: that has to be switched on there.
     NoReports,
-    /// The device does not do what it is told, and does not say why: it may have a fault.
+    /// The device does not do what it is told, and does not say why: it may have a fault, or an angle is beyond the
+    /// range of its own.
     NotFollowing,
 }
 

@@ -286,6 +286,16 @@ impl Damiao {
         self.side.set_zero(self.ranged.shaft.set_zero());
     }
 
+    /// Whether it is to go where its own loops have no number for, as since a restart it may be.
+    fn is_beyond_reach(&self) -> bool {
+        match (&self.side, self.drive) {
+            (Side::Device(goals, _), DriveMode::Run) => {
+                matches!(*goals.goal(), Goal::Total(angle) if !self.ranged.reaches(angle))
+            }
+            _ => false,
+        }
+    }
+
     /// The frame that is sent in this tick to the motor's own identifier.
     fn command_frame(&self) -> CanFrame {
         match self.command {
@@ -414,7 +424,11 @@ impl Motor for Damiao {
     fn condition(&self) -> Condition {
         let is_enabled = self.state() == Some(State::Enabled);
         let is_starting = !self.is_checked() || (self.is_driven(self.drive) && !is_enabled);
-        if is_starting { Condition::Starting } else { Condition::Ready }
+        match is_starting {
+            true => Condition::Starting,
+            false if self.is_beyond_reach() => Condition::NotFollowing,
+            false => Condition::Ready,
+        }
     }
 }
 

@@ -34,8 +34,10 @@ const MAX_ASIDE: f32 = 0.25;
 const CONTROL_RATE: u16 = 200;
 /// Once the axis is idle it is told so in every tenth tick only.
 const REMIND_EVERY: u8 = 10;
-/// The steps of switching on follow each other in ticks.
+/// The steps of switching on follow each other in ticks. Nothing tells whether modes and limits were heard, and in
+/// another mode an axis takes no torque: they go out in this many rounds before the axis is switched on.
 const START_STEPS: u8 = 4;
+const START_ROUNDS: u8 = 3;
 /// A multiple of both.
 const BEATS: u8 = 20;
 /// Largest velocity and torque beside a position: an i16 of thousandths of turns/s and N m.
@@ -271,8 +273,10 @@ impl ODrive {
             (Step::Starting, 0) => {
                 Some(self.limit_command().unwrap_or(Command::Modes(control, input)))
             }
-            (Step::Starting, 1) => Some(Command::Modes(control, input)),
-            (Step::Starting, 3) => Some(Command::State(AxisState::CLOSED_LOOP)),
+            (Step::Starting, 3) if self.beat >= START_STEPS * (START_ROUNDS - 1) => {
+                Some(Command::State(AxisState::CLOSED_LOOP))
+            }
+            (Step::Starting, 1 | 3) => Some(Command::Modes(control, input)),
             (Step::Starting | Step::Running, _) => Some(self.input()),
         }
     }

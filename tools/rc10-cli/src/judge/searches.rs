@@ -251,7 +251,9 @@ pub(super) fn motors(recording: &Recording, found: &mut Vec<Problem>) {
             found.push(Problem::new(about, "device-fault", text));
         }
         let condition = match last.condition {
-            Condition::NotFollowing => "does not do what it is told, and does not say why",
+            Condition::NotFollowing => {
+                "does not do what it is told: it has a fault that it does not tell, or no number for that angle"
+            }
             Condition::NoReports => "sends no feedback: it has to be switched on in the device",
             Condition::SlowFeedback => "sends feedback too seldom to be controlled by it",
             _ => "",

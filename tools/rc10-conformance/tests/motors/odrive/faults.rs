@@ -147,18 +147,21 @@ fn stopped_while_it_starts_it_is_told_so_until_a_heartbeat_says_idle() {
         let at = Micros::from_millis(millis);
         let estimates = encode_estimates(NODE, 0.0, 0.0);
         motor.unpack_feedback(&estimates, at, Link::Online).unwrap();
-        if millis == 1 || millis == 20 {
+        if millis == 1 || millis == 28 {
             let heartbeat = encode_heartbeat(NODE, 0, 1, [0; 3]);
             motor.unpack_feedback(&heartbeat, at, Link::Online).unwrap();
         }
         sent_in(motor, &Tick::new(drive)).frames().first().map(ToString::to_string)
     };
     let idle = Some("067#0100000000000000".to_owned());
-    let started: Vec<_> = (1..=4).map(|at| tick(&mut motor, at, DriveMode::Run)).collect();
-    assert_eq!(started[3].as_deref(), Some("067#0800000000000000"), "{started:?}");
-    for at in 5..20 {
+    let started: Vec<_> = (1..=12).map(|at| tick(&mut motor, at, DriveMode::Run)).collect();
+    // Nothing tells that it has heard its modes, so it gets them in three rounds before it is switched on.
+    let modes = started.iter().filter(|it| it.as_deref() == Some("06B#0100000001000000")).count();
+    assert!(modes >= 5 && started[..11].iter().all(|it| *it != started[11]), "{started:?}");
+    assert_eq!(started[11].as_deref(), Some("067#0800000000000000"), "{started:?}");
+    for at in 13..28 {
         assert_eq!(tick(&mut motor, at, DriveMode::Off), idle, "{at}");
     }
-    let after: Vec<_> = (20..40).map(|at| tick(&mut motor, at, DriveMode::Off)).collect();
+    let after: Vec<_> = (28..48).map(|at| tick(&mut motor, at, DriveMode::Off)).collect();
     assert_eq!(after.iter().flatten().count(), 2, "{after:?}");
 }
