@@ -13,6 +13,7 @@ mod declaration;
 mod decode;
 mod defects;
 mod device;
+mod drive;
 mod emulate;
 mod faults;
 mod following;

@@ -238,7 +238,7 @@ impl Since {
 }
 
 /// Whether no bus can know what is right. Replies of an LK drive have the identifier of its commands: what another
-/// node sends there commands it. An angle that is counted is lost by false ones. No ODrive tells its modes: one that
+/// node sends there commands it. An angle that is counted is lost by false ones. No `ODrive` tells its modes: one that
 /// restarts while a second one answers for it is in modes of its own.
 fn cannot_be_told_apart(model: &Model, trouble: Trouble) -> bool {
     let is_by_angle = matches!(model.target, rc10_motor::Target::TotalAngle(_));

@@ -62,6 +62,7 @@ use crate::live::commands::{
     ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs,
 };
 use crate::live::device::DeviceArgs;
+use crate::live::drive::DriveArgs;
 use crate::live::page::LiveArgs;
 use crate::live::web::Web;
 use crate::run::simulate::simulate;
@@ -99,6 +100,8 @@ enum Command {
     Emu(EmuArgs),
     /// Shows the robot while it runs: plots, gains, stop and record, on a page in the browser
     Live(LiveArgs),
+    /// Drives the real robot from this PC, through CAN adapters; on the page is its remote
+    Drive(DriveArgs),
     /// Lists the gains, limits and parameters of the robot that runs
     Params(ParamsArgs),
     /// Prints parameters of the robot that runs
@@ -186,6 +189,7 @@ impl CommandLine {
                 Some(path) => live::playback::play(path, args.page, robot, out).map(|()| 0)?,
                 None => live::live(&args, robot, out).map(|()| 0)?,
             },
+            Command::Drive(args) => live::drive(&args, robot, out).map(|()| 0)?,
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,

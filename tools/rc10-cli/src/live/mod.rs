@@ -4,7 +4,7 @@
 //! * [`SourceArgs`]: the choice of the robot. `reach`: robots that other programs keep; `shared`: their line.
 //! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
 //! * [`Judge`]: problems, as in a report. [`table_lines`]: changes for the robot's table. [`Viewers`]: other programs' viewers.
-//! * `playback`: a record on the same page.
+//! * [`drive`]: a robot that runs on this PC, on real buses. `playback`: a record on the same page.
 //! * `hands`: pages that drive a simulated robot by its remote. `field`: where its base is.
 //!   `broken`: what goes wrong with it.
 //! * [`Web`]: the page with its robot in the same browser.
@@ -15,6 +15,7 @@ pub(crate) mod client;
 pub(crate) mod commands;
 pub(crate) mod connection;
 pub(crate) mod device;
+pub(crate) mod drive;
 pub(crate) mod field;
 #[cfg(feature = "viewers")]
 pub(crate) mod foxglove;
@@ -51,6 +52,7 @@ pub use commands::{
 };
 pub use connection::Reply;
 pub use device::{DeviceArgs, device};
+pub use drive::{DriveArgs, drive};
 pub use history::{History, POINTS, thin};
 pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};

@@ -233,6 +233,11 @@ fn is_there(error: &anyhow::Error) -> bool {
     error.is_some_and(|error| error.kind() == io::ErrorKind::AlreadyExists)
 }
 
+/// The world of a robot that is simulated here with its motors.
+fn simulated<'a>(session: &'a mut Session<'_>) -> Option<&'a mut dyn Running> {
+    session.world().filter(|world| !world.is_real())
+}
+
 /// Time by which a robot's clock may differ from that on the line: samples come late.
 const LATE: Micros = Micros::from_millis(2000);
 
@@ -305,7 +310,7 @@ impl<'r, 'k> LivePage<'r, 'k> {
         report_of: Reporter<'r>,
     ) -> Result<Self> {
         let mut session = Session::new(connection);
-        let is_simulated = session.world().is_some();
+        let is_simulated = simulated(&mut session).is_some();
         let mut broken = Broken::default();
         match session.world() {
             Some(world) => {
@@ -393,7 +398,7 @@ impl<'r, 'k> LivePage<'r, 'k> {
             }
             self.viewers.meet(&self.session.client, &self.topics)?;
             let mut field = Field::new(self.judge.kit.description(), &self.session.client);
-            self.session.world().into_iter().for_each(|world| field.build(world));
+            simulated(&mut self.session).into_iter().for_each(|world| field.build(world));
             self.field = Some(field).filter(|_| self.stranger.is_none());
             self.line = Line::new(self.session.baud(), &self.topics);
             self.session.client.set_line(self.line.bytes);
@@ -469,6 +474,7 @@ impl<'r, 'k> LivePage<'r, 'k> {
         let hands = look(&self.pages.hands);
         let remote = world.as_mut().and_then(|it| Some(hands.state(it.operator()?)));
         let shown = look(&self.pages.shown);
+        let world = world.filter(|world| !world.is_real());
         let field = self.field.as_mut().map(|it| it.look(&shown.history, world.as_deref()));
         let pace = pace.filter(|_| world.is_some());
         json!({ "now": now.get() as f64 * 1e-6, "remote": remote, "pace": pace, "field": field })
@@ -526,8 +532,8 @@ impl<'r, 'k> LivePage<'r, 'k> {
     /// Lets something go wrong with a simulated robot, or takes it back.
     fn let_break(&mut self, words: &str, begins: bool) -> Result<Value> {
         let now = self.session.now();
-        let world = self.session.world();
-        let world = world.context("a real robot is broken by hand, not from here")?;
+        let world = simulated(&mut self.session)
+            .context("a real robot is broken by hand, not from here")?;
         ensure!(self.anew.is_none(), "the robot is just beginning anew");
         if let Some(mistakes) = self.broken.change(world, words, begins)? {
             ensure!(

@@ -111,9 +111,9 @@ impl LocalRobot {
     }
 }
 
-/// Whether this names a robot that runs: `sim`, `emu`, or with its number.
+/// Whether this names a robot that runs: `sim`, `emu`, `drive`, or with its number.
 pub(super) fn is_name(port: &str) -> bool {
-    ["sim", "emu"].contains(&port.split(':').next().unwrap_or_default())
+    ["sim", "emu", "drive"].contains(&port.split(':').next().unwrap_or_default())
 }
 
 /// All that answer, by their names.

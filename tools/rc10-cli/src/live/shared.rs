@@ -100,6 +100,10 @@ impl Source for Shared<'_> {
         Ok((std::mem::take(&mut self.programs[0].out), now))
     }
 
+    fn trouble(&self) -> Option<&str> {
+        self.source.trouble()
+    }
+
     fn world(&mut self) -> Option<&mut dyn Running> {
         self.source.world()
     }

@@ -11,6 +11,7 @@ use clap::Args;
 use rc10_time::Micros;
 
 use crate::args::{Injected, address, seed};
+use crate::live::drive::on_adapters;
 use crate::live::line::{RobotConnection, Source};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
@@ -50,6 +51,9 @@ pub struct SourceArgs {
     pub seed: u64,
     #[command(flatten)]
     pub(crate) injected: Injected,
+    /// Buses that are real, with their adapters: the robot's tasks run here.
+    #[arg(skip)]
+    pub(crate) real: Vec<(u8, String)>,
 }
 
 /// Choice of the robot's connection, with its port as the first argument.
@@ -124,13 +128,13 @@ impl RunningArgs {
         robot: &Robot<'_>,
     ) -> Result<RobotConnection<'static>> {
         let baud = self.baud_of(robot);
-        let open = move || match port.strip_prefix("tcp:") {
-            Some(address) => tcp(address),
-            None if reach::is_name(&port) => {
+        let open = move || {
+            if reach::is_name(&port) {
                 let robot = reach::all().into_iter().find(|it| it.name == port);
-                with_limits(robot.with_context(|| format!("{port} has ended"))?.connect()?)
+                let stream = robot.with_context(|| format!("{port} has ended"))?.connect()?;
+                return with_limits(stream, PATIENCE);
             }
-            None => serial(&port, baud),
+            open_port(&port, baud, PATIENCE)
         };
         Ok(RobotConnection { source: Box::new(Wire::new(open)?), name, baud, is_real: true })
     }
@@ -140,6 +144,10 @@ impl SourceArgs {
     /// Opens the connection. A simulation or emulation runs as fast as it can, or at this share of real
     /// time at most. Fails if it cannot be opened, with the reason and what helps.
     pub fn open<'r>(&self, robot: Robot<'r>, pace: Option<f64>) -> Result<RobotConnection<'r>> {
+        if !self.real.is_empty() {
+            let baud = self.running.baud_of(&robot);
+            return on_adapters(robot, (&self.real, baud, pace.unwrap_or(1.0)));
+        }
         if self.sim {
             let (baud, mut robot) = (self.running.baud_of(&robot), robot);
             robot.inject(&self.injected, "--sim")?;
@@ -184,7 +192,11 @@ impl SourceArgs {
     ) -> Result<RobotConnection<'r>> {
         let RobotConnection { mut source, mut name, baud, is_real } =
             self.open(robot, Some(pace))?;
-        let kind = if self.sim { "sim" } else { "emu" };
+        let kind = match () {
+            () if self.sim => "sim",
+            () if self.real.is_empty() => "emu",
+            () => "drive",
+        };
         if !is_real {
             match LocalRobot::announce(format!("{kind}:{page}"), &name) {
                 Ok((robot, listener)) => {
@@ -308,7 +320,7 @@ impl<W: Running> Source for Paced<W> {
 }
 
 /// Bytes in both directions; a read waits for a few milliseconds.
-trait Port: Read + Write {}
+pub(super) trait Port: Read + Write {}
 impl<T: Read + Write> Port for T {}
 
 /// Time limit of a read.
@@ -380,20 +392,26 @@ impl<F: Fn() -> Result<Box<dyn Port>>> Source for Wire<F> {
     }
 }
 
-fn tcp(text: &str) -> Result<Box<dyn Port>> {
+/// Opens a serial port, or tcp:HOST:PORT. A read waits for this time.
+pub(super) fn open_port(name: &str, baud: u32, patience: Duration) -> Result<Box<dyn Port>> {
+    let Some(text) = name.strip_prefix("tcp:") else { return serial(name, baud, patience) };
     let stream = TcpStream::connect_timeout(&address(text).context("tcp:HOST:PORT")?, CONNECTS);
-    with_limits(stream.with_context(|| format!("tcp:{text}: nothing answers there"))?)
+    with_limits(stream.with_context(|| format!("{name}: nothing answers there"))?, patience)
 }
 
-fn with_limits(stream: TcpStream) -> Result<Box<dyn Port>> {
-    stream.set_read_timeout(Some(PATIENCE))?;
+fn with_limits(stream: TcpStream, patience: Duration) -> Result<Box<dyn Port>> {
+    if patience.is_zero() {
+        stream.set_nonblocking(true)?;
+    } else {
+        stream.set_read_timeout(Some(patience))?;
+    }
     stream.set_write_timeout(Some(TAKES))?;
     stream.set_nodelay(true)?;
     Ok(Box::new(stream))
 }
 
-fn serial(name: &str, baud: u32) -> Result<Box<dyn Port>> {
-    match serialport::new(name, baud).timeout(PATIENCE).open() {
+fn serial(name: &str, baud: u32, patience: Duration) -> Result<Box<dyn Port>> {
+    match serialport::new(name, baud).timeout(patience).open() {
         Ok(port) => Ok(Box::new(port)),
         Err(error) => bail!("{}", refusal(name, &error)),
     }

@@ -17,6 +17,10 @@ use crate::world::console::ConsoleLine;
 pub trait Running {
     /// Its description, with the faults and mistakes of the run.
     fn description(&self) -> &Description;
+    /// Whether its buses are real ones: then there is nothing to see but what it says.
+    fn is_real(&self) -> bool {
+        false
+    }
     /// The time since power-on.
     fn now(&self) -> Micros;
     /// Lets everything go on up to a time.

@@ -1,5 +1,7 @@
 //! A robot in the simulator: its own tasks, against simulated motors on simulated wires.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Result, bail, ensure};
 use rc10_emu::fault::{ChipFault, Kind};
 use rc10_module::Reception;
@@ -9,6 +11,7 @@ use rc10_sim::{Base, Bus, Esc, Faults, Tasks, TraceEntry};
 use rc10_tasks::seen::Whole;
 use rc10_time::Micros;
 
+use crate::formats::slcan::host::HostPort;
 use crate::recording::look::{BusLook, Moment, RobotLook};
 use crate::recording::sample::NOWHERE;
 use crate::robot::description::Description;
@@ -40,6 +43,16 @@ impl<'r> Simulation<'r> {
     /// If the robot is not as described, has no console though there is to be one, or its environment
     /// cannot be built.
     pub fn new(robot: Robot<'r>, seed: u64, console: Option<u32>) -> Result<Self> {
+        Self::with(robot, seed, console, BTreeMap::new())
+    }
+
+    /// The same, with these buses real ones.
+    pub(crate) fn with(
+        robot: Robot<'r>,
+        seed: u64,
+        console: Option<u32>,
+        real: BTreeMap<u8, HostPort>,
+    ) -> Result<Self> {
         ensure!(
             console.is_none() || robot.has_console(),
             "this robot has no console in the simulator: see Robot::live"
@@ -49,6 +62,9 @@ impl<'r> Simulation<'r> {
         let mut around = Environment::new(&description, seed)?;
         if let Some(baud) = console {
             around = around.with_console(baud);
+        }
+        if !real.is_empty() {
+            around.leave_to(real);
         }
         let faults = around.faults(&description)?;
         let tasks = robot.tasks(&around)?;
@@ -68,6 +84,10 @@ impl<'r> Simulation<'r> {
 impl Running for Simulation<'_> {
     fn description(&self) -> &Description {
         &self.description
+    }
+
+    fn is_real(&self) -> bool {
+        !self.around.real.is_empty()
     }
 
     fn now(&self) -> Micros {
@@ -99,6 +119,7 @@ impl Running for Simulation<'_> {
     }
 
     fn inject(&mut self, begins: bool, kind: &Kind) -> Result<()> {
+        ensure!(!self.is_real(), "a real robot is broken by hand, not from here");
         match (kind, &mut self.around.operator) {
             (Kind::Other(_), _) => {
                 bail!("{kind}: the simulator has no chip to do that to; --emu does it")

@@ -1,5 +1,6 @@
 //! The environment of a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::pin::Pin;
 
@@ -13,6 +14,7 @@ use rc10_sim::{
 };
 use rc10_time::Micros;
 
+use crate::formats::slcan::host::HostPort;
 use crate::robot::description::Description;
 use crate::robot::operator::Operator;
 use crate::robot::remote::{Receiver, ReceiverWire, mixer};
@@ -43,6 +45,8 @@ pub struct Environment {
     pub operator: Option<Operator>,
     /// The line from the console to a PC: [`with_console`](Self::with_console).
     pub console: Option<ConsoleLine>,
+    /// Buses that are no simulated wires, by their numbers: [`leave_to`](Self::leave_to).
+    pub(crate) real: BTreeMap<u8, HostPort>,
 }
 
 /// A remote, and its receiver at the end of a wire.
@@ -159,6 +163,7 @@ impl Environment {
             remote,
             operator,
             console,
+            real: BTreeMap::new(),
         })
     }
 
@@ -187,6 +192,13 @@ impl Environment {
     pub fn with_console(mut self, baud: u32) -> Self {
         self.console = Some(ConsoleLine::new(&mut self.world, baud));
         self
+    }
+
+    /// Leaves only the remote of this world: buses with these numbers are real, and all else is not there.
+    pub(crate) fn leave_to(&mut self, real: BTreeMap<u8, HostPort>) {
+        self.motors.iter().for_each(|twin| twin.set_power(false));
+        self.serials.iter().for_each(|part| part.set_cut(true));
+        (self.base, self.real) = (None, real);
     }
 
     /// Runs the robot's tasks and its operator up to a time; time goes on also without tasks.

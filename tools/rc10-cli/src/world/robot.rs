@@ -425,8 +425,11 @@ impl<'r> Robot<'r> {
         self.check()?;
         let mut tasks = Tasks::new();
         let buses = self.buses.into_iter().zip(self.ports.buses);
-        for ((bus, shared), wire) in buses.zip(&around.wires) {
-            tasks.add(run_bus(wire.port(), bus, shared));
+        for (number, ((bus, shared), wire)) in (1..=u8::MAX).zip(buses.zip(&around.wires)) {
+            match around.real.get(&number) {
+                Some(port) => tasks.add(run_bus(port.clone(), bus, shared)),
+                None => tasks.add(run_bus(wire.port(), bus, shared)),
+            }
         }
         let lines = self.lines.into_iter().zip(self.ports.lines);
         for ((line, shared), wire) in lines.zip(&around.lines) {

@@ -21,6 +21,7 @@
 //! (bit timing registers), `M`, `m` (filters), `P`, `A`, `X` (polling).
 
 pub(crate) mod adapter;
+pub(crate) mod host;
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};

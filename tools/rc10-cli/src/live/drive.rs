@@ -1,0 +1,350 @@
+//! `rc10 drive`: a robot whose tasks run on this PC, on real buses behind slcan adapters.
+//!
+//! Its time is the clock's, in steps of a millisecond: each takes what the adapters have heard, lets the robot go on up
+//! to now, and gives them what it sends. A PC keeps no time to the microsecond: the worst delay of a step is told. A
+//! step that comes late is as long as it was late; so what has expired meanwhile has, and of what the robot would have
+//! sent only the newest leaves. After a PC that slept it is disarmed.
+
+use std::collections::BTreeMap;
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+use std::thread::sleep;
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use rc10_time::Micros;
+
+use super::line::{RobotConnection, Source};
+use super::page::{LiveArgs, live};
+use super::source::{PlaceArgs, Port, SourceArgs, open_port};
+use super::viewers::ViewerArgs;
+use crate::args::{pace, seconds};
+use crate::formats::slcan::host::{CLOSE, HostCounts, HostPort, OPEN};
+use crate::run::running::Running as _;
+use crate::run::simulation::Simulation;
+use crate::terminal::tell;
+use crate::world::console::ConsoleLine;
+use crate::world::robot::Robot;
+
+/// Arguments of `rc10 drive`.
+#[derive(Args, Debug)]
+pub struct DriveArgs {
+    /// A bus of the robot, and the slcan adapter at it: 1=/dev/ttyACM0, 1=COM3, 1=tcp:HOST:PORT; again for each bus
+    #[arg(long = "bus", value_name = "N=ADAPTER", required = true, value_parser = adapter)]
+    pub buses: Vec<(u8, String)>,
+    /// The page's port on this PC; 0 is any that is free
+    #[arg(long, value_name = "N", default_value_t = 8010)]
+    pub page: u16,
+    /// Open the page in the browser
+    #[arg(long)]
+    pub open: bool,
+    /// Folder for records
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
+    pub out: PathBuf,
+    /// File in which the robot keeps its saved parameters; without it they are kept for this run
+    #[arg(long, value_name = "FILE")]
+    pub kept: Option<PathBuf>,
+    /// How fast its time passes, for motors that are simulated by another program
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = pace, hide = true)]
+    pub pace: f64,
+    /// Ends after this many seconds [default: runs until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<Micros>,
+}
+
+fn adapter(text: &str) -> Result<(u8, String)> {
+    let both = text.split_once('=').and_then(|(bus, at)| Some((bus.parse().ok()?, at)));
+    let (bus, at) = both.filter(|(_, at)| !at.is_empty()).context("it is to be BUS=ADAPTER")?;
+    Ok((bus, at.to_owned()))
+}
+
+/// Drives the robot until Ctrl-C, and leaves its motors without torque. Fails as [`live`] does, for a robot without a
+/// remote, and if an adapter cannot be opened.
+pub fn drive(args: &DriveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let real = args.buses.clone();
+    let at = PlaceArgs { place: None, named: SourceArgs { real, ..SourceArgs::default() } };
+    let &DriveArgs { page, open, pace, seconds, .. } = args;
+    let (out_to, kept, viewers) = (args.out.clone(), args.kept.clone(), ViewerArgs::default());
+    let args = LiveArgs {
+        at,
+        page,
+        lan: None,
+        open,
+        script: false,
+        pace,
+        out: out_to,
+        viewers,
+        kept,
+        seconds,
+    };
+    live(&args, robot, out)
+}
+
+/// Bits a second of an adapter at a UART; one at USB does not care.
+const BAUD: u32 = 2_000_000;
+/// Length of a step.
+const STEP: Micros = Micros::from_millis(1);
+/// Steps between two looks of the pages, which take some milliseconds: the step behind them is late.
+const STEPS: u32 = 20;
+/// Period of attempts to open an adapter that is gone.
+const AGAIN: Duration = Duration::from_millis(200);
+/// Less than this the date may go on beyond the clock.
+const NAP: Duration = Duration::from_secs(1);
+/// Steps in which a robot that ends tells its motors so.
+const LAST: u32 = 30;
+
+/// An adapter, which may go and come back.
+struct Adapter {
+    bus: u8,
+    at: String,
+    host: HostPort,
+    port: Option<Box<dyn Port>>,
+    /// What it has not taken yet.
+    out: Vec<u8>,
+    tried: Instant,
+    trouble: Option<String>,
+}
+
+impl Adapter {
+    fn open(bus: u8, at: &str) -> Result<Self> {
+        let (at, host, port) = (at.to_owned(), HostPort::default(), None);
+        let mut adapter =
+            Self { bus, at, host, port, out: Vec::new(), tried: Instant::now(), trouble: None };
+        adapter.plug()?;
+        Ok(adapter)
+    }
+
+    fn plug(&mut self) -> Result<()> {
+        let port = open_port(&self.at, BAUD, Duration::ZERO);
+        self.port = Some(port.with_context(|| format!("bus {}", self.bus))?);
+        self.out = OPEN.to_vec();
+        self.host.plug(true);
+        Ok(())
+    }
+
+    /// What came up to now.
+    fn read(&mut self) -> Vec<u8> {
+        if self.port.is_none() && self.tried.elapsed() >= AGAIN {
+            self.tried = Instant::now();
+            self.trouble = self.plug().err().map(|why| format!("{why:#}"));
+        }
+        let (mut buffer, mut bytes) = ([0; 4096], Vec::new());
+        while let Some(port) = &mut self.port {
+            match port.read(&mut buffer) {
+                Ok(count @ 1..) => bytes.extend(&buffer[..count]),
+                Ok(0) => self.lose(&ErrorKind::UnexpectedEof.into()),
+                Err(error) if is_patience(&error) => break,
+                Err(error) => self.lose(&error),
+            }
+        }
+        bytes
+    }
+
+    /// Gives it the newest frames, unless it has not taken those before: no old one is to leave.
+    fn send(&mut self) {
+        if self.out.is_empty() {
+            self.host.write(&mut self.out);
+        }
+        while let (Some(port), false) = (&mut self.port, self.out.is_empty()) {
+            match port.write(&self.out) {
+                Ok(count) => drop(self.out.drain(..count)),
+                Err(error) if is_patience(&error) => break,
+                Err(error) => self.lose(&error),
+            }
+        }
+    }
+
+    fn lose(&mut self, error: &std::io::Error) {
+        self.trouble = Some(format!(
+            "bus {}: the adapter {} is gone ({error}); it is tried again and again",
+            self.bus, self.at
+        ));
+        (self.port, self.tried) = (None, Instant::now());
+        self.out.clear();
+        self.host.plug(false);
+    }
+}
+
+fn is_patience(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+/// A robot that runs here, on real buses.
+struct Driven<'r> {
+    robot: Simulation<'r>,
+    line: ConsoleLine,
+    adapters: Vec<Adapter>,
+    /// When it began, by this PC's clock, and the share of that clock's pace.
+    began: (Instant, f64),
+    /// By how much this PC's date has gone on beyond that clock, which stands while the PC sleeps.
+    slept: Duration,
+    dated: SystemTime,
+    steps: u64,
+    /// Steps that began later than half a millisecond, and the greatest delay.
+    late: u64,
+    worst: Micros,
+}
+
+/// Sets the robot up on these buses. Fails if an adapter cannot be opened, or nothing could arm the robot.
+pub(super) fn on_adapters<'r>(
+    mut robot: Robot<'r>,
+    (buses, baud, pace): (&[(u8, String)], u32, f64),
+) -> Result<RobotConnection<'r>> {
+    robot.fit(false)?;
+    if cfg!(debug_assertions) {
+        tell(
+            "built to be compiled fast, ticks are late by 10 ms at times: cargo run --release -- drive",
+        );
+    }
+    let description = robot.description();
+    ensure!(
+        description.remote.is_some(),
+        "this robot has no remote in its table: nothing could arm it"
+    );
+    let mut adapters: Vec<Adapter> = Vec::new();
+    for (bus, at) in buses {
+        let most = description.buses;
+        ensure!((1..=most).contains(bus), "--bus {bus}: the robot has buses 1 to {most}");
+        let is_new = adapters.iter().all(|it| it.bus != *bus && it.at != *at);
+        ensure!(is_new, "--bus {bus}={at}: one adapter for each bus");
+        adapters.push(Adapter::open(*bus, at)?);
+    }
+    let name = adapters.iter().map(|it| format!("bus {} at {}", it.bus, it.at));
+    let name = format!("the robot on this PC, {}", name.collect::<Vec<_>>().join(", "));
+    let real: BTreeMap<_, _> = adapters.iter().map(|it| (it.bus, it.host.clone())).collect();
+    let robot = Simulation::with(robot, 1, Some(baud), real)?;
+    let line = robot.console().cloned().context("no console")?;
+    let began = (Instant::now(), pace);
+    let driven = Driven {
+        robot,
+        line,
+        adapters,
+        began,
+        slept: Duration::ZERO,
+        dated: SystemTime::now(),
+        steps: 0,
+        late: 0,
+        worst: Micros::ZERO,
+    };
+    Ok(RobotConnection { source: Box::new(driven), name, baud, is_real: false })
+}
+
+impl Driven<'_> {
+    fn disarm(&self) {
+        if let Some(switch) = self.robot.ports.switch {
+            switch.disarm();
+        }
+    }
+
+    fn step(&mut self) -> Result<()> {
+        let before = self.robot.now();
+        let (due, (began, pace)) = (before + STEP, self.began);
+        sleep(Duration::from_micros(due.get()).div_f64(pace).saturating_sub(began.elapsed()));
+        let now = began.elapsed().mul_f64(pace).as_micros();
+        let now = Micros::new(u64::try_from(now)?).max(due);
+        let delay = now.since(due);
+        self.steps += 1;
+        self.late += u64::from(delay.get() > 500);
+        self.worst = self.worst.max(delay);
+        let heard: Vec<_> = self.adapters.iter_mut().map(Adapter::read).collect();
+        // What came while this PC was late came all the time.
+        let pieces = (now.since(before).get() / STEP.get()) as usize;
+        for piece in 1..=pieces {
+            let at = self.robot.now();
+            for (adapter, bytes) in self.adapters.iter().zip(&heard) {
+                let [from, to] = [piece - 1, piece].map(|it| bytes.len() * it / pieces);
+                adapter.host.hear(&bytes[from..to], at);
+            }
+            self.robot.run_to(if piece == pieces { now } else { at + STEP })?;
+        }
+        drop(self.robot.take_frames());
+        self.adapters.iter_mut().for_each(Adapter::send);
+        Ok(())
+    }
+}
+
+impl Source for Driven<'_> {
+    fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
+        self.line.send(out);
+        for _ in 0..STEPS {
+            self.step()?;
+        }
+        let date = self.dated.elapsed().unwrap_or_default();
+        if let Some(slept) = has_slept([date, self.began.0.elapsed(), self.slept]) {
+            self.slept = slept;
+            tell(format_args!("this PC slept, or its date was set: disarmed"));
+            self.disarm();
+        }
+        Ok((self.line.take(), self.robot.now()))
+    }
+
+    fn trouble(&self) -> Option<&str> {
+        self.adapters.iter().find_map(|it| it.trouble.as_deref())
+    }
+
+    fn world(&mut self) -> Option<&mut dyn crate::run::running::Running> {
+        Some(&mut self.robot)
+    }
+}
+
+/// However it ends, its motors are told; but for a program that is killed, whose motors do what they do by themselves.
+impl Drop for Driven<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            return;
+        }
+        self.disarm();
+        for _ in 0..LAST {
+            if self.step().is_err() {
+                break;
+            }
+        }
+        for Adapter { bus, host, port, .. } in &mut self.adapters {
+            if let Some(port) = port {
+                let _ = port.write_all(CLOSE).and_then(|()| port.flush());
+            }
+            tell(summary(*bus, &host.counts()));
+        }
+        let Self { steps, late, worst, .. } = self;
+        let worst = worst.get() as f64 * 1e-3;
+        tell(format_args!("{steps} ticks, {late} of them over 0.5 ms late, the worst {worst} ms"));
+    }
+}
+
+fn summary(bus: u8, counts: &HostCounts) -> String {
+    let HostCounts { heard, sent, refused, malformed, gone } = *counts;
+    let losses = [
+        (refused, "frames refused by the adapter"),
+        (malformed, "lines of it that are no frames"),
+        (gone, "times without the adapter"),
+    ];
+    let losses: Vec<_> = losses.iter().filter(|(count, _)| *count > 0).collect();
+    let lost: Vec<_> = losses.iter().map(|(count, what)| format!("{count} {what}")).collect();
+    let lost = if lost.is_empty() { "nothing lost".into() } else { lost.join(", ") };
+    format!("bus {bus}: {heard} frames heard, {sent} sent, {lost}")
+}
+
+/// How long this PC has slept in all by its date and its clock, if that is longer than was known.
+fn has_slept([date, clock, known]: [Duration; 3]) -> Option<Duration> {
+    let slept = date.saturating_sub(clock);
+    (slept > known + NAP).then_some(slept)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_nap_is_told_once() {
+        let told =
+            |times: [u64; 3]| has_slept(times.map(Duration::from_millis)).map(|it| it.as_millis());
+        assert_eq!(told([5000, 5000, 0]), None);
+        // A date that is set right.
+        assert_eq!(told([5900, 5000, 0]), None);
+        assert_eq!(told([4000, 5000, 0]), None);
+        assert_eq!(told([65_000, 5000, 0]), Some(60_000));
+        assert_eq!(told([66_000, 6000, 60_000]), None);
+        assert_eq!(told([69_000, 6000, 60_000]), Some(63_000));
+    }
+}
