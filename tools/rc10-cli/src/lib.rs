@@ -49,6 +49,7 @@ use rc10_time::Micros;
 
 use crate::commands::board_test::{BoardTestArgs, board_test};
 use crate::commands::doctor::{DoctorArgs, doctor};
+use crate::commands::drive::{DriveArgs, drive};
 use crate::commands::emulate::{EmuArgs, emulate};
 use crate::commands::faults::FaultsArgs;
 use crate::commands::new::NewArgs;
@@ -62,7 +63,6 @@ use crate::live::commands::{
     ForgetArgs, GetArgs, ParamsArgs, RecordArgs, SaveArgs, SetArgs, StopArgs,
 };
 use crate::live::device::DeviceArgs;
-use crate::live::drive::DriveArgs;
 use crate::live::page::LiveArgs;
 use crate::live::web::Web;
 use crate::run::simulate::simulate;
@@ -189,7 +189,7 @@ impl CommandLine {
                 Some(path) => live::playback::play(path, args.page, robot, out).map(|()| 0)?,
                 None => live::live(&args, robot, out).map(|()| 0)?,
             },
-            Command::Drive(args) => live::drive(&args, robot, out).map(|()| 0)?,
+            Command::Drive(args) => drive(&args, robot, out).map(|()| 0)?,
             Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
             Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
             Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,

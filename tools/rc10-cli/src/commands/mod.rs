@@ -3,6 +3,7 @@
 pub mod board_test;
 pub mod decode;
 pub mod doctor;
+pub mod drive;
 pub mod emulate;
 pub mod faults;
 pub mod new;

@@ -1,85 +1,24 @@
-//! `rc10 drive`: a robot whose tasks run on this PC, on real buses behind slcan adapters.
+//! A robot whose tasks run on this PC, on real buses behind slcan adapters.
 //!
 //! Its time is the clock's, in steps of a millisecond: each takes what the adapters have heard, lets the robot go on up
 //! to now, and gives them what it sends. A PC keeps no time to the microsecond: the worst delay of a step is told. A
 //! step that comes late is as long as it was late; so what has expired meanwhile has, and of what the robot would have
 //! sent only the newest leaves. After a PC that slept it is disarmed.
 
-use std::collections::BTreeMap;
-use std::io::{ErrorKind, Write};
-use std::path::PathBuf;
+use std::io::{ErrorKind, Write as _};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, Result, ensure};
-use clap::Args;
+use rc10_motor::ArmSwitch;
 use rc10_time::Micros;
 
-use super::line::{RobotConnection, Source};
-use super::page::{LiveArgs, live};
-use super::source::{PlaceArgs, Port, SourceArgs, open_port};
-use super::viewers::ViewerArgs;
-use crate::args::{pace, seconds};
+use super::line::Source;
+use super::port::{Port, open_port};
 use crate::formats::slcan::host::{CLOSE, HostCounts, HostPort, OPEN};
-use crate::run::running::Running as _;
-use crate::run::simulation::Simulation;
+use crate::run::running::Running;
 use crate::terminal::tell;
 use crate::world::console::ConsoleLine;
-use crate::world::robot::Robot;
-
-/// Arguments of `rc10 drive`.
-#[derive(Args, Debug)]
-pub struct DriveArgs {
-    /// A bus of the robot, and the slcan adapter at it: 1=/dev/ttyACM0, 1=COM3, 1=tcp:HOST:PORT; again for each bus
-    #[arg(long = "bus", value_name = "N=ADAPTER", required = true, value_parser = adapter)]
-    pub buses: Vec<(u8, String)>,
-    /// The page's port on this PC; 0 is any that is free
-    #[arg(long, value_name = "N", default_value_t = 8010)]
-    pub page: u16,
-    /// Open the page in the browser
-    #[arg(long)]
-    pub open: bool,
-    /// Folder for records
-    #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
-    pub out: PathBuf,
-    /// File in which the robot keeps its saved parameters; without it they are kept for this run
-    #[arg(long, value_name = "FILE")]
-    pub kept: Option<PathBuf>,
-    /// How fast its time passes, for motors that are simulated by another program
-    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = pace, hide = true)]
-    pub pace: f64,
-    /// Ends after this many seconds [default: runs until Ctrl-C]
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    pub seconds: Option<Micros>,
-}
-
-fn adapter(text: &str) -> Result<(u8, String)> {
-    let both = text.split_once('=').and_then(|(bus, at)| Some((bus.parse().ok()?, at)));
-    let (bus, at) = both.filter(|(_, at)| !at.is_empty()).context("it is to be BUS=ADAPTER")?;
-    Ok((bus, at.to_owned()))
-}
-
-/// Drives the robot until Ctrl-C, and leaves its motors without torque. Fails as [`live`] does, for a robot without a
-/// remote, and if an adapter cannot be opened.
-pub fn drive(args: &DriveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let real = args.buses.clone();
-    let at = PlaceArgs { place: None, named: SourceArgs { real, ..SourceArgs::default() } };
-    let &DriveArgs { page, open, pace, seconds, .. } = args;
-    let (out_to, kept, viewers) = (args.out.clone(), args.kept.clone(), ViewerArgs::default());
-    let args = LiveArgs {
-        at,
-        page,
-        lan: None,
-        open,
-        script: false,
-        pace,
-        out: out_to,
-        viewers,
-        kept,
-        seconds,
-    };
-    live(&args, robot, out)
-}
 
 /// Bits a second of an adapter at a UART; one at USB does not care.
 const BAUD: u32 = 2_000_000;
@@ -95,10 +34,10 @@ const NAP: Duration = Duration::from_secs(1);
 const LAST: u32 = 30;
 
 /// An adapter, which may go and come back.
-struct Adapter {
-    bus: u8,
-    at: String,
-    host: HostPort,
+pub(super) struct Adapter {
+    pub(super) bus: u8,
+    pub(super) at: String,
+    pub(super) host: HostPort,
     port: Option<Box<dyn Port>>,
     /// What it has not taken yet.
     out: Vec<u8>,
@@ -171,10 +110,11 @@ fn is_patience(error: &std::io::Error) -> bool {
 }
 
 /// A robot that runs here, on real buses.
-struct Driven<'r> {
-    robot: Simulation<'r>,
+pub(super) struct Driven<'r, W: Running> {
+    robot: W,
     line: ConsoleLine,
     adapters: Vec<Adapter>,
+    switch: Option<&'r ArmSwitch>,
     /// When it began, by this PC's clock, and the share of that clock's pace.
     began: (Instant, f64),
     /// By how much this PC's date has gone on beyond that clock, which stands while the PC sleeps.
@@ -186,53 +126,41 @@ struct Driven<'r> {
     worst: Micros,
 }
 
-/// Sets the robot up on these buses. Fails if an adapter cannot be opened, or nothing could arm the robot.
-pub(super) fn on_adapters<'r>(
-    mut robot: Robot<'r>,
-    (buses, baud, pace): (&[(u8, String)], u32, f64),
-) -> Result<RobotConnection<'r>> {
-    robot.fit(false)?;
-    if cfg!(debug_assertions) {
-        tell(
-            "built to be compiled fast, ticks are late by 10 ms at times: cargo run --release -- drive",
-        );
-    }
-    let description = robot.description();
-    ensure!(
-        description.remote.is_some(),
-        "this robot has no remote in its table: nothing could arm it"
-    );
+/// Opens the adapters of buses 1 to `most`; fails if one cannot be opened, or has not a bus of its own.
+pub(super) fn open_adapters(buses: &[(u8, String)], most: u8) -> Result<Vec<Adapter>> {
     let mut adapters: Vec<Adapter> = Vec::new();
     for (bus, at) in buses {
-        let most = description.buses;
         ensure!((1..=most).contains(bus), "--bus {bus}: the robot has buses 1 to {most}");
         let is_new = adapters.iter().all(|it| it.bus != *bus && it.at != *at);
         ensure!(is_new, "--bus {bus}={at}: one adapter for each bus");
         adapters.push(Adapter::open(*bus, at)?);
     }
-    let name = adapters.iter().map(|it| format!("bus {} at {}", it.bus, it.at));
-    let name = format!("the robot on this PC, {}", name.collect::<Vec<_>>().join(", "));
-    let real: BTreeMap<_, _> = adapters.iter().map(|it| (it.bus, it.host.clone())).collect();
-    let robot = Simulation::with(robot, 1, Some(baud), real)?;
-    let line = robot.console().cloned().context("no console")?;
-    let began = (Instant::now(), pace);
-    let driven = Driven {
-        robot,
-        line,
-        adapters,
-        began,
-        slept: Duration::ZERO,
-        dated: SystemTime::now(),
-        steps: 0,
-        late: 0,
-        worst: Micros::ZERO,
-    };
-    Ok(RobotConnection { source: Box::new(driven), name, baud, is_real: false })
+    Ok(adapters)
 }
 
-impl Driven<'_> {
+impl<'r, W: Running> Driven<'r, W> {
+    /// A robot whose buses have these adapters, and what disarms it. Fails without a console.
+    pub(super) fn new(
+        robot: W,
+        adapters: Vec<Adapter>,
+        switch: Option<&'r ArmSwitch>,
+        pace: f64,
+    ) -> Result<Self> {
+        if cfg!(debug_assertions) {
+            tell(
+                "built to be compiled fast, ticks are late by 10 ms at times: cargo run --release -- drive",
+            );
+        }
+        let line = robot.console().cloned().context("no console")?;
+        let (began, dated) = ((Instant::now(), pace), SystemTime::now());
+        let (slept, worst) = (Duration::ZERO, Micros::ZERO);
+        Ok(Self { robot, line, adapters, switch, began, slept, dated, steps: 0, late: 0, worst })
+    }
+}
+
+impl<W: Running> Driven<'_, W> {
     fn disarm(&self) {
-        if let Some(switch) = self.robot.ports.switch {
+        if let Some(switch) = self.switch {
             switch.disarm();
         }
     }
@@ -264,7 +192,7 @@ impl Driven<'_> {
     }
 }
 
-impl Source for Driven<'_> {
+impl<W: Running> Source for Driven<'_, W> {
     fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
         self.line.send(out);
         for _ in 0..STEPS {
@@ -283,13 +211,13 @@ impl Source for Driven<'_> {
         self.adapters.iter().find_map(|it| it.trouble.as_deref())
     }
 
-    fn world(&mut self) -> Option<&mut dyn crate::run::running::Running> {
+    fn world(&mut self) -> Option<&mut dyn Running> {
         Some(&mut self.robot)
     }
 }
 
 /// However it ends, its motors are told; but for a program that is killed, whose motors do what they do by themselves.
-impl Drop for Driven<'_> {
+impl<W: Running> Drop for Driven<'_, W> {
     fn drop(&mut self) {
         if std::thread::panicking() {
             return;
@@ -308,7 +236,9 @@ impl Drop for Driven<'_> {
         }
         let Self { steps, late, worst, .. } = self;
         let worst = worst.get() as f64 * 1e-3;
-        tell(format_args!("{steps} ticks, {late} of them over 0.5 ms late, the worst {worst} ms"));
+        tell(format_args!(
+            "{steps} ticks, {late} of them over 0.5 ms late, the worst {worst:.3} ms"
+        ));
     }
 }
 

@@ -4,7 +4,7 @@
 //! * [`SourceArgs`]: the choice of the robot. `reach`: robots that other programs keep; `shared`: their line.
 //! * [`plan`]: the signals and their rates. [`LiveRecord`]: a record of them.
 //! * [`Judge`]: problems, as in a report. [`table_lines`]: changes for the robot's table. [`Viewers`]: other programs' viewers.
-//! * [`drive`]: a robot that runs on this PC, on real buses. `playback`: a record on the same page.
+//! * `drive`: a robot that runs on this PC, on real buses. `playback`: a record on the same page.
 //! * `hands`: pages that drive a simulated robot by its remote. `field`: where its base is.
 //!   `broken`: what goes wrong with it.
 //! * [`Web`]: the page with its robot in the same browser.
@@ -29,6 +29,7 @@ pub(crate) mod line;
 pub(crate) mod page;
 pub(crate) mod plan;
 pub(crate) mod playback;
+pub(crate) mod port;
 pub(crate) mod reach;
 pub(crate) mod record;
 pub mod request;
@@ -52,7 +53,6 @@ pub use commands::{
 };
 pub use connection::Reply;
 pub use device::{DeviceArgs, device};
-pub use drive::{DriveArgs, drive};
 pub use history::{History, POINTS, thin};
 pub use judge::{Advice, Judge};
 pub use page::{LiveArgs, live};

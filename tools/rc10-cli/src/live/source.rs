@@ -2,17 +2,17 @@
 //! kept running by another program.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use rc10_time::Micros;
 
-use crate::args::{Injected, address, seed};
-use crate::live::drive::on_adapters;
+use crate::args::{Injected, seed};
+use crate::live::drive::{Driven, open_adapters};
 use crate::live::line::{RobotConnection, Source};
+use crate::live::port::{Port, open_port, with_limits};
 use crate::live::reach::{self, LocalRobot};
 use crate::live::shared::Shared;
 use crate::run::board::program;
@@ -145,8 +145,7 @@ impl SourceArgs {
     /// time at most. Fails if it cannot be opened, with the reason and what helps.
     pub fn open<'r>(&self, robot: Robot<'r>, pace: Option<f64>) -> Result<RobotConnection<'r>> {
         if !self.real.is_empty() {
-            let baud = self.running.baud_of(&robot);
-            return on_adapters(robot, (&self.real, baud, pace.unwrap_or(1.0)));
+            return self.on_adapters(robot, pace.unwrap_or(1.0));
         }
         if self.sim {
             let (baud, mut robot) = (self.running.baud_of(&robot), robot);
@@ -171,6 +170,25 @@ impl SourceArgs {
             "--fault, --mistake and --pace are for --sim and --emu that are begun here"
         );
         self.running.open(&robot)
+    }
+
+    /// A robot that runs here, on real buses. Fails if an adapter cannot be opened, or nothing could arm it.
+    fn on_adapters<'r>(&self, mut robot: Robot<'r>, pace: f64) -> Result<RobotConnection<'r>> {
+        let (baud, switch) = (self.running.baud_of(&robot), robot.ports().switch);
+        robot.fit(false)?;
+        let description = robot.description();
+        ensure!(
+            description.remote.is_some(),
+            "this robot has no remote in its table: nothing could arm it"
+        );
+        let adapters = open_adapters(&self.real, description.buses)?;
+        let names: Vec<_> =
+            adapters.iter().map(|it| format!("bus {} at {}", it.bus, it.at)).collect();
+        let name = format!("the robot on this PC, {}", names.join(", "));
+        let real = adapters.iter().map(|it| (it.bus, it.host.clone())).collect();
+        let robot = Simulation::with(robot, 1, Some(baud), real)?;
+        let source = Box::new(Driven::new(robot, adapters, switch, pace)?);
+        Ok(RobotConnection { source, name, baud, is_real: false })
     }
 
     /// Opens the connection, not paced; the remote of a simulation or emulation lies there.
@@ -319,18 +337,10 @@ impl<W: Running> Source for Paced<W> {
     }
 }
 
-/// Bytes in both directions; a read waits for a few milliseconds.
-pub(super) trait Port: Read + Write {}
-impl<T: Read + Write> Port for T {}
-
 /// Time limit of a read.
 const PATIENCE: Duration = Duration::from_millis(4);
 /// Period of attempts to open a port that is gone: a stop may wait for it.
 const AGAIN: Duration = Duration::from_millis(100);
-/// Time limit for a serial server to connect, and to take what is sent.
-const CONNECTS: Duration = Duration::from_millis(1000);
-const TAKES: Duration = Duration::from_millis(200);
-
 /// A port, which may go and come back.
 struct Wire<F> {
     open: F,
@@ -389,55 +399,6 @@ impl<F: Fn() -> Result<Box<dyn Port>>> Source for Wire<F> {
 
     fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
-    }
-}
-
-/// Opens a serial port, or tcp:HOST:PORT. A read waits for this time.
-pub(super) fn open_port(name: &str, baud: u32, patience: Duration) -> Result<Box<dyn Port>> {
-    let Some(text) = name.strip_prefix("tcp:") else { return serial(name, baud, patience) };
-    let stream = TcpStream::connect_timeout(&address(text).context("tcp:HOST:PORT")?, CONNECTS);
-    with_limits(stream.with_context(|| format!("{name}: nothing answers there"))?, patience)
-}
-
-fn with_limits(stream: TcpStream, patience: Duration) -> Result<Box<dyn Port>> {
-    if patience.is_zero() {
-        stream.set_nonblocking(true)?;
-    } else {
-        stream.set_read_timeout(Some(patience))?;
-    }
-    stream.set_write_timeout(Some(TAKES))?;
-    stream.set_nodelay(true)?;
-    Ok(Box::new(stream))
-}
-
-fn serial(name: &str, baud: u32, patience: Duration) -> Result<Box<dyn Port>> {
-    match serialport::new(name, baud).timeout(patience).open() {
-        Ok(port) => Ok(Box::new(port)),
-        Err(error) => bail!("{}", refusal(name, &error)),
-    }
-}
-
-/// Why a serial port cannot be opened, and what helps.
-fn refusal(name: &str, error: &serialport::Error) -> String {
-    use serialport::ErrorKind as Kind;
-    let text = error.to_string().to_lowercase();
-    match error.kind() {
-        Kind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => {
-            format!("{name}: another program has it open")
-        }
-        Kind::Io(ErrorKind::PermissionDenied) => format!(
-            "{name}: no permission. Once: sudo usermod -aG dialout $USER, and log in again; or a udev \
-             rule: SUBSYSTEM==\"tty\", MODE=\"0666\" in /etc/udev/rules.d/60-rc10.rules"
-        ),
-        Kind::NoDevice | Kind::Io(ErrorKind::NotFound) => {
-            if text.contains("busy") || text.contains("lock") {
-                format!("{name}: another program has it open")
-            } else {
-                format!("{name}: there is no such port")
-            }
-        }
-        _ if text.contains("busy") => format!("{name}: another program has it open"),
-        _ => format!("{name}: {error}"),
     }
 }
 
