@@ -87,6 +87,7 @@ impl Adapter {
         }
         while let (Some(port), false) = (&mut self.port, self.out.is_empty()) {
             match port.write(&self.out) {
+                Ok(0) => break,
                 Ok(count) => drop(self.out.drain(..count)),
                 Err(error) if is_patience(&error) => break,
                 Err(error) => self.lose(&error),
