@@ -74,6 +74,8 @@ const SOFT_SLOPE: f32 = 100.0;
 const SOFT_TIME: f32 = 0.0205;
 /// Seconds: what a reference is away that began at a false speed, at its acceleration. Less is soon made up for.
 const FALSE_START: f32 = 0.2;
+/// Ticks from one search for that to the next: in each it would cost 20 instructions.
+const LOOKS: u32 = 16;
 
 /// Share of full scale below which the effort of an acceleration tells nothing of the load.
 const LEAST_LOAD: f32 = 0.01;
@@ -267,6 +269,9 @@ impl CascadeState {
         // What is far away is approached as gently in a motion as any other angle.
         let ramped = self.approach(config, target, dt);
         let ramps = ramped != 0.0;
+        if ramps && count.is_multiple_of(LOOKS) {
+            self.doubt(config, target, measured);
+        }
         let acceleration = if ramps { ramped } else { acceleration };
         let by_inertia = config.feed_forward.per_rpm_s * acceleration + inertia;
         let tells = by_inertia.abs() > LEAST_LOAD * full;
@@ -280,12 +285,11 @@ impl CascadeState {
         self.speed_loop(config, measured, feed_forward, integrate, dt);
         if self.is_soft() {
             self.soften(last, full, dt);
-            self.doubt(config, target, measured);
         }
     }
 
-    /// Driving has just begun: a reference that is far from the target, and the shaft is not, began at a speed that was
-    /// a false one, of a frame that was not the device's. It goes on from the shaft, or from the target beyond.
+    /// A reference that is far from the target, and the shaft is not, began at a speed that was a false one, of a frame
+    /// that was not the device's. It goes on from the shaft, or from the target beyond.
     #[cold]
     fn doubt(&mut self, config: &Cascade, target: f32, measured: f32) {
         let (ahead, left) = (self.reference - measured, self.reference - target);
@@ -420,11 +424,16 @@ mod tests {
 
     #[test]
     fn a_reference_that_began_at_a_false_speed_begins_anew() {
-        for (false_speed, target) in [(32_000.0, 60.0), (-32_000.0, 60.0), (32_000.0, -60.0)] {
+        // False for a tick, and for much longer than a start is soft.
+        let speeds = [(32_000.0, 60.0), (-32_000.0, 60.0), (32_000.0, -60.0)];
+        for ((false_speed, target), ticks) in speeds.into_iter().flat_map(|it| [(it, 1), (it, 300)])
+        {
             let mut state = CascadeState::new();
-            state.seek(&CONFIG, &Seek::Speed(target), &step(false_speed));
-            for _ in 0..100 {
-                state.seek(&CONFIG, &Seek::Speed(target), &step(10.0));
+            for count in 1..=ticks {
+                state.seek(&CONFIG, &Seek::Speed(target), &Step { count, ..step(false_speed) });
+            }
+            for count in 0..100 {
+                state.seek(&CONFIG, &Seek::Speed(target), &Step { count, ..step(10.0) });
             }
             assert!((state.reference() - target).abs() < 0.01, "{}", state.reference());
         }
