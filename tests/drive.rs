@@ -292,6 +292,8 @@ fn wrong_adapters_are_told() {
         (vec![format!("--bus=0={there}")], "--bus 0: the robot has buses 1 to 3"),
         (vec![format!("--bus=1={there}"), format!("--bus=2={there}")], "one adapter for each bus"),
         (vec!["--bus=1=/dev/none".into()], "bus 1: /dev/none: there is no such port"),
+        #[cfg(target_os = "linux")]
+        (vec!["--bus=1=can0".into()], "bus 1: can0: this program was built without SocketCAN"),
         (vec!["--bus=1=tcp:127.0.0.1:1".into()], "bus 1: tcp:127.0.0.1:1: nothing answers there"),
     ] {
         let (code, text) = output(&arguments);

@@ -15,7 +15,7 @@ use crate::world::robot::Robot;
 /// Arguments of `rc10 drive`.
 #[derive(Args, Debug)]
 pub struct DriveArgs {
-    /// A bus of the robot, and the slcan adapter at it: 1=/dev/ttyACM0, 1=COM3, 1=tcp:HOST:PORT; again for each bus
+    /// A bus of the robot, and the adapter at it: 1=/dev/ttyACM0, 1=COM3, 1=tcp:HOST:PORT, on Linux 1=can0; again for each bus
     #[arg(long = "bus", value_name = "N=ADAPTER", required = true, value_parser = adapter)]
     pub buses: Vec<(u8, String)>,
     /// The page's port on this PC; 0 is any that is free

@@ -1,4 +1,4 @@
-//! A robot whose tasks run on this PC, on real buses behind slcan adapters.
+//! A robot whose tasks run on this PC, on real buses behind slcan adapters or Linux' own CAN interfaces.
 //!
 //! Its time is the clock's, in steps of a millisecond: each takes what the adapters have heard, lets the robot go on up
 //! to now, and gives them what it sends. A PC keeps no time to the microsecond: the worst delay of a step is told. A
@@ -6,9 +6,12 @@
 //! sent only the newest leaves. After a PC that slept it is disarmed.
 
 use std::io::{ErrorKind, Write as _};
-use std::thread::sleep;
+use std::panic::resume_unwind;
+use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant, SystemTime};
 
+#[cfg(not(all(feature = "socketcan", target_os = "linux")))]
+use anyhow::bail;
 use anyhow::{Context, Result, ensure};
 use rc10_motor::ArmSwitch;
 use rc10_time::Micros;
@@ -42,31 +45,48 @@ pub(super) struct Adapter {
     /// What it has not taken yet.
     out: Vec<u8>,
     tried: Instant,
+    /// Where it is sought again: one in the network may take a second to say no.
+    sought: Option<JoinHandle<Result<Box<dyn Port>>>>,
     trouble: Option<String>,
 }
 
 impl Adapter {
     fn open(bus: u8, at: &str) -> Result<Self> {
-        let (at, host, port) = (at.to_owned(), HostPort::default(), None);
-        let mut adapter =
-            Self { bus, at, host, port, out: Vec::new(), tried: Instant::now(), trouble: None };
-        adapter.plug()?;
+        let (at, host, out) = (at.to_owned(), HostPort::default(), Vec::new());
+        let (tried, sought, trouble) = (Instant::now(), None, None);
+        let mut adapter = Self { bus, at, host, port: None, out, tried, sought, trouble };
+        adapter.plug(open_adapter(bus, &adapter.at)?);
         Ok(adapter)
     }
 
-    fn plug(&mut self) -> Result<()> {
-        let port = open_port(&self.at, BAUD, Duration::ZERO);
-        self.port = Some(port.with_context(|| format!("bus {}", self.bus))?);
+    fn plug(&mut self, port: Box<dyn Port>) {
+        self.port = Some(port);
         self.out = OPEN.to_vec();
         self.host.plug(true);
-        Ok(())
+    }
+
+    /// Looks whether one that is gone is there again, without waiting for it.
+    fn seek(&mut self) {
+        if let Some(sought) = self.sought.take_if(|it| it.is_finished()) {
+            match sought.join() {
+                Ok(Ok(port)) => {
+                    self.trouble = None;
+                    self.plug(port);
+                }
+                Ok(Err(why)) => self.trouble = Some(format!("{why:#}")),
+                Err(panicked) => resume_unwind(panicked),
+            }
+        } else if self.sought.is_none() && self.tried.elapsed() >= AGAIN {
+            self.tried = Instant::now();
+            let (bus, at) = (self.bus, self.at.clone());
+            self.sought = Some(spawn(move || open_adapter(bus, &at)));
+        }
     }
 
     /// What came up to now.
     fn read(&mut self) -> Vec<u8> {
-        if self.port.is_none() && self.tried.elapsed() >= AGAIN {
-            self.tried = Instant::now();
-            self.trouble = self.plug().err().map(|why| format!("{why:#}"));
+        if self.port.is_none() {
+            self.seek();
         }
         let (mut buffer, mut bytes) = ([0; 4096], Vec::new());
         while let Some(port) = &mut self.port {
@@ -104,6 +124,29 @@ impl Adapter {
         self.out.clear();
         self.host.plug(false);
     }
+}
+
+fn open_adapter(bus: u8, at: &str) -> Result<Box<dyn Port>> {
+    let is_interface = cfg!(target_os = "linux") && !at.contains(['/', ':']);
+    let port = if is_interface { interface(at) } else { open_port(at, BAUD, Duration::ZERO) };
+    port.with_context(|| format!("bus {bus}"))
+}
+
+#[cfg(all(feature = "socketcan", target_os = "linux"))]
+fn interface(name: &str) -> Result<Box<dyn Port>> {
+    let port = crate::formats::slcan::socket::SocketPort::open(name);
+    let port = port.with_context(|| {
+        format!("{name}: no CAN interface that is up; ip link set {name} up type can bitrate 1000000 restart-ms 100")
+    })?;
+    Ok(Box::new(port))
+}
+
+#[cfg(not(all(feature = "socketcan", target_os = "linux")))]
+fn interface(name: &str) -> Result<Box<dyn Port>> {
+    bail!(
+        "{name}: this program was built without SocketCAN: cargo run --release --features socketcan -- drive. \
+         A serial port is /dev/{name}"
+    )
 }
 
 fn is_patience(error: &std::io::Error) -> bool {

@@ -9,8 +9,8 @@ use anyhow::{Context, Result, bail};
 use crate::args::address;
 
 /// Bytes in both directions; a read waits for a few milliseconds.
-pub(super) trait Port: Read + Write {}
-impl<T: Read + Write> Port for T {}
+pub(super) trait Port: Read + Write + Send {}
+impl<T: Read + Write + Send> Port for T {}
 
 /// Time limit for a serial server to connect, and to take what is sent.
 const CONNECTS: Duration = Duration::from_millis(1000);

@@ -22,6 +22,8 @@
 
 pub(crate) mod adapter;
 pub(crate) mod host;
+#[cfg(all(feature = "socketcan", target_os = "linux"))]
+pub mod socket;
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
