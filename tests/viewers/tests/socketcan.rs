@@ -1,6 +1,7 @@
 //! `SocketCAN`'s port before a socket whose messages are built here by hand, as linux/can.h lays them out: machines of a
 //! check have no CAN in their kernel.
 #![cfg(target_os = "linux")]
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::os::fd::OwnedFd;

@@ -9,7 +9,7 @@ use socketcan::{CanSocket, Socket as _, SocketOptions as _};
 
 use crate::formats::slcan::{BELL, Lines, SlcanCommand, write_frame};
 
-/// The class of error frames that is asked for, CAN_ERR_BUSOFF of linux/can/error.h.
+/// The class of error frames that is asked for, `CAN_ERR_BUSOFF` of linux/can/error.h.
 const BUS_OFF: u32 = 0x40;
 /// So much text of frames is made at once, at most.
 const TEXT: usize = 2048;
