@@ -57,6 +57,8 @@ mod priorities;
 mod remote;
 #[path = "firmware/selftest.rs"]
 mod selftest;
+#[path = "firmware/sequences.rs"]
+mod sequences;
 #[path = "firmware/swerve.rs"]
 mod swerve_robot;
 #[path = "firmware/unread.rs"]
