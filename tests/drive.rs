@@ -9,6 +9,7 @@ use std::thread::{self, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use crate::common::served::{JSON, Started, http, page_of, start, until};
+use crate::interop_python::{python, script};
 use rc10_cli::formats::slcan::{Adapter, Counts, Flow};
 use rc10_cli::world::environment::Environment;
 use rc10_cli::{Description, Simulated as _};
@@ -58,13 +59,18 @@ impl Motors {
     }
 
     fn drive(&self) -> (Started, u16) {
-        let bus = format!("1=tcp:127.0.0.1:{}", self.port);
-        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        command.args(["drive", "--page", "0", "--pace", &PACE.to_string(), "--bus", &bus]);
-        let (drive, line) =
-            start(command.env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR")), "http://");
-        (drive, page_of(&line))
+        drive(self.port)
     }
+}
+
+/// The team's robot, on the adapter at this port, and the port of its page.
+fn drive(adapter: u16) -> (Started, u16) {
+    let bus = format!("1=tcp:127.0.0.1:{adapter}");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    command.args(["drive", "--page", "0", "--pace", &PACE.to_string(), "--bus", &bus]);
+    let (drive, line) =
+        start(command.env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR")), "http://");
+    (drive, page_of(&line))
 }
 
 fn run(listener: TcpListener, told: &Mutex<(Vec<EscState>, Counts)>, end: &[AtomicBool; 2]) {
@@ -244,6 +250,20 @@ fn an_adapter_that_is_unplugged_is_told_and_comes_back() {
     until("it is well again", || state(page)["trouble"].is_null());
     // It was armed, and its remote is in hand.
     until("the wheels turn", || turn(&motors));
+}
+
+#[test]
+fn python_can_between_is_an_adapter_like_ours() {
+    let Some(python) = python() else { return };
+    let motors = Motors::begin();
+    let mut bridge = Command::new(python);
+    bridge.arg(script("bridge.py")).arg(format!("socket://127.0.0.1:{}", motors.port));
+    let (_bridge, line) = start(&mut bridge, "port ");
+    let (_drive, page) = drive(line["port ".len()..].trim().parse().unwrap());
+    let hand = is_driven(&motors, page);
+    drop(hand);
+    until("the wheels have no torque", || have_no_torque(&motors));
+    assert_eq!((motors.counts().malformed, motors.counts().queue_full), (0, 0));
 }
 
 #[cfg(unix)]

@@ -22,7 +22,7 @@ mod record;
 mod referee;
 
 /// The interpreter of the virtual environment; `None` if it cannot be set up.
-fn python() -> Option<&'static Path> {
+pub(crate) fn python() -> Option<&'static Path> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     match PYTHON.get_or_init(environment) {
         Ok(python) => Some(python),
@@ -76,7 +76,7 @@ fn run(command: &mut Command) -> Result<Output, String> {
 }
 
 /// A file of tests/python.
-fn script(name: &str) -> PathBuf {
+pub(crate) fn script(name: &str) -> PathBuf {
     [env!("CARGO_MANIFEST_DIR"), "tests", "python", name].iter().collect()
 }
 

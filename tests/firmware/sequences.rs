@@ -13,6 +13,7 @@ use crate::{Setup, commands, is_zero, log, millis, run};
 
 /// It drives by then; by then all faults have ended.
 const BEGINS: u64 = 340_000;
+/// The last of them ends 30 ms before: the remote is heard as it is then.
 const ENDS: Nanos = millis(840);
 /// When the remote disarms, and arms.
 const DISARMS: Nanos = millis(920);
@@ -63,7 +64,7 @@ impl Story {
                 _ => 150_000,
             };
             let at = when(random);
-            let until = (at + 1_000 + random.below(most)).min(ENDS.get() / 1000 - 5_000);
+            let until = (at + 1_000 + random.below(most)).min(ENDS.get() / 1000 - 30_000);
             let motor = ["wheel-front-left", "wheel-rear-right", "gimbal-yaw", "lift-rear-left"]
                 [random.index(4)];
             let kind = kind.replace('#', &(1 + random.below(3)).to_string()).replace('@', motor);
