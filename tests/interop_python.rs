@@ -13,6 +13,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use crate::common::scratch::Scratch;
+use serde_json::Value;
 
 mod dbc;
 #[cfg(unix)]
@@ -20,6 +21,7 @@ mod drivers;
 mod others;
 mod record;
 mod referee;
+mod vision;
 
 /// The interpreter of the virtual environment; `None` if it cannot be set up.
 pub(crate) fn python() -> Option<&'static Path> {
@@ -78,6 +80,13 @@ fn run(command: &mut Command) -> Result<Output, String> {
 /// A file of tests/python.
 pub(crate) fn script(name: &str) -> PathBuf {
     [env!("CARGO_MANIFEST_DIR"), "tests", "python", name].iter().collect()
+}
+
+/// Bytes that Python wrote in hex.
+fn bytes_of(hex: &Value) -> Vec<u8> {
+    let hex = hex.as_str().unwrap();
+    let byte = |at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
+    (0..hex.len()).step_by(2).map(byte).collect()
 }
 
 /// Runs a script of tests/python to its end; what it printed.

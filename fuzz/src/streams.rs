@@ -1,6 +1,7 @@
 //! Serial protocols: a line that says anything, in any pieces, with silence and faults between them.
 
 use rc10_module::ranging::Range;
+use rc10_module::rc10_app::Seconds;
 use rc10_module::referee::{Pose, Said, Tally};
 use rc10_module::remote::{ChannelMap, CrsfLink, Ppm, Remote};
 use rc10_module::{Buffer, Pause, Protocol, Stream};
@@ -8,7 +9,9 @@ use rc10_time::Micros;
 
 use super::observed::{Outcome, Piece, hear};
 use super::wire::{Source, Wire, said, same, searched};
-use super::wires::{Action, Crsf, Dbus, Jrt, Rc9, Referee, Sbus, Stp23l, TfMini, Vt03, Wit};
+use super::wires::{
+    Action, Crsf, Dbus, Jrt, Rc9, Referee, RmVision, Sbus, Stp23l, TfMini, Vt03, Wit,
+};
 
 /// DJI's receiver.
 pub fn dbus(bytes: &[u8]) {
@@ -54,6 +57,14 @@ pub fn wit(bytes: &[u8]) {
 /// ACTION's positioning.
 pub fn action(bytes: &[u8]) {
     stream(Action, bytes, |_| {});
+}
+
+/// Auto-aim on a PC.
+pub fn rm_vision(bytes: &[u8]) {
+    stream(RmVision, bytes, |target| {
+        let armours = (0..target.armours).map(|it| target.armour(it, Seconds::new(0.1)));
+        assert!(armours.flatten().all(|it| !it.is_nan()), "{target:?}");
+    });
 }
 
 /// RC9's frames.

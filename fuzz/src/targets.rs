@@ -26,7 +26,7 @@ use rc10_time::Micros;
 
 use super::request::{Door, Plots, Request as HttpRequest, read};
 pub use super::streams::{
-    action, crsf, dbus, jrt, ppm, rc9, referee, sbus, stp23l, tfmini, vt03, wit,
+    action, crsf, dbus, jrt, ppm, rc9, referee, rm_vision, sbus, stp23l, tfmini, vt03, wit,
 };
 pub use super::tools::{bmi088, client, conversation, lines, record};
 
@@ -52,6 +52,7 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("ppm", ppm),
     ("rc9", rc9),
     ("referee", referee),
+    ("rm_vision", rm_vision),
     ("sbus", sbus),
     ("stp23l", stp23l),
     ("tfmini", tfmini),

@@ -7,7 +7,7 @@ use rc10_module::referee::{Referee, Said, frame};
 use rc10_time::Micros;
 use serde_json::{Value, json};
 
-use super::{must_succeed, python, script};
+use super::{bytes_of, must_succeed, python, script};
 
 #[test]
 fn the_referee_says_what_python_wrote() {
@@ -19,9 +19,7 @@ fn the_referee_says_what_python_wrote() {
         assert_eq!(told.len(), 2400);
         let (mut stream, mut heard) = (Stream::new(Referee), Vec::new());
         for one in &told {
-            let hex = one["frame"].as_str().unwrap();
-            let byte = |at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
-            let bytes: Vec<u8> = (0..hex.len()).step_by(2).map(byte).collect();
+            let bytes = bytes_of(&one["frame"]);
             stream.receive(&bytes, Micros::ZERO, |packet| heard.push((packet, bytes.clone())));
         }
         assert_eq!((heard.len(), stream.counters().skipped), (told.len(), 0));

@@ -86,6 +86,7 @@ pub mod servo;
 pub mod store;
 mod stream;
 mod sum;
+pub mod vision;
 
 pub use listen::{Reception, listen};
 pub use stream::{Buffer, Counters, Found, Pause, Protocol, Stream};

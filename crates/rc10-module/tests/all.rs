@@ -9,4 +9,5 @@ mod pages;
 mod referee;
 mod servo;
 mod store;
+mod vision;
 mod waiting;

@@ -19,7 +19,7 @@ mod wires;
 use checks::{anything, damage, garbage_between as garbage, splits};
 use faults::faults;
 use made_up::Wren;
-use wires::{Action, Crsf, Dbus, Jrt, Rc9, Referee, Sbus, Stp23l, TfMini, Vt03, Wit};
+use wires::{Action, Crsf, Dbus, Jrt, Rc9, Referee, RmVision, Sbus, Stp23l, TfMini, Vt03, Wit};
 
 /// A test for each check of each protocol.
 macro_rules! protocols {
@@ -42,6 +42,7 @@ protocols! {
     jrt: Jrt, splits garbage damage anything faults;
     rc9: Rc9, splits garbage damage anything faults;
     referee: Referee, splits garbage damage anything faults;
+    rm_vision: RmVision, splits garbage damage anything faults;
     sbus: Sbus, splits garbage damage anything faults;
     stp23l: Stp23l, splits garbage damage anything faults;
     tfmini: TfMini, splits garbage damage anything faults;

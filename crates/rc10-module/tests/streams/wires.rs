@@ -12,6 +12,8 @@ mod jrt;
 mod rc9;
 #[path = "wires/referee.rs"]
 mod referee;
+#[path = "wires/rm_vision.rs"]
+mod rm_vision;
 #[path = "wires/sbus.rs"]
 mod sbus;
 #[path = "wires/stp23l.rs"]
@@ -29,6 +31,7 @@ pub use dbus::Dbus;
 pub use jrt::Jrt;
 pub use rc9::Rc9;
 pub use referee::Referee;
+pub use rm_vision::RmVision;
 pub use sbus::Sbus;
 pub use stp23l::Stp23l;
 pub use tfmini::TfMini;
