@@ -5,7 +5,7 @@ use std::process::Command;
 use rc10_module::Stream;
 use rc10_module::vision::{Gimbal, RmVision, Target};
 use rc10_time::Micros;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{bytes_of, must_succeed, python, script};
 
@@ -23,18 +23,20 @@ fn packets_of_auto_aim_are_those_of_python() {
             stream.receive(&bytes_of(&one["packet"]), Micros::ZERO, |it| heard.push(it));
             let Target { is_tracked, number, armours, .. } = heard[0];
             let Target { place, yaw, velocity, yaw_rate, radii, rise, .. } = heard[0];
-            let numbers =
-                [&place[..], &[yaw], &velocity, &[yaw_rate], &radii, &[rise]].concat().into_iter();
-            let mut says = vec![json!(is_tracked), json!(number), json!(armours)];
-            says.extend(numbers.map(|it| json!(f64::from(it))));
-            assert_eq!(Value::from(says), one["says"]);
+            let head = [u8::from(is_tracked), number, armours].map(f32::from);
+            let all = [&head[..], &place, &[yaw], &velocity, &[yaw_rate], &radii, &[rise]].concat();
+            let says = one["says"].as_array().unwrap().iter().map(|it| it.as_f64().unwrap());
+            assert_eq!(
+                all.into_iter().map(f64::from).collect::<Vec<_>>(),
+                says.collect::<Vec<_>>()
+            );
         }
         assert_eq!(from_pc.len(), 500);
         for one in told["to_pc"].as_array().unwrap() {
             let number = |at: usize| one["says"][at].as_f64().unwrap() as f32;
             let gimbal = Gimbal {
-                aims_at_blue: one["says"][0] == true,
-                resets: one["says"][1] == true,
+                aims_at_blue: one["says"][0] == 1,
+                resets: one["says"][1] == 1,
                 attitude: [2, 3, 4].map(number),
                 aim: [5, 6, 7].map(number),
             };

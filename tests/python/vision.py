@@ -26,11 +26,11 @@ def main():
         # The last bit is reserved.
         bits = tracked | number << 1 | armours << 4 | dice.randrange(2) << 7
         packet = struct.pack("<BB11f", 0xA5, bits, *numbers)
-        heard.append({"packet": whole(packet), "says": [tracked == 1, number, armours, *numbers]})
+        heard.append({"packet": whole(packet), "says": [tracked, number, armours, *numbers]})
         blue, resets = dice.randrange(2), dice.randrange(2)
         numbers = [real() for _ in range(6)]
         packet = struct.pack("<BB6f", 0x5A, blue | resets << 1, *numbers)
-        said.append({"packet": whole(packet), "says": [blue == 1, resets == 1, *numbers]})
+        said.append({"packet": whole(packet), "says": [blue, resets, *numbers]})
     print(json.dumps({"from_pc": heard, "to_pc": said}))
 
 
