@@ -33,6 +33,7 @@ fn packets_of_auto_aim_are_those_of_python() {
         }
         assert_eq!(from_pc.len(), 500);
         for one in told["to_pc"].as_array().unwrap() {
+            #[expect(clippy::cast_possible_truncation, reason = "Python rounded it")]
             let number = |at: usize| one["says"][at].as_f64().unwrap() as f32;
             let gimbal = Gimbal {
                 aims_at_blue: one["says"][0] == 1,
